@@ -1,0 +1,26 @@
+//! `spykee`: Lua behaviours for the Spykee robot.
+//!
+//! A script can only *ask*. One task, the [`pilot`], owns the write half of the robot's socket and
+//! with it the watchdog, so no other code can move the robot.
+//!
+//! # Floors: a module imports only what stands below it
+//!
+//! | floor | module | purpose |
+//! | --- | --- | --- |
+//! | 0 | `wire` | messages to bytes and back, discovery datagrams; knows no socket |
+//! | 0 | `vision` | JPEG to pixels to blobs; knows no robot |
+//! | 1 | `robot` | the words that cross between tasks and processes |
+//! | 2 | `safety` | watchdog, arbiter, docking: pure rules |
+//! | 2 | `link` | connect, log in, reconnect, discover |
+//! | 2 | `script` | the VM: sandbox, tasks, the Lua API |
+//! | 3 | `pilot` | the task that owns the socket |
+//! | 3 | `behaviour` | a behaviour's host process and its supervisor |
+//! | 4 | `agent` | wiring and lifetimes |
+//! | 4 | `config` | the YAML file, composed of each module's own options |
+//! | 5 | `cli` | one file per subcommand |
+//! | side | `sim` | the simulated robot and its world; imports `wire` only |
+//!
+//! `tests/it/floors.rs` holds every `use crate::` line against this table.
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
+
+pub mod wire;

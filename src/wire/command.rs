@@ -1,0 +1,392 @@
+//! Messages to the robot (`PROTOCOL.md`, column *to robot*). The agent emits them, the simulator
+//! parses them.
+
+use bytes::{Bytes, BytesMut};
+
+use super::text::{emit_prefixed, parse_prefixed};
+use super::{Led, Packet, Sound, Stream, kind, packet};
+
+/// A message to the robot.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Command {
+    /// NONE: nothing.
+    None,
+    /// AUDIO: samples for the speaker, heard when stream `audio_out` is on.
+    Audio(Bytes),
+    /// POWER, empty: asks for the battery level (one client does so).
+    PowerQuery,
+    /// LED: switches a light.
+    Led {
+        /// Which light.
+        led: Led,
+        /// On or off; on the wire 1 or 0.
+        on: bool,
+    },
+    /// MOVE: power of the two tracks. We send -90..=90; clients in the wild send up to 127, and
+    /// bytes after the second are ignored.
+    Move {
+        /// Left track, negative is backwards.
+        left: i8,
+        /// Right track, negative is backwards.
+        right: i8,
+    },
+    /// FILE: one chunk of an upload.
+    File(FileChunk),
+    /// PLAY: plays a sound.
+    Play(Sound),
+    /// STOP: stops the music now playing.
+    StopSound,
+    /// VOLUME: 0..=100 percent.
+    Volume(u8),
+    /// AUTH_REQUEST: logs in.
+    Login(Login),
+    /// MUTE: meaning unknown, the payload as it came.
+    Mute(Bytes),
+    /// CONFIG, empty: asks for the configuration.
+    ConfigQuery,
+    /// CONFIG: `key=value&...` to set.
+    ConfigSet(Bytes),
+    /// WIRELESS_NETWORKS: asks for a scan.
+    NetworksQuery,
+    /// STREAMCTL: switches a stream.
+    Stream {
+        /// Which stream.
+        stream: Stream,
+        /// On or off; on the wire 1 or 0.
+        on: bool,
+    },
+    /// ENGINE: docking and undocking.
+    Engine(Engage),
+    /// LOG: asks for the robot's log.
+    LogQuery,
+    /// MOTOR_SPEED: stored in the robot's memory, meaning unknown.
+    MotorSpeed(Bytes),
+    /// A type or a length that the protocol does not know.
+    Unknown(Packet),
+}
+
+impl Command {
+    /// Both tracks at rest: what every doubt ends with.
+    pub const STOP: Command = Command::Move { left: 0, right: 0 };
+
+    /// Appends the message to `out`.
+    pub fn emit(&self, out: &mut BytesMut) {
+        match self {
+            Command::None => packet::emit(kind::NONE, &[], out),
+            Command::Audio(samples) => packet::emit(kind::AUDIO, samples, out),
+            Command::PowerQuery => packet::emit(kind::POWER, &[], out),
+            Command::Led { led, on } => {
+                packet::emit(kind::LED, &[led.to_byte(), u8::from(*on)], out);
+            }
+            Command::Move { left, right } => {
+                packet::emit(kind::MOVE, &[left.to_be_bytes()[0], right.to_be_bytes()[0]], out);
+            }
+            Command::File(chunk) => chunk.emit(out),
+            Command::Play(sound) => packet::emit(kind::PLAY, &[sound.to_byte()], out),
+            Command::StopSound => packet::emit(kind::STOP, &[], out),
+            Command::Volume(percent) => packet::emit(kind::VOLUME, &[*percent], out),
+            Command::Login(login) => login.emit(out),
+            Command::Mute(payload) => packet::emit(kind::MUTE, payload, out),
+            Command::ConfigQuery => packet::emit(kind::CONFIG, &[], out),
+            Command::ConfigSet(text) => packet::emit(kind::CONFIG, text, out),
+            Command::NetworksQuery => packet::emit(kind::WIRELESS_NETWORKS, &[], out),
+            Command::Stream { stream, on } => {
+                packet::emit(kind::STREAMCTL, &[stream.to_byte(), u8::from(*on)], out);
+            }
+            Command::Engine(engage) => packet::emit(kind::ENGINE, &[engage.to_byte()], out),
+            Command::LogQuery => packet::emit(kind::LOG, &[], out),
+            Command::MotorSpeed(payload) => packet::emit(kind::MOTOR_SPEED, payload, out),
+            Command::Unknown(packet) => packet.emit(out),
+        }
+    }
+
+    /// The message's bytes alone.
+    pub fn to_bytes(&self) -> Bytes {
+        let mut out = BytesMut::new();
+        self.emit(&mut out);
+        out.freeze()
+    }
+
+    /// Gives a packet its meaning. Payloads too short for their type are [`Command::Unknown`];
+    /// bytes beyond what a type needs are ignored.
+    pub fn parse(packet: Packet) -> Command {
+        let payload = &packet.payload;
+        match (packet.kind, &payload[..]) {
+            (kind::NONE, _) => Command::None,
+            (kind::AUDIO, _) => Command::Audio(payload.clone()),
+            (kind::POWER, []) => Command::PowerQuery,
+            (kind::LED, &[led, on, ..]) => Command::Led { led: led.into(), on: on != 0 },
+            (kind::MOVE, &[left, right, ..]) => {
+                Command::Move { left: i8::from_be_bytes([left]), right: i8::from_be_bytes([right]) }
+            }
+            (kind::FILE, &[id, flags, ..]) => {
+                Command::File(FileChunk { id, flags, content: payload.slice(2..) })
+            }
+            (kind::PLAY, &[sound, ..]) => Command::Play(sound.into()),
+            (kind::STOP, _) => Command::StopSound,
+            (kind::VOLUME, &[percent, ..]) => Command::Volume(percent),
+            (kind::AUTH_REQUEST, text) => {
+                Login::parse(text).map_or_else(|| Command::Unknown(packet.clone()), Command::Login)
+            }
+            (kind::MUTE, _) => Command::Mute(payload.clone()),
+            (kind::CONFIG, []) => Command::ConfigQuery,
+            (kind::CONFIG, _) => Command::ConfigSet(payload.clone()),
+            (kind::WIRELESS_NETWORKS, _) => Command::NetworksQuery,
+            (kind::STREAMCTL, &[stream, on, ..]) => {
+                Command::Stream { stream: stream.into(), on: on != 0 }
+            }
+            (kind::ENGINE, &[engage, ..]) => Command::Engine(engage.into()),
+            (kind::LOG, _) => Command::LogQuery,
+            (kind::MOTOR_SPEED, _) => Command::MotorSpeed(payload.clone()),
+            _ => Command::Unknown(packet),
+        }
+    }
+}
+
+/// What ENGINE asks of the robot (`PROTOCOL.md`, *ENGINE byte*, to robot).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Engage {
+    /// 5 CHARGE_STOP: leave the station.
+    Undock,
+    /// 6 BASE_FIND: search the station and drive onto it.
+    Dock,
+    /// 7 BASE_FIND_CANCEL: stop searching.
+    CancelDock,
+    /// Not listed.
+    Unknown(u8),
+}
+
+impl Engage {
+    /// What stands on the wire.
+    pub fn to_byte(self) -> u8 {
+        match self {
+            Engage::Undock => 5,
+            Engage::Dock => 6,
+            Engage::CancelDock => 7,
+            Engage::Unknown(byte) => byte,
+        }
+    }
+}
+
+impl From<u8> for Engage {
+    fn from(byte: u8) -> Engage {
+        match byte {
+            5 => Engage::Undock,
+            6 => Engage::Dock,
+            7 => Engage::CancelDock,
+            other => Engage::Unknown(other),
+        }
+    }
+}
+
+/// One chunk of an upload (`PROTOCOL.md`, FILE). Can only be made for sounds: a firmware image
+/// (file 66) is never sent.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FileChunk {
+    id: u8,
+    flags: u8,
+    content: Bytes,
+}
+
+impl FileChunk {
+    /// Flag of a file's first chunk.
+    pub const FIRST: u8 = 1;
+    /// Flag of a file's last chunk; a single chunk has both.
+    pub const LAST: u8 = 2;
+
+    /// A chunk of an uploaded sound; `None` unless `slot` is one the user may fill: `user0`,
+    /// `user1` or `music`.
+    pub fn of_sound(slot: Sound, flags: u8, content: Bytes) -> Option<FileChunk> {
+        let free = matches!(slot, Sound::User0 | Sound::User1 | Sound::Music);
+        free.then(|| FileChunk { id: slot.to_byte(), flags, content })
+    }
+
+    /// The file's number on the robot.
+    pub fn id(&self) -> u8 {
+        self.id
+    }
+
+    /// [`FileChunk::FIRST`], [`FileChunk::LAST`], both or none.
+    pub fn flags(&self) -> u8 {
+        self.flags
+    }
+
+    /// The chunk's bytes.
+    pub fn content(&self) -> &Bytes {
+        &self.content
+    }
+
+    fn emit(&self, out: &mut BytesMut) {
+        let mut payload = BytesMut::with_capacity(2 + self.content.len());
+        payload.extend_from_slice(&[self.id, self.flags]);
+        payload.extend_from_slice(&self.content);
+        packet::emit(kind::FILE, &payload, out);
+    }
+}
+
+/// User and password (`PROTOCOL.md`, AUTH_REQUEST).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Login {
+    /// The user's name, ISO-8859-1, at most 255 characters.
+    pub user: String,
+    /// The password, ISO-8859-1, at most 255 characters.
+    pub password: Secret,
+}
+
+impl Login {
+    /// Of a user and a password.
+    pub fn new(user: impl Into<String>, password: impl Into<String>) -> Login {
+        Login { user: user.into(), password: Secret::new(password) }
+    }
+
+    fn emit(&self, out: &mut BytesMut) {
+        let mut payload = BytesMut::new();
+        emit_prefixed(&self.user, &mut payload);
+        emit_prefixed(self.password.reveal(), &mut payload);
+        packet::emit(kind::AUTH_REQUEST, &payload, out);
+    }
+
+    fn parse(mut payload: &[u8]) -> Option<Login> {
+        let user = parse_prefixed(&mut payload)?;
+        let password = parse_prefixed(&mut payload)?;
+        Some(Login::new(user, password))
+    }
+}
+
+/// A text that no log, error or `Debug` output ever shows.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Secret(String);
+
+impl Secret {
+    /// Hides a text.
+    pub fn new(text: impl Into<String>) -> Secret {
+        Secret(text.into())
+    }
+
+    /// The text itself, for the one place that puts it on the wire.
+    pub fn reveal(&self) -> &str {
+        &self.0
+    }
+}
+
+impl std::fmt::Debug for Secret {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("***")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Decoder;
+    use super::*;
+    use proptest::prelude::*;
+
+    fn parse_bytes(mut bytes: &[u8]) -> Command {
+        Command::parse(Decoder::new().decode(&mut bytes).unwrap().unwrap())
+    }
+
+    /// `PROTOCOL.md`, *Byte vectors*, exactly as they stand there.
+    fn golden() -> Vec<(Command, &'static [u8])> {
+        vec![
+            (
+                Command::Login(Login::new("admin", "admin")),
+                &[
+                    0x50, 0x4B, 0x0A, 0x00, 0x0C, 0x05, 0x61, 0x64, 0x6D, 0x69, 0x6E, 0x05, 0x61,
+                    0x64, 0x6D, 0x69, 0x6E,
+                ],
+            ),
+            (Command::Move { left: 50, right: 50 }, &[0x50, 0x4B, 0x05, 0x00, 0x02, 0x32, 0x32]),
+            (Command::Move { left: -90, right: 90 }, &[0x50, 0x4B, 0x05, 0x00, 0x02, 0xA6, 0x5A]),
+            (Command::STOP, &[0x50, 0x4B, 0x05, 0x00, 0x02, 0x00, 0x00]),
+            (
+                Command::Led { led: Led::Flash, on: true },
+                &[0x50, 0x4B, 0x04, 0x00, 0x02, 0x00, 0x01],
+            ),
+            (
+                Command::Stream { stream: Stream::Video, on: true },
+                &[0x50, 0x4B, 0x0F, 0x00, 0x02, 0x01, 0x01],
+            ),
+            (Command::Engine(Engage::Undock), &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x05]),
+            (Command::Engine(Engage::Dock), &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x06]),
+            (Command::Engine(Engage::CancelDock), &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x07]),
+            (Command::Play(Sound::Laser), &[0x50, 0x4B, 0x07, 0x00, 0x01, 0x02]),
+            (Command::StopSound, &[0x50, 0x4B, 0x08, 0x00, 0x00]),
+            (Command::Volume(50), &[0x50, 0x4B, 0x09, 0x00, 0x01, 0x32]),
+        ]
+    }
+
+    #[test]
+    fn golden_vectors_hold_in_both_directions() {
+        for (command, bytes) in golden() {
+            assert_eq!(&command.to_bytes()[..], bytes, "{command:?}");
+            assert_eq!(parse_bytes(bytes), command);
+        }
+    }
+
+    #[test]
+    fn emit_leaves_what_stands_in_the_buffer_alone() {
+        let mut out = BytesMut::from(&[0xA5, 0xA5][..]);
+        Command::STOP.emit(&mut out);
+        assert_eq!(out[..], [0xA5, 0xA5, 0x50, 0x4B, 5, 0, 2, 0, 0]);
+    }
+
+    #[test]
+    fn a_move_of_three_bytes_is_a_move() {
+        let bytes = [0x50, 0x4B, 5, 0, 3, 0x7F, 0x81, 9];
+        assert_eq!(parse_bytes(&bytes), Command::Move { left: 127, right: -127 });
+    }
+
+    #[test]
+    fn odd_lengths_and_unknown_types_are_values() {
+        for packet in [
+            Packet::new(kind::MOVE, vec![1]),
+            Packet::new(kind::LED, vec![]),
+            Packet::new(kind::AUTH_REQUEST, vec![9, b'x']),
+            Packet::new(kind::AUTH_REPLY, vec![1]),
+            Packet::new(200, vec![1, 2, 3]),
+        ] {
+            assert_eq!(Command::parse(packet.clone()), Command::Unknown(packet));
+        }
+        assert_eq!(parse_bytes(&[0x50, 0x4B, 16, 0, 1, 99]), Command::Engine(Engage::Unknown(99)));
+    }
+
+    #[test]
+    fn empty_and_filled_config_differ() {
+        assert_eq!(Command::parse(Packet::new(kind::CONFIG, vec![])), Command::ConfigQuery);
+        let set = Command::ConfigSet(Bytes::from_static(b"volume=3"));
+        assert_eq!(parse_bytes(&set.to_bytes()), set);
+    }
+
+    #[test]
+    fn only_sounds_can_be_uploaded() {
+        assert!(FileChunk::of_sound(Sound::Unknown(66), 3, Bytes::new()).is_none());
+        assert!(FileChunk::of_sound(Sound::Alarm, 3, Bytes::new()).is_none());
+        let chunk = FileChunk::of_sound(Sound::User0, 3, Bytes::from_static(b"mp3")).unwrap();
+        let bytes = Command::File(chunk).to_bytes();
+        assert_eq!(bytes[..], [0x50, 0x4B, 6, 0, 5, 6, 3, b'm', b'p', b'3']);
+    }
+
+    #[test]
+    fn a_password_never_shows() {
+        let shown = format!("{:?}", Command::Login(Login::new("admin", "hunter2")));
+        assert!(!shown.contains("hunter2"), "{shown}");
+    }
+
+    #[test]
+    fn names_longer_than_the_prefix_can_say_are_cut() {
+        let bytes = Command::Login(Login::new("u".repeat(300), "é€")).to_bytes();
+        assert_eq!(bytes[5], 255);
+        assert_eq!(bytes[6 + 255..], [2, 0xE9, b'?']);
+    }
+
+    proptest! {
+        #[test]
+        fn any_packet_parses_and_its_emission_parses_to_the_same(
+            kind in any::<u8>(),
+            payload in prop::collection::vec(any::<u8>(), 0..64),
+        ) {
+            let command = Command::parse(Packet::new(kind, payload));
+            prop_assert_eq!(parse_bytes(&command.to_bytes()), command);
+        }
+    }
+}

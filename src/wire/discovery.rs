@@ -1,0 +1,103 @@
+//! The datagrams by which robots are found (`PROTOCOL.md`, *Discovery datagrams*).
+
+use super::text::from_latin1;
+
+/// "DSCV", 1: who is there?
+pub const REQUEST: [u8; 5] = *b"DSCV\x01";
+/// Clients read at most this many bytes of a reply.
+pub const MAX_REPLY_LEN: usize = 64;
+
+const REPLY_HEADER: [u8; 5] = *b"DSCV\x02";
+const HEADER_LEN: usize = REPLY_HEADER.len() + 1;
+
+/// A robot's answer.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct Reply {
+    /// The robot's id, such as `SPYKEE0001`.
+    pub uid: String,
+    /// Who is connected, if someone is.
+    pub connected_user: Option<String>,
+}
+
+impl Reply {
+    /// The datagram, at most [`MAX_REPLY_LEN`] bytes: a longer text is cut.
+    pub fn emit(&self) -> Vec<u8> {
+        let mut text = format!("uid={}", self.uid);
+        if let Some(user) = &self.connected_user {
+            text.push_str(",connected-user=");
+            text.push_str(user);
+        }
+        let latin = text.chars().map(|c| u8::try_from(u32::from(c)).unwrap_or(b'?'));
+        let payload: Vec<u8> = latin.take(MAX_REPLY_LEN - HEADER_LEN).collect();
+        let mut datagram = REPLY_HEADER.to_vec();
+        datagram.push(payload.len() as u8);
+        datagram.extend(payload);
+        datagram
+    }
+
+    /// Reads a datagram; `None` if it is no reply, as the broadcaster's own request is not. A
+    /// length byte that says more than arrived is overlooked; fields without a known name too.
+    pub fn parse(datagram: &[u8]) -> Option<Reply> {
+        let rest = datagram.strip_prefix(&REPLY_HEADER[..])?;
+        let (&length, payload) = rest.split_first()?;
+        let text = from_latin1(&payload[..payload.len().min(usize::from(length))]);
+        let field = |name: &str| {
+            let mut fields = text.split(',').filter_map(|field| field.split_once('='));
+            fields.find(|(key, _)| *key == name).map(|(_, value)| value.to_owned())
+        };
+        let connected_user = field("connected-user").filter(|user| !user.is_empty());
+        Some(Reply { uid: field("uid")?, connected_user })
+    }
+}
+
+/// Whether a datagram asks who is there.
+pub fn is_request(datagram: &[u8]) -> bool {
+    datagram.starts_with(&REQUEST)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn the_request_is_golden() {
+        assert_eq!(REQUEST, [0x44, 0x53, 0x43, 0x56, 0x01]);
+        assert!(is_request(&[0x44, 0x53, 0x43, 0x56, 0x01]));
+    }
+
+    #[test]
+    fn a_free_robot_names_only_itself() {
+        let bytes = b"DSCV\x02\x0Euid=SPYKEE0001";
+        let reply = Reply { uid: "SPYKEE0001".into(), connected_user: None };
+        assert_eq!(Reply::parse(bytes), Some(reply.clone()));
+        assert_eq!(reply.emit(), bytes);
+    }
+
+    #[test]
+    fn a_busy_robot_names_its_user() {
+        let bytes = b"DSCV\x02\x22uid=SPYKEE0001,connected-user=anna";
+        let reply = Reply::parse(bytes).unwrap();
+        assert_eq!(reply.connected_user.as_deref(), Some("anna"));
+        assert_eq!(reply.emit()[..5], bytes[..5]);
+    }
+
+    #[test]
+    fn the_own_request_is_no_reply() {
+        assert_eq!(Reply::parse(&REQUEST), None);
+    }
+
+    proptest! {
+        #[test]
+        fn any_datagram_is_read_without_panic(bytes in prop::collection::vec(any::<u8>(), 0..80)) {
+            let _ = Reply::parse(&bytes);
+            let _ = Reply::parse(&[&REPLY_HEADER[..], &bytes].concat());
+        }
+
+        #[test]
+        fn replies_stay_within_what_clients_read(uid in ".{0,90}", user in ".{0,90}") {
+            let reply = Reply { uid, connected_user: Some(user) };
+            prop_assert!(reply.emit().len() <= MAX_REPLY_LEN);
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! What the robot speaks: messages to bytes and back, in both directions, and the discovery
+//! datagrams. Knows no socket and no clock; every fact is a row of the protocol's tables
+//! (`PROTOCOL.md`, quoted at each item).
+//!
+//! [`Decoder`] cuts a byte stream into [`Packet`]s; [`Report`] and [`Command`] give a packet its
+//! meaning. Whatever the protocol does not know is a value (`Unknown`), never a failure.
+
+mod command;
+pub mod discovery;
+mod packet;
+mod report;
+mod text;
+mod values;
+
+pub use command::{Command, Engage, FileChunk, Login, Secret};
+pub use packet::{Decoder, FramingError, HEADER_LEN, MAX_PACKET_LEN, MAX_PAYLOAD_LEN, Packet};
+pub use report::{Accepted, EngineNews, Power, Refusal, Report};
+pub use values::{Led, Sound, Stream};
+
+/// TCP and UDP port of the robot (`PROTOCOL.md`, *Network*).
+pub const PORT: u16 = 9000;
+
+/// The message types of `PROTOCOL.md`, *TCP messages*.
+pub mod kind {
+    /// Carries nothing.
+    pub const NONE: u8 = 0;
+    /// Microphone or speaker samples.
+    pub const AUDIO: u8 = 1;
+    /// One JPEG frame.
+    pub const VIDEO: u8 = 2;
+    /// Battery level.
+    pub const POWER: u8 = 3;
+    /// Switch a light.
+    pub const LED: u8 = 4;
+    /// Track power.
+    pub const MOVE: u8 = 5;
+    /// File upload.
+    pub const FILE: u8 = 6;
+    /// Play a sound.
+    pub const PLAY: u8 = 7;
+    /// Stop the music, or: the music has ended.
+    pub const STOP: u8 = 8;
+    /// Speaker volume.
+    pub const VOLUME: u8 = 9;
+    /// Log in.
+    pub const AUTH_REQUEST: u8 = 10;
+    /// The answer to a login.
+    pub const AUTH_REPLY: u8 = 11;
+    /// Meaning unknown.
+    pub const MUTE: u8 = 12;
+    /// Configuration text.
+    pub const CONFIG: u8 = 13;
+    /// Scan of wireless networks.
+    pub const WIRELESS_NETWORKS: u8 = 14;
+    /// Switch a stream.
+    pub const STREAMCTL: u8 = 15;
+    /// Docking and undocking.
+    pub const ENGINE: u8 = 16;
+    /// The robot's log.
+    pub const LOG: u8 = 17;
+    /// Stored in the robot's memory, meaning unknown.
+    pub const MOTOR_SPEED: u8 = 18;
+}

@@ -1,0 +1,317 @@
+//! Messages from the robot (`PROTOCOL.md`, column *from robot*). The agent parses them, the
+//! simulator emits them.
+
+use bytes::{Bytes, BytesMut};
+
+use super::text::{emit_prefixed, parse_prefixed};
+use super::{Packet, kind, packet};
+
+/// A message from the robot.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Report {
+    /// AUDIO: microphone, s16 little-endian, 16 kHz, mono. An odd last byte is possible.
+    Audio(Bytes),
+    /// VIDEO: one JPEG frame, as it came.
+    Video(Bytes),
+    /// POWER: the battery.
+    Power(Power),
+    /// STOP, empty: the music has ended.
+    SoundFinished,
+    /// AUTH_REPLY: accepted.
+    Accepted(Accepted),
+    /// AUTH_REPLY: refused; the robot closes after it.
+    Refused(Refusal),
+    /// CONFIG: `key=value&...`, possibly one of several messages.
+    Config(Bytes),
+    /// WIRELESS_NETWORKS: `essid:encryption:strength;...`
+    Networks(Bytes),
+    /// ENGINE: docking news.
+    Engine(EngineNews),
+    /// LOG: text of the robot's log.
+    Log(Bytes),
+    /// A type or a length that the protocol does not know; MUTE and NONE included.
+    Unknown(Packet),
+}
+
+impl Report {
+    /// Appends the message to `out`.
+    pub fn emit(&self, out: &mut BytesMut) {
+        match self {
+            Report::Audio(samples) => packet::emit(kind::AUDIO, samples, out),
+            Report::Video(jpeg) => packet::emit(kind::VIDEO, jpeg, out),
+            Report::Power(power) => packet::emit(kind::POWER, &[power.to_byte()], out),
+            Report::SoundFinished => packet::emit(kind::STOP, &[], out),
+            Report::Accepted(accepted) => accepted.emit(out),
+            Report::Refused(refusal) => {
+                packet::emit(kind::AUTH_REPLY, &[0, refusal.to_byte()], out);
+            }
+            Report::Config(text) => packet::emit(kind::CONFIG, text, out),
+            Report::Networks(text) => packet::emit(kind::WIRELESS_NETWORKS, text, out),
+            Report::Engine(news) => packet::emit(kind::ENGINE, &[news.to_byte()], out),
+            Report::Log(text) => packet::emit(kind::LOG, text, out),
+            Report::Unknown(packet) => packet.emit(out),
+        }
+    }
+
+    /// The message's bytes alone.
+    pub fn to_bytes(&self) -> Bytes {
+        let mut out = BytesMut::new();
+        self.emit(&mut out);
+        out.freeze()
+    }
+
+    /// Gives a packet its meaning. Payloads too short for their type are [`Report::Unknown`];
+    /// bytes beyond what a type needs are ignored.
+    pub fn parse(packet: Packet) -> Report {
+        let payload = &packet.payload;
+        match (packet.kind, &payload[..]) {
+            (kind::AUDIO, _) => Report::Audio(payload.clone()),
+            (kind::VIDEO, _) => Report::Video(payload.clone()),
+            (kind::POWER, &[level, ..]) => Report::Power(Power::from_byte(level)),
+            (kind::STOP, _) => Report::SoundFinished,
+            (kind::AUTH_REPLY, &[0, ..]) => Report::Refused(Refusal::parse(&payload[1..])),
+            (kind::AUTH_REPLY, &[_, ref rest @ ..]) => Accepted::parse(rest)
+                .map_or_else(|| Report::Unknown(packet.clone()), Report::Accepted),
+            (kind::CONFIG, _) => Report::Config(payload.clone()),
+            (kind::WIRELESS_NETWORKS, _) => Report::Networks(payload.clone()),
+            (kind::ENGINE, &[news, ..]) => Report::Engine(news.into()),
+            (kind::LOG, _) => Report::Log(payload.clone()),
+            _ => Report::Unknown(packet),
+        }
+    }
+}
+
+/// The battery (`PROTOCOL.md`, POWER): one signed byte, negative while charging.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Power {
+    /// 0..=100 percent.
+    pub percent: u8,
+    /// Charging. A level of 0 cannot say so on the wire.
+    pub charging: bool,
+}
+
+impl Power {
+    /// Reads the byte; levels beyond 100 count as 100.
+    pub fn from_byte(byte: u8) -> Power {
+        let level = i8::from_be_bytes([byte]);
+        Power { percent: level.unsigned_abs().min(100), charging: level < 0 }
+    }
+
+    /// The byte on the wire.
+    pub fn to_byte(self) -> u8 {
+        let level = self.percent.min(100);
+        if self.charging { level.wrapping_neg() } else { level }
+    }
+}
+
+/// A login that was accepted (`PROTOCOL.md`, AUTH_REPLY).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Accepted {
+    /// The robot's id, such as `SPYKEE0001`.
+    pub uid: String,
+    /// The robot's name.
+    pub name: String,
+    /// A third name; its meaning is not known.
+    pub place: String,
+    /// Such as `1.0.22`.
+    pub firmware: String,
+    /// The robot stands on its charging station.
+    pub docked: bool,
+}
+
+impl Accepted {
+    const DOCKED: u8 = 0;
+
+    fn emit(&self, out: &mut BytesMut) {
+        let mut payload = BytesMut::from(&[1][..]);
+        for text in [&self.uid, &self.name, &self.place, &self.firmware] {
+            emit_prefixed(text, &mut payload);
+        }
+        payload.extend_from_slice(&[if self.docked { Self::DOCKED } else { 1 }]);
+        packet::emit(kind::AUTH_REPLY, &payload, out);
+    }
+
+    fn parse(mut rest: &[u8]) -> Option<Accepted> {
+        let uid = parse_prefixed(&mut rest)?;
+        let name = parse_prefixed(&mut rest)?;
+        let place = parse_prefixed(&mut rest)?;
+        let firmware = parse_prefixed(&mut rest)?;
+        let docked = *rest.first()? == Self::DOCKED;
+        Some(Accepted { uid, name, place, firmware, docked })
+    }
+}
+
+/// Why a login was refused (`PROTOCOL.md`, AUTH_REPLY).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Refusal {
+    /// 1: wrong user or password.
+    WrongPassword,
+    /// 3: someone else is connected.
+    InUse,
+    /// Not listed.
+    Unknown(u8),
+}
+
+impl Refusal {
+    /// A reply without a reason counts as reason 0.
+    fn parse(rest: &[u8]) -> Refusal {
+        match rest.first().copied().unwrap_or(0) {
+            1 => Refusal::WrongPassword,
+            3 => Refusal::InUse,
+            other => Refusal::Unknown(other),
+        }
+    }
+
+    fn to_byte(self) -> u8 {
+        match self {
+            Refusal::WrongPassword => 1,
+            Refusal::InUse => 3,
+            Refusal::Unknown(byte) => byte,
+        }
+    }
+}
+
+/// What ENGINE tells (`PROTOCOL.md`, *ENGINE byte*, from robot).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum EngineNews {
+    /// 1 ACTIVATE: has left the charging station.
+    Undocked,
+    /// 2 DEACTIVATE: is on the charging station.
+    Docked,
+    /// 3 BATTERY_CHARGED: the battery is full.
+    Charged,
+    /// 8 BASE_NOT_FOUND: the search failed.
+    BaseNotFound,
+    /// Not listed.
+    Unknown(u8),
+}
+
+impl EngineNews {
+    /// What stands on the wire.
+    pub fn to_byte(self) -> u8 {
+        match self {
+            EngineNews::Undocked => 1,
+            EngineNews::Docked => 2,
+            EngineNews::Charged => 3,
+            EngineNews::BaseNotFound => 8,
+            EngineNews::Unknown(byte) => byte,
+        }
+    }
+}
+
+impl From<u8> for EngineNews {
+    fn from(byte: u8) -> EngineNews {
+        match byte {
+            1 => EngineNews::Undocked,
+            2 => EngineNews::Docked,
+            3 => EngineNews::Charged,
+            8 => EngineNews::BaseNotFound,
+            other => EngineNews::Unknown(other),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Decoder;
+    use super::*;
+    use proptest::prelude::*;
+
+    fn parse_bytes(mut bytes: &[u8]) -> Report {
+        Report::parse(Decoder::new().decode(&mut bytes).unwrap().unwrap())
+    }
+
+    /// `PROTOCOL.md`, *Byte vectors*, exactly as they stand there.
+    fn golden() -> Vec<(Report, &'static [u8])> {
+        let accepted = Accepted {
+            uid: "SPYKEE0001".into(),
+            name: "Spykee".into(),
+            place: "home".into(),
+            firmware: "1.0.22".into(),
+            docked: true,
+        };
+        vec![
+            (
+                Report::Accepted(accepted),
+                &[
+                    0x50, 0x4B, 0x0B, 0x00, 0x20, 0x01, 0x0A, 0x53, 0x50, 0x59, 0x4B, 0x45, 0x45,
+                    0x30, 0x30, 0x30, 0x31, 0x06, 0x53, 0x70, 0x79, 0x6B, 0x65, 0x65, 0x04, 0x68,
+                    0x6F, 0x6D, 0x65, 0x06, 0x31, 0x2E, 0x30, 0x2E, 0x32, 0x32, 0x00,
+                ],
+            ),
+            (
+                Report::Refused(Refusal::WrongPassword),
+                &[0x50, 0x4B, 0x0B, 0x00, 0x02, 0x00, 0x01],
+            ),
+            (Report::Refused(Refusal::InUse), &[0x50, 0x4B, 0x0B, 0x00, 0x02, 0x00, 0x03]),
+            (
+                Report::Power(Power { percent: 80, charging: false }),
+                &[0x50, 0x4B, 0x03, 0x00, 0x01, 0x50],
+            ),
+            (
+                Report::Power(Power { percent: 80, charging: true }),
+                &[0x50, 0x4B, 0x03, 0x00, 0x01, 0xB0],
+            ),
+            (Report::Engine(EngineNews::Docked), &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x02]),
+            (Report::Engine(EngineNews::BaseNotFound), &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x08]),
+        ]
+    }
+
+    #[test]
+    fn golden_vectors_hold_in_both_directions() {
+        for (report, bytes) in golden() {
+            assert_eq!(&report.to_bytes()[..], bytes, "{report:?}");
+            assert_eq!(parse_bytes(bytes), report);
+        }
+    }
+
+    #[test]
+    fn levels_beyond_a_hundred_count_as_a_hundred() {
+        assert_eq!(Power::from_byte(0x80), Power { percent: 100, charging: true });
+        assert_eq!(Power::from_byte(0x7F), Power { percent: 100, charging: false });
+        assert_eq!(Power::from_byte(0), Power { percent: 0, charging: false });
+    }
+
+    #[test]
+    fn bytes_after_the_docked_flag_are_ignored() {
+        let payload = [&[1, 1, b'S', 0, 0, 0, 1][..], &[7, 7, 7]].concat();
+        let Report::Accepted(accepted) = Report::parse(Packet::new(kind::AUTH_REPLY, payload))
+        else {
+            panic!("not accepted");
+        };
+        assert_eq!((accepted.uid.as_str(), accepted.docked), ("S", false));
+    }
+
+    #[test]
+    fn a_refusal_without_a_reason_is_still_a_refusal() {
+        let report = Report::parse(Packet::new(kind::AUTH_REPLY, vec![0]));
+        assert_eq!(report, Report::Refused(Refusal::Unknown(0)));
+    }
+
+    #[test]
+    fn odd_lengths_and_unknown_types_are_values() {
+        for packet in [
+            Packet::new(kind::POWER, vec![]),
+            Packet::new(kind::ENGINE, vec![]),
+            Packet::new(kind::AUTH_REPLY, vec![]),
+            Packet::new(kind::AUTH_REPLY, vec![1, 40, b'x']),
+            Packet::new(kind::MUTE, vec![1]),
+            Packet::new(77, vec![]),
+        ] {
+            assert_eq!(Report::parse(packet.clone()), Report::Unknown(packet));
+        }
+        let news = Report::parse(Packet::new(kind::ENGINE, vec![42]));
+        assert_eq!(news, Report::Engine(EngineNews::Unknown(42)));
+    }
+
+    proptest! {
+        #[test]
+        fn any_packet_parses_and_what_it_says_survives_emission(
+            kind in any::<u8>(),
+            payload in prop::collection::vec(any::<u8>(), 0..64),
+        ) {
+            let report = Report::parse(Packet::new(kind, payload));
+            prop_assert_eq!(parse_bytes(&report.to_bytes()), report);
+        }
+    }
+}

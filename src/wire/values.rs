@@ -1,0 +1,132 @@
+//! The small numbers of the protocol and the names that people use for them (`PROTOCOL.md`, the
+//! tables of streams, lights and sounds).
+
+/// Declares an enum of one wire byte with its names in one table, and `Unknown` for all others.
+macro_rules! wire_byte {
+    ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $byte:literal, $text:literal;)+ }) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+        pub enum $name {
+            $($(#[$variant_doc])* #[doc = concat!("Byte ", stringify!($byte), ", `", $text, "`.")] $variant,)+
+            /// A byte that the protocol's table does not list.
+            Unknown(u8),
+        }
+
+        impl $name {
+            /// Every value that the protocol's table lists, in the table's order.
+            pub const ALL: &'static [$name] = &[$($name::$variant,)+];
+
+            /// What stands on the wire.
+            pub fn to_byte(self) -> u8 {
+                match self {
+                    $($name::$variant => $byte,)+
+                    $name::Unknown(byte) => byte,
+                }
+            }
+
+            /// The name that scripts and people use; `unknown` for what the table does not list.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $($name::$variant => $text,)+
+                    $name::Unknown(_) => "unknown",
+                }
+            }
+
+            /// The value of a name of the table.
+            pub fn from_name(name: &str) -> Option<$name> {
+                $name::ALL.iter().copied().find(|value| value.name() == name)
+            }
+        }
+
+        impl From<u8> for $name {
+            fn from(byte: u8) -> $name {
+                match byte {
+                    $($byte => $name::$variant,)+
+                    other => $name::Unknown(other),
+                }
+            }
+        }
+    };
+}
+
+wire_byte! {
+    /// A stream that STREAMCTL switches.
+    Stream {
+        /// Camera to us.
+        Video = 1, "video";
+        /// Microphone to us.
+        AudioIn = 2, "audio_in";
+        /// Us to the speaker.
+        AudioOut = 3, "audio_out";
+    }
+}
+
+wire_byte! {
+    /// A light that LED switches.
+    Led {
+        /// The headlight in the centre.
+        Flash = 0, "flash";
+        /// On the left.
+        Left = 1, "left";
+        /// On the right.
+        Right = 2, "right";
+    }
+}
+
+wire_byte! {
+    /// A sound that PLAY plays.
+    Sound {
+        /// alarm.mp3
+        Alarm = 0, "alarm";
+        /// bomb.mp3
+        Bomb = 1, "bomb";
+        /// lazer.mp3
+        Laser = 2, "laser";
+        /// ah-ah-ah.mp3
+        Laugh = 3, "laugh";
+        /// engine.mp3
+        Engine = 4, "engine";
+        /// robot.mp3
+        Robot = 5, "robot";
+        /// Uploaded by the user.
+        User0 = 6, "user0";
+        /// Uploaded by the user.
+        User1 = 7, "user1";
+        /// camera.mp3
+        Snapshot = 16, "snapshot";
+        /// bip.mp3; also flips a recording flag of unknown effect
+        Record = 17, "record";
+        /// Two bips.
+        Bip2 = 18, "bip_2";
+        /// Three bips.
+        Bip3 = 19, "bip_3";
+        /// Four bips.
+        Bip4 = 20, "bip_4";
+        /// The uploaded music file.
+        Music = 64, "music";
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_byte_survives_the_way_there_and_back() {
+        for byte in 0..=u8::MAX {
+            assert_eq!(Stream::from(byte).to_byte(), byte);
+            assert_eq!(Led::from(byte).to_byte(), byte);
+            assert_eq!(Sound::from(byte).to_byte(), byte);
+        }
+    }
+
+    #[test]
+    fn names_lead_back_to_their_values() {
+        for &sound in Sound::ALL {
+            assert_eq!(Sound::from_name(sound.name()), Some(sound));
+        }
+        assert_eq!(Sound::from_name("unknown"), None);
+        assert_eq!(Sound::from(64), Sound::Music);
+        assert_eq!(Led::from_name("flash"), Some(Led::Flash));
+    }
+}
