@@ -79,7 +79,11 @@ impl Command {
                 packet::emit(kind::LED, &[led.to_byte(), u8::from(*on)], out);
             }
             Command::Move { left, right } => {
-                packet::emit(kind::MOVE, &[left.to_be_bytes()[0], right.to_be_bytes()[0]], out);
+                packet::emit(
+                    kind::MOVE,
+                    &[left.to_be_bytes()[0], right.to_be_bytes()[0]],
+                    out,
+                );
             }
             Command::File(chunk) => chunk.emit(out),
             Command::Play(sound) => packet::emit(kind::PLAY, &[sound.to_byte()], out),
@@ -115,13 +119,19 @@ impl Command {
             (kind::NONE, _) => Command::None,
             (kind::AUDIO, _) => Command::Audio(payload.clone()),
             (kind::POWER, []) => Command::PowerQuery,
-            (kind::LED, &[led, on, ..]) => Command::Led { led: led.into(), on: on != 0 },
-            (kind::MOVE, &[left, right, ..]) => {
-                Command::Move { left: i8::from_be_bytes([left]), right: i8::from_be_bytes([right]) }
-            }
-            (kind::FILE, &[id, flags, ..]) => {
-                Command::File(FileChunk { id, flags, content: payload.slice(2..) })
-            }
+            (kind::LED, &[led, on, ..]) => Command::Led {
+                led: led.into(),
+                on: on != 0,
+            },
+            (kind::MOVE, &[left, right, ..]) => Command::Move {
+                left: i8::from_be_bytes([left]),
+                right: i8::from_be_bytes([right]),
+            },
+            (kind::FILE, &[id, flags, ..]) => Command::File(FileChunk {
+                id,
+                flags,
+                content: payload.slice(2..),
+            }),
             (kind::PLAY, &[sound, ..]) => Command::Play(sound.into()),
             (kind::STOP, _) => Command::StopSound,
             (kind::VOLUME, &[percent, ..]) => Command::Volume(percent),
@@ -132,9 +142,10 @@ impl Command {
             (kind::CONFIG, []) => Command::ConfigQuery,
             (kind::CONFIG, _) => Command::ConfigSet(payload.clone()),
             (kind::WIRELESS_NETWORKS, _) => Command::NetworksQuery,
-            (kind::STREAMCTL, &[stream, on, ..]) => {
-                Command::Stream { stream: stream.into(), on: on != 0 }
-            }
+            (kind::STREAMCTL, &[stream, on, ..]) => Command::Stream {
+                stream: stream.into(),
+                on: on != 0,
+            },
             (kind::ENGINE, &[engage, ..]) => Command::Engine(engage.into()),
             (kind::LOG, _) => Command::LogQuery,
             (kind::MOTOR_SPEED, _) => Command::MotorSpeed(payload.clone()),
@@ -198,7 +209,11 @@ impl FileChunk {
     /// `user1` or `music`.
     pub fn of_sound(slot: Sound, flags: u8, content: Bytes) -> Option<FileChunk> {
         let free = matches!(slot, Sound::User0 | Sound::User1 | Sound::Music);
-        free.then(|| FileChunk { id: slot.to_byte(), flags, content })
+        free.then(|| FileChunk {
+            id: slot.to_byte(),
+            flags,
+            content,
+        })
     }
 
     /// The file's number on the robot.
@@ -236,7 +251,10 @@ pub struct Login {
 impl Login {
     /// Of a user and a password.
     pub fn new(user: impl Into<String>, password: impl Into<String>) -> Login {
-        Login { user: user.into(), password: Secret::new(password) }
+        Login {
+            user: user.into(),
+            password: Secret::new(password),
+        }
     }
 
     fn emit(&self, out: &mut BytesMut) {
@@ -295,21 +313,51 @@ mod tests {
                     0x64, 0x6D, 0x69, 0x6E,
                 ],
             ),
-            (Command::Move { left: 50, right: 50 }, &[0x50, 0x4B, 0x05, 0x00, 0x02, 0x32, 0x32]),
-            (Command::Move { left: -90, right: 90 }, &[0x50, 0x4B, 0x05, 0x00, 0x02, 0xA6, 0x5A]),
+            (
+                Command::Move {
+                    left: 50,
+                    right: 50,
+                },
+                &[0x50, 0x4B, 0x05, 0x00, 0x02, 0x32, 0x32],
+            ),
+            (
+                Command::Move {
+                    left: -90,
+                    right: 90,
+                },
+                &[0x50, 0x4B, 0x05, 0x00, 0x02, 0xA6, 0x5A],
+            ),
             (Command::STOP, &[0x50, 0x4B, 0x05, 0x00, 0x02, 0x00, 0x00]),
             (
-                Command::Led { led: Led::Flash, on: true },
+                Command::Led {
+                    led: Led::Flash,
+                    on: true,
+                },
                 &[0x50, 0x4B, 0x04, 0x00, 0x02, 0x00, 0x01],
             ),
             (
-                Command::Stream { stream: Stream::Video, on: true },
+                Command::Stream {
+                    stream: Stream::Video,
+                    on: true,
+                },
                 &[0x50, 0x4B, 0x0F, 0x00, 0x02, 0x01, 0x01],
             ),
-            (Command::Engine(Engage::Undock), &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x05]),
-            (Command::Engine(Engage::Dock), &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x06]),
-            (Command::Engine(Engage::CancelDock), &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x07]),
-            (Command::Play(Sound::Laser), &[0x50, 0x4B, 0x07, 0x00, 0x01, 0x02]),
+            (
+                Command::Engine(Engage::Undock),
+                &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x05],
+            ),
+            (
+                Command::Engine(Engage::Dock),
+                &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x06],
+            ),
+            (
+                Command::Engine(Engage::CancelDock),
+                &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x07],
+            ),
+            (
+                Command::Play(Sound::Laser),
+                &[0x50, 0x4B, 0x07, 0x00, 0x01, 0x02],
+            ),
             (Command::StopSound, &[0x50, 0x4B, 0x08, 0x00, 0x00]),
             (Command::Volume(50), &[0x50, 0x4B, 0x09, 0x00, 0x01, 0x32]),
         ]
@@ -333,7 +381,13 @@ mod tests {
     #[test]
     fn a_move_of_three_bytes_is_a_move() {
         let bytes = [0x50, 0x4B, 5, 0, 3, 0x7F, 0x81, 9];
-        assert_eq!(parse_bytes(&bytes), Command::Move { left: 127, right: -127 });
+        assert_eq!(
+            parse_bytes(&bytes),
+            Command::Move {
+                left: 127,
+                right: -127
+            }
+        );
     }
 
     #[test]
@@ -347,12 +401,18 @@ mod tests {
         ] {
             assert_eq!(Command::parse(packet.clone()), Command::Unknown(packet));
         }
-        assert_eq!(parse_bytes(&[0x50, 0x4B, 16, 0, 1, 99]), Command::Engine(Engage::Unknown(99)));
+        assert_eq!(
+            parse_bytes(&[0x50, 0x4B, 16, 0, 1, 99]),
+            Command::Engine(Engage::Unknown(99))
+        );
     }
 
     #[test]
     fn empty_and_filled_config_differ() {
-        assert_eq!(Command::parse(Packet::new(kind::CONFIG, vec![])), Command::ConfigQuery);
+        assert_eq!(
+            Command::parse(Packet::new(kind::CONFIG, vec![])),
+            Command::ConfigQuery
+        );
         let set = Command::ConfigSet(Bytes::from_static(b"volume=3"));
         assert_eq!(parse_bytes(&set.to_bytes()), set);
     }

@@ -27,7 +27,9 @@ impl Reply {
             text.push_str(",connected-user=");
             text.push_str(user);
         }
-        let latin = text.chars().map(|c| u8::try_from(u32::from(c)).unwrap_or(b'?'));
+        let latin = text
+            .chars()
+            .map(|c| u8::try_from(u32::from(c)).unwrap_or(b'?'));
         let payload: Vec<u8> = latin.take(MAX_REPLY_LEN - HEADER_LEN).collect();
         let mut datagram = REPLY_HEADER.to_vec();
         datagram.push(payload.len() as u8);
@@ -43,10 +45,15 @@ impl Reply {
         let text = from_latin1(&payload[..payload.len().min(usize::from(length))]);
         let field = |name: &str| {
             let mut fields = text.split(',').filter_map(|field| field.split_once('='));
-            fields.find(|(key, _)| *key == name).map(|(_, value)| value.to_owned())
+            fields
+                .find(|(key, _)| *key == name)
+                .map(|(_, value)| value.to_owned())
         };
         let connected_user = field("connected-user").filter(|user| !user.is_empty());
-        Some(Reply { uid: field("uid")?, connected_user })
+        Some(Reply {
+            uid: field("uid")?,
+            connected_user,
+        })
     }
 }
 
@@ -69,7 +76,10 @@ mod tests {
     #[test]
     fn a_free_robot_names_only_itself() {
         let bytes = b"DSCV\x02\x0Euid=SPYKEE0001";
-        let reply = Reply { uid: "SPYKEE0001".into(), connected_user: None };
+        let reply = Reply {
+            uid: "SPYKEE0001".into(),
+            connected_user: None,
+        };
         assert_eq!(Reply::parse(bytes), Some(reply.clone()));
         assert_eq!(reply.emit(), bytes);
     }

@@ -26,7 +26,10 @@ pub struct Packet {
 impl Packet {
     /// A packet of a type and a payload.
     pub fn new(kind: u8, payload: impl Into<Bytes>) -> Packet {
-        Packet { kind, payload: payload.into() }
+        Packet {
+            kind,
+            payload: payload.into(),
+        }
     }
 
     /// Appends header and payload to `out`.
@@ -38,7 +41,12 @@ impl Packet {
 /// Payloads may carry passwords or a whole picture: only type and length are shown.
 impl std::fmt::Debug for Packet {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Packet {{ kind: {}, {} bytes }}", self.kind, self.payload.len())
+        write!(
+            f,
+            "Packet {{ kind: {}, {} bytes }}",
+            self.kind,
+            self.payload.len()
+        )
     }
 }
 
@@ -89,13 +97,18 @@ impl Decoder {
         }
         self.take(input, HEADER_LEN);
         self.check_magic()?;
-        let Some(length) = self.announced_length() else { return Ok(None) };
+        let Some(length) = self.announced_length() else {
+            return Ok(None);
+        };
         self.take(input, HEADER_LEN + length);
         if self.partial.len() < HEADER_LEN + length {
             return Ok(None);
         }
         let whole = self.partial.split().freeze();
-        Ok(Some(Packet { kind: whole[KIND_OFFSET], payload: whole.slice(HEADER_LEN..) }))
+        Ok(Some(Packet {
+            kind: whole[KIND_OFFSET],
+            payload: whole.slice(HEADER_LEN..),
+        }))
     }
 
     /// Bytes held of a message that is not whole yet.
@@ -117,7 +130,9 @@ impl Decoder {
             return Ok(());
         }
         let byte = |at: usize| self.partial.get(at).copied().unwrap_or(0);
-        let error = FramingError { found: [byte(0), byte(1)] };
+        let error = FramingError {
+            found: [byte(0), byte(1)],
+        };
         self.failed = Some(error);
         Err(error)
     }
@@ -147,10 +162,15 @@ mod tests {
 
     #[test]
     fn a_golden_stop_is_cut_out_of_a_stream() {
-        let bytes = [0x50, 0x4B, 0x05, 0x00, 0x02, 0x00, 0x00, 0x50, 0x4B, 0x08, 0x00, 0x00];
+        let bytes = [
+            0x50, 0x4B, 0x05, 0x00, 0x02, 0x00, 0x00, 0x50, 0x4B, 0x08, 0x00, 0x00,
+        ];
         let (packets, error) = decode_all(&bytes);
         assert_eq!(error, None);
-        assert_eq!(packets, [Packet::new(5, vec![0, 0]), Packet::new(8, vec![])]);
+        assert_eq!(
+            packets,
+            [Packet::new(5, vec![0, 0]), Packet::new(8, vec![])]
+        );
     }
 
     #[test]

@@ -94,13 +94,20 @@ impl Power {
     /// Reads the byte; levels beyond 100 count as 100.
     pub fn from_byte(byte: u8) -> Power {
         let level = i8::from_be_bytes([byte]);
-        Power { percent: level.unsigned_abs().min(100), charging: level < 0 }
+        Power {
+            percent: level.unsigned_abs().min(100),
+            charging: level < 0,
+        }
     }
 
     /// The byte on the wire.
     pub fn to_byte(self) -> u8 {
         let level = self.percent.min(100);
-        if self.charging { level.wrapping_neg() } else { level }
+        if self.charging {
+            level.wrapping_neg()
+        } else {
+            level
+        }
     }
 }
 
@@ -137,7 +144,13 @@ impl Accepted {
         let place = parse_prefixed(&mut rest)?;
         let firmware = parse_prefixed(&mut rest)?;
         let docked = *rest.first()? == Self::DOCKED;
-        Some(Accepted { uid, name, place, firmware, docked })
+        Some(Accepted {
+            uid,
+            name,
+            place,
+            firmware,
+            docked,
+        })
     }
 }
 
@@ -243,17 +256,32 @@ mod tests {
                 Report::Refused(Refusal::WrongPassword),
                 &[0x50, 0x4B, 0x0B, 0x00, 0x02, 0x00, 0x01],
             ),
-            (Report::Refused(Refusal::InUse), &[0x50, 0x4B, 0x0B, 0x00, 0x02, 0x00, 0x03]),
             (
-                Report::Power(Power { percent: 80, charging: false }),
+                Report::Refused(Refusal::InUse),
+                &[0x50, 0x4B, 0x0B, 0x00, 0x02, 0x00, 0x03],
+            ),
+            (
+                Report::Power(Power {
+                    percent: 80,
+                    charging: false,
+                }),
                 &[0x50, 0x4B, 0x03, 0x00, 0x01, 0x50],
             ),
             (
-                Report::Power(Power { percent: 80, charging: true }),
+                Report::Power(Power {
+                    percent: 80,
+                    charging: true,
+                }),
                 &[0x50, 0x4B, 0x03, 0x00, 0x01, 0xB0],
             ),
-            (Report::Engine(EngineNews::Docked), &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x02]),
-            (Report::Engine(EngineNews::BaseNotFound), &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x08]),
+            (
+                Report::Engine(EngineNews::Docked),
+                &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x02],
+            ),
+            (
+                Report::Engine(EngineNews::BaseNotFound),
+                &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x08],
+            ),
         ]
     }
 
@@ -267,9 +295,27 @@ mod tests {
 
     #[test]
     fn levels_beyond_a_hundred_count_as_a_hundred() {
-        assert_eq!(Power::from_byte(0x80), Power { percent: 100, charging: true });
-        assert_eq!(Power::from_byte(0x7F), Power { percent: 100, charging: false });
-        assert_eq!(Power::from_byte(0), Power { percent: 0, charging: false });
+        assert_eq!(
+            Power::from_byte(0x80),
+            Power {
+                percent: 100,
+                charging: true
+            }
+        );
+        assert_eq!(
+            Power::from_byte(0x7F),
+            Power {
+                percent: 100,
+                charging: false
+            }
+        );
+        assert_eq!(
+            Power::from_byte(0),
+            Power {
+                percent: 0,
+                charging: false
+            }
+        );
     }
 
     #[test]

@@ -9,7 +9,9 @@ pub(super) const MAX_TEXT_LEN: usize = u8::MAX as usize;
 /// Appends `text` with its length in front. Characters outside ISO-8859-1 become `?`; what is over
 /// [`MAX_TEXT_LEN`] bytes is cut.
 pub(super) fn emit_prefixed(text: &str, out: &mut BytesMut) {
-    let latin = text.chars().map(|c| u8::try_from(u32::from(c)).unwrap_or(b'?'));
+    let latin = text
+        .chars()
+        .map(|c| u8::try_from(u32::from(c)).unwrap_or(b'?'));
     let bytes: Vec<u8> = latin.take(MAX_TEXT_LEN).collect();
     out.extend_from_slice(&[bytes.len() as u8]);
     out.extend_from_slice(&bytes);
