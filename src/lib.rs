@@ -24,6 +24,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod link;
+pub mod pilot;
 pub mod robot;
 pub mod safety;
 pub mod wire;

@@ -2,6 +2,7 @@
 //! is told ([`Event`], [`Frame`]), how things end, and the quantities they speak of. Data only: no
 //! rule, no socket, no VM.
 
+pub mod channel;
 mod quantity;
 
 pub use quantity::{Percent, Seconds, TrackPower};

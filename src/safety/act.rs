@@ -38,6 +38,8 @@ pub enum Fact {
     Alive(BehaviourId),
     /// A behaviour is no more, for whatever reason.
     Gone(BehaviourId),
+    /// The run ends: nothing may move any more but a robot with a low battery, by itself.
+    Parting,
 }
 
 /// The part of a behaviour's intents that moves the robot.
@@ -77,4 +79,14 @@ pub enum Act {
     Kill(BehaviourId, EndReason),
     /// Close the link and connect anew, after what is to be sent has been tried.
     Reconnect(String),
+}
+
+impl Act {
+    /// What it sends, if it sends.
+    pub fn command(&self) -> Option<Command> {
+        match self {
+            Act::Send(command) => Some(command.clone()),
+            _ => None,
+        }
+    }
 }

@@ -18,7 +18,7 @@ use super::{
     Act, Arbiter, BatteryChange, BatteryGuard, Ended, Fact, Leases, Limits, LowCause, Tracks,
 };
 use crate::robot::{BehaviourId, CallId, DockEnd, Event, MotionEnd, SafetyAction, Setpoint};
-use crate::wire::{Command, EngineNews, Power};
+use crate::wire::{Command, Engage, EngineNews, Power};
 
 /// What a person wants to know at a glance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,6 +62,7 @@ struct Leaving {
 pub struct Watchdog {
     limits: Limits,
     online: bool,
+    parting: bool,
     on_station: bool,
     battery: Option<Power>,
     guard: BatteryGuard,
@@ -84,6 +85,7 @@ impl Watchdog {
             leases: Leases::new(limits.host_silence.get()),
             limits,
             online: false,
+            parting: false,
             on_station: false,
             battery: None,
             arbiter: Arbiter::default(),
@@ -116,6 +118,7 @@ impl Watchdog {
             Fact::Asked { by, priority, ask } => self.asked(by, priority, ask, now),
             Fact::Alive(by) => self.leases.renew(by, now),
             Fact::Gone(by) => self.gone(by, now),
+            Fact::Parting => self.part(now),
         }
         self.tick(now)
     }
@@ -192,6 +195,8 @@ impl Watchdog {
     pub fn refusal(&self) -> Option<MotionEnd> {
         if !self.online {
             Some(MotionEnd::Disconnected)
+        } else if self.parting {
+            Some(MotionEnd::Cancelled)
         } else if self.guard.low().is_some() || self.guard.critical() {
             Some(MotionEnd::Safety)
         } else if self.docked() {
@@ -280,6 +285,21 @@ impl Watchdog {
         }
     }
 
+    /// Stops whatever moves. A robot that the watchdog sends home hears of that again, since the
+    /// stop may have ended its search.
+    fn part(&mut self, now: Instant) {
+        self.parting = true;
+        self.end_motion(MotionEnd::Cancelled);
+        self.cancel_dock_asked(now);
+        if !self.online {
+            return;
+        }
+        self.halt(now);
+        if self.homing.as_ref().is_some_and(|homing| homing.forced) && !self.docked() {
+            self.send(Command::Engine(Engage::Dock));
+        }
+    }
+
     fn gone(&mut self, by: BehaviourId, now: Instant) {
         self.arbiter.forget(by);
         self.leases.forget(by);
@@ -322,8 +342,9 @@ impl Watchdog {
     /// Stops the tracks in this very batch of acts, whatever was sent before.
     fn halt(&mut self, now: Instant) {
         self.tracks.told_to_stop(now);
+        let sent = |act: &Act| matches!(act, Act::Send(_));
         let stop = Act::Send(Command::STOP);
-        if self.acts.last() != Some(&stop) {
+        if self.acts.iter().rfind(|act| sent(act)) != Some(&stop) {
             self.acts.push(stop);
         }
     }

@@ -24,7 +24,10 @@ impl Rig {
     /// Logged in off the station with a level.
     fn online(percent: u8) -> Rig {
         let mut rig = Rig::with(Limits::default());
-        rig.take(Fact::LinkUp { docked: false, power: power(percent) });
+        rig.take(Fact::LinkUp {
+            docked: false,
+            power: power(percent),
+        });
         rig.now += 20 * MS;
         rig
     }
@@ -95,11 +98,7 @@ fn charging(percent: u8) -> Power {
 }
 
 fn sent(acts: &[Act]) -> Vec<Command> {
-    let command = |act: &Act| match act {
-        Act::Send(command) => Some(command.clone()),
-        _ => None,
-    };
-    acts.iter().filter_map(command).collect()
+    acts.iter().filter_map(Act::command).collect()
 }
 
 fn told(acts: &[Act]) -> Vec<Event> {
@@ -310,6 +309,25 @@ fn a_behaviour_that_is_gone_moves_nothing_in_the_same_instant() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
     assert_eq!(sent(&rig.take(Fact::Gone(WHO))), [Command::STOP]);
+}
+
+#[test]
+fn at_the_end_of_a_run_everything_stops_and_nothing_moves_any_more() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    let acts = rig.take(Fact::Parting);
+    assert_eq!(sent(&acts), [Command::STOP]);
+    assert_eq!(told(&acts), [ended(1, MotionEnd::Cancelled)]);
+    assert_eq!(told(&rig.drive(2, None)), [ended(2, MotionEnd::Cancelled)]);
+}
+
+#[test]
+fn at_the_end_of_a_run_a_behaviours_docking_ends_and_the_watchdogs_goes_on() {
+    let mut rig = Rig::online(60);
+    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    assert_eq!(sent(&rig.take(Fact::Parting)), [CANCEL, Command::STOP]);
+    let mut rig = Rig::online(20);
+    assert_eq!(sent(&rig.take(Fact::Parting)), [Command::STOP, FIND]);
 }
 
 #[test]
@@ -528,7 +546,8 @@ fn any_fact() -> impl Strategy<Value = Fact> {
     let link = (any::<bool>(), power.clone());
     prop_oneof![
         1 => link.prop_map(|(docked, power)| Fact::LinkUp { docked, power }),
-        1 => Just(Fact::LinkDown),
+        2 => Just(Fact::LinkDown),
+        1 => Just(Fact::Parting),
         1 => any::<bool>().prop_map(Fact::Listening),
         2 => Just(Fact::Heard),
         4 => power.prop_map(Fact::Power),
