@@ -1,1 +1,2 @@
+//! The `spykee` command.
 fn main() {}
