@@ -23,6 +23,7 @@
 //! `tests/it/floors.rs` holds every `use crate::` line against this table.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
+pub mod cli;
 pub mod link;
 pub mod robot;
 pub mod wire;

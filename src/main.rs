@@ -1,2 +1,5 @@
 //! The `spykee` command.
-fn main() {}
+
+fn main() -> std::process::ExitCode {
+    spykee::cli::main()
+}
