@@ -23,4 +23,5 @@
 //! `tests/it/floors.rs` holds every `use crate::` line against this table.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
+pub mod sim;
 pub mod wire;
