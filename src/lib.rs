@@ -26,4 +26,5 @@
 pub mod cli;
 pub mod link;
 pub mod robot;
+pub mod sim;
 pub mod wire;
