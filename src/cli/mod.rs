@@ -7,6 +7,7 @@ mod discover;
 mod failure;
 mod logging;
 mod screen;
+mod sim;
 
 use std::future::Future;
 use std::io::Write;
@@ -48,12 +49,14 @@ pub enum LogFormat {
 #[derive(Debug, Subcommand)]
 enum Command {
     Discover(discover::DiscoverArgs),
+    Sim(sim::SimArgs),
 }
 
 impl Command {
     fn run(self, console: &Console) -> Result<Exit, Failure> {
         match self {
             Command::Discover(args) => discover::run(&args, console),
+            Command::Sim(args) => sim::run(&args, console),
         }
     }
 }
