@@ -23,8 +23,10 @@
 //! `tests/it/floors.rs` holds every `use crate::` line against this table.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
+pub mod cli;
 pub mod link;
 pub mod pilot;
 pub mod robot;
 pub mod safety;
+pub mod sim;
 pub mod wire;

@@ -76,7 +76,9 @@ mod tests {
     fn after_a_good_link_pauses_are_short_again() {
         let mut backoff = Backoff::new(&Options::default());
         let mut rng = StdRng::seed_from_u64(7);
-        (0..10).for_each(|_| drop(backoff.next(&mut rng)));
+        for _ in 0..10 {
+            let _ = backoff.next(&mut rng);
+        }
         backoff.reset();
         assert!(backoff.next(&mut rng) <= Options::default().first_pause);
     }

@@ -38,7 +38,7 @@ impl FromStr for Target {
     fn from_str(text: &str) -> Result<Target, TargetError> {
         let (host, port) = split(text)?;
         let named = |c: char| c.is_alphanumeric() || matches!(c, '.' | '-' | '_' | ':' | '%');
-        if host.is_empty() || !host.chars().all(named) {
+        if host.is_empty() || text.contains('/') || !host.chars().all(named) {
             return Err(TargetError::Host(text.to_owned()));
         }
         Ok(Target {

@@ -1,0 +1,454 @@
+//! The place that a simulated robot lives in, read from YAML: a room with its walls and furniture,
+//! balls and posts, the charging station, and the robot's battery and camera. Says what stands
+//! where; what that means for driving is in `obstacles`, for seeing in `camera`.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::geometry::{Point, Pose, Segment, rectangle};
+use super::locate::{self, Step};
+use super::number;
+use super::paint::Paint;
+use super::station::Station;
+
+const DEFAULT_WORLD: &str = include_str!("../../behaviours/worlds/living_room.yaml");
+/// A longer file is no world: nothing needs that many things.
+const MAX_FILE_LEN: u64 = 256 * 1024;
+/// Things of one kind in a world; each costs time in every frame.
+const MAX_THINGS: usize = 200;
+
+/// A simulated place.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct World {
+    /// What people call the place.
+    #[serde(default)]
+    pub name: String,
+    /// The four outer walls and the floor.
+    pub room: Room,
+    /// Inner walls, as high as the room.
+    #[serde(default)]
+    pub walls: Vec<Wall>,
+    /// Furniture: boxes that stand on the floor.
+    #[serde(default)]
+    pub furniture: Vec<Furniture>,
+    /// Flat carpets: seen, but no obstacle.
+    #[serde(default)]
+    pub rugs: Vec<Rug>,
+    /// Balls that lie on the floor.
+    #[serde(default)]
+    pub balls: Vec<Ball>,
+    /// Round posts.
+    #[serde(default)]
+    pub posts: Vec<Post>,
+    /// The charging station.
+    pub station: Station,
+    /// Where the robot stands first; left out, it stands on the station.
+    #[serde(default)]
+    pub start: Option<Place>,
+    /// Brightness of the lamps, 0..=1.
+    #[serde(default = "full", deserialize_with = "number::share")]
+    pub light: f64,
+    /// How the battery empties and fills.
+    #[serde(default)]
+    pub battery: BatterySettings,
+    /// How the robot sees.
+    #[serde(default)]
+    pub camera: CameraSettings,
+}
+
+/// The outer walls, from (0, 0) to (`width`, `depth`), and the floor between them.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Room {
+    /// Metres along x.
+    #[serde(deserialize_with = "number::room_side")]
+    pub width: f64,
+    /// Metres along y.
+    #[serde(deserialize_with = "number::room_side")]
+    pub depth: f64,
+    /// Height of all walls, metres.
+    #[serde(default = "room_height", deserialize_with = "number::height")]
+    pub height: f64,
+    /// What lies on the ground.
+    #[serde(default)]
+    pub floor: Floor,
+    /// Colour of the walls.
+    #[serde(default = "wall_paint")]
+    pub walls: Paint,
+}
+
+/// What the ground is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Floor {
+    /// Planks.
+    #[default]
+    Wood,
+    /// Light and dark squares.
+    Tiles,
+    /// One colour with a fine grain.
+    Concrete,
+}
+
+/// An inner wall.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wall {
+    /// Where its middle line begins.
+    pub from: Spot,
+    /// Where its middle line ends.
+    pub to: Spot,
+    /// Metres.
+    #[serde(default = "wall_thickness", deserialize_with = "number::thickness")]
+    pub thickness: f64,
+}
+
+/// A box that stands on the floor.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Furniture {
+    /// Its middle.
+    pub at: Spot,
+    /// Metres along its heading.
+    #[serde(deserialize_with = "number::side")]
+    pub length: f64,
+    /// Metres across.
+    #[serde(deserialize_with = "number::side")]
+    pub width: f64,
+    /// Metres; at least as high as the robot looks.
+    #[serde(deserialize_with = "number::height")]
+    pub height: f64,
+    /// How it is turned, degrees.
+    #[serde(default, deserialize_with = "number::degrees")]
+    pub heading_degrees: f64,
+    /// Its colour.
+    pub colour: Paint,
+}
+
+/// A carpet.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rug {
+    /// Its middle.
+    pub at: Spot,
+    /// Metres along x.
+    #[serde(deserialize_with = "number::side")]
+    pub width: f64,
+    /// Metres along y.
+    #[serde(deserialize_with = "number::side")]
+    pub depth: f64,
+    /// Its colour.
+    pub colour: Paint,
+}
+
+/// A ball on the floor.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ball {
+    /// Where it touches the floor.
+    pub at: Spot,
+    /// Metres.
+    #[serde(default = "ball_radius", deserialize_with = "number::radius")]
+    pub radius: f64,
+    /// Its colour.
+    pub colour: Paint,
+}
+
+/// A round post.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Post {
+    /// Its middle.
+    pub at: Spot,
+    /// Metres.
+    #[serde(default = "post_radius", deserialize_with = "number::radius")]
+    pub radius: f64,
+    /// Metres.
+    #[serde(default = "post_height", deserialize_with = "number::height")]
+    pub height: f64,
+    /// Its colour.
+    pub colour: Paint,
+}
+
+/// Where something stands and which way it looks.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Place {
+    /// Where.
+    pub at: Spot,
+    /// Degrees, left positive, 0 looks along x.
+    #[serde(default, deserialize_with = "number::degrees")]
+    pub heading_degrees: f64,
+}
+
+impl Place {
+    /// The same in radians.
+    pub fn pose(&self) -> Pose {
+        Pose::at(self.at.point(), self.heading_degrees.to_radians())
+    }
+}
+
+/// How the battery empties and fills. The defaults are a real robot's: hours.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BatterySettings {
+    /// Level at the start, percent.
+    #[serde(deserialize_with = "number::percent")]
+    pub level: f64,
+    /// Percent a minute while standing.
+    #[serde(deserialize_with = "number::percent_per_minute")]
+    pub idle_drain_per_minute: f64,
+    /// Percent a minute while both tracks run at full speed.
+    #[serde(deserialize_with = "number::percent_per_minute")]
+    pub driving_drain_per_minute: f64,
+    /// Percent a minute on the station.
+    #[serde(deserialize_with = "number::percent_per_minute")]
+    pub charge_per_minute: f64,
+}
+
+impl Default for BatterySettings {
+    fn default() -> BatterySettings {
+        BatterySettings {
+            level: 90.0,
+            idle_drain_per_minute: 0.4,
+            driving_drain_per_minute: 1.2,
+            charge_per_minute: 0.8,
+        }
+    }
+}
+
+/// How the robot sees.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CameraSettings {
+    /// Frames a second while the video stream is on.
+    #[serde(deserialize_with = "number::frames")]
+    pub fps: f64,
+    /// What it sees from side to side, degrees.
+    #[serde(deserialize_with = "number::view_degrees")]
+    pub hfov_degrees: f64,
+    /// Grain of the picture, 0..=1.
+    #[serde(deserialize_with = "number::share")]
+    pub noise: f64,
+}
+
+impl Default for CameraSettings {
+    fn default() -> CameraSettings {
+        CameraSettings { fps: 15.0, hfov_degrees: 60.0, noise: 0.25 }
+    }
+}
+
+/// `[x, y]` in metres.
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub struct Spot([Coordinate; 2]);
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+struct Coordinate(#[serde(deserialize_with = "number::coordinate")] f64);
+
+impl Spot {
+    /// The place on the floor.
+    pub fn point(self) -> Point {
+        Point::new(self.0[0].0, self.0[1].0)
+    }
+}
+
+impl Room {
+    /// The four outer walls, counter-clockwise from (0, 0).
+    pub(super) fn sides(&self) -> [Segment; 4] {
+        let middle = Point::new(self.width / 2.0, self.depth / 2.0);
+        rectangle(middle, self.width, self.depth, 0.0)
+    }
+
+    fn holds(&self, point: Point) -> bool {
+        (0.0..=self.width).contains(&point.x) && (0.0..=self.depth).contains(&point.y)
+    }
+}
+
+impl Wall {
+    /// Its four sides, as they stand on the floor.
+    pub(super) fn sides(&self) -> [Segment; 4] {
+        let (from, to) = (self.from.point(), self.to.point());
+        let length = from.distance(to) + self.thickness;
+        rectangle(from.towards(to, 0.5), length, self.thickness, from.direction_of(to))
+    }
+}
+
+impl Furniture {
+    /// Its four sides, as they stand on the floor.
+    pub(super) fn sides(&self) -> [Segment; 4] {
+        rectangle(self.at.point(), self.length, self.width, self.heading_degrees.to_radians())
+    }
+}
+
+/// A world that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum WorldError {
+    /// The file cannot be read.
+    #[error("cannot read the world {name}: {source}")]
+    Read {
+        /// The file.
+        name: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is too long for a world.
+    #[error("{name} is longer than {MAX_FILE_LEN} bytes: is it a world?")]
+    TooLong {
+        /// The file.
+        name: String,
+    },
+    /// The YAML does not describe a world.
+    #[error("{name}:{line}:{column}: {message}")]
+    Invalid {
+        /// The file, or what else the text came from.
+        name: String,
+        /// Counted from 1.
+        line: usize,
+        /// Counted from 1.
+        column: usize,
+        /// What was found, what was expected, what to do.
+        message: String,
+    },
+}
+
+impl World {
+    /// The world that is built in: a living room.
+    pub fn default_world() -> World {
+        #[expect(clippy::expect_used, reason = "a test reads this very text")]
+        World::from_yaml(DEFAULT_WORLD, "living_room.yaml").expect("the built-in world is valid")
+    }
+
+    /// Reads a world; `name` is what errors call the text, usually its file's name.
+    ///
+    /// # Errors
+    /// [`WorldError::Invalid`] with line and column: unknown keys, wrong types, values out of
+    /// range, things that stand outside the room or in the robot's way at the start.
+    pub fn from_yaml(text: &str, name: &str) -> Result<World, WorldError> {
+        let invalid = |(line, column): (usize, usize), message: String| WorldError::Invalid {
+            name: name.to_owned(),
+            line,
+            column,
+            message,
+        };
+        let world: World = serde_yaml::from_str(text)
+            .map_err(|error| invalid(locate::place_of(&error), locate::explain(&error)))?;
+        match world.first_fault() {
+            Some((path, message)) => Err(invalid(locate::find(text, &path), message)),
+            None => Ok(world),
+        }
+    }
+
+    /// Reads a world from a file.
+    ///
+    /// # Errors
+    /// As [`World::from_yaml`], or the file cannot be read.
+    pub fn load(path: &Path) -> Result<World, WorldError> {
+        let name = path.display().to_string();
+        let text = std::fs::metadata(path).and_then(|file| match file.len() {
+            0..=MAX_FILE_LEN => std::fs::read_to_string(path).map(Some),
+            _ => Ok(None),
+        });
+        match text {
+            Ok(Some(text)) => World::from_yaml(&text, &name),
+            Ok(None) => Err(WorldError::TooLong { name }),
+            Err(source) => Err(WorldError::Read { name, source }),
+        }
+    }
+
+    /// Where the robot stands first.
+    pub fn start_pose(&self) -> Pose {
+        self.start.map_or_else(|| self.station.dock_pose(), |start| start.pose())
+    }
+
+    /// The first thing that no single value shows: where it is in the document, and what is wrong.
+    fn first_fault(&self) -> Option<(Vec<Step>, String)> {
+        self.first_crowd().or_else(|| self.first_outsider()).or_else(|| self.blocked_start())
+    }
+
+    fn first_crowd(&self) -> Option<(Vec<Step>, String)> {
+        let counts = [
+            ("walls", self.walls.len()),
+            ("furniture", self.furniture.len()),
+            ("rugs", self.rugs.len()),
+            ("balls", self.balls.len()),
+            ("posts", self.posts.len()),
+        ];
+        let (kind, count) = counts.into_iter().find(|(_, count)| *count > MAX_THINGS)?;
+        let message = format!("{count} {kind} are too many: at most {MAX_THINGS}");
+        Some((vec![Step::Key(kind)], message))
+    }
+
+    fn first_outsider(&self) -> Option<(Vec<Step>, String)> {
+        let (path, point) = self.spots().into_iter().find(|(_, p)| !self.room.holds(*p))?;
+        let message = format!(
+            "[{}, {}] is outside the room, which goes from [0, 0] to [{}, {}]: move it inside",
+            point.x, point.y, self.room.width, self.room.depth
+        );
+        Some((path, message))
+    }
+
+    /// Every place that must be in the room, and where the document names it.
+    fn spots(&self) -> Vec<(Vec<Step>, Point)> {
+        let mut spots =
+            vec![(vec![Step::Key("station"), Step::Key("at")], self.station.at.point())];
+        spots.extend(self.start.map(|s| (vec![Step::Key("start"), Step::Key("at")], s.at.point())));
+        let mut add = |kind, index, key, spot: Spot| {
+            spots.push((vec![Step::Key(kind), Step::Index(index), Step::Key(key)], spot.point()));
+        };
+        for (index, wall) in self.walls.iter().enumerate() {
+            add("walls", index, "from", wall.from);
+            add("walls", index, "to", wall.to);
+        }
+        self.furniture.iter().enumerate().for_each(|(i, item)| add("furniture", i, "at", item.at));
+        self.rugs.iter().enumerate().for_each(|(i, rug)| add("rugs", i, "at", rug.at));
+        self.balls.iter().enumerate().for_each(|(i, ball)| add("balls", i, "at", ball.at));
+        self.posts.iter().enumerate().for_each(|(i, post)| add("posts", i, "at", post.at));
+        spots
+    }
+
+    fn blocked_start(&self) -> Option<(Vec<Step>, String)> {
+        let obstacles = super::obstacles::Obstacles::of(self);
+        let free = |pose: Pose| obstacles.clearance(pose.point()) >= super::body::RADIUS - 1e-6;
+        if !free(self.station.dock_pose()) || !free(self.station.staging_pose()) {
+            let message = "something stands before the station: keep a lane of 0.4 m width and \
+                           1 m length free, in the direction of its heading_degrees";
+            return Some((vec![Step::Key("station"), Step::Key("at")], message.into()));
+        }
+        if free(self.start_pose()) {
+            return None;
+        }
+        let message = "the robot would start inside something: move `start` at least 0.15 m away \
+                       from walls and things";
+        Some((vec![Step::Key("start"), Step::Key("at")], message.into()))
+    }
+}
+
+fn full() -> f64 {
+    1.0
+}
+
+fn room_height() -> f64 {
+    2.4
+}
+
+fn wall_paint() -> Paint {
+    Paint([214, 206, 190])
+}
+
+fn wall_thickness() -> f64 {
+    0.1
+}
+
+fn ball_radius() -> f64 {
+    0.1
+}
+
+fn post_radius() -> f64 {
+    0.05
+}
+
+fn post_height() -> f64 {
+    0.6
+}
