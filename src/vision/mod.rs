@@ -19,6 +19,7 @@ mod palette;
 mod picture;
 mod regions;
 mod space;
+mod tracker;
 
 pub use annotate::{Mark, annotate};
 pub use blobs::{Blob, BlobFinder, BlobOptions, Camera};
@@ -28,3 +29,4 @@ pub use eyes::Eyes;
 pub use frame::{FrameError, MAX_HEIGHT, MAX_JPEG_LEN, MAX_WIDTH, Size, judge};
 pub use palette::{MAX_COLOURS, Palette};
 pub use picture::{Image, Roi, brightness};
+pub use tracker::{Track, Tracker, TrackerOptions};
