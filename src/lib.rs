@@ -29,4 +29,5 @@ pub mod pilot;
 pub mod robot;
 pub mod safety;
 pub mod sim;
+pub mod vision;
 pub mod wire;
