@@ -1,4 +1,6 @@
 //! Integration tests, one binary.
 
+mod cli;
+mod floors;
 mod link;
 mod vision;
