@@ -210,7 +210,7 @@ impl Pilot {
             info: info.clone(),
             docked: self.watchdog.docked(),
         };
-        vec![connected, Event::Battery(power.into())]
+        vec![Event::Battery(power.into()), connected]
     }
 
     async fn report(&mut self, report: Report) -> Option<String> {

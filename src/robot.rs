@@ -264,6 +264,11 @@ pub enum Event {
 }
 
 impl Event {
+    /// Whether it is the last of those that say how things stand after a login.
+    pub fn is_welcome(&self) -> bool {
+        matches!(self, Event::Connected { .. })
+    }
+
     /// Whether a waiting call hangs on it, so that it must never be dropped.
     pub fn is_answer(&self) -> bool {
         use Event::{DockEnded, MotionEnded, UndockEnded};

@@ -4,6 +4,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::Failure;
+use crate::config::Config;
 use crate::link::Target;
 use crate::wire::Login;
 
@@ -77,6 +78,17 @@ impl ConnectionArgs {
 }
 
 impl LoginArgs {
+    /// What the flags leave open comes from the config.
+    pub fn or_from(&self, config: &Config) -> LoginArgs {
+        LoginArgs {
+            user: self.user.clone().or_else(|| config.user.clone()),
+            password_file: self
+                .password_file
+                .clone()
+                .or_else(|| config.password_file.clone()),
+        }
+    }
+
     /// User and password, from flags and environment.
     ///
     /// # Errors

@@ -4,16 +4,21 @@
 mod connection;
 mod console;
 mod discover;
+mod embedded;
 mod failure;
+mod interrupt;
 mod logging;
+mod run;
 mod screen;
 mod sim;
+mod status;
 
 use std::future::Future;
 use std::io::Write;
 use std::process::ExitCode;
 use std::time::Duration;
 
+use crate::behaviour::{HOST_ARGUMENT, host_main};
 use clap::{Parser, Subcommand, ValueEnum};
 
 pub use connection::{ConnectionArgs, LoginArgs, Place};
@@ -48,6 +53,7 @@ pub enum LogFormat {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Run(run::RunArgs),
     Discover(discover::DiscoverArgs),
     Sim(sim::SimArgs),
 }
@@ -55,6 +61,7 @@ enum Command {
 impl Command {
     fn run(self, console: &Console) -> Result<Exit, Failure> {
         match self {
+            Command::Run(args) => run::run(&args, console),
             Command::Discover(args) => discover::run(&args, console),
             Command::Sim(args) => sim::run(&args, console),
         }
@@ -63,6 +70,12 @@ impl Command {
 
 /// Parses the command line, does what it says, and tells how it went.
 pub fn main() -> ExitCode {
+    if std::env::args_os()
+        .nth(1)
+        .is_some_and(|first| first == HOST_ARGUMENT)
+    {
+        return host_main();
+    }
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => {

@@ -1,13 +1,13 @@
 //! `spykee sim`: a simulated robot for any Spykee client.
 
-use std::future::Future;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use tokio::signal::unix::{SignalKind, signal};
 use tokio::time::interval;
 
+use super::embedded::load;
+use super::interrupt::interruption;
 use super::{Console, Exit, Failure, LoginArgs, block_on, print};
 use crate::sim::{Handle, Options, Server, State, World};
 
@@ -47,7 +47,7 @@ fn parse_fps(text: &str) -> Result<f64, String> {
 /// # Errors
 /// A world that cannot be used; an address that cannot be listened on.
 pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
-    let world = load_world(args)?;
+    let world = load(args.world.as_deref())?;
     let options = Options {
         listen: args.listen,
         login: args.login.login()?,
@@ -56,15 +56,6 @@ pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
         ..Options::default()
     };
     block_on(serve(world, options, console))?
-}
-
-fn load_world(args: &SimArgs) -> Result<World, Failure> {
-    let Some(path) = &args.world else {
-        return Ok(World::default_world());
-    };
-    World::load(path).map_err(|error| {
-        Failure::usage(error).help("worlds to start from are in behaviours/worlds/")
-    })
 }
 
 async fn serve(world: World, options: Options, console: &Console) -> Result<Exit, Failure> {
@@ -84,23 +75,6 @@ async fn serve(world: World, options: Options, console: &Console) -> Result<Exit
         () = show_status(&handle, console) => Ok(Exit::Done),
         () = interrupted => Ok(Exit::Interrupted),
     }
-}
-
-/// SIGINT or SIGTERM, from now on.
-fn interruption() -> Result<impl Future<Output = ()>, Failure> {
-    let listen = |kind| {
-        signal(kind).map_err(|error| Failure::usage(format_args!("cannot hear signals: {error}")))
-    };
-    let (mut interrupt, mut terminate) = (
-        listen(SignalKind::interrupt())?,
-        listen(SignalKind::terminate())?,
-    );
-    Ok(async move {
-        tokio::select! {
-            _ = interrupt.recv() => {}
-            _ = terminate.recv() => {}
-        }
-    })
 }
 
 fn greeting(listening: SocketAddr, uid: &str, user: &str) -> String {

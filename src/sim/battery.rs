@@ -18,7 +18,12 @@ pub(super) struct Battery {
 impl Battery {
     /// At the level that the settings name.
     pub(super) fn new(settings: BatterySettings) -> Battery {
-        Battery { settings, percent: settings.level, charging: false, full_told: false }
+        Battery {
+            settings,
+            percent: settings.level,
+            charging: false,
+            full_told: false,
+        }
     }
 
     /// 0..=100, unrounded.
@@ -71,7 +76,10 @@ impl Battery {
     /// What POWER says. A charging battery says at least 1: the wire has no negative zero.
     pub(super) fn power(&self) -> Power {
         let percent = self.percent.round() as u8;
-        Power { percent: percent.max(u8::from(self.charging)), charging: self.charging }
+        Power {
+            percent: percent.max(u8::from(self.charging)),
+            charging: self.charging,
+        }
     }
 }
 
@@ -104,9 +112,21 @@ mod tests {
         let mut battery = battery(0.0);
         assert!(battery.empty());
         battery.set_charging(true);
-        assert_eq!(battery.power(), Power { percent: 1, charging: true });
+        assert_eq!(
+            battery.power(),
+            Power {
+                percent: 1,
+                charging: true
+            }
+        );
         battery.step(MINUTE, 0.0);
-        assert_eq!(battery.power(), Power { percent: 10, charging: true });
+        assert_eq!(
+            battery.power(),
+            Power {
+                percent: 10,
+                charging: true
+            }
+        );
         assert!(!battery.empty());
     }
 

@@ -104,7 +104,10 @@ impl Body {
         self.speeds.right = ramp(self.speeds.right, self.wanted.right, ACCELERATION * seconds);
         let forward = (self.speeds.left + self.speeds.right) / 2.0 * seconds;
         let turned = (self.speeds.right - self.speeds.left) / TRACK_WIDTH * seconds;
-        let ahead = self.pose.point().ahead(self.pose.heading + turned / 2.0, forward);
+        let ahead = self
+            .pose
+            .point()
+            .ahead(self.pose.heading + turned / 2.0, forward);
         self.pose.heading = wrap(self.pose.heading + turned);
         let free = forward == 0.0 || obstacles.way_free(self.pose.point(), ahead, RADIUS);
         if free {

@@ -18,7 +18,9 @@ pub(super) struct Camera {
 
 impl Camera {
     pub(super) fn new(_world: &World, _seed: u64) -> Camera {
-        Camera { pixels: vec![90; WIDTH * HEIGHT * 3] }
+        Camera {
+            pixels: vec![90; WIDTH * HEIGHT * 3],
+        }
     }
 
     pub(super) fn frame(&mut self, _pose: Pose, _flash: bool) -> Bytes {
@@ -34,6 +36,11 @@ trait Fallback {
 }
 impl<W: std::io::Write> Fallback for image::codecs::jpeg::JpegEncoder<W> {
     fn write_image_fallback(mut self, pixels: &[u8]) -> image::ImageResult<()> {
-        self.encode(pixels, WIDTH as u32, HEIGHT as u32, image::ExtendedColorType::Rgb8)
+        self.encode(
+            pixels,
+            WIDTH as u32,
+            HEIGHT as u32,
+            image::ExtendedColorType::Rgb8,
+        )
     }
 }

@@ -42,7 +42,14 @@ impl Clients {
         }
         let (id, outbox, cut) = (self.next, Arc::new(Outbox::new()), CancellationToken::new());
         self.next += 1;
-        self.all.insert(id, Client { outbox: outbox.clone(), cut: cut.clone(), since: now });
+        self.all.insert(
+            id,
+            Client {
+                outbox: outbox.clone(),
+                cut: cut.clone(),
+                since: now,
+            },
+        );
         Some((id, outbox, cut))
     }
 
@@ -115,12 +122,20 @@ impl Clients {
     /// Those who should have logged in by now.
     pub(super) fn overdue(&self, now: Instant) -> Vec<u64> {
         let late = |client: &Client| now.duration_since(client.since) > LOGIN_LIMIT;
-        let all = self.all.iter().filter(|(id, client)| !self.is_user(**id) && late(client));
+        let all = self
+            .all
+            .iter()
+            .filter(|(id, client)| !self.is_user(**id) && late(client));
         all.map(|(id, _)| *id).collect()
     }
 
     /// Frames and audio chunks thrown away so far, of all connections.
     pub(super) fn dropped(&self) -> u64 {
-        self.dropped + self.all.values().map(|client| client.outbox.dropped()).sum::<u64>()
+        self.dropped
+            + self
+                .all
+                .values()
+                .map(|client| client.outbox.dropped())
+                .sum::<u64>()
     }
 }

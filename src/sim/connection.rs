@@ -64,7 +64,12 @@ pub(super) async fn serve(transport: impl Transport, line: Line) {
     if refused {
         let _ = tokio::time::timeout(FAREWELL, say_farewell(&mut reader, &mut writer)).await;
     }
-    let _ = line.events.send(Event::Gone { client: line.client }).await;
+    let _ = line
+        .events
+        .send(Event::Gone {
+            client: line.client,
+        })
+        .await;
 }
 
 async fn read(reader: &mut (impl AsyncRead + Unpin), line: &Line) -> Result<(), FramingError> {
@@ -72,12 +77,19 @@ async fn read(reader: &mut (impl AsyncRead + Unpin), line: &Line) -> Result<(), 
     let mut buffer = vec![0; READ_LEN];
     loop {
         line.unmuted().await;
-        let Ok(length @ 1..) = reader.read(&mut buffer).await else { return Ok(()) };
+        let Ok(length @ 1..) = reader.read(&mut buffer).await else {
+            return Ok(());
+        };
         let opened = line.outbox.opened();
         line.unmuted().await;
         let write = line.writes.fetch_add(1, Ordering::Relaxed);
         let (commands, end) = cut(&mut decoder, &buffer[..length]);
-        let event = Event::Heard { client: line.client, write, opened, commands };
+        let event = Event::Heard {
+            client: line.client,
+            write,
+            opened,
+            commands,
+        };
         if line.events.send(event).await.is_err() {
             return Ok(());
         }
@@ -101,7 +113,9 @@ fn cut(decoder: &mut Decoder, mut bytes: &[u8]) -> (Vec<Command>, Result<(), Fra
 async fn write(writer: &mut (impl AsyncWrite + Unpin), line: &Line) -> std::io::Result<()> {
     loop {
         line.unmuted().await;
-        let Some(bytes) = line.outbox.next().await else { return Ok(()) };
+        let Some(bytes) = line.outbox.next().await else {
+            return Ok(());
+        };
         line.unmuted().await;
         writer.write_all(&bytes).await?;
         writer.flush().await?;

@@ -37,7 +37,10 @@ pub(super) struct Senses<'a> {
 
 impl Senses<'_> {
     fn in_light(&self) -> bool {
-        self.beacon && self.station.beacon_reaches(self.pose.point(), self.obstacles)
+        self.beacon
+            && self
+                .station
+                .beacon_reaches(self.pose.point(), self.obstacles)
     }
 
     fn sees_beacon(&self) -> bool {
@@ -81,17 +84,27 @@ impl Docking {
     /// Idle; a search ends without the beacon after `search_limit`.
     pub(super) fn new(search_limit: Duration) -> Docking {
         let (elapsed, unseen) = (Duration::ZERO, Duration::ZERO);
-        Docking { phase: Phase::Idle, search_limit, elapsed, unseen }
+        Docking {
+            phase: Phase::Idle,
+            search_limit,
+            elapsed,
+            unseen,
+        }
     }
 
     /// Begins to search the station.
     pub(super) fn find_base(&mut self) {
-        *self = Docking { phase: Phase::Searching, ..Docking::new(self.search_limit) };
+        *self = Docking {
+            phase: Phase::Searching,
+            ..Docking::new(self.search_limit)
+        };
     }
 
     /// Begins to back out of the station.
     pub(super) fn leave(&mut self) {
-        self.phase = Phase::Leaving { since: Duration::ZERO };
+        self.phase = Phase::Leaving {
+            since: Duration::ZERO,
+        };
     }
 
     /// Ends any manoeuvre.
@@ -131,7 +144,11 @@ impl Docking {
             _ => senses.in_light(),
         };
         self.elapsed += dt;
-        self.unseen = if seen { Duration::ZERO } else { self.unseen + dt };
+        self.unseen = if seen {
+            Duration::ZERO
+        } else {
+            self.unseen + dt
+        };
         self.unseen > self.search_limit || self.elapsed > DOCKING_LIMIT
     }
 
@@ -154,14 +171,20 @@ impl Docking {
             self.phase = Phase::Aligning;
         }
         let off = wrap(free_direction(senses, target) - senses.pose.heading);
-        let speed = if off.abs() < 0.5 { (0.04 + 0.8 * distance).min(0.25) } else { 0.0 };
+        let speed = if off.abs() < 0.5 {
+            (0.04 + 0.8 * distance).min(0.25)
+        } else {
+            0.0
+        };
         Order::Drive(twist(speed, (2.5 * off).clamp(-1.2, 1.2)))
     }
 
     fn align(&mut self, senses: &Senses<'_>) -> Order {
         let off = wrap(senses.station.dock_pose().heading - senses.pose.heading);
         if off.abs() < 0.03 {
-            self.phase = Phase::Entering { since: Duration::ZERO };
+            self.phase = Phase::Entering {
+                since: Duration::ZERO,
+            };
         }
         Order::Drive(twist(0.0, (2.0 * off).clamp(-0.8, 0.8)))
     }
@@ -175,7 +198,10 @@ impl Docking {
             true => Phase::Approaching,
             false => Phase::Entering { since },
         };
-        Order::Drive(twist((0.05 + 0.3 * ahead).clamp(0.05, 0.15), (3.0 * off).clamp(-0.6, 0.6)))
+        Order::Drive(twist(
+            (0.05 + 0.3 * ahead).clamp(0.05, 0.15),
+            (3.0 * off).clamp(-0.6, 0.6),
+        ))
     }
 
     fn back_out(&mut self, since: Duration, senses: &Senses<'_>) -> Order {
@@ -204,8 +230,13 @@ fn free_direction(senses: &Senses<'_>, target: Point) -> f64 {
     let look = here.distance(target).min(LOOK_AHEAD);
     let cost =
         |angle: f64| wrap(angle - direct).abs() + 0.3 * wrap(angle - senses.pose.heading).abs();
-    let free =
-        |angle: &f64| senses.obstacles.way_free(here, here.ahead(*angle, look), RADIUS + MARGIN);
+    let free = |angle: &f64| {
+        senses
+            .obstacles
+            .way_free(here, here.ahead(*angle, look), RADIUS + MARGIN)
+    };
     let fan = (-8..=8).map(|i| direct + f64::from(i) * PI / 12.0);
-    fan.filter(free).min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(direct)
+    fan.filter(free)
+        .min_by(|a, b| cost(*a).total_cmp(&cost(*b)))
+        .unwrap_or(direct)
 }

@@ -20,7 +20,10 @@ impl Point {
 
     /// The point `distance` metres further on in the direction of `angle`.
     pub fn ahead(self, angle: f64, distance: f64) -> Point {
-        Point::new(self.x + distance * angle.cos(), self.y + distance * angle.sin())
+        Point::new(
+            self.x + distance * angle.cos(),
+            self.y + distance * angle.sin(),
+        )
     }
 
     /// Metres to another point.
@@ -35,7 +38,10 @@ impl Point {
 
     /// The point `share` of the way to another, 0 here and 1 there.
     pub(super) fn towards(self, other: Point, share: f64) -> Point {
-        Point::new(self.x + (other.x - self.x) * share, self.y + (other.y - self.y) * share)
+        Point::new(
+            self.x + (other.x - self.x) * share,
+            self.y + (other.y - self.y) * share,
+        )
     }
 }
 
@@ -94,7 +100,9 @@ impl Segment {
             return self.from.distance(point);
         }
         let along = ((point.x - self.from.x) * dx + (point.y - self.from.y) * dy) / length_squared;
-        self.from.towards(self.to, along.clamp(0.0, 1.0)).distance(point)
+        self.from
+            .towards(self.to, along.clamp(0.0, 1.0))
+            .distance(point)
     }
 
     /// Where a ray from `origin` along (`dx`, `dy`) meets the line: the ray's parameter (in
@@ -113,17 +121,28 @@ impl Segment {
 
     /// Whether the straight way from `a` to `b` touches the line.
     pub(super) fn crosses(self, a: Point, b: Point) -> bool {
-        self.meets_ray(a, b.x - a.x, b.y - a.y).is_some_and(|(ray, _)| ray <= 1.0)
+        self.meets_ray(a, b.x - a.x, b.y - a.y)
+            .is_some_and(|(ray, _)| ray <= 1.0)
     }
 }
 
 /// The four sides of a rectangle that stands at `centre`, turned by `heading`, counter-clockwise.
 pub(super) fn rectangle(centre: Point, length: f64, width: f64, heading: f64) -> [Segment; 4] {
     let corner = |forward: f64, left: f64| {
-        centre.ahead(heading, forward * length / 2.0).ahead(heading + PI / 2.0, left * width / 2.0)
+        centre
+            .ahead(heading, forward * length / 2.0)
+            .ahead(heading + PI / 2.0, left * width / 2.0)
     };
-    let corners = [corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0), corner(-1.0, -1.0)];
-    std::array::from_fn(|i| Segment { from: corners[i], to: corners[(i + 1) % 4] })
+    let corners = [
+        corner(1.0, -1.0),
+        corner(1.0, 1.0),
+        corner(-1.0, 1.0),
+        corner(-1.0, -1.0),
+    ];
+    std::array::from_fn(|i| Segment {
+        from: corners[i],
+        to: corners[(i + 1) % 4],
+    })
 }
 
 #[cfg(test)]
@@ -146,7 +165,10 @@ mod tests {
 
     #[test]
     fn a_ray_meets_only_what_is_before_it() {
-        let wall = Segment { from: Point::new(2.0, -1.0), to: Point::new(2.0, 1.0) };
+        let wall = Segment {
+            from: Point::new(2.0, -1.0),
+            to: Point::new(2.0, 1.0),
+        };
         let (ray, share) = wall.meets_ray(Point::new(0.0, 0.0), 1.0, 0.0).unwrap();
         assert!((ray - 2.0).abs() < 1e-9 && (share - 0.5).abs() < 1e-9);
         assert_eq!(wall.meets_ray(Point::new(0.0, 0.0), -1.0, 0.0), None);
@@ -157,7 +179,12 @@ mod tests {
     #[test]
     fn the_sides_of_a_rectangle_are_where_they_belong() {
         let sides = rectangle(Point::new(1.0, 1.0), 2.0, 1.0, 0.0);
-        let near = |point| sides.iter().map(|s| s.distance(point)).fold(f64::MAX, f64::min);
+        let near = |point| {
+            sides
+                .iter()
+                .map(|s| s.distance(point))
+                .fold(f64::MAX, f64::min)
+        };
         assert!((near(Point::new(3.0, 1.0)) - 1.0).abs() < 1e-9);
         assert!((near(Point::new(1.0, 2.0)) - 0.5).abs() < 1e-9);
     }

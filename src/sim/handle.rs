@@ -51,9 +51,20 @@ pub(super) fn pair(state: State) -> (Handle, Ends) {
     let (state_end, state) = watch::channel(state);
     let (heard_end, heard) = watch::channel(0);
     let journal = Arc::new(Mutex::new(Journal::default()));
-    let handle = Handle { orders, muted, state, journal: journal.clone(), heard };
-    let ends =
-        Ends { orders: orders_end, muted: muted_end, state: state_end, journal, heard: heard_end };
+    let handle = Handle {
+        orders,
+        muted,
+        state,
+        journal: journal.clone(),
+        heard,
+    };
+    let ends = Ends {
+        orders: orders_end,
+        muted: muted_end,
+        state: state_end,
+        journal,
+        heard: heard_end,
+    };
     (handle, ends)
 }
 
@@ -71,7 +82,10 @@ impl Handle {
     /// Waits until the state is as wanted. Waits for ever if the server ends first: set a limit.
     pub async fn wait_state(&self, wanted: impl Fn(&State) -> bool) -> State {
         let mut state = self.state.clone();
-        let found = state.wait_for(|state| wanted(state)).await.map(|state| state.clone());
+        let found = state
+            .wait_for(|state| wanted(state))
+            .await
+            .map(|state| state.clone());
         match found {
             Ok(state) => state,
             Err(_) => std::future::pending().await,
@@ -99,8 +113,10 @@ impl Handle {
         let mut heard = self.heard.clone();
         loop {
             heard.mark_unchanged();
-            let found =
-                lock(&self.journal).since(from).find(|h| wanted(&h.command)).map(|h| h.index);
+            let found = lock(&self.journal)
+                .since(from)
+                .find(|h| wanted(&h.command))
+                .map(|h| h.index);
             if let Some(index) = found {
                 return index;
             }

@@ -39,10 +39,18 @@ impl Journal {
     /// Writes a command down; its index is given here.
     pub(super) fn write(&mut self, at: Duration, write: u64, client: u64, command: Command) {
         self.bytes += weight(&command);
-        self.entries.push_back(Heard { index: self.next, at, write, client, command });
+        self.entries.push_back(Heard {
+            index: self.next,
+            at,
+            write,
+            client,
+            command,
+        });
         self.next += 1;
         while self.entries.len() > MAX_ENTRIES || self.bytes > MAX_BYTES {
-            let Some(oldest) = self.entries.pop_front() else { break };
+            let Some(oldest) = self.entries.pop_front() else {
+                break;
+            };
             self.bytes -= weight(&oldest.command);
         }
     }

@@ -25,7 +25,9 @@ pub(super) fn find(text: &str, path: &[Step]) -> (usize, usize) {
 
 /// Line and column, from 1, of an error; of the document's start if it has none.
 pub(super) fn place_of(error: &serde_yaml::Error) -> (usize, usize) {
-    error.location().map_or((1, 1), |place| (place.line(), place.column()))
+    error
+        .location()
+        .map_or((1, 1), |place| (place.line(), place.column()))
 }
 
 /// What is wrong, without the place, and with the name that was probably meant.
@@ -45,7 +47,9 @@ pub(super) fn explain(error: &serde_yaml::Error) -> String {
 fn meant(text: &str) -> Option<&str> {
     let mut quoted = text.split('`').skip(1).step_by(2);
     let found = quoted.next().filter(|_| text.contains("unknown "))?;
-    let near = quoted.map(|name| (strsim::damerau_levenshtein(found, name), name)).min()?;
+    let near = quoted
+        .map(|name| (strsim::damerau_levenshtein(found, name), name))
+        .min()?;
     (near.0 <= 2).then_some(near.1)
 }
 
@@ -100,8 +104,14 @@ mod tests {
     #[test]
     fn a_path_leads_to_line_and_column() {
         assert_eq!(find(TEXT, &[Step::Key("a")]), (1, 4));
-        assert_eq!(find(TEXT, &[Step::Key("list"), Step::Index(0), Step::Key("x")]), (3, 10));
-        assert_eq!(find(TEXT, &[Step::Key("list"), Step::Index(1), Step::Key("y")]), (5, 8));
+        assert_eq!(
+            find(TEXT, &[Step::Key("list"), Step::Index(0), Step::Key("x")]),
+            (3, 10)
+        );
+        assert_eq!(
+            find(TEXT, &[Step::Key("list"), Step::Index(1), Step::Key("y")]),
+            (5, 8)
+        );
     }
 
     #[test]

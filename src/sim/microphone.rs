@@ -32,7 +32,12 @@ impl Microphone {
     /// With noise of a seed.
     pub(super) fn new(seed: u64) -> Microphone {
         let random = StdRng::seed_from_u64(seed);
-        Microphone { random, chunk: BytesMut::new(), owed: 0.0, phase: 0.0 }
+        Microphone {
+            random,
+            chunk: BytesMut::new(),
+            owed: 0.0,
+            phase: 0.0,
+        }
     }
 
     /// Listens for `dt`; `effort` says how hard the motors work, 0..=1. A chunk whenever one is
@@ -61,7 +66,11 @@ impl Microphone {
     fn sample(&mut self, effort: f64, speaker: &mut Speaker) -> i16 {
         let seconds = 1.0 / f64::from(RATE);
         let noise = self.random.random_range(-ROOM_NOISE..ROOM_NOISE);
-        let hum = if effort > 0.0 { self.hum(effort, seconds) } else { 0.0 };
+        let hum = if effort > 0.0 {
+            self.hum(effort, seconds)
+        } else {
+            0.0
+        };
         let own = speaker.sample(seconds) * SPEAKER_LOUDNESS;
         (noise + hum + own) as i16
     }
@@ -85,8 +94,12 @@ mod tests {
         let mut microphone = Microphone::new(7);
         let mut speaker = Speaker::new(Duration::ZERO);
         sound.into_iter().for_each(|sound| speaker.play(sound));
-        let chunk = (0..10).find_map(|_| microphone.listen(TICK, effort, &mut speaker)).unwrap();
-        let samples = chunk.chunks_exact(2).map(|two| i16::from_le_bytes([two[0], two[1]]));
+        let chunk = (0..10)
+            .find_map(|_| microphone.listen(TICK, effort, &mut speaker))
+            .unwrap();
+        let samples = chunk
+            .chunks_exact(2)
+            .map(|two| i16::from_le_bytes([two[0], two[1]]));
         samples.map(|s| f64::from(s).powi(2)).sum::<f64>().sqrt()
     }
 
@@ -113,7 +126,9 @@ mod tests {
         let listen = |seed| {
             let mut speaker = Speaker::new(Duration::ZERO);
             let mut microphone = Microphone::new(seed);
-            (0..10).find_map(|_| microphone.listen(TICK, 0.5, &mut speaker)).unwrap()
+            (0..10)
+                .find_map(|_| microphone.listen(TICK, 0.5, &mut speaker))
+                .unwrap()
         };
         assert_eq!(listen(3), listen(3));
         assert_ne!(listen(3), listen(4));

@@ -17,7 +17,11 @@ impl Visitor<'_> for Range {
     type Value = f64;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "a number from {} to {} ({})", self.min, self.max, self.unit)
+        write!(
+            f,
+            "a number from {} to {} ({})",
+            self.min, self.max, self.unit
+        )
     }
 
     fn visit_f64<E: Error>(self, value: f64) -> Result<f64, E> {

@@ -25,14 +25,26 @@ impl Obstacles {
         Obstacles {
             high,
             station: world.station.sides(),
-            posts: world.posts.iter().map(|post| (post.at.point(), post.radius)).collect(),
-            balls: world.balls.iter().map(|ball| (ball.at.point(), ball.radius)).collect(),
+            posts: world
+                .posts
+                .iter()
+                .map(|post| (post.at.point(), post.radius))
+                .collect(),
+            balls: world
+                .balls
+                .iter()
+                .map(|ball| (ball.at.point(), ball.radius))
+                .collect(),
         }
     }
 
     /// Metres from a point to the nearest obstacle; below 0 inside a round one.
     pub(super) fn clearance(&self, point: Point) -> f64 {
-        let lines = self.high.iter().chain(&self.station).map(|line| line.distance(point));
+        let lines = self
+            .high
+            .iter()
+            .chain(&self.station)
+            .map(|line| line.distance(point));
         let round = self.posts.iter().chain(&self.balls);
         let circles = round.map(|(middle, radius)| middle.distance(point) - radius);
         lines.chain(circles).fold(f64::MAX, f64::min)
@@ -42,7 +54,10 @@ impl Obstacles {
     pub(super) fn sight(&self, a: Point, b: Point) -> bool {
         let way = Segment { from: a, to: b };
         !self.high.iter().any(|line| line.crosses(a, b))
-            && !self.posts.iter().any(|(middle, radius)| way.distance(*middle) < *radius)
+            && !self
+                .posts
+                .iter()
+                .any(|(middle, radius)| way.distance(*middle) < *radius)
     }
 
     /// Whether a body of `radius` gets from `a` to `b` in a straight line. A body that already

@@ -57,7 +57,10 @@ impl Outbox {
             opening: Opening::Waiting,
             closing: false,
         };
-        Outbox { waiting: Mutex::new(waiting), news: Notify::new() }
+        Outbox {
+            waiting: Mutex::new(waiting),
+            news: Notify::new(),
+        }
     }
 
     /// Adds a report. A frame replaces the frame that still waits.
@@ -71,7 +74,11 @@ impl Outbox {
             _ => waiting.put_message(Opening::Waiting, report.to_bytes()),
         }
         self.news.notify_one();
-        if waiting.length > MAX_WAITING { Err(Overflow) } else { Ok(()) }
+        if waiting.length > MAX_WAITING {
+            Err(Overflow)
+        } else {
+            Ok(())
+        }
     }
 
     /// Ends the connection when everything is written.
@@ -139,8 +146,13 @@ impl Waiting {
             batch.extend_from_slice(&bytes);
         }
         self.length = 0;
-        self.audio.drain(..).for_each(|bytes| batch.extend_from_slice(&bytes));
-        self.frame.take().into_iter().for_each(|bytes| batch.extend_from_slice(&bytes));
+        self.audio
+            .drain(..)
+            .for_each(|bytes| batch.extend_from_slice(&bytes));
+        self.frame
+            .take()
+            .into_iter()
+            .for_each(|bytes| batch.extend_from_slice(&bytes));
         (batch.freeze(), self.closing)
     }
 }
@@ -155,7 +167,10 @@ mod tests {
     }
 
     fn power() -> Report {
-        Report::Power(Power { percent: 50, charging: false })
+        Report::Power(Power {
+            percent: 50,
+            charging: false,
+        })
     }
 
     #[tokio::test]
@@ -203,7 +218,9 @@ mod tests {
         let outbox = Outbox::new();
         for _ in 0..10_000 {
             outbox.push(&frame(0)).unwrap();
-            outbox.push(&Report::Audio(Bytes::from(vec![0; 1600]))).unwrap();
+            outbox
+                .push(&Report::Audio(Bytes::from(vec![0; 1600])))
+                .unwrap();
         }
         let log = Report::Log(Bytes::from(vec![b'x'; 60_000]));
         assert!((0..10).any(|_| outbox.push(&log) == Err(Overflow)));

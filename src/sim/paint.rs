@@ -28,7 +28,9 @@ impl Paint {
     /// The colour of a name or of `#rrggbb`.
     pub fn parse(text: &str) -> Option<Paint> {
         let named = NAMED.iter().find(|(name, _)| *name == text);
-        named.map(|(_, rgb)| Paint(*rgb)).or_else(|| Paint::parse_hex(text))
+        named
+            .map(|(_, rgb)| Paint(*rgb))
+            .or_else(|| Paint::parse_hex(text))
     }
 
     fn parse_hex(text: &str) -> Option<Paint> {
@@ -49,7 +51,9 @@ impl Visitor<'_> for PaintVisitor {
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("a colour: ")?;
-        NAMED.iter().try_for_each(|(name, _)| write!(f, "{name}, "))?;
+        NAMED
+            .iter()
+            .try_for_each(|(name, _)| write!(f, "{name}, "))?;
         f.write_str("or \"#rrggbb\" in quotes")
     }
 

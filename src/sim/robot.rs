@@ -143,7 +143,8 @@ impl Robot {
             Command::PowerQuery => self.say_power(),
             Command::ConfigQuery => self.say_config(),
             Command::NetworksQuery => {
-                self.reports.push(Report::Networks(Bytes::from_static(NETWORKS)));
+                self.reports
+                    .push(Report::Networks(Bytes::from_static(NETWORKS)));
             }
             Command::LogQuery => self.say_log(),
             Command::Audio(_) | Command::None | Command::Login(_) => {}
@@ -247,7 +248,11 @@ impl Robot {
 
     fn drive(&mut self, dt: Duration) {
         self.since_move += dt;
-        if self.firmware.stops_without_repeat.is_some_and(|limit| self.since_move > limit) {
+        if self
+            .firmware
+            .stops_without_repeat
+            .is_some_and(|limit| self.since_move > limit)
+        {
             self.commanded = Tracks::default();
         }
         let senses = Senses {
@@ -265,14 +270,19 @@ impl Robot {
                 Tracks::default()
             }
         };
-        self.body.want(if self.battery.empty() { Tracks::default() } else { wanted });
+        self.body.want(if self.battery.empty() {
+            Tracks::default()
+        } else {
+            wanted
+        });
         self.body.step(dt, &self.obstacles);
     }
 
     /// Notices what the contacts of the station do.
     fn touch(&mut self) {
         self.contact = self.world.station.touched(self.body.pose, self.contact);
-        self.battery.set_charging(self.contact && self.charger_works);
+        self.battery
+            .set_charging(self.contact && self.charger_works);
         if self.contact && self.docking.searching() {
             self.docking.stop();
             self.body.want(Tracks::default());
@@ -280,7 +290,11 @@ impl Robot {
         let docked = self.contact || (self.docked && self.docking.leaving());
         if docked != self.docked {
             self.docked = docked;
-            self.say_engine(if docked { EngineNews::Docked } else { EngineNews::Undocked });
+            self.say_engine(if docked {
+                EngineNews::Docked
+            } else {
+                EngineNews::Undocked
+            });
         }
     }
 
@@ -288,7 +302,9 @@ impl Robot {
         if !self.streams.audio_in {
             return;
         }
-        let chunk = self.microphone.listen(dt, self.body.effort(), &mut self.speaker);
+        let chunk = self
+            .microphone
+            .listen(dt, self.body.effort(), &mut self.speaker);
         self.reports.extend(chunk.map(Report::Audio));
     }
 
@@ -328,13 +344,18 @@ impl Robot {
     /// In two messages: clients must put them together.
     fn say_config(&mut self) {
         let first = format!("name=Spykee&version={}&", self.firmware.version);
-        let second = format!("volume={}&motor-speed=90&wifi-mode=adhoc", self.speaker.volume());
-        self.reports.extend([first, second].map(|text| Report::Config(Bytes::from(text))));
+        let second = format!(
+            "volume={}&motor-speed=90&wifi-mode=adhoc",
+            self.speaker.volume()
+        );
+        self.reports
+            .extend([first, second].map(|text| Report::Config(Bytes::from(text))));
     }
 
     fn say_log(&mut self) {
         let lines: Vec<&str> = self.log.iter().map(String::as_str).collect();
-        self.reports.push(Report::Log(Bytes::from(lines.join("\n"))));
+        self.reports
+            .push(Report::Log(Bytes::from(lines.join("\n"))));
     }
 
     fn note(&mut self, line: String) {
@@ -342,7 +363,8 @@ impl Robot {
         if self.log.len() == LOG_LINES {
             self.log.pop_front();
         }
-        self.log.push_back(format!("[{:.1}] {line}", self.time.as_secs_f64()));
+        self.log
+            .push_back(format!("[{:.1}] {line}", self.time.as_secs_f64()));
     }
 }
 
@@ -350,7 +372,12 @@ impl Robot {
 fn describe(command: &Command) -> String {
     match command {
         Command::File(chunk) => {
-            format!("file {} flags {} ({} bytes)", chunk.id(), chunk.flags(), chunk.content().len())
+            format!(
+                "file {} flags {} ({} bytes)",
+                chunk.id(),
+                chunk.flags(),
+                chunk.content().len()
+            )
         }
         Command::ConfigSet(text) => format!("config ({} bytes)", text.len()),
         Command::MotorSpeed(payload) => format!("motor speed ({} bytes)", payload.len()),

@@ -107,7 +107,11 @@ impl Server {
 
     /// A simulator without sockets, for clients that come by [`Handle::connect`].
     pub fn detached(world: World, options: Options) -> Server {
-        let sockets = Sockets { tcp: None, udp: None, address: options.listen };
+        let sockets = Sockets {
+            tcp: None,
+            udp: None,
+            address: options.listen,
+        };
         Server::with(sockets, world, options)
     }
 
@@ -132,7 +136,13 @@ impl Server {
             started: now,
             stepped: now,
         };
-        Server { sockets, site, events: events_end, orders, handle }
+        Server {
+            sockets,
+            site,
+            events: events_end,
+            orders,
+            handle,
+        }
     }
 
     /// Where clients connect.
@@ -150,7 +160,13 @@ impl Server {
     /// # Errors
     /// None at present: what goes wrong with one client ends that client.
     pub async fn run(self) -> io::Result<()> {
-        let Server { sockets, mut site, mut events, mut orders, handle: _handle } = self;
+        let Server {
+            sockets,
+            mut site,
+            mut events,
+            mut orders,
+            handle: _handle,
+        } = self;
         let mut ticks = interval(STEP);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         (site.started, site.stepped) = (Instant::now(), Instant::now());
@@ -180,10 +196,20 @@ impl Sockets {
             let tcp = TcpListener::bind(listen).await?;
             let address = tcp.local_addr()?;
             if !discovery {
-                return Ok(Sockets { tcp: Some(tcp), udp: None, address });
+                return Ok(Sockets {
+                    tcp: Some(tcp),
+                    udp: None,
+                    address,
+                });
             }
             match UdpSocket::bind(address).await {
-                Ok(udp) => return Ok(Sockets { tcp: Some(tcp), udp: Some(udp), address }),
+                Ok(udp) => {
+                    return Ok(Sockets {
+                        tcp: Some(tcp),
+                        udp: Some(udp),
+                        address,
+                    });
+                }
                 Err(error) => last = Some(error),
             }
         }
@@ -191,7 +217,9 @@ impl Sockets {
     }
 
     async fn accept(&self) -> tokio::net::TcpStream {
-        let Some(tcp) = &self.tcp else { return std::future::pending().await };
+        let Some(tcp) = &self.tcp else {
+            return std::future::pending().await;
+        };
         loop {
             match tcp.accept().await {
                 Ok((stream, _)) => {
@@ -208,16 +236,25 @@ impl Sockets {
     }
 
     async fn receive(&self, datagram: &mut [u8]) -> Option<(usize, SocketAddr)> {
-        let Some(udp) = &self.udp else { return std::future::pending().await };
+        let Some(udp) = &self.udp else {
+            return std::future::pending().await;
+        };
         udp.recv_from(datagram).await.ok()
     }
 
     async fn answer(&self, site: &Site, datagram: &[u8], from: SocketAddr) {
-        let Some(udp) = self.udp.as_ref().filter(|_| discovery::is_request(datagram)) else {
+        let Some(udp) = self
+            .udp
+            .as_ref()
+            .filter(|_| discovery::is_request(datagram))
+        else {
             return;
         };
         let connected_user = site.clients.user().map(str::to_owned);
-        let reply = discovery::Reply { uid: site.uid.clone(), connected_user };
+        let reply = discovery::Reply {
+            uid: site.uid.clone(),
+            connected_user,
+        };
         if let Err(error) = udp.send_to(&reply.emit(), from).await {
             tracing::debug!(target: "spykee::sim", %error, "cannot answer a discovery");
         }
@@ -238,7 +275,10 @@ impl Site {
         if now.duration_since(self.stepped) >= STEP {
             self.stepped = now;
         }
-        self.clients.overdue(now).into_iter().for_each(|id| self.cut(id));
+        self.clients
+            .overdue(now)
+            .into_iter()
+            .for_each(|id| self.cut(id));
         self.publish();
     }
 
@@ -259,7 +299,12 @@ impl Site {
     fn take(&mut self, event: Event) {
         match event {
             Event::Gone { client } => self.cut(client),
-            Event::Heard { client, write, opened, commands } => {
+            Event::Heard {
+                client,
+                write,
+                opened,
+                commands,
+            } => {
                 for command in commands {
                     self.hear(client, write, opened, command);
                 }
@@ -337,7 +382,10 @@ impl Site {
     fn tell(&mut self, report: &Report) {
         if !self.clients.tell(report) {
             tracing::info!(target: "spykee::sim", "the client asks and never reads: cut off");
-            self.clients.user_id().into_iter().for_each(|id| self.cut(id));
+            self.clients
+                .user_id()
+                .into_iter()
+                .for_each(|id| self.cut(id));
         }
     }
 
@@ -347,6 +395,8 @@ impl Site {
         state.dropped = self.clients.dropped();
         self.ends.state.send_replace(state);
         let count = handle::lock(&self.ends.journal).count();
-        self.ends.heard.send_if_modified(|heard| std::mem::replace(heard, count) != count);
+        self.ends
+            .heard
+            .send_if_modified(|heard| std::mem::replace(heard, count) != count);
     }
 }

@@ -32,7 +32,12 @@ fn voice(sound: Sound) -> Option<Voice> {
         Sound::Music => (0, 392.0, 130.0, 24),
         Sound::Unknown(_) => return None,
     };
-    Some(Voice { millis, hertz, sweep, bips })
+    Some(Voice {
+        millis,
+        hertz,
+        sweep,
+        bips,
+    })
 }
 
 #[derive(Debug, Clone)]
@@ -54,7 +59,12 @@ pub(super) struct Speaker {
 impl Speaker {
     /// Silent; the uploaded music lasts `music`.
     pub(super) fn new(music: Duration) -> Speaker {
-        Speaker { volume: 80, music, playing: None, phase: 0.0 }
+        Speaker {
+            volume: 80,
+            music,
+            playing: None,
+            phase: 0.0,
+        }
     }
 
     /// 0..=100 percent.
@@ -79,7 +89,11 @@ impl Speaker {
             _ => Duration::from_millis(voice.millis),
         };
         let played = Duration::ZERO;
-        self.playing = voice(sound).map(|voice| Playing { sound, played, length: length(voice) });
+        self.playing = voice(sound).map(|voice| Playing {
+            sound,
+            played,
+            length: length(voice),
+        });
     }
 
     /// Silence.
@@ -99,14 +113,22 @@ impl Speaker {
 
     /// The next sample as the microphone hears it, -1..=1, `seconds` after the one before.
     pub(super) fn sample(&mut self, seconds: f64) -> f64 {
-        let Some(playing) = &self.playing else { return 0.0 };
-        let Some(voice) = voice(playing.sound) else { return 0.0 };
+        let Some(playing) = &self.playing else {
+            return 0.0;
+        };
+        let Some(voice) = voice(playing.sound) else {
+            return 0.0;
+        };
         let share = playing.played.as_secs_f64() / playing.length.as_secs_f64().max(1e-3);
         let bip = (share * f64::from(voice.bips)).fract();
         let hertz = voice.hertz + voice.sweep * if voice.bips > 1 { bip } else { share };
         self.phase = (self.phase + TAU * hertz * seconds) % TAU;
         let pause = voice.bips > 1 && bip > 0.6;
-        let loudness = if pause { 0.0 } else { f64::from(self.volume) / 100.0 };
+        let loudness = if pause {
+            0.0
+        } else {
+            f64::from(self.volume) / 100.0
+        };
         loudness * (0.8 * self.phase.sin() + 0.2 * (3.0 * self.phase).sin())
     }
 }

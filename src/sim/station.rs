@@ -31,9 +31,17 @@ struct Contact {
     turned: f64,
 }
 
-const MAKES: Contact = Contact { ahead: 0.015, aside: 0.04, turned: 0.2 };
+const MAKES: Contact = Contact {
+    ahead: 0.015,
+    aside: 0.04,
+    turned: 0.2,
+};
 /// Springs hold a contact a little longer than they let it begin.
-const BREAKS: Contact = Contact { ahead: 0.05, aside: 0.07, turned: 0.35 };
+const BREAKS: Contact = Contact {
+    ahead: 0.05,
+    aside: 0.07,
+    turned: 0.35,
+};
 
 /// The charging station.
 #[derive(Debug, Clone, Copy, Deserialize)]

@@ -236,7 +236,11 @@ pub struct CameraSettings {
 
 impl Default for CameraSettings {
     fn default() -> CameraSettings {
-        CameraSettings { fps: 15.0, hfov_degrees: 60.0, noise: 0.25 }
+        CameraSettings {
+            fps: 15.0,
+            hfov_degrees: 60.0,
+            noise: 0.25,
+        }
     }
 }
 
@@ -271,14 +275,24 @@ impl Wall {
     pub(super) fn sides(&self) -> [Segment; 4] {
         let (from, to) = (self.from.point(), self.to.point());
         let length = from.distance(to) + self.thickness;
-        rectangle(from.towards(to, 0.5), length, self.thickness, from.direction_of(to))
+        rectangle(
+            from.towards(to, 0.5),
+            length,
+            self.thickness,
+            from.direction_of(to),
+        )
     }
 }
 
 impl Furniture {
     /// Its four sides, as they stand on the floor.
     pub(super) fn sides(&self) -> [Segment; 4] {
-        rectangle(self.at.point(), self.length, self.width, self.heading_degrees.to_radians())
+        rectangle(
+            self.at.point(),
+            self.length,
+            self.width,
+            self.heading_degrees.to_radians(),
+        )
     }
 }
 
@@ -359,12 +373,15 @@ impl World {
 
     /// Where the robot stands first.
     pub fn start_pose(&self) -> Pose {
-        self.start.map_or_else(|| self.station.dock_pose(), |start| start.pose())
+        self.start
+            .map_or_else(|| self.station.dock_pose(), |start| start.pose())
     }
 
     /// The first thing that no single value shows: where it is in the document, and what is wrong.
     fn first_fault(&self) -> Option<(Vec<Step>, String)> {
-        self.first_crowd().or_else(|| self.first_outsider()).or_else(|| self.blocked_start())
+        self.first_crowd()
+            .or_else(|| self.first_outsider())
+            .or_else(|| self.blocked_start())
     }
 
     fn first_crowd(&self) -> Option<(Vec<Step>, String)> {
@@ -381,7 +398,10 @@ impl World {
     }
 
     fn first_outsider(&self) -> Option<(Vec<Step>, String)> {
-        let (path, point) = self.spots().into_iter().find(|(_, p)| !self.room.holds(*p))?;
+        let (path, point) = self
+            .spots()
+            .into_iter()
+            .find(|(_, p)| !self.room.holds(*p))?;
         let message = format!(
             "[{}, {}] is outside the room, which goes from [0, 0] to [{}, {}]: move it inside",
             point.x, point.y, self.room.width, self.room.depth
@@ -391,20 +411,40 @@ impl World {
 
     /// Every place that must be in the room, and where the document names it.
     fn spots(&self) -> Vec<(Vec<Step>, Point)> {
-        let mut spots =
-            vec![(vec![Step::Key("station"), Step::Key("at")], self.station.at.point())];
-        spots.extend(self.start.map(|s| (vec![Step::Key("start"), Step::Key("at")], s.at.point())));
+        let mut spots = vec![(
+            vec![Step::Key("station"), Step::Key("at")],
+            self.station.at.point(),
+        )];
+        spots.extend(
+            self.start
+                .map(|s| (vec![Step::Key("start"), Step::Key("at")], s.at.point())),
+        );
         let mut add = |kind, index, key, spot: Spot| {
-            spots.push((vec![Step::Key(kind), Step::Index(index), Step::Key(key)], spot.point()));
+            spots.push((
+                vec![Step::Key(kind), Step::Index(index), Step::Key(key)],
+                spot.point(),
+            ));
         };
         for (index, wall) in self.walls.iter().enumerate() {
             add("walls", index, "from", wall.from);
             add("walls", index, "to", wall.to);
         }
-        self.furniture.iter().enumerate().for_each(|(i, item)| add("furniture", i, "at", item.at));
-        self.rugs.iter().enumerate().for_each(|(i, rug)| add("rugs", i, "at", rug.at));
-        self.balls.iter().enumerate().for_each(|(i, ball)| add("balls", i, "at", ball.at));
-        self.posts.iter().enumerate().for_each(|(i, post)| add("posts", i, "at", post.at));
+        self.furniture
+            .iter()
+            .enumerate()
+            .for_each(|(i, item)| add("furniture", i, "at", item.at));
+        self.rugs
+            .iter()
+            .enumerate()
+            .for_each(|(i, rug)| add("rugs", i, "at", rug.at));
+        self.balls
+            .iter()
+            .enumerate()
+            .for_each(|(i, ball)| add("balls", i, "at", ball.at));
+        self.posts
+            .iter()
+            .enumerate()
+            .for_each(|(i, post)| add("posts", i, "at", post.at));
         spots
     }
 
