@@ -11,6 +11,7 @@ use super::ground::Ground;
 use super::obstacles::Obstacles;
 use super::scene::{Hit, Panel, Round, Scene, What};
 use super::surface::{Place, Rgb, scaled};
+use super::view::{Column, EYE, HORIZON, Row, View};
 use super::world::World;
 
 /// Width of a frame, pixels (`PROTOCOL.md`, VIDEO).
@@ -18,11 +19,6 @@ pub const WIDTH: usize = 320;
 /// Height of a frame, pixels (`PROTOCOL.md`, VIDEO).
 pub const HEIGHT: usize = 240;
 
-/// The lens above the floor, metres.
-const EYE: f32 = 0.20;
-/// The lens before the middle of the robot, metres.
-const AHEAD: f64 = 0.10;
-const HORIZON: f32 = HEIGHT as f32 / 2.0;
 const QUALITY: u8 = 75;
 const CEILING: Rgb = [224.0, 223.0, 218.0];
 
@@ -44,35 +40,6 @@ pub(super) struct Camera {
 struct Lamp {
     at: Point,
     height: f32,
-}
-
-/// Where the camera is for one frame.
-#[derive(Clone, Copy)]
-struct View {
-    eye: Point,
-    sin: f64,
-    cos: f64,
-    focal: f32,
-    light: f32,
-    flash: bool,
-}
-
-/// What one row shows of the floor.
-#[derive(Clone, Copy)]
-struct Row {
-    depth: f32,
-    /// Fine lines fade with the distance: 1 near and 0 far.
-    detail: f32,
-    lamps: f32,
-    flash: f32,
-}
-
-/// One column of the picture.
-#[derive(Clone, Copy)]
-struct Column {
-    index: usize,
-    /// To the right of the middle for each length ahead.
-    slope: f32,
 }
 
 impl Camera {
@@ -112,9 +79,7 @@ impl Camera {
     }
 
     fn render(&mut self, pose: Pose, flash: bool) {
-        let (sin, cos) = pose.heading.sin_cos();
-        let eye = pose.point().ahead(pose.heading, AHEAD);
-        let view = View { eye, sin, cos, focal: self.focal, light: self.light, flash };
+        let view = View::of(pose, self.focal, self.light, flash);
         let mut hits = std::mem::take(&mut self.hits);
         for index in 0..WIDTH {
             let column = view.column(index);
@@ -209,7 +174,8 @@ impl Camera {
             };
             let facing = dot(normal, lamp);
             let shine = facing.max(0.0).powi(24) * 90.0;
-            let body = scaled(paint, gain * (0.50 + 0.28 * (facing + 1.0) * 0.5 + 0.34 * facing.max(0.0)));
+            let body =
+                scaled(paint, gain * (0.50 + 0.28 * (facing + 1.0) * 0.5 + 0.34 * facing.max(0.0)));
             self.put(column.index, row, body.map(|channel| channel + shine * view.light));
         }
     }
@@ -226,65 +192,6 @@ impl Camera {
         // A float becomes a byte by cutting off what does not fit.
         self.pixels[at..at + 3].copy_from_slice(&colour.map(|channel| channel as u8));
     }
-}
-
-impl View {
-    fn column(&self, index: usize) -> Column {
-        Column { index, slope: (index as f32 + 0.5 - WIDTH as f32 / 2.0) / self.focal }
-    }
-
-    /// The direction of a column's ray; one length of it is one metre ahead.
-    fn direction(&self, column: Column) -> (f64, f64) {
-        let slope = f64::from(column.slope);
-        (self.cos + slope * self.sin, self.sin - slope * self.cos)
-    }
-
-    /// A point's metres ahead and to the right.
-    fn relative(&self, point: Point) -> (f32, f32) {
-        let (dx, dy) = (point.x - self.eye.x, point.y - self.eye.y);
-        ((dx * self.cos + dy * self.sin) as f32, (dx * self.sin - dy * self.cos) as f32)
-    }
-
-    /// The row in which a height above the floor appears at a depth, within the picture.
-    fn row(&self, height: f32, depth: f32) -> usize {
-        let row = HORIZON + (EYE - height) * self.focal / depth;
-        (row + 0.5).clamp(0.0, HEIGHT as f32) as usize
-    }
-
-    /// The height above the floor that a row shows at a depth.
-    fn height(&self, row: usize, depth: f32) -> f32 {
-        EYE - (row as f32 + 0.5 - HORIZON) * depth / self.focal
-    }
-
-    /// How bright things at a depth are: the room's lamps and the headlight's beam.
-    fn gain(&self, column: Column, depth: f32) -> f32 {
-        lamps(self.light, depth) + flash(depth) * self.beam(column)
-    }
-
-    /// How much of the headlight falls on a column.
-    fn beam(&self, column: Column) -> f32 {
-        let beam = (1.0 - 2.0 * column.slope * column.slope).max(0.0);
-        if self.flash { beam } else { 0.0 }
-    }
-}
-
-impl Row {
-    /// The row that many rows below the horizon.
-    fn below_horizon(row: usize, focal: f32, light: f32) -> Row {
-        let depth = EYE * focal / (row as f32 + 0.5);
-        let detail = (1.2 / depth).min(1.0);
-        Row { depth, detail, lamps: lamps(light, depth), flash: flash(depth) }
-    }
-}
-
-/// The light of the room's lamps that comes from a depth.
-fn lamps(light: f32, depth: f32) -> f32 {
-    light / (1.0 + 0.012 * depth * depth)
-}
-
-/// The headlight's light that comes back from a depth, in the middle of its beam.
-fn flash(depth: f32) -> f32 {
-    0.45 / (0.6 + 0.5 * depth * depth)
 }
 
 /// Which way a ball's surface looks where a ray from the origin meets it.
@@ -351,7 +258,9 @@ mod tests {
 
     #[test]
     fn posts_are_upright_and_what_is_behind_is_hidden() {
-        let world = pen("balls: [{at: [3, 2], colour: red}]\nposts: [{at: [2.6, 2], radius: 0.15, colour: blue}]");
+        let world = pen(
+            "balls: [{at: [3, 2], colour: red}]\nposts: [{at: [2.6, 2], radius: 0.15, colour: blue}]",
+        );
         let image = shot(&world, Pose::new(1.9, 2.0, 0.0), false);
         let (blue, x, y) = find(&image, |[r, g, b]| b > 110 && r < 80 && g < 120);
         assert!(blue > 8000 && (x - 159.5).abs() < 4.0 && y < 160.0, "{blue} at {x}, {y}");

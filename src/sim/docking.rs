@@ -243,8 +243,8 @@ mod tests {
         let world = World::default_world();
         let obstacles = Obstacles::of(&world);
         let (mut tried, mut slowest) = (0, 0.0);
-        for i in 0..200 {
-            let at = Point::new(0.3 + f64::from(i % 20) * 0.22, 0.3 + f64::from(i / 20) * 0.48);
+        for i in 0..80 {
+            let at = Point::new(0.3 + f64::from(i % 10) * 0.44, 0.3 + f64::from(i / 10) * 0.6);
             let lit = world.station.beacon_reaches(at, &obstacles);
             if !lit || obstacles.clearance(at) < RADIUS {
                 continue;
@@ -253,7 +253,7 @@ mod tests {
             assert!(found, "not from {at:?}: gave up after {seconds} s");
             (tried, slowest) = (tried + 1, f64::max(slowest, seconds));
         }
-        assert!(tried > 100 && slowest < 60.0, "{tried} tries, slowest {slowest} s");
+        assert!(tried > 40 && slowest < 60.0, "{tried} tries, slowest {slowest} s");
     }
 
     #[test]

@@ -4,7 +4,8 @@
 use super::geometry::Point;
 use super::obstacles::Obstacles;
 use super::surface::{Rgb, rgb, scaled, scatter};
-use super::world::{Floor, Rug, World};
+use super::things::{Floor, Rug};
+use super::world::World;
 
 /// Side of a cell of the shadow map, metres.
 const CELL: f32 = 0.05;

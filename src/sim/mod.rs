@@ -27,12 +27,16 @@ mod paint;
 mod robot;
 mod scene;
 mod server;
+mod site;
 mod speaker;
 mod state;
 mod station;
 mod surface;
+mod things;
+mod view;
 mod world;
 
+pub use battery::BatterySettings;
 pub use body::{FULL_POWER, FULL_SPEED, RADIUS, TRACK_WIDTH, Tracks};
 pub use camera::{HEIGHT, WIDTH};
 pub use connection::Transport;
@@ -45,7 +49,6 @@ pub use robot::Robot;
 pub use server::{Options, Server};
 pub use state::{Leds, State, Streams};
 pub use station::Station;
-pub use world::{
-    Ball, BatterySettings, CameraSettings, Floor, Furniture, Place, Post, Room, Rug, Spot, Wall,
-    World, WorldError,
-};
+pub use things::{Ball, Floor, Furniture, Place, Post, Room, Rug, Spot, Wall};
+pub use view::CameraSettings;
+pub use world::{World, WorldError};

@@ -130,12 +130,7 @@ impl Panel {
 
 impl Round {
     fn of(middle: Point, radius: f64, top: Option<f64>, colour: Paint) -> Round {
-        Round {
-            middle,
-            radius: radius as f32,
-            top: top.map(|top| top as f32),
-            paint: rgb(colour),
-        }
+        Round { middle, radius: radius as f32, top: top.map(|top| top as f32), paint: rgb(colour) }
     }
 
     /// Where a ray enters the circle that this thing is from above.

@@ -9,7 +9,7 @@ use super::body::RADIUS;
 use super::geometry::{Point, Pose, Segment, rectangle, wrap};
 use super::number;
 use super::obstacles::Obstacles;
-use super::world::Spot;
+use super::things::Spot;
 
 /// How far the station's body stands out from its back, metres.
 const DEPTH: f64 = 0.10;

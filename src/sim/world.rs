@@ -6,11 +6,13 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::geometry::{Point, Pose, Segment, rectangle};
+use super::battery::BatterySettings;
+use super::geometry::{Point, Pose};
 use super::locate::{self, Step};
 use super::number;
-use super::paint::Paint;
 use super::station::Station;
+use super::things::{Ball, Furniture, Place, Post, Room, Rug, Spot, Wall};
+use super::view::CameraSettings;
 
 const DEFAULT_WORLD: &str = include_str!("../../behaviours/worlds/living_room.yaml");
 /// A longer file is no world: nothing needs that many things.
@@ -56,230 +58,6 @@ pub struct World {
     /// How the robot sees.
     #[serde(default)]
     pub camera: CameraSettings,
-}
-
-/// The outer walls, from (0, 0) to (`width`, `depth`), and the floor between them.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Room {
-    /// Metres along x.
-    #[serde(deserialize_with = "number::room_side")]
-    pub width: f64,
-    /// Metres along y.
-    #[serde(deserialize_with = "number::room_side")]
-    pub depth: f64,
-    /// Height of all walls, metres.
-    #[serde(default = "room_height", deserialize_with = "number::height")]
-    pub height: f64,
-    /// What lies on the ground.
-    #[serde(default)]
-    pub floor: Floor,
-    /// Colour of the walls.
-    #[serde(default = "wall_paint")]
-    pub walls: Paint,
-}
-
-/// What the ground is made of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Floor {
-    /// Planks.
-    #[default]
-    Wood,
-    /// Light and dark squares.
-    Tiles,
-    /// One colour with a fine grain.
-    Concrete,
-}
-
-/// An inner wall.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Wall {
-    /// Where its middle line begins.
-    pub from: Spot,
-    /// Where its middle line ends.
-    pub to: Spot,
-    /// Metres.
-    #[serde(default = "wall_thickness", deserialize_with = "number::thickness")]
-    pub thickness: f64,
-}
-
-/// A box that stands on the floor.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Furniture {
-    /// Its middle.
-    pub at: Spot,
-    /// Metres along its heading.
-    #[serde(deserialize_with = "number::side")]
-    pub length: f64,
-    /// Metres across.
-    #[serde(deserialize_with = "number::side")]
-    pub width: f64,
-    /// Metres; at least as high as the robot looks.
-    #[serde(deserialize_with = "number::height")]
-    pub height: f64,
-    /// How it is turned, degrees.
-    #[serde(default, deserialize_with = "number::degrees")]
-    pub heading_degrees: f64,
-    /// Its colour.
-    pub colour: Paint,
-}
-
-/// A carpet.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Rug {
-    /// Its middle.
-    pub at: Spot,
-    /// Metres along x.
-    #[serde(deserialize_with = "number::side")]
-    pub width: f64,
-    /// Metres along y.
-    #[serde(deserialize_with = "number::side")]
-    pub depth: f64,
-    /// Its colour.
-    pub colour: Paint,
-}
-
-/// A ball on the floor.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Ball {
-    /// Where it touches the floor.
-    pub at: Spot,
-    /// Metres.
-    #[serde(default = "ball_radius", deserialize_with = "number::radius")]
-    pub radius: f64,
-    /// Its colour.
-    pub colour: Paint,
-}
-
-/// A round post.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Post {
-    /// Its middle.
-    pub at: Spot,
-    /// Metres.
-    #[serde(default = "post_radius", deserialize_with = "number::radius")]
-    pub radius: f64,
-    /// Metres.
-    #[serde(default = "post_height", deserialize_with = "number::height")]
-    pub height: f64,
-    /// Its colour.
-    pub colour: Paint,
-}
-
-/// Where something stands and which way it looks.
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Place {
-    /// Where.
-    pub at: Spot,
-    /// Degrees, left positive, 0 looks along x.
-    #[serde(default, deserialize_with = "number::degrees")]
-    pub heading_degrees: f64,
-}
-
-impl Place {
-    /// The same in radians.
-    pub fn pose(&self) -> Pose {
-        Pose::at(self.at.point(), self.heading_degrees.to_radians())
-    }
-}
-
-/// How the battery empties and fills. The defaults are a real robot's: hours.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct BatterySettings {
-    /// Level at the start, percent.
-    #[serde(deserialize_with = "number::percent")]
-    pub level: f64,
-    /// Percent a minute while standing.
-    #[serde(deserialize_with = "number::percent_per_minute")]
-    pub idle_drain_per_minute: f64,
-    /// Percent a minute while both tracks run at full speed.
-    #[serde(deserialize_with = "number::percent_per_minute")]
-    pub driving_drain_per_minute: f64,
-    /// Percent a minute on the station.
-    #[serde(deserialize_with = "number::percent_per_minute")]
-    pub charge_per_minute: f64,
-}
-
-impl Default for BatterySettings {
-    fn default() -> BatterySettings {
-        BatterySettings {
-            level: 90.0,
-            idle_drain_per_minute: 0.4,
-            driving_drain_per_minute: 1.2,
-            charge_per_minute: 0.8,
-        }
-    }
-}
-
-/// How the robot sees.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct CameraSettings {
-    /// Frames a second while the video stream is on.
-    #[serde(deserialize_with = "number::frames")]
-    pub fps: f64,
-    /// What it sees from side to side, degrees.
-    #[serde(deserialize_with = "number::view_degrees")]
-    pub hfov_degrees: f64,
-    /// Grain of the picture, 0..=1.
-    #[serde(deserialize_with = "number::share")]
-    pub noise: f64,
-}
-
-impl Default for CameraSettings {
-    fn default() -> CameraSettings {
-        CameraSettings { fps: 15.0, hfov_degrees: 60.0, noise: 0.25 }
-    }
-}
-
-/// `[x, y]` in metres.
-#[derive(Debug, Clone, Copy, Deserialize)]
-pub struct Spot([Coordinate; 2]);
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-struct Coordinate(#[serde(deserialize_with = "number::coordinate")] f64);
-
-impl Spot {
-    /// The place on the floor.
-    pub fn point(self) -> Point {
-        Point::new(self.0[0].0, self.0[1].0)
-    }
-}
-
-impl Room {
-    /// The four outer walls, counter-clockwise from (0, 0).
-    pub(super) fn sides(&self) -> [Segment; 4] {
-        let middle = Point::new(self.width / 2.0, self.depth / 2.0);
-        rectangle(middle, self.width, self.depth, 0.0)
-    }
-
-    fn holds(&self, point: Point) -> bool {
-        (0.0..=self.width).contains(&point.x) && (0.0..=self.depth).contains(&point.y)
-    }
-}
-
-impl Wall {
-    /// Its four sides, as they stand on the floor.
-    pub(super) fn sides(&self) -> [Segment; 4] {
-        let (from, to) = (self.from.point(), self.to.point());
-        let length = from.distance(to) + self.thickness;
-        rectangle(from.towards(to, 0.5), length, self.thickness, from.direction_of(to))
-    }
-}
-
-impl Furniture {
-    /// Its four sides, as they stand on the floor.
-    pub(super) fn sides(&self) -> [Segment; 4] {
-        rectangle(self.at.point(), self.length, self.width, self.heading_degrees.to_radians())
-    }
 }
 
 /// A world that cannot be used.
@@ -427,30 +205,6 @@ impl World {
 
 fn full() -> f64 {
     1.0
-}
-
-fn room_height() -> f64 {
-    2.4
-}
-
-fn wall_paint() -> Paint {
-    Paint([214, 206, 190])
-}
-
-fn wall_thickness() -> f64 {
-    0.1
-}
-
-fn ball_radius() -> f64 {
-    0.1
-}
-
-fn post_radius() -> f64 {
-    0.05
-}
-
-fn post_height() -> f64 {
-    0.6
 }
 
 #[cfg(test)]
