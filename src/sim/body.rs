@@ -141,8 +141,8 @@ fn ramp(from: f64, to: f64, most: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::World;
     use super::*;
-    use crate::sim::World;
     use std::f64::consts::PI;
 
     const TICK: Duration = Duration::from_millis(20);

@@ -212,8 +212,8 @@ fn free_direction(senses: &Senses<'_>, target: Point) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::{World, body::Body};
     use super::*;
-    use crate::sim::{World, body::Body};
 
     const TICK: Duration = Duration::from_millis(20);
 

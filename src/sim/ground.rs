@@ -80,7 +80,7 @@ fn wood(x: f32, y: f32, detail: f32) -> Rgb {
     let grain = 1.0 + detail * 0.10 * (streak - 0.5);
     let seam = across < 0.035 || along < 0.004;
     let line = if seam { 1.0 - 0.38 * detail } else { 1.0 };
-    scaled([158.0, 137.0, 113.0], tone * grain * line)
+    scaled([154.0, 137.0, 118.0], tone * grain * line)
 }
 
 fn tiles(x: f32, y: f32, detail: f32) -> Rgb {

@@ -9,6 +9,8 @@ pub(super) type Rgb = [f32; 3];
 
 /// Between the middles of what hangs on a wall, metres.
 const BAY: f32 = 1.7;
+/// Height of a door, metres; lower walls have nothing on them.
+const DOOR: f32 = 2.0;
 
 /// Kinds of vertical surfaces.
 #[derive(Debug, Clone, Copy)]
@@ -131,7 +133,7 @@ fn wallpaper(paint: Rgb, number: u32, place: Place) -> Rgb {
 fn hanging(number: u32, place: Place) -> Option<(Thing, f32)> {
     let bay = (place.along / BAY) as i32;
     let middle = (bay as f32 + 0.5) * BAY;
-    if middle + BAY / 2.0 > place.length {
+    if middle + BAY / 2.0 > place.length || place.top < DOOR + 0.1 {
         return None;
     }
     let aside = place.along - middle;
@@ -169,8 +171,7 @@ fn window(aside: f32, height: f32) -> Option<Rgb> {
 }
 
 fn door(aside: f32, height: f32) -> Option<Rgb> {
-    let (half, high) = (0.42, 2.0);
-    let edge = (half - aside.abs()).min(high - height);
+    let edge = (0.42 - aside.abs()).min(DOOR - height);
     let inset = (0.28 - aside.abs()).min((height - 0.25).min(0.95 - height));
     match edge {
         _ if edge < 0.0 => None,

@@ -413,9 +413,9 @@ async fn streams_come_when_they_are_on() {
 async fn a_client_that_does_not_read_gets_the_newest_frame_later() {
     let (handle, mut client) = robot(free_playpen()).await;
     client.send(&[VIDEO_ON, AUDIO_ON].concat()).await;
-    sleep(Duration::from_secs(60)).await;
+    sleep(Duration::from_secs(20)).await;
     let state = handle.state();
-    assert!(state.frames > 800 && state.dropped > state.frames / 2, "{state:?}");
+    assert!(state.frames > 250 && state.dropped > state.frames / 2, "{state:?}");
     // 64 KiB are in the pipe, one batch is being written, one waits.
     let mut held = 0;
     while let Ok(Some(message)) = timeout(Duration::from_millis(1), client.next()).await {
