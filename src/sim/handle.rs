@@ -37,35 +37,22 @@ pub struct Handle {
 
 /// The server's ends of a handle.
 pub(super) struct Ends {
-    pub(super) orders: mpsc::Receiver<Order>,
     pub(super) muted: watch::Receiver<bool>,
     pub(super) state: watch::Sender<State>,
     pub(super) journal: Arc<Mutex<Journal>>,
     pub(super) heard: watch::Sender<usize>,
 }
 
-/// A handle and the server's ends of it.
-pub(super) fn pair(state: State) -> (Handle, Ends) {
+/// A handle, the orders that come through it, and the server's other ends of it.
+pub(super) fn open(state: State) -> (Handle, mpsc::Receiver<Order>, Ends) {
     let (orders, orders_end) = mpsc::channel(MAX_ORDERS);
     let (muted, muted_end) = watch::channel(false);
     let (state_end, state) = watch::channel(state);
     let (heard_end, heard) = watch::channel(0);
     let journal = Arc::new(Mutex::new(Journal::default()));
-    let handle = Handle {
-        orders,
-        muted,
-        state,
-        journal: journal.clone(),
-        heard,
-    };
-    let ends = Ends {
-        orders: orders_end,
-        muted: muted_end,
-        state: state_end,
-        journal,
-        heard: heard_end,
-    };
-    (handle, ends)
+    let handle = Handle { orders, muted, state, journal: journal.clone(), heard };
+    let ends = Ends { muted: muted_end, state: state_end, journal, heard: heard_end };
+    (handle, orders_end, ends)
 }
 
 /// The journal, locked for as long as it takes to read or write an entry.

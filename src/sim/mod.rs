@@ -14,6 +14,8 @@ mod connection;
 mod docking;
 mod firmware;
 mod geometry;
+mod grain;
+mod ground;
 mod handle;
 mod journal;
 mod locate;
@@ -23,12 +25,18 @@ mod obstacles;
 mod outbox;
 mod paint;
 mod robot;
+mod scene;
 mod server;
+mod site;
 mod speaker;
 mod state;
 mod station;
+mod surface;
+mod things;
+mod view;
 mod world;
 
+pub use battery::BatterySettings;
 pub use body::{FULL_POWER, FULL_SPEED, RADIUS, TRACK_WIDTH, Tracks};
 pub use camera::{HEIGHT, WIDTH};
 pub use connection::Transport;
@@ -41,7 +49,6 @@ pub use robot::Robot;
 pub use server::{Options, Server};
 pub use state::{Leds, State, Streams};
 pub use station::Station;
-pub use world::{
-    Ball, BatterySettings, CameraSettings, Floor, Furniture, Place, Post, Room, Rug, Spot, Wall,
-    World, WorldError,
-};
+pub use things::{Ball, Floor, Furniture, Place, Post, Room, Rug, Spot, Wall};
+pub use view::CameraSettings;
+pub use world::{World, WorldError};

@@ -208,8 +208,11 @@ impl Robot {
         self.tell_power();
     }
 
-    /// Puts the robot somewhere else, at rest.
+    /// Puts the robot somewhere else; a pose that is no place is ignored.
     pub fn place(&mut self, pose: Pose) {
+        if ![pose.x, pose.y, pose.heading].iter().all(|number| number.is_finite()) {
+            return;
+        }
         self.body.pose = pose;
         self.touch();
         self.tell_power();
@@ -229,12 +232,17 @@ impl Robot {
     }
 
     fn obey_engine(&mut self, engage: Engage) {
-        self.commanded = Tracks::default();
         match engage {
             Engage::Dock if self.contact => self.say_engine(EngineNews::Docked),
-            Engage::Dock => self.docking.find_base(),
+            Engage::Dock => {
+                self.commanded = Tracks::default();
+                self.docking.find_base();
+            }
             Engage::CancelDock if self.docking.searching() => self.docking.stop(),
-            Engage::Undock if self.docked => self.docking.leave(),
+            Engage::Undock if self.docked => {
+                self.commanded = Tracks::default();
+                self.docking.leave();
+            }
             other => self.note(format!("engine {} has no effect now", other.to_byte())),
         }
     }

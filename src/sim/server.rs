@@ -1,30 +1,23 @@
-//! The simulator as a server: sockets, clients and the clock around one [`Robot`]. One task owns
-//! everything; the connections' tasks only carry bytes.
+//! The simulator as a server: sockets and the clock around one [`Robot`] and its clients. One task
+//! owns everything; the connections' tasks only carry bytes.
 
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
-use std::sync::Arc;
-use std::sync::atomic::AtomicU64;
 use std::time::Duration;
 
 use tokio::net::{TcpListener, UdpSocket};
 use tokio::sync::mpsc;
-use tokio::task::JoinSet;
-use tokio::time::{Instant, MissedTickBehavior, interval};
+use tokio::time::{MissedTickBehavior, interval};
 
-use crate::wire::{Accepted, Command, Login, Report, discovery};
+use crate::wire::{Login, discovery};
 
-use super::clients::Clients;
-use super::connection::{self, Event, Line, Transport};
+use super::connection::Event;
 use super::firmware::Firmware;
-use super::handle::{self, Ends, Handle, Order};
+use super::handle::{self, Handle, Order};
 use super::robot::Robot;
+use super::site::{STEP, Site};
 use super::world::World;
 
-/// One step of the physics.
-const STEP: Duration = Duration::from_millis(20);
-/// Steps made up for in one go after the machine was busy; time beyond that is lost.
-const MAX_CATCH_UP: u32 = 10;
 /// Events of connections that may wait; then the connections wait.
 const MAX_EVENTS: usize = 64;
 /// How often a port is tried that is free for TCP and UDP alike.
@@ -80,21 +73,6 @@ struct Sockets {
     address: SocketAddr,
 }
 
-/// The robot with all who talk to it.
-struct Site {
-    robot: Robot,
-    clients: Clients,
-    login: Login,
-    uid: String,
-    version: String,
-    ends: Ends,
-    events: mpsc::Sender<Event>,
-    writes: Arc<AtomicU64>,
-    connections: JoinSet<()>,
-    started: Instant,
-    stepped: Instant,
-}
-
 impl Server {
     /// Opens the sockets. The robot's time begins with [`Server::run`].
     ///
@@ -117,32 +95,11 @@ impl Server {
 
     fn with(sockets: Sockets, mut world: World, options: Options) -> Server {
         world.camera.fps = options.fps.unwrap_or(world.camera.fps).clamp(0.1, 60.0);
-        let version = options.firmware.version.clone();
-        let robot = Robot::new(world, options.firmware, options.seed);
-        let (handle, mut ends) = handle::pair(robot.state());
-        let orders = std::mem::replace(&mut ends.orders, mpsc::channel(1).1);
+        let robot = Robot::new(world, options.firmware.clone(), options.seed);
+        let (handle, orders, ends) = handle::open(robot.state());
         let (events, events_end) = mpsc::channel(MAX_EVENTS);
-        let now = Instant::now();
-        let site = Site {
-            robot,
-            clients: Clients::default(),
-            login: options.login,
-            uid: options.uid,
-            version,
-            ends,
-            events,
-            writes: Arc::default(),
-            connections: JoinSet::new(),
-            started: now,
-            stepped: now,
-        };
-        Server {
-            sockets,
-            site,
-            events: events_end,
-            orders,
-            handle,
-        }
+        let site = Site::new(robot, &options, ends, events);
+        Server { sockets, site, events: events_end, orders, handle }
     }
 
     /// Where clients connect.
@@ -169,7 +126,7 @@ impl Server {
         } = self;
         let mut ticks = interval(STEP);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        (site.started, site.stepped) = (Instant::now(), Instant::now());
+        site.begin();
         let mut datagram = [0; 64];
         loop {
             // The clock first: no flood of commands may stop the robot's time.
@@ -180,9 +137,9 @@ impl Server {
                 Some(event) = events.recv() => site.take(event),
                 transport = sockets.accept() => site.admit(transport),
                 Some((length, from)) = sockets.receive(&mut datagram) => {
-                    sockets.answer(&site, &datagram[..length], from).await;
+                    sockets.answer(&site.introduction(), &datagram[..length], from).await;
                 }
-                Some(_) = site.connections.join_next() => {}
+                () = site.reap() => {}
             }
         }
     }
@@ -242,161 +199,13 @@ impl Sockets {
         udp.recv_from(datagram).await.ok()
     }
 
-    async fn answer(&self, site: &Site, datagram: &[u8], from: SocketAddr) {
-        let Some(udp) = self
-            .udp
-            .as_ref()
-            .filter(|_| discovery::is_request(datagram))
-        else {
+    /// Answers a datagram that asks who is there.
+    async fn answer(&self, reply: &discovery::Reply, datagram: &[u8], from: SocketAddr) {
+        let Some(udp) = self.udp.as_ref().filter(|_| discovery::is_request(datagram)) else {
             return;
-        };
-        let connected_user = site.clients.user().map(str::to_owned);
-        let reply = discovery::Reply {
-            uid: site.uid.clone(),
-            connected_user,
         };
         if let Err(error) = udp.send_to(&reply.emit(), from).await {
             tracing::debug!(target: "spykee::sim", %error, "cannot answer a discovery");
         }
-    }
-}
-
-impl Site {
-    fn pass_time(&mut self) {
-        let now = Instant::now();
-        for _ in 0..MAX_CATCH_UP {
-            if now.duration_since(self.stepped) < STEP {
-                break;
-            }
-            self.stepped += STEP;
-            self.robot.step(STEP);
-            self.deliver();
-        }
-        if now.duration_since(self.stepped) >= STEP {
-            self.stepped = now;
-        }
-        self.clients
-            .overdue(now)
-            .into_iter()
-            .for_each(|id| self.cut(id));
-        self.publish();
-    }
-
-    fn follow(&mut self, order: Order) {
-        match order {
-            Order::Battery(percent) => self.robot.set_battery(percent),
-            Order::ChargerWorks(works) => self.robot.set_charger_works(works),
-            Order::Place(pose) => self.robot.place(pose),
-            Order::Beacon(on) => self.robot.set_beacon(on),
-            Order::Inject(report) => self.tell(&report),
-            Order::Cut => self.clients.ids().into_iter().for_each(|id| self.cut(id)),
-            Order::Connect(transport) => self.admit(transport),
-        }
-        self.deliver();
-        self.publish();
-    }
-
-    fn take(&mut self, event: Event) {
-        match event {
-            Event::Gone { client } => self.cut(client),
-            Event::Heard {
-                client,
-                write,
-                opened,
-                commands,
-            } => {
-                for command in commands {
-                    self.hear(client, write, opened, command);
-                }
-            }
-        }
-        self.publish();
-    }
-
-    fn admit(&mut self, transport: impl Transport) {
-        let Some((client, outbox, cut)) = self.clients.admit(Instant::now()) else {
-            tracing::warn!(target: "spykee::sim", "too many connections: one is turned away");
-            return;
-        };
-        let line = Line {
-            client,
-            outbox,
-            events: self.events.clone(),
-            muted: self.ends.muted.clone(),
-            writes: self.writes.clone(),
-            cut,
-        };
-        self.connections.spawn(connection::serve(transport, line));
-    }
-
-    /// One command of one client: kept in the journal, and obeyed if the client may.
-    fn hear(&mut self, client: u64, write: u64, opened: bool, command: Command) {
-        if !self.clients.knows(client) {
-            return;
-        }
-        let at = self.started.elapsed();
-        handle::lock(&self.ends.journal).write(at, write, client, command.clone());
-        match command {
-            Command::Login(login) => self.log_in(client, &login),
-            Command::Move { .. } if !self.clients.is_user(client) || !opened => {
-                tracing::info!(target: "spykee::sim", client, "MOVE before login and POWER");
-                self.cut(client);
-            }
-            _ if !self.clients.is_user(client) => {}
-            command => self.robot.obey(&command),
-        }
-        self.deliver();
-    }
-
-    fn log_in(&mut self, client: u64, login: &Login) {
-        if let Err(refusal) = self.clients.log_in(client, login, &self.login) {
-            tracing::info!(target: "spykee::sim", client, ?refusal, "login refused");
-            self.clients.refuse(client, refusal);
-            return;
-        }
-        let accepted = Accepted {
-            uid: self.uid.clone(),
-            name: "Spykee".into(),
-            place: "home".into(),
-            firmware: self.version.clone(),
-            docked: self.robot.docked(),
-        };
-        self.robot.take_reports();
-        self.tell(&Report::Accepted(accepted));
-        self.robot.begin_session();
-    }
-
-    fn cut(&mut self, client: u64) {
-        if self.clients.cut(client) {
-            self.robot.end_session();
-        }
-    }
-
-    /// Passes on what the robot says; without a user nobody hears it.
-    fn deliver(&mut self) {
-        for report in self.robot.take_reports() {
-            self.tell(&report);
-        }
-    }
-
-    fn tell(&mut self, report: &Report) {
-        if !self.clients.tell(report) {
-            tracing::info!(target: "spykee::sim", "the client asks and never reads: cut off");
-            self.clients
-                .user_id()
-                .into_iter()
-                .for_each(|id| self.cut(id));
-        }
-    }
-
-    fn publish(&mut self) {
-        let mut state = self.robot.state();
-        state.user = self.clients.user().map(str::to_owned);
-        state.dropped = self.clients.dropped();
-        self.ends.state.send_replace(state);
-        let count = handle::lock(&self.ends.journal).count();
-        self.ends
-            .heard
-            .send_if_modified(|heard| std::mem::replace(heard, count) != count);
     }
 }

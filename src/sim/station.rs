@@ -9,12 +9,12 @@ use super::body::RADIUS;
 use super::geometry::{Point, Pose, Segment, rectangle, wrap};
 use super::number;
 use super::obstacles::Obstacles;
-use super::world::Spot;
+use super::things::Spot;
 
 /// How far the station's body stands out from its back, metres.
 const DEPTH: f64 = 0.10;
 /// How wide the station's body is, metres.
-pub(super) const WIDTH: f64 = 0.36;
+const WIDTH: f64 = 0.36;
 /// How high the station's body is, metres.
 pub(super) const HEIGHT: f64 = 0.34;
 /// Between the station and a robot on it, metres.

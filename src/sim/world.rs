@@ -6,11 +6,13 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-use super::geometry::{Point, Pose, Segment, rectangle};
+use super::battery::BatterySettings;
+use super::geometry::{Point, Pose};
 use super::locate::{self, Step};
 use super::number;
-use super::paint::Paint;
 use super::station::Station;
+use super::things::{Ball, Furniture, Place, Post, Room, Rug, Spot, Wall};
+use super::view::CameraSettings;
 
 const DEFAULT_WORLD: &str = include_str!("../../behaviours/worlds/living_room.yaml");
 /// A longer file is no world: nothing needs that many things.
@@ -56,244 +58,6 @@ pub struct World {
     /// How the robot sees.
     #[serde(default)]
     pub camera: CameraSettings,
-}
-
-/// The outer walls, from (0, 0) to (`width`, `depth`), and the floor between them.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Room {
-    /// Metres along x.
-    #[serde(deserialize_with = "number::room_side")]
-    pub width: f64,
-    /// Metres along y.
-    #[serde(deserialize_with = "number::room_side")]
-    pub depth: f64,
-    /// Height of all walls, metres.
-    #[serde(default = "room_height", deserialize_with = "number::height")]
-    pub height: f64,
-    /// What lies on the ground.
-    #[serde(default)]
-    pub floor: Floor,
-    /// Colour of the walls.
-    #[serde(default = "wall_paint")]
-    pub walls: Paint,
-}
-
-/// What the ground is made of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Floor {
-    /// Planks.
-    #[default]
-    Wood,
-    /// Light and dark squares.
-    Tiles,
-    /// One colour with a fine grain.
-    Concrete,
-}
-
-/// An inner wall.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Wall {
-    /// Where its middle line begins.
-    pub from: Spot,
-    /// Where its middle line ends.
-    pub to: Spot,
-    /// Metres.
-    #[serde(default = "wall_thickness", deserialize_with = "number::thickness")]
-    pub thickness: f64,
-}
-
-/// A box that stands on the floor.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Furniture {
-    /// Its middle.
-    pub at: Spot,
-    /// Metres along its heading.
-    #[serde(deserialize_with = "number::side")]
-    pub length: f64,
-    /// Metres across.
-    #[serde(deserialize_with = "number::side")]
-    pub width: f64,
-    /// Metres; at least as high as the robot looks.
-    #[serde(deserialize_with = "number::height")]
-    pub height: f64,
-    /// How it is turned, degrees.
-    #[serde(default, deserialize_with = "number::degrees")]
-    pub heading_degrees: f64,
-    /// Its colour.
-    pub colour: Paint,
-}
-
-/// A carpet.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Rug {
-    /// Its middle.
-    pub at: Spot,
-    /// Metres along x.
-    #[serde(deserialize_with = "number::side")]
-    pub width: f64,
-    /// Metres along y.
-    #[serde(deserialize_with = "number::side")]
-    pub depth: f64,
-    /// Its colour.
-    pub colour: Paint,
-}
-
-/// A ball on the floor.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Ball {
-    /// Where it touches the floor.
-    pub at: Spot,
-    /// Metres.
-    #[serde(default = "ball_radius", deserialize_with = "number::radius")]
-    pub radius: f64,
-    /// Its colour.
-    pub colour: Paint,
-}
-
-/// A round post.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Post {
-    /// Its middle.
-    pub at: Spot,
-    /// Metres.
-    #[serde(default = "post_radius", deserialize_with = "number::radius")]
-    pub radius: f64,
-    /// Metres.
-    #[serde(default = "post_height", deserialize_with = "number::height")]
-    pub height: f64,
-    /// Its colour.
-    pub colour: Paint,
-}
-
-/// Where something stands and which way it looks.
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Place {
-    /// Where.
-    pub at: Spot,
-    /// Degrees, left positive, 0 looks along x.
-    #[serde(default, deserialize_with = "number::degrees")]
-    pub heading_degrees: f64,
-}
-
-impl Place {
-    /// The same in radians.
-    pub fn pose(&self) -> Pose {
-        Pose::at(self.at.point(), self.heading_degrees.to_radians())
-    }
-}
-
-/// How the battery empties and fills. The defaults are a real robot's: hours.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct BatterySettings {
-    /// Level at the start, percent.
-    #[serde(deserialize_with = "number::percent")]
-    pub level: f64,
-    /// Percent a minute while standing.
-    #[serde(deserialize_with = "number::percent_per_minute")]
-    pub idle_drain_per_minute: f64,
-    /// Percent a minute while both tracks run at full speed.
-    #[serde(deserialize_with = "number::percent_per_minute")]
-    pub driving_drain_per_minute: f64,
-    /// Percent a minute on the station.
-    #[serde(deserialize_with = "number::percent_per_minute")]
-    pub charge_per_minute: f64,
-}
-
-impl Default for BatterySettings {
-    fn default() -> BatterySettings {
-        BatterySettings {
-            level: 90.0,
-            idle_drain_per_minute: 0.4,
-            driving_drain_per_minute: 1.2,
-            charge_per_minute: 0.8,
-        }
-    }
-}
-
-/// How the robot sees.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct CameraSettings {
-    /// Frames a second while the video stream is on.
-    #[serde(deserialize_with = "number::frames")]
-    pub fps: f64,
-    /// What it sees from side to side, degrees.
-    #[serde(deserialize_with = "number::view_degrees")]
-    pub hfov_degrees: f64,
-    /// Grain of the picture, 0..=1.
-    #[serde(deserialize_with = "number::share")]
-    pub noise: f64,
-}
-
-impl Default for CameraSettings {
-    fn default() -> CameraSettings {
-        CameraSettings {
-            fps: 15.0,
-            hfov_degrees: 60.0,
-            noise: 0.25,
-        }
-    }
-}
-
-/// `[x, y]` in metres.
-#[derive(Debug, Clone, Copy, Deserialize)]
-pub struct Spot([Coordinate; 2]);
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-struct Coordinate(#[serde(deserialize_with = "number::coordinate")] f64);
-
-impl Spot {
-    /// The place on the floor.
-    pub fn point(self) -> Point {
-        Point::new(self.0[0].0, self.0[1].0)
-    }
-}
-
-impl Room {
-    /// The four outer walls, counter-clockwise from (0, 0).
-    pub(super) fn sides(&self) -> [Segment; 4] {
-        let middle = Point::new(self.width / 2.0, self.depth / 2.0);
-        rectangle(middle, self.width, self.depth, 0.0)
-    }
-
-    fn holds(&self, point: Point) -> bool {
-        (0.0..=self.width).contains(&point.x) && (0.0..=self.depth).contains(&point.y)
-    }
-}
-
-impl Wall {
-    /// Its four sides, as they stand on the floor.
-    pub(super) fn sides(&self) -> [Segment; 4] {
-        let (from, to) = (self.from.point(), self.to.point());
-        let length = from.distance(to) + self.thickness;
-        rectangle(
-            from.towards(to, 0.5),
-            length,
-            self.thickness,
-            from.direction_of(to),
-        )
-    }
-}
-
-impl Furniture {
-    /// Its four sides, as they stand on the floor.
-    pub(super) fn sides(&self) -> [Segment; 4] {
-        rectangle(
-            self.at.point(),
-            self.length,
-            self.width,
-            self.heading_degrees.to_radians(),
-        )
-    }
 }
 
 /// A world that cannot be used.
@@ -469,26 +233,103 @@ fn full() -> f64 {
     1.0
 }
 
-fn room_height() -> f64 {
-    2.4
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-fn wall_paint() -> Paint {
-    Paint([214, 206, 190])
-}
+    const ROOM: &str = "room: {width: 6, depth: 4}\n";
+    const STATION: &str = "station: {at: [0, 2], heading_degrees: 0}\n";
 
-fn wall_thickness() -> f64 {
-    0.1
-}
+    /// What is said about `ROOM`, `STATION` and more, which begins in line 3.
+    fn fault(more: &str) -> String {
+        World::from_yaml(&format!("{ROOM}{STATION}{more}"), "w.yaml").unwrap_err().to_string()
+    }
 
-fn ball_radius() -> f64 {
-    0.1
-}
+    #[test]
+    fn the_worlds_that_come_along_are_valid() {
+        assert_eq!(World::default_world().name, "living room");
+        let playpen = include_str!("../../behaviours/worlds/playpen.yaml");
+        let playpen = World::from_yaml(playpen, "playpen.yaml").unwrap();
+        assert_eq!(playpen.start_pose(), playpen.station.dock_pose());
+    }
 
-fn post_radius() -> f64 {
-    0.05
-}
+    #[test]
+    fn what_is_left_out_has_defaults() {
+        let world = World::from_yaml(&format!("{ROOM}{STATION}"), "w.yaml").unwrap();
+        assert_eq!(world.battery, BatterySettings::default());
+        assert_eq!((world.light, world.camera.fps), (1.0, 15.0));
+    }
 
-fn post_height() -> f64 {
-    0.6
+    #[test]
+    fn an_unknown_key_is_refused_with_its_place_and_the_probable_name() {
+        let text = fault("balls:\n  - at: [1, 1]\n    colour: red\n    raduis: 0.1\n");
+        assert!(text.starts_with("w.yaml:6:5: "), "{text}");
+        assert!(text.contains("raduis") && text.ends_with("did you mean `radius`?"), "{text}");
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused_with_their_place() {
+        for (more, place) in [
+            ("light: .nan\n", "w.yaml:3:8: "),
+            ("light: -1\n", "w.yaml:3:8: "),
+            ("balls: [{at: [1, 1], colour: red, radius: 9}]\n", "w.yaml:3:43: "),
+            ("battery: {level: .inf}\n", "w.yaml:3:18: "),
+            ("posts: [{at: [1, -1], colour: red}]\n", "w.yaml:3:18: "),
+            ("camera:\n  fps: 1e9\n", "w.yaml:4:8: "),
+        ] {
+            let text = fault(more);
+            assert!(text.starts_with(place), "{text}");
+            assert!(text.contains("expected a number from"), "{text}");
+        }
+    }
+
+    #[test]
+    fn wrong_types_are_refused_with_their_place() {
+        for (more, place) in [
+            ("light: bright\n", "w.yaml:3:8: "),
+            ("balls: 3\n", "w.yaml:3:8: "),
+            ("balls: [{at: [1], colour: red}]\n", "w.yaml:3:14: "),
+            ("balls: [{at: [1, 1], colour: rot}]\n", "w.yaml:3:30: "),
+            ("balls: [{at: [1, 1]}]\n", "w.yaml:3:9: "),
+            ("camera: {fps: [}\n", "w.yaml:3:15: "),
+        ] {
+            let text = fault(more);
+            assert!(text.starts_with(place), "{more}{text}");
+        }
+    }
+
+    #[test]
+    fn things_outside_the_room_are_refused_with_their_place() {
+        let text = fault("balls:\n  - {at: [1, 1], colour: red}\n  - {at: [7, 1], colour: red}\n");
+        assert!(text.starts_with("w.yaml:5:10: [7, 1] is outside the room"), "{text}");
+    }
+
+    #[test]
+    fn a_robot_inside_of_something_is_refused() {
+        let text = fault("start: {at: [3, 0.1]}\n");
+        assert!(text.starts_with("w.yaml:3:13: the robot would start inside"), "{text}");
+        let text = fault("balls: [{at: [0.5, 2], colour: red}]\n");
+        assert!(text.starts_with("w.yaml:2:15: something stands before the station"), "{text}");
+    }
+
+    #[test]
+    fn a_crowd_is_refused() {
+        let ball = "  - {at: [1, 1], colour: red}\n";
+        let text = fault(&format!("balls:\n{}", ball.repeat(MAX_THINGS + 1)));
+        assert!(text.contains("201 balls are too many"), "{text}");
+    }
+
+    #[test]
+    fn a_file_that_is_not_there_is_named() {
+        let error = World::load(Path::new("no/such/world.yaml")).unwrap_err();
+        assert!(error.to_string().contains("no/such/world.yaml"), "{error}");
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn any_text_is_read_without_panic(text in ".{0,200}", more in "[a-z:{}\\[\\], 0-9.&*-]{0,80}") {
+            let _ = World::from_yaml(&text, "random");
+            let _ = World::from_yaml(&format!("{ROOM}{STATION}{more}"), "random");
+        }
+    }
 }
