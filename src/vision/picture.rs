@@ -95,26 +95,28 @@ impl Image {
         let start = (y * self.size.width + x) as usize * 3;
         &self.rgb[start..start + w as usize * 3]
     }
-}
 
-/// Mean brightness of a part of a picture, 0 (black) to 1 (white); 0 for a part outside it.
-pub fn brightness(image: &Image, roi: Option<Roi>) -> f64 {
-    let Some(part) = roi.unwrap_or(image.size.into()).within(image.size) else {
-        return 0.0;
-    };
-    let row_sum = |y| {
-        image
-            .row_bytes(y, part.x, part.w)
-            .as_chunks()
-            .0
-            .iter()
-            .copied()
-            .map(luma)
-            .map(u64::from)
-            .sum::<u64>()
-    };
-    let sum: u64 = (part.y..part.y + part.h).map(row_sum).sum();
-    sum as f64 / (255.0 * f64::from(part.w) * f64::from(part.h))
+    /// The brightness of all pixels, row by row.
+    pub(super) fn to_luma(&self) -> Vec<u8> {
+        self.rgb.as_chunks().0.iter().copied().map(luma).collect()
+    }
+
+    /// The brightness of half as many columns and rows: means of two by two pixels; an odd last one is left out.
+    pub(super) fn halve_luma(&self, halved: &mut Vec<u8>) {
+        halved.clear();
+        for y in 0..self.size.height / 2 {
+            let upper = self.row(2 * y).as_chunks::<2>().0;
+            let lower = self.row(2 * y + 1).as_chunks::<2>().0;
+            let sum = |pair: &[[u8; 3]; 2]| u16::from(luma(pair[0])) + u16::from(luma(pair[1]));
+            // The mean of four bytes is a byte.
+            halved.extend(
+                upper
+                    .iter()
+                    .zip(lower)
+                    .map(|(up, low)| ((sum(up) + sum(low) + 2) / 4) as u8),
+            );
+        }
+    }
 }
 
 /// How bright a pixel looks, 0..255: the luma of BT.601, as JPEG has it.
