@@ -239,13 +239,18 @@ mod tests {
                 *value = (f64::from(*value) * light * shade + noise).clamp(0.0, 255.0) as u8;
             }
         }
-        Image::from_rgb(picture)
+        Image::from_rgb(&picture)
     }
 
     fn is_found(colour: Colour, image: &Image) -> bool {
-        let palette = Palette::compile(&[colour], false);
+        let mut palette = Palette::compile(&[colour], false);
         let mut finder = BlobFinder::default();
-        let blobs = finder.find(image, &palette, &BlobOptions::default(), Camera::default());
+        let blobs = finder.find(
+            image,
+            &mut palette,
+            &BlobOptions::default(),
+            Camera::default(),
+        );
         blobs.first().is_some_and(|blob| {
             (blob.cx - 100.0).abs() < 2.0 && (blob.cy - 100.0).abs() < 2.0 && blob.pixels > 2400
         })
@@ -305,7 +310,7 @@ mod tests {
     fn a_mixture_is_refused_with_its_reason() {
         let mut picture = scene(BALLS[0], LIGHTS[0]).to_rgb();
         draw_filled_circle_mut(&mut picture, (90, 100), 14, Rgb([30, 60, 190]));
-        let refusal = learn(&[&Image::from_rgb(picture)], PART).unwrap_err();
+        let refusal = learn(&[&Image::from_rgb(&picture)], PART).unwrap_err();
         assert_eq!(refusal.code(), "too_mixed");
     }
 }

@@ -19,7 +19,7 @@ pub struct Line {
 pub fn find_line(
     finder: &mut BlobFinder,
     image: &Image,
-    palette: &Palette,
+    palette: &mut Palette,
     roi: Option<Roi>,
 ) -> Option<Line> {
     let part = roi.unwrap_or(image.size().into()).within(image.size())?;
@@ -59,12 +59,12 @@ mod tests {
         ]
         .map(|(x, y)| Point::new(x, y));
         draw_polygon_mut(&mut picture, &corners, Rgb([15, 15, 15]));
-        Image::from_rgb(picture)
+        Image::from_rgb(&picture)
     }
 
     fn line(image: &Image, roi: Option<Roi>) -> Option<Line> {
-        let palette = Palette::compile(&[Colour::named("black").unwrap()], false);
-        find_line(&mut BlobFinder::default(), image, &palette, roi)
+        let mut palette = Palette::compile(&[Colour::named("black").unwrap()], false);
+        find_line(&mut BlobFinder::default(), image, &mut palette, roi)
     }
 
     #[test]
@@ -106,6 +106,6 @@ mod tests {
     fn a_patch_is_a_weak_line() {
         let mut picture = RgbImage::from_pixel(320, 240, Rgb([180, 175, 170]));
         imageproc::drawing::draw_filled_circle_mut(&mut picture, (160, 120), 20, Rgb([15, 15, 15]));
-        assert!(line(&Image::from_rgb(picture), None).unwrap().strength < 0.1);
+        assert!(line(&Image::from_rgb(&picture), None).unwrap().strength < 0.1);
     }
 }

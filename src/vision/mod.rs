@@ -7,6 +7,8 @@
 //! other, decodes each once and keeps its buffers.
 
 mod annotate;
+mod baseline;
+mod bits;
 mod blobs;
 mod colour;
 mod decoder;
@@ -14,6 +16,7 @@ mod eyes;
 mod font;
 mod frame;
 mod huffman;
+mod idct;
 mod learn;
 mod line;
 mod measure;

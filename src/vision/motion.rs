@@ -253,7 +253,7 @@ mod tests {
                 .0
                 .map(|value| (f64::from(value) * light + noise).clamp(0.0, 255.0) as u8);
         }
-        Image::from_rgb(picture)
+        Image::from_rgb(&picture)
     }
 
     fn detector() -> MotionDetector {
@@ -317,7 +317,7 @@ mod tests {
             0
         );
         for side in [0, 1, 2, 3, 17] {
-            let image = Image::from_rgb(RgbImage::from_pixel(side, side, Rgb([9, 9, 9])));
+            let image = Image::from_rgb(&RgbImage::from_pixel(side, side, Rgb([9, 9, 9])));
             detector.update(&image);
             assert_eq!(detector.update(&image).pixels, 0);
         }

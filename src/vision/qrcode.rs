@@ -21,12 +21,10 @@ pub fn find_qrcodes(image: &Image) -> Vec<QrCode> {
     if size.width == 0 || size.height == 0 {
         return Vec::new();
     }
-    let luma = image.to_luma();
-    let width = size.width as usize;
-    let mut prepared =
-        rqrr::PreparedImage::prepare_from_greyscale(width, size.height as usize, |x, y| {
-            luma[y * width + x]
-        });
+    let (width, height) = (size.width as usize, size.height as usize);
+    let mut prepared = rqrr::PreparedImage::prepare_from_greyscale(width, height, |x, y| {
+        image.luma_row(y as u32)[x]
+    });
     prepared
         .detect_grids()
         .into_iter()
