@@ -141,12 +141,11 @@ impl BlobFinder {
     pub fn find(
         &mut self,
         image: &Image,
-        palette: &Palette,
+        palette: &mut Palette,
         options: &BlobOptions,
         camera: Camera,
     ) -> &[Blob] {
-        let label_row =
-            |y, x, row: &mut [u8]| palette.label_row(image.row_bytes(y, x, row.len() as u32), row);
+        let label_row = |y, x, row: &mut [u8]| palette.label_row(image, y, x, row);
         self.find_labelled(image.size(), label_row, options, camera)
     }
 
@@ -334,11 +333,11 @@ mod tests {
             .iter()
             .map(|name| Colour::named(name).unwrap())
             .collect();
-        let palette = Palette::compile(&colours, options.invert);
+        let mut palette = Palette::compile(&colours, options.invert);
         BlobFinder::default()
             .find(
-                &Image::from_rgb(pixels),
-                &palette,
+                &Image::from_rgb(&pixels),
+                &mut palette,
                 &options,
                 Camera::default(),
             )
@@ -403,7 +402,7 @@ mod tests {
         };
         assert_eq!(sizes(32), [30, 25, 20, 12]);
         assert_eq!(sizes(2), [30, 25]);
-        assert_eq!(sizes(0), []);
+        assert!(sizes(0).is_empty());
     }
 
     #[test]

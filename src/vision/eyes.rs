@@ -72,7 +72,7 @@ impl Eyes {
 }
 
 /// The palette of these colours, compiled if it is not among those kept.
-fn newest<'a>(palettes: &'a mut Vec<Palette>, colours: &[Colour], invert: bool) -> &'a Palette {
+fn newest<'a>(palettes: &'a mut Vec<Palette>, colours: &[Colour], invert: bool) -> &'a mut Palette {
     match palettes
         .iter()
         .position(|palette| palette.is_of(colours, invert))
@@ -85,5 +85,6 @@ fn newest<'a>(palettes: &'a mut Vec<Palette>, colours: &[Colour], invert: bool) 
             palettes.push(Palette::compile(colours, invert));
         }
     }
-    &palettes[palettes.len() - 1]
+    let last = palettes.len() - 1;
+    &mut palettes[last]
 }

@@ -1,8 +1,165 @@
-//! The Huffman tables that JPEG's standard suggests (T.81, annex K.3), as one segment.
-//!
-//! Motion-JPEG cameras use them and leave them out of every frame.
+//! Huffman tables of JPEG: those that the standard suggests, and how codes become symbols.
 
-/// A "define Huffman tables" segment, marker included.
+use super::bits::Bits;
+
+/// Codes up to this length are found in one look-up.
+const QUICK: u32 = 10;
+
+/// A table, ready for use. A symbol's high half is a run of zeros, its low half the size of the value
+/// that follows in plain bits.
+#[derive(Debug, Clone)]
+pub(super) struct Table {
+    /// As it stood in the frame: 16 counts and the symbols; to see whether the next frame has the same.
+    source: Vec<u8>,
+    /// For the next [`QUICK`] bits an [`Entry`].
+    quick: [Entry; 1 << QUICK],
+    /// For each length, the first code that is longer, in 16 bits from the top.
+    above: [u32; 17],
+    /// For each length, what to add to a code to get its symbol's place.
+    place: [i32; 17],
+    symbols: [u8; 256],
+}
+
+/// What the next bits mean: bits 0..8 how many are taken, 8..16 run or symbol, 16..32 the value.
+/// A value of 0 means that only the symbol is known; 0 bits taken, that the code is longer.
+#[derive(Debug, Clone, Copy, Default)]
+struct Entry(u32);
+
+impl Entry {
+    fn new(taken: u32, middle: u8, value: i32) -> Entry {
+        Entry(taken | u32::from(middle) << 8 | (value as u32) << 16)
+    }
+
+    #[inline(always)]
+    fn taken(self) -> u32 {
+        self.0 & 0xFF
+    }
+
+    #[inline(always)]
+    fn middle(self) -> u32 {
+        self.0 >> 8 & 0xFF
+    }
+
+    #[inline(always)]
+    fn value(self) -> i32 {
+        self.0 as i32 >> 16
+    }
+}
+
+impl Default for Table {
+    fn default() -> Self {
+        Table {
+            source: Vec::new(),
+            quick: [Entry::default(); 1 << QUICK],
+            above: [0; 17],
+            place: [0; 17],
+            symbols: [0; 256],
+        }
+    }
+}
+
+impl Table {
+    /// Takes a table as it stands in a frame: 16 counts, one for each length, and the symbols in the order of their
+    /// codes. Says whether it makes sense. Does nothing when it is the table of the frame before.
+    pub(super) fn load(&mut self, counts: &[u8; 16], symbols: &[u8]) -> bool {
+        if self.source.get(..16) == Some(counts) && &self.source[16..] == symbols {
+            return true;
+        }
+        self.source.clear();
+        if symbols.len() > 256 || !self.number(counts) {
+            return false;
+        }
+        self.symbols = [0; 256];
+        self.symbols[..symbols.len()].copy_from_slice(symbols);
+        for bits in 0..1 << QUICK {
+            self.quick[bits as usize] = self.entry(bits);
+        }
+        self.source.extend_from_slice(counts);
+        self.source.extend_from_slice(symbols);
+        true
+    }
+
+    /// Gives out the codes: shorter ones first, each length going on where the one before stopped.
+    fn number(&mut self, counts: &[u8; 16]) -> bool {
+        let (mut code, mut place) = (0u32, 0i32);
+        for (length, count) in (1..=16).zip(counts) {
+            self.place[length] = place - code as i32;
+            code += u32::from(*count);
+            place += i32::from(*count);
+            if code > 1 << length {
+                return false;
+            }
+            self.above[length] = code << (16 - length);
+            code <<= 1;
+        }
+        true
+    }
+
+    fn entry(&self, bits: u32) -> Entry {
+        let Some((symbol, length)) = self.code(bits << (16 - QUICK), 1) else {
+            return Entry::default();
+        };
+        let (run, size) = (symbol >> 4, u32::from(symbol & 15));
+        if length > QUICK {
+            return Entry::default();
+        }
+        if size == 0 || length + size > QUICK {
+            return Entry::new(length, symbol, 0);
+        }
+        let plain = bits >> (QUICK - length - size) & ((1 << size) - 1);
+        Entry::new(length + size, run, signed(plain, size))
+    }
+
+    /// Symbol and length of the code at the top of 16 bits, when it has at least `shortest` bits.
+    fn code(&self, bits: u32, shortest: usize) -> Option<(u8, u32)> {
+        let length = (shortest..=16).find(|length| bits < self.above[*length])?;
+        let place = (bits >> (16 - length)) as i32 + self.place[length];
+        Some((self.symbols[place as usize & 0xFF], length as u32))
+    }
+
+    /// The next run of zeros and the value behind it; a value of 0 has none. Nothing for a code that does not exist.
+    #[inline(always)]
+    pub(super) fn next(&self, bits: &mut Bits<'_>) -> Option<(u32, i32)> {
+        bits.refill();
+        let entry = self.quick[bits.peek(QUICK)];
+        if entry.value() != 0 {
+            bits.skip(entry.taken());
+            return Some((entry.middle(), entry.value()));
+        }
+        self.next_slowly(entry, bits)
+    }
+
+    fn next_slowly(&self, entry: Entry, bits: &mut Bits<'_>) -> Option<(u32, i32)> {
+        let (symbol, length) = if entry.taken() > 0 {
+            (entry.middle(), entry.taken())
+        } else {
+            let (symbol, length) = self.code(bits.peek(16) as u32, QUICK as usize + 1)?;
+            (u32::from(symbol), length)
+        };
+        bits.skip(length);
+        let size = symbol & 15;
+        if size == 0 {
+            return Some((symbol >> 4, 0));
+        }
+        // A code has at most 16 bits, so 16 of the 32 are left for the value.
+        let plain = bits.peek(size) as u32;
+        bits.skip(size);
+        Some((symbol >> 4, signed(plain, size)))
+    }
+}
+
+/// Values whose first bit is 0 are negative.
+fn signed(plain: u32, size: u32) -> i32 {
+    let value = plain as i32;
+    if value < 1 << (size - 1) {
+        value - (1 << size) + 1
+    } else {
+        value
+    }
+}
+
+/// The tables that the standard suggests (T.81, annex K.3) as one segment, marker included. Motion-JPEG cameras use
+/// them and leave them out of every frame.
 #[rustfmt::skip]
 pub(super) const STANDARD_TABLES: [u8; 420] = [
     0xFF, 0xC4, 0x01, 0xA2, 0x00, 0x00, 0x01, 0x05, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x01, 0x02,

@@ -7,6 +7,8 @@
 //! other, decodes each once and keeps its buffers.
 
 mod annotate;
+mod baseline;
+mod bits;
 mod blobs;
 mod colour;
 mod decoder;
@@ -14,9 +16,15 @@ mod eyes;
 mod font;
 mod frame;
 mod huffman;
+mod idct;
+mod learn;
+mod line;
+mod measure;
 mod moments;
+mod motion;
 mod palette;
 mod picture;
+mod qrcode;
 mod regions;
 mod space;
 mod tracker;
@@ -27,6 +35,11 @@ pub use colour::{Colour, ColourError, Span};
 pub use decoder::Decoder;
 pub use eyes::Eyes;
 pub use frame::{FrameError, MAX_HEIGHT, MAX_JPEG_LEN, MAX_WIDTH, Size, judge};
+pub use learn::{LearnRefusal, Learned, learn};
+pub use line::{Line, find_line};
+pub use measure::{brightness, sharpness};
+pub use motion::{Motion, MotionDetector, MotionOptions};
 pub use palette::{MAX_COLOURS, Palette};
-pub use picture::{Image, Roi, brightness};
+pub use picture::{Image, Roi};
+pub use qrcode::{QrCode, find_qrcodes};
 pub use tracker::{Track, Tracker, TrackerOptions};

@@ -1,8 +1,9 @@
 //! A decoded picture.
 
-use image::RgbImage;
+use image::{Rgb, RgbImage};
 
 use super::frame::Size;
+use super::space::{rgb_of, ycc_of};
 
 /// A rectangle of pixels: origin top left, x right, y down. It may stick out of a picture; what
 /// sticks out does not count.
@@ -47,24 +48,91 @@ impl From<Size> for Roi {
     }
 }
 
-/// A decoded picture: red, green and blue, eight bits each.
-#[derive(Debug, Clone, PartialEq, Eq)]
+/// Samples of brightness, blueness or redness.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(super) struct Plane {
+    pub(super) samples: Vec<u8>,
+    /// Samples from one row to the next; at least those of the picture, in whole blocks.
+    pub(super) stride: usize,
+    /// How many columns and rows of pixels share a sample, as a power of two.
+    pub(super) across: u32,
+    pub(super) down: u32,
+}
+
+impl Plane {
+    /// Makes room for so many columns and rows of samples.
+    pub(super) fn shape(&mut self, (columns, rows): (usize, usize), (across, down): (u32, u32)) {
+        self.samples.resize(columns * rows, 128);
+        self.stride = columns;
+        (self.across, self.down) = (across, down);
+    }
+
+    /// The samples that hold row `y` of pixels.
+    pub(super) fn row(&self, y: u32) -> &[u8] {
+        &self.samples[(y >> self.down) as usize * self.stride..][..self.stride]
+    }
+
+    fn at(&self, x: u32, y: u32) -> u8 {
+        self.row(y)[(x >> self.across) as usize]
+    }
+}
+
+/// A decoded picture, kept as JPEG keeps it: brightness, blueness and redness in planes of their own.
+#[derive(Debug, Clone)]
 pub struct Image {
     pub(super) size: Size,
-    pub(super) rgb: Vec<u8>,
+    pub(super) planes: [Plane; 3],
+    /// Only the first plane counts.
+    pub(super) grey: bool,
+}
+
+impl Default for Image {
+    /// No pixels.
+    fn default() -> Self {
+        Image {
+            size: Size {
+                width: 0,
+                height: 0,
+            },
+            planes: Default::default(),
+            grey: true,
+        }
+    }
 }
 
 impl Image {
-    /// A picture of these pixels, row by row.
-    pub fn from_rgb(pixels: RgbImage) -> Image {
-        let size = Size {
-            width: pixels.width(),
-            height: pixels.height(),
-        };
-        Image {
-            size,
-            rgb: pixels.into_raw(),
+    /// A picture of these pixels, to within one level of each channel.
+    pub fn from_rgb(pixels: &RgbImage) -> Image {
+        let mut image = Image::default();
+        image.set_rgb(
+            Size {
+                width: pixels.width(),
+                height: pixels.height(),
+            },
+            pixels.as_raw(),
+        );
+        image
+    }
+
+    /// Takes pixels row by row, three bytes each.
+    pub(super) fn set_rgb(&mut self, size: Size, rgb: &[u8]) {
+        (self.size, self.grey) = (size, false);
+        for plane in &mut self.planes {
+            plane.shape((size.width as usize, size.height as usize), (0, 0));
         }
+        let [luma, blue, red] = self.planes.each_mut().map(|plane| plane.samples.iter_mut());
+        for (pixel, ((luma, blue), red)) in
+            rgb.as_chunks::<3>().0.iter().zip(luma.zip(blue).zip(red))
+        {
+            [*luma, *blue, *red] = ycc_of(*pixel);
+        }
+    }
+
+    /// Takes grey pixels row by row.
+    pub(super) fn set_luma(&mut self, size: Size, luma: &[u8]) {
+        (self.size, self.grey) = (size, true);
+        self.planes[0].shape((size.width as usize, size.height as usize), (0, 0));
+        self.planes[0].samples.copy_from_slice(luma);
     }
 
     /// Width and height.
@@ -74,51 +142,44 @@ impl Image {
 
     /// Red, green and blue (0..255) of column `x`, row `y`; nothing outside the picture.
     pub fn pixel(&self, x: u32, y: u32) -> Option<[u8; 3]> {
-        let inside = x < self.size.width && y < self.size.height;
-        inside.then(|| self.row(y)[x as usize])
+        (x < self.size.width && y < self.size.height).then(|| self.rgb_at(x, y))
     }
 
     /// A copy that can be drawn on and saved.
     pub fn to_rgb(&self) -> RgbImage {
-        // The buffer always has three bytes for each pixel; an empty picture stands for one that has not.
-        RgbImage::from_raw(self.size.width, self.size.height, self.rgb.clone()).unwrap_or_default()
+        RgbImage::from_fn(self.size.width, self.size.height, |x, y| {
+            Rgb(self.rgb_at(x, y))
+        })
     }
 
-    /// The pixels of one row, which must be inside.
-    pub(super) fn row(&self, y: u32) -> &[[u8; 3]] {
-        let width = self.size.width as usize;
-        &self.rgb.as_chunks().0[y as usize * width..][..width]
+    fn rgb_at(&self, x: u32, y: u32) -> [u8; 3] {
+        let [luma, blue, red] = &self.planes;
+        if self.grey {
+            [luma.at(x, y); 3]
+        } else {
+            rgb_of([luma.at(x, y), blue.at(x, y), red.at(x, y)]).map(|value| value as u8)
+        }
     }
 
-    /// The bytes of a part of a row, which must be inside.
-    pub(super) fn row_bytes(&self, y: u32, x: u32, w: u32) -> &[u8] {
-        let start = (y * self.size.width + x) as usize * 3;
-        &self.rgb[start..start + w as usize * 3]
+    /// The brightness of a row of pixels, 0..255.
+    pub(super) fn luma_row(&self, y: u32) -> &[u8] {
+        &self.planes[0].row(y)[..self.size.width as usize]
     }
-}
 
-/// Mean brightness of a part of a picture, 0 (black) to 1 (white); 0 for a part outside it.
-pub fn brightness(image: &Image, roi: Option<Roi>) -> f64 {
-    let Some(part) = roi.unwrap_or(image.size.into()).within(image.size) else {
-        return 0.0;
-    };
-    let row_sum = |y| {
-        image
-            .row_bytes(y, part.x, part.w)
-            .as_chunks()
-            .0
-            .iter()
-            .copied()
-            .map(luma)
-            .map(u64::from)
-            .sum::<u64>()
-    };
-    let sum: u64 = (part.y..part.y + part.h).map(row_sum).sum();
-    sum as f64 / (255.0 * f64::from(part.w) * f64::from(part.h))
-}
-
-/// How bright a pixel looks, 0..255: the luma of BT.601, as JPEG has it.
-pub(super) fn luma([r, g, b]: [u8; 3]) -> u8 {
-    // The weights add up to 2^16, so the result fits.
-    ((19_595 * u32::from(r) + 38_470 * u32::from(g) + 7_471 * u32::from(b) + 32_768) >> 16) as u8
+    /// The brightness of half as many columns and rows: means of two by two pixels; an odd last one is left out.
+    pub(super) fn halve_luma(&self, halved: &mut Vec<u8>) {
+        halved.clear();
+        for y in 0..self.size.height / 2 {
+            let upper = self.luma_row(2 * y).as_chunks::<2>().0;
+            let lower = self.luma_row(2 * y + 1).as_chunks::<2>().0;
+            let sum = |pair: &[u8; 2]| u16::from(pair[0]) + u16::from(pair[1]);
+            // The mean of four bytes is a byte.
+            halved.extend(
+                upper
+                    .iter()
+                    .zip(lower)
+                    .map(|(up, low)| ((sum(up) + sum(low) + 2) / 4) as u8),
+            );
+        }
+    }
 }

@@ -50,6 +50,41 @@ fn lightness_curve(t: f64) -> f64 {
     }
 }
 
+/// Brightness, blueness and redness (0..255) of a pixel, as JPEG has them (JFIF, full range).
+pub(super) fn ycc_of(rgb: [u8; 3]) -> [u8; 3] {
+    let [r, g, b] = rgb.map(i32::from);
+    let luma = 19_595 * r + 38_470 * g + 7_471 * b;
+    let blue = -11_058 * r - 21_710 * g + 32_768 * b + (128 << 16);
+    let red = 32_768 * r - 27_439 * g - 5_329 * b + (128 << 16);
+    [luma, blue, red].map(|value| ((value + 32_768) >> 16).clamp(0, 255) as u8)
+}
+
+/// Red, green and blue, 0..=255, of brightness, blueness and redness.
+pub(super) fn rgb_of([luma, blue, red]: [u8; 3]) -> [i32; 3] {
+    let (luma, blue, red) = (
+        i32::from(luma) << 16,
+        i32::from(blue) - 128,
+        i32::from(red) - 128,
+    );
+    [
+        luma + 91_881 * red,
+        luma - 22_554 * blue - 46_802 * red,
+        luma + 116_130 * blue,
+    ]
+    .map(|value| ((value + 32_768) >> 16).clamp(0, 255))
+}
+
+/// As [`rgb_of`], for values between the whole numbers.
+pub(super) fn rgb_of_ycc([luma, blue, red]: [f64; 3]) -> [f64; 3] {
+    let (blue, red) = (blue - 128.0, red - 128.0);
+    [
+        luma + 1.402 * red,
+        luma - 0.344_136 * blue - 0.714_136 * red,
+        luma + 1.772 * blue,
+    ]
+    .map(|value| value.clamp(0.0, 255.0))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -68,6 +103,22 @@ mod tests {
         near(lab_of([0.0, 0.0, 0.0]), [0.0, 0.0, 0.0]);
         near(lab_of([255.0, 0.0, 0.0]), [53.24, 80.09, 67.20]);
         near(lab_of([0.0, 0.0, 255.0]), [32.30, 79.19, -107.86]);
+    }
+
+    #[test]
+    fn colours_come_back_from_brightness_blueness_and_redness() {
+        for step in 0..4096u32 {
+            let rgb = [step >> 8, step >> 4 & 15, step & 15].map(|value| (value * 17) as u8);
+            let back = rgb_of(ycc_of(rgb));
+            assert!(
+                rgb.iter()
+                    .zip(back)
+                    .all(|(a, b)| i32::from(*a).abs_diff(b) <= 2),
+                "{rgb:?} {back:?}"
+            );
+        }
+        assert_eq!(ycc_of([255, 0, 0]), [76, 85, 255]);
+        assert_eq!(rgb_of([76, 85, 255]).map(|value| value as u8), [254, 0, 0]);
     }
 
     #[test]

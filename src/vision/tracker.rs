@@ -71,9 +71,9 @@ pub struct Tracker {
     camera: Camera,
     newest: Option<Duration>,
     given: u64,
+    followed: Vec<Track>,
+    /// Those seen often enough, as handed out.
     tracks: Vec<Track>,
-    /// Confirmed tracks, as handed out.
-    shown: Vec<Track>,
     pairs: Vec<(f64, usize, usize)>,
     /// For every track, the blob it takes.
     owned: Vec<Option<usize>>,
@@ -91,8 +91,8 @@ impl Tracker {
             camera,
             newest: None,
             given: 0,
+            followed: Vec::new(),
             tracks: Vec::new(),
-            shown: Vec::new(),
             pairs: Vec::new(),
             owned: Vec::new(),
             hosts: Vec::new(),
@@ -109,31 +109,33 @@ impl Tracker {
             .map_or(0.0, |newest| at.saturating_sub(newest).as_secs_f64());
         let step = passed.clamp(STEP.0, STEP.1);
         self.newest = Some(at);
-        self.tracks.iter_mut().for_each(|track| track.predict(step));
+        self.followed
+            .iter_mut()
+            .for_each(|track| track.predict(step));
         self.pair(blobs);
         self.hide(blobs);
         self.follow(blobs, step);
-        self.tracks.retain(|track| track.lives(&self.options));
+        self.followed.retain(|track| track.lives(&self.options));
         self.begin(blobs);
         self.show(size)
     }
 
     /// The tracks of the newest update.
     pub fn tracks(&self) -> &[Track] {
-        &self.shown
+        &self.tracks
     }
 
     /// The one to follow: seen most recently; among those the largest, then the oldest.
     pub fn best(&self) -> Option<&Track> {
-        self.shown
+        self.tracks
             .iter()
             .min_by_key(|track| (track.lost, std::cmp::Reverse(track.blob.pixels), track.id))
     }
 
     /// Forgets every track; ids go on counting.
     pub fn reset(&mut self) {
+        self.followed.clear();
         self.tracks.clear();
-        self.shown.clear();
         self.newest = None;
     }
 
@@ -141,7 +143,7 @@ impl Tracker {
     fn pair(&mut self, blobs: &[Blob]) {
         let reach = self.options.max_jump.powi(2);
         self.pairs.clear();
-        for (index, track) in self.tracks.iter().enumerate() {
+        for (index, track) in self.followed.iter().enumerate() {
             let costs = blobs
                 .iter()
                 .enumerate()
@@ -151,7 +153,7 @@ impl Tracker {
         self.pairs
             .sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
         self.owned.clear();
-        self.owned.resize(self.tracks.len(), None);
+        self.owned.resize(self.followed.len(), None);
         self.crowd.clear();
         self.crowd.resize(blobs.len(), 0);
         for &(_, track, blob) in &self.pairs {
@@ -173,7 +175,7 @@ impl Tracker {
                     let (Some(of_a), Some(of_b)) = (self.owned[a], self.owned[b]) else {
                         continue;
                     };
-                    let cost = |track: usize, blob: usize| self.tracks[track].cost(&blobs[blob]);
+                    let cost = |track: usize, blob: usize| self.followed[track].cost(&blobs[blob]);
                     if cost(a, of_b) + cost(b, of_a) < cost(a, of_a) + cost(b, of_b) - 1e-9 {
                         self.owned.swap(a, b);
                         swapped = true;
@@ -189,7 +191,7 @@ impl Tracker {
     /// A known track without a blob that is expected inside another's blob hides there.
     fn hide(&mut self, blobs: &[Blob]) {
         self.hosts.clear();
-        for (track, owned) in self.tracks.iter().zip(&self.owned) {
+        for (track, owned) in self.followed.iter().zip(&self.owned) {
             let hides = owned.is_none() && track.age >= self.options.min_age;
             let inside = |index: &usize| self.crowd[*index] > 0 && track.is_within(&blobs[*index]);
             self.hosts
@@ -202,7 +204,7 @@ impl Tracker {
     }
 
     fn follow(&mut self, blobs: &[Blob], step: f64) {
-        for (index, track) in self.tracks.iter_mut().enumerate() {
+        for (index, track) in self.followed.iter_mut().enumerate() {
             match (self.owned[index], self.hosts[index]) {
                 (Some(blob), _) if self.crowd[blob] == 1 => track.see(&blobs[blob], step),
                 (Some(blob), _) => track.share(&blobs[blob], true),
@@ -214,22 +216,22 @@ impl Tracker {
 
     fn begin(&mut self, blobs: &[Blob]) {
         for (blob, crowd) in blobs.iter().zip(&self.crowd) {
-            if *crowd == 0 && self.tracks.len() < MAX_TRACKS {
+            if *crowd == 0 && self.followed.len() < MAX_TRACKS {
                 self.given += 1;
-                self.tracks.push(Track::begin(self.given, blob));
+                self.followed.push(Track::begin(self.given, blob));
             }
         }
     }
 
     fn show(&mut self, size: Size) -> &[Track] {
-        self.shown.clear();
+        self.tracks.clear();
         let known = self
-            .tracks
+            .followed
             .iter()
             .filter(|track| track.age >= self.options.min_age);
-        self.shown
+        self.tracks
             .extend(known.map(|track| track.placed(size, self.camera)));
-        &self.shown
+        &self.tracks
     }
 }
 
@@ -363,11 +365,11 @@ mod tests {
                     Rgb([210, 20, 20]),
                 );
             }
-            let image = Image::from_rgb(picture);
+            let image = Image::from_rgb(&picture);
             self.finder
                 .find(
                     &image,
-                    &self.palette,
+                    &mut self.palette,
                     &BlobOptions::default(),
                     Camera::default(),
                 )
@@ -434,7 +436,7 @@ mod tests {
     #[test]
     fn ids_survive_two_equal_balls_crossing() {
         let (mut scene, mut random) = (Scene::new(), StdRng::seed_from_u64(7));
-        let runs = 300;
+        let runs = 120;
         let survived = (0..runs)
             .filter(|_| ids_survive_a_crossing(&mut scene, &mut random))
             .count();
