@@ -209,3 +209,86 @@ fn free_direction(senses: &Senses<'_>, target: Point) -> f64 {
     let fan = (-8..=8).map(|i| direct + f64::from(i) * PI / 12.0);
     fan.filter(free).min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap_or(direct)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::{World, body::Body};
+
+    const TICK: Duration = Duration::from_millis(20);
+
+    /// Drives until the manoeuvre ends or the contacts touch: seconds, and whether they do.
+    fn dock_from(world: &World, from: Pose, beacon: bool) -> (f64, bool) {
+        let obstacles = Obstacles::of(world);
+        let (mut body, mut docking) = (Body::new(from), Docking::new(Duration::from_secs(20)));
+        docking.find_base();
+        for step in 0.. {
+            let station = &world.station;
+            let senses = Senses { pose: body.pose, station, obstacles: &obstacles, beacon };
+            match docking.step(TICK, &senses) {
+                Order::Drive(speeds) => body.want(speeds),
+                Order::NotFound => return (f64::from(step) / 50.0, false),
+                other => panic!("{other:?}"),
+            }
+            body.step(TICK, &obstacles);
+            if station.touched(body.pose, false) {
+                return (f64::from(step) / 50.0, true);
+            }
+        }
+        unreachable!()
+    }
+
+    #[test]
+    fn finds_home_from_all_over_the_living_room() {
+        let world = World::default_world();
+        let obstacles = Obstacles::of(&world);
+        let (mut tried, mut slowest) = (0, 0.0);
+        for i in 0..200 {
+            let at = Point::new(0.3 + f64::from(i % 20) * 0.22, 0.3 + f64::from(i / 20) * 0.48);
+            let lit = world.station.beacon_reaches(at, &obstacles);
+            if !lit || obstacles.clearance(at) < RADIUS {
+                continue;
+            }
+            let (seconds, found) = dock_from(&world, Pose::at(at, f64::from(i)), true);
+            assert!(found, "not from {at:?}: gave up after {seconds} s");
+            (tried, slowest) = (tried + 1, f64::max(slowest, seconds));
+        }
+        assert!(tried > 100 && slowest < 60.0, "{tried} tries, slowest {slowest} s");
+    }
+
+    #[test]
+    fn a_dark_station_is_not_found_and_the_search_ends() {
+        let world = World::default_world();
+        let (seconds, found) = dock_from(&world, Pose::new(2.0, 2.5, 0.0), false);
+        assert!(!found && (15.0..30.0).contains(&seconds), "{seconds}");
+    }
+
+    #[test]
+    fn a_station_behind_a_wall_is_not_found() {
+        let world = World::default_world();
+        let (_, found) = dock_from(&world, Pose::new(5.5, 0.6, 0.0), true);
+        assert!(!found);
+    }
+
+    #[test]
+    fn backing_out_ends_clear_of_the_station() {
+        let world = World::default_world();
+        let (station, obstacles) = (&world.station, Obstacles::of(&world));
+        let mut body = Body::new(station.dock_pose());
+        let mut docking = Docking::new(Duration::ZERO);
+        docking.leave();
+        for _ in 0..1000 {
+            let senses = Senses { pose: body.pose, station, obstacles: &obstacles, beacon: true };
+            match docking.step(TICK, &senses) {
+                Order::Drive(speeds) => body.want(speeds),
+                end => {
+                    assert_eq!(end, Order::Left);
+                    break;
+                }
+            }
+            body.step(TICK, &obstacles);
+        }
+        assert!(!docking.leaving() && station.offset(body.pose).0 >= LEFT_AT);
+        assert_eq!(body.collisions(), 0);
+    }
+}

@@ -49,9 +49,14 @@ impl Obstacles {
     /// stands too near to something may leave it.
     pub(super) fn way_free(&self, a: Point, b: Point, radius: f64) -> bool {
         const STRIDE: f64 = 0.06;
+        // The first step must not lead nearer to what is touched, not even round its corner.
+        const FIRST: f64 = 0.01;
+        let length = a.distance(b);
         let enough = radius.min(self.clearance(a));
-        let steps = (a.distance(b) / STRIDE).ceil().max(1.0) as usize;
-        (1..=steps).all(|i| self.clearance(a.towards(b, i as f64 / steps as f64)) >= enough)
+        let steps = (length / STRIDE).ceil().max(1.0);
+        let strides = (1..=steps as usize).map(|i| i as f64 / steps);
+        let first = (FIRST < length).then(|| FIRST / length);
+        first.into_iter().chain(strides).all(|share| self.clearance(a.towards(b, share)) >= enough)
     }
 }
 

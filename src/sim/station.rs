@@ -14,7 +14,7 @@ use super::world::Spot;
 /// How far the station's body stands out from its back, metres.
 const DEPTH: f64 = 0.10;
 /// How wide the station's body is, metres.
-pub(super) const WIDTH: f64 = 0.36;
+const WIDTH: f64 = 0.36;
 /// How high the station's body is, metres.
 pub(super) const HEIGHT: f64 = 0.34;
 /// Between the station and a robot on it, metres.

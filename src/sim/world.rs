@@ -452,3 +452,104 @@ fn post_radius() -> f64 {
 fn post_height() -> f64 {
     0.6
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROOM: &str = "room: {width: 6, depth: 4}\n";
+    const STATION: &str = "station: {at: [0, 2], heading_degrees: 0}\n";
+
+    /// What is said about `ROOM`, `STATION` and more, which begins in line 3.
+    fn fault(more: &str) -> String {
+        World::from_yaml(&format!("{ROOM}{STATION}{more}"), "w.yaml").unwrap_err().to_string()
+    }
+
+    #[test]
+    fn the_worlds_that_come_along_are_valid() {
+        assert_eq!(World::default_world().name, "living room");
+        let playpen = include_str!("../../behaviours/worlds/playpen.yaml");
+        let playpen = World::from_yaml(playpen, "playpen.yaml").unwrap();
+        assert_eq!(playpen.start_pose(), playpen.station.dock_pose());
+    }
+
+    #[test]
+    fn what_is_left_out_has_defaults() {
+        let world = World::from_yaml(&format!("{ROOM}{STATION}"), "w.yaml").unwrap();
+        assert_eq!(world.battery, BatterySettings::default());
+        assert_eq!((world.light, world.camera.fps), (1.0, 15.0));
+    }
+
+    #[test]
+    fn an_unknown_key_is_refused_with_its_place_and_the_probable_name() {
+        let text = fault("balls:\n  - at: [1, 1]\n    colour: red\n    raduis: 0.1\n");
+        assert!(text.starts_with("w.yaml:6:5: "), "{text}");
+        assert!(text.contains("raduis") && text.ends_with("did you mean `radius`?"), "{text}");
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused_with_their_place() {
+        for (more, place) in [
+            ("light: .nan\n", "w.yaml:3:8: "),
+            ("light: -1\n", "w.yaml:3:8: "),
+            ("balls: [{at: [1, 1], colour: red, radius: 9}]\n", "w.yaml:3:43: "),
+            ("battery: {level: .inf}\n", "w.yaml:3:18: "),
+            ("posts: [{at: [1, -1], colour: red}]\n", "w.yaml:3:18: "),
+            ("camera:\n  fps: 1e9\n", "w.yaml:4:8: "),
+        ] {
+            let text = fault(more);
+            assert!(text.starts_with(place), "{text}");
+            assert!(text.contains("expected a number from"), "{text}");
+        }
+    }
+
+    #[test]
+    fn wrong_types_are_refused_with_their_place() {
+        for (more, place) in [
+            ("light: bright\n", "w.yaml:3:8: "),
+            ("balls: 3\n", "w.yaml:3:8: "),
+            ("balls: [{at: [1], colour: red}]\n", "w.yaml:3:14: "),
+            ("balls: [{at: [1, 1], colour: rot}]\n", "w.yaml:3:30: "),
+            ("balls: [{at: [1, 1]}]\n", "w.yaml:3:9: "),
+            ("camera: {fps: [}\n", "w.yaml:3:15: "),
+        ] {
+            let text = fault(more);
+            assert!(text.starts_with(place), "{more}{text}");
+        }
+    }
+
+    #[test]
+    fn things_outside_the_room_are_refused_with_their_place() {
+        let text = fault("balls:\n  - {at: [1, 1], colour: red}\n  - {at: [7, 1], colour: red}\n");
+        assert!(text.starts_with("w.yaml:5:10: [7, 1] is outside the room"), "{text}");
+    }
+
+    #[test]
+    fn a_robot_inside_of_something_is_refused() {
+        let text = fault("start: {at: [3, 0.1]}\n");
+        assert!(text.starts_with("w.yaml:3:13: the robot would start inside"), "{text}");
+        let text = fault("balls: [{at: [0.5, 2], colour: red}]\n");
+        assert!(text.starts_with("w.yaml:2:15: something stands before the station"), "{text}");
+    }
+
+    #[test]
+    fn a_crowd_is_refused() {
+        let ball = "  - {at: [1, 1], colour: red}\n";
+        let text = fault(&format!("balls:\n{}", ball.repeat(MAX_THINGS + 1)));
+        assert!(text.contains("201 balls are too many"), "{text}");
+    }
+
+    #[test]
+    fn a_file_that_is_not_there_is_named() {
+        let error = World::load(Path::new("no/such/world.yaml")).unwrap_err();
+        assert!(error.to_string().contains("no/such/world.yaml"), "{error}");
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn any_text_is_read_without_panic(text in ".{0,200}", more in "[a-z:{}\\[\\], 0-9.&*-]{0,80}") {
+            let _ = World::from_yaml(&text, "random");
+            let _ = World::from_yaml(&format!("{ROOM}{STATION}{more}"), "random");
+        }
+    }
+}
