@@ -36,10 +36,6 @@ pub struct ConnectionArgs {
 
     /// Drive a simulated robot, in the built-in world or the one of a YAML file
     #[arg(long, value_name = "WORLD", num_args = 0..=1)]
-    #[expect(
-        clippy::option_option,
-        reason = "clap's form of a flag with an optional value"
-    )]
     pub sim: Option<Option<PathBuf>>,
 
     #[command(flatten)]
@@ -165,4 +161,53 @@ fn sendable(what: &str, text: &str) -> Result<(), Failure> {
         return Err(failure.help("use letters of western European languages, digits and signs"));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Debug, Parser)]
+    struct Cli {
+        #[command(flatten)]
+        connection: ConnectionArgs,
+    }
+
+    fn parse(args: &[&str]) -> Result<ConnectionArgs, clap::Error> {
+        let args = std::iter::once("spykee").chain(args.iter().copied());
+        Cli::try_parse_from(args).map(|cli| cli.connection)
+    }
+
+    #[test]
+    fn a_robot_or_a_simulator_or_what_the_config_says_but_not_both() {
+        let place = |args| parse(args).unwrap().place();
+        let robot = "172.17.6.1".parse().unwrap();
+        assert_eq!(place(&["--robot", "172.17.6.1"]), Some(Place::Robot(robot)));
+        assert_eq!(place(&["--sim"]), Some(Place::Sim(None)));
+        let world = Some(PathBuf::from("w.yaml"));
+        assert_eq!(place(&["--sim", "w.yaml"]), Some(Place::Sim(world)));
+        assert_eq!(place(&[]), None);
+        assert!(parse(&["--sim", "--robot", "172.17.6.1"]).is_err());
+    }
+
+    #[test]
+    fn an_address_that_is_none_is_refused_with_what_was_expected() {
+        let error = parse(&["--robot", "http://robot"]).unwrap_err();
+        assert!(
+            error.to_string().contains("expected HOST[:PORT]"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn a_behaviour_behind_sim_is_not_taken_for_a_world() {
+        let mut args = parse(&["--sim", "patrol.lua"]).unwrap();
+        assert_eq!(args.take_misplaced_behaviour(), Some("patrol.lua".into()));
+        assert_eq!(args.place(), Some(Place::Sim(None)));
+        let mut args = parse(&["--sim", "room.yaml"]).unwrap();
+        assert_eq!(args.take_misplaced_behaviour(), None);
+        assert_eq!(args.place(), Some(Place::Sim(Some("room.yaml".into()))));
+        assert_eq!(parse(&[]).unwrap().take_misplaced_behaviour(), None);
+    }
 }

@@ -107,7 +107,7 @@ pub fn main() -> ExitCode {
 /// stopping the robot.
 fn report_panics(console: Console) {
     std::panic::set_hook(Box::new(move |panic| {
-        let payload = panic.payload_as_str().unwrap_or("no message");
+        let payload = payload_text(panic.payload());
         let place = panic
             .location()
             .map_or_else(String::new, |place| format!(" at {place}"));
@@ -118,6 +118,13 @@ fn report_panics(console: Console) {
         }
         console.say("ERROR", &text);
     }));
+}
+
+/// What `panic!` was given, if it was text.
+fn payload_text(payload: &(dyn std::any::Any + Send)) -> &str {
+    let text = payload.downcast_ref::<&str>().copied();
+    text.or_else(|| payload.downcast_ref::<String>().map(String::as_str))
+        .unwrap_or("no message")
 }
 
 /// Runs a future on a runtime of its own. What is left in the background is given up.
