@@ -71,7 +71,9 @@ impl Camera {
         let mut jpeg = Vec::with_capacity(16 * 1024);
         let mut encoder = JpegEncoder::new_with_quality(&mut jpeg, QUALITY);
         let (width, height) = (WIDTH as u32, HEIGHT as u32);
-        if let Err(error) = encoder.encode(self.pixels.as_flattened(), width, height, ExtendedColorType::Rgb8) {
+        if let Err(error) =
+            encoder.encode(self.pixels.as_flattened(), width, height, ExtendedColorType::Rgb8)
+        {
             // Into memory and with a size that is right, it does not fail.
             tracing::error!(target: "spykee::sim", %error, "cannot encode a frame");
         }
