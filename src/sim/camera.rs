@@ -31,7 +31,7 @@ pub(super) struct Camera {
     lamp: Lamp,
     rows: Vec<Row>,
     grain: Grain,
-    pixels: Vec<u8>,
+    pixels: Vec<[u8; 3]>,
     hits: Vec<Hit>,
 }
 
@@ -60,7 +60,7 @@ impl Camera {
                 height: room.height as f32,
             },
             grain: Grain::new(world.camera.noise, seed),
-            pixels: vec![0; WIDTH * HEIGHT * 3],
+            pixels: vec![[0; 3]; WIDTH * HEIGHT],
             hits: Vec::new(),
         }
     }
@@ -71,7 +71,9 @@ impl Camera {
         let mut jpeg = Vec::with_capacity(16 * 1024);
         let mut encoder = JpegEncoder::new_with_quality(&mut jpeg, QUALITY);
         let (width, height) = (WIDTH as u32, HEIGHT as u32);
-        if let Err(error) = encoder.encode(&self.pixels, width, height, ExtendedColorType::Rgb8) {
+        if let Err(error) =
+            encoder.encode(self.pixels.as_flattened(), width, height, ExtendedColorType::Rgb8)
+        {
             // Into memory and with a size that is right, it does not fail.
             tracing::error!(target: "spykee::sim", %error, "cannot encode a frame");
         }
@@ -88,7 +90,7 @@ impl Camera {
             self.paint_column(&view, column, &hits);
         }
         self.hits = hits;
-        self.grain.add_to(&mut self.pixels);
+        self.grain.add_to(self.pixels.as_flattened_mut());
     }
 
     fn paint_column(&mut self, view: &View, column: Column, hits: &[Hit]) {
@@ -188,9 +190,11 @@ impl Camera {
     }
 
     fn put(&mut self, column: usize, row: usize, colour: Rgb) {
-        let at = (row * WIDTH + column) * 3;
         // A float becomes a byte by cutting off what does not fit.
-        self.pixels[at..at + 3].copy_from_slice(&colour.map(|channel| channel as u8));
+        let pixel = &mut self.pixels[row * WIDTH + column];
+        pixel[0] = colour[0] as u8;
+        pixel[1] = colour[1] as u8;
+        pixel[2] = colour[2] as u8;
     }
 }
 
