@@ -24,4 +24,5 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod robot;
+pub mod script;
 pub mod wire;
