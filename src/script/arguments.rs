@@ -42,7 +42,6 @@ pub(super) enum Bounds {
     Between(f64, f64),
     /// Above the first, up to the second.
     Above(f64, f64),
-    Finite,
 }
 
 impl Bounds {
@@ -50,7 +49,6 @@ impl Bounds {
         match self {
             Bounds::Between(low, high) => (low..=high).contains(&number),
             Bounds::Above(low, high) => number > low && number <= high,
-            Bounds::Finite => number.is_finite(),
         }
     }
 
@@ -58,7 +56,6 @@ impl Bounds {
         match self {
             Bounds::Between(low, high) => format!("between {low} and {high}"),
             Bounds::Above(low, high) => format!("above {low} and at most {high}"),
-            Bounds::Finite => "a number".to_owned(),
         }
     }
 }

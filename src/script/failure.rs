@@ -117,6 +117,7 @@ fn from_traceback(text: &str) -> String {
     let message = match (inside, first_place(trace)) {
         (Some((_, words)), Some(place)) => format!("{place}: {words}"),
         (Some((_, words)), None) => words.to_owned(),
+        (None, Some(place)) if !has_place(message) => format!("{place}: {message}"),
         (None, _) => message.to_owned(),
     };
     printable(&message, LONGEST)
@@ -128,9 +129,16 @@ fn first_place(trace: &str) -> Option<&str> {
         let end = line.find(' ').unwrap_or(line.len());
         let place = line.get(..end)?.trim_end_matches(':');
         let (file, number) = place.rsplit_once(':')?;
-        let ours = file == super::sandbox::PRELUDE || file.starts_with('[');
-        (!ours && number.parse::<u32>().is_ok()).then_some(place)
+        let theirs = !super::sandbox::is_ours(file) && !file.starts_with('[');
+        (theirs && number.parse::<u32>().is_ok()).then_some(place)
     })
+}
+
+/// Whether a message begins with `file:line: `.
+fn has_place(message: &str) -> bool {
+    let place = message.split(": ").next().unwrap_or_default();
+    let line = place.rsplit_once(':').map(|(_, line)| line);
+    line.is_some_and(|line| line.parse::<u32>().is_ok())
 }
 
 /// Hints for errors that beginners meet: a piece of the VM's text, and what to do.

@@ -18,6 +18,11 @@ pub const MAX_SOURCE: usize = 256 * 1024;
 /// The prelude's name in stack frames.
 pub(super) const PRELUDE: &str = "spykee";
 
+/// Whether a stack frame is not the script's own: the prelude's, or of the VM's binding.
+pub(super) fn is_ours(source: &str) -> bool {
+    source == PRELUDE || source.starts_with("__mlua")
+}
+
 /// The most work of one pattern search: length of the text times length of the pattern.
 const MOST_WORK: u32 = 1 << 24;
 
@@ -96,7 +101,7 @@ pub(super) fn open() -> LuaResult<Lua> {
         | StdLib::MATH
         | StdLib::BUFFER
         | StdLib::VECTOR;
-    let lua = Lua::new_with(libraries, LuaOptions::new().catch_rust_panics(false))?;
+    let lua = Lua::new_with(libraries, LuaOptions::new())?;
     for name in REMOVED {
         lua.globals().raw_set(name, LuaValue::Nil)?;
     }

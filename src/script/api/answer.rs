@@ -12,7 +12,8 @@ pub(in super::super) fn resume_values(lua: &Lua, answer: Answer) -> LuaResult<Lu
     match answer {
         Answer::Start(values) => Ok(values),
         Answer::Deliver(payload) => payload.to_lua(lua)?.into_lua_multi(lua),
-        Answer::Failed(text) => (false, text).into_lua_multi(lua),
+        // The text has its place already.
+        Answer::Failed(text) => (false, text, true).into_lua_multi(lua),
         Answer::Cancelled => (false, CANCELLED).into_lua_multi(lua),
         answer => {
             let mut values = returned(lua, answer)?;
@@ -42,9 +43,10 @@ fn returned(lua: &Lua, answer: Answer) -> LuaResult<LuaMultiValue> {
             (is_docked(end), end.name(), info).into_lua_multi(lua)
         }
         Answer::Undock(end) => (is_undocked(end), end.name()).into_lua_multi(lua),
-        Answer::Joined(status, text) => {
+        Answer::Joined(status, Some(text)) => {
             (status == Status::Done, status.name(), text).into_lua_multi(lua)
         }
+        Answer::Joined(status, None) => (status == Status::Done, status.name()).into_lua_multi(lua),
         Answer::Values(values) => Ok(values),
         Answer::Start(_) | Answer::Deliver(_) | Answer::Failed(_) | Answer::Cancelled => {
             Ok(LuaMultiValue::new())

@@ -23,7 +23,7 @@ struct SubscriptionObject(SubscriptionId);
 
 pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
     let off: LuaFunction = builder.table(&METHODS)?.raw_get("off")?;
-    let unknown = builder.strict("Subscription")?;
+    let unknown = builder.strict_object("Subscription", &["off"])?;
     builder
         .lua
         .register_userdata_type::<SubscriptionObject>(|registry| {

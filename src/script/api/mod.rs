@@ -230,19 +230,34 @@ impl Builder<'_> {
             })
     }
 
-    /// An error with the nearest name for fields of `owner` that do not exist; "" for globals.
+    /// An error with the nearest name for fields of a namespace that do not exist; "" for globals.
     fn strict(&self, owner: &'static str) -> LuaResult<LuaFunction> {
-        let unknown = self
-            .lua
-            .create_function(move |lua, (name, key): (String, LuaValue)| {
-                let key = match &key {
-                    LuaValue::String(text) => {
-                        super::failure::printable(&text.to_string_lossy(), 40)
-                    }
-                    other => describe(other),
-                };
-                Ok(sandbox::unknown(&name, &key, &known_names(lua, &name)))
-            })?;
+        self.strict_with(owner, known_names)
+    }
+
+    /// The same for the fields of an object.
+    fn strict_object(
+        &self,
+        owner: &'static str,
+        fields: &'static [&'static str],
+    ) -> LuaResult<LuaFunction> {
+        let names = move |_: &Lua, _: &str| fields.iter().map(|&name| name.to_owned()).collect();
+        self.strict_with(owner, names)
+    }
+
+    fn strict_with(
+        &self,
+        owner: &'static str,
+        names: impl Fn(&Lua, &str) -> Vec<String> + 'static,
+    ) -> LuaResult<LuaFunction> {
+        let unknown = move |lua: &Lua, (name, key): (String, LuaValue)| {
+            let key = match &key {
+                LuaValue::String(text) => super::failure::printable(&text.to_string_lossy(), 40),
+                other => describe(other),
+            };
+            Ok(sandbox::unknown(&name, &key, &names(lua, &name)))
+        };
+        let unknown = self.lua.create_function(unknown)?;
         self.prelude.function("strict")?.call((unknown, owner))
     }
 
@@ -311,7 +326,7 @@ fn place(lua: &Lua) -> Option<Place> {
             lua.inspect_stack(level, |frame| {
                 let file = frame.source().short_src?.into_owned();
                 let line = u32::try_from(frame.current_line()?).ok()?;
-                (file != sandbox::PRELUDE).then_some(Place { file, line })
+                (!sandbox::is_ours(&file)).then_some(Place { file, line })
             })
         })
         .flatten()

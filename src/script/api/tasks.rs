@@ -47,7 +47,7 @@ const BEATS: &str = "spykee.beats";
 
 pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
     let methods = builder.table(&METHODS)?;
-    let unknown = builder.strict("Task")?;
+    let unknown = builder.strict_object("Task", &["status", "missed", "cancel", "join"])?;
     builder
         .lua
         .register_userdata_type::<TaskObject>(|registry| {

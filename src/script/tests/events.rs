@@ -165,7 +165,7 @@ fn a_rate_spaces_the_runs() {
         rig.run();
         rig.pass(0.1);
     }
-    assert_eq!(rig.texts(), ["1 0", "6 0.5", "11 1", "16 1.5"]);
+    assert_eq!(rig.texts(), ["1 0", "5 0.5", "10 1", "15 1.5", "20 2"]);
 }
 
 #[test]
