@@ -30,8 +30,5 @@ pub mod config;
 pub mod link;
 pub mod pilot;
 pub mod robot;
-pub mod safety;
 pub mod script;
-pub mod sim;
-pub mod vision;
 pub mod wire;
