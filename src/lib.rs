@@ -30,5 +30,8 @@ pub mod config;
 pub mod link;
 pub mod pilot;
 pub mod robot;
+pub mod safety;
 pub mod script;
+pub mod sim;
+pub mod vision;
 pub mod wire;

@@ -78,17 +78,17 @@ impl Limits {
 #[derive(Serialize, Deserialize, Clone, Copy, Debug, PartialEq)]
 #[serde(deny_unknown_fields, default)]
 pub struct Calibration {
-    /// Distance between the middles of the tracks, in metres: 0.2.
+    /// Distance between the middles of the tracks, in metres: 0.24.
     pub track_width: f64,
-    /// Speed of a track at 100 % of power, in metres per second: 0.3.
+    /// Speed of a track at 100 % of power, in metres per second: 0.45.
     pub full_speed: f64,
 }
 
 impl Default for Calibration {
     fn default() -> Calibration {
         Calibration {
-            track_width: 0.2,
-            full_speed: 0.3,
+            track_width: 0.24,
+            full_speed: 0.45,
         }
     }
 }
