@@ -25,4 +25,5 @@
 
 pub mod robot;
 pub mod script;
+pub mod vision;
 pub mod wire;

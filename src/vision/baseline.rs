@@ -1,0 +1,365 @@
+//! Decodes what cameras send, baseline JPEG in one scan, straight into planes that are reused.
+//!
+//! Nothing is allocated once warm, brightness and colour stay apart as they are in the frame, and
+//! data that ends early, goes on too long or makes no sense is an error, where other decoders show
+//! half a picture. What is rarer (progressive, CMYK, several scans) is [`Unsure::Rarer`]: somebody
+//! else's work.
+
+use super::bits::{Bits, Scan};
+use super::frame::{FrameError, Segment, Segments, Size};
+use super::huffman::{STANDARD_TABLES, Table};
+use super::idct;
+use super::picture::{Image, Plane};
+
+/// Most bytes that may be left over when all blocks are decoded; some cameras pad.
+const MOST_LEFT_OVER: i64 = 16;
+
+/// Why a frame was not decoded here.
+#[derive(Debug)]
+pub(super) enum Unsure {
+    /// A kind that is not decoded here, but may be sound.
+    Rarer,
+    /// It is broken.
+    Broken(FrameError),
+}
+
+impl From<FrameError> for Unsure {
+    fn from(error: FrameError) -> Unsure {
+        Unsure::Broken(error)
+    }
+}
+
+fn broken(what: &str) -> Unsure {
+    Unsure::Broken(FrameError::damaged(what))
+}
+
+/// One of brightness, blueness and redness, as the frame's headers describe it.
+#[derive(Debug, Clone, Copy, Default)]
+struct Component {
+    id: u8,
+    /// Blocks of it in a unit, across and down.
+    across: u32,
+    down: u32,
+    quantiser: usize,
+    /// Huffman tables of first and other frequencies.
+    first: usize,
+    others: usize,
+}
+
+/// Tables and buffers that live from frame to frame.
+#[derive(Debug, Default)]
+pub(super) struct Baseline {
+    quantisers: [Option<[i16; 64]>; 4],
+    firsts: [Table; 4],
+    others: [Table; 4],
+    /// Which of the tables this frame has brought.
+    have: [[bool; 4]; 2],
+    components: Vec<Component>,
+    size: Option<Size>,
+    /// Units between restart markers; 0 for none.
+    interval: usize,
+    scan: Scan,
+}
+
+impl Baseline {
+    /// Decodes a frame that has been surveyed. On an error the image is whatever it is.
+    pub(super) fn decode(
+        &mut self,
+        jpeg: &[u8],
+        has_tables: bool,
+        image: &mut Image,
+    ) -> Result<(), Unsure> {
+        self.forget();
+        if !has_tables {
+            self.read_tables(&STANDARD_TABLES[4..])?;
+        }
+        let mut segments = Segments::of(jpeg);
+        loop {
+            let segment = segments.next()?;
+            match segment.marker {
+                0xC0 | 0xC1 => self.read_frame(segment.body)?,
+                0xC4 => self.read_tables(segment.body)?,
+                0xDB => self.read_quantisers(segment.body)?,
+                0xDD => self.read_interval(segment.body)?,
+                0xDA => break self.read_scan(segment)?,
+                0xC2..=0xCF => return Err(Unsure::Rarer),
+                0xEE if segment.body.starts_with(b"Adobe") => return Err(Unsure::Rarer),
+                _ => {}
+            }
+        }
+        if self.scan.load(&jpeg[segments.at..])? != 0xD9 {
+            return Err(Unsure::Rarer);
+        }
+        self.decode_scan(image)
+    }
+
+    fn forget(&mut self) {
+        self.quantisers = [None; 4];
+        self.have = Default::default();
+        self.components.clear();
+        self.size = None;
+        self.interval = 0;
+    }
+
+    fn read_frame(&mut self, body: &[u8]) -> Result<(), Unsure> {
+        let &[8, h1, h0, w1, w0, count, ref rest @ ..] = body else {
+            return Err(Unsure::Rarer);
+        };
+        let side = |high, low| u32::from(u16::from_be_bytes([high, low]));
+        self.size = Some(Size {
+            width: side(w1, w0),
+            height: side(h1, h0),
+        });
+        self.components.clear();
+        let (parts, _) = rest.as_chunks::<3>();
+        if !matches!(count, 1 | 3) || parts.len() < usize::from(count) {
+            return Err(Unsure::Rarer);
+        }
+        for &[id, factors, quantiser] in &parts[..usize::from(count)] {
+            let (across, down) = (u32::from(factors >> 4), u32::from(factors & 15));
+            if !matches!(across, 1 | 2 | 4) || !matches!(down, 1 | 2 | 4) || quantiser > 3 {
+                return Err(Unsure::Rarer);
+            }
+            let quantiser = usize::from(quantiser);
+            self.components.push(Component {
+                id,
+                across,
+                down,
+                quantiser,
+                ..Component::default()
+            });
+        }
+        self.check_factors(count)
+    }
+
+    /// Brightness must be the finest; alone, it is not divided into units.
+    fn check_factors(&mut self, count: u8) -> Result<(), Unsure> {
+        let finest = self.components[0];
+        if count == 1 {
+            (self.components[0].across, self.components[0].down) = (1, 1);
+        }
+        let coarser = |part: &Component| part.across <= finest.across && part.down <= finest.down;
+        if self.components.iter().all(coarser) {
+            Ok(())
+        } else {
+            Err(Unsure::Rarer)
+        }
+    }
+
+    fn read_quantisers(&mut self, mut body: &[u8]) -> Result<(), Unsure> {
+        while let Some((&kind, rest)) = body.split_first() {
+            let (wide, index) = (kind >> 4 == 1, usize::from(kind & 15));
+            let len = if wide { 128 } else { 64 };
+            if kind >> 4 > 1 || index > 3 || rest.len() < len {
+                return Err(broken("a quantisation table is cut short"));
+            }
+            let value = |at: usize| {
+                if wide {
+                    u16::from_be_bytes([rest[2 * at], rest[2 * at + 1]])
+                } else {
+                    rest[at].into()
+                }
+            };
+            self.quantisers[index] = Some(idct::scaled(&std::array::from_fn(value)));
+            body = &rest[len..];
+        }
+        Ok(())
+    }
+
+    fn read_tables(&mut self, mut body: &[u8]) -> Result<(), Unsure> {
+        while let Some((&kind, rest)) = body.split_first() {
+            let (class, index) = (usize::from(kind >> 4), usize::from(kind & 15));
+            let Some((counts, rest)) = rest.split_first_chunk::<16>() else {
+                return Err(broken("a table is cut short"));
+            };
+            let len: usize = counts.iter().copied().map(usize::from).sum();
+            if class > 1 || index > 3 || rest.len() < len {
+                return Err(broken("a Huffman table is cut short"));
+            }
+            let tables = if class == 0 {
+                &mut self.firsts
+            } else {
+                &mut self.others
+            };
+            if !tables[index].load(counts, &rest[..len]) {
+                return Err(broken("a Huffman table contradicts itself"));
+            }
+            self.have[class][index] = true;
+            body = &rest[len..];
+        }
+        Ok(())
+    }
+
+    fn read_interval(&mut self, body: &[u8]) -> Result<(), Unsure> {
+        let &[high, low, ..] = body else {
+            return Err(broken("a restart interval is cut short"));
+        };
+        self.interval = usize::from(u16::from_be_bytes([high, low]));
+        Ok(())
+    }
+
+    /// Which tables each component uses; all components must be in this one scan, in their order.
+    fn read_scan(&mut self, segment: Segment<'_>) -> Result<(), Unsure> {
+        let Some((&count, rest)) = segment.body.split_first() else {
+            return Err(broken("its scan header is empty"));
+        };
+        let (parts, _) = rest.as_chunks::<2>();
+        if usize::from(count) != self.components.len() || parts.len() < usize::from(count) {
+            return Err(Unsure::Rarer);
+        }
+        for (component, &[id, tables]) in self.components.iter_mut().zip(parts) {
+            (component.first, component.others) =
+                (usize::from(tables >> 4), usize::from(tables & 15));
+            if id != component.id || component.first > 3 || component.others > 3 {
+                return Err(Unsure::Rarer);
+            }
+            if !self.have[0][component.first] || !self.have[1][component.others] {
+                return Err(broken("a Huffman table is missing"));
+            }
+        }
+        Ok(())
+    }
+
+    fn decode_scan(&mut self, image: &mut Image) -> Result<(), Unsure> {
+        let (Some(size), Some(&finest)) = (self.size, self.components.first()) else {
+            return Err(broken("its size is missing before its data"));
+        };
+        let across = size.width.div_ceil(8 * finest.across) as usize;
+        let down = size.height.div_ceil(8 * finest.down) as usize;
+        image.size = size;
+        image.grey = self.components.len() == 1;
+        for (plane, component) in image.planes.iter_mut().zip(&self.components) {
+            let shifts = (
+                finest.across / component.across,
+                finest.down / component.down,
+            );
+            let blocks = (
+                across * component.across as usize,
+                down * component.down as usize,
+            );
+            plane.shape(
+                (blocks.0 * 8, blocks.1 * 8),
+                (shifts.0.ilog2(), shifts.1.ilog2()),
+            );
+        }
+        let parts = self.parts(&mut image.planes)?;
+        decode_units(&self.scan, self.interval, (across, down), parts)
+    }
+
+    /// Everything that a component's blocks need; surplus parts have no blocks in a unit.
+    fn parts<'a>(&'a self, planes: &'a mut [Plane; 3]) -> Result<[Part<'a>; 3], Unsure> {
+        let quantisers = &self.quantisers;
+        if self
+            .components
+            .iter()
+            .any(|component| quantisers[component.quantiser].is_none())
+        {
+            return Err(broken("a quantisation table is missing"));
+        }
+        let mut components = self.components.iter().copied();
+        Ok(planes.each_mut().map(|plane| {
+            let component = components.next().unwrap_or_default();
+            Part {
+                across: component.across as usize,
+                down: component.down as usize,
+                quantiser: quantisers[component.quantiser].unwrap_or([0; 64]),
+                first: &self.firsts[component.first],
+                others: &self.others[component.others],
+                before: 0,
+                plane,
+            }
+        }))
+    }
+}
+
+/// A component while its blocks are decoded.
+struct Part<'a> {
+    across: usize,
+    down: usize,
+    quantiser: [i16; 64],
+    first: &'a Table,
+    others: &'a Table,
+    /// The first frequency of the block before: the next one is told as a difference.
+    before: i32,
+    plane: &'a mut Plane,
+}
+
+fn decode_units(
+    scan: &Scan,
+    interval: usize,
+    (across, down): (usize, usize),
+    mut parts: [Part<'_>; 3],
+) -> Result<(), Unsure> {
+    let units = across * down;
+    let interval = if interval == 0 { units } else { interval };
+    if scan.intervals() != units.div_ceil(interval) {
+        return Err(broken("a part of its data is missing"));
+    }
+    for index in 0..scan.intervals() {
+        parts.iter_mut().for_each(|part| part.before = 0);
+        let mut bits = scan.bits(index);
+        for unit in index * interval..units.min((index + 1) * interval) {
+            for part in &mut parts {
+                decode_unit(&mut bits, part, unit % across, unit / across)
+                    .ok_or_else(|| broken("its data makes no sense"))?;
+            }
+            if bits.left() < 0 {
+                return Err(broken("its data ends early"));
+            }
+        }
+        if bits.left() > MOST_LEFT_OVER * 8 {
+            return Err(broken("its data goes on behind its end"));
+        }
+    }
+    Ok(())
+}
+
+/// The blocks of a component in the unit at column `x`, row `y`.
+#[inline]
+fn decode_unit(bits: &mut Bits<'_>, part: &mut Part<'_>, x: usize, y: usize) -> Option<()> {
+    for row in 0..part.down {
+        for column in 0..part.across {
+            let stride = part.plane.stride;
+            let at = (y * part.down + row) * 8 * stride + (x * part.across + column) * 8;
+            let mut frequencies = [0; 64];
+            let others = decode_block(bits, part, &mut frequencies)?;
+            let target = &mut part.plane.samples[at..];
+            if others {
+                idct::transform(&mut frequencies, target, stride);
+            } else {
+                idct::fill(frequencies[0], target, stride);
+            }
+        }
+    }
+    Some(())
+}
+
+/// Reads a block's frequencies, multiplied by their quantisers; says whether there are others than the first.
+#[inline]
+fn decode_block(
+    bits: &mut Bits<'_>,
+    part: &mut Part<'_>,
+    frequencies: &mut [i16; 64],
+) -> Option<bool> {
+    let (_, difference) = part.first.next(bits)?;
+    part.before = part.before.wrapping_add(difference);
+    frequencies[0] = (part.before as i16).wrapping_mul(part.quantiser[0]);
+    let mut index = 1;
+    let mut others = false;
+    while index < 64 {
+        let (run, value) = part.others.next(bits)?;
+        index += run as usize;
+        if value == 0 {
+            if run < 15 {
+                break;
+            }
+        } else {
+            let place = idct::PLACES.get(index)?;
+            frequencies[usize::from(place & 63)] =
+                (value as i16).wrapping_mul(part.quantiser[index & 63]);
+            others = true;
+        }
+        index += 1;
+    }
+    Some(others)
+}

@@ -1,0 +1,567 @@
+//! Blobs: connected pixels of one colour, with the names, defaults and meanings of OpenMV's `find_blobs`.
+
+use serde::{Deserialize, Serialize};
+
+use super::frame::Size;
+use super::moments::Moments;
+use super::palette::Palette;
+use super::picture::{Image, Roi};
+use super::regions::{Region, Regions};
+
+/// Most blobs that are merged with each other: merging compares each with each.
+const MAX_MERGED: usize = 512;
+
+/// What to look for, and where.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BlobOptions {
+    /// Where to look; nothing for the whole picture.
+    pub roi: Option<Roi>,
+    /// Look for the pixels that are *not* of the colour.
+    pub invert: bool,
+    /// Smallest box, in pixels of area.
+    pub area_threshold: u32,
+    /// Smallest number of pixels.
+    pub pixels_threshold: u32,
+    /// Make one blob of those whose boxes overlap.
+    pub merge: bool,
+    /// By how many pixels the boxes may miss each other and still be merged.
+    pub margin: u32,
+    /// Most blobs to return; the largest stay.
+    pub max_blobs: usize,
+}
+
+impl Default for BlobOptions {
+    fn default() -> Self {
+        BlobOptions {
+            roi: None,
+            invert: false,
+            area_threshold: 10,
+            pixels_threshold: 10,
+            merge: false,
+            margin: 0,
+            max_blobs: 32,
+        }
+    }
+}
+
+/// What turns a column of the picture into a direction.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Camera {
+    /// Horizontal field of view in radians.
+    pub hfov: f64,
+}
+
+impl Default for Camera {
+    /// 60 degrees, usual for small cameras.
+    fn default() -> Self {
+        Camera {
+            hfov: 60.0_f64.to_radians(),
+        }
+    }
+}
+
+impl Camera {
+    /// Direction of a column of a picture, in radians, left positive, 0 straight ahead.
+    pub fn bearing(&self, cx: f64, width: u32) -> f64 {
+        let half = f64::from(width) / 2.0;
+        let off_centre = half - 0.5 - cx;
+        (off_centre / half * (self.hfov / 2.0).tan()).atan()
+    }
+}
+
+/// A patch of one colour, or of several when merged.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Blob {
+    /// Left column of its box.
+    pub x: u32,
+    /// Top row of its box.
+    pub y: u32,
+    /// Columns of its box.
+    pub w: u32,
+    /// Rows of its box.
+    pub h: u32,
+    /// Column of its centroid, sub-pixel.
+    pub cx: f64,
+    /// Row of its centroid, sub-pixel.
+    pub cy: f64,
+    /// How many pixels have the colour.
+    pub pixels: u32,
+    /// Pixels of its box, `w * h`.
+    pub area: u32,
+    /// `pixels / area`, 0..1.
+    pub density: f64,
+    /// Direction of its long axis in radians, 0..pi: 0 lies flat, growing clockwise as seen in the picture.
+    pub rotation: f64,
+    /// 0 for a disc, towards 1 for a line: `1 - roundness`.
+    pub elongation: f64,
+    /// Second moment across its long axis divided by that along it: 1 for a disc or a square, 0 for a line.
+    pub roundness: f64,
+    /// Its border pixels: those of which one of the four neighbours is not of the blob.
+    pub perimeter: u32,
+    /// One bit for each colour of the list that it has: bit 0 is the first.
+    pub code: u32,
+    /// How many blobs were merged into it; 1 without merging.
+    pub count: u32,
+    /// Index of the first colour of the list that it has.
+    pub colour: usize,
+    /// Direction of its centroid in radians, left positive.
+    pub bearing: f64,
+    /// Whether it touches the border of the picture, and may go on outside.
+    pub edge: bool,
+}
+
+/// Finds blobs, one picture after the other, in the same buffers.
+#[derive(Debug, Default)]
+pub struct BlobFinder {
+    regions: Regions,
+    kept: Vec<Candidate>,
+    blobs: Vec<Blob>,
+}
+
+/// A blob before its derived figures are worked out.
+#[derive(Debug, Clone, Copy)]
+struct Candidate {
+    region: u32,
+    left: u32,
+    right: u32,
+    top: u32,
+    bottom: u32,
+    moments: Moments,
+    perimeter: u64,
+    code: u32,
+    count: u32,
+}
+
+impl BlobFinder {
+    /// The blobs of a picture, largest first; the list lives until the next call.
+    ///
+    /// The palette must have been compiled with the options' `invert`.
+    pub fn find(
+        &mut self,
+        image: &Image,
+        palette: &mut Palette,
+        options: &BlobOptions,
+        camera: Camera,
+    ) -> &[Blob] {
+        let label_row = |y, x, row: &mut [u8]| palette.label_row(image, y, x, row);
+        self.find_labelled(image.size(), label_row, options, camera)
+    }
+
+    /// As [`BlobFinder::find`], of whatever labels `label_row(y, x, row)` writes for columns `x..`; 0 is background.
+    pub(super) fn find_labelled(
+        &mut self,
+        size: Size,
+        mut label_row: impl FnMut(u32, u32, &mut [u8]),
+        options: &BlobOptions,
+        camera: Camera,
+    ) -> &[Blob] {
+        self.blobs.clear();
+        let Some(window) = options.roi.unwrap_or(size.into()).within(size) else {
+            return &self.blobs;
+        };
+        self.regions
+            .scan(window, |y, row| label_row(y, window.x, row));
+        self.keep(options);
+        self.add_perimeters();
+        if options.merge {
+            merge(&mut self.kept, options.margin);
+            self.kept.sort_unstable_by_key(order);
+        }
+        self.kept.truncate(options.max_blobs);
+        self.blobs.extend(
+            self.kept
+                .iter()
+                .map(|candidate| candidate.blob(size, camera)),
+        );
+        &self.blobs
+    }
+
+    /// Keeps the regions that are large enough, largest first, and not more than can matter.
+    fn keep(&mut self, options: &BlobOptions) {
+        let large_enough = |region: &Region| {
+            region.moments.pixels >= u64::from(options.pixels_threshold)
+                && region.area() >= u64::from(options.area_threshold)
+        };
+        self.kept.clear();
+        self.kept.extend(
+            self.regions
+                .found()
+                .filter(|(_, region)| large_enough(region))
+                .map(Candidate::new),
+        );
+        let most = if options.merge {
+            MAX_MERGED
+        } else {
+            options.max_blobs
+        };
+        if most < self.kept.len() {
+            self.kept.select_nth_unstable_by_key(most, order);
+            self.kept.truncate(most);
+        }
+        self.kept.sort_unstable_by_key(order);
+    }
+
+    fn add_perimeters(&mut self) {
+        let Some(smallest) = self.kept.iter().map(|kept| kept.moments.pixels).min() else {
+            return;
+        };
+        self.regions
+            .measure_perimeters(|region| region.moments.pixels >= smallest);
+        for kept in &mut self.kept {
+            kept.perimeter = self.regions.region(kept.region).perimeter;
+        }
+    }
+}
+
+/// Largest first; among equals the one that comes first in reading order.
+fn order(candidate: &Candidate) -> (std::cmp::Reverse<u64>, u32, u32, u32) {
+    (
+        std::cmp::Reverse(candidate.moments.pixels),
+        candidate.top,
+        candidate.left,
+        candidate.region,
+    )
+}
+
+/// Makes one of those whose boxes, widened by the margin, overlap, until none do.
+fn merge(blobs: &mut Vec<Candidate>, margin: u32) {
+    let mut merged = true;
+    while merged {
+        merged = false;
+        let mut i = 0;
+        while i < blobs.len() {
+            let mut j = i + 1;
+            while j < blobs.len() {
+                if blobs[i].overlaps(&blobs[j], margin) {
+                    let other = blobs.swap_remove(j);
+                    blobs[i].absorb(&other);
+                    merged = true;
+                } else {
+                    j += 1;
+                }
+            }
+            i += 1;
+        }
+    }
+}
+
+impl Candidate {
+    fn new((index, region): (u32, &Region)) -> Candidate {
+        Candidate {
+            region: index,
+            left: region.left,
+            right: region.right,
+            top: region.top,
+            bottom: region.bottom,
+            moments: region.moments,
+            perimeter: 0,
+            code: 1 << (region.label - 1),
+            count: 1,
+        }
+    }
+
+    fn overlaps(&self, other: &Candidate, margin: u32) -> bool {
+        let near = |low: u32, high: u32| low <= high.saturating_add(margin);
+        near(self.left, other.right)
+            && near(other.left, self.right)
+            && near(self.top, other.bottom)
+            && near(other.top, self.bottom)
+    }
+
+    fn absorb(&mut self, other: &Candidate) {
+        self.left = self.left.min(other.left);
+        self.right = self.right.max(other.right);
+        self.top = self.top.min(other.top);
+        self.bottom = self.bottom.max(other.bottom);
+        self.moments.absorb(&other.moments);
+        self.perimeter += other.perimeter;
+        self.code |= other.code;
+        self.count += other.count;
+    }
+
+    fn blob(&self, size: Size, camera: Camera) -> Blob {
+        let (w, h) = (self.right - self.left + 1, self.bottom - self.top + 1);
+        // Bounded by the picture's pixels.
+        let (pixels, area) = (self.moments.pixels as u32, w * h);
+        let (cx, cy) = self.moments.centroid();
+        let axes = self.moments.axes();
+        Blob {
+            x: self.left,
+            y: self.top,
+            w,
+            h,
+            cx,
+            cy,
+            pixels,
+            area,
+            density: f64::from(pixels) / f64::from(area),
+            rotation: axes.rotation,
+            elongation: 1.0 - axes.roundness,
+            roundness: axes.roundness,
+            perimeter: self.perimeter as u32,
+            code: self.code,
+            count: self.count,
+            colour: self.code.trailing_zeros() as usize,
+            bearing: camera.bearing(cx, size.width),
+            edge: self.left == 0
+                || self.top == 0
+                || self.right + 1 == size.width
+                || self.bottom + 1 == size.height,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vision::Colour;
+    use image::{Rgb, RgbImage};
+    use imageproc::drawing::{draw_filled_circle_mut, draw_filled_rect_mut};
+    use imageproc::rect::Rect;
+
+    const RED: Rgb<u8> = Rgb([220, 20, 20]);
+    const BLUE: Rgb<u8> = Rgb([20, 20, 220]);
+
+    fn grey() -> RgbImage {
+        RgbImage::from_pixel(320, 240, Rgb([120, 120, 120]))
+    }
+
+    fn find(pixels: RgbImage, names: &[&str], options: BlobOptions) -> Vec<Blob> {
+        let colours: Vec<Colour> = names
+            .iter()
+            .map(|name| Colour::named(name).unwrap())
+            .collect();
+        let mut palette = Palette::compile(&colours, options.invert);
+        BlobFinder::default()
+            .find(
+                &Image::from_rgb(&pixels),
+                &mut palette,
+                &options,
+                Camera::default(),
+            )
+            .to_vec()
+    }
+
+    fn boxed(pixels: &mut RgbImage, x: i32, y: i32, w: u32, h: u32, colour: Rgb<u8>) {
+        draw_filled_rect_mut(pixels, Rect::at(x, y).of_size(w, h), colour);
+    }
+
+    #[test]
+    fn a_box_has_the_figures_of_a_box() {
+        let mut pixels = grey();
+        boxed(&mut pixels, 40, 100, 30, 10, RED);
+        let [blob] = find(pixels, &["red"], BlobOptions::default())[..] else {
+            panic!("not one blob")
+        };
+        assert_eq!((blob.x, blob.y, blob.w, blob.h), (40, 100, 30, 10));
+        assert_eq!((blob.pixels, blob.area, blob.density), (300, 300, 1.0));
+        assert_eq!((blob.cx, blob.cy), (54.5, 104.5));
+        assert_eq!(blob.perimeter, 2 * 30 + 2 * 8);
+        assert_eq!(
+            (blob.code, blob.count, blob.colour, blob.edge),
+            (1, 1, 0, false)
+        );
+        assert!(blob.rotation.abs() < 1e-9);
+        assert!(
+            (blob.roundness - 99.0 / 899.0).abs() < 1e-9,
+            "ratio of the variances of 10 and of 30 pixels"
+        );
+        assert!((blob.roundness + blob.elongation - 1.0).abs() < 1e-12);
+        assert!(blob.bearing > 0.0, "left of the middle is positive");
+    }
+
+    #[test]
+    fn a_disc_is_round_and_a_bar_is_not() {
+        let mut pixels = grey();
+        draw_filled_circle_mut(&mut pixels, (80, 80), 25, RED);
+        boxed(&mut pixels, 200, 20, 5, 90, RED);
+        let blobs = find(pixels, &["red"], BlobOptions::default());
+        assert!(blobs[0].roundness > 0.98 && blobs[0].elongation < 0.02);
+        assert!(blobs[1].elongation > 0.95);
+        assert!((blobs[1].rotation - std::f64::consts::FRAC_PI_2).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_largest_come_first_and_no_more_than_asked_for() {
+        let mut pixels = grey();
+        for (index, size) in [12, 30, 20, 25].into_iter().enumerate() {
+            boxed(&mut pixels, 10 + 50 * index as i32, 10, size, size, RED);
+        }
+        let sizes = |max_blobs| {
+            let blobs = find(
+                pixels.clone(),
+                &["red"],
+                BlobOptions {
+                    max_blobs,
+                    ..Default::default()
+                },
+            );
+            blobs.iter().map(|blob| blob.w).collect::<Vec<_>>()
+        };
+        assert_eq!(sizes(32), [30, 25, 20, 12]);
+        assert_eq!(sizes(2), [30, 25]);
+        assert!(sizes(0).is_empty());
+    }
+
+    #[test]
+    fn small_ones_are_left_out() {
+        let mut pixels = grey();
+        boxed(&mut pixels, 10, 10, 3, 3, RED);
+        boxed(&mut pixels, 50, 10, 5, 2, RED);
+        assert_eq!(
+            find(pixels.clone(), &["red"], BlobOptions::default()).len(),
+            1
+        );
+        let all = BlobOptions {
+            area_threshold: 0,
+            pixels_threshold: 0,
+            ..Default::default()
+        };
+        assert_eq!(find(pixels.clone(), &["red"], all.clone()).len(), 2);
+        assert_eq!(
+            find(
+                pixels,
+                &["red"],
+                BlobOptions {
+                    area_threshold: 11,
+                    ..all
+                }
+            )
+            .len(),
+            0
+        );
+    }
+
+    #[test]
+    fn only_the_roi_counts() {
+        let mut pixels = grey();
+        boxed(&mut pixels, 100, 100, 40, 40, RED);
+        let options = BlobOptions {
+            roi: Some(Roi {
+                x: 120,
+                y: 0,
+                w: 900,
+                h: 110,
+            }),
+            ..Default::default()
+        };
+        let blob = find(pixels.clone(), &["red"], options)[0];
+        assert_eq!(
+            (blob.x, blob.y, blob.w, blob.h, blob.edge),
+            (120, 100, 20, 10, false)
+        );
+        for (x, w) in [(320, 5), (5, 0), (u32::MAX, u32::MAX)] {
+            let options = BlobOptions {
+                roi: Some(Roi { x, y: 0, w, h: 9 }),
+                ..Default::default()
+            };
+            assert_eq!(find(pixels.clone(), &["red"], options), []);
+        }
+    }
+
+    #[test]
+    fn blobs_of_several_colours_carry_the_bit_of_theirs() {
+        let mut pixels = grey();
+        boxed(&mut pixels, 10, 10, 40, 40, BLUE);
+        boxed(&mut pixels, 50, 10, 30, 30, RED);
+        let blobs = find(pixels, &["red", "blue"], BlobOptions::default());
+        assert_eq!(
+            blobs
+                .iter()
+                .map(|blob| (blob.code, blob.colour))
+                .collect::<Vec<_>>(),
+            [(2, 1), (1, 0)]
+        );
+    }
+
+    #[test]
+    fn merging_joins_boxes_that_are_near_and_their_codes() {
+        let mut pixels = grey();
+        boxed(&mut pixels, 10, 10, 20, 20, BLUE);
+        boxed(&mut pixels, 34, 10, 20, 10, RED);
+        boxed(&mut pixels, 200, 10, 15, 15, RED);
+        let merge = |margin| BlobOptions {
+            merge: true,
+            margin,
+            ..Default::default()
+        };
+        assert_eq!(find(pixels.clone(), &["red", "blue"], merge(3)).len(), 3);
+        let blobs = find(pixels, &["red", "blue"], merge(5));
+        assert_eq!(blobs.len(), 2);
+        let both = blobs[0];
+        assert_eq!(
+            (both.code, both.colour, both.count, both.pixels),
+            (3, 0, 2, 600)
+        );
+        assert_eq!((both.x, both.y, both.w, both.h), (10, 10, 44, 20));
+        assert!((both.cx - (19.5 * 400.0 + 43.5 * 200.0) / 600.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_merged_box_goes_on_merging() {
+        let mut pixels = grey();
+        // The third lies within the box of the first two, though near neither of them.
+        boxed(&mut pixels, 10, 10, 60, 4, RED);
+        boxed(&mut pixels, 72, 10, 4, 80, RED);
+        boxed(&mut pixels, 20, 60, 6, 6, RED);
+        let blobs = find(
+            pixels,
+            &["red"],
+            BlobOptions {
+                merge: true,
+                margin: 4,
+                ..Default::default()
+            },
+        );
+        assert_eq!(blobs.len(), 1);
+        assert_eq!(blobs[0].count, 3);
+    }
+
+    #[test]
+    fn invert_finds_what_is_not_of_the_colour() {
+        let mut pixels = RgbImage::from_pixel(320, 240, RED);
+        boxed(&mut pixels, 100, 50, 20, 20, BLUE);
+        let blobs = find(
+            pixels,
+            &["red"],
+            BlobOptions {
+                invert: true,
+                ..Default::default()
+            },
+        );
+        assert_eq!((blobs.len(), blobs[0].x, blobs[0].pixels), (1, 100, 400));
+    }
+
+    #[test]
+    fn what_touches_the_border_says_so() {
+        for (x, y) in [(0, 100), (300, 100), (100, 0), (100, 220)] {
+            let mut pixels = grey();
+            boxed(&mut pixels, x, y, 20, 20, RED);
+            assert!(find(pixels, &["red"], BlobOptions::default())[0].edge);
+        }
+    }
+
+    #[test]
+    fn bearings_fit_the_field_of_view() {
+        let camera = Camera { hfov: 1.0 };
+        assert!(camera.bearing(159.5, 320).abs() < 1e-12);
+        assert!((camera.bearing(-0.5, 320) - 0.5).abs() < 1e-12);
+        assert!((camera.bearing(319.5, 320) + 0.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn noise_of_the_worst_kind_is_bounded() {
+        let pixels =
+            RgbImage::from_fn(320, 240, |x, y| if x % 2 + y % 2 == 0 { RED } else { BLUE });
+        let options = BlobOptions {
+            area_threshold: 0,
+            pixels_threshold: 0,
+            merge: true,
+            max_blobs: usize::MAX,
+            ..Default::default()
+        };
+        assert!(find(pixels, &["red", "white"], options).len() <= MAX_MERGED);
+    }
+}

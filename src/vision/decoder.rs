@@ -1,0 +1,81 @@
+//! From the bytes of a JPEG to pixels, with bounds on every allocation.
+
+use image::ImageDecoder;
+use image::codecs::jpeg::JpegDecoder;
+use std::io::Cursor;
+
+use super::baseline::{Baseline, Unsure};
+use super::frame::{FrameError, Size, Survey};
+use super::picture::Image;
+
+/// Decodes one frame after the other into the same buffers.
+#[derive(Debug, Default)]
+pub struct Decoder {
+    image: Image,
+    baseline: Baseline,
+    /// Pixels of a frame that another decoder has decoded.
+    pixels: Vec<u8>,
+}
+
+impl Decoder {
+    /// Decodes a frame: baseline and progressive, colour, grey and CMYK, with Huffman tables or without.
+    ///
+    /// # Errors
+    /// Says what is wrong with the bytes.
+    pub fn decode(&mut self, jpeg: &[u8]) -> Result<&Image, FrameError> {
+        let result = self.try_decode(jpeg);
+        if result.is_err() {
+            self.image.size = Size {
+                width: 0,
+                height: 0,
+            };
+        }
+        result.map(|()| &self.image)
+    }
+
+    /// The newest picture; 0x0 before the first and after a failure.
+    pub fn image(&self) -> &Image {
+        &self.image
+    }
+
+    fn try_decode(&mut self, jpeg: &[u8]) -> Result<(), FrameError> {
+        let survey = Survey::of(jpeg)?;
+        if survey.baseline {
+            match self
+                .baseline
+                .decode(jpeg, survey.has_tables, &mut self.image)
+            {
+                Ok(()) => return Ok(()),
+                Err(Unsure::Broken(error)) => return Err(error),
+                Err(Unsure::Rarer) => {}
+            }
+        }
+        self.decode_rarer(jpeg, survey.size)
+    }
+
+    /// What cameras do not send: progressive pictures, CMYK, several scans.
+    fn decode_rarer(&mut self, jpeg: &[u8], size: Size) -> Result<(), FrameError> {
+        let decoder = JpegDecoder::new(Cursor::new(jpeg)).map_err(short)?;
+        if decoder.dimensions() != (size.width, size.height) {
+            return Err(FrameError::damaged("it has two sizes"));
+        }
+        let channels = match decoder.color_type() {
+            image::ColorType::Rgb8 => 3,
+            image::ColorType::L8 => 1,
+            _ => return Err(FrameError::Unsupported("neither grey, colour nor CMYK")),
+        };
+        self.pixels
+            .resize(size.width as usize * size.height as usize * channels, 0);
+        decoder.read_image(&mut self.pixels).map_err(short)?;
+        match channels {
+            1 => self.image.set_luma(size, &self.pixels),
+            _ => self.image.set_rgb(size, &self.pixels),
+        }
+        Ok(())
+    }
+}
+
+/// What a decoder says, in one short line.
+fn short(error: image::ImageError) -> FrameError {
+    FrameError::Damaged(error.to_string().chars().take(120).collect())
+}

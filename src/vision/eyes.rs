@@ -1,0 +1,90 @@
+//! Everything that is asked of one frame, with the frame decoded once.
+
+use super::blobs::{Blob, BlobFinder, BlobOptions, Camera};
+use super::colour::Colour;
+use super::decoder::Decoder;
+use super::frame::FrameError;
+use super::palette::Palette;
+use super::picture::Image;
+
+/// Palettes that are kept; a behaviour rarely looks for more sets of colours.
+const MAX_PALETTES: usize = 8;
+
+/// Looks at frames: decodes on demand and once, keeps compiled colours and all buffers.
+#[derive(Debug, Default)]
+pub struct Eyes {
+    camera: Camera,
+    decoder: Decoder,
+    /// The frame that the decoder holds, and how its decoding went.
+    seen: Option<(u64, Result<(), FrameError>)>,
+    /// Newest use last.
+    palettes: Vec<Palette>,
+    finder: BlobFinder,
+    decoded: u64,
+}
+
+impl Eyes {
+    /// Eyes behind this camera.
+    pub fn new(camera: Camera) -> Eyes {
+        Eyes {
+            camera,
+            ..Eyes::default()
+        }
+    }
+
+    /// The picture of frame number `key`. Asking again for the same key decodes nothing.
+    ///
+    /// # Errors
+    /// Says what is wrong with the frame; asking again for the same key says it again.
+    pub fn look(&mut self, key: u64, jpeg: &[u8]) -> Result<&Image, FrameError> {
+        if self.seen.as_ref().is_none_or(|(seen, _)| *seen != key) {
+            self.decoded += 1;
+            self.seen = Some((key, self.decoder.decode(jpeg).map(|_| ())));
+        }
+        match &self.seen {
+            Some((_, Err(error))) => Err(error.clone()),
+            _ => Ok(self.decoder.image()),
+        }
+    }
+
+    /// The blobs of frame number `key` in any of the colours, largest first; the list lives until the next call.
+    ///
+    /// # Errors
+    /// As [`Eyes::look`].
+    pub fn find_blobs(
+        &mut self,
+        key: u64,
+        jpeg: &[u8],
+        colours: &[Colour],
+        options: &BlobOptions,
+    ) -> Result<&[Blob], FrameError> {
+        self.look(key, jpeg)?;
+        let palette = newest(&mut self.palettes, colours, options.invert);
+        Ok(self
+            .finder
+            .find(self.decoder.image(), palette, options, self.camera))
+    }
+
+    /// How many frames were decoded so far.
+    pub fn decoded(&self) -> u64 {
+        self.decoded
+    }
+}
+
+/// The palette of these colours, compiled if it is not among those kept.
+fn newest<'a>(palettes: &'a mut Vec<Palette>, colours: &[Colour], invert: bool) -> &'a mut Palette {
+    match palettes
+        .iter()
+        .position(|palette| palette.is_of(colours, invert))
+    {
+        Some(index) => palettes[index..].rotate_left(1),
+        None => {
+            if palettes.len() == MAX_PALETTES {
+                palettes.remove(0);
+            }
+            palettes.push(Palette::compile(colours, invert));
+        }
+    }
+    let last = palettes.len() - 1;
+    &mut palettes[last]
+}

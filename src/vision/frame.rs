@@ -1,0 +1,271 @@
+//! Judges the bytes of a frame before anyone trusts them.
+//!
+//! Cameras and links cut frames short, and decoders accept half a file without a word. So the
+//! markers are read here first: start, sizes, tables, first scan, end. Nothing is allocated, and
+//! the work is bounded by the length of the bytes.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// Widest picture that is decoded, in pixels.
+pub const MAX_WIDTH: u32 = 1280;
+/// Highest picture that is decoded, in pixels.
+pub const MAX_HEIGHT: u32 = 1024;
+/// Longest JPEG that is looked at, in bytes.
+pub const MAX_JPEG_LEN: usize = 4 << 20;
+/// Most scans of a progressive picture: each costs a pass over the whole picture.
+const MAX_SCANS: usize = 64;
+
+/// Width and height in pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct Size {
+    /// Columns, 1..=[`MAX_WIDTH`].
+    pub width: u32,
+    /// Rows, 1..=[`MAX_HEIGHT`].
+    pub height: u32,
+}
+
+/// Why the bytes of a frame are no picture.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum FrameError {
+    /// The bytes end inside a header; holds their number.
+    #[error("the frame is cut short: its {0} bytes end inside a header")]
+    TooShort(usize),
+    /// More than [`MAX_JPEG_LEN`] bytes; holds their number.
+    #[error("the frame has {0} bytes, more than the {MAX_JPEG_LEN} that are looked at")]
+    TooLong(usize),
+    /// The bytes do not begin with JPEG's start marker.
+    #[error("the frame is no JPEG: it does not begin with FF D8")]
+    NoStart,
+    /// JPEG's end marker is missing: the frame was cut short.
+    #[error("the frame is cut short: it has no end marker FF D9")]
+    NoEnd,
+    /// More pixels than are decoded.
+    #[error("the frame is {width}x{height}, larger than {MAX_WIDTH}x{MAX_HEIGHT}")]
+    TooLarge {
+        /// Columns the header claims.
+        width: u32,
+        /// Rows the header claims.
+        height: u32,
+    },
+    /// A kind of JPEG that no camera of ours makes, such as lossless or 12-bit.
+    #[error("the frame is a kind of JPEG that is not read: {0}")]
+    Unsupported(&'static str),
+    /// The markers or the data contradict themselves.
+    #[error("the frame is damaged: {0}")]
+    Damaged(String),
+}
+
+impl FrameError {
+    pub(super) fn damaged(what: &str) -> FrameError {
+        FrameError::Damaged(what.to_owned())
+    }
+}
+
+/// Looks at start, markers, size and end of a JPEG without decoding it.
+///
+/// # Errors
+/// Says what is wrong with the bytes; an `Ok` does not yet mean that the data between the markers is sound.
+pub fn judge(jpeg: &[u8]) -> Result<Size, FrameError> {
+    Survey::of(jpeg).map(|survey| survey.size)
+}
+
+/// What the markers of a frame say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Survey {
+    pub(super) size: Size,
+    /// One scan, Huffman coded, eight bits: what cameras send.
+    pub(super) baseline: bool,
+    /// Whether Huffman tables stand before the first scan; MJPEG cameras leave them out.
+    pub(super) has_tables: bool,
+}
+
+impl Survey {
+    /// Reads the markers up to the first scan, then looks for the end.
+    pub(super) fn of(jpeg: &[u8]) -> Result<Survey, FrameError> {
+        if jpeg.len() > MAX_JPEG_LEN {
+            return Err(FrameError::TooLong(jpeg.len()));
+        }
+        if !b"\xFF\xD8".starts_with(&jpeg[..jpeg.len().min(2)]) {
+            return Err(FrameError::NoStart);
+        }
+        let mut picture = None;
+        let mut has_tables = false;
+        let mut segments = Segments::of(jpeg);
+        loop {
+            let segment = segments.next()?;
+            match segment.marker {
+                0xC4 => has_tables = true,
+                0xC0..=0xC2 => picture = Some(read_size(segment)?),
+                0xC3 | 0xC5..=0xC7 | 0xCD..=0xCF => {
+                    return Err(FrameError::Unsupported("lossless or hierarchical"));
+                }
+                0xC9..=0xCB => return Err(FrameError::Unsupported("arithmetic coding")),
+                0xD9 => return Err(FrameError::damaged("it ends before its picture")),
+                0xDA => break,
+                _ => {}
+            }
+        }
+        let (size, baseline) =
+            picture.ok_or_else(|| FrameError::damaged("its size is missing before its data"))?;
+        check_rest(&jpeg[segments.at..], baseline)?;
+        Ok(Survey {
+            size,
+            baseline,
+            has_tables,
+        })
+    }
+}
+
+/// Size, and whether the picture is baseline, from a start-of-frame segment.
+fn read_size(segment: Segment<'_>) -> Result<(Size, bool), FrameError> {
+    let &[bits, h1, h0, w1, w0, components, ..] = segment.body else {
+        return Err(FrameError::damaged("its size header is too short"));
+    };
+    let (width, height) = (
+        u32::from(u16::from_be_bytes([w1, w0])),
+        u32::from(u16::from_be_bytes([h1, h0])),
+    );
+    if bits != 8 {
+        return Err(FrameError::Unsupported("not 8 bits a sample"));
+    }
+    if !matches!(components, 1 | 3 | 4) {
+        return Err(FrameError::Unsupported("neither grey, colour nor CMYK"));
+    }
+    if width == 0 || height == 0 {
+        return Err(FrameError::damaged("its width or height is 0"));
+    }
+    if width > MAX_WIDTH || height > MAX_HEIGHT {
+        return Err(FrameError::TooLarge { width, height });
+    }
+    Ok((Size { width, height }, segment.marker != 0xC2))
+}
+
+/// The end marker must follow the data; padding after it is normal.
+fn check_rest(data: &[u8], baseline: bool) -> Result<(), FrameError> {
+    if !data.windows(2).rev().any(|pair| pair == [0xFF, 0xD9]) {
+        return Err(FrameError::NoEnd);
+    }
+    if !baseline && data.windows(2).filter(|pair| *pair == [0xFF, 0xDA]).count() > MAX_SCANS {
+        return Err(FrameError::Unsupported("too many scans"));
+    }
+    Ok(())
+}
+
+/// One marker and what stands behind its length.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Segment<'a> {
+    pub(super) marker: u8,
+    pub(super) body: &'a [u8],
+}
+
+/// Cuts the part of a JPEG before its data into segments.
+pub(super) struct Segments<'a> {
+    jpeg: &'a [u8],
+    /// Where the next segment begins.
+    pub(super) at: usize,
+}
+
+impl<'a> Segments<'a> {
+    /// Starts behind the start marker.
+    pub(super) fn of(jpeg: &'a [u8]) -> Self {
+        Segments { jpeg, at: 2 }
+    }
+
+    /// The next segment; the end marker comes with an empty body.
+    pub(super) fn next(&mut self) -> Result<Segment<'a>, FrameError> {
+        let short = || FrameError::TooShort(self.jpeg.len());
+        let rest = self.jpeg.get(self.at..).ok_or_else(short)?;
+        let fill = rest.iter().take_while(|&&byte| byte == 0xFF).count();
+        if fill == 0 && !rest.is_empty() {
+            return Err(FrameError::damaged(
+                "a marker is missing where one must stand",
+            ));
+        }
+        let marker = *rest.get(fill).ok_or_else(short)?;
+        if marker == 0xD9 {
+            self.at += fill + 1;
+            return Ok(Segment { marker, body: &[] });
+        }
+        let &[high, low, ..] = &rest[fill + 1..] else {
+            return Err(short());
+        };
+        let len = usize::from(u16::from_be_bytes([high, low]));
+        let body = rest[fill + 1..].get(2..len.max(2)).ok_or_else(short)?;
+        self.at += fill + 1 + len.max(2);
+        Ok(Segment { marker, body })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A frame of markers only: quantisation, size, scan header, one byte of data, end.
+    fn skeleton(width: u16, height: u16, kind: u8) -> Vec<u8> {
+        let mut bytes = vec![0xFF, 0xD8, 0xFF, kind, 0, 11, 8];
+        bytes.extend(height.to_be_bytes());
+        bytes.extend(width.to_be_bytes());
+        bytes.extend([
+            1, 1, 0x11, 0, 0xFF, 0xDA, 0, 8, 1, 1, 0, 0, 63, 0, 0x55, 0xFF, 0xD9,
+        ]);
+        bytes
+    }
+
+    #[test]
+    fn a_sound_skeleton_tells_its_size() {
+        assert_eq!(
+            judge(&skeleton(320, 240, 0xC0)),
+            Ok(Size {
+                width: 320,
+                height: 240
+            })
+        );
+    }
+
+    #[test]
+    fn padding_behind_the_end_is_normal() {
+        let mut bytes = skeleton(320, 240, 0xC0);
+        bytes.extend([0; 700]);
+        assert!(judge(&bytes).is_ok());
+    }
+
+    #[test]
+    fn every_cut_is_refused() {
+        let bytes = skeleton(320, 240, 0xC0);
+        for len in 0..bytes.len() {
+            assert!(
+                judge(&bytes[..len]).is_err(),
+                "accepted {len} of {} bytes",
+                bytes.len()
+            );
+        }
+    }
+
+    #[test]
+    fn sizes_out_of_bounds_are_refused_before_anything_is_allocated() {
+        assert_eq!(
+            judge(&skeleton(65_535, 65_535, 0xC0)),
+            Err(FrameError::TooLarge {
+                width: 65_535,
+                height: 65_535
+            })
+        );
+        assert!(matches!(
+            judge(&skeleton(0, 240, 0xC0)),
+            Err(FrameError::Damaged(_))
+        ));
+    }
+
+    #[test]
+    fn other_kinds_of_jpeg_are_named() {
+        for kind in [0xC3, 0xC5, 0xC9, 0xCB, 0xCF] {
+            assert!(matches!(
+                judge(&skeleton(320, 240, kind)),
+                Err(FrameError::Unsupported(_))
+            ));
+        }
+        assert_eq!(judge(b"GIF89a"), Err(FrameError::NoStart));
+    }
+}

@@ -1,0 +1,183 @@
+//! Huffman tables of JPEG: those that the standard suggests, and how codes become symbols.
+
+use super::bits::Bits;
+
+/// Codes up to this length are found in one look-up.
+const QUICK: u32 = 10;
+
+/// A table, ready for use. A symbol's high half is a run of zeros, its low half the size of the value
+/// that follows in plain bits.
+#[derive(Debug, Clone)]
+pub(super) struct Table {
+    /// As it stood in the frame: 16 counts and the symbols; to see whether the next frame has the same.
+    source: Vec<u8>,
+    /// For the next [`QUICK`] bits an [`Entry`].
+    quick: [Entry; 1 << QUICK],
+    /// For each length, the first code that is longer, in 16 bits from the top.
+    above: [u32; 17],
+    /// For each length, what to add to a code to get its symbol's place.
+    place: [i32; 17],
+    symbols: [u8; 256],
+}
+
+/// What the next bits mean: bits 0..8 how many are taken, 8..16 run or symbol, 16..32 the value.
+/// A value of 0 means that only the symbol is known; 0 bits taken, that the code is longer.
+#[derive(Debug, Clone, Copy, Default)]
+struct Entry(u32);
+
+impl Entry {
+    fn new(taken: u32, middle: u8, value: i32) -> Entry {
+        Entry(taken | u32::from(middle) << 8 | (value as u32) << 16)
+    }
+
+    #[inline(always)]
+    fn taken(self) -> u32 {
+        self.0 & 0xFF
+    }
+
+    #[inline(always)]
+    fn middle(self) -> u32 {
+        self.0 >> 8 & 0xFF
+    }
+
+    #[inline(always)]
+    fn value(self) -> i32 {
+        self.0 as i32 >> 16
+    }
+}
+
+impl Default for Table {
+    fn default() -> Self {
+        Table {
+            source: Vec::new(),
+            quick: [Entry::default(); 1 << QUICK],
+            above: [0; 17],
+            place: [0; 17],
+            symbols: [0; 256],
+        }
+    }
+}
+
+impl Table {
+    /// Takes a table as it stands in a frame: 16 counts, one for each length, and the symbols in the order of their
+    /// codes. Says whether it makes sense. Does nothing when it is the table of the frame before.
+    pub(super) fn load(&mut self, counts: &[u8; 16], symbols: &[u8]) -> bool {
+        if self.source.get(..16) == Some(counts) && &self.source[16..] == symbols {
+            return true;
+        }
+        self.source.clear();
+        if symbols.len() > 256 || !self.number(counts) {
+            return false;
+        }
+        self.symbols = [0; 256];
+        self.symbols[..symbols.len()].copy_from_slice(symbols);
+        for bits in 0..1 << QUICK {
+            self.quick[bits as usize] = self.entry(bits);
+        }
+        self.source.extend_from_slice(counts);
+        self.source.extend_from_slice(symbols);
+        true
+    }
+
+    /// Gives out the codes: shorter ones first, each length going on where the one before stopped.
+    fn number(&mut self, counts: &[u8; 16]) -> bool {
+        let (mut code, mut place) = (0u32, 0i32);
+        for (length, count) in (1..=16).zip(counts) {
+            self.place[length] = place - code as i32;
+            code += u32::from(*count);
+            place += i32::from(*count);
+            if code > 1 << length {
+                return false;
+            }
+            self.above[length] = code << (16 - length);
+            code <<= 1;
+        }
+        true
+    }
+
+    fn entry(&self, bits: u32) -> Entry {
+        let Some((symbol, length)) = self.code(bits << (16 - QUICK), 1) else {
+            return Entry::default();
+        };
+        let (run, size) = (symbol >> 4, u32::from(symbol & 15));
+        if length > QUICK {
+            return Entry::default();
+        }
+        if size == 0 || length + size > QUICK {
+            return Entry::new(length, symbol, 0);
+        }
+        let plain = bits >> (QUICK - length - size) & ((1 << size) - 1);
+        Entry::new(length + size, run, signed(plain, size))
+    }
+
+    /// Symbol and length of the code at the top of 16 bits, when it has at least `shortest` bits.
+    fn code(&self, bits: u32, shortest: usize) -> Option<(u8, u32)> {
+        let length = (shortest..=16).find(|length| bits < self.above[*length])?;
+        let place = (bits >> (16 - length)) as i32 + self.place[length];
+        Some((self.symbols[place as usize & 0xFF], length as u32))
+    }
+
+    /// The next run of zeros and the value behind it; a value of 0 has none. Nothing for a code that does not exist.
+    #[inline(always)]
+    pub(super) fn next(&self, bits: &mut Bits<'_>) -> Option<(u32, i32)> {
+        bits.refill();
+        let entry = self.quick[bits.peek(QUICK)];
+        if entry.value() != 0 {
+            bits.skip(entry.taken());
+            return Some((entry.middle(), entry.value()));
+        }
+        self.next_slowly(entry, bits)
+    }
+
+    fn next_slowly(&self, entry: Entry, bits: &mut Bits<'_>) -> Option<(u32, i32)> {
+        let (symbol, length) = if entry.taken() > 0 {
+            (entry.middle(), entry.taken())
+        } else {
+            let (symbol, length) = self.code(bits.peek(16) as u32, QUICK as usize + 1)?;
+            (u32::from(symbol), length)
+        };
+        bits.skip(length);
+        let size = symbol & 15;
+        if size == 0 {
+            return Some((symbol >> 4, 0));
+        }
+        // A code has at most 16 bits, so 16 of the 32 are left for the value.
+        let plain = bits.peek(size) as u32;
+        bits.skip(size);
+        Some((symbol >> 4, signed(plain, size)))
+    }
+}
+
+/// Values whose first bit is 0 are negative.
+fn signed(plain: u32, size: u32) -> i32 {
+    let value = plain as i32;
+    if value < 1 << (size - 1) {
+        value - (1 << size) + 1
+    } else {
+        value
+    }
+}
+
+/// The tables that the standard suggests (T.81, annex K.3) as one segment, marker included. Motion-JPEG cameras use
+/// them and leave them out of every frame.
+#[rustfmt::skip]
+pub(super) const STANDARD_TABLES: [u8; 420] = [
+    0xFF, 0xC4, 0x01, 0xA2, 0x00, 0x00, 0x01, 0x05, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x01, 0x02,
+    0x03, 0x04, 0x05, 0x06, 0x07, 0x08, 0x09, 0x0A, 0x0B, 0x10, 0x00, 0x02, 0x01, 0x03, 0x03, 0x02, 0x04, 0x03, 0x05, 0x05, 0x04, 0x04, 0x00, 0x00,
+    0x01, 0x7D, 0x01, 0x02, 0x03, 0x00, 0x04, 0x11, 0x05, 0x12, 0x21, 0x31, 0x41, 0x06, 0x13, 0x51, 0x61, 0x07, 0x22, 0x71, 0x14, 0x32, 0x81, 0x91,
+    0xA1, 0x08, 0x23, 0x42, 0xB1, 0xC1, 0x15, 0x52, 0xD1, 0xF0, 0x24, 0x33, 0x62, 0x72, 0x82, 0x09, 0x0A, 0x16, 0x17, 0x18, 0x19, 0x1A, 0x25, 0x26,
+    0x27, 0x28, 0x29, 0x2A, 0x34, 0x35, 0x36, 0x37, 0x38, 0x39, 0x3A, 0x43, 0x44, 0x45, 0x46, 0x47, 0x48, 0x49, 0x4A, 0x53, 0x54, 0x55, 0x56, 0x57,
+    0x58, 0x59, 0x5A, 0x63, 0x64, 0x65, 0x66, 0x67, 0x68, 0x69, 0x6A, 0x73, 0x74, 0x75, 0x76, 0x77, 0x78, 0x79, 0x7A, 0x83, 0x84, 0x85, 0x86, 0x87,
+    0x88, 0x89, 0x8A, 0x92, 0x93, 0x94, 0x95, 0x96, 0x97, 0x98, 0x99, 0x9A, 0xA2, 0xA3, 0xA4, 0xA5, 0xA6, 0xA7, 0xA8, 0xA9, 0xAA, 0xB2, 0xB3, 0xB4,
+    0xB5, 0xB6, 0xB7, 0xB8, 0xB9, 0xBA, 0xC2, 0xC3, 0xC4, 0xC5, 0xC6, 0xC7, 0xC8, 0xC9, 0xCA, 0xD2, 0xD3, 0xD4, 0xD5, 0xD6, 0xD7, 0xD8, 0xD9, 0xDA,
+    0xE1, 0xE2, 0xE3, 0xE4, 0xE5, 0xE6, 0xE7, 0xE8, 0xE9, 0xEA, 0xF1, 0xF2, 0xF3, 0xF4, 0xF5, 0xF6, 0xF7, 0xF8, 0xF9, 0xFA, 0x01, 0x00, 0x03, 0x01,
+    0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x07, 0x08, 0x09, 0x0A,
+    0x0B, 0x11, 0x00, 0x02, 0x01, 0x02, 0x04, 0x04, 0x03, 0x04, 0x07, 0x05, 0x04, 0x04, 0x00, 0x01, 0x02, 0x77, 0x00, 0x01, 0x02, 0x03, 0x11, 0x04,
+    0x05, 0x21, 0x31, 0x06, 0x12, 0x41, 0x51, 0x07, 0x61, 0x71, 0x13, 0x22, 0x32, 0x81, 0x08, 0x14, 0x42, 0x91, 0xA1, 0xB1, 0xC1, 0x09, 0x23, 0x33,
+    0x52, 0xF0, 0x15, 0x62, 0x72, 0xD1, 0x0A, 0x16, 0x24, 0x34, 0xE1, 0x25, 0xF1, 0x17, 0x18, 0x19, 0x1A, 0x26, 0x27, 0x28, 0x29, 0x2A, 0x35, 0x36,
+    0x37, 0x38, 0x39, 0x3A, 0x43, 0x44, 0x45, 0x46, 0x47, 0x48, 0x49, 0x4A, 0x53, 0x54, 0x55, 0x56, 0x57, 0x58, 0x59, 0x5A, 0x63, 0x64, 0x65, 0x66,
+    0x67, 0x68, 0x69, 0x6A, 0x73, 0x74, 0x75, 0x76, 0x77, 0x78, 0x79, 0x7A, 0x82, 0x83, 0x84, 0x85, 0x86, 0x87, 0x88, 0x89, 0x8A, 0x92, 0x93, 0x94,
+    0x95, 0x96, 0x97, 0x98, 0x99, 0x9A, 0xA2, 0xA3, 0xA4, 0xA5, 0xA6, 0xA7, 0xA8, 0xA9, 0xAA, 0xB2, 0xB3, 0xB4, 0xB5, 0xB6, 0xB7, 0xB8, 0xB9, 0xBA,
+    0xC2, 0xC3, 0xC4, 0xC5, 0xC6, 0xC7, 0xC8, 0xC9, 0xCA, 0xD2, 0xD3, 0xD4, 0xD5, 0xD6, 0xD7, 0xD8, 0xD9, 0xDA, 0xE2, 0xE3, 0xE4, 0xE5, 0xE6, 0xE7,
+    0xE8, 0xE9, 0xEA, 0xF2, 0xF3, 0xF4, 0xF5, 0xF6, 0xF7, 0xF8, 0xF9, 0xFA,
+];

@@ -1,0 +1,316 @@
+//! Learns a colour from pictures of it.
+//!
+//! The result is a range of hues: how much light falls on a thing changes its value and a little its
+//! saturation, but hardly its hue. So pixels vote for a hue, and what the winners have in common
+//! is widened to what other light makes of it.
+
+use thiserror::Error;
+
+use super::colour::Colour;
+use super::frame::Size;
+use super::picture::{Image, Roi};
+use super::space::hsv_of;
+
+/// Fewest saturated pixels, in percent of saturation and value, that have a hue worth speaking of.
+const LEAST_SATURATION: f64 = 22.0;
+const LEAST_VALUE: f64 = 12.0;
+/// Share of the pixels that must have a hue at all, and share of those that must agree on it.
+const LEAST_COLOURED: f64 = 0.5;
+const LEAST_AGREEING: f64 = 0.6;
+/// Hues this far from the commonest one, in degrees, agree with it.
+const AGREEMENT: f64 = 22.0;
+/// By how much the range is widened beyond what was seen: hue in degrees, saturation in percent; the
+/// value may fall to this share of the darkest seen.
+const HUE_MARGIN: f64 = 9.0;
+const SATURATION_MARGIN: f64 = 14.0;
+const VALUE_SHARE: f64 = 0.4;
+/// Most pixels looked at in one picture.
+const MAX_SAMPLES: u32 = 20_000;
+
+/// A colour learnt from pictures.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Learned {
+    /// What to look for.
+    pub colour: Colour,
+    /// 0..1: the share of the part that has the colour, times the share of the surroundings that has not.
+    pub quality: f64,
+}
+
+/// Why nothing could be learnt.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+pub enum LearnRefusal {
+    /// Too few pixels have a hue: grey, white, black, or too dark.
+    #[error(
+        "too grey: most of the part has no hue, so it cannot be told from its surroundings by colour"
+    )]
+    TooGrey,
+    /// The pixels do not agree on a hue.
+    #[error("too mixed: the part shows several colours; choose a smaller one inside the thing")]
+    TooMixed,
+}
+
+impl LearnRefusal {
+    /// The short form that scripts see: `too_grey` or `too_mixed`.
+    pub fn code(self) -> &'static str {
+        match self {
+            LearnRefusal::TooGrey => "too_grey",
+            LearnRefusal::TooMixed => "too_mixed",
+        }
+    }
+}
+
+/// Learns the colour that fills the part `roi` of all these pictures. Pictures under different lights make
+/// it surer; those without the part count for nothing.
+///
+/// # Errors
+/// Grey things and mixtures are refused with their reason.
+pub fn learn(images: &[&Image], roi: Roi) -> Result<Learned, LearnRefusal> {
+    let samples: Vec<[f64; 3]> = images
+        .iter()
+        .flat_map(|image| samples(image, roi))
+        .collect();
+    let coloured: Vec<[f64; 3]> = samples.iter().copied().filter(has_hue).collect();
+    if samples.is_empty() || (coloured.len() as f64) < LEAST_COLOURED * samples.len() as f64 {
+        return Err(LearnRefusal::TooGrey);
+    }
+    let hue = commonest_hue(&coloured);
+    let agreeing: Vec<[f64; 3]> = coloured
+        .iter()
+        .copied()
+        .filter(|hsv| turn(hue, hsv[0]).abs() <= AGREEMENT)
+        .collect();
+    if (agreeing.len() as f64) < LEAST_AGREEING * coloured.len() as f64 {
+        return Err(LearnRefusal::TooMixed);
+    }
+    let colour = widened(hue, &agreeing).ok_or(LearnRefusal::TooGrey)?;
+    Ok(Learned {
+        colour,
+        quality: quality(&colour, images, roi),
+    })
+}
+
+fn has_hue(hsv: &[f64; 3]) -> bool {
+    hsv[1] >= LEAST_SATURATION && hsv[2] >= LEAST_VALUE
+}
+
+/// The shorter way from one hue to another, -180..180 degrees.
+fn turn(from: f64, to: f64) -> f64 {
+    (to - from + 180.0).rem_euclid(360.0) - 180.0
+}
+
+/// HSV of the pixels of a part, thinned out evenly when there are many.
+fn samples(image: &Image, roi: Roi) -> Vec<[f64; 3]> {
+    grid(image.size(), roi)
+        .filter_map(|(x, y)| image.pixel(x, y))
+        .map(|rgb| hsv_of(rgb.map(f64::from)))
+        .collect()
+}
+
+fn grid(size: Size, roi: Roi) -> impl Iterator<Item = (u32, u32)> {
+    let part = roi.within(size).unwrap_or(Roi {
+        x: 0,
+        y: 0,
+        w: 0,
+        h: 0,
+    });
+    let step = (f64::from(part.w) * f64::from(part.h) / f64::from(MAX_SAMPLES))
+        .sqrt()
+        .ceil()
+        .max(1.0) as usize;
+    let columns = move || (part.x..part.x + part.w).step_by(step);
+    (part.y..part.y + part.h)
+        .step_by(step)
+        .flat_map(move |y| columns().map(move |x| (x, y)))
+}
+
+/// The middle of the 15 degrees with most pixels.
+fn commonest_hue(samples: &[[f64; 3]]) -> f64 {
+    const BINS: usize = 72;
+    let mut counts = [0usize; BINS];
+    for hsv in samples {
+        counts[(hsv[0] / 5.0) as usize % BINS] += 1;
+    }
+    let around =
+        |bin: usize| counts[(bin + BINS - 1) % BINS] + counts[bin] + counts[(bin + 1) % BINS];
+    let best = (0..BINS).max_by_key(|bin| around(*bin)).unwrap_or(0);
+    best as f64 * 5.0 + 2.5
+}
+
+/// The range of what was seen, without its outliers, and what other light makes of it.
+fn widened(hue: f64, samples: &[[f64; 3]]) -> Option<Colour> {
+    let (low, high) = middle(samples.iter().map(|hsv| turn(hue, hsv[0])))?;
+    let (saturation, _) = middle(samples.iter().map(|hsv| hsv[1]))?;
+    let (value, _) = middle(samples.iter().map(|hsv| hsv[2]))?;
+    let angle = |offset: f64| (hue + offset).rem_euclid(360.0).round();
+    let least = (saturation - SATURATION_MARGIN)
+        .max(LEAST_SATURATION)
+        .floor();
+    let darkest = (value * VALUE_SHARE).max(LEAST_VALUE).floor();
+    let hues = [angle(low - HUE_MARGIN), angle(high + HUE_MARGIN)];
+    Colour::hsv(hues, [least, 100.0], [darkest, 100.0]).ok()
+}
+
+/// What nineteen of twenty values lie between.
+fn middle(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_unstable_by(f64::total_cmp);
+    let last = values.len().checked_sub(1)?;
+    let at = |share: f64| values[(last as f64 * share).round() as usize];
+    Some((at(0.025), at(0.975)))
+}
+
+/// How well the colour tells the part from what is not around it either.
+fn quality(colour: &Colour, images: &[&Image], roi: Roi) -> f64 {
+    let near = Roi {
+        x: roi.x.saturating_sub(roi.w),
+        y: roi.y.saturating_sub(roi.h),
+        w: roi.w.saturating_mul(3),
+        h: roi.h.saturating_mul(3),
+    };
+    let has = |part: Roi, x: u32, y: u32| {
+        (part.x..part.x.saturating_add(part.w)).contains(&x)
+            && (part.y..part.y.saturating_add(part.h)).contains(&y)
+    };
+    let (mut inside, mut outside) = (Share::default(), Share::default());
+    for image in images {
+        for (x, y) in grid(image.size(), image.size().into()).chain(grid(image.size(), roi)) {
+            let Some(rgb) = image.pixel(x, y) else {
+                continue;
+            };
+            if has(roi, x, y) {
+                inside.count(colour.contains(rgb));
+            } else if !has(near, x, y) {
+                outside.count(colour.contains(rgb));
+            }
+        }
+    }
+    inside.value() * (1.0 - outside.value())
+}
+
+#[derive(Default)]
+struct Share {
+    of: u32,
+    with: u32,
+}
+
+impl Share {
+    fn count(&mut self, has: bool) {
+        self.of += 1;
+        self.with += u32::from(has);
+    }
+
+    fn value(&self) -> f64 {
+        f64::from(self.with) / f64::from(self.of.max(1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vision::{BlobFinder, BlobOptions, Camera, Palette};
+    use image::{Rgb, RgbImage};
+    use imageproc::drawing::draw_filled_circle_mut;
+
+    /// Red, green and blue of a lamp: daylight, a warm bulb, a dim room.
+    const LIGHTS: [[f64; 3]; 3] = [[1.0, 1.0, 1.0], [1.0, 0.86, 0.68], [0.5, 0.5, 0.55]];
+    const PART: Roi = Roi {
+        x: 90,
+        y: 90,
+        w: 24,
+        h: 24,
+    };
+
+    /// A shaded ball at (100, 100) in a room with wooden floor, under a lamp. Deterministic noise.
+    fn scene(ball: [u8; 3], light: [f64; 3]) -> Image {
+        let mut picture = RgbImage::from_fn(320, 240, |_, y| {
+            Rgb(if y < 120 {
+                [190, 188, 180]
+            } else {
+                [140, 115, 90]
+            })
+        });
+        draw_filled_circle_mut(&mut picture, (100, 100), 30, Rgb(ball));
+        let mut state = 1u32;
+        for (x, y, pixel) in picture.enumerate_pixels_mut() {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let noise = f64::from(state >> 28) - 8.0;
+            let shade = 1.0 - (f64::from(x).hypot(f64::from(y)) / 2000.0);
+            for (value, light) in pixel.0.iter_mut().zip(light) {
+                *value = (f64::from(*value) * light * shade + noise).clamp(0.0, 255.0) as u8;
+            }
+        }
+        Image::from_rgb(&picture)
+    }
+
+    fn is_found(colour: Colour, image: &Image) -> bool {
+        let mut palette = Palette::compile(&[colour], false);
+        let mut finder = BlobFinder::default();
+        let blobs = finder.find(
+            image,
+            &mut palette,
+            &BlobOptions::default(),
+            Camera::default(),
+        );
+        blobs.first().is_some_and(|blob| {
+            (blob.cx - 100.0).abs() < 2.0 && (blob.cy - 100.0).abs() < 2.0 && blob.pixels > 2400
+        })
+    }
+
+    const BALLS: [[u8; 3]; 5] = [
+        [205, 30, 35],
+        [230, 120, 20],
+        [30, 150, 60],
+        [30, 60, 190],
+        [200, 190, 30],
+    ];
+
+    #[test]
+    fn a_colour_learnt_under_three_lights_is_found_under_each() {
+        for ball in BALLS {
+            let scenes = LIGHTS.map(|light| scene(ball, light));
+            let learned = learn(&scenes.each_ref(), PART).unwrap();
+            assert!(learned.quality > 0.9, "{ball:?}: {learned:?}");
+            for (light, image) in LIGHTS.iter().zip(&scenes) {
+                assert!(
+                    is_found(learned.colour, image),
+                    "{ball:?} under {light:?} by {}",
+                    learned.colour
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_colour_learnt_in_daylight_is_found_in_a_dim_room() {
+        for ball in BALLS {
+            let learned = learn(&[&scene(ball, LIGHTS[0])], PART).unwrap();
+            assert!(
+                is_found(learned.colour, &scene(ball, LIGHTS[2])),
+                "{ball:?} by {}",
+                learned.colour
+            );
+        }
+    }
+
+    #[test]
+    fn grey_is_refused_with_its_reason() {
+        for ball in [[120, 120, 120], [250, 250, 250], [12, 10, 11]] {
+            let refusal = learn(&[&scene(ball, LIGHTS[0])], PART).unwrap_err();
+            assert_eq!(refusal.code(), "too_grey", "{ball:?}");
+        }
+        assert_eq!(learn(&[], PART), Err(LearnRefusal::TooGrey));
+        let outside = Roi { x: 900, ..PART };
+        assert_eq!(
+            learn(&[&scene(BALLS[0], LIGHTS[0])], outside),
+            Err(LearnRefusal::TooGrey)
+        );
+    }
+
+    #[test]
+    fn a_mixture_is_refused_with_its_reason() {
+        let mut picture = scene(BALLS[0], LIGHTS[0]).to_rgb();
+        draw_filled_circle_mut(&mut picture, (90, 100), 14, Rgb([30, 60, 190]));
+        let refusal = learn(&[&Image::from_rgb(&picture)], PART).unwrap_err();
+        assert_eq!(refusal.code(), "too_mixed");
+    }
+}

@@ -1,0 +1,111 @@
+//! Finds the line on the floor that a robot follows.
+
+use super::blobs::{BlobFinder, BlobOptions, Camera};
+use super::palette::Palette;
+use super::picture::{Image, Roi};
+
+/// A line, as a robot needs it to steer.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Line {
+    /// Where the middle of the line is, -1 at the left border of the part looked at, 1 at the right one.
+    pub offset: f64,
+    /// Direction of the line in radians, -pi/2..=pi/2: 0 straight ahead, positive when it leads to the left.
+    pub angle: f64,
+    /// 0..1: how much it looks like a line that runs through the part looked at.
+    pub strength: f64,
+}
+
+/// The line made of the largest blob of the palette's colours in a part of the picture; nothing when there is none.
+pub fn find_line(
+    finder: &mut BlobFinder,
+    image: &Image,
+    palette: &mut Palette,
+    roi: Option<Roi>,
+) -> Option<Line> {
+    let part = roi.unwrap_or(image.size().into()).within(image.size())?;
+    let options = BlobOptions {
+        roi: Some(part),
+        max_blobs: 1,
+        ..BlobOptions::default()
+    };
+    let blob = *finder
+        .find(image, palette, &options, Camera::default())
+        .first()?;
+    let half = f64::from(part.w) / 2.0;
+    let length = (f64::from(blob.w) / f64::from(part.w)).max(f64::from(blob.h) / f64::from(part.h));
+    Some(Line {
+        offset: ((blob.cx + 0.5 - f64::from(part.x)) / half - 1.0).clamp(-1.0, 1.0),
+        angle: std::f64::consts::FRAC_PI_2 - blob.rotation,
+        strength: blob.elongation * length,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vision::Colour;
+    use image::{Rgb, RgbImage};
+    use imageproc::drawing::draw_polygon_mut;
+    use imageproc::point::Point;
+
+    /// A black tape 16 pixels wide from the bottom up, through these columns.
+    fn tape(bottom: i32, top: i32) -> Image {
+        let mut picture = RgbImage::from_pixel(320, 240, Rgb([180, 175, 170]));
+        let corners = [
+            (bottom - 8, 239),
+            (bottom + 8, 239),
+            (top + 8, 0),
+            (top - 8, 0),
+        ]
+        .map(|(x, y)| Point::new(x, y));
+        draw_polygon_mut(&mut picture, &corners, Rgb([15, 15, 15]));
+        Image::from_rgb(&picture)
+    }
+
+    fn line(image: &Image, roi: Option<Roi>) -> Option<Line> {
+        let mut palette = Palette::compile(&[Colour::named("black").unwrap()], false);
+        find_line(&mut BlobFinder::default(), image, &mut palette, roi)
+    }
+
+    #[test]
+    fn a_line_straight_ahead_needs_no_steering() {
+        let found = line(&tape(160, 160), None).unwrap();
+        assert!(
+            found.offset.abs() < 0.01 && found.angle.abs() < 0.01 && found.strength > 0.95,
+            "{found:?}"
+        );
+    }
+
+    #[test]
+    fn a_line_that_leads_left_has_a_positive_angle() {
+        let left = line(&tape(160, 60), None).unwrap();
+        assert!(
+            (left.angle - (100.0_f64 / 240.0).atan()).abs() < 0.03,
+            "{left:?}"
+        );
+        let right = line(&tape(160, 260), None).unwrap();
+        assert!(
+            (left.angle + right.angle).abs() < 0.02 && (left.offset + right.offset).abs() < 0.02
+        );
+    }
+
+    #[test]
+    fn its_offset_is_that_in_the_part_looked_at() {
+        assert!(line(&tape(300, 300), None).unwrap().offset > 0.8);
+        let part = Roi {
+            x: 240,
+            y: 120,
+            w: 120,
+            h: 120,
+        };
+        assert!((line(&tape(280, 280), Some(part)).unwrap().offset).abs() < 0.03);
+        assert_eq!(line(&tape(280, 280), Some(Roi { x: 0, ..part })), None);
+    }
+
+    #[test]
+    fn a_patch_is_a_weak_line() {
+        let mut picture = RgbImage::from_pixel(320, 240, Rgb([180, 175, 170]));
+        imageproc::drawing::draw_filled_circle_mut(&mut picture, (160, 120), 20, Rgb([15, 15, 15]));
+        assert!(line(&Image::from_rgb(&picture), None).unwrap().strength < 0.1);
+    }
+}

@@ -1,0 +1,45 @@
+//! What a behaviour sees: the bytes of a JPEG to pixels, and pixels to blobs. Knows no robot and
+//! imports nothing of this crate.
+//!
+//! [`judge`] looks at a frame's markers before anyone trusts it, [`Decoder`] makes an [`Image`] of
+//! it, [`Colour`]s say what to look for, a [`Palette`] is their fast form, and [`BlobFinder`]
+//! makes [`Blob`]s of the pixels that match. [`Eyes`] does all of it for one frame after the
+//! other, decodes each once and keeps its buffers.
+
+mod annotate;
+mod baseline;
+mod bits;
+mod blobs;
+mod colour;
+mod decoder;
+mod eyes;
+mod font;
+mod frame;
+mod huffman;
+mod idct;
+mod learn;
+mod line;
+mod measure;
+mod moments;
+mod motion;
+mod palette;
+mod picture;
+mod qrcode;
+mod regions;
+mod space;
+mod tracker;
+
+pub use annotate::{Mark, annotate};
+pub use blobs::{Blob, BlobFinder, BlobOptions, Camera};
+pub use colour::{Colour, ColourError, Span};
+pub use decoder::Decoder;
+pub use eyes::Eyes;
+pub use frame::{FrameError, MAX_HEIGHT, MAX_JPEG_LEN, MAX_WIDTH, Size, judge};
+pub use learn::{LearnRefusal, Learned, learn};
+pub use line::{Line, find_line};
+pub use measure::{brightness, sharpness};
+pub use motion::{Motion, MotionDetector, MotionOptions};
+pub use palette::{MAX_COLOURS, Palette};
+pub use picture::{Image, Roi};
+pub use qrcode::{QrCode, find_qrcodes};
+pub use tracker::{Track, Tracker, TrackerOptions};

@@ -1,0 +1,342 @@
+//! Sees that something moves while the camera stands still.
+//!
+//! A lamp makes everything around brighter by much the same factor; a thing that moves does not. So each
+//! pixel is compared with what it was before, times how its surroundings have changed; what then is
+//! left over has moved. Works on a picture of half the width and height, which is less noisy.
+
+use serde::{Deserialize, Serialize};
+
+use super::blobs::{Blob, BlobFinder, BlobOptions, Camera};
+use super::frame::Size;
+use super::picture::Image;
+
+/// Surroundings of a half-size pixel: this many on each side.
+const REACH: usize = 7;
+/// Where a pixel is clipped it tells nothing about light.
+const CLIPPED: (i32, i32) = (4, 250);
+/// When more than this share of the picture changes at once, it was the light or the camera.
+const MOST_MOVING: f64 = 0.5;
+/// How many of nine neighbours must have changed as well.
+const SUPPORT: u8 = 3;
+
+/// What counts as motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MotionOptions {
+    /// Least change of a pixel's brightness, of 255.
+    pub threshold: u8,
+    /// Fewest changed pixels.
+    pub min_pixels: u32,
+}
+
+impl Default for MotionOptions {
+    fn default() -> Self {
+        MotionOptions {
+            threshold: 15,
+            min_pixels: 150,
+        }
+    }
+}
+
+/// What has moved since the frame before.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Motion<'a> {
+    /// Share of the picture that has changed, 0..1; 0 when it is fewer than `min_pixels`.
+    pub score: f64,
+    /// Pixels that have changed; 0 when they are fewer than `min_pixels`.
+    pub pixels: u32,
+    /// Where, largest first.
+    pub blobs: &'a [Blob],
+}
+
+/// Compares every frame with the one before it.
+#[derive(Debug, Default)]
+pub struct MotionDetector {
+    options: MotionOptions,
+    camera: Camera,
+    half: Size2,
+    now: Vec<u8>,
+    before: Vec<u8>,
+    /// Sums over the surroundings of every pixel, now and before.
+    around_now: BoxSums,
+    around_before: BoxSums,
+    changed: Vec<u8>,
+    moved: Vec<u8>,
+    finder: BlobFinder,
+}
+
+/// Columns and rows of the half-size picture.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+struct Size2 {
+    w: usize,
+    h: usize,
+}
+
+impl MotionDetector {
+    /// A detector that has seen nothing.
+    pub fn new(options: MotionOptions, camera: Camera) -> MotionDetector {
+        MotionDetector {
+            options,
+            camera,
+            ..MotionDetector::default()
+        }
+    }
+
+    /// Forgets the frame before: call it while the camera moves.
+    pub fn reset(&mut self) {
+        self.half = Size2::default();
+    }
+
+    /// What has moved between the frame before and this one; nothing for the first one, and after a change of size.
+    pub fn update(&mut self, image: &Image) -> Motion<'_> {
+        let size = image.size();
+        let half = Size2 {
+            w: size.width as usize / 2,
+            h: size.height as usize / 2,
+        };
+        std::mem::swap(&mut self.now, &mut self.before);
+        std::mem::swap(&mut self.around_now, &mut self.around_before);
+        image.halve_luma(&mut self.now);
+        self.around_now.sum(&self.now, half);
+        let comparable = self.half == half && half.w > 0 && half.h > 0;
+        self.half = half;
+        let cells = if comparable { self.compare() } else { 0 };
+        let pixels = cells * 4;
+        let share = f64::from(pixels) / (f64::from(size.width) * f64::from(size.height)).max(1.0);
+        if pixels == 0 || pixels < self.options.min_pixels || share > MOST_MOVING {
+            return Motion {
+                score: 0.0,
+                pixels: 0,
+                blobs: &[],
+            };
+        }
+        Motion {
+            score: share.min(1.0),
+            pixels,
+            blobs: self.blobs(size),
+        }
+    }
+
+    /// Marks what has moved and counts it.
+    fn compare(&mut self) -> u32 {
+        self.mark_changes();
+        self.drop_lonely_ones();
+        self.moved.iter().map(|moved| u32::from(*moved)).sum()
+    }
+
+    fn mark_changes(&mut self) {
+        let threshold = i64::from(self.options.threshold.max(1));
+        let clipped = |value: u8| i32::from(value) <= CLIPPED.0 || i32::from(value) >= CLIPPED.1;
+        self.changed.clear();
+        let pairs = self.now.iter().zip(&self.before);
+        let sums = self.around_now.sums.iter().zip(&self.around_before.sums);
+        self.changed.extend(pairs.zip(sums).map(
+            |((&now, &before), (&around_now, &around_before))| {
+                // now - before * around_now / around_before, without the division.
+                let (around_now, around_before) =
+                    (i64::from(around_now) + 1, i64::from(around_before) + 1);
+                let rest = i64::from(now) * around_before - i64::from(before) * around_now;
+                let both_clipped = clipped(now) && clipped(before);
+                u8::from(!both_clipped && rest.abs() > threshold * around_before.max(around_now))
+            },
+        ));
+    }
+
+    /// Keeps a change only where its neighbours changed too.
+    fn drop_lonely_ones(&mut self) {
+        let Size2 { w, h } = self.half;
+        self.moved.clear();
+        self.moved.resize(w * h, 0);
+        for y in 1..h.saturating_sub(1) {
+            let rows = [y - 1, y, y + 1].map(|y| &self.changed[y * w..][..w]);
+            let moved = &mut self.moved[y * w..][..w];
+            for x in 1..w.saturating_sub(1) {
+                let support: u8 = rows
+                    .iter()
+                    .map(|row| row[x - 1] + row[x] + row[x + 1])
+                    .sum();
+                moved[x] = u8::from(rows[1][x] == 1 && support > SUPPORT);
+            }
+        }
+    }
+
+    fn blobs(&mut self, size: Size) -> &[Blob] {
+        let Size2 { w, h } = self.half;
+        let moved = &self.moved;
+        let label_row = |y: u32, x: u32, row: &mut [u8]| {
+            let y = (y as usize / 2).min(h - 1);
+            for (label, x) in row.iter_mut().zip(x as usize..) {
+                *label = moved[y * w + (x / 2).min(w - 1)];
+            }
+        };
+        let options = BlobOptions {
+            merge: true,
+            margin: 8,
+            ..BlobOptions::default()
+        };
+        self.finder
+            .find_labelled(size, label_row, &options, self.camera)
+    }
+}
+
+/// Sums over a square around every pixel, cut off at the border.
+#[derive(Debug, Default)]
+struct BoxSums {
+    sums: Vec<u32>,
+    columns: Vec<u32>,
+}
+
+impl BoxSums {
+    /// Two running sums: down every column, then along every row.
+    fn sum(&mut self, values: &[u8], Size2 { w, h }: Size2) {
+        self.sums.clear();
+        self.columns.clear();
+        self.columns.resize(w, 0);
+        let row = |y: usize| &values[y * w..][..w];
+        for y in 0..REACH.min(h) {
+            self.columns
+                .iter_mut()
+                .zip(row(y))
+                .for_each(|(sum, value)| *sum += u32::from(*value));
+        }
+        for y in 0..h {
+            if y + REACH < h {
+                self.columns
+                    .iter_mut()
+                    .zip(row(y + REACH))
+                    .for_each(|(sum, value)| *sum += u32::from(*value));
+            }
+            if y > REACH {
+                self.columns
+                    .iter_mut()
+                    .zip(row(y - REACH - 1))
+                    .for_each(|(sum, value)| *sum -= u32::from(*value));
+            }
+            let columns = &self.columns;
+            let mut sum: u32 = columns.iter().take(REACH).sum();
+            self.sums.extend((0..w).map(|x| {
+                sum += columns.get(x + REACH).copied().unwrap_or(0);
+                sum -= x.checked_sub(REACH + 1).map_or(0, |left| columns[left]);
+                sum
+            }));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{Rgb, RgbImage};
+    use imageproc::drawing::draw_filled_circle_mut;
+    use proptest::prelude::*;
+
+    /// A room with furniture under a light that may fall off from one side, with fresh noise each time.
+    fn room(brightness: f64, slope: f64, ball: Option<(i32, i32)>, seed: u32) -> Image {
+        let mut picture = RgbImage::from_fn(320, 240, |x, y| {
+            let plank = if (x / 40 + y / 30) % 2 == 0 { 110 } else { 80 };
+            let shelf = if (200..260).contains(&x) && (40..120).contains(&y) {
+                40
+            } else {
+                plank
+            };
+            Rgb([shelf; 3])
+        });
+        if let Some(place) = ball {
+            draw_filled_circle_mut(&mut picture, place, 18, Rgb([210, 180, 60]));
+        }
+        let mut state = seed;
+        for (x, _, pixel) in picture.enumerate_pixels_mut() {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let noise = f64::from(state >> 29) - 4.0;
+            let light = brightness + slope * f64::from(x) / 320.0;
+            pixel.0 = pixel
+                .0
+                .map(|value| (f64::from(value) * light + noise).clamp(0.0, 255.0) as u8);
+        }
+        Image::from_rgb(&picture)
+    }
+
+    fn detector() -> MotionDetector {
+        MotionDetector::new(MotionOptions::default(), Camera::default())
+    }
+
+    #[test]
+    fn a_still_room_has_no_motion() {
+        let mut detector = detector();
+        for seed in 1..6 {
+            assert_eq!(detector.update(&room(1.0, 0.0, None, seed)).pixels, 0);
+        }
+    }
+
+    #[test]
+    fn a_rolling_ball_is_motion_where_it_rolls() {
+        let mut detector = detector();
+        for step in 0..6 {
+            let x = 60 + 12 * step;
+            let motion = detector.update(&room(1.0, 0.0, Some((x, 150)), 9 + step as u32));
+            if step > 0 {
+                let blob = motion.blobs[0];
+                assert!(motion.score > 0.002 && motion.pixels >= 150, "{motion:?}");
+                assert!(
+                    (blob.cx - f64::from(x - 6)).abs() < 12.0 && (blob.cy - 150.0).abs() < 12.0,
+                    "{blob:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_light_switched_on_is_not_motion() {
+        for (brightness, slope) in [(1.8, 0.0), (1.3, 0.9), (0.5, 0.0), (2.4, -1.3)] {
+            let mut detector = detector();
+            detector.update(&room(1.0, 0.0, None, 1));
+            let motion = detector.update(&room(brightness, slope, None, 2));
+            assert_eq!(motion.pixels, 0, "light {brightness} {slope}");
+            assert_eq!(detector.update(&room(brightness, slope, None, 3)).pixels, 0);
+        }
+    }
+
+    #[test]
+    fn a_ball_is_seen_even_while_the_light_changes() {
+        let mut detector = detector();
+        detector.update(&room(1.0, 0.0, Some((80, 150)), 1));
+        let motion = detector.update(&room(1.5, 0.0, Some((100, 150)), 2));
+        assert!(
+            motion.pixels > 150 && (motion.blobs[0].cx - 90.0).abs() < 15.0,
+            "{motion:?}"
+        );
+    }
+
+    #[test]
+    fn nothing_is_compared_after_a_reset_or_another_size() {
+        let mut detector = detector();
+        detector.update(&room(1.0, 0.0, Some((80, 150)), 1));
+        detector.reset();
+        assert_eq!(
+            detector.update(&room(1.0, 0.0, Some((120, 150)), 1)).pixels,
+            0
+        );
+        for side in [0, 1, 2, 3, 17] {
+            let image = Image::from_rgb(&RgbImage::from_pixel(side, side, Rgb([9, 9, 9])));
+            detector.update(&image);
+            assert_eq!(detector.update(&image).pixels, 0);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn sums_around_a_pixel_are_those_added_up_one_by_one(
+            (w, h) in (1usize..40, 1usize..30), values in proptest::collection::vec(any::<u8>(), 40 * 30),
+        ) {
+            let mut sums = BoxSums::default();
+            sums.sum(&values[..w * h], Size2 { w, h });
+            for (index, sum) in sums.sums.iter().enumerate() {
+                let around = |at: usize, limit: usize| at.saturating_sub(REACH)..(at + REACH + 1).min(limit);
+                let rows = around(index / w, h);
+                let plain: u32 =
+                    rows.flat_map(|y| around(index % w, w).map(move |x| (x, y))).map(|(x, y)| u32::from(values[y * w + x])).sum();
+                prop_assert_eq!(*sum, plain);
+            }
+        }
+    }
+}

@@ -1,0 +1,284 @@
+//! Colours compiled into one table, so that a pixel's colour costs one look-up however many there are.
+//!
+//! The table is over brightness, blueness and redness, as JPEG has them: no pixel is ever turned into
+//! red, green and blue. For each pair of blueness and redness it holds a row of 64 levels of
+//! brightness, filled by the exact arithmetic when a picture first has that pair. So compiling is quick,
+//! a picture touches few cache lines, and pairs that no colour has share one row.
+
+use super::colour::Colour;
+use super::picture::Image;
+use super::space::{hsv_of, lab_of_linear, linear, rgb_of_ycc};
+
+/// Bits of blueness and of redness that are told apart.
+const CHROMA_BITS: u32 = 7;
+const PAIRS: usize = 1 << (2 * CHROMA_BITS);
+/// Levels of brightness.
+const LEVELS: usize = 64;
+
+/// Most colours in one [`Palette`].
+pub const MAX_COLOURS: usize = 32;
+
+/// For each level of brightness 0, or 1 + the index of the first colour that has it.
+type Row = [u8; LEVELS];
+
+/// The row of a pair that no picture had yet, and that of all pairs that no colour has.
+const UNKNOWN: u16 = 0;
+const NOTHING: u16 = 1;
+
+/// A list of colours, ready for whole pictures.
+#[derive(Debug, Clone)]
+pub struct Palette {
+    colours: Vec<Colour>,
+    invert: bool,
+    has_lab: bool,
+    /// Light of each sRGB value.
+    linear: Box<[f64; 256]>,
+    /// For each pair of blueness and redness, which row is its own.
+    index: Box<[u16]>,
+    rows: Vec<Row>,
+}
+
+impl Palette {
+    /// Compiles the first [`MAX_COLOURS`] of `colours`.
+    ///
+    /// A pixel belongs to the first colour that has it, as in OpenMV. With `invert`, to the
+    /// first colour that does *not* have it.
+    pub fn compile(colours: &[Colour], invert: bool) -> Palette {
+        let colours = first(colours).to_vec();
+        let has_lab = colours
+            .iter()
+            .any(|colour| matches!(colour, Colour::Lab { .. }));
+        let linear = Box::new(std::array::from_fn(|value| linear(value as f64)));
+        let index = vec![UNKNOWN; PAIRS].into_boxed_slice();
+        Palette {
+            colours,
+            invert,
+            has_lab,
+            linear,
+            index,
+            rows: vec![[0; LEVELS]; 2],
+        }
+    }
+
+    /// The colours it was made of.
+    pub fn colours(&self) -> &[Colour] {
+        &self.colours
+    }
+
+    /// Whether it was compiled from the same colours and the same `invert`.
+    pub fn is_of(&self, colours: &[Colour], invert: bool) -> bool {
+        self.invert == invert && self.colours == first(colours)
+    }
+
+    /// Labels the pixels of row `y` from column `x` on: 0, or 1 + the index of the first colour that has the pixel.
+    pub(super) fn label_row(&mut self, image: &Image, y: u32, x: u32, labels: &mut [u8]) {
+        let luma = &image.luma_row(y)[x as usize..];
+        if image.grey {
+            let row = self.row(128, 128);
+            labels
+                .iter_mut()
+                .zip(luma)
+                .for_each(|(label, luma)| *label = row[level(*luma)]);
+            return;
+        }
+        let [_, blue, red] = &image.planes;
+        let (blues, reds) = (blue.row(y), red.row(y));
+        match (blue.across, red.across) {
+            (0, 0) => {
+                self.label_groups::<1>(luma, &blues[x as usize..], &reds[x as usize..], labels)
+            }
+            (1, 1) if x % 2 == 0 => {
+                let from = x as usize / 2;
+                self.label_groups::<2>(luma, &blues[from..], &reds[from..], labels);
+            }
+            shifts => {
+                for ((label, luma), x) in labels.iter_mut().zip(luma).zip(x..) {
+                    let (blue, red) = (
+                        blues[(x >> shifts.0) as usize],
+                        reds[(x >> shifts.1) as usize],
+                    );
+                    *label = self.row(blue, red)[level(*luma)];
+                }
+            }
+        }
+    }
+
+    /// Labels pixels of which `N` share blueness and redness; the last ones may be fewer.
+    #[inline]
+    fn label_groups<const N: usize>(
+        &mut self,
+        luma: &[u8],
+        blues: &[u8],
+        reds: &[u8],
+        labels: &mut [u8],
+    ) {
+        let (groups, last_labels) = labels.as_chunks_mut::<N>();
+        let (lumas, last_lumas) = luma.as_chunks::<N>();
+        let last = groups.len();
+        for ((group, luma), (blue, red)) in groups.iter_mut().zip(lumas).zip(blues.iter().zip(reds))
+        {
+            let row = self.row(*blue, *red);
+            *group = luma.map(|luma| row[level(luma)]);
+        }
+        if let (Some(blue), Some(red)) = (blues.get(last), reds.get(last)) {
+            let row = self.row(*blue, *red);
+            let lumas = last_lumas
+                .iter()
+                .chain(lumas.get(last).into_iter().flatten());
+            last_labels
+                .iter_mut()
+                .zip(lumas)
+                .for_each(|(label, luma)| *label = row[level(*luma)]);
+        }
+    }
+
+    #[inline(always)]
+    fn row(&mut self, blue: u8, red: u8) -> &Row {
+        let pair = usize::from(blue >> (8 - CHROMA_BITS)) << CHROMA_BITS
+            | usize::from(red >> (8 - CHROMA_BITS));
+        let mut row = self.index[pair];
+        if row == UNKNOWN {
+            row = self.meet(pair);
+        }
+        &self.rows[usize::from(row)]
+    }
+
+    /// Works out the row of a pair that is met for the first time.
+    #[cold]
+    fn meet(&mut self, pair: usize) -> u16 {
+        let chroma = |value: usize| (value * 2) as f64 + 0.5;
+        let (blue, red) = (
+            chroma(pair >> CHROMA_BITS),
+            chroma(pair & ((1 << CHROMA_BITS) - 1)),
+        );
+        // Spread over the whole range, so that black and white are met exactly.
+        let luma = |level: usize| level as f64 * 255.0 / (LEVELS - 1) as f64;
+        let labels: Row =
+            std::array::from_fn(|level| self.label(rgb_of_ycc([luma(level), blue, red])));
+        let row = if labels == self.rows[usize::from(NOTHING)] {
+            NOTHING
+        } else {
+            self.rows.push(labels);
+            // There are fewer pairs than numbers.
+            self.rows.len() as u16 - 1
+        };
+        self.index[pair] = row;
+        row
+    }
+
+    fn label(&self, rgb: [f64; 3]) -> u8 {
+        let lab = if self.has_lab {
+            lab_of_linear(rgb.map(|value| self.linear[value.round() as usize & 0xFF]))
+        } else {
+            [0.0; 3]
+        };
+        let hsv = hsv_of(rgb);
+        let has = |colour: &Colour| colour.matches_lab(lab) || colour.matches_hsv(hsv);
+        // At most 32 colours, so the number fits.
+        self.colours
+            .iter()
+            .position(|colour| has(colour) != self.invert)
+            .map_or(0, |index| index as u8 + 1)
+    }
+}
+
+fn first(colours: &[Colour]) -> &[Colour] {
+    &colours[..colours.len().min(MAX_COLOURS)]
+}
+
+#[inline(always)]
+fn level(luma: u8) -> usize {
+    usize::from(luma) * LEVELS / 256
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{Rgb, RgbImage};
+    use proptest::prelude::*;
+
+    fn label(palette: &mut Palette, rgb: [u8; 3]) -> u8 {
+        let mut labels = [9];
+        palette.label_row(
+            &Image::from_rgb(&RgbImage::from_pixel(1, 1, Rgb(rgb))),
+            0,
+            0,
+            &mut labels,
+        );
+        labels[0]
+    }
+
+    #[test]
+    fn a_pixel_belongs_to_the_first_colour_that_has_it() {
+        let red = Colour::named("red").unwrap();
+        let any = Colour::hsv([0.0, 360.0], [0.0, 100.0], [0.0, 100.0]).unwrap();
+        let mut palette = Palette::compile(&[red, any], false);
+        assert_eq!(label(&mut palette, [250, 10, 10]), 1);
+        assert_eq!(label(&mut palette, [10, 250, 10]), 2);
+        let mut inverted = Palette::compile(&[red], true);
+        assert_eq!(label(&mut inverted, [250, 10, 10]), 0);
+        assert_eq!(label(&mut inverted, [10, 250, 10]), 1);
+    }
+
+    #[test]
+    fn surplus_colours_are_left_out() {
+        let red = Colour::named("red").unwrap();
+        let palette = Palette::compile(&[red; 40], false);
+        assert_eq!(palette.colours().len(), MAX_COLOURS);
+        assert!(palette.is_of(&[red; 50], false));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
+        /// Over random pixels and ranges the table differs from the exact arithmetic only near borders.
+        #[test]
+        fn the_table_agrees_with_exact_arithmetic(
+            l in 20.0..60.0f64, a in -60.0..40.0f64, b in -60.0..40.0f64, seed in any::<u32>(),
+        ) {
+            let colour = Colour::lab([l, l + 35.0], [a, a + 45.0], [b, b + 45.0]).unwrap();
+            let mut palette = Palette::compile(&[colour], false);
+            let mut state = seed;
+            let picture = RgbImage::from_fn(64, 64, |_, _| {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                Rgb([(state >> 24) as u8, (state >> 16) as u8, (state >> 8) as u8])
+            });
+            let image = Image::from_rgb(&picture);
+            let mut differ = 0;
+            for y in 0..64 {
+                let mut labels = [0; 64];
+                palette.label_row(&image, y, 0, &mut labels);
+                for (label, x) in labels.into_iter().zip(0..) {
+                    differ += u32::from((label != 0) != colour.contains(picture.get_pixel(x, y).0));
+                }
+            }
+            prop_assert!(differ <= 4096 * 3 / 100, "{differ} of 4096 pixels differ");
+        }
+
+        /// Whatever the sharing of blueness and redness and the first column, a row is labelled pixel by pixel.
+        #[test]
+        fn rows_are_labelled_alike_in_every_layout(
+            across in 0u32..=2, down in 0u32..=2, x in 0u32..7, width in 7u32..30, grey in any::<bool>(),
+            noise in proptest::collection::vec(any::<u8>(), 3 * 32 * 4),
+        ) {
+            let mut image = Image { size: super::super::Size { width, height: 4 }, grey, ..Image::default() };
+            for (index, plane) in image.planes.iter_mut().enumerate() {
+                plane.shape((32, 4), if index == 0 { (0, 0) } else { (across, down) });
+                plane.samples.copy_from_slice(&noise[index * 128..][..128]);
+            }
+            let colours = ["red", "green", "blue"].map(|name| Colour::named(name).unwrap());
+            let mut palette = Palette::compile(&colours, false);
+            for y in 0..4 {
+                let mut labels = vec![9; (width - x) as usize];
+                palette.label_row(&image, y, x, &mut labels);
+                for (label, x) in labels.into_iter().zip(x..) {
+                    let at = |plane: usize| {
+                        let plane = &image.planes[plane];
+                        plane.samples[(y >> plane.down) as usize * 32 + (x >> plane.across) as usize]
+                    };
+                    let (blue, red) = if grey { (128, 128) } else { (at(1), at(2)) };
+                    prop_assert_eq!(label, palette.row(blue, red)[level(at(0))]);
+                }
+            }
+        }
+    }
+}

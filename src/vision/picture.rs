@@ -1,0 +1,185 @@
+//! A decoded picture.
+
+use image::{Rgb, RgbImage};
+
+use super::frame::Size;
+use super::space::{rgb_of, ycc_of};
+
+/// A rectangle of pixels: origin top left, x right, y down. It may stick out of a picture; what
+/// sticks out does not count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Roi {
+    /// Left column.
+    pub x: u32,
+    /// Top row.
+    pub y: u32,
+    /// Columns.
+    pub w: u32,
+    /// Rows.
+    pub h: u32,
+}
+
+impl Roi {
+    /// The part inside a picture of this size; nothing when that is empty.
+    pub fn within(self, size: Size) -> Option<Roi> {
+        let w = self
+            .x
+            .saturating_add(self.w)
+            .min(size.width)
+            .checked_sub(self.x)?;
+        let h = self
+            .y
+            .saturating_add(self.h)
+            .min(size.height)
+            .checked_sub(self.y)?;
+        (w > 0 && h > 0).then_some(Roi { w, h, ..self })
+    }
+}
+
+impl From<Size> for Roi {
+    fn from(size: Size) -> Roi {
+        Roi {
+            x: 0,
+            y: 0,
+            w: size.width,
+            h: size.height,
+        }
+    }
+}
+
+/// Samples of brightness, blueness or redness.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(super) struct Plane {
+    pub(super) samples: Vec<u8>,
+    /// Samples from one row to the next; at least those of the picture, in whole blocks.
+    pub(super) stride: usize,
+    /// How many columns and rows of pixels share a sample, as a power of two.
+    pub(super) across: u32,
+    pub(super) down: u32,
+}
+
+impl Plane {
+    /// Makes room for so many columns and rows of samples.
+    pub(super) fn shape(&mut self, (columns, rows): (usize, usize), (across, down): (u32, u32)) {
+        self.samples.resize(columns * rows, 128);
+        self.stride = columns;
+        (self.across, self.down) = (across, down);
+    }
+
+    /// The samples that hold row `y` of pixels.
+    pub(super) fn row(&self, y: u32) -> &[u8] {
+        &self.samples[(y >> self.down) as usize * self.stride..][..self.stride]
+    }
+
+    fn at(&self, x: u32, y: u32) -> u8 {
+        self.row(y)[(x >> self.across) as usize]
+    }
+}
+
+/// A decoded picture, kept as JPEG keeps it: brightness, blueness and redness in planes of their own.
+#[derive(Debug, Clone)]
+pub struct Image {
+    pub(super) size: Size,
+    pub(super) planes: [Plane; 3],
+    /// Only the first plane counts.
+    pub(super) grey: bool,
+}
+
+impl Default for Image {
+    /// No pixels.
+    fn default() -> Self {
+        Image {
+            size: Size {
+                width: 0,
+                height: 0,
+            },
+            planes: Default::default(),
+            grey: true,
+        }
+    }
+}
+
+impl Image {
+    /// A picture of these pixels, to within one level of each channel.
+    pub fn from_rgb(pixels: &RgbImage) -> Image {
+        let mut image = Image::default();
+        image.set_rgb(
+            Size {
+                width: pixels.width(),
+                height: pixels.height(),
+            },
+            pixels.as_raw(),
+        );
+        image
+    }
+
+    /// Takes pixels row by row, three bytes each.
+    pub(super) fn set_rgb(&mut self, size: Size, rgb: &[u8]) {
+        (self.size, self.grey) = (size, false);
+        for plane in &mut self.planes {
+            plane.shape((size.width as usize, size.height as usize), (0, 0));
+        }
+        let [luma, blue, red] = self.planes.each_mut().map(|plane| plane.samples.iter_mut());
+        for (pixel, ((luma, blue), red)) in
+            rgb.as_chunks::<3>().0.iter().zip(luma.zip(blue).zip(red))
+        {
+            [*luma, *blue, *red] = ycc_of(*pixel);
+        }
+    }
+
+    /// Takes grey pixels row by row.
+    pub(super) fn set_luma(&mut self, size: Size, luma: &[u8]) {
+        (self.size, self.grey) = (size, true);
+        self.planes[0].shape((size.width as usize, size.height as usize), (0, 0));
+        self.planes[0].samples.copy_from_slice(luma);
+    }
+
+    /// Width and height.
+    pub fn size(&self) -> Size {
+        self.size
+    }
+
+    /// Red, green and blue (0..255) of column `x`, row `y`; nothing outside the picture.
+    pub fn pixel(&self, x: u32, y: u32) -> Option<[u8; 3]> {
+        (x < self.size.width && y < self.size.height).then(|| self.rgb_at(x, y))
+    }
+
+    /// A copy that can be drawn on and saved.
+    pub fn to_rgb(&self) -> RgbImage {
+        RgbImage::from_fn(self.size.width, self.size.height, |x, y| {
+            Rgb(self.rgb_at(x, y))
+        })
+    }
+
+    fn rgb_at(&self, x: u32, y: u32) -> [u8; 3] {
+        let [luma, blue, red] = &self.planes;
+        if self.grey {
+            [luma.at(x, y); 3]
+        } else {
+            rgb_of([luma.at(x, y), blue.at(x, y), red.at(x, y)]).map(|value| value as u8)
+        }
+    }
+
+    /// The brightness of a row of pixels, 0..255.
+    pub(super) fn luma_row(&self, y: u32) -> &[u8] {
+        &self.planes[0].row(y)[..self.size.width as usize]
+    }
+
+    /// The brightness of half as many columns and rows: means of two by two pixels; an odd last one is left out.
+    pub(super) fn halve_luma(&self, halved: &mut Vec<u8>) {
+        halved.clear();
+        for y in 0..self.size.height / 2 {
+            let upper = self.luma_row(2 * y).as_chunks::<2>().0;
+            let lower = self.luma_row(2 * y + 1).as_chunks::<2>().0;
+            let sum = |pair: &[u8; 2]| u16::from(pair[0]) + u16::from(pair[1]);
+            // The mean of four bytes is a byte.
+            halved.extend(
+                upper
+                    .iter()
+                    .zip(lower)
+                    .map(|(up, low)| ((sum(up) + sum(low) + 2) / 4) as u8),
+            );
+        }
+    }
+}

@@ -1,0 +1,361 @@
+//! Connected regions of a labelled picture, in one pass.
+//!
+//! Every row is cut into runs of one label; a run that touches runs of the same label in the row
+//! above (eight neighbours, as OpenCV's default) joins their region by union-find. Pixels, box and
+//! moments are summed on the way, so no label image is ever written. Buffers are kept: once warm,
+//! nothing is allocated.
+
+use super::moments::Moments;
+use super::picture::Roi;
+
+/// Pixels of one label that touch each other, and their sums.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Region {
+    /// Itself for the root of a region; otherwise a region that it joined.
+    parent: u32,
+    pub(super) label: u8,
+    pub(super) moments: Moments,
+    /// Border pixels; filled by [`Regions::measure_perimeters`].
+    pub(super) perimeter: u64,
+    pub(super) left: u32,
+    pub(super) right: u32,
+    pub(super) top: u32,
+    pub(super) bottom: u32,
+}
+
+/// Neighbours of one label in one row, from `start` up to and without `end`.
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    start: u32,
+    end: u32,
+    region: u32,
+    label: u8,
+}
+
+/// Finds regions and keeps its buffers.
+#[derive(Debug, Default)]
+pub(super) struct Regions {
+    row: Vec<u8>,
+    runs: Vec<Run>,
+    /// Where each row's runs begin, and one more at the end.
+    rows: Vec<usize>,
+    regions: Vec<Region>,
+}
+
+impl Regions {
+    /// Goes over the window row by row. `label_row(y, row)` fills the labels of row `y`; 0 is background.
+    pub(super) fn scan(&mut self, window: Roi, mut label_row: impl FnMut(u32, &mut [u8])) {
+        self.runs.clear();
+        self.rows.clear();
+        self.regions.clear();
+        self.row.resize(window.w as usize, 0);
+        self.rows.push(0);
+        let mut above = 0;
+        for y in window.y..window.y + window.h {
+            label_row(y, &mut self.row);
+            let first = self.runs.len();
+            cut(&self.row, window.x, &mut self.runs);
+            self.join(above, first, y);
+            self.rows.push(self.runs.len());
+            above = first;
+        }
+    }
+
+    /// The regions found, in the order of their first pixel.
+    pub(super) fn found(&self) -> impl Iterator<Item = (u32, &Region)> {
+        (0..)
+            .zip(&self.regions)
+            .filter(|(index, region)| *index == region.parent)
+    }
+
+    pub(super) fn region(&self, index: u32) -> &Region {
+        &self.regions[index as usize]
+    }
+
+    /// Gives every run of the newest row (from `first`) its region, by the runs above it.
+    fn join(&mut self, above: usize, first: usize, y: u32) {
+        let (before, newest) = self.runs.split_at_mut(first);
+        let mut above = &before[above..];
+        for run in newest {
+            while let Some((passed, rest)) = above.split_first()
+                && passed.end < run.start
+            {
+                above = rest;
+            }
+            let mut root = None;
+            for touching in above.iter().take_while(|other| other.start <= run.end) {
+                if touching.label == run.label {
+                    let other = find(&mut self.regions, touching.region);
+                    root = Some(root.map_or(other, |root| unite(&mut self.regions, root, other)));
+                }
+            }
+            run.region = match root {
+                Some(root) => root,
+                None => {
+                    let index = self.regions.len() as u32;
+                    self.regions.push(Region::empty(index, run.label));
+                    index
+                }
+            };
+            self.regions[run.region as usize].add(run, y);
+        }
+    }
+
+    /// Counts the border pixels of the regions for which `wanted` says yes: pixels of which one of the four
+    /// neighbours is not of the region.
+    pub(super) fn measure_perimeters(&mut self, wanted: impl Fn(&Region) -> bool) {
+        for row in 0..self.rows.len() - 1 {
+            let of = |row: usize| self.rows[row]..self.rows[row + 1];
+            let above = if row == 0 { 0..0 } else { of(row - 1) };
+            let below = if row + 2 == self.rows.len() {
+                0..0
+            } else {
+                of(row + 1)
+            };
+            let (mut above, mut below) = (&self.runs[above], &self.runs[below]);
+            for run in &self.runs[of(row)] {
+                let root = find(&mut self.regions, run.region) as usize;
+                if wanted(&self.regions[root]) {
+                    let inner = enclosed(run, &mut above, &mut below);
+                    self.regions[root].perimeter += u64::from(run.end - run.start - inner);
+                }
+            }
+        }
+    }
+}
+
+impl Region {
+    fn empty(index: u32, label: u8) -> Region {
+        Region {
+            parent: index,
+            label,
+            moments: Moments::default(),
+            perimeter: 0,
+            left: u32::MAX,
+            right: 0,
+            top: u32::MAX,
+            bottom: 0,
+        }
+    }
+
+    /// Pixels of its box.
+    pub(super) fn area(&self) -> u64 {
+        u64::from(self.right - self.left + 1) * u64::from(self.bottom - self.top + 1)
+    }
+
+    fn add(&mut self, run: &Run, y: u32) {
+        self.moments.add_run(run.start, run.end, y);
+        self.left = self.left.min(run.start);
+        self.right = self.right.max(run.end - 1);
+        self.top = self.top.min(y);
+        self.bottom = y;
+    }
+
+    fn absorb(&mut self, other: &Region) {
+        self.moments.absorb(&other.moments);
+        self.left = self.left.min(other.left);
+        self.right = self.right.max(other.right);
+        self.top = self.top.min(other.top);
+        self.bottom = self.bottom.max(other.bottom);
+    }
+}
+
+/// Root of a region, halving the way to it.
+fn find(regions: &mut [Region], mut index: u32) -> u32 {
+    while regions[index as usize].parent != index {
+        let grandparent = regions[regions[index as usize].parent as usize].parent;
+        regions[index as usize].parent = grandparent;
+        index = grandparent;
+    }
+    index
+}
+
+/// Makes two roots one and returns it: the older one, so that regions keep the order of their first pixel.
+fn unite(regions: &mut [Region], a: u32, b: u32) -> u32 {
+    if a == b {
+        return a;
+    }
+    let (root, child) = (a.min(b), a.max(b));
+    let absorbed = regions[child as usize];
+    regions[child as usize].parent = root;
+    regions[root as usize].absorb(&absorbed);
+    root
+}
+
+/// Appends the runs of a row whose first pixel stands in column `x`.
+fn cut(row: &[u8], x: u32, runs: &mut Vec<Run>) {
+    let mut at = 0;
+    while let Some(start) = first_other(row, at, 0) {
+        let label = row[start];
+        let end = first_other(row, start + 1, label).unwrap_or(row.len());
+        runs.push(Run {
+            start: x + start as u32,
+            end: x + end as u32,
+            region: 0,
+            label,
+        });
+        at = end;
+    }
+}
+
+/// Where the first label other than `label` stands, from `at` on; eight labels at a time.
+fn first_other(row: &[u8], at: usize, label: u8) -> Option<usize> {
+    let rest = &row[at..];
+    let (words, _) = rest.as_chunks::<8>();
+    let same = u64::from_le_bytes([label; 8]);
+    for (index, word) in words.iter().enumerate() {
+        let differing = u64::from_le_bytes(*word) ^ same;
+        if differing != 0 {
+            return Some(at + index * 8 + differing.trailing_zeros() as usize / 8);
+        }
+    }
+    let tail = at + words.len() * 8;
+    row[tail..]
+        .iter()
+        .position(|other| *other != label)
+        .map(|offset| tail + offset)
+}
+
+/// Pixels of a run, without its two ends, that have its label above and below. The slices are moved on to
+/// what can still matter to later runs of the row.
+fn enclosed<'a>(run: &Run, above: &mut &'a [Run], below: &mut &'a [Run]) -> u32 {
+    for side in [&mut *above, &mut *below] {
+        while let Some((passed, rest)) = side.split_first()
+            && passed.end <= run.start
+        {
+            *side = rest;
+        }
+    }
+    let (mut up, mut down) = (*above, *below);
+    let mut inner = 0;
+    while let (Some(over), Some(under)) = (up.first(), down.first())
+        && over.start.max(under.start) < run.end
+    {
+        if over.label == run.label && under.label == run.label {
+            let start = over.start.max(under.start).max(run.start + 1);
+            inner += over
+                .end
+                .min(under.end)
+                .min(run.end - 1)
+                .saturating_sub(start);
+        }
+        if over.end <= under.end {
+            up = &up[1..];
+        } else {
+            down = &down[1..];
+        }
+    }
+    inner
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{GrayImage, Luma};
+    use imageproc::region_labelling::{Connectivity, connected_components};
+    use proptest::prelude::*;
+    use std::collections::BTreeMap;
+
+    fn scan(regions: &mut Regions, mask: &GrayImage) {
+        let window = Roi {
+            x: 0,
+            y: 0,
+            w: mask.width(),
+            h: mask.height(),
+        };
+        let width = mask.width() as usize;
+        regions.scan(window, |y, row| {
+            row.copy_from_slice(&mask.as_raw()[y as usize * width..][..width])
+        });
+    }
+
+    /// Label, pixels, perimeter and box, and the moments, of every region: slowly, by imageproc's labels.
+    type Facts = (u8, u64, [u32; 4], Moments);
+
+    fn expected(mask: &GrayImage) -> Vec<Facts> {
+        let mut facts: Vec<Facts> = (1..=3).flat_map(|label| of_label(mask, label)).collect();
+        facts.sort_by_key(|facts| format!("{facts:?}"));
+        facts
+    }
+
+    /// imageproc's forest is too small for more than two values or for one row, so it gets one label at a time,
+    /// with a frame around it.
+    fn of_label(mask: &GrayImage, label: u8) -> Vec<Facts> {
+        let alone = GrayImage::from_fn(mask.width() + 2, mask.height() + 2, |x, y| {
+            let pixel = x
+                .checked_sub(1)
+                .zip(y.checked_sub(1))
+                .and_then(|(x, y)| mask.get_pixel_checked(x, y));
+            Luma([u8::from(pixel == Some(&Luma([label])))])
+        });
+        let labels = connected_components(&alone, Connectivity::Eight, Luma([0]));
+        let mut regions: BTreeMap<u32, Facts> = BTreeMap::new();
+        for (x, y, &Luma([region])) in labels
+            .enumerate_pixels()
+            .filter(|(_, _, region)| region.0[0] != 0)
+        {
+            let neighbours = [(x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)];
+            let enclosed = neighbours
+                .iter()
+                .all(|&(x, y)| labels.get_pixel(x, y).0[0] == region);
+            let (x, y) = (x - 1, y - 1);
+            let facts =
+                regions
+                    .entry(region)
+                    .or_insert((label, 0, [x, y, x, y], Moments::default()));
+            facts.1 += u64::from(!enclosed);
+            facts.2 = [
+                facts.2[0].min(x),
+                facts.2[1].min(y),
+                facts.2[2].max(x),
+                facts.2[3].max(y),
+            ];
+            facts.3.add_run(x, x + 1, y);
+        }
+        regions.into_values().collect()
+    }
+
+    fn found(mask: &GrayImage) -> Vec<Facts> {
+        let mut regions = Regions::default();
+        scan(&mut regions, &GrayImage::from_pixel(9, 9, Luma([7])));
+        scan(&mut regions, mask);
+        regions.measure_perimeters(|_| true);
+        let facts = |(_, region): (u32, &Region)| {
+            let border = [region.left, region.top, region.right, region.bottom];
+            (region.label, region.perimeter, border, region.moments)
+        };
+        let mut facts: Vec<Facts> = regions.found().map(facts).collect();
+        facts.sort_by_key(|facts| format!("{facts:?}"));
+        facts
+    }
+
+    proptest! {
+        /// Count, pixels, boxes, centroids, second moments and perimeters, on noise of every density and
+        /// up to three labels, in sizes around the eight labels that are read at a time.
+        #[test]
+        fn regions_are_those_of_plain_labelling(
+            (width, height) in (1u32..40, 1u32..24),
+            share in 1u8..=10,
+            labels in 1u8..=3,
+            noise in proptest::collection::vec(any::<(u8, u8)>(), 40 * 24),
+        ) {
+            let mask = GrayImage::from_fn(width, height, |x, y| {
+                let (chance, label) = noise[(y * width + x) as usize];
+                Luma([if chance % 10 < share { label % labels + 1 } else { 0 }])
+            });
+            prop_assert_eq!(found(&mask), expected(&mask));
+        }
+    }
+
+    #[test]
+    fn a_spiral_is_one_region() {
+        let rows = [
+            "#######", "#.....#", "#.###.#", "#.#...#", "#.#####", "#......",
+        ];
+        let mask = GrayImage::from_fn(7, 6, |x, y| {
+            Luma([u8::from(rows[y as usize].as_bytes()[x as usize] == b'#')])
+        });
+        assert_eq!(found(&mask).len(), 1);
+        assert_eq!(found(&mask), expected(&mask));
+    }
+}

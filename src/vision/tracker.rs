@@ -1,0 +1,562 @@
+//! Gives blobs an identity: which one of this frame is which one of the frame before.
+//!
+//! Every track predicts where its blob will be (steady velocity) and takes the blob nearest to
+//! that; all pairs are settled together. When two blobs become one, because one passes in front of the
+//! other, both tracks go on inside it on their own course until it parts again.
+
+use serde::{Deserialize, Serialize};
+use std::time::Duration;
+
+use super::blobs::{Blob, Camera};
+use super::frame::Size;
+
+/// Most blobs of a frame, and most tracks, that are considered.
+const MAX_TRACKS: usize = 64;
+/// How many times `max_lost` a track may stay hidden in another's blob.
+const HIDDEN_PATIENCE: u32 = 6;
+/// Least share of a surprise that goes into the position, and into the velocity.
+const GAIN: (f64, f64) = (0.5, 0.15);
+/// The same while blobs are one: their common outline says little, and nothing about velocity.
+const SHARED_GAIN: f64 = 0.3;
+/// Frames are never thought to be nearer or farther apart in time than this, in seconds.
+const STEP: (f64, f64) = (0.001, 1.0);
+
+/// When a track begins, and when it ends.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrackerOptions {
+    /// In how many frames a blob must have been seen before it is reported.
+    pub min_age: u32,
+    /// For how many frames it may be gone.
+    pub max_lost: u32,
+    /// How far, in pixels, it may be from where it was expected.
+    pub max_jump: f64,
+}
+
+impl Default for TrackerOptions {
+    fn default() -> Self {
+        TrackerOptions {
+            min_age: 3,
+            max_lost: 5,
+            max_jump: 80.0,
+        }
+    }
+}
+
+/// A blob with an identity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Track {
+    /// Never given twice by one tracker; from 1.
+    pub id: u64,
+    /// In how many frames it was seen.
+    pub age: u32,
+    /// For how many frames it has been gone, or hidden in another's blob; 0 when seen.
+    pub lost: u32,
+    /// Velocity to the right, pixels per second.
+    pub vx: f64,
+    /// Velocity downwards, pixels per second.
+    pub vy: f64,
+    /// The blob as seen now; when lost, the last one seen, moved to where it is thought to be.
+    pub blob: Blob,
+    x: f64,
+    y: f64,
+    /// For how many frames it has shared a blob.
+    hidden: u32,
+}
+
+/// Follows blobs from frame to frame.
+#[derive(Debug)]
+pub struct Tracker {
+    options: TrackerOptions,
+    camera: Camera,
+    newest: Option<Duration>,
+    given: u64,
+    followed: Vec<Track>,
+    /// Those seen often enough, as handed out.
+    tracks: Vec<Track>,
+    pairs: Vec<(f64, usize, usize)>,
+    /// For every track, the blob it takes.
+    owned: Vec<Option<usize>>,
+    /// For every track without one, the other's blob in which it hides.
+    hosts: Vec<Option<usize>>,
+    /// For every blob, how many tracks are in it.
+    crowd: Vec<u32>,
+}
+
+impl Tracker {
+    /// A tracker that has seen nothing.
+    pub fn new(options: TrackerOptions, camera: Camera) -> Tracker {
+        Tracker {
+            options,
+            camera,
+            newest: None,
+            given: 0,
+            followed: Vec::new(),
+            tracks: Vec::new(),
+            pairs: Vec::new(),
+            owned: Vec::new(),
+            hosts: Vec::new(),
+            crowd: Vec::new(),
+        }
+    }
+
+    /// Takes the blobs of a frame of this size, seen at this time. Returns the tracks that were seen in at least
+    /// `min_age` frames, oldest first, those lost for a while included.
+    pub fn update(&mut self, at: Duration, size: Size, blobs: &[Blob]) -> &[Track] {
+        let blobs = &blobs[..blobs.len().min(MAX_TRACKS)];
+        let passed = self
+            .newest
+            .map_or(0.0, |newest| at.saturating_sub(newest).as_secs_f64());
+        let step = passed.clamp(STEP.0, STEP.1);
+        self.newest = Some(at);
+        self.followed
+            .iter_mut()
+            .for_each(|track| track.predict(step));
+        self.pair(blobs);
+        self.hide(blobs);
+        self.follow(blobs, step);
+        self.followed.retain(|track| track.lives(&self.options));
+        self.begin(blobs);
+        self.show(size)
+    }
+
+    /// The tracks of the newest update.
+    pub fn tracks(&self) -> &[Track] {
+        &self.tracks
+    }
+
+    /// The one to follow: seen most recently; among those the largest, then the oldest.
+    pub fn best(&self) -> Option<&Track> {
+        self.tracks
+            .iter()
+            .min_by_key(|track| (track.lost, std::cmp::Reverse(track.blob.pixels), track.id))
+    }
+
+    /// Forgets every track; ids go on counting.
+    pub fn reset(&mut self) {
+        self.followed.clear();
+        self.tracks.clear();
+        self.newest = None;
+    }
+
+    /// Gives tracks their blobs: nearest pairs first, then swaps while that makes the whole better.
+    fn pair(&mut self, blobs: &[Blob]) {
+        let reach = self.options.max_jump.powi(2);
+        self.pairs.clear();
+        for (index, track) in self.followed.iter().enumerate() {
+            let costs = blobs
+                .iter()
+                .enumerate()
+                .map(|(blob, seen)| (track.cost(seen), index, blob));
+            self.pairs.extend(costs.filter(|pair| pair.0 <= reach));
+        }
+        self.pairs
+            .sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
+        self.owned.clear();
+        self.owned.resize(self.followed.len(), None);
+        self.crowd.clear();
+        self.crowd.resize(blobs.len(), 0);
+        for &(_, track, blob) in &self.pairs {
+            if self.owned[track].is_none() && self.crowd[blob] == 0 {
+                self.owned[track] = Some(blob);
+                self.crowd[blob] = 1;
+            }
+        }
+        self.swap_while_better(blobs);
+    }
+
+    /// Swaps the blobs of two tracks while that shortens their way. Each swap makes the sum smaller, and the
+    /// number of rounds is bounded.
+    fn swap_while_better(&mut self, blobs: &[Blob]) {
+        for _ in 0..MAX_TRACKS {
+            let mut swapped = false;
+            for a in 0..self.owned.len() {
+                for b in a + 1..self.owned.len() {
+                    let (Some(of_a), Some(of_b)) = (self.owned[a], self.owned[b]) else {
+                        continue;
+                    };
+                    let cost = |track: usize, blob: usize| self.followed[track].cost(&blobs[blob]);
+                    if cost(a, of_b) + cost(b, of_a) < cost(a, of_a) + cost(b, of_b) - 1e-9 {
+                        self.owned.swap(a, b);
+                        swapped = true;
+                    }
+                }
+            }
+            if !swapped {
+                return;
+            }
+        }
+    }
+
+    /// A known track without a blob that is expected inside another's blob hides there.
+    fn hide(&mut self, blobs: &[Blob]) {
+        self.hosts.clear();
+        for (track, owned) in self.followed.iter().zip(&self.owned) {
+            let hides = owned.is_none() && track.age >= self.options.min_age;
+            let inside = |index: &usize| self.crowd[*index] > 0 && track.is_within(&blobs[*index]);
+            self.hosts
+                .push((0..blobs.len()).filter(|_| hides).find(inside));
+        }
+        self.hosts
+            .iter()
+            .flatten()
+            .for_each(|host| self.crowd[*host] += 1);
+    }
+
+    fn follow(&mut self, blobs: &[Blob], step: f64) {
+        for (index, track) in self.followed.iter_mut().enumerate() {
+            match (self.owned[index], self.hosts[index]) {
+                (Some(blob), _) if self.crowd[blob] == 1 => track.see(&blobs[blob], step),
+                (Some(blob), _) => track.share(&blobs[blob], true),
+                (None, Some(host)) => track.share(&blobs[host], false),
+                (None, None) => track.miss(),
+            }
+        }
+    }
+
+    fn begin(&mut self, blobs: &[Blob]) {
+        for (blob, crowd) in blobs.iter().zip(&self.crowd) {
+            if *crowd == 0 && self.followed.len() < MAX_TRACKS {
+                self.given += 1;
+                self.followed.push(Track::begin(self.given, blob));
+            }
+        }
+    }
+
+    fn show(&mut self, size: Size) -> &[Track] {
+        self.tracks.clear();
+        let known = self
+            .followed
+            .iter()
+            .filter(|track| track.age >= self.options.min_age);
+        self.tracks
+            .extend(known.map(|track| track.placed(size, self.camera)));
+        &self.tracks
+    }
+}
+
+impl Track {
+    fn begin(id: u64, blob: &Blob) -> Track {
+        Track {
+            id,
+            age: 1,
+            lost: 0,
+            vx: 0.0,
+            vy: 0.0,
+            blob: *blob,
+            x: blob.cx,
+            y: blob.cy,
+            hidden: 0,
+        }
+    }
+
+    fn predict(&mut self, step: f64) {
+        self.x += self.vx * step;
+        self.y += self.vy * step;
+    }
+
+    /// Squared distance from where it is expected.
+    fn cost(&self, blob: &Blob) -> f64 {
+        (blob.cx - self.x).powi(2) + (blob.cy - self.y).powi(2)
+    }
+
+    /// Whether it is expected in the blob's box, or a quarter of its own size beside it.
+    fn is_within(&self, blob: &Blob) -> bool {
+        let near = |value: f64, low: u32, span: u32, own: u32| {
+            let slack = f64::from(own) / 4.0;
+            (f64::from(low) - slack..f64::from(low + span) + slack).contains(&value)
+        };
+        near(self.x, blob.x, blob.w, self.blob.w) && near(self.y, blob.y, blob.h, self.blob.h)
+    }
+
+    /// Seen alone: corrects position and velocity, at first by much, then by less.
+    fn see(&mut self, blob: &Blob, step: f64) {
+        let seen = f64::from(self.age.min(1000)) + 1.0;
+        let place = (2.0 * (2.0 * seen - 1.0) / (seen * (seen + 1.0))).clamp(GAIN.0, 1.0);
+        let speed = (6.0 / (seen * (seen + 1.0))).clamp(GAIN.1, 1.0);
+        let (dx, dy) = (blob.cx - self.x, blob.cy - self.y);
+        self.x += place * dx;
+        self.y += place * dy;
+        self.vx += speed * dx / step;
+        self.vy += speed * dy / step;
+        self.age = self.age.saturating_add(1);
+        (self.lost, self.hidden) = (0, 0);
+        self.blob = *blob;
+    }
+
+    /// One of several in a blob: stays on course, but inside the common outline.
+    fn share(&mut self, blob: &Blob, owner: bool) {
+        let corrected = |value: f64, low: u32, span: u32, own: u32| {
+            let room = f64::from(span.saturating_sub(own)) / 2.0;
+            let middle = f64::from(low) + f64::from(span.saturating_sub(1)) / 2.0;
+            value + SHARED_GAIN * (value.clamp(middle - room, middle + room) - value)
+        };
+        self.x = corrected(self.x, blob.x, blob.w, self.blob.w);
+        self.y = corrected(self.y, blob.y, blob.h, self.blob.h);
+        self.hidden += 1;
+        self.lost = if owner { 0 } else { self.hidden };
+    }
+
+    fn miss(&mut self) {
+        self.lost = if self.hidden > 0 { 1 } else { self.lost + 1 };
+        self.hidden = 0;
+    }
+
+    fn lives(&self, options: &TrackerOptions) -> bool {
+        let patience = if self.hidden > 0 { HIDDEN_PATIENCE } else { 1 };
+        self.lost <= options.max_lost.saturating_mul(patience)
+    }
+
+    /// As handed out: a lost blob stands where it is thought to be.
+    fn placed(&self, size: Size, camera: Camera) -> Track {
+        let mut track = *self;
+        if track.lost > 0 || track.hidden > 0 {
+            let moved = |from: u32, by: f64, span: u32, limit: u32| {
+                (f64::from(from) + by)
+                    .round()
+                    .clamp(0.0, f64::from(limit.saturating_sub(span))) as u32
+            };
+            track.blob.x = moved(self.blob.x, self.x - self.blob.cx, self.blob.w, size.width);
+            track.blob.y = moved(self.blob.y, self.y - self.blob.cy, self.blob.h, size.height);
+            (track.blob.cx, track.blob.cy) = (self.x, self.y);
+            track.blob.bearing = camera.bearing(self.x, size.width);
+        }
+        track
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vision::{BlobFinder, BlobOptions, Colour, Image, Palette};
+    use image::{Rgb, RgbImage};
+    use imageproc::drawing::draw_filled_circle_mut;
+    use rand::rngs::StdRng;
+    use rand::{RngExt, SeedableRng};
+
+    const SIZE: Size = Size {
+        width: 320,
+        height: 240,
+    };
+    const FRAME: Duration = Duration::from_millis(40);
+
+    /// Real blobs of red balls drawn at these places.
+    struct Scene {
+        finder: BlobFinder,
+        palette: Palette,
+    }
+
+    impl Scene {
+        fn new() -> Scene {
+            let palette = Palette::compile(&[Colour::named("red").unwrap()], false);
+            Scene {
+                finder: BlobFinder::default(),
+                palette,
+            }
+        }
+
+        fn blobs(&mut self, balls: &[(f64, f64, i32)]) -> Vec<Blob> {
+            let mut picture = RgbImage::from_pixel(SIZE.width, SIZE.height, Rgb([110, 110, 110]));
+            for &(x, y, radius) in balls {
+                draw_filled_circle_mut(
+                    &mut picture,
+                    (x.round() as i32, y.round() as i32),
+                    radius,
+                    Rgb([210, 20, 20]),
+                );
+            }
+            let image = Image::from_rgb(&picture);
+            self.finder
+                .find(
+                    &image,
+                    &mut self.palette,
+                    &BlobOptions::default(),
+                    Camera::default(),
+                )
+                .to_vec()
+        }
+    }
+
+    fn tracker() -> Tracker {
+        Tracker::new(TrackerOptions::default(), Camera::default())
+    }
+
+    fn nearest(tracks: &[Track], x: f64, y: f64) -> Option<u64> {
+        let distance = |track: &&Track| (track.blob.cx - x).hypot(track.blob.cy - y);
+        tracks
+            .iter()
+            .filter(|track| distance(track) < 15.0)
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+            .map(|t| t.id)
+    }
+
+    /// Two equal balls on straight courses that meet in the middle, with shaking hands and missed frames.
+    /// Whether each still has its id when they are apart again.
+    fn ids_survive_a_crossing(scene: &mut Scene, random: &mut StdRng) -> bool {
+        let radius = random.random_range(8..18);
+        let meeting = (
+            random.random_range(130.0..190.0),
+            random.random_range(90.0..150.0),
+        );
+        let course = random.random_range(0.0..std::f64::consts::TAU);
+        let between = random.random_range(0.5..std::f64::consts::PI);
+        let speeds = [random.random_range(2.0..6.0), random.random_range(2.0..6.0)];
+        let courses = [course, course + between];
+        let place = |ball: usize, frame: f64| {
+            let (sin, cos) = courses[ball].sin_cos();
+            (
+                meeting.0 + cos * speeds[ball] * frame,
+                meeting.1 + sin * speeds[ball] * frame,
+            )
+        };
+        let mut tracker = tracker();
+        let mut before = None;
+        for (number, frame) in (-18..=18).enumerate() {
+            let mut at = |ball| {
+                let (x, y) = place(ball, f64::from(frame));
+                (
+                    x + random.random_range(-1.0..1.0),
+                    y + random.random_range(-1.0..1.0),
+                    radius,
+                )
+            };
+            let balls = [at(0), at(1)];
+            let blobs = scene.blobs(&balls);
+            let tracks = tracker.update(FRAME * number as u32, SIZE, &blobs);
+            let ids = [0, 1].map(|ball| nearest(tracks, balls[ball].0, balls[ball].1));
+            match frame {
+                -13 => before = Some(ids),
+                18 => return before == Some(ids) && ids[0].is_some() && ids[0] != ids[1],
+                _ => {}
+            }
+        }
+        false
+    }
+
+    #[test]
+    fn ids_survive_two_equal_balls_crossing() {
+        let (mut scene, mut random) = (Scene::new(), StdRng::seed_from_u64(7));
+        let runs = 120;
+        let survived = (0..runs)
+            .filter(|_| ids_survive_a_crossing(&mut scene, &mut random))
+            .count();
+        println!("{survived} of {runs} crossings");
+        assert!(
+            survived * 100 > runs * 95,
+            "ids survived only {survived} of {runs} crossings"
+        );
+    }
+
+    #[test]
+    fn a_ball_is_reported_once_it_is_old_enough_and_kept_while_it_is_gone() {
+        let (mut scene, mut tracker) = (Scene::new(), tracker());
+        let mut reported = Vec::new();
+        for frame in 0..14 {
+            let blobs = if frame < 6 {
+                scene.blobs(&[(50.0 + 5.0 * f64::from(frame), 100.0, 10)])
+            } else {
+                Vec::new()
+            };
+            let tracks = tracker.update(FRAME * frame, SIZE, &blobs);
+            reported.push(
+                tracks
+                    .first()
+                    .map(|track| (track.id, track.age, track.lost)),
+            );
+        }
+        let seen = |age| Some((1, age, 0));
+        let lost = |frames| Some((1, 6, frames));
+        assert_eq!(
+            reported[..6],
+            [None, None, seen(3), seen(4), seen(5), seen(6)]
+        );
+        assert_eq!(
+            reported[6..],
+            [
+                lost(1),
+                lost(2),
+                lost(3),
+                lost(4),
+                lost(5),
+                None,
+                None,
+                None
+            ]
+        );
+    }
+
+    #[test]
+    fn velocity_is_that_of_the_ball_and_carries_on_while_it_is_gone() {
+        let (mut scene, mut tracker) = (Scene::new(), tracker());
+        for frame in 0..20 {
+            let blobs = scene.blobs(&[(
+                40.0 + 4.0 * f64::from(frame),
+                200.0 - 2.0 * f64::from(frame),
+                10,
+            )]);
+            tracker.update(FRAME * frame, SIZE, &blobs);
+        }
+        let track = *tracker.best().unwrap();
+        assert!(
+            (track.vx - 100.0).abs() < 3.0 && (track.vy + 50.0).abs() < 3.0,
+            "{track:?}"
+        );
+        tracker.update(FRAME * 22, SIZE, &[]);
+        let gone = *tracker.best().unwrap();
+        assert_eq!((gone.id, gone.lost), (track.id, 1));
+        assert!(
+            (gone.blob.cx - (track.blob.cx + 12.0)).abs() < 1.5,
+            "{gone:?}"
+        );
+    }
+
+    #[test]
+    fn a_jump_too_far_is_another_ball() {
+        let (mut scene, mut tracker) = (Scene::new(), tracker());
+        for frame in 0..8 {
+            let x = if frame < 4 { 50.0 } else { 250.0 };
+            let blobs = scene.blobs(&[(x, 100.0, 10)]);
+            tracker.update(FRAME * frame, SIZE, &blobs);
+        }
+        let ids: Vec<u64> = tracker.tracks().iter().map(|track| track.id).collect();
+        assert_eq!(ids, [1, 2]);
+        assert_eq!(tracker.best().unwrap().id, 2);
+        tracker.reset();
+        assert_eq!(tracker.best(), None);
+    }
+
+    #[test]
+    fn a_ball_that_vanishes_beside_another_is_let_go() {
+        let (mut scene, mut tracker) = (Scene::new(), tracker());
+        for frame in 0..60 {
+            let both = [
+                (150.0, 100.0, 14),
+                (150.0 + f64::from(40 - frame.min(38)), 100.0, 14),
+            ];
+            let blobs = scene.blobs(&both[..if frame < 39 { 2 } else { 1 }]);
+            tracker.update(FRAME * frame as u32, SIZE, &blobs);
+        }
+        (60..90).for_each(|frame| {
+            let blobs = scene.blobs(&[(150.0, 100.0, 14)]);
+            tracker.update(FRAME * frame, SIZE, &blobs);
+        });
+        let lost: Vec<u32> = tracker.tracks().iter().map(|track| track.lost).collect();
+        assert_eq!(lost, [0]);
+    }
+
+    #[test]
+    fn any_number_of_blobs_is_bounded() {
+        let (mut scene, mut tracker) = (Scene::new(), tracker());
+        let blob = scene.blobs(&[(50.0, 50.0, 10)])[0];
+        let blobs: Vec<Blob> = (0..500)
+            .map(|i| Blob {
+                cx: f64::from(i % 300),
+                cy: f64::from(i / 3),
+                ..blob
+            })
+            .collect();
+        for frame in 0..10 {
+            assert!(tracker.update(FRAME * frame, SIZE, &blobs).len() <= MAX_TRACKS);
+        }
+    }
+}

@@ -1,0 +1,267 @@
+//! Eyes from outside: real JPEG bytes in, blobs out, and nothing breaks on bytes that lie.
+#![allow(clippy::unwrap_used)]
+
+use image::codecs::jpeg::JpegEncoder;
+use image::{ExtendedColorType, Rgb, RgbImage};
+use imageproc::drawing::draw_filled_circle_mut;
+use proptest::prelude::*;
+use spykee::vision::{
+    BlobOptions, Camera, Colour, Decoder, Eyes, FrameError, Mark, annotate, brightness,
+    find_qrcodes, judge,
+};
+
+/// A room with a red ball left of the middle and a blue one right of it.
+fn room() -> RgbImage {
+    let mut picture = RgbImage::from_fn(320, 240, |x, y| {
+        let shade = 90 + (x / 8 + y / 4) as u8;
+        Rgb([shade, shade, shade - 10])
+    });
+    draw_filled_circle_mut(&mut picture, (90, 130), 30, Rgb([205, 25, 30]));
+    draw_filled_circle_mut(&mut picture, (240, 90), 20, Rgb([25, 40, 200]));
+    picture
+}
+
+fn jpeg(picture: &RgbImage) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, 85)
+        .encode_image(picture)
+        .unwrap();
+    bytes
+}
+
+fn without_tables(jpeg: &[u8]) -> Vec<u8> {
+    let mut bytes = jpeg.to_vec();
+    while let Some(at) = bytes.windows(2).position(|pair| pair == [0xFF, 0xC4]) {
+        let len = usize::from(u16::from_be_bytes([bytes[at + 2], bytes[at + 3]]));
+        bytes.drain(at..at + 2 + len);
+    }
+    bytes
+}
+
+#[test]
+fn finds_the_balls_of_a_jpeg() {
+    let red_and_blue = ["red", "blue"].map(|name| Colour::named(name).unwrap());
+    let mut eyes = Eyes::new(Camera::default());
+    let blobs = eyes
+        .find_blobs(1, &jpeg(&room()), &red_and_blue, &BlobOptions::default())
+        .unwrap();
+    let [red, blue] = blobs else {
+        panic!("{blobs:?}")
+    };
+    assert!(
+        (red.cx - 90.0).abs() < 0.5 && (red.cy - 130.0).abs() < 0.5,
+        "{red:?}"
+    );
+    assert!(
+        (blue.cx - 240.0).abs() < 0.5 && (blue.cy - 90.0).abs() < 0.5,
+        "{blue:?}"
+    );
+    assert!(red.bearing > 0.1 && blue.bearing < -0.1);
+    assert_eq!((red.colour, blue.colour), (0, 1));
+    assert!(red.roundness > 0.95);
+}
+
+#[test]
+fn a_frame_is_decoded_once_however_much_is_asked_of_it() {
+    let bytes = jpeg(&room());
+    let red = [Colour::named("red").unwrap()];
+    let mut eyes = Eyes::new(Camera::default());
+    for _ in 0..3 {
+        eyes.find_blobs(7, &bytes, &red, &BlobOptions::default())
+            .unwrap();
+        eyes.look(7, &bytes).unwrap();
+    }
+    assert_eq!(eyes.decoded(), 1);
+    eyes.look(8, &bytes).unwrap();
+    assert_eq!(eyes.decoded(), 2);
+    assert!(eyes.look(9, &bytes[..900]).is_err());
+    assert_eq!(eyes.look(9, &bytes[..900]).unwrap_err(), FrameError::NoEnd);
+    assert_eq!(eyes.decoded(), 3);
+    eyes.look(10, &bytes).unwrap();
+}
+
+#[test]
+fn a_camera_may_leave_the_standard_tables_out() {
+    let bytes = jpeg(&room());
+    let bare = without_tables(&bytes);
+    assert!(bare.len() + 400 < bytes.len());
+    let (mut with, mut without) = (Decoder::default(), Decoder::default());
+    let pixels = with.decode(&bytes).unwrap().to_rgb();
+    assert_eq!(pixels, without.decode(&bare).unwrap().to_rgb());
+}
+
+#[test]
+fn grey_pictures_are_decoded_too() {
+    let mut bytes = Vec::new();
+    let grey = image::imageops::grayscale(&room());
+    JpegEncoder::new(&mut bytes)
+        .encode(&grey, 320, 240, ExtendedColorType::L8)
+        .unwrap();
+    let mut decoder = Decoder::default();
+    let [r, g, b] = decoder.decode(&bytes).unwrap().pixel(10, 10).unwrap();
+    assert!(r == g && g == b && r.abs_diff(93) < 6);
+}
+
+/// One scene of 99x75 pixels (no multiple of any block), written in every way that cameras and programs have.
+fn kinds() -> [(&'static str, &'static [u8]); 8] {
+    [
+        ("4:4:4", include_bytes!("../fixtures/ball-444.jpg")),
+        (
+            "4:2:2, own tables",
+            include_bytes!("../fixtures/ball-422.jpg"),
+        ),
+        ("4:2:0", include_bytes!("../fixtures/ball-420.jpg")),
+        ("4:4:0", include_bytes!("../fixtures/ball-440.jpg")),
+        (
+            "restart markers",
+            include_bytes!("../fixtures/ball-restart.jpg"),
+        ),
+        (
+            "progressive",
+            include_bytes!("../fixtures/ball-progressive.jpg"),
+        ),
+        ("CMYK", include_bytes!("../fixtures/ball-cmyk.jpg")),
+        ("grey", include_bytes!("../fixtures/ball-grey.jpg")),
+    ]
+}
+
+#[test]
+fn every_kind_of_jpeg_shows_the_same_balls() {
+    let colours = ["red", "blue"].map(|name| Colour::named(name).unwrap());
+    let mut eyes = Eyes::new(Camera::default());
+    for (key, (kind, bytes)) in (0..).zip(kinds()) {
+        let size = eyes.look(key, bytes).unwrap().size();
+        assert_eq!((size.width, size.height), (99, 75), "{kind}");
+        let blobs = eyes
+            .find_blobs(key, bytes, &colours, &BlobOptions::default())
+            .unwrap();
+        if kind == "grey" {
+            assert_eq!(blobs, []);
+            continue;
+        }
+        let [red, blue] = blobs else {
+            panic!("{kind}: {blobs:?}")
+        };
+        assert!(
+            (red.cx - 35.0).abs() < 0.5 && (red.cy - 35.0).abs() < 0.5,
+            "{kind}: {red:?}"
+        );
+        assert!(
+            (blue.cx - 75.0).abs() < 0.5 && (blue.cy - 40.0).abs() < 0.5,
+            "{kind}: {blue:?}"
+        );
+    }
+}
+
+#[test]
+fn a_qr_code_is_read_with_its_corners() {
+    let mut decoder = Decoder::default();
+    let image = decoder
+        .decode(include_bytes!("../fixtures/qrcode.jpg"))
+        .unwrap();
+    let codes = find_qrcodes(image);
+    let [code] = &codes[..] else {
+        panic!("{codes:?}")
+    };
+    assert_eq!(code.text, "spykee: dock here");
+    let [top_left, top_right, bottom_right, bottom_left] = code.corners;
+    assert!(
+        top_left[0] < top_right[0] && bottom_left[0] < bottom_right[0],
+        "{code:?}"
+    );
+    assert!(
+        top_left[1] < bottom_left[1] && top_right[1] < bottom_right[1],
+        "{code:?}"
+    );
+    assert_eq!(find_qrcodes(decoder.decode(&jpeg(&room())).unwrap()), []);
+}
+
+#[test]
+fn half_a_frame_is_refused() {
+    let bytes = jpeg(&room());
+    for len in (0..bytes.len()).step_by(37) {
+        assert!(judge(&bytes[..len]).is_err());
+        assert!(Decoder::default().decode(&bytes[..len]).is_err());
+    }
+}
+
+#[test]
+fn pixels_and_brightness_are_those_of_the_picture() {
+    let mut decoder = Decoder::default();
+    let image = decoder.decode(&jpeg(&room())).unwrap();
+    let [r, g, b] = image.pixel(90, 130).unwrap();
+    assert!(r > 180 && g < 60 && b < 60);
+    assert_eq!(image.pixel(320, 0), None);
+    assert_eq!(image.pixel(0, 240), None);
+    assert!((0.4..0.6).contains(&brightness(image, None)));
+    let red = brightness(
+        image,
+        Some(spykee::vision::Roi {
+            x: 80,
+            y: 120,
+            w: 20,
+            h: 20,
+        }),
+    );
+    assert!((red - 0.305).abs() < 0.02, "{red}");
+}
+
+#[test]
+fn marks_are_drawn_on_a_copy() {
+    let mut eyes = Eyes::new(Camera::default());
+    let bytes = jpeg(&room());
+    let blobs = eyes
+        .find_blobs(
+            1,
+            &bytes,
+            &[Colour::named("red").unwrap()],
+            &BlobOptions::default(),
+        )
+        .unwrap()
+        .to_vec();
+    let image = eyes.look(1, &bytes).unwrap();
+    let marks: Vec<Mark<'_>> = blobs
+        .iter()
+        .map(|blob| Mark {
+            blob,
+            text: "red #1",
+        })
+        .collect();
+    let drawn = annotate(image, &marks);
+    let changed = |x, y| drawn.get_pixel(x, y) != image.to_rgb().get_pixel(x, y);
+    assert!(changed(blobs[0].x - 1, blobs[0].y - 1), "no corner");
+    assert!(changed(blobs[0].x + 4, blobs[0].y - 6), "no text");
+    assert!(!changed(250, 200), "drawn where nothing was seen");
+    if let Ok(path) = std::env::var("SPYKEE_KEEP_ANNOTATED") {
+        drawn.save(path).unwrap();
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(600))]
+
+    #[test]
+    fn no_bytes_break_the_decoder(bytes in proptest::collection::vec(any::<u8>(), 0..600), headed in any::<bool>()) {
+        let bytes = if headed { [&[0xFF, 0xD8], &bytes[..], &[0xFF, 0xD9]].concat() } else { bytes };
+        let mut decoder = Decoder::default();
+        prop_assert_eq!(decoder.decode(&bytes).map(|image| image.size()).is_ok(), false);
+    }
+
+    #[test]
+    fn damaged_frames_give_an_error_or_a_picture_of_the_judged_size(
+        kind in 0..9usize,
+        changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..12),
+        headers_only in any::<bool>(),
+    ) {
+        let mut bytes = kinds().get(kind).map_or_else(|| jpeg(&room()), |(_, bytes)| bytes.to_vec());
+        let reach = if headers_only { 640.min(bytes.len()) } else { bytes.len() };
+        for (place, value) in changes {
+            bytes[place.index(reach)] = value;
+        }
+        let mut eyes = Eyes::new(Camera::default());
+        let colours = [Colour::named("red").unwrap()];
+        if eyes.find_blobs(1, &bytes, &colours, &BlobOptions::default()).is_ok() {
+            prop_assert_eq!(Ok(eyes.look(1, &bytes).unwrap().size()), judge(&bytes));
+        }
+    }
+}
