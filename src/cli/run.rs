@@ -234,8 +234,8 @@ fn behaviour(
         seed,
         limits: config.limits.clone(),
         calibration: config.calibration,
-        //CAMERA camera: config.camera,
-        //CAMERA colours: config.colours.clone(),
+        camera: config.camera,
+        colours: config.colours.clone(),
         data_dir: Some(data),
         ..script::Options::new(name, entry.file.display().to_string())
     };

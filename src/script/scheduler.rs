@@ -21,7 +21,6 @@ pub(super) const CANCELLED: &str = "cancelled";
 const MAX_FAILURES: u32 = 5;
 
 /// How a coroutine ended.
-#[derive(Debug)]
 pub(super) enum Outcome {
     Done(LuaMultiValue),
     Failed(String),

@@ -101,7 +101,6 @@ pub(super) enum Wait {
 }
 
 /// What a task is resumed with.
-#[derive(Debug)]
 pub(super) enum Answer {
     /// The first resumption.
     Start(LuaMultiValue),
@@ -129,7 +128,6 @@ pub(super) enum Answer {
 }
 
 /// Waits, or will run.
-#[derive(Debug)]
 pub(super) enum Phase {
     Ready(Answer),
     Waiting(Wait),
@@ -137,7 +135,6 @@ pub(super) enum Phase {
 }
 
 /// One coroutine of the script that the scheduler knows.
-#[derive(Debug)]
 pub(super) struct Task {
     pub(super) thread: LuaThread,
     pub(super) kind: Kind,
@@ -198,7 +195,7 @@ impl Pace {
 }
 
 /// All tasks, the queue of those that can run, and the timers.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(super) struct Tasks {
     all: BTreeMap<TaskId, Task>,
     ready: VecDeque<Ready>,

@@ -3,16 +3,20 @@
 //! A native gets a [`Call`] and answers with a [`Reply`]; it never raises. Waiting is registered
 //! with the scheduler and answered later ([`answer`]).
 
+mod album;
 mod answer;
+mod colours;
 mod convert;
 mod dock;
 mod events;
-pub(super) mod frame;
+mod frame;
 mod log;
+mod looking;
 mod motion;
 mod robot;
 mod script;
 mod tasks;
+mod vision;
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -28,7 +32,10 @@ use super::scheduler::CANCELLED;
 use super::state::State;
 use super::task::{Cancel, SHORTEST_WAIT, Wait};
 
+pub(super) use album::Album;
 pub(super) use answer::resume_values;
+pub(super) use frame::{HeldFrame, to_lua as frame_to_lua};
+pub(super) use looking::LineSight;
 
 /// State that natives and the scheduler share. Borrowed only while no line of the script runs.
 pub(super) type Shared = Rc<RefCell<State>>;
@@ -58,6 +65,13 @@ struct Entry {
     name: &'static str,
     native: Native,
     waits: bool,
+}
+
+impl Entry {
+    /// The last part of its name.
+    fn key(&self) -> &'static str {
+        self.name.rsplit(['.', ':']).next().unwrap_or(self.name)
+    }
 }
 
 /// A function that answers at once.
@@ -117,6 +131,15 @@ impl Call<'_> {
         Ok(Reply::Wait)
     }
 
+    /// The error of a method that was not called on its object.
+    fn no_subject(&self, what: &str) -> Refusal {
+        let at = self.args.call.find(':').unwrap_or(0);
+        let method = &self.args.call[at..];
+        self.args.misuse(&format!(
+            "call it on a {what} with a colon, like {what}{method}()"
+        ))
+    }
+
     /// Nothing new begins once the script is ending.
     fn must_be_running(&self) -> Result<(), Refusal> {
         if self.state.is_running() {
@@ -158,6 +181,7 @@ pub(super) fn install(lua: &Lua, shared: &Shared) -> LuaResult<()> {
         log::namespace(&builder)?,
         robot::namespace(&builder)?,
         tasks::namespace(&builder)?,
+        vision::namespace(&builder)?,
     ];
     for (name, table) in tables {
         builder.close(name, table)?;
@@ -186,17 +210,27 @@ impl Builder<'_> {
             .call::<()>(can_wait)?;
         tasks::register_handle(self)?;
         events::register_handle(self)?;
-        frame::register(self)
+        frame::register(self)?;
+        vision::register(self)
     }
 
     /// A table with a function for each entry, under the last part of its name.
     fn table(&self, entries: &[Entry]) -> LuaResult<LuaTable> {
         let table = self.lua.create_table()?;
         for entry in entries {
-            let key = entry.name.rsplit(['.', ':']).next().unwrap_or(entry.name);
-            table.raw_set(key, self.function(entry)?)?;
+            table.raw_set(entry.key(), self.function(entry)?)?;
         }
         Ok(table)
+    }
+
+    /// The methods of an object.
+    fn methods(&self, parts: &[&[Entry]]) -> LuaResult<Vec<(&'static str, LuaFunction)>> {
+        parts
+            .iter()
+            .copied()
+            .flatten()
+            .map(|entry| Ok((entry.key(), self.function(entry)?)))
+            .collect()
     }
 
     /// The function that the script sees.

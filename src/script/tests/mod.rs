@@ -8,6 +8,7 @@ mod motion;
 mod properties;
 mod sounds_and_lights;
 mod tasks;
+mod vision;
 
 use std::time::Duration;
 
