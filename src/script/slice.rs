@@ -9,9 +9,10 @@ use super::budget::{self, Spent};
 use super::ending::{Before, Life};
 use super::events::Busy;
 use super::failure::Trouble;
+use super::queue::Ready;
 use super::sandbox;
 use super::scheduler::Outcome;
-use super::task::{Answer, Cancel, Kind, Phase, Ready, SubscriptionId, TaskId};
+use super::task::{Answer, Cancel, Kind, Phase, SubscriptionId, TaskId};
 use crate::robot::EndReason;
 
 /// How a slice ended.

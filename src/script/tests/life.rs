@@ -192,3 +192,33 @@ fn long_texts_are_cut_and_cannot_steer_the_terminal() {
     let length: usize = rig.log[1].fields.iter().map(|(_, text)| text.len()).sum();
     assert!(length < 3000, "{length}");
 }
+
+#[test]
+fn garbage_does_not_use_up_the_memory() {
+    for waste in [
+        "local t = {} for j = 1, 50 do t[j] = {j} end",
+        "local s = ('x'):rep(50000) .. i",
+        "local b = buffer.create(100000)",
+    ] {
+        let mut rig = Rig::new(&format!(
+            "keep = {{}} for i = 1, 5000 do keep[i] = buffer.create(1000) end
+             for _ = 1, 20 do for i = 1, 200 do {waste} end task.wait(0.01) end"
+        ));
+        rig.pass(1.0);
+        rig.assert_ended(EndReason::Done, "");
+    }
+}
+
+#[test]
+fn options_survive_the_way_to_another_process() {
+    let mut options = Options::new("a", "b.lua");
+    let ball = crate::vision::Colour::lab([10.0, 20.0], [0.0, 5.0], [1.0, 2.0]).unwrap();
+    options.colours.insert("ball".to_owned(), ball);
+    let bytes = postcard::to_allocvec(&options).unwrap();
+    let back: Options = postcard::from_bytes(&bytes).unwrap();
+    assert_eq!(back.colours["ball"], ball);
+    assert_eq!(
+        (back.limits, back.calibration),
+        (options.limits, options.calibration)
+    );
+}
