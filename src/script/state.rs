@@ -93,6 +93,8 @@ pub(super) struct State {
     pub(super) can_wait: bool,
     /// The running task has called `script.stop`.
     pub(super) stop_asked: Option<Option<String>>,
+    /// A native has panicked: nothing of the script can be trusted any more.
+    pub(super) broken: bool,
     pub(super) usage: Usage,
     pub(super) last_call: u64,
     /// When a track last turned.
@@ -125,6 +127,7 @@ impl State {
             life: Life::Running,
             can_wait: true,
             stop_asked: None,
+            broken: false,
             usage: Usage::default(),
             last_call: 0,
             moved: None,

@@ -1,10 +1,12 @@
 //! Tables of [`Entry`] to Lua tables: each native under its shim, unknown names as errors.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
 
 use mlua::prelude::{IntoLuaMulti, Lua, LuaFunction, LuaMultiValue, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Args, Refusal, describe};
+use super::super::budget;
 use super::super::failure::printable;
 use super::super::sandbox::{self, Prelude};
 use super::super::scheduler::CANCELLED;
@@ -73,7 +75,8 @@ impl Builder<'_> {
         self.lua
             .create_function(move |lua, mut values: LuaMultiValue| {
                 let yieldable = waits && values.pop_front() == Some(LuaValue::Boolean(true));
-                let answered = {
+                // A panic must not become an error that a script's pcall could swallow.
+                let answered = catch_unwind(AssertUnwindSafe(|| {
                     let mut state = shared.borrow_mut();
                     native(&mut Call {
                         lua,
@@ -81,6 +84,11 @@ impl Builder<'_> {
                         args: Args { call: name, values },
                         yieldable,
                     })
+                }));
+                let Ok(answered) = answered else {
+                    shared.borrow_mut().broken = true;
+                    budget::latch_stopped();
+                    return failed(lua, "internal fault");
                 };
                 to_shim(lua, answered)
             })

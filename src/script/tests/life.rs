@@ -136,6 +136,19 @@ fn the_main_tasks_failure_ends_the_script() {
 }
 
 #[test]
+fn a_fault_of_ours_ends_the_script_and_no_pcall_hides_it() {
+    let mut rig = Rig::new(
+        "robot.move(10, 10) task.wait(1)
+         pcall(script.fault) robot.move(90, 90) while true do task.wait(1) robot.move(90, 90) end",
+    );
+    let motion = rig.take_intents();
+    rig.pass(5.0);
+    rig.assert_ended(EndReason::Error, "a fault inside spykee");
+    assert_eq!(motion.len(), 1);
+    assert!(matches!(rig.intents[..], [Intent::Release { .. }]));
+}
+
+#[test]
 fn usage_is_told() {
     let rig = Rig::new(
         "local u = script.usage()
