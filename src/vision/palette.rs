@@ -70,6 +70,14 @@ impl Palette {
         self.invert == invert && self.colours == first(colours)
     }
 
+    /// Index of the first colour that has the pixel of column `x`, row `y`; nothing outside the picture.
+    pub fn colour_at(&mut self, image: &Image, x: u32, y: u32) -> Option<usize> {
+        image.pixel(x, y)?;
+        let mut label = [0];
+        self.label_row(image, y, x, &mut label);
+        label[0].checked_sub(1).map(usize::from)
+    }
+
     /// Labels the pixels of row `y` from column `x` on: 0, or 1 + the index of the first colour that has the pixel.
     pub(super) fn label_row(&mut self, image: &Image, y: u32, x: u32, labels: &mut [u8]) {
         let luma = &image.luma_row(y)[x as usize..];
