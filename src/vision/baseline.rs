@@ -335,19 +335,20 @@ fn decode_unit(bits: &mut Bits<'_>, part: &mut Part<'_>, x: usize, y: usize) -> 
 }
 
 /// Reads a block's frequencies, multiplied by their quantisers; says whether there are others than the first.
-#[inline]
+#[inline(never)]
 fn decode_block(
     bits: &mut Bits<'_>,
     part: &mut Part<'_>,
     frequencies: &mut [i16; 64],
 ) -> Option<bool> {
-    let (_, difference) = part.first.next(bits)?;
+    // A copy of its own stays in registers.
+    let mut local = *bits;
+    let (_, difference) = part.first.next(&mut local)?;
     part.before = part.before.wrapping_add(difference);
     frequencies[0] = (part.before as i16).wrapping_mul(part.quantiser[0]);
     let mut index = 1;
-    let mut others = false;
     while index < 64 {
-        let (run, value) = part.others.next(bits)?;
+        let (run, value) = part.others.next(&mut local)?;
         index += run as usize;
         if value == 0 {
             if run < 15 {
@@ -357,9 +358,9 @@ fn decode_block(
             let place = idct::PLACES.get(index)?;
             frequencies[usize::from(place & 63)] =
                 (value as i16).wrapping_mul(part.quantiser[index & 63]);
-            others = true;
         }
         index += 1;
     }
-    Some(others)
+    *bits = local;
+    Some(frequencies[1..].iter().any(|value| *value != 0))
 }
