@@ -101,7 +101,7 @@ impl Palette {
             (0, 0) => {
                 self.label_groups::<1>(luma, &blues[x as usize..], &reds[x as usize..], labels)
             }
-            (1, 1) if x % 2 == 0 => {
+            (1, 1) if x.is_multiple_of(2) => {
                 let from = x as usize / 2;
                 self.label_groups::<2>(luma, &blues[from..], &reds[from..], labels);
             }
