@@ -23,6 +23,15 @@
 //! `tests/it/floors.rs` holds every `use crate::` line against this table.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
+pub mod agent;
+pub mod behaviour;
+pub mod cli;
+pub mod config;
+pub mod link;
+pub mod pilot;
 pub mod robot;
+pub mod safety;
+pub mod script;
+pub mod sim;
 pub mod vision;
 pub mod wire;

@@ -1,1 +1,5 @@
-fn main() {}
+//! The `spykee` command.
+
+fn main() -> std::process::ExitCode {
+    spykee::cli::main()
+}

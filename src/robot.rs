@@ -2,6 +2,11 @@
 //! is told ([`Event`], [`Frame`]), how things end, and the quantities they speak of. Data only: no
 //! rule, no socket, no VM.
 
+pub mod channel;
+mod quantity;
+
+pub use quantity::{Percent, Seconds, TrackPower};
+
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -27,87 +32,6 @@ pub struct CallId(pub u64);
     Debug, Clone, Copy, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,
 )]
 pub struct Priority(pub i16);
-
-/// A whole percentage, 0..=100.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(try_from = "u8", into = "u8")]
-pub struct Percent(u8);
-
-impl Percent {
-    /// `None` beyond 100.
-    pub const fn new(percent: u8) -> Option<Percent> {
-        if percent <= 100 {
-            Some(Percent(percent))
-        } else {
-            None
-        }
-    }
-
-    /// 0..=100.
-    pub const fn get(self) -> u8 {
-        self.0
-    }
-}
-
-impl TryFrom<u8> for Percent {
-    type Error = String;
-
-    fn try_from(percent: u8) -> Result<Percent, String> {
-        Percent::new(percent).ok_or_else(|| format!("expected 0 to 100 percent, found {percent}"))
-    }
-}
-
-impl From<Percent> for u8 {
-    fn from(percent: Percent) -> u8 {
-        percent.0
-    }
-}
-
-impl std::fmt::Display for Percent {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} %", self.0)
-    }
-}
-
-/// Power of one track in the wire's units, -90..=90, negative backwards (`PROTOCOL.md`, MOVE).
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "i8", into = "i8")]
-pub struct TrackPower(i8);
-
-impl TrackPower {
-    /// At rest.
-    pub const STOP: TrackPower = TrackPower(0);
-    /// The most that is ever sent, in the wire's units.
-    pub const MAX: i8 = 90;
-
-    /// `round(percent * 0.9)`; `None` unless `percent` is a number in -100..=100.
-    pub fn from_percent(percent: f64) -> Option<TrackPower> {
-        let inside = (-100.0..=100.0).contains(&percent);
-        inside.then(|| TrackPower((percent * f64::from(Self::MAX) / 100.0).round() as i8))
-    }
-
-    /// -90..=90.
-    pub fn get(self) -> i8 {
-        self.0
-    }
-}
-
-impl TryFrom<i8> for TrackPower {
-    type Error = String;
-
-    fn try_from(power: i8) -> Result<TrackPower, String> {
-        let inside = (-TrackPower::MAX..=TrackPower::MAX).contains(&power);
-        inside
-            .then_some(TrackPower(power))
-            .ok_or_else(|| format!("{power} is beyond -90..90"))
-    }
-}
-
-impl From<TrackPower> for i8 {
-    fn from(power: TrackPower) -> i8 {
-        power.0
-    }
-}
 
 /// What both tracks are to do.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -160,7 +84,7 @@ pub struct Battery {
 impl From<Power> for Battery {
     fn from(power: Power) -> Battery {
         Battery {
-            percent: Percent(power.percent.min(100)),
+            percent: Percent::saturating(power.percent),
             charging: power.charging,
         }
     }
@@ -340,6 +264,11 @@ pub enum Event {
 }
 
 impl Event {
+    /// Whether it is the last of those that say how things stand after a login.
+    pub fn is_welcome(&self) -> bool {
+        matches!(self, Event::Connected { .. })
+    }
+
     /// Whether a waiting call hangs on it, so that it must never be dropped.
     pub fn is_answer(&self) -> bool {
         use Event::{DockEnded, MotionEnded, UndockEnded};
@@ -494,25 +423,6 @@ named! {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-
-    #[test]
-    fn percent_of_power_is_rounded_to_the_wires_units() {
-        let wire = |percent| TrackPower::from_percent(percent).map(TrackPower::get);
-        assert_eq!(wire(100.0), Some(90));
-        assert_eq!(wire(-100.0), Some(-90));
-        assert_eq!(wire(50.0), Some(45));
-        assert_eq!(wire(-0.4), Some(0));
-        assert_eq!(wire(0.6), Some(1));
-    }
-
-    #[test]
-    fn no_power_beyond_a_hundred_and_no_nan() {
-        for percent in [100.01, -101.0, f64::NAN, f64::INFINITY] {
-            assert_eq!(TrackPower::from_percent(percent), None);
-        }
-        assert!(postcard::from_bytes::<TrackPower>(&[91]).is_err());
-        assert!(postcard::from_bytes::<Percent>(&[101]).is_err());
-    }
 
     proptest! {
         #[test]

@@ -1,3 +1,13 @@
 //! Integration tests, one binary.
+#![allow(clippy::unwrap_used, clippy::expect_used, unreachable_pub)]
 
+mod behaviours;
+mod cli;
+mod floors;
+mod link;
+mod pilot;
+mod rig;
+mod run;
+mod safety;
+mod sim;
 mod vision;

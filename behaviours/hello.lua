@@ -1,0 +1,24 @@
+-- hello: says hello with lights and sounds. It does not drive, so it runs anywhere, also on the
+-- charging station, and ends by itself after a few seconds.
+
+print("hello, I am", robot.info().name)
+
+-- One light after the other, then all together.
+for _, light in { "left", "flash", "right" } do
+	robot.led(light, true)
+	task.wait(0.3)
+	robot.led(light, false)
+end
+robot.play("robot")
+robot.blink("all", { on = 0.2, off = 0.2, count = 3 }):join()
+
+local battery = robot.battery()
+if battery.charging then
+	print(`my battery is at {battery.percent} % and charging`)
+else
+	print(`my battery is at {battery.percent} %`)
+end
+
+-- A laugh for a good battery, an alarm for one that will not last.
+robot.play(battery.percent > 25 and "laugh" or "alarm")
+task.wait(1)

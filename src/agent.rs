@@ -1,0 +1,292 @@
+//! Wiring and lifetimes of a run: load the scripts, connect, run them side by side, and bring
+//! everything to an end within two seconds, whoever asks for it and whatever hangs.
+
+use std::time::Duration;
+
+use tokio::sync::{mpsc, watch};
+use tokio::task::{JoinHandle, JoinSet};
+use tokio::time::{sleep, timeout};
+use tokio_util::sync::CancellationToken;
+use tracing::{error, info, warn};
+
+use crate::behaviour::{Handle, Launch, Launcher, Prepared, Supervisor};
+use crate::link::LinkError;
+use crate::pilot::{self, Dial, LinkState, Pilot, Settings, Status};
+use crate::robot::channel::{MAX_REQUESTS, Request};
+use crate::robot::{BehaviourId, EndReason, Priority};
+use crate::safety::WatchdogState;
+use crate::script::Ending;
+
+/// How long the scripts' last words and the end of their hosts may take together.
+const SCRIPTS_END: Duration = Duration::from_millis(1100);
+/// How long the last writes and the closing of the link may take.
+const LINK_END: Duration = Duration::from_millis(500);
+
+/// A script and its priority.
+#[derive(Debug)]
+pub struct Behaviour {
+    /// Who wins when several want to drive.
+    pub priority: Priority,
+    /// The script and its VM's options.
+    pub launch: Launch,
+}
+
+/// Everything a run needs.
+pub struct Plan {
+    /// At least one.
+    pub behaviours: Vec<Behaviour>,
+    /// The pilot's numbers.
+    pub settings: Settings,
+    /// How to reach the robot.
+    pub dial: Dial,
+    /// How to start hosts.
+    pub launcher: Launcher,
+    /// End after this time.
+    pub limit: Option<Duration>,
+}
+
+/// How a run went.
+#[derive(Debug)]
+pub struct Outcome {
+    /// Each behaviour by name and how it ended, in the order in which they ended.
+    pub endings: Vec<(String, Ending)>,
+    /// At the end the watchdog had the robot: low battery.
+    pub low: bool,
+    /// Ended by the token, not by itself and not by the time limit.
+    pub interrupted: bool,
+}
+
+/// Why a run could not go on.
+#[derive(Debug, thiserror::Error)]
+pub enum AgentError {
+    /// The first connection failed.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// A task of ours panicked; the robot was told to stop.
+    #[error("internal error: {0} broke down; the robot was told to stop")]
+    Broken(&'static str),
+}
+
+/// A run that has not begun.
+pub struct Agent {
+    plan: Plan,
+    pilot: Pilot,
+    requests: (mpsc::Sender<Request>, mpsc::Receiver<Request>),
+    frames: watch::Receiver<Option<crate::robot::Frame>>,
+    status: watch::Receiver<Status>,
+}
+
+impl Agent {
+    /// Also returns the newest status of robot and watchdog.
+    pub fn new(plan: Plan) -> (Agent, watch::Receiver<Status>) {
+        let (pilot, frames, status) = Pilot::new(&plan.settings);
+        let requests = mpsc::channel(MAX_REQUESTS);
+        (
+            Agent {
+                plan,
+                pilot,
+                requests,
+                frames,
+                status: status.clone(),
+            },
+            status,
+        )
+    }
+
+    /// Runs until every behaviour has ended, the time is over, or `stop` is cancelled. Scripts that
+    /// cannot be loaded end the run before the robot is connected to.
+    ///
+    /// # Errors
+    /// See [`AgentError`].
+    pub async fn run(self, stop: CancellationToken) -> Result<Outcome, AgentError> {
+        let Agent {
+            plan,
+            pilot,
+            requests: (requests, received),
+            frames,
+            status,
+        } = self;
+        let prepared = match prepare(&plan.launcher, plan.behaviours).await {
+            Ok(prepared) => prepared,
+            Err(ending) => return Ok(refused(ending)),
+        };
+        let ending = pilot::Ending::default();
+        let flight = pilot.run(plan.dial, plan.settings, received, ending.clone());
+        let mut run = Run {
+            flight: tokio::spawn(flight),
+            scripts: JoinSet::new(),
+            handles: Vec::new(),
+            endings: Vec::new(),
+            status,
+            ending,
+        };
+        match run
+            .live(prepared, requests, frames, plan.limit, &stop)
+            .await
+        {
+            Ok(reason) => run.end(reason, stop.is_cancelled()).await,
+            Err(error) => {
+                run.abandon().await;
+                Err(error)
+            }
+        }
+    }
+}
+
+/// Loads all scripts, side by side; the first that fails ends it.
+async fn prepare(
+    launcher: &Launcher,
+    behaviours: Vec<Behaviour>,
+) -> Result<Vec<Prepared>, (String, Ending)> {
+    let mut prepared = Vec::new();
+    for (number, Behaviour { priority, launch }) in behaviours.into_iter().enumerate() {
+        let name = launch.options.name.clone();
+        let by = BehaviourId(u16::try_from(number).unwrap_or(u16::MAX));
+        let host = Prepared::start(launcher, by, priority, launch).await;
+        prepared.push(host.map_err(|ending| (name, ending))?);
+    }
+    Ok(prepared)
+}
+
+fn refused((name, ending): (String, Ending)) -> Outcome {
+    report(&name, &ending);
+    Outcome {
+        endings: vec![(name, ending)],
+        low: false,
+        interrupted: false,
+    }
+}
+
+type Flight = JoinHandle<Result<(), LinkError>>;
+
+/// A run under way.
+struct Run {
+    flight: Flight,
+    scripts: JoinSet<(String, Ending)>,
+    handles: Vec<Handle>,
+    endings: Vec<(String, Ending)>,
+    status: watch::Receiver<Status>,
+    ending: pilot::Ending,
+}
+
+impl Run {
+    /// From the first connection to the reason to end.
+    async fn live(
+        &mut self,
+        prepared: Vec<Prepared>,
+        requests: mpsc::Sender<Request>,
+        frames: watch::Receiver<Option<crate::robot::Frame>>,
+        limit: Option<Duration>,
+        stop: &CancellationToken,
+    ) -> Result<EndReason, AgentError> {
+        tokio::select! {
+            biased;
+            () = stop.cancelled() => return Ok(EndReason::Shutdown),
+            ended = &mut self.flight => return Err(broken_flight(ended)),
+            _ = self.status.wait_for(|status| status.link == LinkState::Up) => {}
+        }
+        for host in prepared {
+            self.launch(host, requests.clone(), frames.clone()).await;
+        }
+        drop(requests);
+        tokio::select! {
+            biased;
+            () = stop.cancelled() => Ok(EndReason::Shutdown),
+            ended = &mut self.flight => Err(broken_flight(ended)),
+            () = over(limit) => Ok(EndReason::Shutdown),
+            ended = run_out(&mut self.scripts, &mut self.endings, self.status.clone()) => ended,
+        }
+    }
+
+    async fn launch(
+        &mut self,
+        host: Prepared,
+        requests: mpsc::Sender<Request>,
+        frames: watch::Receiver<Option<crate::robot::Frame>>,
+    ) {
+        let (name, handle) = (host.name().to_owned(), Handle::default());
+        self.handles.push(handle.clone());
+        let supervisor = Supervisor::board(host, requests, frames).await;
+        self.scripts
+            .spawn(async move { (name, supervisor.run(handle).await) });
+    }
+
+    /// First the tracks, then the scripts' last words, then the link.
+    async fn end(mut self, reason: EndReason, interrupted: bool) -> Result<Outcome, AgentError> {
+        self.ending.parting.cancel();
+        self.handles.iter().for_each(|handle| handle.stop(reason));
+        let scripts = async {
+            while let Some(Ok(ended)) = self.scripts.join_next().await {
+                report(&ended.0, &ended.1);
+                self.endings.push(ended);
+            }
+        };
+        if timeout(SCRIPTS_END, scripts).await.is_err() {
+            warn!("scripts that did not end in time were left behind");
+        }
+        let low = self.status.borrow().low;
+        self.ending.closing.cancel();
+        match timeout(LINK_END, &mut self.flight).await {
+            Ok(Ok(_)) => {}
+            Ok(Err(error)) => warn!("the link's end: {error}"),
+            Err(_) => self.flight.abort(),
+        }
+        let Run { endings, .. } = self;
+        Ok(Outcome {
+            endings,
+            low,
+            interrupted,
+        })
+    }
+
+    /// Something of ours is broken: the pilot is dropped, and its writer's drop stops the tracks.
+    async fn abandon(&mut self) {
+        self.flight.abort();
+        self.scripts.shutdown().await;
+    }
+}
+
+/// Waits until every behaviour has ended, and then until a robot with a low battery is home or has
+/// given up.
+async fn run_out(
+    scripts: &mut JoinSet<(String, Ending)>,
+    endings: &mut Vec<(String, Ending)>,
+    mut status: watch::Receiver<Status>,
+) -> Result<EndReason, AgentError> {
+    while let Some(ended) = scripts.join_next().await {
+        let (name, ending) = ended.map_err(|_| AgentError::Broken("a supervisor"))?;
+        report(&name, &ending);
+        endings.push((name, ending));
+    }
+    let going_home = |status: &Status| status.safety == WatchdogState::LowGoingHome;
+    if going_home(&status.borrow_and_update()) {
+        info!("battery low: staying until the robot is on its station (Ctrl-C leaves now)");
+        let _ = status.wait_for(|status| !going_home(status)).await;
+    }
+    Ok(EndReason::Done)
+}
+
+fn broken_flight(ended: Result<Result<(), LinkError>, tokio::task::JoinError>) -> AgentError {
+    match ended {
+        Ok(Err(error)) => AgentError::Link(error),
+        Ok(Ok(())) | Err(_) => AgentError::Broken("the pilot"),
+    }
+}
+
+fn report(name: &str, ending: &Ending) {
+    let reason = ending.reason;
+    let message = ending.message.as_deref().unwrap_or(reason.sentence());
+    match reason {
+        EndReason::Error | EndReason::Cpu | EndReason::Memory | EndReason::Safety => {
+            error!(behaviour = name, %reason, "{message}");
+        }
+        _ => info!(behaviour = name, %reason, "{message}"),
+    }
+}
+
+async fn over(limit: Option<Duration>) {
+    match limit {
+        Some(limit) => sleep(limit).await,
+        None => std::future::pending().await,
+    }
+}

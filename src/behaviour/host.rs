@@ -1,0 +1,176 @@
+//! The child side: one VM, its scheduler and its eyes, and a pipe to the agent. No robot socket, no
+//! secrets, few rights.
+
+use std::io;
+use std::os::fd::AsFd;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until};
+
+use super::confine::confine;
+use super::message::{FromHost, Launch, ToHost};
+use super::pipe::{Receiver, Sender};
+use crate::robot::{EndReason, Frame};
+use crate::script::{Ending, Output, Script};
+
+/// While a setpoint of the script is on, the agent hears from the host at least this often; a
+/// quarter of what the watchdog allows.
+const BEAT: Duration = Duration::from_millis(50);
+/// Luau's deepest legal recursion needs 2.1 MiB of stack in a debug build.
+const STACK: usize = 8 << 20;
+
+/// The life of a host process, from its confinement to its exit code.
+pub fn host_main() -> ExitCode {
+    let life = std::thread::Builder::new()
+        .name("vm".into())
+        .stack_size(STACK);
+    let ended = confine()
+        .and_then(|()| life.spawn(over_stdin))
+        .and_then(|vm| {
+            vm.join()
+                .unwrap_or_else(|_| Err(io::Error::other("the host panicked")))
+        });
+    match ended {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("behaviour host: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn over_stdin() -> io::Result<()> {
+    let stdin = io::stdin().as_fd().try_clone_to_owned()?;
+    let stream = std::os::unix::net::UnixStream::from(stdin);
+    stream.set_nonblocking(true)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    runtime.block_on(async {
+        let (reader, writer) = tokio::net::UnixStream::from_std(stream)?.into_split();
+        host(reader, writer).await
+    })
+}
+
+/// Serves one script over any byte streams. Returns when the script has ended, or when the agent is
+/// gone.
+///
+/// # Errors
+/// If the stream breaks or carries what is no message.
+pub async fn host(
+    reader: impl AsyncRead + Send + Unpin + 'static,
+    writer: impl AsyncWrite + Send + Unpin + 'static,
+) -> io::Result<()> {
+    let mut inbox = Receiver::<ToHost>::new(reader);
+    let mut outbox = Sender::<FromHost>::new(writer);
+    let Some(ToHost::Load(launch)) = inbox.next().await? else {
+        return Ok(());
+    };
+    let Launch { source, options } = *launch;
+    match Script::load(&source, options, Instant::now()) {
+        Ok(script) => {
+            outbox.send(&FromHost::Ready).await?;
+            let mut host = Host {
+                script,
+                inbox,
+                outbox,
+                frame_asked: false,
+            };
+            if host.prepare().await? {
+                host.run().await
+            } else {
+                Ok(())
+            }
+        }
+        Err(failure) => {
+            let (reason, message) = (EndReason::Error, Some(failure.to_string()));
+            outbox
+                .send(&FromHost::Ended(Ending { reason, message }))
+                .await
+        }
+    }
+}
+
+struct Host {
+    script: Script,
+    inbox: Receiver<ToHost>,
+    outbox: Sender<FromHost>,
+    /// A frame was asked for and has not come yet.
+    frame_asked: bool,
+}
+
+impl Host {
+    /// Hears how things stand until it may go; false if there is nobody to go for.
+    async fn prepare(&mut self) -> io::Result<bool> {
+        while let Some(message) = self.inbox.next().await? {
+            if let ToHost::Go = message {
+                return Ok(true);
+            }
+            self.take(message);
+        }
+        Ok(false)
+    }
+
+    async fn run(mut self) -> io::Result<()> {
+        let mut beat = interval(BEAT);
+        beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        self.script.run_ready(Instant::now());
+        let ending = loop {
+            self.send_output().await?;
+            if let Some(ending) = self.script.ended() {
+                break ending;
+            }
+            let (ready, moving) = (self.script.is_ready(), self.script.has_motion());
+            tokio::select! {
+                biased;
+                message = self.inbox.next() => match message? {
+                    Some(message) => self.take(message),
+                    None => return Ok(()),
+                },
+                () = std::future::ready(()), if ready => {}
+                () = until(self.script.next_deadline()) => {}
+                _ = beat.tick(), if moving => self.outbox.send(&FromHost::Alive).await?,
+            }
+            self.script.run_ready(Instant::now());
+        };
+        self.outbox.send(&FromHost::Ended(ending)).await
+    }
+
+    fn take(&mut self, message: ToHost) {
+        let now = Instant::now();
+        match message {
+            ToHost::Event(event) => self.script.deliver(event, now),
+            ToHost::Frame { seq, age, jpeg } => {
+                self.frame_asked = false;
+                let at = now.checked_sub(age).unwrap_or(now);
+                self.script.deliver_frame(Frame { seq, at, jpeg }, now);
+            }
+            ToHost::Stop(reason) => self.script.stop(reason, now),
+            ToHost::Load(_) | ToHost::Go => {}
+        }
+    }
+
+    async fn send_output(&mut self) -> io::Result<()> {
+        for output in self.script.take_output() {
+            let message = match output {
+                Output::Intent(intent) => FromHost::Intent(intent),
+                Output::Log(line) => FromHost::Log(line),
+            };
+            self.outbox.feed(&message).await?;
+        }
+        if self.script.wants_frames() && !self.frame_asked {
+            self.frame_asked = true;
+            self.outbox.feed(&FromHost::WantFrame).await?;
+        }
+        self.outbox.flush().await
+    }
+}
+
+async fn until(deadline: Option<Instant>) {
+    match deadline {
+        Some(deadline) => sleep_until(deadline).await,
+        None => std::future::pending().await,
+    }
+}

@@ -1,0 +1,58 @@
+//! What agent and host say to each other. Both sides are bounded: a message is at most
+//! [`super::pipe::MAX_MESSAGE_LEN`] bytes, and what is not understood ends the host.
+
+use std::time::Duration;
+
+use bytes::Bytes;
+use serde::{Deserialize, Serialize};
+
+use crate::robot::{EndReason, Event, Intent};
+use crate::script::{Ending, LogLine, Options};
+
+/// A script and all it needs; no secrets.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Launch {
+    /// The script's text, as it stands in its file.
+    pub source: Vec<u8>,
+    /// The VM's options.
+    pub options: Options,
+}
+
+/// From the agent to the host.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub enum ToHost {
+    /// Load this; answered by [`FromHost::Ready`] or [`FromHost::Ended`].
+    Load(Box<Launch>),
+    /// Run.
+    Go,
+    /// Something has happened.
+    Event(Event),
+    /// A frame, in answer to [`FromHost::WantFrame`].
+    Frame {
+        /// Counts from 1.
+        seq: u64,
+        /// Since its last byte arrived.
+        age: Duration,
+        /// The JPEG.
+        jpeg: Bytes,
+    },
+    /// Come to an end within half a second.
+    Stop(EndReason),
+}
+
+/// From the host to the agent. Each of them is a sign of life.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub enum FromHost {
+    /// Loaded without an error.
+    Ready,
+    /// The script asks for something.
+    Intent(Intent),
+    /// Nothing to say, but alive.
+    Alive,
+    /// One frame, newer than the last, as soon as there is one.
+    WantFrame,
+    /// The script wrote a line.
+    Log(LogLine),
+    /// The script has ended; the host exits.
+    Ended(Ending),
+}

@@ -1,0 +1,15 @@
+//! A behaviour's process: the host that runs its VM (child side), its [`Supervisor`] (agent side)
+//! and the messages between them. The agent runs no Lua and no decoder; what crashes here, crashes
+//! alone.
+
+mod confine;
+mod host;
+mod message;
+mod pipe;
+mod process;
+mod supervisor;
+
+pub use host::{host, host_main};
+pub use message::{FromHost, Launch, ToHost};
+pub use process::{HOST_ARGUMENT, HostProcess, Launcher};
+pub use supervisor::{Handle, Prepared, Supervisor};

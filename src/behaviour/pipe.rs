@@ -1,0 +1,132 @@
+//! Typed messages over a byte stream: a 4-byte length, then the message in postcard's encoding.
+
+use std::io;
+use std::marker::PhantomData;
+
+use bytes::Bytes;
+use futures_util::{SinkExt, StreamExt};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio_util::codec::{FramedRead, FramedWrite, LengthDelimitedCodec};
+
+/// The longest message: a script of 256 KiB or a frame of 64 KiB, with room to spare.
+pub(super) const MAX_MESSAGE_LEN: usize = 512 * 1024;
+
+fn codec() -> LengthDelimitedCodec {
+    LengthDelimitedCodec::builder()
+        .max_frame_length(MAX_MESSAGE_LEN)
+        .new_codec()
+}
+
+/// The end that sends messages of type `M`.
+pub(super) struct Sender<M> {
+    sink: FramedWrite<Box<dyn AsyncWrite + Send + Unpin>, LengthDelimitedCodec>,
+    message: PhantomData<fn(M)>,
+}
+
+impl<M: Serialize> Sender<M> {
+    /// Over any byte stream.
+    pub(super) fn new(io: impl AsyncWrite + Send + Unpin + 'static) -> Sender<M> {
+        let io: Box<dyn AsyncWrite + Send + Unpin> = Box::new(io);
+        Sender {
+            sink: FramedWrite::new(io, codec()),
+            message: PhantomData,
+        }
+    }
+
+    /// Puts a message into the buffer; [`Sender::flush`] sends what is there.
+    pub(super) async fn feed(&mut self, message: &M) -> io::Result<()> {
+        let bytes = postcard::to_allocvec(message).map_err(io::Error::other)?;
+        self.sink.feed(Bytes::from(bytes)).await
+    }
+
+    /// Sends what is in the buffer.
+    pub(super) async fn flush(&mut self) -> io::Result<()> {
+        SinkExt::<Bytes>::flush(&mut self.sink).await
+    }
+
+    /// Sends one message.
+    pub(super) async fn send(&mut self, message: &M) -> io::Result<()> {
+        self.feed(message).await?;
+        self.flush().await
+    }
+}
+
+/// The end that receives messages of type `M`.
+pub(super) struct Receiver<M> {
+    stream: FramedRead<Box<dyn AsyncRead + Send + Unpin>, LengthDelimitedCodec>,
+    message: PhantomData<fn() -> M>,
+}
+
+impl<M> std::fmt::Debug for Receiver<M> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Receiver").finish_non_exhaustive()
+    }
+}
+
+impl<M: DeserializeOwned> Receiver<M> {
+    /// Over any byte stream.
+    pub(super) fn new(io: impl AsyncRead + Send + Unpin + 'static) -> Receiver<M> {
+        let io: Box<dyn AsyncRead + Send + Unpin> = Box::new(io);
+        Receiver {
+            stream: FramedRead::new(io, codec()),
+            message: PhantomData,
+        }
+    }
+
+    /// The next message; `None` at the end of the stream. Cancel-safe.
+    ///
+    /// # Errors
+    /// If the stream breaks, or its bytes are no message.
+    pub(super) async fn next(&mut self) -> io::Result<Option<M>> {
+        let Some(bytes) = self.stream.next().await.transpose()? else {
+            return Ok(None);
+        };
+        postcard::from_bytes(&bytes)
+            .map(Some)
+            .map_err(io::Error::other)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::behaviour::{FromHost, ToHost};
+    use proptest::prelude::*;
+    use std::time::Duration;
+    use tokio::io::AsyncWriteExt;
+
+    #[tokio::test]
+    async fn messages_cross_whole() {
+        let (left, right) = tokio::io::duplex(100);
+        let (mut sender, mut receiver) = (Sender::new(left), Receiver::<ToHost>::new(right));
+        let jpeg = Bytes::from(vec![7; 60_000]);
+        let frame = ToHost::Frame {
+            seq: 3,
+            age: Duration::from_millis(4),
+            jpeg,
+        };
+        let (sent, received) = tokio::join!(sender.send(&frame), receiver.next());
+        sent.unwrap();
+        let Some(ToHost::Frame { seq, jpeg, .. }) = received.unwrap() else {
+            panic!("no frame")
+        };
+        assert_eq!((seq, jpeg.len()), (3, 60_000));
+    }
+
+    #[tokio::test]
+    async fn a_length_beyond_the_limit_ends_the_stream_without_reserving_it() {
+        let (mut left, right) = tokio::io::duplex(100);
+        left.write_all(&[0xFF, 0xFF, 0xFF, 0xFF, 1]).await.unwrap();
+        assert!(Receiver::<FromHost>::new(right).next().await.is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn random_bytes_from_a_host_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..80)) {
+            let _ = postcard::from_bytes::<FromHost>(&bytes);
+            let _ = postcard::from_bytes::<ToHost>(&bytes);
+        }
+    }
+}

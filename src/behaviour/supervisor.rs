@@ -1,0 +1,329 @@
+//! The agent side of one behaviour: starts its host, passes messages on in both directions, and
+//! sees to it that a host that has ended, for whatever reason, moves nothing any more.
+
+use std::io;
+use std::time::Duration;
+
+use tokio::net::UnixStream;
+use tokio::net::unix::{OwnedReadHalf, OwnedWriteHalf};
+use tokio::sync::{mpsc, watch};
+use tokio::task::AbortHandle;
+use tokio::time::{Instant, sleep_until, timeout};
+use tracing::{debug, warn};
+
+use super::message::{FromHost, Launch, ToHost};
+use super::pipe::{Receiver, Sender};
+use super::process::{HostProcess, Launcher};
+use crate::robot::channel::{Inbox, Request, Told, events};
+use crate::robot::{BehaviourId, EndReason, Frame, Priority};
+use crate::script::{Ending, Level, LogLine};
+
+/// Messages that may wait for a host that does not read.
+const MAX_WAITING: usize = 128;
+/// How long a host may take to load its script.
+const LOAD_TIME: Duration = Duration::from_secs(5);
+/// How long a script's last words may take (`API.md`, `script.on_stop`), and the host's way out.
+const STOP_TIME: Duration = Duration::from_millis(700);
+/// How long a host may take to exit once it said that it has ended.
+const EXIT_TIME: Duration = Duration::from_millis(100);
+
+/// A behaviour whose script is loaded and does not run yet.
+#[derive(Debug)]
+pub struct Prepared {
+    by: BehaviourId,
+    name: String,
+    priority: Priority,
+    process: HostProcess,
+    from_host: Receiver<FromHost>,
+    to_host: mpsc::Sender<ToHost>,
+    pump: AbortHandle,
+}
+
+/// Tells a running behaviour to end.
+#[derive(Debug, Clone)]
+pub struct Handle {
+    stop: watch::Sender<Option<EndReason>>,
+}
+
+impl Default for Handle {
+    fn default() -> Handle {
+        Handle {
+            stop: watch::Sender::new(None),
+        }
+    }
+}
+
+impl Handle {
+    /// The script may say its last words and is ended by force after 0.7 s. The first reason stays.
+    pub fn stop(&self, reason: EndReason) {
+        self.stop
+            .send_if_modified(|stop| stop.is_none() && stop.replace(reason).is_none());
+    }
+}
+
+/// A behaviour that is prepared to run.
+#[derive(Debug)]
+pub struct Supervisor {
+    host: Prepared,
+    requests: mpsc::Sender<Request>,
+    inbox: Inbox,
+    frames: watch::Receiver<Option<Frame>>,
+    last_frame: u64,
+    frame_wanted: bool,
+    dropped: u64,
+}
+
+impl Prepared {
+    /// Starts a host and has it load the script.
+    ///
+    /// # Errors
+    /// The script's own failure as an [`Ending`], in words for its author; a host that cannot be
+    /// started likewise.
+    pub async fn start(
+        launcher: &Launcher,
+        by: BehaviourId,
+        priority: Priority,
+        launch: Launch,
+    ) -> Result<Prepared, Ending> {
+        let name = launch.options.name.clone();
+        let broken = |error: io::Error| {
+            ending(
+                EndReason::Error,
+                &format!("{name}: its host cannot be started: {error}"),
+            )
+        };
+        let (process, stream) = launcher.start().map_err(broken)?;
+        let (from_host, to_host, pump) = connect(stream);
+        let mut prepared = Prepared {
+            by,
+            name: name.clone(),
+            priority,
+            process,
+            from_host,
+            to_host,
+            pump,
+        };
+        let _ = prepared.to_host.try_send(ToHost::Load(Box::new(launch)));
+        match timeout(LOAD_TIME, prepared.from_host.next()).await {
+            Ok(Ok(Some(FromHost::Ready))) => Ok(prepared),
+            Ok(Ok(Some(FromHost::Ended(ending)))) => Err(ending),
+            Ok(Ok(_)) => Err(prepared.broken().await),
+            Ok(Err(error)) => Err(broken(error)),
+            Err(_) => Err(broken(io::ErrorKind::TimedOut.into())),
+        }
+    }
+
+    /// The script's name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The ending of a host that ended without saying why.
+    async fn broken(&mut self) -> Ending {
+        let status = match timeout(EXIT_TIME, self.process.wait()).await {
+            Ok(status) => status,
+            Err(_) => self.process.kill().await,
+        };
+        let status = status.map_or_else(|error| error.to_string(), |status| status.to_string());
+        let words = timeout(EXIT_TIME, self.process.last_words())
+            .await
+            .unwrap_or_default();
+        let text = format!(
+            "{}: its process ended unexpectedly ({status}) {words}",
+            self.name
+        );
+        ending(EndReason::Error, text.trim_end())
+    }
+}
+
+impl Drop for Prepared {
+    fn drop(&mut self) {
+        self.pump.abort();
+    }
+}
+
+fn connect(stream: UnixStream) -> (Receiver<FromHost>, mpsc::Sender<ToHost>, AbortHandle) {
+    let (reader, writer): (OwnedReadHalf, OwnedWriteHalf) = stream.into_split();
+    let (to_host, waiting) = mpsc::channel(MAX_WAITING);
+    let pump = tokio::spawn(pump(waiting, Sender::new(writer))).abort_handle();
+    (Receiver::new(reader), to_host, pump)
+}
+
+/// Writes to the host at its own pace, so that one that does not read holds nobody up.
+async fn pump(mut waiting: mpsc::Receiver<ToHost>, mut sender: Sender<ToHost>) {
+    while let Some(message) = waiting.recv().await {
+        if let Err(error) = sender.send(&message).await {
+            debug!("a host does not listen any more: {error}");
+            return;
+        }
+    }
+}
+
+impl Supervisor {
+    /// Brings a prepared behaviour aboard: the pilot knows it from now on.
+    pub async fn board(
+        host: Prepared,
+        requests: mpsc::Sender<Request>,
+        frames: watch::Receiver<Option<Frame>>,
+    ) -> Supervisor {
+        let (outbox, inbox) = events();
+        let join = Request::Join {
+            by: host.by,
+            priority: host.priority,
+            outbox,
+        };
+        let _ = requests.send(join).await;
+        let (last_frame, frame_wanted, dropped) = (0, false, 0);
+        Supervisor {
+            host,
+            requests,
+            inbox,
+            frames,
+            last_frame,
+            frame_wanted,
+            dropped,
+        }
+    }
+
+    /// Runs the behaviour to its end. The moment it has ended the pilot knows.
+    pub async fn run(mut self, handle: Handle) -> Ending {
+        let mut stop = handle.stop.subscribe();
+        let ending = self.serve(&mut stop).await;
+        let _ = self.requests.send(Request::Gone(self.host.by)).await;
+        self.bury().await;
+        if self.dropped > 0 {
+            warn!(behaviour = %self.host.name, dropped = self.dropped, "events did not reach it");
+        }
+        ending
+    }
+
+    async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Ending {
+        let (mut last_moment, mut gone) = (None, false);
+        loop {
+            tokio::select! {
+                biased;
+                told = self.inbox.next() => match told {
+                    Told::Event(event) => {
+                        let (answer, go) = (event.is_answer(), event.is_welcome() && !gone);
+                        if !self.pass_on(ToHost::Event(event)) && answer {
+                            return self.deaf();
+                        }
+                        gone |= go && self.pass_on(ToHost::Go);
+                    }
+                    Told::Kill(reason) => return self.killed(reason),
+                    Told::Closed => return self.killed(EndReason::Shutdown),
+                },
+                Ok(()) = stop.changed(), if last_moment.is_none() => {
+                    let reason = stop.borrow_and_update().unwrap_or(EndReason::Shutdown);
+                    self.pass_on(ToHost::Stop(reason));
+                    gone = gone || self.pass_on(ToHost::Go);
+                    last_moment = Some((Instant::now() + STOP_TIME, reason));
+                }
+                Some(reason) = at(last_moment) => return self.killed(reason),
+                message = self.host.from_host.next() => match message {
+                    Ok(Some(FromHost::Ended(ending))) => return ending,
+                    Ok(Some(message)) => self.heard(message).await,
+                    Ok(None) => return self.host.broken().await,
+                    Err(error) => {
+                        debug!("a host broke the pipe: {error}");
+                        return self.host.broken().await;
+                    }
+                },
+                Ok(()) = self.frames.changed(), if self.frame_wanted => self.pass_frame(),
+            }
+        }
+    }
+
+    async fn heard(&mut self, message: FromHost) {
+        let by = self.host.by;
+        let request = match message {
+            FromHost::Intent(intent) => Request::Intent(by, intent),
+            FromHost::Alive => Request::Alive(by),
+            FromHost::WantFrame => {
+                self.frame_wanted = true;
+                return self.pass_frame();
+            }
+            FromHost::Log(line) => return log(&self.host.name, &line),
+            FromHost::Ready | FromHost::Ended(_) => return,
+        };
+        let _ = self.requests.send(request).await;
+    }
+
+    /// The newest frame, if it is newer than the last one that was passed on.
+    fn pass_frame(&mut self) {
+        let newest = self.frames.borrow_and_update().clone();
+        let Some(frame) = newest.filter(|frame| frame.seq > self.last_frame) else {
+            return;
+        };
+        (self.last_frame, self.frame_wanted) = (frame.seq, false);
+        let age = frame.at.elapsed();
+        self.pass_on(ToHost::Frame {
+            seq: frame.seq,
+            age,
+            jpeg: frame.jpeg,
+        });
+    }
+
+    /// Whether the message found room.
+    fn pass_on(&mut self, message: ToHost) -> bool {
+        let sent = self.host.to_host.try_send(message).is_ok();
+        self.dropped += u64::from(!sent);
+        sent
+    }
+
+    fn deaf(&self) -> Ending {
+        let text = format!("{}: it does not read what it is told", self.host.name);
+        ending(EndReason::Cpu, &text)
+    }
+
+    fn killed(&self, reason: EndReason) -> Ending {
+        ending(
+            reason,
+            &format!("{}: {}", self.host.name, reason.sentence()),
+        )
+    }
+
+    /// No host outlives its behaviour.
+    async fn bury(&mut self) {
+        if timeout(EXIT_TIME, self.host.process.wait()).await.is_ok() {
+            return;
+        }
+        if let Err(error) = self.host.process.kill().await {
+            warn!(behaviour = %self.host.name, "its host cannot be ended: {error}");
+        }
+    }
+}
+
+async fn at(moment: Option<(Instant, EndReason)>) -> Option<EndReason> {
+    match moment {
+        Some((moment, reason)) => {
+            sleep_until(moment).await;
+            Some(reason)
+        }
+        None => std::future::pending().await,
+    }
+}
+
+fn ending(reason: EndReason, message: &str) -> Ending {
+    Ending {
+        reason,
+        message: Some(message.to_owned()),
+    }
+}
+
+/// A script's line in the agent's log.
+fn log(behaviour: &str, line: &LogLine) {
+    let fields: Vec<String> = line
+        .fields
+        .iter()
+        .map(|(key, value)| format!("{key}={value}"))
+        .collect();
+    let text = [&[line.text.clone()][..], &fields].concat().join(" ");
+    let at = line.line;
+    match line.level {
+        Level::Debug => tracing::debug!(target: "spykee::script", behaviour, line = at, "{text}"),
+        Level::Info => tracing::info!(target: "spykee::script", behaviour, line = at, "{text}"),
+        Level::Warn => tracing::warn!(target: "spykee::script", behaviour, line = at, "{text}"),
+        Level::Error => tracing::error!(target: "spykee::script", behaviour, line = at, "{text}"),
+    }
+}

@@ -1,0 +1,434 @@
+//! The one thread that writes to stderr. Whoever logs or sets the status line only leaves a note:
+//! a terminal that is paused, or a pipe that nobody reads, can stall this thread and no other.
+
+use std::io::{self, IsTerminal, Write};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use tracing_subscriber::fmt::MakeWriter;
+
+use super::LogFormat;
+use super::screen::{Features, Screen};
+
+/// Records that wait; what comes while so many wait is dropped and counted.
+const MAX_WAITING: usize = 512;
+/// The longest record; what is over is cut, or, as a JSON object cannot be cut, left out.
+const MAX_RECORD_LEN: usize = 8 * 1024;
+/// In place of a JSON record that was left out.
+const TOO_LONG: &str = "a log line was dropped: it was too long";
+/// A window whose width nobody tells.
+const DEFAULT_COLUMNS: usize = 80;
+/// Between two tries to leave a note when ending.
+const END_PAUSE: Duration = Duration::from_millis(5);
+
+/// The way to stderr. Cheap to clone; nothing but [`Console::end`] ever waits.
+#[derive(Clone)]
+pub struct Console {
+    notes: SyncSender<Note>,
+    shared: Arc<Shared>,
+    features: Features,
+    format: LogFormat,
+}
+
+/// What the writing thread is told.
+enum Note {
+    Record(Vec<u8>),
+    /// The newest status line stands in [`Shared`].
+    Status,
+    End(SyncSender<()>),
+}
+
+#[derive(Default)]
+struct Shared {
+    dropped: AtomicU64,
+    /// Newest wins. Never locked while writing.
+    status: Mutex<Option<String>>,
+}
+
+impl Console {
+    /// Starts the thread that writes to stderr.
+    ///
+    /// # Errors
+    /// When the system has no thread to give.
+    pub fn start(format: LogFormat) -> io::Result<Console> {
+        let features = features_of_stderr(format);
+        Console::over(io::stderr(), features, stderr_columns, format)
+    }
+
+    fn over(
+        out: impl Write + Send + 'static,
+        features: Features,
+        columns: fn() -> usize,
+        format: LogFormat,
+    ) -> io::Result<Console> {
+        let (notes, inbox) = sync_channel(MAX_WAITING);
+        let shared = Arc::new(Shared::default());
+        let desk = Desk {
+            out,
+            screen: Screen::new(features),
+            columns,
+            shared: Arc::clone(&shared),
+            format,
+        };
+        thread::Builder::new()
+            .name("console".into())
+            .spawn(move || desk.serve(&inbox))?;
+        Ok(Console {
+            notes,
+            shared,
+            features,
+            format,
+        })
+    }
+
+    /// Whether log lines are to be coloured.
+    pub fn colour(&self) -> bool {
+        self.features.colour
+    }
+
+    /// Whether there is a status line: stderr is a terminal and logs are text.
+    pub fn has_status_line(&self) -> bool {
+        self.features.redraw
+    }
+
+    /// Sets the status line. Without a terminal nothing happens: see [`Console::status_line_plain`].
+    pub fn status(&self, text: impl Into<String>) {
+        if !self.features.redraw {
+            return;
+        }
+        *self
+            .shared
+            .status
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner) = Some(text.into());
+        // When full, what is served next redraws it.
+        let _ = self.notes.try_send(Note::Status);
+    }
+
+    /// The status as a line of its own, for files and pipes; on a terminal nothing happens.
+    pub fn status_line_plain(&self, text: &str) {
+        if !self.features.redraw {
+            self.say("INFO", text);
+        }
+    }
+
+    /// A line beside the log, such as an error that ends the program. Under `--log-format json` an
+    /// object with `level` and `message`, so that every line stays one.
+    pub fn say(&self, level: &str, text: &str) {
+        self.record(said(self.format, level, text).into_bytes());
+    }
+
+    fn record(&self, mut record: Vec<u8>) {
+        if record.len() > MAX_RECORD_LEN {
+            match self.format {
+                LogFormat::Text => record.truncate(MAX_RECORD_LEN),
+                LogFormat::Json => record = said(self.format, "WARN", TOO_LONG).into_bytes(),
+            }
+        }
+        if let Err(TrySendError::Full(_)) = self.notes.try_send(Note::Record(record)) {
+            self.shared.dropped.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    /// Says the last words if there are any, takes the status line away and waits until all is
+    /// written, at most `limit`.
+    pub fn end(&self, last_words: Option<&str>, limit: Duration) {
+        let mut left = limit;
+        if let Some(text) = last_words {
+            let record = said(self.format, "ERROR", text).into_bytes();
+            self.insist(Note::Record(record), &mut left);
+        }
+        let (done, wait) = sync_channel(1);
+        self.insist(Note::End(done), &mut left);
+        let _ = wait.recv_timeout(left);
+    }
+
+    /// Leaves a note even if it takes a while.
+    fn insist(&self, mut note: Note, left: &mut Duration) {
+        while let Err(TrySendError::Full(back)) = self.notes.try_send(note) {
+            let Some(less) = left.checked_sub(END_PAUSE) else {
+                return;
+            };
+            thread::sleep(END_PAUSE);
+            (note, *left) = (back, less);
+        }
+    }
+}
+
+fn said(format: LogFormat, level: &str, text: &str) -> String {
+    match format {
+        LogFormat::Text => text.to_owned(),
+        LogFormat::Json => serde_json::json!({ "level": level, "message": text }).to_string(),
+    }
+}
+
+/// The writing thread's side.
+struct Desk<W> {
+    out: W,
+    screen: Screen,
+    columns: fn() -> usize,
+    shared: Arc<Shared>,
+    format: LogFormat,
+}
+
+impl<W: Write> Desk<W> {
+    /// A broken stderr is no reason to end: notes are taken and go nowhere.
+    fn serve(mut self, inbox: &Receiver<Note>) {
+        while let Ok(note) = inbox.recv() {
+            match note {
+                Note::Record(record) => {
+                    let text = String::from_utf8_lossy(&record);
+                    self.put(self.screen.record(&text, (self.columns)()));
+                }
+                Note::Status => {}
+                Note::End(done) => {
+                    self.confess();
+                    let last = self.screen.end();
+                    self.put(last.to_owned());
+                    let _ = done.try_send(());
+                    continue;
+                }
+            }
+            self.confess();
+            self.redraw();
+        }
+    }
+
+    fn redraw(&mut self) {
+        let newest = self
+            .shared
+            .status
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take();
+        if let Some(text) = newest {
+            let drawn = self.screen.status(&text, (self.columns)());
+            self.put(drawn);
+        }
+    }
+
+    /// Says how many records were dropped since the last time.
+    fn confess(&mut self) {
+        let dropped = self.shared.dropped.swap(0, Ordering::Relaxed);
+        if dropped > 0 {
+            let text = format!("{dropped} log lines were dropped: stderr is too slow");
+            let line = self
+                .screen
+                .record(&said(self.format, "WARN", &text), (self.columns)());
+            self.put(line);
+        }
+    }
+
+    fn put(&mut self, text: String) {
+        if !text.is_empty() {
+            let _ = self.out.write_all(text.as_bytes());
+            let _ = self.out.flush();
+        }
+    }
+}
+
+fn features_of_stderr(format: LogFormat) -> Features {
+    let dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
+    let no_colour = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    let redraw = io::stderr().is_terminal() && !dumb && format == LogFormat::Text;
+    Features {
+        redraw,
+        colour: redraw && !no_colour,
+    }
+}
+
+fn stderr_columns() -> usize {
+    rustix::termios::tcgetwinsize(rustix::stdio::stderr())
+        .ok()
+        .map(|window| usize::from(window.ws_col))
+        .filter(|&columns| columns > 0)
+        .unwrap_or(DEFAULT_COLUMNS)
+}
+
+impl<'a> MakeWriter<'a> for Console {
+    type Writer = Record<'a>;
+
+    fn make_writer(&'a self) -> Record<'a> {
+        Record {
+            console: self,
+            bytes: Vec::new(),
+        }
+    }
+}
+
+/// One log record in the making; sent when dropped.
+pub struct Record<'a> {
+    console: &'a Console,
+    bytes: Vec<u8>,
+}
+
+impl Write for Record<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        // One byte more than fits tells that it was too long.
+        let room = (MAX_RECORD_LEN + 1).saturating_sub(self.bytes.len());
+        self.bytes
+            .extend_from_slice(&bytes[..bytes.len().min(room)]);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Drop for Record<'_> {
+    fn drop(&mut self) {
+        if !self.bytes.is_empty() {
+            self.console.record(std::mem::take(&mut self.bytes));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc::{Sender, channel};
+
+    const LIMIT: Duration = Duration::from_secs(20);
+    const TERMINAL: Features = Features {
+        redraw: true,
+        colour: true,
+    };
+    const FILE: Features = Features {
+        redraw: false,
+        colour: false,
+    };
+
+    /// Keeps what is written; each write waits for a permit while there are gates.
+    #[derive(Clone)]
+    struct Paper {
+        written: Arc<Mutex<Vec<u8>>>,
+        gate: Option<Arc<Mutex<Receiver<()>>>>,
+    }
+
+    impl Paper {
+        fn new() -> Paper {
+            Paper {
+                written: Arc::default(),
+                gate: None,
+            }
+        }
+
+        /// As long as the sender lives and is not used, every write blocks.
+        fn blocked() -> (Paper, Sender<()>) {
+            let (open, gate) = channel();
+            let gate = Some(Arc::new(Mutex::new(gate)));
+            (
+                Paper {
+                    gate,
+                    ..Paper::new()
+                },
+                open,
+            )
+        }
+
+        fn text(&self) -> String {
+            String::from_utf8(self.written.lock().unwrap().clone()).unwrap()
+        }
+    }
+
+    impl Write for Paper {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            if let Some(gate) = &self.gate {
+                let _ = gate.lock().unwrap().recv();
+            }
+            self.written.lock().unwrap().extend_from_slice(bytes);
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    fn console(paper: &Paper, features: Features, format: LogFormat) -> Console {
+        Console::over(paper.clone(), features, || 20, format).unwrap()
+    }
+
+    #[test]
+    fn lines_and_status_share_a_terminal() {
+        let paper = Paper::new();
+        let console = console(&paper, TERMINAL, LogFormat::Text);
+        console.status("driving");
+        console.end(None, LIMIT);
+        console.say("INFO", "hello");
+        console.status_line_plain("not here");
+        console.end(None, LIMIT);
+        assert_eq!(paper.text(), "\r\x1b[Kdriving\r\x1b[K\r\x1b[Khello\n");
+    }
+
+    #[test]
+    fn a_file_gets_the_status_only_when_told() {
+        let paper = Paper::new();
+        let console = console(&paper, FILE, LogFormat::Text);
+        console.status("driving");
+        console.status_line_plain("docked");
+        console.end(None, LIMIT);
+        assert_eq!(paper.text(), "docked\n");
+    }
+
+    #[test]
+    fn a_blocked_stderr_stalls_nobody_and_what_was_lost_is_counted() {
+        let (paper, open) = Paper::blocked();
+        let console = console(&paper, FILE, LogFormat::Text);
+        for number in 0..MAX_WAITING * 4 {
+            console.say("INFO", &format!("line {number}"));
+            console.status("driving");
+        }
+        console.end(Some("last words"), Duration::from_millis(50));
+        assert_eq!(paper.text(), "");
+        drop(open);
+        console.end(None, LIMIT);
+        let text = paper.text();
+        let lines = text
+            .lines()
+            .filter(|line| line.starts_with("line "))
+            .count();
+        let dropped: usize = text
+            .lines()
+            .filter_map(|line| {
+                line.split_once(" log lines were dropped")?
+                    .0
+                    .parse::<usize>()
+                    .ok()
+            })
+            .sum();
+        assert_eq!(lines + dropped, MAX_WAITING * 4);
+        assert!(dropped > 0 && lines > 0);
+    }
+
+    #[test]
+    fn in_json_every_line_is_an_object() {
+        let paper = Paper::new();
+        let console = console(&paper, FILE, LogFormat::Json);
+        console.say("ERROR", "two\nlines \x1b[2J");
+        console.end(None, LIMIT);
+        let value: serde_json::Value = serde_json::from_str(&paper.text()).unwrap();
+        assert_eq!(value["message"], "two\nlines \x1b[2J");
+
+        let mut record = console.make_writer();
+        record.write_all(&[b'x'; 3 * MAX_RECORD_LEN]).unwrap();
+        drop(record);
+        console.end(None, LIMIT);
+        let text = paper.text();
+        let value: serde_json::Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
+        assert_eq!(value["message"], TOO_LONG);
+    }
+
+    #[test]
+    fn a_long_record_is_cut() {
+        let paper = Paper::new();
+        let console = console(&paper, FILE, LogFormat::Text);
+        console.say("INFO", &"x".repeat(3 * MAX_RECORD_LEN));
+        console.end(None, LIMIT);
+        assert_eq!(paper.text().trim_end().len(), MAX_RECORD_LEN);
+    }
+}

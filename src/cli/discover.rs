@@ -1,0 +1,116 @@
+//! `spykee discover`: who is there.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use super::{Console, Exit, Failure, block_on, print, screen};
+use crate::link::discover::{self, Found};
+
+const NOBODY: &str = "no robot answered";
+const NOBODY_HELP: &str = "is the robot on, and is this computer in its Wi-Fi (SPYKEE...)? A firewall \
+                           must let UDP port 9000 through. `spykee sim` starts a simulated one";
+
+/// List the robots in reach
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct DiscoverArgs {
+    /// How long to wait for answers
+    #[arg(long, value_name = "SECONDS", default_value = "3", value_parser = parse_timeout)]
+    timeout: Duration,
+
+    /// Print a JSON array in place of the table
+    #[arg(long)]
+    json: bool,
+
+    /// Ask only this address, not every network; may be repeated
+    #[arg(long, value_name = "IP:PORT")]
+    ask: Vec<SocketAddr>,
+}
+
+fn parse_timeout(text: &str) -> Result<Duration, String> {
+    let seconds: f64 = text
+        .parse()
+        .map_err(|_| "expected a number of seconds".to_owned())?;
+    let inside = (0.1..=60.0).contains(&seconds);
+    inside
+        .then(|| Duration::from_secs_f64(seconds))
+        .ok_or_else(|| "expected 0.1 to 60 seconds".to_owned())
+}
+
+/// Asks, and prints who answered.
+///
+/// # Errors
+/// Nobody answered, or there is no network to ask.
+pub(super) fn run(args: &DiscoverArgs, _console: &Console) -> Result<Exit, Failure> {
+    let found = block_on(async {
+        if args.ask.is_empty() {
+            discover::discover(args.timeout, &[]).await
+        } else {
+            discover::ask(&args.ask, args.timeout).await
+        }
+    })?;
+    let found = found.map_err(|error| {
+        Failure::new(
+            Exit::Unreachable,
+            format_args!("cannot ask the network: {error}"),
+        )
+    })?;
+    if args.json {
+        print(&format!("{}\n", serde_json::json!(found)))?;
+    } else if !found.is_empty() {
+        print(&table(&found))?;
+    }
+    if found.is_empty() {
+        return Err(Failure::new(Exit::Unreachable, NOBODY).help(NOBODY_HELP));
+    }
+    Ok(Exit::Done)
+}
+
+/// Columns as wide as their widest entry, two spaces apart.
+fn table(found: &[Found]) -> String {
+    let mut rows = vec![[
+        "ROBOT".to_owned(),
+        "ADDRESS".to_owned(),
+        "CONNECTED USER".to_owned(),
+    ]];
+    rows.extend(found.iter().map(|robot| {
+        let user = robot.connected_user.as_deref().unwrap_or("-");
+        [one_line(&robot.uid), robot.addr.to_string(), one_line(user)]
+    }));
+    let width = |column: usize| {
+        rows.iter()
+            .map(|row| row[column].chars().count())
+            .max()
+            .unwrap_or(0)
+    };
+    let (first, second) = (width(0), width(1));
+    rows.iter()
+        .map(|[uid, addr, user]| format!("{uid:first$}  {addr:second$}  {user}\n"))
+        .collect()
+}
+
+/// What a robot says of itself may be anything.
+fn one_line(text: &str) -> String {
+    screen::clean(text, false).replace(['\n', '\t'], " ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_is_aligned_and_harmless() {
+        let robot = |uid: &str, port, user: Option<&str>| Found {
+            addr: SocketAddr::from(([127, 0, 0, 1], port)),
+            uid: uid.into(),
+            connected_user: user.map(Into::into),
+        };
+        let found = [
+            robot("SPYKEE0001", 9000, None),
+            robot("S\x1b[2J\n", 80, Some("anna")),
+        ];
+        let expected = "ROBOT       ADDRESS         CONNECTED USER\n\
+                        SPYKEE0001  127.0.0.1:9000  -\n\
+                        S[2J        127.0.0.1:80    anna\n";
+        assert_eq!(table(&found), expected);
+    }
+}

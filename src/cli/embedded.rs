@@ -1,0 +1,109 @@
+//! The simulator inside `spykee run --sim`: on a thread of its own, so that drawing pictures never
+//! delays the watchdog, and over real sockets on loopback.
+
+use std::net::SocketAddr;
+use std::path::Path;
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+
+use tokio::runtime::Builder;
+use tokio_util::sync::CancellationToken;
+
+use super::Failure;
+use crate::sim::{Handle, Options, Server, World};
+use crate::wire::Login;
+
+/// A running simulator; ends when dropped.
+pub(super) struct EmbeddedSim {
+    address: SocketAddr,
+    handle: Handle,
+    stop: CancellationToken,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl EmbeddedSim {
+    /// Starts one in the built-in world or the one of a file; it knows this one login.
+    ///
+    /// # Errors
+    /// A world that cannot be used; no socket, no thread.
+    pub(super) fn start(
+        world: Option<&Path>,
+        login: &Login,
+        seed: u64,
+    ) -> Result<EmbeddedSim, Failure> {
+        let world = load(world)?;
+        let options = Options {
+            login: login.clone(),
+            seed,
+            ..Options::default()
+        };
+        let stop = CancellationToken::new();
+        let (started, starting) = mpsc::sync_channel(1);
+        let stopped = stop.clone();
+        let serve = move || {
+            let runtime = Builder::new_current_thread().enable_all().build();
+            let served = runtime.map(|runtime| {
+                runtime.block_on(async {
+                    let bound = Server::bind(world, options).await;
+                    let Ok(server) = bound else {
+                        let _ = started.send(bound.map(|_| None));
+                        return;
+                    };
+                    let _ = started.send(Ok(Some((server.local_addr(), server.handle()))));
+                    let _ = stopped.run_until_cancelled(server.run()).await;
+                });
+            });
+            if let Err(error) = served {
+                tracing::error!("the simulator cannot run: {error}");
+            }
+        };
+        let thread = std::thread::Builder::new().name("sim".into()).spawn(serve);
+        let thread = thread.map_err(no_sim)?;
+        match starting.recv() {
+            Ok(Ok(Some((address, handle)))) => Ok(EmbeddedSim {
+                address,
+                handle,
+                stop,
+                thread: Some(thread),
+            }),
+            Ok(Err(error)) => Err(no_sim(error)),
+            Ok(Ok(None)) | Err(_) => Err(no_sim(std::io::Error::other("it did not start"))),
+        }
+    }
+
+    /// Where it listens.
+    pub(super) fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// What happens in it.
+    pub(super) fn handle(&self) -> Handle {
+        self.handle.clone()
+    }
+}
+
+impl Drop for EmbeddedSim {
+    fn drop(&mut self) {
+        self.stop.cancel();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn no_sim(error: std::io::Error) -> Failure {
+    Failure::usage(format_args!("cannot start the simulator: {error}"))
+}
+
+/// The world of a file, or the built-in one.
+///
+/// # Errors
+/// What is wrong with the file, and where.
+pub(super) fn load(world: Option<&Path>) -> Result<World, Failure> {
+    let Some(path) = world else {
+        return Ok(World::default_world());
+    };
+    World::load(path).map_err(|error| {
+        Failure::usage(error).help("worlds to start from are in behaviours/worlds/")
+    })
+}

@@ -1,0 +1,37 @@
+//! Logs: what `tracing` records, as text for people or JSON for programs, through the console.
+
+use tracing_subscriber::EnvFilter;
+
+use super::{Console, LogFormat};
+
+/// Without `RUST_LOG`: our own doings, and what worries others.
+const DEFAULT_FILTER: &str = "warn,spykee=info";
+
+/// Logs from now on. `RUST_LOG` chooses what is logged; one that cannot be read is named and the
+/// default taken. A second call changes nothing.
+pub(super) fn start(console: &Console, format: LogFormat) {
+    let wanted = std::env::var("RUST_LOG")
+        .ok()
+        .filter(|text| !text.is_empty());
+    let parsed = wanted.as_deref().map(EnvFilter::try_new).transpose();
+    let complaint = parsed.as_ref().err().map(ToString::to_string);
+    let filter = parsed
+        .ok()
+        .flatten()
+        .unwrap_or_else(|| EnvFilter::new(DEFAULT_FILTER));
+    let subscriber = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(console.clone())
+        .with_ansi(console.colour());
+    let started = match format {
+        LogFormat::Text => {
+            tracing::subscriber::set_global_default(subscriber.with_target(false).finish())
+        }
+        LogFormat::Json => {
+            tracing::subscriber::set_global_default(subscriber.json().flatten_event(true).finish())
+        }
+    };
+    if let (Ok(()), Some(complaint)) = (started, complaint) {
+        tracing::warn!("RUST_LOG is ignored: {complaint}; try RUST_LOG=debug or {DEFAULT_FILTER}");
+    }
+}

@@ -1,0 +1,151 @@
+//! The `spykee` command: one file for each subcommand; parse, dispatch, exit code. What a command
+//! does lives on lower floors.
+
+mod connection;
+mod console;
+mod discover;
+mod embedded;
+mod failure;
+mod interrupt;
+mod logging;
+mod run;
+mod screen;
+mod sim;
+mod status;
+
+use std::future::Future;
+use std::io::Write;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use crate::behaviour::{HOST_ARGUMENT, host_main};
+use clap::{Parser, Subcommand, ValueEnum};
+
+pub use connection::{ConnectionArgs, LoginArgs, Place};
+pub use console::Console;
+pub use failure::{Exit, Failure};
+
+/// The longest wait for a stderr that takes nothing, when all else is done.
+const CONSOLE_LIMIT: Duration = Duration::from_millis(500);
+/// The longest wait for background work, such as a name lookup, when all else is done.
+const RUNTIME_LIMIT: Duration = Duration::from_millis(200);
+
+/// Lua behaviours for the Spykee robot
+#[derive(Debug, Parser)]
+#[command(version, disable_help_subcommand = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+
+    /// How logs are written on stderr; $RUST_LOG chooses what is logged
+    #[arg(long, value_enum, default_value = "text", global = true)]
+    log_format: LogFormat,
+}
+
+/// How logs are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum LogFormat {
+    /// Lines for people.
+    Text,
+    /// One JSON object a line.
+    Json,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Run(run::RunArgs),
+    Discover(discover::DiscoverArgs),
+    Sim(sim::SimArgs),
+}
+
+impl Command {
+    fn run(self, console: &Console) -> Result<Exit, Failure> {
+        match self {
+            Command::Run(args) => run::run(&args, console),
+            Command::Discover(args) => discover::run(&args, console),
+            Command::Sim(args) => sim::run(&args, console),
+        }
+    }
+}
+
+/// Parses the command line, does what it says, and tells how it went.
+pub fn main() -> ExitCode {
+    if std::env::args_os()
+        .nth(1)
+        .is_some_and(|first| first == HOST_ARGUMENT)
+    {
+        return host_main();
+    }
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Nothing can be done about a broken stderr here.
+            let _ = error.print();
+            return if error.use_stderr() {
+                Exit::Usage
+            } else {
+                Exit::Done
+            }
+            .into();
+        }
+    };
+    let Ok(console) = Console::start(cli.log_format) else {
+        return Exit::Usage.into();
+    };
+    report_panics(console.clone());
+    logging::start(&console, cli.log_format);
+    let (exit, last_words) = match cli.command.run(&console) {
+        Ok(exit) => (exit, None),
+        Err(failure) => (failure.exit, Some(failure.report())),
+    };
+    console.end(last_words.as_deref(), CONSOLE_LIMIT);
+    exit.into()
+}
+
+/// A panic is our fault: one line says where, and nothing else is printed unless `RUST_BACKTRACE`
+/// asks for it. Goes through the console: a blocked stderr must not keep a panicking thread from
+/// stopping the robot.
+fn report_panics(console: Console) {
+    std::panic::set_hook(Box::new(move |panic| {
+        let payload = payload_text(panic.payload());
+        let place = panic
+            .location()
+            .map_or_else(String::new, |place| format!(" at {place}"));
+        let mut text = format!("internal error{place}: {payload}\nhelp: please report this line");
+        let trace = std::backtrace::Backtrace::capture();
+        if trace.status() == std::backtrace::BacktraceStatus::Captured {
+            text.push_str(&format!("\n{trace}"));
+        }
+        console.say("ERROR", &text);
+    }));
+}
+
+/// What `panic!` was given, if it was text.
+fn payload_text(payload: &(dyn std::any::Any + Send)) -> &str {
+    let text = payload.downcast_ref::<&str>().copied();
+    text.or_else(|| payload.downcast_ref::<String>().map(String::as_str))
+        .unwrap_or("no message")
+}
+
+/// Runs a future on a runtime of its own. What is left in the background is given up.
+fn block_on<F: Future>(future: F) -> Result<F::Output, Failure> {
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .enable_all()
+        .build();
+    let runtime = runtime
+        .map_err(|error| Failure::usage(format_args!("cannot start the runtime: {error}")))?;
+    let output = runtime.block_on(future);
+    runtime.shutdown_timeout(RUNTIME_LIMIT);
+    Ok(output)
+}
+
+/// Writes to stdout. A reader that has seen enough is no failure.
+fn print(text: &str) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::usage(
+            format_args!("cannot write to stdout: {error}"),
+        )),
+        _ => Ok(()),
+    }
+}

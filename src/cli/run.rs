@@ -1,0 +1,283 @@
+//! `spykee run`: behaviours on a robot, or on a simulated one inside this program.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use tokio::sync::watch;
+use tokio::time::{MissedTickBehavior, interval};
+use tokio_util::sync::CancellationToken;
+
+use super::embedded::EmbeddedSim;
+use super::interrupt::interruption;
+use super::status::StatusLine;
+use super::{ConnectionArgs, Console, Exit, Failure, Place};
+use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
+use crate::behaviour::{Launch, Launcher};
+use crate::config::{Config, Entry};
+use crate::link::{self, Target};
+use crate::pilot::{Dial, Settings, Status};
+use crate::robot::{EndReason, Priority};
+use crate::script::{self, MAX_SOURCE};
+use crate::wire::Login;
+
+/// Where pictures are saved unless the config says something else.
+const DATA_FOLDER: &str = "spykee-data";
+/// How often the status line is drawn anew.
+const STATUS_PERIOD: Duration = Duration::from_millis(250);
+/// The longest `--for`: a year.
+const LONGEST_RUN: f64 = 366.0 * 86_400.0;
+
+/// Run behaviours on a robot, or on a simulated one with --sim
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct RunArgs {
+    /// Behaviour scripts; several run side by side. Without one: those of the config
+    #[arg(value_name = "FILE.lua")]
+    files: Vec<PathBuf>,
+
+    /// Read the settings from this YAML file
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+
+    /// End after so many seconds
+    #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
+    limit: Option<Duration>,
+
+    /// Of math.random and of the simulator's noise; without it a new one for each run
+    #[arg(long, value_name = "NUMBER")]
+    seed: Option<u64>,
+
+    #[command(flatten)]
+    connection: ConnectionArgs,
+}
+
+fn parse_seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text
+        .parse()
+        .ok()
+        .filter(|seconds| (0.0..=LONGEST_RUN).contains(seconds));
+    let duration = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    duration.ok_or_else(|| format!("expected a number of seconds, at most {LONGEST_RUN}"))
+}
+
+/// Runs until the scripts have ended, the time is over, or a person interrupts.
+///
+/// # Errors
+/// Whatever keeps the run from beginning: files, config, the robot.
+pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
+    let mut args = args.clone();
+    args.files
+        .extend(args.connection.take_misplaced_behaviour());
+    let config = match &args.config {
+        Some(path) => Config::load(path).map_err(Failure::usage)?,
+        None => Config::default(),
+    };
+    let seed = args.seed.unwrap_or_else(rand::random);
+    let behaviours = behaviours(&args, &config, seed)?;
+    let place = place(&args.connection, &config)?;
+    let login = args.connection.login.or_from(&config).login()?;
+    tracing::info!(seed, "starting");
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build();
+    let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
+    let (target, sim) = reach(place, &login, seed)?;
+    let settings = Settings {
+        limits: config.watchdog.clone(),
+        simulated: sim.is_some(),
+        seed,
+        link: config.link.clone(),
+    };
+    let launcher = Launcher::this_executable().map_err(|error| {
+        Failure::usage(format_args!("cannot find this program's own file: {error}"))
+    })?;
+    let names: Vec<String> = behaviours
+        .iter()
+        .map(|behaviour| behaviour.launch.options.name.clone())
+        .collect();
+    let dial = dial(target, login, config.link.clone());
+    let plan = Plan {
+        behaviours,
+        settings,
+        dial,
+        launcher,
+        limit: args.limit,
+    };
+    let line = StatusLine::new(names.join(" "), sim.as_ref().map(EmbeddedSim::handle));
+    let outcome = runtime.block_on(drive(plan, line, console));
+    runtime.shutdown_timeout(super::RUNTIME_LIMIT);
+    drop(sim);
+    outcome
+}
+
+async fn drive(plan: Plan, line: StatusLine, console: &Console) -> Result<Exit, Failure> {
+    let stop = CancellationToken::new();
+    let interrupted = interruption()?;
+    let (agent, status) = Agent::new(plan);
+    let (showing, watching) = (show(line, status, console), async {
+        interrupted.await;
+        stop.cancel();
+        std::future::pending::<()>().await;
+    });
+    tokio::select! {
+        outcome = agent.run(stop.clone()) => exit(outcome),
+        () = showing => unreachable_exit(),
+        () = watching => unreachable_exit(),
+    }
+}
+
+/// Both futures above never end; an exit code all the same, rather than a panic.
+fn unreachable_exit() -> Result<Exit, Failure> {
+    Ok(Exit::Interrupted)
+}
+
+fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
+    let outcome = match outcome {
+        Ok(outcome) => outcome,
+        Err(AgentError::Link(error)) => return Err(error.into()),
+        Err(error @ AgentError::Broken(_)) => return Err(Failure::new(Exit::Script, error)),
+    };
+    let ended_by = |reasons: &[EndReason]| {
+        outcome
+            .endings
+            .iter()
+            .any(|(_, ending)| reasons.contains(&ending.reason))
+    };
+    Ok(if outcome.interrupted {
+        Exit::Interrupted
+    } else if ended_by(&[EndReason::Error, EndReason::Cpu, EndReason::Memory]) {
+        Exit::Script
+    } else if outcome.low || ended_by(&[EndReason::Safety]) {
+        Exit::Safety
+    } else {
+        Exit::Done
+    })
+}
+
+async fn show(mut line: StatusLine, status: watch::Receiver<Status>, console: &Console) {
+    let mut beat = interval(STATUS_PERIOD);
+    beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        beat.tick().await;
+        let newest = *status.borrow();
+        if console.has_status_line() {
+            console.status(line.draw(&newest));
+        } else if let Some(text) = line.news(&newest) {
+            console.status_line_plain(&text);
+        }
+    }
+}
+
+fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure> {
+    let from_config = || config.robot.clone().map(Place::Robot);
+    connection.place().or_else(from_config).ok_or_else(|| {
+        Failure::usage("which robot? neither --robot nor --sim was given").help(
+            "--sim runs on a simulated robot; --robot HOST[:PORT] on yours \
+             (spykee discover finds it)",
+        )
+    })
+}
+
+fn reach(place: Place, login: &Login, seed: u64) -> Result<(Target, Option<EmbeddedSim>), Failure> {
+    match place {
+        Place::Robot(target) => Ok((target, None)),
+        Place::Sim(world) => {
+            let sim = EmbeddedSim::start(world.as_deref(), login, seed)?;
+            let address = sim.address();
+            let target = Target {
+                host: address.ip().to_string(),
+                port: address.port(),
+            };
+            Ok((target, Some(sim)))
+        }
+    }
+}
+
+fn dial(target: Target, login: Login, options: link::Options) -> Dial {
+    Box::new(move || {
+        let (target, login, options) = (target.clone(), login.clone(), options.clone());
+        Box::pin(async move { link::connect(&target, &login, &options).await })
+    })
+}
+
+fn behaviours(args: &RunArgs, config: &Config, seed: u64) -> Result<Vec<Behaviour>, Failure> {
+    let named = |file: &PathBuf| Entry {
+        file: file.clone(),
+        priority: Priority(0),
+    };
+    let entries: Vec<Entry> = match args.files.is_empty() {
+        true => config.behaviours.clone(),
+        false => args.files.iter().map(named).collect(),
+    };
+    if entries.is_empty() {
+        let failure = Failure::usage("what to run? no behaviour was named");
+        return Err(failure.help("spykee run behaviours/patrol.lua --sim"));
+    }
+    let mut names = Vec::new();
+    let numbered = entries.iter().zip(seed..);
+    numbered
+        .map(|(entry, seed)| behaviour(entry, config, seed, &mut names))
+        .collect()
+}
+
+fn behaviour(
+    entry: &Entry,
+    config: &Config,
+    seed: u64,
+    names: &mut Vec<String>,
+) -> Result<Behaviour, Failure> {
+    let source = read_source(&entry.file)?;
+    let name = unique(stem(&entry.file), names);
+    let data = config.data.clone().unwrap_or_else(|| DATA_FOLDER.into());
+    let data = std::path::absolute(data.join(&name)).map_err(Failure::usage)?;
+    let options = script::Options {
+        seed,
+        limits: config.limits.clone(),
+        calibration: config.calibration,
+        camera: config.camera,
+        colours: config.colours.clone(),
+        data_dir: Some(data),
+        ..script::Options::new(name, entry.file.display().to_string())
+    };
+    Ok(Behaviour {
+        priority: entry.priority,
+        launch: Launch { source, options },
+    })
+}
+
+/// One byte more than a script may have, so that a longer one is told as such.
+fn read_source(path: &Path) -> Result<Vec<u8>, Failure> {
+    let cannot = |error: std::io::Error| {
+        Failure::usage(format_args!(
+            "cannot read the behaviour {}: {error}",
+            path.display()
+        ))
+        .help("ready-made behaviours are in behaviours/")
+    };
+    let mut source = Vec::new();
+    let file = std::fs::File::open(path).map_err(cannot)?;
+    file.take(MAX_SOURCE as u64 + 1)
+        .read_to_end(&mut source)
+        .map_err(cannot)?;
+    Ok(source)
+}
+
+fn stem(path: &Path) -> String {
+    path.file_stem().map_or_else(
+        || "script".to_owned(),
+        |stem| stem.to_string_lossy().into_owned(),
+    )
+}
+
+/// Two behaviours of one name would share a data folder.
+fn unique(name: String, names: &mut Vec<String>) -> String {
+    let mut candidate = name.clone();
+    for number in 2.. {
+        if !names.contains(&candidate) {
+            break;
+        }
+        candidate = format!("{name}-{number}");
+    }
+    names.push(candidate.clone());
+    candidate
+}

@@ -1,0 +1,115 @@
+//! `spykee sim`: a simulated robot for any Spykee client.
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use tokio::time::interval;
+
+use super::embedded::load;
+use super::interrupt::interruption;
+use super::{Console, Exit, Failure, LoginArgs, block_on, print};
+use crate::sim::{Handle, Options, Server, State, World};
+
+/// How often the status line is drawn anew.
+const STATUS_PERIOD: Duration = Duration::from_millis(500);
+
+/// Serve a simulated robot to any Spykee client
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct SimArgs {
+    /// The world, a YAML file such as behaviours/worlds/living_room.yaml; without it a living room
+    #[arg(value_name = "WORLD.yaml")]
+    world: Option<PathBuf>,
+
+    /// Address and port, TCP and UDP; port 0 takes a free one
+    #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:9000")]
+    listen: SocketAddr,
+
+    /// Camera frames a second, 0.1 to 60, in place of the world's
+    #[arg(long, value_name = "NUMBER", value_parser = parse_fps)]
+    fps: Option<f64>,
+
+    /// Of all noise: the same seed and the same commands give the same run
+    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    seed: u64,
+
+    #[command(flatten)]
+    login: LoginArgs,
+}
+
+fn parse_fps(text: &str) -> Result<f64, String> {
+    let fps = text.parse().ok().filter(|fps| (0.1..=60.0).contains(fps));
+    fps.ok_or_else(|| "expected 0.1 to 60 frames a second".to_owned())
+}
+
+/// Serves until interrupted.
+///
+/// # Errors
+/// A world that cannot be used; an address that cannot be listened on.
+pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
+    let world = load(args.world.as_deref())?;
+    let options = Options {
+        listen: args.listen,
+        login: args.login.login()?,
+        seed: args.seed,
+        fps: args.fps,
+        ..Options::default()
+    };
+    block_on(serve(world, options, console))?
+}
+
+async fn serve(world: World, options: Options, console: &Console) -> Result<Exit, Failure> {
+    let listen = options.listen;
+    let (uid, user) = (options.uid.clone(), options.login.user.clone());
+    let interrupted = interruption()?;
+    let server = Server::bind(world, options).await.map_err(|error| {
+        Failure::usage(format_args!("cannot listen on {listen}: {error}"))
+            .help("is a simulator running already? --listen 127.0.0.1:0 takes a free port")
+    })?;
+    print(&greeting(server.local_addr(), &uid, &user))?;
+    let handle = server.handle();
+    tokio::select! {
+        ended = server.run() => ended.map(|()| Exit::Done).map_err(|error| {
+            Failure::usage(format_args!("the simulator failed: {error}"))
+        }),
+        () = show_status(&handle, console) => Ok(Exit::Done),
+        () = interrupted => Ok(Exit::Interrupted),
+    }
+}
+
+fn greeting(listening: SocketAddr, uid: &str, user: &str) -> String {
+    let mut address = listening;
+    if address.ip().is_unspecified() {
+        address.set_ip(IpAddr::V4(Ipv4Addr::LOCALHOST));
+    }
+    format!(
+        "The simulated robot {uid} listens on {listening}, TCP and UDP, for user {user}.\n\
+         Drive it with: spykee run FILE.lua --robot {address}\n\
+         Ctrl-C ends it.\n"
+    )
+}
+
+async fn show_status(handle: &Handle, console: &Console) {
+    let mut beat = interval(STATUS_PERIOD);
+    loop {
+        beat.tick().await;
+        console.status(status(&handle.state()));
+    }
+}
+
+fn status(state: &State) -> String {
+    let user = state.user.as_deref().unwrap_or("nobody");
+    let charging = if state.charging { ", charging" } else { "" };
+    let doing = match state {
+        State {
+            searching: true, ..
+        } => "searching its station",
+        State { docked: true, .. } => "on its station",
+        state if state.moving() => "driving",
+        _ => "standing",
+    };
+    format!(
+        "{doing} · battery {:.0} %{charging} · at {:.2} {:.2} m · user {user} · {} frames",
+        state.battery, state.pose.x, state.pose.y, state.frames,
+    )
+}

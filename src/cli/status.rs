@@ -1,0 +1,101 @@
+//! What `run` shows of itself: one line that is redrawn on a terminal, or a line for each change
+//! where the output is a file or a pipe.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use crate::pilot::{LinkState, Status};
+use crate::robot::Battery;
+use crate::safety::WatchdogState;
+use crate::sim::Handle;
+
+/// Over how long frames are counted.
+const RATE_PERIOD: Duration = Duration::from_secs(1);
+/// In a file, how often the state is told even if nothing has changed.
+const PLAIN_PERIOD: Duration = Duration::from_secs(60);
+
+/// Remembers what was shown.
+pub(super) struct StatusLine {
+    behaviours: String,
+    sim: Option<Handle>,
+    counted: (Instant, u64),
+    rate: f64,
+    told: Option<(Instant, Essence)>,
+}
+
+/// What is worth a line of its own in a file.
+#[derive(PartialEq, Eq)]
+struct Essence {
+    link: LinkState,
+    safety: WatchdogState,
+    charging: Option<bool>,
+}
+
+impl StatusLine {
+    /// For behaviours of these names; with a simulator the robot's true place is shown.
+    pub(super) fn new(behaviours: String, sim: Option<Handle>) -> StatusLine {
+        let counted = (Instant::now(), 0);
+        StatusLine {
+            behaviours,
+            sim,
+            counted,
+            rate: 0.0,
+            told: None,
+        }
+    }
+
+    /// The line for a terminal.
+    pub(super) fn draw(&mut self, status: &Status) -> String {
+        self.count(status.frames);
+        let battery = status.battery.map_or_else(|| "-".to_owned(), battery);
+        let mut parts = vec![state(status), format!("battery {battery}")];
+        if let Some(sim) = &self.sim {
+            let pose = sim.state().pose;
+            let degrees = pose.heading.to_degrees().rem_euclid(360.0);
+            parts.push(format!("at {:.2} {:.2} m, {degrees:.0}°", pose.x, pose.y));
+        }
+        parts.push(format!("{:.0} fps", self.rate));
+        parts.push(self.behaviours.clone());
+        parts.join(" · ")
+    }
+
+    /// The line for a file, if there is something new.
+    pub(super) fn news(&mut self, status: &Status) -> Option<String> {
+        let charging = status.battery.map(|battery| battery.charging);
+        let essence = Essence {
+            link: status.link,
+            safety: status.safety,
+            charging,
+        };
+        let stale =
+            |(at, told): &(Instant, Essence)| *told != essence || at.elapsed() >= PLAIN_PERIOD;
+        if !self.told.as_ref().is_none_or(stale) {
+            return None;
+        }
+        self.told = Some((Instant::now(), essence));
+        Some(self.draw(status))
+    }
+
+    fn count(&mut self, frames: u64) {
+        let (since, before) = self.counted;
+        let passed = since.elapsed();
+        if passed >= RATE_PERIOD {
+            self.rate = frames.saturating_sub(before) as f64 / passed.as_secs_f64();
+            self.counted = (Instant::now(), frames);
+        }
+    }
+}
+
+fn state(status: &Status) -> String {
+    match status.link {
+        LinkState::Connecting => "connecting".to_owned(),
+        LinkState::Lost => "link lost, connecting anew".to_owned(),
+        LinkState::Up => status.safety.to_string(),
+    }
+}
+
+fn battery(battery: Battery) -> String {
+    let charging = if battery.charging { ", charging" } else { "" };
+    format!("{}{charging}", battery.percent)
+}

@@ -1,0 +1,184 @@
+//! The config file: one YAML document, composed of each module's own options. Unknown keys and
+//! wrong values are refused with line and column.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use crate::link::{self, Target};
+use crate::robot::Priority;
+use crate::safety;
+use crate::script::{self, Calibration};
+use crate::vision::{Camera, Colour};
+
+/// No config is longer.
+const MAX_LEN: u64 = 1 << 20;
+
+/// What the file may say; everything has a default.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    /// The robot's address, `HOST` or `HOST:PORT`.
+    pub robot: Option<Target>,
+    /// Log in as this user.
+    pub user: Option<String>,
+    /// The file whose first line is the password.
+    pub password_file: Option<PathBuf>,
+    /// What to run, if the command line names nothing.
+    pub behaviours: Vec<Entry>,
+    /// The safety rules' numbers.
+    pub watchdog: safety::Limits,
+    /// The link's times.
+    pub link: link::Options,
+    /// What a script may use.
+    pub limits: script::Limits,
+    /// How power becomes speed.
+    pub calibration: Calibration,
+    /// The camera's field of view.
+    pub camera: Camera,
+    /// Colours by name, besides the built-in ones.
+    pub colours: BTreeMap<String, Colour>,
+    /// Where scripts save pictures, a folder for each.
+    pub data: Option<PathBuf>,
+}
+
+/// One behaviour.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Entry {
+    /// The script, relative to the config.
+    pub file: PathBuf,
+    /// Who wins when several want to drive; 0 unless given.
+    #[serde(default)]
+    pub priority: Priority,
+}
+
+/// Why a config cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// Not readable.
+    #[error("cannot read the config {path}: {source}")]
+    Read {
+        /// Which.
+        path: String,
+        /// The system's words.
+        source: std::io::Error,
+    },
+    /// Not valid; line and column are in the text.
+    #[error("{path}: {reason}")]
+    Invalid {
+        /// Which.
+        path: String,
+        /// What is wrong and where.
+        reason: String,
+    },
+}
+
+impl Config {
+    /// Reads a file. Paths in it are relative to its folder.
+    ///
+    /// # Errors
+    /// See [`ConfigError`].
+    pub fn load(path: &Path) -> Result<Config, ConfigError> {
+        let name = path.display().to_string();
+        let read = |source| ConfigError::Read {
+            path: name.clone(),
+            source,
+        };
+        let length = std::fs::metadata(path).map_err(read)?.len();
+        if length > MAX_LEN {
+            let reason = format!("a config of {length} bytes; at most {MAX_LEN} are read");
+            return Err(ConfigError::Invalid { path: name, reason });
+        }
+        let text = std::fs::read_to_string(path).map_err(read)?;
+        let mut config = Config::parse(&text, &name)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let paths = config.behaviours.iter_mut().map(|entry| &mut entry.file);
+        for path in paths
+            .chain(&mut config.data)
+            .chain(&mut config.password_file)
+        {
+            *path = folder.join(&path);
+        }
+        Ok(config)
+    }
+
+    /// Parses a text; `name` is what errors call it.
+    ///
+    /// # Errors
+    /// [`ConfigError::Invalid`].
+    pub fn parse(text: &str, name: &str) -> Result<Config, ConfigError> {
+        let invalid = |reason: String| ConfigError::Invalid {
+            path: name.to_owned(),
+            reason,
+        };
+        if text
+            .lines()
+            .all(|line| line.trim().is_empty() || line.trim().starts_with('#'))
+        {
+            return Ok(Config::default());
+        }
+        let config: Config =
+            serde_yaml::from_str(text).map_err(|error| invalid(error.to_string()))?;
+        config.watchdog.check().map_err(invalid)?;
+        Ok(config)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn error(text: &str) -> String {
+        Config::parse(text, "spykee.yaml").unwrap_err().to_string()
+    }
+
+    #[test]
+    fn an_empty_file_is_all_defaults() {
+        let config = Config::parse("# nothing yet\n", "spykee.yaml").unwrap();
+        assert_eq!(config.watchdog, safety::Limits::default());
+        assert!(config.robot.is_none() && config.behaviours.is_empty());
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let text = "robot: 172.17.6.1\nbehaviours:\n  - file: patrol.lua\n    priority: 3\n\
+                    watchdog: { low: 25, host_silence: 0.5 }\n";
+        let config = Config::parse(text, "spykee.yaml").unwrap();
+        assert_eq!(config.robot.unwrap().to_string(), "172.17.6.1:9000");
+        assert_eq!(config.behaviours[0].priority, Priority(3));
+        assert_eq!(config.watchdog.low.get(), 25);
+    }
+
+    #[test]
+    fn an_unknown_key_is_refused_with_its_place() {
+        let text = error("watchdog:\n  lwo: 20\n");
+        assert!(
+            text.contains("lwo") && text.contains("line 2 column 3"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn a_wrong_value_is_refused_with_its_place_and_range() {
+        let text = error("watchdog:\n  ok: 60\n  low: 120\n");
+        assert!(
+            text.contains("line 3 column 8") && text.contains("from 0 to 100"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn levels_that_do_not_rise_are_refused() {
+        assert!(error("watchdog: { low: 60 }").contains("must rise"));
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_makes_it_panic(text in "[ -~\n]{0,200}") {
+            let _ = Config::parse(&text, "spykee.yaml");
+        }
+    }
+}

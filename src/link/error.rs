@@ -1,0 +1,121 @@
+//! What can go wrong between us and the robot, in words for people.
+
+use std::io::{self, ErrorKind};
+use std::time::Duration;
+
+use super::Target;
+use crate::wire::{FramingError, Refusal};
+
+/// Why there is no link, or no longer. Never holds a password.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    /// No TCP connection could be made.
+    #[error("cannot reach the robot at {target}: {source}")]
+    Unreachable {
+        /// Where.
+        target: Target,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Nothing came in time.
+    #[error("waited {after:?} in vain for {what}")]
+    TimedOut {
+        /// What was waited for.
+        what: &'static str,
+        /// How long.
+        after: Duration,
+    },
+    /// AUTH_REPLY 0, 1.
+    #[error("the robot refuses user `{user}` with this password")]
+    WrongPassword {
+        /// Who tried.
+        user: String,
+    },
+    /// AUTH_REPLY 0, 3: the robot serves one user at a time.
+    #[error("the robot is in use{}", in_use_by(.by.as_deref()))]
+    InUse {
+        /// Who is connected, if discovery could tell.
+        by: Option<String>,
+    },
+    /// AUTH_REPLY 0 with a reason that the protocol does not list.
+    #[error("the robot refuses the login (reason {0})")]
+    Refused(u8),
+    /// Accepted, but without a battery level: nothing may move.
+    #[error("the robot accepted the login, but sent no battery level within {after:?}")]
+    NoPower {
+        /// How long it was waited for.
+        after: Duration,
+    },
+    /// The robot ended the connection, orderly or not.
+    #[error("the robot closed the connection")]
+    Closed,
+    /// The stream is out of step.
+    #[error("the robot sends what is no Spykee message: {0}")]
+    Framing(#[from] FramingError),
+    /// What was written was not acknowledged in time.
+    #[error("the link is dead: nothing could be sent for {after:?}")]
+    Dead {
+        /// How long.
+        after: Duration,
+    },
+    /// Anything else that the system said.
+    #[error("the link failed: {0}")]
+    Io(#[source] io::Error),
+}
+
+impl LinkError {
+    /// Whether another try with the same login is pointless.
+    pub fn is_final(&self) -> bool {
+        matches!(self, LinkError::WrongPassword { .. })
+    }
+
+    /// What a person can do about it, in one sentence.
+    pub fn help(&self) -> &'static str {
+        match self {
+            LinkError::Unreachable { .. } | LinkError::TimedOut { .. } => {
+                "is the robot on, and is this computer in its Wi-Fi? `spykee discover` lists robots"
+            }
+            LinkError::WrongPassword { .. } => {
+                "give --user, and the password in SPYKEE_PASSWORD or --password-file"
+            }
+            LinkError::InUse { .. } => "end the other program: the robot serves one user at a time",
+            LinkError::Refused(_) | LinkError::NoPower { .. } | LinkError::Closed => {
+                "switch the robot off and on again if this stays"
+            }
+            LinkError::Framing(_) => "is there a Spykee robot at this address and port?",
+            LinkError::Dead { .. } | LinkError::Io(_) => {
+                "is the robot still in reach of its Wi-Fi?"
+            }
+        }
+    }
+
+    /// Of an open connection: a peer that went away is not a failure of its own kind.
+    pub(super) fn from_io(error: io::Error, dead_after: Duration) -> LinkError {
+        match error.kind() {
+            ErrorKind::ConnectionReset
+            | ErrorKind::ConnectionAborted
+            | ErrorKind::BrokenPipe
+            | ErrorKind::NotConnected
+            | ErrorKind::UnexpectedEof
+            | ErrorKind::WriteZero => LinkError::Closed,
+            ErrorKind::TimedOut | ErrorKind::HostUnreachable | ErrorKind::NetworkUnreachable => {
+                LinkError::Dead { after: dead_after }
+            }
+            _ => LinkError::Io(error),
+        }
+    }
+
+    pub(super) fn from_refusal(refusal: Refusal, user: &str) -> LinkError {
+        match refusal {
+            Refusal::WrongPassword => LinkError::WrongPassword {
+                user: user.to_owned(),
+            },
+            Refusal::InUse => LinkError::InUse { by: None },
+            Refusal::Unknown(reason) => LinkError::Refused(reason),
+        }
+    }
+}
+
+fn in_use_by(user: Option<&str>) -> String {
+    user.map_or_else(String::new, |user| format!(" by `{user}`"))
+}

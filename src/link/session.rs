@@ -1,0 +1,140 @@
+//! From nothing to a robot that listens: connect, log in, wait for the two answers that allow
+//! motion (`PROTOCOL.md`, *Order after login*), and stop the tracks.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::time::{Instant, timeout_at};
+
+use super::dial::{dial, duplicate};
+use super::{LinkError, Options, Reader, Target, Writer, discover};
+use crate::wire::{Accepted, Command, Login, Power, Report};
+
+/// The most [`Session::early`] ever holds; what comes beyond is dropped.
+pub const MAX_EARLY_REPORTS: usize = 32;
+
+/// How long discovery may take to tell who is connected.
+const WHO_TIMEOUT: Duration = Duration::from_secs(1);
+
+/// A robot that has accepted us, has told its battery level, and whose tracks were told to rest.
+#[derive(Debug)]
+pub struct Session {
+    /// The login's answer.
+    pub accepted: Accepted,
+    /// The first battery level.
+    pub power: Power,
+    /// The robot's address.
+    pub peer: SocketAddr,
+    /// Reports that came before both of them, in order; pictures and sound left out.
+    pub early: Vec<Report>,
+    /// Hears the robot.
+    pub reader: Reader,
+    /// Speaks to it.
+    pub writer: Writer,
+}
+
+/// Connects and logs in. The first command of every session is MOVE 0 0; it is written before this
+/// returns. A refusal because of another user is returned with that user's name, if discovery tells
+/// it within a second.
+///
+/// # Errors
+/// Every kind of [`LinkError`].
+pub async fn connect(
+    target: &Target,
+    login: &Login,
+    options: &Options,
+) -> Result<Session, LinkError> {
+    let stream = dial(target, options).await?;
+    let io = |error| LinkError::from_io(error, options.dead_after);
+    let peer = stream.peer_addr().map_err(io)?;
+    let direct = duplicate(&stream);
+    let (reader, writer) = stream.into_split();
+    let reader = Reader::new(Box::new(reader), options.dead_after);
+    let writer = Writer::new(Box::new(writer), direct, options.dead_after);
+    match log_in(reader, writer, peer, login, options.login_timeout).await {
+        Err(LinkError::InUse { .. }) => Err(LinkError::InUse {
+            by: discover::connected_user(peer, WHO_TIMEOUT).await,
+        }),
+        result => result,
+    }
+}
+
+/// As [`connect`], over any transport; `peer` is only passed on.
+///
+/// # Errors
+/// Every kind of [`LinkError`] but `Unreachable`.
+pub async fn open(
+    reader: impl AsyncRead + Unpin + Send + 'static,
+    writer: impl AsyncWrite + Unpin + Send + 'static,
+    peer: SocketAddr,
+    login: &Login,
+    options: &Options,
+) -> Result<Session, LinkError> {
+    let reader = Reader::new(Box::new(reader), options.dead_after);
+    let writer = Writer::new(Box::new(writer), None, options.dead_after);
+    log_in(reader, writer, peer, login, options.login_timeout).await
+}
+
+async fn log_in(
+    mut reader: Reader,
+    mut writer: Writer,
+    peer: SocketAddr,
+    login: &Login,
+    limit: Duration,
+) -> Result<Session, LinkError> {
+    let deadline = Instant::now() + limit;
+    writer.write(&[Command::Login(login.clone())]).await?;
+    let mut answers = Answers::default();
+    let (accepted, power) = loop {
+        let report = timeout_at(deadline, reader.next()).await;
+        answers.take(report.map_err(|_| answers.late(limit))??, &login.user)?;
+        if let (Some(accepted), Some(power)) = (&answers.accepted, answers.power) {
+            break (accepted.clone(), power);
+        }
+    };
+    writer.arm();
+    writer.write(&[Command::STOP]).await?;
+    let early = answers.early;
+    Ok(Session {
+        accepted,
+        power,
+        peer,
+        early,
+        reader,
+        writer,
+    })
+}
+
+/// What has come since the login was sent.
+#[derive(Default)]
+struct Answers {
+    accepted: Option<Accepted>,
+    power: Option<Power>,
+    early: Vec<Report>,
+}
+
+impl Answers {
+    fn take(&mut self, report: Report, user: &str) -> Result<(), LinkError> {
+        match report {
+            Report::Accepted(accepted) => self.accepted = Some(accepted),
+            Report::Refused(refusal) => return Err(LinkError::from_refusal(refusal, user)),
+            Report::Power(power) => self.power = Some(power),
+            Report::Video(_) | Report::Audio(_) => {}
+            other if self.early.len() < MAX_EARLY_REPORTS => self.early.push(other),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// What the silence means.
+    fn late(&self, after: Duration) -> LinkError {
+        if self.accepted.is_some() {
+            return LinkError::NoPower { after };
+        }
+        LinkError::TimedOut {
+            what: "the answer to the login",
+            after,
+        }
+    }
+}

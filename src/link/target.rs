@@ -1,0 +1,166 @@
+//! Where a robot is: `HOST[:PORT]` as people write it.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::de::{Deserializer, Error, Visitor};
+use serde::{Deserialize, Serialize, Serializer};
+
+use crate::wire;
+
+/// A robot's address: a name, an IPv4 address, or an IPv6 address in brackets, and a port
+/// ([`wire::PORT`] unless given).
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Target {
+    /// Name or address, without brackets.
+    pub host: String,
+    /// TCP port, never 0.
+    pub port: u16,
+}
+
+/// Why a text is no [`Target`].
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum TargetError {
+    /// The part before the port is empty or holds what no host name holds.
+    #[error("expected HOST[:PORT], such as 172.17.6.1 or robot.local:9000, found `{0}`")]
+    Host(String),
+    /// The part after the colon is no port.
+    #[error("expected a port from 1 to 65535, found `{0}`")]
+    Port(String),
+    /// Colons without brackets.
+    #[error("write an IPv6 address in brackets: [{0}] or [{0}]:{port}", port = wire::PORT)]
+    Brackets(String),
+}
+
+impl FromStr for Target {
+    type Err = TargetError;
+
+    fn from_str(text: &str) -> Result<Target, TargetError> {
+        let (host, port) = split(text)?;
+        let named = |c: char| c.is_alphanumeric() || matches!(c, '.' | '-' | '_' | ':' | '%');
+        if host.is_empty() || text.contains('/') || !host.chars().all(named) {
+            return Err(TargetError::Host(text.to_owned()));
+        }
+        Ok(Target {
+            host: host.to_owned(),
+            port: port.map_or(Ok(wire::PORT), parse_port)?,
+        })
+    }
+}
+
+/// Host without brackets, and what stands behind the colon if there is one.
+fn split(text: &str) -> Result<(&str, Option<&str>), TargetError> {
+    if let Some(rest) = text.strip_prefix('[') {
+        let malformed = || TargetError::Host(text.to_owned());
+        let (host, behind) = rest.split_once(']').ok_or_else(malformed)?;
+        return match behind.strip_prefix(':') {
+            Some(port) => Ok((host, Some(port))),
+            None if behind.is_empty() => Ok((host, None)),
+            None => Err(malformed()),
+        };
+    }
+    match text.split_once(':') {
+        Some((_, rest)) if rest.contains(':') => Err(TargetError::Brackets(text.to_owned())),
+        Some((host, port)) => Ok((host, Some(port))),
+        None => Ok((text, None)),
+    }
+}
+
+fn parse_port(text: &str) -> Result<u16, TargetError> {
+    let digits = text.bytes().all(|byte| byte.is_ascii_digit());
+    let port = text.parse().ok().filter(|&port| digits && port != 0);
+    port.ok_or_else(|| TargetError::Port(text.to_owned()))
+}
+
+impl fmt::Display for Target {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.host.contains(':') {
+            write!(f, "[{}]:{}", self.host, self.port)
+        } else {
+            write!(f, "{}:{}", self.host, self.port)
+        }
+    }
+}
+
+impl Serialize for Target {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Target {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Target, D::Error> {
+        deserializer.deserialize_str(TargetVisitor)
+    }
+}
+
+/// Checks while the text is visited: only then do parsers know its place.
+struct TargetVisitor;
+
+impl Visitor<'_> for TargetVisitor {
+    type Value = Target;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("HOST[:PORT]")
+    }
+
+    fn visit_str<E: Error>(self, text: &str) -> Result<Target, E> {
+        text.parse().map_err(E::custom)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn the_port_may_be_left_out() {
+        for (text, shown) in [
+            ("172.17.6.1", "172.17.6.1:9000"),
+            ("robot.local:9001", "robot.local:9001"),
+            ("[::1]", "[::1]:9000"),
+            ("[fe80::1%wlan0]:80", "[fe80::1%wlan0]:80"),
+        ] {
+            assert_eq!(text.parse::<Target>().unwrap().to_string(), shown);
+        }
+    }
+
+    #[test]
+    fn what_is_no_address_is_refused_with_what_was_expected() {
+        for text in [
+            "",
+            ":9000",
+            "http://robot",
+            "a b",
+            "[::1",
+            "[::1]9000",
+            "admin@robot",
+        ] {
+            let error = text.parse::<Target>().unwrap_err();
+            assert!(matches!(error, TargetError::Host(_)), "{text}: {error}");
+        }
+        for text in ["robot:", "robot:0", "robot:65536", "robot:+80", "robot:x"] {
+            let error = text.parse::<Target>().unwrap_err();
+            assert!(matches!(error, TargetError::Port(_)), "{text}: {error}");
+        }
+        let error = "::1".parse::<Target>().unwrap_err();
+        assert!(error.to_string().contains("[::1]:9000"), "{error}");
+    }
+
+    #[test]
+    fn a_bad_address_in_yaml_is_refused_with_its_place() {
+        let yaml = "- robot\n- robot:x";
+        let error = serde_yaml::from_str::<Vec<Target>>(yaml).unwrap_err();
+        assert!(error.to_string().contains("line 2"), "{error}");
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_is_read_without_panic_and_what_is_accepted_reads_back(text in ".{0,40}") {
+            if let Ok(target) = text.parse::<Target>() {
+                prop_assert_eq!(target.to_string().parse::<Target>(), Ok(target));
+            }
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! The reading end of the link through all its lives: dialling, open, lost, pausing, dialling.
+
+use std::future::Future;
+use std::net::SocketAddr;
+use std::pin::Pin;
+use std::time::Duration;
+
+use rand::SeedableRng;
+use rand::rngs::StdRng;
+use tokio::time::sleep;
+
+use crate::link::{Backoff, LinkError, Options, Reader, Session, Writer};
+use crate::wire::{Accepted, Power, Report};
+
+type Dialling = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send>>;
+
+/// Makes one try to connect and log in, over whatever transport.
+pub type Dial = Box<dyn FnMut() -> Dialling + Send>;
+
+/// A session without its reader, which stays with the line.
+pub(super) struct Greeting {
+    pub(super) accepted: Accepted,
+    pub(super) power: Power,
+    pub(super) peer: SocketAddr,
+    pub(super) early: Vec<Report>,
+    pub(super) writer: Writer,
+}
+
+/// What the line has to say.
+pub(super) enum News {
+    /// Connected and logged in.
+    Up(Box<Greeting>),
+    /// A message from the robot.
+    Report(Report),
+    /// An open link is gone.
+    Lost(LinkError),
+    /// A try has failed; another will be made.
+    Failed(LinkError),
+}
+
+enum State {
+    Dialling(Dialling),
+    Up(Reader),
+}
+
+/// See the module.
+pub(super) struct Line {
+    dial: Dial,
+    state: State,
+    backoff: Backoff,
+    rng: StdRng,
+}
+
+impl Line {
+    /// Begins to dial at once.
+    pub(super) fn new(mut dial: Dial, options: &Options, seed: u64) -> Line {
+        let state = State::Dialling(dial());
+        Line {
+            dial,
+            state,
+            backoff: Backoff::new(options),
+            rng: StdRng::seed_from_u64(seed),
+        }
+    }
+
+    /// The next news. Cancel-safe.
+    pub(super) async fn next(&mut self) -> News {
+        match &mut self.state {
+            State::Dialling(dialling) => match dialling.await {
+                Ok(session) => self.up(session),
+                Err(error) => {
+                    self.redial();
+                    News::Failed(error)
+                }
+            },
+            State::Up(reader) => match reader.next().await {
+                Ok(report) => News::Report(report),
+                Err(error) => News::Lost(error),
+            },
+        }
+    }
+
+    /// Lets go of an open link and dials anew after a pause.
+    pub(super) fn hang_up(&mut self) {
+        if matches!(self.state, State::Up(_)) {
+            self.redial();
+        }
+    }
+
+    fn up(&mut self, session: Session) -> News {
+        let Session {
+            accepted,
+            power,
+            peer,
+            early,
+            reader,
+            writer,
+        } = session;
+        self.state = State::Up(reader);
+        self.backoff.reset();
+        News::Up(Box::new(Greeting {
+            accepted,
+            power,
+            peer,
+            early,
+            writer,
+        }))
+    }
+
+    fn redial(&mut self) {
+        let pause = self.backoff.next(&mut self.rng);
+        self.state = State::Dialling(after(pause, (self.dial)()));
+    }
+}
+
+fn after(pause: Duration, dialling: Dialling) -> Dialling {
+    Box::pin(async move {
+        sleep(pause).await;
+        dialling.await
+    })
+}

@@ -1,0 +1,182 @@
+//! The behaviours aboard: who is told what, and which streams they want.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::robot::channel::Outbox;
+use crate::robot::{BehaviourId, EndReason, Event, Priority};
+use crate::wire::{Command, Stream};
+
+#[derive(Debug)]
+struct Seat {
+    priority: Priority,
+    outbox: Outbox,
+    streams: BTreeSet<Stream>,
+}
+
+/// All behaviours aboard.
+#[derive(Debug, Default)]
+pub(super) struct Seats {
+    seats: BTreeMap<BehaviourId, Seat>,
+    streaming: BTreeSet<Stream>,
+}
+
+impl Seats {
+    /// A behaviour comes aboard and hears how things stand.
+    pub(super) fn join(
+        &mut self,
+        by: BehaviourId,
+        priority: Priority,
+        mut outbox: Outbox,
+        welcome: &[Event],
+    ) {
+        welcome.iter().for_each(|event| outbox.tell(event.clone()));
+        self.seats.insert(
+            by,
+            Seat {
+                priority,
+                outbox,
+                streams: BTreeSet::new(),
+            },
+        );
+    }
+
+    /// A behaviour is no more.
+    pub(super) fn leave(&mut self, by: BehaviourId) {
+        self.seats.remove(&by);
+    }
+
+    /// Has a behaviour ended; from now on nothing it asks is heard.
+    pub(super) fn kill(&mut self, by: BehaviourId, reason: EndReason) {
+        if let Some(seat) = self.seats.remove(&by) {
+            seat.outbox.kill(reason);
+        }
+    }
+
+    /// A behaviour's priority; `None` if it is not aboard.
+    pub(super) fn priority(&self, by: BehaviourId) -> Option<Priority> {
+        self.seats.get(&by).map(|seat| seat.priority)
+    }
+
+    /// Tells one behaviour.
+    pub(super) fn tell(&mut self, by: BehaviourId, event: Event) {
+        if let Some(seat) = self.seats.get_mut(&by) {
+            seat.outbox.tell(event);
+        }
+    }
+
+    /// Tells every behaviour.
+    pub(super) fn tell_all(&mut self, event: &Event) {
+        self.seats
+            .values_mut()
+            .for_each(|seat| seat.outbox.tell(event.clone()));
+    }
+
+    /// Tells the behaviours that listen to the microphone.
+    pub(super) fn tell_audience(&mut self, event: &Event) {
+        let listens = |seat: &&mut Seat| seat.streams.contains(&Stream::AudioIn);
+        let audience = self.seats.values_mut().filter(listens);
+        audience.for_each(|seat| seat.outbox.tell(event.clone()));
+    }
+
+    /// Tells every behaviour how things stand after a login.
+    pub(super) fn welcome_all(&mut self, welcome: &[Event]) {
+        welcome.iter().for_each(|event| self.tell_all(event));
+    }
+
+    /// A behaviour wants a stream, or no longer.
+    pub(super) fn want(&mut self, by: BehaviourId, stream: Stream, on: bool) {
+        let Some(seat) = self.seats.get_mut(&by) else {
+            return;
+        };
+        match on {
+            true => seat.streams.insert(stream),
+            false => seat.streams.remove(&stream),
+        };
+    }
+
+    /// Whether anybody wants a stream.
+    pub(super) fn wants(&self, stream: Stream) -> bool {
+        self.seats
+            .values()
+            .any(|seat| seat.streams.contains(&stream))
+    }
+
+    /// The commands that make the robot's streams what is wanted; after a login (`anew`) the robot
+    /// streams nothing.
+    pub(super) fn stream_changes(&mut self, anew: bool) -> Vec<Command> {
+        if anew {
+            self.streaming.clear();
+        }
+        let wanted: BTreeSet<Stream> = self
+            .seats
+            .values()
+            .flat_map(|seat| seat.streams.iter().copied())
+            .collect();
+        let off = self
+            .streaming
+            .difference(&wanted)
+            .map(|&stream| (stream, false));
+        let on = wanted
+            .difference(&self.streaming)
+            .map(|&stream| (stream, true));
+        let changes = off
+            .chain(on)
+            .map(|(stream, on)| Command::Stream { stream, on })
+            .collect();
+        self.streaming = wanted;
+        changes
+    }
+
+    /// The commands that switch every stream off, at the end.
+    pub(super) fn streams_off(&mut self) -> Vec<Command> {
+        self.seats.clear();
+        self.stream_changes(false)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::channel::{Told, events};
+
+    const ONE: BehaviourId = BehaviourId(1);
+    const TWO: BehaviourId = BehaviourId(2);
+
+    fn video(on: bool) -> Command {
+        Command::Stream {
+            stream: Stream::Video,
+            on,
+        }
+    }
+
+    #[test]
+    fn a_stream_is_on_while_any_behaviour_wants_it() {
+        let mut seats = Seats::default();
+        for by in [ONE, TWO] {
+            seats.join(by, Priority(0), events().0, &[]);
+            seats.want(by, Stream::Video, true);
+        }
+        assert_eq!(seats.stream_changes(false), [video(true)]);
+        assert_eq!(seats.stream_changes(false), []);
+        assert_eq!(
+            seats.stream_changes(true),
+            [video(true)],
+            "a login forgets streams"
+        );
+        seats.want(ONE, Stream::Video, false);
+        assert_eq!(seats.stream_changes(false), []);
+        seats.leave(TWO);
+        assert_eq!(seats.stream_changes(false), [video(false)]);
+    }
+
+    #[tokio::test]
+    async fn a_killed_behaviour_is_heard_no_more() {
+        let mut seats = Seats::default();
+        let (outbox, mut inbox) = events();
+        seats.join(ONE, Priority(3), outbox, &[]);
+        assert_eq!(seats.priority(ONE), Some(Priority(3)));
+        seats.kill(ONE, EndReason::Cpu);
+        assert_eq!(seats.priority(ONE), None);
+        assert_eq!(inbox.next().await, Told::Kill(EndReason::Cpu));
+    }
+}

@@ -1,0 +1,70 @@
+//! What a person wants to know at a glance.
+
+use crate::robot::Battery;
+use crate::safety::WatchdogState;
+
+/// Whether the robot is there.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum LinkState {
+    /// The first try is under way.
+    #[default]
+    Connecting,
+    /// Logged in.
+    Up,
+    /// Was up; connecting anew.
+    Lost,
+}
+
+/// The newest state of robot and watchdog.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Status {
+    /// The link.
+    pub link: LinkState,
+    /// The watchdog.
+    pub safety: WatchdogState,
+    /// The battery as last reported.
+    pub battery: Option<Battery>,
+    /// The battery counts as low and the watchdog has the robot.
+    pub low: bool,
+    /// Frames that have come so far. Counting alone wakes nobody who waits for a change.
+    pub frames: u64,
+}
+
+impl Default for Status {
+    fn default() -> Status {
+        let safety = WatchdogState::Offline;
+        Status {
+            link: LinkState::default(),
+            safety,
+            battery: None,
+            low: false,
+            frames: 0,
+        }
+    }
+}
+
+impl Status {
+    /// Takes the newest state over; says whether anything is new.
+    pub(super) fn update(
+        &mut self,
+        link: LinkState,
+        safety: WatchdogState,
+        battery: Option<Battery>,
+        low: bool,
+    ) -> bool {
+        let newest = Status {
+            link,
+            safety,
+            battery,
+            low,
+            frames: self.frames,
+        };
+        std::mem::replace(self, newest) != newest
+    }
+
+    /// Counts a frame, which is no news.
+    pub(super) fn count_frame(&mut self) -> bool {
+        self.frames += 1;
+        false
+    }
+}

@@ -1,0 +1,150 @@
+//! The channels between the pilot and the behaviours' supervisors. Every queue is bounded; what
+//! does not fit is dropped and counted, but for answers, on which a waiting call hangs.
+
+use tokio::sync::{mpsc, watch};
+
+use super::{BehaviourId, EndReason, Event, Intent, Priority};
+
+/// How many requests may wait for the pilot; a supervisor that finds the queue full waits.
+pub const MAX_REQUESTS: usize = 256;
+/// How many events may wait for one behaviour.
+pub const MAX_EVENTS: usize = 256;
+
+/// What a supervisor has to say to the pilot.
+#[derive(Debug)]
+pub enum Request {
+    /// A behaviour is there.
+    Join {
+        /// Its number.
+        by: BehaviourId,
+        /// Its priority.
+        priority: Priority,
+        /// Where it is told.
+        outbox: Outbox,
+    },
+    /// A behaviour asks for something.
+    Intent(BehaviourId, Intent),
+    /// A behaviour's host has shown life.
+    Alive(BehaviourId),
+    /// A behaviour is no more.
+    Gone(BehaviourId),
+}
+
+/// Makes the two ends of a behaviour's line from the pilot.
+pub fn events() -> (Outbox, Inbox) {
+    let (events, received) = mpsc::channel(MAX_EVENTS);
+    let (kill, killed) = watch::channel(None);
+    (
+        Outbox {
+            events,
+            kill,
+            dropped: 0,
+        },
+        Inbox {
+            events: received,
+            killed,
+        },
+    )
+}
+
+/// The pilot's end. Never waits.
+#[derive(Debug)]
+pub struct Outbox {
+    events: mpsc::Sender<Event>,
+    kill: watch::Sender<Option<EndReason>>,
+    dropped: u64,
+}
+
+impl Outbox {
+    /// Passes an event on, or drops it if the queue is full. An answer that does not fit ends the
+    /// behaviour: it does not read, and would wait for ever.
+    pub fn tell(&mut self, event: Event) {
+        if let Err(mpsc::error::TrySendError::Full(event)) = self.events.try_send(event) {
+            self.dropped += 1;
+            if event.is_answer() {
+                self.kill(EndReason::Cpu);
+            }
+        }
+    }
+
+    /// Has the behaviour's host ended by SIGKILL.
+    pub fn kill(&self, reason: EndReason) {
+        self.kill
+            .send_if_modified(|kill| kill.replace(reason).is_none());
+    }
+
+    /// Events that did not fit so far.
+    pub fn dropped(&self) -> u64 {
+        self.dropped
+    }
+}
+
+/// The supervisor's end.
+#[derive(Debug)]
+pub struct Inbox {
+    events: mpsc::Receiver<Event>,
+    killed: watch::Receiver<Option<EndReason>>,
+}
+
+/// What the pilot tells a supervisor.
+#[derive(Debug, PartialEq)]
+pub enum Told {
+    /// Something has happened.
+    Event(Event),
+    /// End the host now.
+    Kill(EndReason),
+    /// The pilot is no more.
+    Closed,
+}
+
+impl Inbox {
+    /// The next word from the pilot; a kill overtakes every event. Cancel-safe.
+    pub async fn next(&mut self) -> Told {
+        if let Some(reason) = *self.killed.borrow_and_update() {
+            return Told::Kill(reason);
+        }
+        tokio::select! {
+            biased;
+            changed = self.killed.changed() => match (changed, *self.killed.borrow()) {
+                (Ok(()), Some(reason)) => Told::Kill(reason),
+                _ => Told::Closed,
+            },
+            event = self.events.recv() => event.map_or(Told::Closed, Told::Event),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::{MotionEnd, MotionId};
+
+    #[tokio::test]
+    async fn a_kill_overtakes_events() {
+        let (mut outbox, mut inbox) = events();
+        outbox.tell(Event::Docked);
+        outbox.kill(EndReason::Cpu);
+        assert_eq!(inbox.next().await, Told::Kill(EndReason::Cpu));
+    }
+
+    #[tokio::test]
+    async fn news_that_does_not_fit_is_dropped_and_an_answer_ends_the_behaviour() {
+        let (mut outbox, mut inbox) = events();
+        (0..MAX_EVENTS + 3).for_each(|_| outbox.tell(Event::Docked));
+        assert_eq!(outbox.dropped(), 3);
+        assert_eq!(inbox.next().await, Told::Event(Event::Docked));
+        outbox.tell(Event::Docked);
+        outbox.tell(Event::MotionEnded {
+            motion: MotionId(1),
+            end: MotionEnd::Done,
+        });
+        assert_eq!(inbox.next().await, Told::Kill(EndReason::Cpu));
+    }
+
+    #[tokio::test]
+    async fn without_a_pilot_the_line_is_closed() {
+        let (outbox, mut inbox) = events();
+        drop(outbox);
+        assert_eq!(inbox.next().await, Told::Closed);
+    }
+}

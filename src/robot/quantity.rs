@@ -1,0 +1,253 @@
+//! Quantities with their ranges. Each is checked where it stands in a YAML file, so that the error
+//! names line and column of the wrong value.
+
+use std::fmt;
+use std::time::Duration;
+
+use serde::de::{Error, Unexpected, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// A whole percentage, 0..=100.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Percent(u8);
+
+impl Percent {
+    /// `None` beyond 100.
+    pub const fn new(percent: u8) -> Option<Percent> {
+        if percent <= 100 {
+            Some(Percent(percent))
+        } else {
+            None
+        }
+    }
+
+    /// The nearest percentage.
+    pub const fn saturating(percent: u8) -> Percent {
+        if percent <= 100 {
+            Percent(percent)
+        } else {
+            Percent(100)
+        }
+    }
+
+    /// 0..=100.
+    pub const fn get(self) -> u8 {
+        self.0
+    }
+}
+
+impl fmt::Display for Percent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} %", self.0)
+    }
+}
+
+/// Power of one track in the wire's units, -90..=90, negative backwards (`PROTOCOL.md`, MOVE).
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct TrackPower(i8);
+
+impl TrackPower {
+    /// At rest.
+    pub const STOP: TrackPower = TrackPower(0);
+    /// The most that is ever sent, in the wire's units.
+    pub const MAX: i8 = 90;
+
+    /// `None` beyond -90..=90.
+    pub fn new(power: i8) -> Option<TrackPower> {
+        (-TrackPower::MAX..=TrackPower::MAX)
+            .contains(&power)
+            .then_some(TrackPower(power))
+    }
+
+    /// `round(percent * 0.9)`; `None` unless `percent` is a number in -100..=100.
+    pub fn from_percent(percent: f64) -> Option<TrackPower> {
+        let inside = (-100.0..=100.0).contains(&percent);
+        inside.then(|| TrackPower((percent * f64::from(Self::MAX) / 100.0).round() as i8))
+    }
+
+    /// -90..=90.
+    pub fn get(self) -> i8 {
+        self.0
+    }
+}
+
+/// A time that the config writes as a number of seconds, 0.05..=86,400.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Seconds(Duration);
+
+impl Seconds {
+    /// Of whole seconds.
+    pub const fn from_secs(seconds: u64) -> Seconds {
+        Seconds(Duration::from_secs(seconds))
+    }
+
+    /// Of milliseconds.
+    pub const fn from_millis(milliseconds: u64) -> Seconds {
+        Seconds(Duration::from_millis(milliseconds))
+    }
+
+    /// `None` unless a number in 0.05..=86,400.
+    pub fn new(seconds: f64) -> Option<Seconds> {
+        let inside = (0.05..=86_400.0).contains(&seconds);
+        inside.then(|| Seconds(Duration::from_secs_f64(seconds)))
+    }
+
+    /// As a duration.
+    pub const fn get(self) -> Duration {
+        self.0
+    }
+}
+
+/// Reads any number and checks it with `make` while the deserializer still knows its place.
+struct Number<T> {
+    expected: &'static str,
+    make: fn(f64) -> Option<T>,
+}
+
+impl<T> Visitor<'_> for Number<T> {
+    type Value = T;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.expected)
+    }
+
+    fn visit_f64<E: Error>(self, number: f64) -> Result<T, E> {
+        (self.make)(number).ok_or_else(|| E::invalid_value(Unexpected::Float(number), &self))
+    }
+
+    fn visit_i64<E: Error>(self, number: i64) -> Result<T, E> {
+        let made = (self.make)(number as f64);
+        made.ok_or_else(|| E::invalid_value(Unexpected::Signed(number), &self))
+    }
+
+    fn visit_u64<E: Error>(self, number: u64) -> Result<T, E> {
+        let made = (self.make)(number as f64);
+        made.ok_or_else(|| E::invalid_value(Unexpected::Unsigned(number), &self))
+    }
+}
+
+fn whole<T>(number: f64, low: f64, high: f64, make: impl Fn(f64) -> Option<T>) -> Option<T> {
+    if number.fract() == 0.0 && (low..=high).contains(&number) {
+        make(number)
+    } else {
+        None
+    }
+}
+
+impl<'de> Deserialize<'de> for Percent {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Percent, D::Error> {
+        let make = |number| whole(number, 0.0, 100.0, |n| Percent::new(n as u8));
+        deserializer.deserialize_u8(Number {
+            expected: "a whole number from 0 to 100 (percent)",
+            make,
+        })
+    }
+}
+
+impl Serialize for Percent {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_u8(self.0)
+    }
+}
+
+impl<'de> Deserialize<'de> for TrackPower {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<TrackPower, D::Error> {
+        let make = |number| whole(number, -90.0, 90.0, |n| TrackPower::new(n as i8));
+        deserializer.deserialize_i8(Number {
+            expected: "a whole number from -90 to 90",
+            make,
+        })
+    }
+}
+
+impl Serialize for TrackPower {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_i8(self.0)
+    }
+}
+
+impl<'de> Deserialize<'de> for Seconds {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Seconds, D::Error> {
+        let expected = "a number of seconds from 0.05 to 86400";
+        deserializer.deserialize_f64(Number {
+            expected,
+            make: Seconds::new,
+        })
+    }
+}
+
+impl Serialize for Seconds {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_f64(self.0.as_secs_f64())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+
+    #[test]
+    fn percent_of_power_is_rounded_to_the_wires_units() {
+        let wire = |percent| TrackPower::from_percent(percent).map(TrackPower::get);
+        assert_eq!(wire(100.0), Some(90));
+        assert_eq!(wire(-100.0), Some(-90));
+        assert_eq!(wire(50.0), Some(45));
+        assert_eq!(wire(-0.4), Some(0));
+        assert_eq!(wire(0.6), Some(1));
+    }
+
+    #[test]
+    fn no_power_beyond_a_hundred_and_no_nan() {
+        for percent in [100.01, -101.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(TrackPower::from_percent(percent), None);
+        }
+        assert!(postcard::from_bytes::<TrackPower>(&[91]).is_err());
+        assert!(postcard::from_bytes::<Percent>(&[101]).is_err());
+    }
+
+    #[test]
+    fn quantities_survive_the_way_between_processes() {
+        let all = (Percent(100), TrackPower(-90), Seconds::from_millis(250));
+        let bytes = postcard::to_allocvec(&all).unwrap();
+        assert_eq!(
+            postcard::from_bytes::<(Percent, TrackPower, Seconds)>(&bytes),
+            Ok(all)
+        );
+    }
+
+    fn yaml_error<T: for<'de> Deserialize<'de> + fmt::Debug>(text: &str) -> String {
+        serde_yaml::from_str::<BTreeMap<String, T>>(text)
+            .unwrap_err()
+            .to_string()
+    }
+
+    #[test]
+    fn wrong_values_are_refused_where_they_stand() {
+        let error = yaml_error::<Percent>("a: 20\nb: 120\n");
+        assert!(
+            error.contains("`120`") && error.contains("line 2 column 4"),
+            "{error}"
+        );
+        assert!(error.contains("from 0 to 100"), "{error}");
+        let error = yaml_error::<Percent>("b: 12.5\n");
+        assert!(error.contains("line 1 column 4"), "{error}");
+        let error = yaml_error::<Seconds>("b: .nan\n");
+        assert!(
+            error.contains("0.05 to 86400") && error.contains("line 1"),
+            "{error}"
+        );
+        let error = yaml_error::<Seconds>("b: soon\n");
+        assert!(
+            error.contains("0.05 to 86400") && error.contains("line 1"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn whole_and_broken_seconds_are_read() {
+        let read: BTreeMap<String, Seconds> = serde_yaml::from_str("a: 3\nb: 0.25\n").unwrap();
+        assert_eq!(read["a"], Seconds::from_secs(3));
+        assert_eq!(read["b"], Seconds::from_millis(250));
+    }
+}

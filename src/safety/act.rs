@@ -1,0 +1,92 @@
+//! What goes into the watchdog and what comes out of it.
+
+use std::time::Duration;
+
+use crate::robot::{BehaviourId, CallId, DockPlan, EndReason, Event, MotionId, Priority, Setpoint};
+use crate::wire::{Command, EngineNews, Power};
+
+/// Something that has happened.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Fact {
+    /// Logged in; the tracks were told to stop.
+    LinkUp {
+        /// On the station, says the login.
+        docked: bool,
+        /// The first battery level.
+        power: Power,
+    },
+    /// The link is gone.
+    LinkDown,
+    /// Bytes came from the robot.
+    Heard,
+    /// A battery level came.
+    Power(Power),
+    /// An ENGINE message came.
+    Engine(EngineNews),
+    /// Whether a stream is on that makes the robot send.
+    Listening(bool),
+    /// A behaviour asks for something that moves the robot.
+    Asked {
+        /// Who.
+        by: BehaviourId,
+        /// Its priority.
+        priority: Priority,
+        /// What.
+        ask: Ask,
+    },
+    /// A behaviour's host has shown life.
+    Alive(BehaviourId),
+    /// A behaviour is no more, for whatever reason.
+    Gone(BehaviourId),
+    /// The run ends: nothing may move any more but a robot with a low battery, by itself.
+    Parting,
+}
+
+/// The part of a behaviour's intents that moves the robot.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Ask {
+    /// Drive.
+    Move {
+        /// Names the setpoint.
+        motion: MotionId,
+        /// What the tracks are to do.
+        setpoint: Setpoint,
+        /// How long; `None`: until changed.
+        duration: Option<Duration>,
+    },
+    /// Let go of a setpoint.
+    Release(MotionId),
+    /// Stop.
+    Stop,
+    /// Go home.
+    Dock(CallId, DockPlan),
+    /// Leave the station within a time.
+    Undock(CallId, Duration),
+    /// Give up going home.
+    CancelDock,
+}
+
+/// What is to be done now. All commands of one batch of acts go out in one write.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Act {
+    /// Send to the robot.
+    Send(Command),
+    /// Tell one behaviour.
+    Tell(BehaviourId, Event),
+    /// Tell all behaviours.
+    Announce(Event),
+    /// End a behaviour's host by SIGKILL, after what is to be sent has been sent.
+    Kill(BehaviourId, EndReason),
+    /// Close the link and connect anew, after what is to be sent has been tried.
+    Reconnect(String),
+}
+
+impl Act {
+    /// What it sends, if it sends.
+    pub fn command(&self) -> Option<Command> {
+        match self {
+            Act::Send(command) => Some(command.clone()),
+            _ => None,
+        }
+    }
+}

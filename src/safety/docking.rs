@@ -1,0 +1,365 @@
+//! The way home: search, wait for charging, back off, try again. The same machine serves a
+//! behaviour's `robot.dock` and the watchdog's own docking; they differ in their [`Approach`].
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use crate::robot::{DockEnd, DockPlan};
+use crate::wire::EngineNews;
+
+/// What to do between two tries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Retry {
+    /// Stand still, twice as long before each further try: a robot with a low battery does not
+    /// drive about.
+    Pause(Duration),
+    /// Drive backwards for so long: a new approach from another place.
+    Reverse(Duration),
+}
+
+/// How often and how long to try.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Approach {
+    /// Times and tries.
+    pub plan: DockPlan,
+    /// What to do between tries.
+    pub retry: Retry,
+}
+
+/// What the machine wants to be done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Order {
+    /// Stop the tracks and send BASE_FIND.
+    Find,
+    /// Send BASE_FIND_CANCEL and stop the tracks.
+    Cancel,
+    /// Drive backwards.
+    Reverse,
+    /// Stop the tracks.
+    Halt,
+    /// Leave the station.
+    Undock,
+}
+
+/// How it went.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Outcome {
+    /// The end.
+    pub end: DockEnd,
+    /// Tries made.
+    pub attempts: u32,
+    /// From the start.
+    pub took: Duration,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    /// The robot searches by itself.
+    Searching { until: Instant },
+    /// On the station, charging has not begun.
+    AwaitingCharge { until: Instant },
+    /// Undocking before another try.
+    Leaving { until: Instant },
+    /// Standing still or driving backwards before another try.
+    BackingOff { until: Instant },
+    /// Over.
+    Over(Outcome),
+}
+
+/// One docking, from the first try to its outcome.
+#[derive(Debug)]
+pub struct Docking {
+    approach: Approach,
+    started: Instant,
+    attempts: u32,
+    phase: Phase,
+}
+
+impl Docking {
+    /// How long leaving the station may take before another try.
+    const LEAVE_TIMEOUT: Duration = Duration::from_secs(20);
+    /// The longest pause between two tries.
+    const LONGEST_PAUSE: Duration = Duration::from_secs(120);
+
+    /// Begins: the robot is off its station, or on it without charging yet.
+    pub fn start(approach: Approach, docked: bool, now: Instant) -> (Docking, Vec<Order>) {
+        let phase = Phase::AwaitingCharge {
+            until: now + approach.plan.charge_timeout,
+        };
+        let mut docking = Docking {
+            approach,
+            started: now,
+            attempts: 0,
+            phase,
+        };
+        let orders = if docked { vec![] } else { docking.search(now) };
+        (docking, orders)
+    }
+
+    /// An ENGINE message came.
+    pub fn engine(&mut self, news: EngineNews, now: Instant) -> Vec<Order> {
+        match (self.phase, news) {
+            (Phase::Searching { .. } | Phase::BackingOff { .. }, EngineNews::Docked) => {
+                let until = now + self.approach.plan.charge_timeout;
+                let orders = self.halt_if_backing_off();
+                self.phase = Phase::AwaitingCharge { until };
+                orders
+            }
+            (Phase::Searching { .. }, EngineNews::BaseNotFound) => {
+                self.failed(DockEnd::BaseNotFound, now)
+            }
+            (Phase::AwaitingCharge { .. }, EngineNews::Undocked) => {
+                self.failed(DockEnd::NotCharging, now)
+            }
+            (Phase::Leaving { .. }, EngineNews::Undocked) => self.search(now),
+            _ => vec![],
+        }
+    }
+
+    /// A POWER message said that the robot charges: this is what docked means.
+    pub fn charging(&mut self, now: Instant) -> Vec<Order> {
+        let orders = self.halt_if_backing_off();
+        self.finish(DockEnd::Done, now);
+        orders
+    }
+
+    /// Time passes.
+    pub fn poll(&mut self, now: Instant) -> Vec<Order> {
+        if self.next_deadline().is_none_or(|due| due > now) {
+            return vec![];
+        }
+        match self.phase {
+            // The robot still searches: it must hear of the end before anything else.
+            Phase::Searching { .. } => {
+                [vec![Order::Cancel], self.failed(DockEnd::Timeout, now)].concat()
+            }
+            Phase::AwaitingCharge { .. } => self.not_charging(now),
+            Phase::Leaving { .. } => {
+                self.finish(DockEnd::NotCharging, now);
+                vec![]
+            }
+            Phase::BackingOff { .. } => self.search(now),
+            Phase::Over(_) => vec![],
+        }
+    }
+
+    /// Somebody gives it up.
+    pub fn cancel(&mut self, end: DockEnd, now: Instant) -> Vec<Order> {
+        let orders = match self.phase {
+            Phase::Searching { .. } => vec![Order::Cancel],
+            _ => self.halt_if_backing_off(),
+        };
+        self.finish(end, now);
+        orders
+    }
+
+    /// How it went, once it is over.
+    pub fn outcome(&self) -> Option<Outcome> {
+        match self.phase {
+            Phase::Over(outcome) => Some(outcome),
+            _ => None,
+        }
+    }
+
+    /// When [`Docking::poll`] has something to do.
+    pub fn next_deadline(&self) -> Option<Instant> {
+        match self.phase {
+            Phase::Searching { until }
+            | Phase::AwaitingCharge { until }
+            | Phase::Leaving { until }
+            | Phase::BackingOff { until } => Some(until),
+            Phase::Over(_) => None,
+        }
+    }
+
+    fn halt_if_backing_off(&self) -> Vec<Order> {
+        match self.phase {
+            Phase::BackingOff { .. } => vec![Order::Halt],
+            _ => vec![],
+        }
+    }
+
+    fn search(&mut self, now: Instant) -> Vec<Order> {
+        self.attempts += 1;
+        self.phase = Phase::Searching {
+            until: now + self.approach.plan.timeout,
+        };
+        vec![Order::Find]
+    }
+
+    /// A try has failed off the station.
+    fn failed(&mut self, end: DockEnd, now: Instant) -> Vec<Order> {
+        if self.attempts > self.approach.plan.retries {
+            self.finish(end, now);
+            return vec![Order::Halt];
+        }
+        let (pause, order) = match self.approach.retry {
+            Retry::Pause(first) => {
+                let doublings = self.attempts.saturating_sub(1).min(16);
+                (
+                    Docking::LONGEST_PAUSE.min(first * (1 << doublings)),
+                    Order::Halt,
+                )
+            }
+            Retry::Reverse(span) => (span, Order::Reverse),
+        };
+        self.phase = Phase::BackingOff { until: now + pause };
+        vec![order]
+    }
+
+    /// On the station without charging. A robot with a low battery stays there: it is nearer to a
+    /// charge than anywhere else.
+    fn not_charging(&mut self, now: Instant) -> Vec<Order> {
+        let may_leave = matches!(self.approach.retry, Retry::Reverse(_));
+        if !may_leave || self.attempts == 0 || self.attempts > self.approach.plan.retries {
+            self.finish(DockEnd::NotCharging, now);
+            return vec![];
+        }
+        self.phase = Phase::Leaving {
+            until: now + Docking::LEAVE_TIMEOUT,
+        };
+        vec![Order::Undock]
+    }
+
+    fn finish(&mut self, end: DockEnd, now: Instant) {
+        if self.outcome().is_none() {
+            let took = now.saturating_duration_since(self.started);
+            self.phase = Phase::Over(Outcome {
+                end,
+                attempts: self.attempts,
+                took,
+            });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    fn plan(retries: u32) -> DockPlan {
+        DockPlan {
+            timeout: 10 * SECOND,
+            retries,
+            charge_timeout: 5 * SECOND,
+        }
+    }
+
+    fn reversing(retries: u32) -> Approach {
+        Approach {
+            plan: plan(retries),
+            retry: Retry::Reverse(SECOND),
+        }
+    }
+
+    fn pausing(retries: u32) -> Approach {
+        Approach {
+            plan: plan(retries),
+            retry: Retry::Pause(SECOND),
+        }
+    }
+
+    fn started(approach: Approach) -> (Docking, Instant) {
+        let now = Instant::now();
+        let (docking, orders) = Docking::start(approach, false, now);
+        assert_eq!(orders, [Order::Find]);
+        (docking, now)
+    }
+
+    #[test]
+    fn docked_means_charging() {
+        let (mut docking, now) = started(reversing(0));
+        assert_eq!(docking.engine(EngineNews::Docked, now + SECOND), []);
+        assert_eq!(docking.outcome(), None);
+        assert_eq!(docking.charging(now + 2 * SECOND), []);
+        let outcome = Outcome {
+            end: DockEnd::Done,
+            attempts: 1,
+            took: 2 * SECOND,
+        };
+        assert_eq!(docking.outcome(), Some(outcome));
+    }
+
+    #[test]
+    fn a_search_that_fails_is_tried_again_from_another_place() {
+        let (mut docking, now) = started(reversing(1));
+        assert_eq!(
+            docking.engine(EngineNews::BaseNotFound, now),
+            [Order::Reverse]
+        );
+        assert_eq!(docking.poll(now + SECOND / 2), []);
+        assert_eq!(docking.poll(now + SECOND), [Order::Find]);
+        assert_eq!(
+            docking.engine(EngineNews::BaseNotFound, now + SECOND),
+            [Order::Halt]
+        );
+        let outcome = docking.outcome().unwrap();
+        assert_eq!((outcome.end, outcome.attempts), (DockEnd::BaseNotFound, 2));
+    }
+
+    #[test]
+    fn a_search_that_takes_too_long_is_cancelled_first() {
+        let (mut docking, now) = started(pausing(1));
+        assert_eq!(
+            docking.poll(now + 10 * SECOND),
+            [Order::Cancel, Order::Halt]
+        );
+        assert_eq!(docking.poll(now + 11 * SECOND), [Order::Find]);
+        assert_eq!(
+            docking.poll(now + 21 * SECOND),
+            [Order::Cancel, Order::Halt]
+        );
+        assert_eq!(docking.outcome().unwrap().end, DockEnd::Timeout);
+    }
+
+    #[test]
+    fn pauses_grow() {
+        let (mut docking, mut now) = started(pausing(3));
+        for pause in [1, 2, 4] {
+            docking.engine(EngineNews::BaseNotFound, now);
+            assert_eq!(docking.next_deadline(), Some(now + pause * SECOND));
+            now += pause * SECOND;
+            assert_eq!(docking.poll(now), [Order::Find]);
+        }
+    }
+
+    #[test]
+    fn without_charging_a_behaviour_tries_again_and_a_low_robot_stays() {
+        let (mut docking, now) = started(reversing(1));
+        docking.engine(EngineNews::Docked, now);
+        assert_eq!(docking.poll(now + 5 * SECOND), [Order::Undock]);
+        assert_eq!(
+            docking.engine(EngineNews::Undocked, now + 6 * SECOND),
+            [Order::Find]
+        );
+
+        let (mut docking, now) = started(pausing(1));
+        docking.engine(EngineNews::Docked, now);
+        assert_eq!(docking.poll(now + 5 * SECOND), []);
+        assert_eq!(docking.outcome().unwrap().end, DockEnd::NotCharging);
+    }
+
+    #[test]
+    fn cancelling_ends_the_search_or_the_reversing() {
+        let (mut docking, now) = started(reversing(1));
+        assert_eq!(docking.cancel(DockEnd::Cancelled, now), [Order::Cancel]);
+        assert_eq!(docking.outcome().unwrap().end, DockEnd::Cancelled);
+
+        let (mut docking, now) = started(reversing(1));
+        docking.engine(EngineNews::BaseNotFound, now);
+        assert_eq!(docking.cancel(DockEnd::Safety, now), [Order::Halt]);
+        assert_eq!(docking.poll(now + 60 * SECOND), []);
+    }
+
+    #[test]
+    fn on_the_station_already_nothing_is_searched() {
+        let now = Instant::now();
+        let (mut docking, orders) = Docking::start(reversing(2), true, now);
+        assert_eq!(orders, []);
+        assert_eq!(docking.poll(now + 5 * SECOND), []);
+        assert_eq!(docking.outcome().unwrap().end, DockEnd::NotCharging);
+    }
+}

@@ -1,0 +1,107 @@
+//! Every number of the safety rules, with its default: the `watchdog:` section of the config.
+
+use serde::{Deserialize, Serialize};
+
+use crate::robot::{Percent, Seconds};
+
+/// The numbers of the safety rules. Times are in seconds in the config.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Limits {
+    /// At or below this level the robot is sent home, whatever the scripts do (20 %).
+    pub low: Percent,
+    /// From this level on a robot that was low may move again (50 %).
+    pub ok: Percent,
+    /// At or below this level nothing moves but the robot's own docking, charging or not (8 %).
+    pub critical: Percent,
+    /// The longest search of one try to get home (180 s).
+    pub dock_timeout: Seconds,
+    /// How long charging may take to begin once on the station (30 s).
+    pub charge_timeout: Seconds,
+    /// Tries after the first one, before the alarm (3).
+    pub dock_retries: u32,
+    /// Pause before the next try; twice as long before each further one (5 s).
+    pub dock_pause: Seconds,
+    /// Without any battery level for so long off the station, the battery counts as low (600 s).
+    pub power_silence: Seconds,
+    /// A host whose motion is on must show life this often (0.25 s).
+    pub host_silence: Seconds,
+    /// With a stream on and the tracks moving, bytes must come this often (3 s).
+    pub stream_silence: Seconds,
+    /// From one sounding of the alarm to the next (15 s).
+    pub alarm_every: Seconds,
+}
+
+impl Default for Limits {
+    fn default() -> Limits {
+        Limits {
+            low: percent(20),
+            ok: percent(50),
+            critical: percent(8),
+            dock_timeout: Seconds::from_secs(180),
+            charge_timeout: Seconds::from_secs(30),
+            dock_retries: 3,
+            dock_pause: Seconds::from_secs(5),
+            power_silence: Seconds::from_secs(600),
+            host_silence: Seconds::from_millis(250),
+            stream_silence: Seconds::from_secs(3),
+            alarm_every: Seconds::from_secs(15),
+        }
+    }
+}
+
+impl Limits {
+    /// What is wrong with the levels taken together, in words.
+    ///
+    /// # Errors
+    /// Unless critical < low < ok.
+    pub fn check(&self) -> Result<(), String> {
+        let Limits {
+            critical, low, ok, ..
+        } = self;
+        if critical < low && low < ok {
+            return Ok(());
+        }
+        Err(format!(
+            "watchdog levels must rise: critical ({critical}) < low ({low}) < ok ({ok})"
+        ))
+    }
+}
+
+/// For the defaults above, all within 100.
+const fn percent(level: u8) -> Percent {
+    match Percent::new(level) {
+        Some(percent) => percent,
+        None => panic!("a default level beyond 100 %"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_defaults_are_those_the_documentation_names() {
+        let limits = Limits::default();
+        assert_eq!(
+            (limits.low.get(), limits.ok.get(), limits.critical.get()),
+            (20, 50, 8)
+        );
+        assert_eq!(limits.host_silence, Seconds::from_millis(250));
+        assert_eq!(limits.check(), Ok(()));
+    }
+
+    #[test]
+    fn levels_that_do_not_rise_are_refused() {
+        let limits = Limits {
+            critical: percent(30),
+            ..Limits::default()
+        };
+        assert!(
+            limits
+                .check()
+                .unwrap_err()
+                .contains("critical (30 %) < low (20 %)")
+        );
+    }
+}

@@ -1,0 +1,24 @@
+//! The rules that keep the robot from harm: pure state machines. Facts and the time go in, acts
+//! come out; nothing here waits, asks the clock, or knows a socket or a script's VM.
+//!
+//! [`Watchdog`] is the whole; its parts can be read one by one: [`Arbiter`] (who may drive),
+//! [`Tracks`] (what the robot was told, how often), [`BatteryGuard`] (when it is low),
+//! [`Docking`] (the way home), [`Leases`] (which hosts are alive), [`Limits`] (every number).
+
+mod act;
+mod arbiter;
+mod battery;
+mod docking;
+mod leases;
+mod limits;
+mod tracks;
+mod watchdog;
+
+pub use act::{Act, Ask, Fact};
+pub use arbiter::{Arbiter, Ended};
+pub use battery::{BatteryChange, BatteryGuard, LowCause};
+pub use docking::{Approach, Docking, Order, Outcome, Retry};
+pub use leases::Leases;
+pub use limits::Limits;
+pub use tracks::Tracks;
+pub use watchdog::{Watchdog, WatchdogState};

@@ -1,0 +1,150 @@
+//! What the robot was told about its tracks, and when it is to be told again: at once for a stop,
+//! at most [`Tracks::PER_SECOND`] times a second otherwise, and every [`Tracks::RESEND`] while they
+//! move.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use crate::robot::Setpoint;
+
+/// Turns a wanted setpoint into the moments at which it is sent.
+#[derive(Debug)]
+pub struct Tracks {
+    wanted: Setpoint,
+    told: Setpoint,
+    told_at: Instant,
+    /// From when on the robot may be told something but a stop.
+    free: Instant,
+    moving_since: Option<Instant>,
+}
+
+impl Tracks {
+    /// A setpoint that moves is repeated this often (5 Hz), for a firmware that may forget.
+    pub const RESEND: Duration = Duration::from_millis(200);
+    /// The most MOVE messages in a second.
+    pub const PER_SECOND: u32 = 50;
+    const SPACING: Duration = Duration::from_millis(1000 / Tracks::PER_SECOND as u64);
+
+    /// A robot that stands still.
+    pub fn new(now: Instant) -> Tracks {
+        let stop = Setpoint::STOP;
+        Tracks {
+            wanted: stop,
+            told: stop,
+            told_at: now,
+            free: now,
+            moving_since: None,
+        }
+    }
+
+    /// What the tracks are to do from now on; the next [`Tracks::poll`] sends it.
+    pub fn want(&mut self, setpoint: Setpoint) {
+        self.wanted = setpoint;
+    }
+
+    /// The robot has been told to stop by other means, or has been logged in to anew.
+    pub fn told_to_stop(&mut self, now: Instant) {
+        self.wanted = Setpoint::STOP;
+        self.note(Setpoint::STOP, now);
+    }
+
+    /// The setpoint to send now, if one is due.
+    pub fn poll(&mut self, now: Instant) -> Option<Setpoint> {
+        if self.next_deadline().is_none_or(|due| due > now) {
+            return None;
+        }
+        self.note(self.wanted, now);
+        Some(self.wanted)
+    }
+
+    /// When [`Tracks::poll`] has something to send. In the past: at once.
+    pub fn next_deadline(&self) -> Option<Instant> {
+        match (self.wanted == self.told, self.wanted.is_stop()) {
+            (true, true) => None,
+            (true, false) => Some(self.told_at + Tracks::RESEND),
+            (false, true) => Some(self.told_at),
+            (false, false) => Some(self.free),
+        }
+    }
+
+    /// Since when the robot has been told to move; `None` at rest.
+    pub fn moving_since(&self) -> Option<Instant> {
+        self.moving_since
+    }
+
+    fn note(&mut self, setpoint: Setpoint, now: Instant) {
+        (self.told, self.told_at) = (setpoint, now);
+        self.free = self.free.max(now) + Tracks::SPACING;
+        match setpoint.is_stop() {
+            true => self.moving_since = None,
+            false => self.moving_since = self.moving_since.or(Some(now)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    fn at(percent: f64) -> Setpoint {
+        Setpoint::from_percent(percent, percent).unwrap()
+    }
+
+    #[test]
+    fn a_setpoint_goes_out_once_and_is_repeated_at_5_hz_while_moving() {
+        let now = Instant::now();
+        let mut tracks = Tracks::new(now);
+        tracks.want(at(50.0));
+        assert_eq!(tracks.poll(now), Some(at(50.0)));
+        assert_eq!(tracks.poll(now + 199 * MS), None);
+        assert_eq!(tracks.poll(now + 200 * MS), Some(at(50.0)));
+        tracks.want(Setpoint::STOP);
+        assert_eq!(tracks.poll(now + 201 * MS), Some(Setpoint::STOP));
+        assert_eq!(tracks.next_deadline(), None);
+    }
+
+    #[test]
+    fn a_stop_never_waits() {
+        let now = Instant::now();
+        let mut tracks = Tracks::new(now);
+        tracks.want(at(50.0));
+        tracks.poll(now);
+        tracks.want(Setpoint::STOP);
+        assert_eq!(tracks.poll(now), Some(Setpoint::STOP));
+    }
+
+    #[test]
+    fn standing_still_sends_nothing() {
+        let now = Instant::now();
+        let mut tracks = Tracks::new(now);
+        tracks.want(Setpoint::STOP);
+        assert_eq!(tracks.poll(now + 1000 * MS), None);
+    }
+
+    proptest! {
+        #[test]
+        fn at_most_fifty_a_second_and_the_newest_wins(
+            wishes in prop::collection::vec((0u32..30, -2i32..3), 1..400),
+        ) {
+            let start = Instant::now();
+            let mut tracks = Tracks::new(start);
+            let (mut now, mut sent) = (start, Vec::new());
+            for (pause, power) in wishes {
+                now += pause * MS;
+                tracks.want(at(f64::from(power) * 40.0));
+                sent.extend(tracks.poll(now).map(|_| now));
+            }
+            for window in sent.windows(Tracks::PER_SECOND as usize + 2) {
+                let span = *window.last().unwrap() - window[0];
+                prop_assert!(span >= Duration::from_secs(1), "{span:?}");
+            }
+            tracks.want(at(100.0));
+            let due = tracks.next_deadline().unwrap().max(now);
+            prop_assert_eq!(tracks.poll(due), Some(at(100.0)));
+        }
+    }
+}

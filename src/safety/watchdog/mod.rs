@@ -1,0 +1,393 @@
+//! The whole of the safety rules: facts and the time go in, acts come out.
+//!
+//! Every command that can move the robot is made here and nowhere else. The behaviours' wishes go
+//! through the [`Arbiter`], then through [`Watchdog::refusal`]; what is left goes to [`Tracks`].
+
+mod asks;
+mod homing;
+mod rules;
+#[cfg(test)]
+mod tests;
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use self::homing::{Alarm, Homing};
+use super::{
+    Act, Arbiter, BatteryChange, BatteryGuard, Ended, Fact, Leases, Limits, LowCause, Tracks,
+};
+use crate::robot::{BehaviourId, CallId, DockEnd, Event, MotionEnd, SafetyAction, Setpoint};
+use crate::wire::{Command, Engage, EngineNews, Power};
+
+/// What a person wants to know at a glance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WatchdogState {
+    /// No link.
+    Offline,
+    /// Free to move.
+    Free,
+    /// On the station.
+    Docked,
+    /// A behaviour sends the robot home.
+    Docking,
+    /// Low battery: on its way home, or waiting for the next try.
+    LowGoingHome,
+    /// Low battery and docking has failed: stands still and sounds the alarm.
+    Alarm,
+}
+
+impl std::fmt::Display for WatchdogState {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            WatchdogState::Offline => "offline",
+            WatchdogState::Free => "free",
+            WatchdogState::Docked => "docked",
+            WatchdogState::Docking => "docking",
+            WatchdogState::LowGoingHome => "battery low, going home",
+            WatchdogState::Alarm => "battery low, ALARM",
+        })
+    }
+}
+
+/// An undocking that a behaviour waits for.
+#[derive(Debug)]
+struct Leaving {
+    caller: (BehaviourId, CallId),
+    until: Instant,
+}
+
+/// The pure safety rules. See the module.
+#[derive(Debug)]
+pub struct Watchdog {
+    limits: Limits,
+    online: bool,
+    parting: bool,
+    on_station: bool,
+    battery: Option<Power>,
+    guard: BatteryGuard,
+    arbiter: Arbiter,
+    leases: Leases,
+    tracks: Tracks,
+    homing: Option<Homing>,
+    leaving: Option<Leaving>,
+    alarm: Option<Alarm>,
+    listening: bool,
+    heard: Instant,
+    acts: Vec<Act>,
+}
+
+impl Watchdog {
+    /// Without a link; nothing moves.
+    pub fn new(limits: Limits, now: Instant) -> Watchdog {
+        Watchdog {
+            guard: BatteryGuard::new(&limits),
+            leases: Leases::new(limits.host_silence.get()),
+            limits,
+            online: false,
+            parting: false,
+            on_station: false,
+            battery: None,
+            arbiter: Arbiter::default(),
+            tracks: Tracks::new(now),
+            homing: None,
+            leaving: None,
+            alarm: None,
+            listening: false,
+            heard: now,
+            acts: Vec::new(),
+        }
+    }
+
+    /// Takes a fact in and returns what is to be done now.
+    pub fn take(&mut self, fact: Fact, now: Instant) -> Vec<Act> {
+        match fact {
+            Fact::LinkUp { docked, power } => self.link_up(docked, power, now),
+            Fact::LinkDown => self.link_down(now),
+            Fact::Heard => self.heard = now,
+            Fact::Power(power) => self.power(power, now),
+            Fact::Engine(news) => self.engine(news, now),
+            Fact::Listening(on) => {
+                self.heard = if on && !self.listening {
+                    now
+                } else {
+                    self.heard
+                };
+                self.listening = on;
+            }
+            Fact::Asked { by, priority, ask } => self.asked(by, priority, ask, now),
+            Fact::Alive(by) => self.leases.renew(by, now),
+            Fact::Gone(by) => self.gone(by, now),
+            Fact::Parting => self.part(now),
+        }
+        self.tick(now)
+    }
+
+    /// Lets time pass and returns what is to be done now.
+    pub fn tick(&mut self, now: Instant) -> Vec<Act> {
+        self.check_hosts(now);
+        self.check_stream(now);
+        self.check_power_silence(now);
+        self.continue_homing(now);
+        self.check_leaving(now);
+        self.sound_alarm(now);
+        let over = self.arbiter.expire(now);
+        self.tell_ended(over);
+        self.drive(now);
+        std::mem::take(&mut self.acts)
+    }
+
+    /// When [`Watchdog::tick`] has something to do. May be in the past: then at once.
+    pub fn next_deadline(&self) -> Option<Instant> {
+        let homing = self
+            .homing
+            .as_ref()
+            .and_then(|homing| homing.docking.next_deadline());
+        let silence = if self.docked() {
+            None
+        } else {
+            self.guard.next_deadline()
+        };
+        [
+            self.arbiter.next_deadline(),
+            self.leases.next_deadline(self.arbiter.wishing()),
+            self.tracks.next_deadline(),
+            self.stream_deadline(),
+            self.leaving.as_ref().map(|leaving| leaving.until),
+            self.alarm.map(|alarm| alarm.next),
+            silence,
+            homing,
+        ]
+        .into_iter()
+        .flatten()
+        .filter(|_| self.online)
+        .min()
+    }
+
+    /// For the status line.
+    pub fn state(&self) -> WatchdogState {
+        match (&self.homing, self.alarm) {
+            _ if !self.online => WatchdogState::Offline,
+            (_, Some(_)) => WatchdogState::Alarm,
+            _ if self.guard.low().is_some() && !self.docked() => WatchdogState::LowGoingHome,
+            _ if self.docked() => WatchdogState::Docked,
+            (Some(_), _) => WatchdogState::Docking,
+            (None, None) => WatchdogState::Free,
+        }
+    }
+
+    /// The battery counts as low, and nothing has released the robot yet.
+    pub fn low(&self) -> Option<LowCause> {
+        self.guard.low()
+    }
+
+    /// On the station, by the robot's word or because it charges.
+    pub fn docked(&self) -> bool {
+        self.on_station || self.battery.is_some_and(|power| power.charging)
+    }
+
+    /// The tracks have been told to move.
+    pub fn moving(&self) -> bool {
+        self.tracks.moving_since().is_some()
+    }
+
+    /// Why no behaviour may move the robot now; `None`: it may.
+    pub fn refusal(&self) -> Option<MotionEnd> {
+        if !self.online {
+            Some(MotionEnd::Disconnected)
+        } else if self.parting {
+            Some(MotionEnd::Cancelled)
+        } else if self.guard.low().is_some() || self.guard.critical() {
+            Some(MotionEnd::Safety)
+        } else if self.docked() {
+            Some(MotionEnd::Docked)
+        } else if self.homing.is_some() {
+            Some(MotionEnd::Preempted)
+        } else {
+            None
+        }
+    }
+
+    fn link_up(&mut self, docked: bool, power: Power, now: Instant) {
+        if self.online {
+            self.link_down(now);
+        }
+        (self.online, self.on_station, self.heard) = (true, docked, now);
+        self.listening = false;
+        self.tracks.told_to_stop(now);
+        self.power(power, now);
+    }
+
+    fn link_down(&mut self, now: Instant) {
+        self.online = false;
+        self.tracks.told_to_stop(now);
+        self.end_motion(MotionEnd::Disconnected);
+        if let Some(leaving) = self.leaving.take() {
+            self.answer_undock(leaving.caller, DockEnd::Disconnected);
+        }
+        if let Some(homing) = &mut self.homing {
+            homing.docking.cancel(DockEnd::Disconnected, now);
+            self.answer_homing(now);
+        }
+    }
+
+    fn power(&mut self, power: Power, now: Instant) {
+        let was_critical = self.guard.critical();
+        self.battery = Some(power);
+        if power.charging {
+            self.alarm = None;
+            let orders = self
+                .homing
+                .as_mut()
+                .map(|homing| homing.docking.charging(now));
+            self.follow(orders.unwrap_or_default(), now);
+        }
+        match self.guard.report(power, now) {
+            Some(BatteryChange::BecameLow(cause)) => self.became_low(cause, now),
+            Some(BatteryChange::Released) => self.released(power, now),
+            None => {}
+        }
+        if self.guard.critical() && !was_critical {
+            self.end_motion(MotionEnd::Safety);
+            let reason = format!(
+                "battery at {} %: nothing moves but the docking",
+                power.percent
+            );
+            self.notice(SafetyAction::Hold, reason);
+        }
+    }
+
+    fn engine(&mut self, news: EngineNews, now: Instant) {
+        match news {
+            EngineNews::Docked => {
+                self.on_station = true;
+                self.end_motion(MotionEnd::Docked);
+            }
+            EngineNews::Undocked => self.undocked(now),
+            EngineNews::Charged | EngineNews::BaseNotFound | EngineNews::Unknown(_) => {}
+        }
+        let orders = self
+            .homing
+            .as_mut()
+            .map(|homing| homing.docking.engine(news, now));
+        self.follow(orders.unwrap_or_default(), now);
+    }
+
+    fn undocked(&mut self, now: Instant) {
+        self.on_station = false;
+        self.battery = self.battery.map(|power| Power {
+            charging: false,
+            ..power
+        });
+        self.guard.excuse_silence(now);
+        if let Some(leaving) = self.leaving.take() {
+            self.answer_undock(leaving.caller, DockEnd::Done);
+        }
+    }
+
+    /// Stops whatever moves. A robot that the watchdog sends home hears of that again, since the
+    /// stop may have ended its search.
+    fn part(&mut self, now: Instant) {
+        self.parting = true;
+        self.end_motion(MotionEnd::Cancelled);
+        self.cancel_dock_asked(now);
+        if !self.online {
+            return;
+        }
+        self.halt(now);
+        if self.homing.as_ref().is_some_and(|homing| homing.forced) && !self.docked() {
+            self.send(Command::Engine(Engage::Dock));
+        }
+    }
+
+    fn gone(&mut self, by: BehaviourId, now: Instant) {
+        self.arbiter.forget(by);
+        self.leases.forget(by);
+        if self
+            .leaving
+            .as_ref()
+            .is_some_and(|leaving| leaving.caller.0 == by)
+        {
+            self.leaving = None;
+        }
+        let Some(homing) = &mut self.homing else {
+            return;
+        };
+        homing.callers.retain(|(caller, _)| *caller != by);
+        if homing.callers.is_empty() && !homing.forced {
+            let orders = homing.docking.cancel(DockEnd::Cancelled, now);
+            self.follow(orders, now);
+        }
+    }
+
+    /// The one place that makes a MOVE other than a stop.
+    fn drive(&mut self, now: Instant) {
+        if !self.online {
+            return;
+        }
+        if self.homing.is_none() {
+            let allowed = self.refusal().is_none();
+            let wanted = if allowed {
+                self.arbiter.setpoint()
+            } else {
+                Setpoint::STOP
+            };
+            self.tracks.want(wanted);
+        }
+        if let Some(setpoint) = self.tracks.poll(now) {
+            self.send(setpoint.command());
+        }
+    }
+
+    /// Stops the tracks in this very batch of acts, whatever was sent before.
+    fn halt(&mut self, now: Instant) {
+        self.tracks.told_to_stop(now);
+        let sent = |act: &Act| matches!(act, Act::Send(_));
+        let stop = Act::Send(Command::STOP);
+        if self.acts.iter().rfind(|act| sent(act)) != Some(&stop) {
+            self.acts.push(stop);
+        }
+    }
+
+    fn end_motion(&mut self, end: MotionEnd) {
+        let over = self.arbiter.clear(end);
+        self.tell_ended(over);
+    }
+
+    fn tell_ended(&mut self, over: Vec<Ended>) {
+        let tell = |Ended { by, motion, end }| Act::Tell(by, Event::MotionEnded { motion, end });
+        self.acts.extend(over.into_iter().map(tell));
+    }
+
+    fn answer_dock(
+        &mut self,
+        (by, call): (BehaviourId, CallId),
+        end: DockEnd,
+        attempts: u32,
+        took: Duration,
+    ) {
+        self.acts.push(Act::Tell(
+            by,
+            Event::DockEnded {
+                call,
+                end,
+                attempts,
+                took,
+            },
+        ));
+    }
+
+    fn answer_undock(&mut self, (by, call): (BehaviourId, CallId), end: DockEnd) {
+        self.acts
+            .push(Act::Tell(by, Event::UndockEnded { call, end }));
+    }
+
+    fn notice(&mut self, action: SafetyAction, reason: String) {
+        self.acts
+            .push(Act::Announce(Event::Safety { action, reason }));
+    }
+
+    fn send(&mut self, command: Command) {
+        self.acts.push(Act::Send(command));
+    }
+}

@@ -1,0 +1,59 @@
+//! The rules that time enforces: silent hosts, silent streams, a silent battery.
+
+use tokio::time::Instant;
+
+use super::Watchdog;
+use crate::robot::{DockEnd, EndReason, MotionEnd, SafetyAction};
+use crate::safety::{Act, BatteryChange};
+
+impl Watchdog {
+    /// A host that moves the robot and shows no life: stop first, then end it.
+    pub(super) fn check_hosts(&mut self, now: Instant) {
+        for by in self.leases.overdue(self.arbiter.wishing(), now) {
+            self.arbiter.forget(by);
+            self.leases.forget(by);
+            self.halt(now);
+            let silence = self.limits.host_silence.get().as_millis();
+            self.notice(
+                SafetyAction::Kill,
+                format!("a script showed no life for {silence} ms"),
+            );
+            self.acts.push(Act::Kill(by, EndReason::Cpu));
+        }
+    }
+
+    pub(super) fn stream_deadline(&self) -> Option<Instant> {
+        let moving_since = self.tracks.moving_since().filter(|_| self.listening)?;
+        Some(self.heard.max(moving_since) + self.limits.stream_silence.get())
+    }
+
+    /// Blind while moving: stop, and find out whether anybody is there.
+    pub(super) fn check_stream(&mut self, now: Instant) {
+        if self.stream_deadline().is_none_or(|due| due > now) {
+            return;
+        }
+        self.halt(now);
+        self.end_motion(MotionEnd::Disconnected);
+        let silence = self.limits.stream_silence.get().as_secs_f64();
+        let reason = format!("no bytes from the robot for {silence} s while it moves");
+        self.notice(SafetyAction::Reconnect, reason.clone());
+        self.acts.push(Act::Reconnect(reason));
+    }
+
+    pub(super) fn check_power_silence(&mut self, now: Instant) {
+        if !self.online {
+            return;
+        }
+        if self.docked() {
+            self.guard.excuse_silence(now);
+        } else if let Some(BatteryChange::BecameLow(cause)) = self.guard.poll(now) {
+            self.became_low(cause, now);
+        }
+    }
+
+    pub(super) fn check_leaving(&mut self, now: Instant) {
+        if let Some(leaving) = self.leaving.take_if(|leaving| leaving.until <= now) {
+            self.answer_undock(leaving.caller, DockEnd::Timeout);
+        }
+    }
+}

@@ -1,0 +1,644 @@
+//! Every rule by numbers: facts and times in, acts out.
+
+use std::time::Duration;
+
+use proptest::prelude::*;
+use tokio::time::Instant;
+
+use super::*;
+use crate::robot::{DockPlan, EndReason, MotionId, Priority};
+use crate::safety::Ask;
+use crate::wire::{Engage, Led, Sound};
+
+const SECOND: Duration = Duration::from_secs(1);
+const MS: Duration = Duration::from_millis(1);
+const WHO: BehaviourId = BehaviourId(0);
+
+/// A watchdog and a clock that only moves when told.
+struct Rig {
+    dog: Watchdog,
+    now: Instant,
+}
+
+impl Rig {
+    /// Logged in off the station with a level.
+    fn online(percent: u8) -> Rig {
+        let mut rig = Rig::with(Limits::default());
+        rig.take(Fact::LinkUp {
+            docked: false,
+            power: power(percent),
+        });
+        rig.now += 20 * MS;
+        rig
+    }
+
+    fn with(limits: Limits) -> Rig {
+        let now = Instant::now();
+        Rig {
+            dog: Watchdog::new(limits, now),
+            now,
+        }
+    }
+
+    fn take(&mut self, fact: Fact) -> Vec<Act> {
+        self.dog.take(fact, self.now)
+    }
+
+    fn ask(&mut self, ask: Ask) -> Vec<Act> {
+        self.take(Fact::Asked {
+            by: WHO,
+            priority: Priority(0),
+            ask,
+        })
+    }
+
+    fn drive(&mut self, motion: u64, duration: Option<Duration>) -> Vec<Act> {
+        let setpoint = Setpoint::from_percent(50.0, 50.0).unwrap();
+        self.ask(Ask::Move {
+            motion: MotionId(motion),
+            setpoint,
+            duration,
+        })
+    }
+
+    /// Lets time pass as the pilot does: from deadline to deadline, with the host alive or not.
+    fn pass(&mut self, span: Duration, alive: bool) -> Vec<Act> {
+        let (end, mut acts) = (self.now + span, Vec::new());
+        loop {
+            let beat = self.now + 50 * MS;
+            let next = self
+                .dog
+                .next_deadline()
+                .map_or(end, |due| due.max(self.now))
+                .min(end);
+            self.now = if alive { next.min(beat).min(end) } else { next };
+            if alive {
+                acts.extend(self.take(Fact::Alive(WHO)));
+            }
+            acts.extend(self.dog.tick(self.now));
+            if self.now >= end {
+                return acts;
+            }
+        }
+    }
+}
+
+fn power(percent: u8) -> Power {
+    Power {
+        percent,
+        charging: false,
+    }
+}
+
+fn charging(percent: u8) -> Power {
+    Power {
+        percent,
+        charging: true,
+    }
+}
+
+fn sent(acts: &[Act]) -> Vec<Command> {
+    acts.iter().filter_map(Act::command).collect()
+}
+
+fn told(acts: &[Act]) -> Vec<Event> {
+    let event = |act: &Act| match act {
+        Act::Tell(_, event) => Some(event.clone()),
+        _ => None,
+    };
+    acts.iter().filter_map(event).collect()
+}
+
+fn ended(motion: u64, end: MotionEnd) -> Event {
+    Event::MotionEnded {
+        motion: MotionId(motion),
+        end,
+    }
+}
+
+fn dock_ended(acts: &[Act]) -> Option<(DockEnd, u32)> {
+    told(acts).into_iter().find_map(|event| match event {
+        Event::DockEnded { end, attempts, .. } => Some((end, attempts)),
+        _ => None,
+    })
+}
+
+const FORWARD: Command = Command::Move {
+    left: 45,
+    right: 45,
+};
+const FIND: Command = Command::Engine(Engage::Dock);
+const CANCEL: Command = Command::Engine(Engage::CancelDock);
+
+#[test]
+fn a_low_report_stops_and_sends_home_in_one_batch() {
+    let mut rig = Rig::online(60);
+    assert_eq!(sent(&rig.drive(1, None)), [FORWARD]);
+    let acts = rig.take(Fact::Power(power(20)));
+    assert_eq!(sent(&acts), [Command::STOP, FIND]);
+    assert_eq!(told(&acts), [ended(1, MotionEnd::Safety)]);
+    assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
+}
+
+#[test]
+fn a_low_report_at_rest_still_says_stop_before_base_find() {
+    let mut rig = Rig::online(60);
+    assert_eq!(
+        sent(&rig.take(Fact::Power(power(10)))),
+        [Command::STOP, FIND]
+    );
+}
+
+#[test]
+fn a_low_level_at_login_is_enough() {
+    let mut rig = Rig::with(Limits::default());
+    let acts = rig.take(Fact::LinkUp {
+        docked: false,
+        power: power(15),
+    });
+    assert_eq!(sent(&acts), [Command::STOP, FIND]);
+}
+
+#[test]
+fn low_motion_is_refused_until_the_ok_level() {
+    let mut rig = Rig::online(60);
+    rig.take(Fact::Power(power(20)));
+    let acts = rig.drive(1, Some(SECOND));
+    assert_eq!(
+        (sent(&acts), told(&acts)),
+        (vec![], vec![ended(1, MotionEnd::Safety)])
+    );
+    rig.take(Fact::Power(power(49)));
+    assert_eq!(sent(&rig.drive(2, None)), []);
+    assert_eq!(
+        sent(&rig.take(Fact::Power(power(50)))),
+        [CANCEL, Command::STOP]
+    );
+    rig.now += SECOND;
+    assert_eq!(sent(&rig.drive(3, None)), [FORWARD]);
+}
+
+#[test]
+fn charging_releases_and_the_station_still_holds() {
+    let mut rig = Rig::online(20);
+    rig.take(Fact::Engine(EngineNews::Docked));
+    rig.take(Fact::Power(charging(20)));
+    assert_eq!(rig.dog.low(), None);
+    assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
+}
+
+#[test]
+fn base_not_found_is_tried_three_times_more_then_alarm() {
+    let mut rig = Rig::online(20);
+    let mut finds = 1;
+    let mut acts = Vec::new();
+    for _ in 0..4 {
+        acts = rig.take(Fact::Engine(EngineNews::BaseNotFound));
+        if rig.dog.state() == WatchdogState::Alarm {
+            break;
+        }
+        finds += sent(&rig.pass(30 * SECOND, false))
+            .iter()
+            .filter(|c| **c == FIND)
+            .count();
+    }
+    assert_eq!(finds, 4);
+    let alarm = [
+        Command::STOP,
+        Command::Play(Sound::Alarm),
+        Command::Led {
+            led: Led::Flash,
+            on: true,
+        },
+    ];
+    assert_eq!(sent(&acts), alarm);
+}
+
+#[test]
+fn the_alarm_is_repeated_and_nothing_moves() {
+    let mut rig = Rig::online(20);
+    for _ in 0..4 {
+        rig.take(Fact::Engine(EngineNews::BaseNotFound));
+        rig.pass(30 * SECOND, false);
+    }
+    let sent = sent(&rig.pass(60 * SECOND, false));
+    let alarms = sent
+        .iter()
+        .filter(|c| **c == Command::Play(Sound::Alarm))
+        .count();
+    assert!((3..=5).contains(&alarms), "{alarms}");
+    assert!(
+        !sent
+            .iter()
+            .any(|c| matches!(c, Command::Move { .. } | Command::Engine(_)))
+    );
+    assert_eq!(told(&rig.drive(9, None)), [ended(9, MotionEnd::Safety)]);
+    rig.take(Fact::Power(charging(21)));
+    assert_eq!(rig.dog.state(), WatchdogState::Docked);
+}
+
+#[test]
+fn a_search_without_end_is_cancelled_after_180_seconds() {
+    let mut rig = Rig::online(20);
+    assert_eq!(sent(&rig.pass(178 * SECOND, false)), []);
+    assert_eq!(sent(&rig.pass(2 * SECOND, false)), [CANCEL, Command::STOP]);
+    assert_eq!(sent(&rig.pass(6 * SECOND, false)), [Command::STOP, FIND]);
+}
+
+#[test]
+fn on_the_station_a_low_battery_never_searches_and_without_charge_sounds_the_alarm() {
+    let mut rig = Rig::with(Limits::default());
+    let acts = rig.take(Fact::LinkUp {
+        docked: true,
+        power: power(10),
+    });
+    assert_eq!(sent(&acts), []);
+    let sent = sent(&rig.pass(40 * SECOND, false));
+    assert!(!sent.contains(&FIND), "{sent:?}");
+    assert!(sent.contains(&Command::Play(Sound::Alarm)), "{sent:?}");
+}
+
+#[test]
+fn critical_refuses_motion_and_undocking_even_while_charging() {
+    let mut rig = Rig::with(Limits::default());
+    rig.take(Fact::LinkUp {
+        docked: true,
+        power: charging(8),
+    });
+    assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Safety)]);
+    let acts = rig.ask(Ask::Undock(CallId(1), SECOND));
+    assert_eq!(sent(&acts), []);
+    assert_eq!(
+        told(&acts),
+        [Event::UndockEnded {
+            call: CallId(1),
+            end: DockEnd::Safety
+        }]
+    );
+}
+
+#[test]
+fn a_silent_host_is_stopped_first_and_then_ended() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    let acts = rig.pass(240 * MS, false);
+    assert!(!acts.iter().any(|act| matches!(act, Act::Kill(..))));
+    let acts = rig.pass(20 * MS, false);
+    let stop = acts
+        .iter()
+        .position(|act| *act == Act::Send(Command::STOP))
+        .unwrap();
+    let kill = acts
+        .iter()
+        .position(|act| *act == Act::Kill(WHO, EndReason::Cpu))
+        .unwrap();
+    assert!(stop < kill, "{acts:?}");
+}
+
+#[test]
+fn a_host_that_shows_life_drives_on_and_its_setpoint_is_repeated_at_5_hz() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    let acts = rig.pass(10 * SECOND, true);
+    assert!(sent(&acts).iter().all(|command| *command == FORWARD));
+    assert_eq!(sent(&acts).len(), 50);
+}
+
+#[test]
+fn a_behaviour_that_is_gone_moves_nothing_in_the_same_instant() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    assert_eq!(sent(&rig.take(Fact::Gone(WHO))), [Command::STOP]);
+}
+
+#[test]
+fn at_the_end_of_a_run_everything_stops_and_nothing_moves_any_more() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    let acts = rig.take(Fact::Parting);
+    assert_eq!(sent(&acts), [Command::STOP]);
+    assert_eq!(told(&acts), [ended(1, MotionEnd::Cancelled)]);
+    assert_eq!(told(&rig.drive(2, None)), [ended(2, MotionEnd::Cancelled)]);
+}
+
+#[test]
+fn at_the_end_of_a_run_a_behaviours_docking_ends_and_the_watchdogs_goes_on() {
+    let mut rig = Rig::online(60);
+    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    assert_eq!(sent(&rig.take(Fact::Parting)), [CANCEL, Command::STOP]);
+    let mut rig = Rig::online(20);
+    assert_eq!(sent(&rig.take(Fact::Parting)), [Command::STOP, FIND]);
+}
+
+#[test]
+fn a_timed_move_ends_with_a_stop_and_its_answer() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, Some(SECOND));
+    let acts = rig.pass(SECOND, true);
+    assert_eq!(sent(&acts).last(), Some(&Command::STOP));
+    assert_eq!(told(&acts), [ended(1, MotionEnd::Done)]);
+}
+
+#[test]
+fn a_silent_stream_while_moving_stops_and_reconnects() {
+    let mut rig = Rig::online(60);
+    rig.take(Fact::Listening(true));
+    rig.drive(1, None);
+    assert!(
+        !rig.pass(2900 * MS, true)
+            .iter()
+            .any(|act| matches!(act, Act::Reconnect(_)))
+    );
+    let acts = rig.pass(200 * MS, true);
+    let stop = acts
+        .iter()
+        .position(|act| *act == Act::Send(Command::STOP))
+        .unwrap();
+    let close = acts
+        .iter()
+        .position(|act| matches!(act, Act::Reconnect(_)))
+        .unwrap();
+    assert!(stop < close, "{acts:?}");
+    assert_eq!(told(&acts), [ended(1, MotionEnd::Disconnected)]);
+}
+
+#[test]
+fn a_silent_robot_without_a_stream_is_normal() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    assert!(
+        !rig.pass(60 * SECOND, true)
+            .iter()
+            .any(|act| matches!(act, Act::Reconnect(_)))
+    );
+}
+
+#[test]
+fn ten_minutes_without_a_level_off_the_station_count_as_low() {
+    let mut rig = Rig::online(80);
+    assert_eq!(sent(&rig.pass(598 * SECOND, false)), []);
+    assert_eq!(sent(&rig.pass(2 * SECOND, false)), [Command::STOP, FIND]);
+}
+
+#[test]
+fn on_the_station_a_level_may_stay_away() {
+    let mut rig = Rig::with(Limits::default());
+    rig.take(Fact::LinkUp {
+        docked: true,
+        power: charging(80),
+    });
+    assert_eq!(sent(&rig.pass(4000 * SECOND, false)), []);
+}
+
+#[test]
+fn without_a_link_nothing_is_sent() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    let acts = rig.take(Fact::LinkDown);
+    assert_eq!(
+        (sent(&acts), told(&acts)),
+        (vec![], vec![ended(1, MotionEnd::Disconnected)])
+    );
+    assert_eq!(
+        told(&rig.drive(2, None)),
+        [ended(2, MotionEnd::Disconnected)]
+    );
+    assert_eq!(rig.dog.next_deadline(), None);
+}
+
+#[test]
+fn after_a_reconnect_a_low_robot_is_sent_home_again() {
+    let mut rig = Rig::online(20);
+    rig.take(Fact::LinkDown);
+    let acts = rig.take(Fact::LinkUp {
+        docked: false,
+        power: power(19),
+    });
+    assert_eq!(sent(&acts), [Command::STOP, FIND]);
+}
+
+#[test]
+fn a_behaviour_docks_and_docked_means_charging() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    let acts = rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    assert_eq!(sent(&acts), [Command::STOP, FIND]);
+    assert_eq!(rig.take(Fact::Engine(EngineNews::Docked)), []);
+    assert_eq!(
+        dock_ended(&rig.take(Fact::Power(charging(60)))),
+        Some((DockEnd::Done, 1))
+    );
+    let again = rig.ask(Ask::Dock(CallId(8), DockPlan::default()));
+    assert_eq!(
+        (sent(&again), dock_ended(&again)),
+        (vec![], Some((DockEnd::AlreadyDocked, 0)))
+    );
+}
+
+#[test]
+fn between_a_behaviours_tries_the_robot_backs_off() {
+    let mut rig = Rig::online(60);
+    rig.ask(Ask::Dock(
+        CallId(7),
+        DockPlan {
+            retries: 1,
+            ..DockPlan::default()
+        },
+    ));
+    let back = Command::Move {
+        left: -27,
+        right: -27,
+    };
+    let acts = rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    assert_eq!(sent(&acts)[0], Command::STOP);
+    let acts = [acts, rig.pass(2 * SECOND, false)].concat();
+    assert!(sent(&acts).contains(&back));
+    assert_eq!(sent(&acts)[sent(&acts).len() - 2..], [Command::STOP, FIND]);
+    let over = rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    assert_eq!(dock_ended(&over), Some((DockEnd::BaseNotFound, 2)));
+}
+
+#[test]
+fn low_battery_takes_a_docking_over_and_its_caller_is_served() {
+    let mut rig = Rig::online(60);
+    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    assert_eq!(
+        sent(&rig.take(Fact::Power(power(20)))),
+        [Command::STOP, FIND]
+    );
+    rig.take(Fact::Engine(EngineNews::Docked));
+    assert_eq!(
+        dock_ended(&rig.take(Fact::Power(charging(20)))),
+        Some((DockEnd::Done, 1))
+    );
+}
+
+#[test]
+fn no_behaviour_can_end_the_watchdogs_own_docking() {
+    let mut rig = Rig::online(20);
+    assert_eq!(sent(&rig.ask(Ask::CancelDock)), []);
+    assert_eq!(sent(&rig.ask(Ask::Stop)), []);
+    assert_eq!(sent(&rig.take(Fact::Gone(WHO))), []);
+    assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
+}
+
+#[test]
+fn cancelling_a_docking_answers_its_caller() {
+    let mut rig = Rig::online(60);
+    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    let acts = rig.ask(Ask::CancelDock);
+    assert_eq!(sent(&acts), [CANCEL, Command::STOP]);
+    assert_eq!(dock_ended(&acts), Some((DockEnd::Cancelled, 1)));
+}
+
+#[test]
+fn undocking_waits_for_the_robots_word() {
+    let mut rig = Rig::with(Limits::default());
+    rig.take(Fact::LinkUp {
+        docked: true,
+        power: charging(80),
+    });
+    rig.now += SECOND;
+    let acts = rig.ask(Ask::Undock(CallId(1), 20 * SECOND));
+    assert_eq!(sent(&acts), [Command::Engine(Engage::Undock)]);
+    let acts = rig.take(Fact::Engine(EngineNews::Undocked));
+    assert_eq!(
+        told(&acts),
+        [Event::UndockEnded {
+            call: CallId(1),
+            end: DockEnd::Done
+        }]
+    );
+    assert_eq!(sent(&rig.drive(1, None)), [FORWARD]);
+}
+
+#[test]
+fn undocking_that_takes_too_long_says_so() {
+    let mut rig = Rig::with(Limits::default());
+    rig.take(Fact::LinkUp {
+        docked: true,
+        power: charging(80),
+    });
+    rig.ask(Ask::Undock(CallId(1), 20 * SECOND));
+    let told = told(&rig.pass(20 * SECOND, false));
+    assert_eq!(
+        told,
+        [Event::UndockEnded {
+            call: CallId(1),
+            end: DockEnd::Timeout
+        }]
+    );
+    let acts = rig.ask(Ask::Dock(CallId(2), DockPlan::default()));
+    assert_eq!(dock_ended(&acts), Some((DockEnd::AlreadyDocked, 0)));
+}
+
+/// One step of a random history.
+#[derive(Debug, Clone)]
+enum Step {
+    Wait(u32),
+    Fact(Fact),
+}
+
+fn any_fact() -> impl Strategy<Value = Fact> {
+    let any_power = (0u8..=100, any::<bool>());
+    let power = any_power.prop_map(|(percent, charging)| Power { percent, charging });
+    let news = (0u8..10).prop_map(EngineNews::from);
+    let link = (any::<bool>(), power.clone());
+    prop_oneof![
+        1 => link.prop_map(|(docked, power)| Fact::LinkUp { docked, power }),
+        2 => Just(Fact::LinkDown),
+        1 => Just(Fact::Parting),
+        1 => any::<bool>().prop_map(Fact::Listening),
+        2 => Just(Fact::Heard),
+        4 => power.prop_map(Fact::Power),
+        4 => news.prop_map(Fact::Engine),
+        3 => (0u16..3).prop_map(|by| Fact::Alive(BehaviourId(by))),
+        1 => (0u16..3).prop_map(|by| Fact::Gone(BehaviourId(by))),
+        8 => (0u16..3, any_ask()).prop_map(|(by, ask)| Fact::Asked {
+            by: BehaviourId(by),
+            priority: Priority(by as i16),
+            ask,
+        }),
+    ]
+}
+
+fn any_ask() -> impl Strategy<Value = Ask> {
+    let drive = (
+        0u64..50,
+        -100.0..100.0f64,
+        -100.0..100.0f64,
+        prop::option::of(0u64..3000),
+    );
+    prop_oneof![
+        6 => drive.prop_map(|(motion, left, right, ms)| Ask::Move {
+            motion: MotionId(motion),
+            setpoint: Setpoint::from_percent(left, right).unwrap(),
+            duration: ms.map(Duration::from_millis),
+        }),
+        1 => (0u64..50).prop_map(|motion| Ask::Release(MotionId(motion))),
+        1 => Just(Ask::Stop),
+        2 => (0u64..50).prop_map(|call| Ask::Dock(CallId(call), DockPlan::default())),
+        2 => (0u64..50).prop_map(|call| Ask::Undock(CallId(call), 20 * SECOND)),
+        1 => Just(Ask::CancelDock),
+    ]
+}
+
+fn any_history() -> impl Strategy<Value = Vec<Step>> {
+    let step = prop_oneof![
+        1 => (0u32..200_000).prop_map(Step::Wait),
+        3 => (0u32..300).prop_map(Step::Wait),
+        6 => any_fact().prop_map(Step::Fact),
+    ];
+    prop::collection::vec(step, 1..80)
+}
+
+/// What must hold of every batch, whatever came before.
+fn check(
+    dog: &Watchdog,
+    was_docked: bool,
+    acts: &[Act],
+    now: Instant,
+) -> Result<(), TestCaseError> {
+    for command in sent(acts) {
+        if let Command::Move { left, right } = command {
+            let still = left == 0 && right == 0;
+            prop_assert!(still || dog.low().is_none(), "moves while low");
+            prop_assert!(still || !dog.docked(), "moves on the station");
+        }
+        let on_station = was_docked && dog.docked();
+        prop_assert!(!(command == FIND && on_station), "searches on the station");
+    }
+    prop_assert!(
+        dog.next_deadline().is_none_or(|due| due > now),
+        "a deadline in the past"
+    );
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(20_000))]
+
+    #[test]
+    fn no_history_breaks_the_rules(history in any_history()) {
+        let mut rig = Rig::with(Limits::default());
+        for step in history {
+            match step {
+                Step::Fact(fact) => {
+                    let was_docked = rig.dog.docked();
+                    let acts = rig.take(fact);
+                    check(&rig.dog, was_docked, &acts, rig.now)?;
+                }
+                Step::Wait(ms) => {
+                    let end = rig.now + ms * MS;
+                    while let Some(due) = rig.dog.next_deadline().filter(|due| *due <= end) {
+                        rig.now = due;
+                        let was_docked = rig.dog.docked();
+                        let acts = rig.dog.tick(rig.now);
+                        check(&rig.dog, was_docked, &acts, rig.now)?;
+                    }
+                    rig.now = end;
+                }
+            }
+        }
+    }
+}

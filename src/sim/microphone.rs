@@ -1,0 +1,136 @@
+//! The microphone: a quiet room, the hum of the own motors and the own speaker, as raw samples
+//! (`PROTOCOL.md`, AUDIO: signed 16-bit little-endian, 16,000 Hz, mono).
+
+use std::f64::consts::TAU;
+use std::time::Duration;
+
+use bytes::{BufMut, Bytes, BytesMut};
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+
+use super::speaker::Speaker;
+
+/// Samples a second.
+pub(super) const RATE: u32 = 16_000;
+/// Samples in one AUDIO message: 50 ms.
+pub(super) const CHUNK: usize = 800;
+
+const ROOM_NOISE: f64 = 40.0;
+const HUM_LOUDNESS: f64 = 1800.0;
+const SPEAKER_LOUDNESS: f64 = 12_000.0;
+
+/// Listens while its stream is on.
+#[derive(Debug)]
+pub(super) struct Microphone {
+    random: StdRng,
+    chunk: BytesMut,
+    owed: f64,
+    phase: f64,
+}
+
+impl Microphone {
+    /// With noise of a seed.
+    pub(super) fn new(seed: u64) -> Microphone {
+        let random = StdRng::seed_from_u64(seed);
+        Microphone {
+            random,
+            chunk: BytesMut::new(),
+            owed: 0.0,
+            phase: 0.0,
+        }
+    }
+
+    /// Listens for `dt`; `effort` says how hard the motors work, 0..=1. A chunk whenever one is
+    /// full.
+    pub(super) fn listen(
+        &mut self,
+        dt: Duration,
+        effort: f64,
+        speaker: &mut Speaker,
+    ) -> Option<Bytes> {
+        self.owed += dt.as_secs_f64() * f64::from(RATE);
+        while self.owed >= 1.0 {
+            self.owed -= 1.0;
+            let sample = self.sample(effort, speaker);
+            self.chunk.put_i16_le(sample);
+        }
+        (self.chunk.len() >= CHUNK * 2).then(|| self.chunk.split_to(CHUNK * 2).freeze())
+    }
+
+    /// Forgets what it has heard of a chunk.
+    pub(super) fn forget(&mut self) {
+        self.chunk.clear();
+        self.owed = 0.0;
+    }
+
+    fn sample(&mut self, effort: f64, speaker: &mut Speaker) -> i16 {
+        let seconds = 1.0 / f64::from(RATE);
+        let noise = self.random.random_range(-ROOM_NOISE..ROOM_NOISE);
+        let hum = if effort > 0.0 {
+            self.hum(effort, seconds)
+        } else {
+            0.0
+        };
+        let own = speaker.sample(seconds) * SPEAKER_LOUDNESS;
+        (noise + hum + own) as i16
+    }
+
+    fn hum(&mut self, effort: f64, seconds: f64) -> f64 {
+        self.phase = (self.phase + TAU * (60.0 + 120.0 * effort) * seconds) % TAU;
+        let rattle = self.random.random_range(-0.3..0.3);
+        let tone = self.phase.sin() + 0.5 * (2.0 * self.phase).sin() + rattle;
+        HUM_LOUDNESS * (0.3 + 0.7 * effort) * tone
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::Sound;
+
+    const TICK: Duration = Duration::from_millis(20);
+
+    fn loudness(effort: f64, sound: Option<Sound>) -> f64 {
+        let mut microphone = Microphone::new(7);
+        let mut speaker = Speaker::new(Duration::ZERO);
+        sound.into_iter().for_each(|sound| speaker.play(sound));
+        let chunk = (0..10)
+            .find_map(|_| microphone.listen(TICK, effort, &mut speaker))
+            .unwrap();
+        let samples = chunk
+            .chunks_exact(2)
+            .map(|two| i16::from_le_bytes([two[0], two[1]]));
+        samples.map(|s| f64::from(s).powi(2)).sum::<f64>().sqrt()
+    }
+
+    #[test]
+    fn motors_are_louder_than_the_room_and_the_speaker_louder_than_both() {
+        assert!(loudness(0.0, None) > 0.0);
+        assert!(loudness(1.0, None) > 10.0 * loudness(0.0, None));
+        assert!(loudness(0.0, Some(Sound::Record)) > 2.0 * loudness(1.0, None));
+    }
+
+    #[test]
+    fn a_second_is_sixteen_thousand_samples() {
+        let mut microphone = Microphone::new(1);
+        let mut speaker = Speaker::new(Duration::ZERO);
+        let heard: usize = (0..50)
+            .filter_map(|_| microphone.listen(TICK, 0.0, &mut speaker))
+            .map(|chunk| chunk.len())
+            .sum();
+        assert!((32_000 - 2 * CHUNK..=32_000).contains(&heard), "{heard}");
+    }
+
+    #[test]
+    fn the_same_seed_hears_the_same() {
+        let listen = |seed| {
+            let mut speaker = Speaker::new(Duration::ZERO);
+            let mut microphone = Microphone::new(seed);
+            (0..10)
+                .find_map(|_| microphone.listen(TICK, 0.5, &mut speaker))
+                .unwrap()
+        };
+        assert_eq!(listen(3), listen(3));
+        assert_ne!(listen(3), listen(4));
+    }
+}

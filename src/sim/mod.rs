@@ -1,0 +1,54 @@
+//! The simulated robot and its world. Speaks the robot's real protocol to any client, over TCP and
+//! UDP or a pipe in memory; imports `wire` only, so nothing of the agent can leak into what tests
+//! it.
+//!
+//! [`World`] says what stands where, [`Robot`] lives in it and knows no clock and no socket,
+//! [`Server`] connects it with clients and with `tokio::time`, [`Handle`] looks on and makes
+//! trouble.
+
+mod battery;
+mod body;
+mod camera;
+mod clients;
+mod connection;
+mod docking;
+mod firmware;
+mod geometry;
+mod grain;
+mod ground;
+mod handle;
+mod journal;
+mod locate;
+mod microphone;
+mod number;
+mod obstacles;
+mod outbox;
+mod paint;
+mod robot;
+mod scene;
+mod server;
+mod site;
+mod speaker;
+mod state;
+mod station;
+mod surface;
+mod things;
+mod view;
+mod world;
+
+pub use battery::BatterySettings;
+pub use body::{FULL_POWER, FULL_SPEED, RADIUS, TRACK_WIDTH, Tracks};
+pub use camera::{HEIGHT, WIDTH};
+pub use connection::Transport;
+pub use firmware::Firmware;
+pub use geometry::{Point, Pose};
+pub use handle::Handle;
+pub use journal::Heard;
+pub use paint::Paint;
+pub use robot::Robot;
+pub use server::{Options, Server};
+pub use state::{Leds, State, Streams};
+pub use station::Station;
+pub use things::{Ball, Floor, Furniture, Place, Post, Room, Rug, Spot, Wall};
+pub use view::CameraSettings;
+pub use world::{World, WorldError};

@@ -1,0 +1,335 @@
+//! The place that a simulated robot lives in, read from YAML: a room with its walls and furniture,
+//! balls and posts, the charging station, and the robot's battery and camera. Says what stands
+//! where; what that means for driving is in `obstacles`, for seeing in `camera`.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::battery::BatterySettings;
+use super::geometry::{Point, Pose};
+use super::locate::{self, Step};
+use super::number;
+use super::station::Station;
+use super::things::{Ball, Furniture, Place, Post, Room, Rug, Spot, Wall};
+use super::view::CameraSettings;
+
+const DEFAULT_WORLD: &str = include_str!("../../behaviours/worlds/living_room.yaml");
+/// A longer file is no world: nothing needs that many things.
+const MAX_FILE_LEN: u64 = 256 * 1024;
+/// Things of one kind in a world; each costs time in every frame.
+const MAX_THINGS: usize = 200;
+
+/// A simulated place.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct World {
+    /// What people call the place.
+    #[serde(default)]
+    pub name: String,
+    /// The four outer walls and the floor.
+    pub room: Room,
+    /// Inner walls, as high as the room.
+    #[serde(default)]
+    pub walls: Vec<Wall>,
+    /// Furniture: boxes that stand on the floor.
+    #[serde(default)]
+    pub furniture: Vec<Furniture>,
+    /// Flat carpets: seen, but no obstacle.
+    #[serde(default)]
+    pub rugs: Vec<Rug>,
+    /// Balls that lie on the floor.
+    #[serde(default)]
+    pub balls: Vec<Ball>,
+    /// Round posts.
+    #[serde(default)]
+    pub posts: Vec<Post>,
+    /// The charging station.
+    pub station: Station,
+    /// Where the robot stands first; left out, it stands on the station.
+    #[serde(default)]
+    pub start: Option<Place>,
+    /// Brightness of the lamps, 0..=1.
+    #[serde(default = "full", deserialize_with = "number::share")]
+    pub light: f64,
+    /// How the battery empties and fills.
+    #[serde(default)]
+    pub battery: BatterySettings,
+    /// How the robot sees.
+    #[serde(default)]
+    pub camera: CameraSettings,
+}
+
+/// A world that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum WorldError {
+    /// The file cannot be read.
+    #[error("cannot read the world {name}: {source}")]
+    Read {
+        /// The file.
+        name: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is too long for a world.
+    #[error("{name} is longer than {MAX_FILE_LEN} bytes: is it a world?")]
+    TooLong {
+        /// The file.
+        name: String,
+    },
+    /// The YAML does not describe a world.
+    #[error("{name}:{line}:{column}: {message}")]
+    Invalid {
+        /// The file, or what else the text came from.
+        name: String,
+        /// Counted from 1.
+        line: usize,
+        /// Counted from 1.
+        column: usize,
+        /// What was found, what was expected, what to do.
+        message: String,
+    },
+}
+
+impl World {
+    /// The world that is built in: a living room.
+    pub fn default_world() -> World {
+        #[expect(clippy::expect_used, reason = "a test reads this very text")]
+        World::from_yaml(DEFAULT_WORLD, "living_room.yaml").expect("the built-in world is valid")
+    }
+
+    /// Reads a world; `name` is what errors call the text, usually its file's name.
+    ///
+    /// # Errors
+    /// [`WorldError::Invalid`] with line and column: unknown keys, wrong types, values out of
+    /// range, things that stand outside the room or in the robot's way at the start.
+    pub fn from_yaml(text: &str, name: &str) -> Result<World, WorldError> {
+        let invalid = |(line, column): (usize, usize), message: String| WorldError::Invalid {
+            name: name.to_owned(),
+            line,
+            column,
+            message,
+        };
+        let world: World = serde_yaml::from_str(text)
+            .map_err(|error| invalid(locate::place_of(&error), locate::explain(&error)))?;
+        match world.first_fault() {
+            Some((path, message)) => Err(invalid(locate::find(text, &path), message)),
+            None => Ok(world),
+        }
+    }
+
+    /// Reads a world from a file.
+    ///
+    /// # Errors
+    /// As [`World::from_yaml`], or the file cannot be read.
+    pub fn load(path: &Path) -> Result<World, WorldError> {
+        let name = path.display().to_string();
+        let text = std::fs::metadata(path).and_then(|file| match file.len() {
+            0..=MAX_FILE_LEN => std::fs::read_to_string(path).map(Some),
+            _ => Ok(None),
+        });
+        match text {
+            Ok(Some(text)) => World::from_yaml(&text, &name),
+            Ok(None) => Err(WorldError::TooLong { name }),
+            Err(source) => Err(WorldError::Read { name, source }),
+        }
+    }
+
+    /// Where the robot stands first.
+    pub fn start_pose(&self) -> Pose {
+        self.start
+            .map_or_else(|| self.station.dock_pose(), |start| start.pose())
+    }
+
+    /// The first thing that no single value shows: where it is in the document, and what is wrong.
+    fn first_fault(&self) -> Option<(Vec<Step>, String)> {
+        self.first_crowd()
+            .or_else(|| self.first_outsider())
+            .or_else(|| self.blocked_start())
+    }
+
+    fn first_crowd(&self) -> Option<(Vec<Step>, String)> {
+        let counts = [
+            ("walls", self.walls.len()),
+            ("furniture", self.furniture.len()),
+            ("rugs", self.rugs.len()),
+            ("balls", self.balls.len()),
+            ("posts", self.posts.len()),
+        ];
+        let (kind, count) = counts.into_iter().find(|(_, count)| *count > MAX_THINGS)?;
+        let message = format!("{count} {kind} are too many: at most {MAX_THINGS}");
+        Some((vec![Step::Key(kind)], message))
+    }
+
+    fn first_outsider(&self) -> Option<(Vec<Step>, String)> {
+        let (path, point) = self
+            .spots()
+            .into_iter()
+            .find(|(_, p)| !self.room.holds(*p))?;
+        let message = format!(
+            "[{}, {}] is outside the room, which goes from [0, 0] to [{}, {}]: move it inside",
+            point.x, point.y, self.room.width, self.room.depth
+        );
+        Some((path, message))
+    }
+
+    /// Every place that must be in the room, and where the document names it.
+    fn spots(&self) -> Vec<(Vec<Step>, Point)> {
+        let mut spots = vec![(
+            vec![Step::Key("station"), Step::Key("at")],
+            self.station.at.point(),
+        )];
+        spots.extend(
+            self.start
+                .map(|s| (vec![Step::Key("start"), Step::Key("at")], s.at.point())),
+        );
+        let mut add = |kind, index, key, spot: Spot| {
+            spots.push((
+                vec![Step::Key(kind), Step::Index(index), Step::Key(key)],
+                spot.point(),
+            ));
+        };
+        for (index, wall) in self.walls.iter().enumerate() {
+            add("walls", index, "from", wall.from);
+            add("walls", index, "to", wall.to);
+        }
+        self.furniture
+            .iter()
+            .enumerate()
+            .for_each(|(i, item)| add("furniture", i, "at", item.at));
+        self.rugs
+            .iter()
+            .enumerate()
+            .for_each(|(i, rug)| add("rugs", i, "at", rug.at));
+        self.balls
+            .iter()
+            .enumerate()
+            .for_each(|(i, ball)| add("balls", i, "at", ball.at));
+        self.posts
+            .iter()
+            .enumerate()
+            .for_each(|(i, post)| add("posts", i, "at", post.at));
+        spots
+    }
+
+    fn blocked_start(&self) -> Option<(Vec<Step>, String)> {
+        let obstacles = super::obstacles::Obstacles::of(self);
+        let free = |pose: Pose| obstacles.clearance(pose.point()) >= super::body::RADIUS - 1e-6;
+        if !free(self.station.dock_pose()) || !free(self.station.staging_pose()) {
+            let message = "something stands before the station: keep a lane of 0.4 m width and \
+                           1 m length free, in the direction of its heading_degrees";
+            return Some((vec![Step::Key("station"), Step::Key("at")], message.into()));
+        }
+        if free(self.start_pose()) {
+            return None;
+        }
+        let message = "the robot would start inside something: move `start` at least 0.15 m away \
+                       from walls and things";
+        Some((vec![Step::Key("start"), Step::Key("at")], message.into()))
+    }
+}
+
+fn full() -> f64 {
+    1.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROOM: &str = "room: {width: 6, depth: 4}\n";
+    const STATION: &str = "station: {at: [0, 2], heading_degrees: 0}\n";
+
+    /// What is said about `ROOM`, `STATION` and more, which begins in line 3.
+    fn fault(more: &str) -> String {
+        World::from_yaml(&format!("{ROOM}{STATION}{more}"), "w.yaml").unwrap_err().to_string()
+    }
+
+    #[test]
+    fn the_worlds_that_come_along_are_valid() {
+        assert_eq!(World::default_world().name, "living room");
+        let playpen = include_str!("../../behaviours/worlds/playpen.yaml");
+        let playpen = World::from_yaml(playpen, "playpen.yaml").unwrap();
+        assert_eq!(playpen.start_pose(), playpen.station.dock_pose());
+    }
+
+    #[test]
+    fn what_is_left_out_has_defaults() {
+        let world = World::from_yaml(&format!("{ROOM}{STATION}"), "w.yaml").unwrap();
+        assert_eq!(world.battery, BatterySettings::default());
+        assert_eq!((world.light, world.camera.fps), (1.0, 15.0));
+    }
+
+    #[test]
+    fn an_unknown_key_is_refused_with_its_place_and_the_probable_name() {
+        let text = fault("balls:\n  - at: [1, 1]\n    colour: red\n    raduis: 0.1\n");
+        assert!(text.starts_with("w.yaml:6:5: "), "{text}");
+        assert!(text.contains("raduis") && text.ends_with("did you mean `radius`?"), "{text}");
+    }
+
+    #[test]
+    fn values_out_of_range_are_refused_with_their_place() {
+        for (more, place) in [
+            ("light: .nan\n", "w.yaml:3:8: "),
+            ("light: -1\n", "w.yaml:3:8: "),
+            ("balls: [{at: [1, 1], colour: red, radius: 9}]\n", "w.yaml:3:43: "),
+            ("battery: {level: .inf}\n", "w.yaml:3:18: "),
+            ("posts: [{at: [1, -1], colour: red}]\n", "w.yaml:3:18: "),
+            ("camera:\n  fps: 1e9\n", "w.yaml:4:8: "),
+        ] {
+            let text = fault(more);
+            assert!(text.starts_with(place), "{text}");
+            assert!(text.contains("expected a number from"), "{text}");
+        }
+    }
+
+    #[test]
+    fn wrong_types_are_refused_with_their_place() {
+        for (more, place) in [
+            ("light: bright\n", "w.yaml:3:8: "),
+            ("balls: 3\n", "w.yaml:3:8: "),
+            ("balls: [{at: [1], colour: red}]\n", "w.yaml:3:14: "),
+            ("balls: [{at: [1, 1], colour: rot}]\n", "w.yaml:3:30: "),
+            ("balls: [{at: [1, 1]}]\n", "w.yaml:3:9: "),
+            ("camera: {fps: [}\n", "w.yaml:3:15: "),
+        ] {
+            let text = fault(more);
+            assert!(text.starts_with(place), "{more}{text}");
+        }
+    }
+
+    #[test]
+    fn things_outside_the_room_are_refused_with_their_place() {
+        let text = fault("balls:\n  - {at: [1, 1], colour: red}\n  - {at: [7, 1], colour: red}\n");
+        assert!(text.starts_with("w.yaml:5:10: [7, 1] is outside the room"), "{text}");
+    }
+
+    #[test]
+    fn a_robot_inside_of_something_is_refused() {
+        let text = fault("start: {at: [3, 0.1]}\n");
+        assert!(text.starts_with("w.yaml:3:13: the robot would start inside"), "{text}");
+        let text = fault("balls: [{at: [0.5, 2], colour: red}]\n");
+        assert!(text.starts_with("w.yaml:2:15: something stands before the station"), "{text}");
+    }
+
+    #[test]
+    fn a_crowd_is_refused() {
+        let ball = "  - {at: [1, 1], colour: red}\n";
+        let text = fault(&format!("balls:\n{}", ball.repeat(MAX_THINGS + 1)));
+        assert!(text.contains("201 balls are too many"), "{text}");
+    }
+
+    #[test]
+    fn a_file_that_is_not_there_is_named() {
+        let error = World::load(Path::new("no/such/world.yaml")).unwrap_err();
+        assert!(error.to_string().contains("no/such/world.yaml"), "{error}");
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn any_text_is_read_without_panic(text in ".{0,200}", more in "[a-z:{}\\[\\], 0-9.&*-]{0,80}") {
+            let _ = World::from_yaml(&text, "random");
+            let _ = World::from_yaml(&format!("{ROOM}{STATION}{more}"), "random");
+        }
+    }
+}

@@ -1,0 +1,343 @@
+//! The command as people and scripts call it: exit codes, streams, words.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::path::Path;
+use std::process::{Child, ChildStderr, ChildStdout, Command, Output, Stdio};
+use std::time::Duration;
+
+use spykee::link;
+use spykee::wire::Login;
+
+/// The command with nothing of this machine's environment that changes its doings.
+fn spykee(args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_spykee"));
+    for variable in ["RUST_LOG", "NO_COLOR", "SPYKEE_PASSWORD", "RUST_BACKTRACE"] {
+        command.env_remove(variable);
+    }
+    command.args(args).stdin(Stdio::null());
+    command
+}
+
+fn run(args: &[&str]) -> Output {
+    spykee(args).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+/// A `spykee sim` on a free port; ends with the test.
+struct Sim {
+    child: Child,
+    address: String,
+    stdout: BufReader<ChildStdout>,
+}
+
+impl Sim {
+    fn start(args: &[&str], change: impl FnOnce(&mut Command)) -> Sim {
+        let mut command = spykee(&[&["sim", "--listen", "127.0.0.1:0"], args].concat());
+        command.stdout(Stdio::piped()).stderr(Stdio::piped());
+        change(&mut command);
+        let mut child = command.spawn().unwrap();
+        let mut stdout = BufReader::new(child.stdout.take().unwrap());
+        let mut greeting = String::new();
+        stdout.read_line(&mut greeting).unwrap();
+        let address = greeting.split_once("listens on ").unwrap().1;
+        let address = address.split_once(',').unwrap().0.to_owned();
+        Sim {
+            child,
+            address,
+            stdout,
+        }
+    }
+
+    fn stderr(&mut self) -> ChildStderr {
+        self.child.stderr.take().unwrap()
+    }
+
+    fn signal(&self, signal: rustix::process::Signal) {
+        let pid = rustix::process::Pid::from_child(&self.child);
+        rustix::process::kill_process(pid, signal).unwrap();
+    }
+
+    /// Its exit code; waits for ever if it never ends, which the test's own limit shows.
+    fn code(&mut self) -> Option<i32> {
+        self.child.wait().unwrap().code()
+    }
+
+    fn log_in(&self, user: &str, password: &str) -> Result<link::Session, link::LinkError> {
+        let target = self.address.parse().unwrap();
+        let login = Login::new(user, password);
+        let runtime = tokio::runtime::Runtime::new().unwrap();
+        runtime.block_on(link::connect(&target, &login, &link::Options::default()))
+    }
+}
+
+impl Drop for Sim {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+#[test]
+fn help_names_every_subcommand_and_succeeds() {
+    let output = run(&["--help"]);
+    assert_eq!(output.status.code(), Some(0));
+    let help = text(&output.stdout);
+    for word in ["sim", "discover", "--log-format"] {
+        assert!(help.contains(word), "{help}");
+    }
+}
+
+#[test]
+fn a_wrong_command_line_is_code_2_on_stderr() {
+    for args in [
+        &["nonsense"][..],
+        &[],
+        &["discover", "--timeout", "0"],
+        &["discover", "--timeout", "nan"],
+        &["discover", "--ask", "nowhere"],
+        &["sim", "--fps", "0"],
+        &["sim", "--listen", "9000"],
+        &["discover", "--log-format", "xml"],
+    ] {
+        let output = run(args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert!(
+            output.stdout.is_empty() && !output.stderr.is_empty(),
+            "{args:?}"
+        );
+    }
+}
+
+#[test]
+fn nobody_found_says_what_to_do_and_is_code_3() {
+    // A port that is bound and silent.
+    let silent = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let address = silent.local_addr().unwrap().to_string();
+    let output = run(&["discover", "--timeout", "0.2", "--ask", &address]);
+    assert_eq!(output.status.code(), Some(3));
+    let error = text(&output.stderr);
+    assert!(
+        error.starts_with("error: no robot answered\n  help: "),
+        "{error}"
+    );
+    assert!(!error.contains('\x1b'), "{error}");
+    let output = run(&["discover", "--timeout", "0.2", "--json", "--ask", &address]);
+    assert_eq!(
+        (output.status.code(), text(&output.stdout).as_str()),
+        (Some(3), "[]\n")
+    );
+}
+
+#[test]
+fn discover_finds_a_simulator_and_who_is_connected() {
+    let sim = Sim::start(&["--user", "anna"], |_| ());
+    let session = sim.log_in("anna", "admin").unwrap();
+    let output = run(&["discover", "--timeout", "0.5", "--ask", &sim.address]);
+    assert_eq!(output.status.code(), Some(0));
+    let table = text(&output.stdout);
+    let row = table.lines().nth(1).unwrap();
+    for word in ["SPYKEE0001", &sim.address, "anna"] {
+        assert!(row.contains(word), "{table}");
+    }
+    let output = run(&[
+        "discover",
+        "--timeout",
+        "0.5",
+        "--json",
+        "--ask",
+        &sim.address,
+    ]);
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let expected = serde_json::json!([
+        { "addr": sim.address, "uid": "SPYKEE0001", "connected_user": "anna" }
+    ]);
+    assert_eq!(json, expected);
+    drop(session);
+}
+
+#[test]
+fn a_reader_that_has_seen_enough_is_no_failure() {
+    let sim = Sim::start(&[], |_| ());
+    let mut command = spykee(&["discover", "--timeout", "0.3", "--ask", &sim.address]);
+    let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
+    drop(child.stdout.take());
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+}
+
+#[test]
+fn the_simulator_ends_on_a_signal_as_interrupted() {
+    for signal in [rustix::process::Signal::INT, rustix::process::Signal::TERM] {
+        let mut sim = Sim::start(&[], |_| ());
+        sim.signal(signal);
+        assert_eq!(sim.code(), Some(130));
+        let mut rest = String::new();
+        sim.stdout.read_to_string(&mut rest).unwrap();
+        assert!(
+            rest.contains("--robot") && rest.contains("Ctrl-C"),
+            "{rest}"
+        );
+    }
+}
+
+#[test]
+fn a_taken_port_is_named_with_a_way_out() {
+    let sim = Sim::start(&[], |_| ());
+    let output = run(&["sim", "--listen", &sim.address]);
+    assert_eq!(output.status.code(), Some(2));
+    let error = text(&output.stderr);
+    assert!(
+        error.contains(&sim.address) && error.contains("  help: "),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_world_that_cannot_be_used_is_named_with_line_and_column() {
+    let folder = tempfile::tempdir().unwrap();
+    let missing = folder.path().join("none.yaml");
+    let broken = folder.path().join("broken.yaml");
+    std::fs::write(&broken, "room:\n  width: wide\n").unwrap();
+    for (path, expected) in [(&missing, "none.yaml"), (&broken, "broken.yaml:2:")] {
+        let output = run(&["sim", path.to_str().unwrap()]);
+        assert_eq!(output.status.code(), Some(2));
+        let error = text(&output.stderr);
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
+fn password_file(folder: &Path, content: &str, mode: u32) -> String {
+    use std::os::unix::fs::PermissionsExt;
+    let path = folder.join("password");
+    std::fs::write(&path, content).unwrap();
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(mode)).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+#[test]
+fn the_password_comes_from_a_file_or_the_environment_and_never_shows() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = password_file(folder.path(), "s3cret\r\nnot this\n", 0o600);
+    let environment = |command: &mut Command| {
+        command
+            .env("SPYKEE_PASSWORD", "from-environment")
+            .env("RUST_LOG", "trace");
+    };
+    let mut sim = Sim::start(&["--password-file", &file], environment);
+    assert!(matches!(
+        sim.log_in("admin", "wrong"),
+        Err(link::LinkError::WrongPassword { .. })
+    ));
+    drop(sim.log_in("admin", "s3cret").unwrap());
+    sim.signal(rustix::process::Signal::INT);
+    let mut log = String::new();
+    sim.stderr().read_to_string(&mut log).unwrap();
+    assert!(
+        !log.contains("s3cret") && !log.contains("wrong") && !log.contains("from-env"),
+        "{log}"
+    );
+
+    let sim = Sim::start(&[], environment);
+    drop(sim.log_in("admin", "from-environment").unwrap());
+    drop(sim);
+    let sim = Sim::start(&[], |_| ());
+    drop(sim.log_in("admin", "admin").unwrap());
+}
+
+#[test]
+fn there_is_no_flag_for_the_password_itself() {
+    let output = run(&["sim", "--password", "x"]);
+    assert_eq!(output.status.code(), Some(2));
+}
+
+#[test]
+fn a_password_file_that_others_can_read_is_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = password_file(folder.path(), "s3cret\n", 0o644);
+    let mut sim = Sim::start(&["--password-file", &file], |_| ());
+    sim.signal(rustix::process::Signal::INT);
+    let mut log = String::new();
+    sim.stderr().read_to_string(&mut log).unwrap();
+    assert!(log.contains("WARN") && log.contains("chmod 600"), "{log}");
+    assert!(!log.contains("s3cret"), "{log}");
+}
+
+#[test]
+fn a_password_that_cannot_be_used_is_refused_without_being_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let long = "x".repeat(300);
+    for content in ["", "\ns3cret", "p\u{20ac}ss", &long] {
+        let file = password_file(folder.path(), content, 0o600);
+        let output = run(&["sim", "--listen", "127.0.0.1:0", "--password-file", &file]);
+        assert_eq!(output.status.code(), Some(2), "{content}");
+        let error = text(&output.stderr);
+        assert!(error.starts_with("error: "), "{error}");
+        assert!(
+            content.trim().is_empty() || !error.contains(content.trim()),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn json_logs_are_one_object_a_line_errors_included() {
+    let output = run(&["sim", "none.yaml", "--log-format", "json"]);
+    assert_eq!(output.status.code(), Some(2));
+    let mut levels = Vec::new();
+    for line in text(&output.stderr).lines() {
+        let value: serde_json::Value = serde_json::from_str(line).unwrap();
+        levels.push(value["level"].as_str().unwrap().to_owned());
+        assert!(value["message"].is_string(), "{line}");
+    }
+    assert_eq!(levels, ["ERROR"]);
+}
+
+#[test]
+fn an_unreadable_rust_log_is_named_and_overlooked() {
+    let mut sim = Sim::start(&[], |command| {
+        command.env("RUST_LOG", "spykee=loud");
+    });
+    sim.signal(rustix::process::Signal::INT);
+    assert_eq!(sim.code(), Some(130));
+    let mut log = String::new();
+    sim.stderr().read_to_string(&mut log).unwrap();
+    assert!(log.contains("RUST_LOG is ignored"), "{log}");
+}
+
+/// What a pipe holds before its writer blocks.
+const PIPE_LEN: usize = 60_000;
+
+/// Nobody reads stderr: the pipe fills, the logs are lost, the simulator lives and ends in time.
+#[test]
+fn a_stderr_that_nobody_reads_stalls_nothing() {
+    let mut sim = Sim::start(&[], |command| {
+        command.env("RUST_LOG", "trace");
+    });
+    let mut stderr = sim.stderr();
+    for _ in 0..1500 {
+        let mut client = std::net::TcpStream::connect(&sim.address).unwrap();
+        client.write_all(b"PK\x0A\x00\x04\x01a\x01b").unwrap();
+        let mut answer = Vec::new();
+        client.read_to_end(&mut answer).unwrap();
+        assert_eq!(answer, b"PK\x0B\x00\x02\x00\x01");
+    }
+    sim.signal(rustix::process::Signal::INT);
+    let (done, wait) = std::sync::mpsc::channel();
+    let thread = std::thread::spawn(move || {
+        let _ = done.send(sim.code());
+    });
+    let code = wait
+        .recv_timeout(Duration::from_secs(30))
+        .expect("did not end");
+    assert_eq!(code, Some(130));
+    thread.join().unwrap();
+    let mut log = Vec::new();
+    stderr.read_to_end(&mut log).unwrap();
+    assert!(
+        log.len() >= PIPE_LEN,
+        "the pipe was not full: {} bytes",
+        log.len()
+    );
+}

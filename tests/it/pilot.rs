@@ -1,0 +1,279 @@
+//! The pilot against the simulated robot, without scripts: requests in, commands out.
+
+use std::time::Duration;
+
+use spykee::link;
+use spykee::pilot::{Dial, Ending, Pilot, Settings};
+use spykee::robot::channel::{Inbox, MAX_REQUESTS, Request, Told, events};
+use spykee::robot::{BehaviourId, Event, Intent, MotionEnd, MotionId, Percent, Priority, Setpoint};
+use spykee::safety::Limits;
+use spykee::wire::{Command, Led, Login, Stream};
+use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
+use tokio::time::{sleep, timeout};
+
+use crate::rig::{PATIENCE, Rig, moves};
+
+const WHO: BehaviourId = BehaviourId(0);
+
+/// A pilot at work and one behaviour aboard that is played by the test.
+struct Cockpit {
+    requests: mpsc::Sender<Request>,
+    inbox: Inbox,
+    ending: Ending,
+    flight: JoinHandle<()>,
+}
+
+fn dial(rig: &Rig) -> Dial {
+    let address = rig.address.clone();
+    Box::new(move || {
+        let target = address.parse().unwrap();
+        Box::pin(async move {
+            let login = Login::new("admin", "admin");
+            link::connect(&target, &login, &link::Options::default()).await
+        })
+    })
+}
+
+impl Cockpit {
+    /// With something else in the pilot's own task, which may panic.
+    async fn with(rig: &Rig, beside: impl Future<Output = ()> + Send + 'static) -> Cockpit {
+        let settings = Settings {
+            limits: Limits::default(),
+            simulated: true,
+            seed: 1,
+            link: link::Options::default(),
+        };
+        let (pilot, _, _) = Pilot::new(&settings);
+        let (requests, received) = mpsc::channel(MAX_REQUESTS);
+        let ending = Ending::default();
+        let run = pilot.run(dial(rig), settings, received, ending.clone());
+        let flight = tokio::spawn(async move {
+            let (ended, ()) = tokio::join!(run, beside);
+            ended.unwrap();
+        });
+        let (outbox, inbox) = events();
+        let join = Request::Join {
+            by: WHO,
+            priority: Priority(0),
+            outbox,
+        };
+        requests.send(join).await.unwrap();
+        Cockpit {
+            requests,
+            inbox,
+            ending,
+            flight,
+        }
+    }
+
+    async fn start(rig: &Rig) -> Cockpit {
+        Cockpit::with(rig, async {}).await
+    }
+
+    async fn ask(&self, intent: Intent) {
+        self.requests
+            .send(Request::Intent(WHO, intent))
+            .await
+            .unwrap();
+    }
+
+    async fn drive(&self, percent: f64, duration: Option<Duration>) {
+        let setpoint = Setpoint::from_percent(percent, percent).unwrap();
+        self.ask(Intent::Move {
+            motion: MotionId(1),
+            setpoint,
+            duration,
+        })
+        .await;
+    }
+
+    /// Waits until it is told something.
+    async fn told(&mut self, wanted: impl Fn(&Event) -> bool) -> Event {
+        let told = async {
+            loop {
+                match self.inbox.next().await {
+                    Told::Event(event) if wanted(&event) => return event,
+                    Told::Event(_) => {}
+                    other => panic!("{other:?}"),
+                }
+            }
+        };
+        timeout(PATIENCE, told).await.expect("told")
+    }
+
+    async fn connected(&mut self) {
+        self.told(|event| matches!(event, Event::Connected { .. }))
+            .await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_pilot_that_is_dropped_stops_the_tracks() {
+    let rig = Rig::quiet().await;
+    let mut cockpit = Cockpit::start(&rig).await;
+    cockpit.connected().await;
+    cockpit.drive(50.0, Some(PATIENCE)).await;
+    let moving = rig.heard_motion(0).await;
+    cockpit.flight.abort();
+    rig.heard_stop(moving).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_panic_in_the_pilots_task_stops_the_tracks() {
+    let rig = Rig::quiet().await;
+    let sim = rig.sim.clone();
+    let bomb = async move {
+        sim.wait_heard(0, moves).await;
+        panic!("to be seen in the test's output");
+    };
+    let mut cockpit = Cockpit::with(&rig, bomb).await;
+    cockpit.connected().await;
+    cockpit.drive(50.0, Some(PATIENCE)).await;
+    let moving = rig.heard_motion(0).await;
+    rig.heard_stop(moving).await;
+    assert!(cockpit.flight.await.unwrap_err().is_panic());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_behaviour_that_shows_no_life_is_stopped_and_ended() {
+    let rig = Rig::quiet().await;
+    let mut cockpit = Cockpit::start(&rig).await;
+    cockpit.connected().await;
+    cockpit.drive(50.0, None).await;
+    let moving = rig.heard_motion(0).await;
+    rig.heard_stop(moving).await;
+    let killed = async { while !matches!(cockpit.inbox.next().await, Told::Kill(_)) {} };
+    timeout(PATIENCE, killed).await.expect("killed");
+    let index = rig.sim.heard_count();
+    cockpit.drive(50.0, None).await;
+    cockpit
+        .ask(Intent::Led {
+            led: Led::Left,
+            on: true,
+        })
+        .await;
+    sleep(Duration::from_millis(300)).await;
+    assert_eq!(rig.commands(index), [], "nothing that is dead is heard");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn commands_go_out_on_change_only() {
+    let rig = Rig::quiet().await;
+    let mut cockpit = Cockpit::start(&rig).await;
+    cockpit.connected().await;
+    let from = rig.heard_stop(0).await + 1;
+    for _ in 0..3 {
+        cockpit
+            .ask(Intent::Led {
+                led: Led::Left,
+                on: true,
+            })
+            .await;
+        cockpit.ask(Intent::Volume(Percent::new(30).unwrap())).await;
+        cockpit
+            .ask(Intent::Stream {
+                stream: Stream::AudioIn,
+                on: true,
+            })
+            .await;
+    }
+    cockpit
+        .ask(Intent::Led {
+            led: Led::Left,
+            on: false,
+        })
+        .await;
+    rig.heard(from, |c| {
+        *c == Command::Led {
+            led: Led::Left,
+            on: false,
+        }
+    })
+    .await;
+    assert_eq!(
+        rig.commands(from),
+        [
+            Command::Led {
+                led: Led::Left,
+                on: true
+            },
+            Command::Volume(30),
+            Command::Stream {
+                stream: Stream::AudioIn,
+                on: true
+            },
+            Command::Led {
+                led: Led::Left,
+                on: false
+            },
+        ]
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn at_the_end_the_stop_is_written_and_streams_are_switched_off() {
+    let rig = Rig::quiet().await;
+    let mut cockpit = Cockpit::start(&rig).await;
+    cockpit.connected().await;
+    cockpit
+        .ask(Intent::Stream {
+            stream: Stream::Video,
+            on: true,
+        })
+        .await;
+    cockpit.drive(50.0, Some(PATIENCE)).await;
+    let moving = rig.heard_motion(0).await;
+    cockpit.ending.parting.cancel();
+    let end = cockpit
+        .told(|event| matches!(event, Event::MotionEnded { .. }))
+        .await;
+    assert_eq!(
+        end,
+        Event::MotionEnded {
+            motion: MotionId(1),
+            end: MotionEnd::Cancelled
+        }
+    );
+    cockpit.ending.closing.cancel();
+    timeout(PATIENCE, &mut cockpit.flight)
+        .await
+        .unwrap()
+        .unwrap();
+    let off = Command::Stream {
+        stream: Stream::Video,
+        on: false,
+    };
+    rig.heard(moving, |command| *command == off).await;
+    rig.heard_stop(moving).await;
+    timeout(PATIENCE, rig.sim.wait_state(|state| state.user.is_none()))
+        .await
+        .unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn streams_are_switched_on_again_after_a_reconnect() {
+    let rig = Rig::quiet().await;
+    let mut cockpit = Cockpit::start(&rig).await;
+    cockpit.connected().await;
+    cockpit
+        .ask(Intent::Stream {
+            stream: Stream::Video,
+            on: true,
+        })
+        .await;
+    let on = |command: &Command| {
+        *command
+            == Command::Stream {
+                stream: Stream::Video,
+                on: true,
+            }
+    };
+    let first = rig.heard(0, on).await;
+    rig.sim.cut();
+    cockpit
+        .told(|event| matches!(event, Event::Disconnected { .. }))
+        .await;
+    cockpit.connected().await;
+    rig.heard(first + 1, on).await;
+}

@@ -1,0 +1,242 @@
+//! A simulated robot inside the test, and the real binary that drives it: tests wait for what the
+//! robot heard.
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command as Process, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use spykee::sim::{Firmware, Handle, Options, Server, World};
+use spykee::wire::{Command, Engage};
+use tokio::time::timeout;
+
+/// Nothing that is waited for takes so long, on however slow a machine.
+pub const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A robot in a plain room with a full battery that hardly drains.
+pub const QUIET_WORLD: &str = "
+name: test
+room: { width: 8, depth: 8 }
+station: { at: [0, 4], heading_degrees: 0 }
+start: { at: [4, 4], heading_degrees: 90 }
+battery: { level: 90, idle_drain_per_minute: 0.01, driving_drain_per_minute: 0.01 }
+";
+
+/// A simulated robot that serves for as long as the test runs.
+pub struct Rig {
+    pub sim: Handle,
+    pub address: String,
+    folder: tempfile::TempDir,
+    server: tokio::task::JoinHandle<()>,
+}
+
+impl Drop for Rig {
+    fn drop(&mut self) {
+        self.server.abort();
+    }
+}
+
+impl Rig {
+    pub async fn quiet() -> Rig {
+        Rig::new(QUIET_WORLD, Firmware::default()).await
+    }
+
+    pub async fn new(world: &str, firmware: Firmware) -> Rig {
+        Rig::of(World::from_yaml(world, "test world").unwrap(), firmware).await
+    }
+
+    pub async fn of(world: World, firmware: Firmware) -> Rig {
+        let options = Options {
+            firmware,
+            ..Options::default()
+        };
+        let server = Server::bind(world, options).await.unwrap();
+        let (sim, address) = (server.handle(), server.local_addr().to_string());
+        let server = tokio::spawn(async move {
+            server.run().await.unwrap();
+        });
+        Rig {
+            sim,
+            address,
+            folder: tempfile::tempdir().unwrap(),
+            server,
+        }
+    }
+
+    /// A file in the test's folder.
+    pub fn file(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path
+    }
+
+    pub fn folder(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// `spykee run` of one script against this robot.
+    pub fn run(&self, script: &str) -> Run {
+        let path = self.file("script.lua", script);
+        self.spykee(&[
+            "run",
+            path.to_str().unwrap(),
+            "--robot",
+            &self.address,
+            "--seed",
+            "7",
+        ])
+    }
+
+    /// The binary with any arguments; works in the test's folder.
+    pub fn spykee(&self, args: &[&str]) -> Run {
+        Run::start(args, self.folder.path())
+    }
+
+    /// Waits until the robot has heard a command, from a place in its journal on.
+    pub async fn heard(&self, from: usize, wanted: impl Fn(&Command) -> bool) -> usize {
+        let heard = timeout(PATIENCE, self.sim.wait_heard(from, wanted)).await;
+        heard.unwrap_or_else(|_| panic!("not heard; instead {:?}", self.commands(from)))
+    }
+
+    pub async fn heard_stop(&self, from: usize) -> usize {
+        self.heard(from, |command| *command == Command::STOP).await
+    }
+
+    pub async fn heard_motion(&self, from: usize) -> usize {
+        self.heard(from, moves).await
+    }
+
+    pub async fn heard_dock(&self, from: usize) -> usize {
+        self.heard(from, |command| *command == Command::Engine(Engage::Dock))
+            .await
+    }
+
+    pub fn commands(&self, from: usize) -> Vec<Command> {
+        self.sim
+            .heard_since(from)
+            .into_iter()
+            .map(|heard| heard.command)
+            .collect()
+    }
+
+    /// When a command was heard, and with which write.
+    pub fn at(&self, index: usize) -> (Duration, u64) {
+        let heard = self.sim.heard_since(index).into_iter().next().unwrap();
+        (heard.at, heard.write)
+    }
+}
+
+/// A MOVE that moves.
+pub fn moves(command: &Command) -> bool {
+    matches!(command, Command::Move { left, right } if (*left, *right) != (0, 0))
+}
+
+/// A running binary and what it wrote so far. Killed with the test.
+pub struct Run {
+    child: Child,
+    lines: Arc<Mutex<Vec<String>>>,
+    readers: Vec<JoinHandle<()>>,
+}
+
+impl Run {
+    fn start(args: &[&str], folder: &Path) -> Run {
+        let mut process = Process::new(env!("CARGO_BIN_EXE_spykee"));
+        for variable in ["RUST_LOG", "NO_COLOR", "SPYKEE_PASSWORD", "RUST_BACKTRACE"] {
+            process.env_remove(variable);
+        }
+        process.args(args).current_dir(folder);
+        process
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        let mut child = process.spawn().unwrap();
+        let lines = Arc::new(Mutex::new(Vec::new()));
+        let out = collect(child.stdout.take().unwrap(), &lines);
+        let err = collect(child.stderr.take().unwrap(), &lines);
+        Run {
+            child,
+            lines,
+            readers: vec![out, err],
+        }
+    }
+
+    /// All that was written to stdout and stderr so far.
+    pub fn text(&self) -> String {
+        self.lines.lock().unwrap().join("\n")
+    }
+
+    /// Waits until a line with this text was written.
+    pub async fn says(&self, text: &str) {
+        let said = async {
+            while !self.text().contains(text) {
+                tokio::time::sleep(Duration::from_millis(10)).await;
+            }
+        };
+        let waited = timeout(PATIENCE, said).await;
+        waited.unwrap_or_else(|_| panic!("`{text}` was not said; instead:\n{}", self.text()));
+    }
+
+    pub fn signal(&self, signal: rustix::process::Signal) {
+        rustix::process::kill_process(self.pid(), signal).unwrap();
+    }
+
+    pub fn pid(&self) -> rustix::process::Pid {
+        rustix::process::Pid::from_child(&self.child)
+    }
+
+    /// The process numbers of its behaviours' hosts.
+    pub fn hosts(&self) -> Vec<rustix::process::Pid> {
+        let pid = self.pid().as_raw_nonzero();
+        let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).unwrap();
+        let children = tasks
+            .filter_map(|task| std::fs::read_to_string(task.unwrap().path().join("children")).ok());
+        let text: String = children.collect();
+        let numbers = text
+            .split_whitespace()
+            .filter_map(|number| number.parse().ok());
+        numbers.filter_map(rustix::process::Pid::from_raw).collect()
+    }
+
+    /// Waits for its end: the exit code.
+    pub async fn code(&mut self) -> Option<i32> {
+        self.status().await.code()
+    }
+
+    pub async fn status(&mut self) -> ExitStatus {
+        let ended = async {
+            loop {
+                if let Some(status) = self.child.try_wait().unwrap() {
+                    return status;
+                }
+                tokio::time::sleep(Duration::from_millis(5)).await;
+            }
+        };
+        let status = timeout(PATIENCE, ended).await;
+        let status = status.unwrap_or_else(|_| panic!("it does not end:\n{}", self.text()));
+        self.readers
+            .drain(..)
+            .for_each(|reader| reader.join().unwrap());
+        status
+    }
+}
+
+impl Drop for Run {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn collect(
+    stream: impl std::io::Read + Send + 'static,
+    lines: &Arc<Mutex<Vec<String>>>,
+) -> JoinHandle<()> {
+    let lines = Arc::clone(lines);
+    std::thread::spawn(move || {
+        for line in BufReader::new(stream).lines().map_while(Result::ok) {
+            lines.lock().unwrap().push(line);
+        }
+    })
+}

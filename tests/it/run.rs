@@ -1,0 +1,251 @@
+//! `spykee run` as a person meets it: what it says, and how it ends.
+
+use std::time::Duration;
+
+use spykee::wire::Login;
+use tokio::time::Instant;
+
+use crate::rig::Rig;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_script_that_ends_by_itself_ends_the_run_with_0() {
+    let rig = Rig::quiet().await;
+    let mut run = rig.run("print('hello', robot.battery().percent > 80)");
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert!(run.text().contains("hello true"), "{}", run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_error_names_file_line_and_what_to_do() {
+    for (script, words) in [
+        (
+            "local x = 1\nrobot.moev(1, 2)\n",
+            ["script.lua:2", "moev", "did you mean", "move"],
+        ),
+        (
+            "robot.move(140, 0)\n",
+            ["script.lua:1", "robot.move", "between -100 and 100", "140"],
+        ),
+        (
+            "robot.on('battrey', print)\n",
+            ["script.lua:1", "battrey", "battery", "robot.on"],
+        ),
+        ("if true\n", ["script.lua:", "then", "error", "script.lua"]),
+        (
+            "pirnt('x')\n",
+            ["script.lua:1", "pirnt", "did you mean", "print"],
+        ),
+    ] {
+        let rig = Rig::quiet().await;
+        let mut run = rig.run(script);
+        assert_eq!(run.code().await, Some(1), "{script}: {}", run.text());
+        for word in words {
+            assert!(
+                run.text().contains(word),
+                "`{word}` for {script}: {}",
+                run.text()
+            );
+        }
+        assert!(!run.text().contains("stack backtrace"), "{}", run.text());
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_script_that_cannot_be_loaded_never_connects() {
+    let rig = Rig::quiet().await;
+    let mut run = rig.run("x = = 1");
+    assert_eq!(run.code().await, Some(1), "{}", run.text());
+    assert_eq!(rig.commands(0), []);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_time_limit_ends_the_run_with_0_and_on_stop_has_its_say() {
+    let rig = Rig::quiet().await;
+    let script = rig.file(
+        "script.lua",
+        "script.on_stop(function(reason) print('bye', reason) robot.led('right', true) end)\n\
+         while true do task.wait(1) end",
+    );
+    let script = script.to_str().unwrap();
+    let mut run = rig.spykee(&["run", script, "--robot", &rig.address, "--for", "1"]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert!(run.text().contains("bye shutdown"), "{}", run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_embedded_simulator_needs_nothing_else() {
+    let rig = Rig::quiet().await;
+    let script = rig.file(
+        "script.lua",
+        "print('sim', robot.info().simulated, robot.move(30, 30, 0.3))",
+    );
+    let mut run = rig.spykee(&["run", script.to_str().unwrap(), "--sim"]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert!(run.text().contains("sim true true done"), "{}", run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_same_seed_gives_the_same_random_numbers() {
+    let rig = Rig::quiet().await;
+    let script = rig.file(
+        "script.lua",
+        "print('dice', math.random(1e6), math.random(1e6))",
+    );
+    let script = script.to_str().unwrap();
+    let mut dice = Vec::new();
+    for seed in ["5", "5", "6"] {
+        let mut run = rig.spykee(&["run", script, "--robot", &rig.address, "--seed", seed]);
+        assert_eq!(run.code().await, Some(0), "{}", run.text());
+        let text = run.text();
+        dice.push(
+            text[text.find("dice").unwrap()..]
+                .lines()
+                .next()
+                .unwrap()
+                .to_owned(),
+        );
+    }
+    assert_eq!(dice[0], dice[1]);
+    assert_ne!(dice[0], dice[2]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn without_a_robot_both_ways_are_named() {
+    let rig = Rig::quiet().await;
+    let script = rig.file("script.lua", "print('never')");
+    let mut run = rig.spykee(&["run", script.to_str().unwrap()]);
+    assert_eq!(run.code().await, Some(2), "{}", run.text());
+    assert!(
+        run.text().contains("--robot") && run.text().contains("--sim"),
+        "{}",
+        run.text()
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_robot_out_of_reach_is_exit_code_3() {
+    let rig = Rig::quiet().await;
+    let script = rig.file("script.lua", "print('never')");
+    let args = ["run", script.to_str().unwrap(), "--robot", "127.0.0.1:1"];
+    let mut run = rig.spykee(&args);
+    assert_eq!(run.code().await, Some(3), "{}", run.text());
+    assert!(run.text().contains("127.0.0.1:1"), "{}", run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_wrong_password_is_exit_code_3_and_is_not_shown() {
+    let rig = Rig::quiet().await;
+    let script = rig.file("script.lua", "print('never')");
+    let secret = rig.file("password", "hunter2-the-secret\n");
+    let (script, secret) = (script.to_str().unwrap(), secret.to_str().unwrap());
+    let args = [
+        "run",
+        script,
+        "--robot",
+        &rig.address,
+        "--password-file",
+        secret,
+    ];
+    let mut run = rig.spykee(&args);
+    assert_eq!(run.code().await, Some(3), "{}", run.text());
+    assert!(run.text().contains("password"), "{}", run.text());
+    assert!(!run.text().contains("hunter2"), "{}", run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_robot_in_use_is_exit_code_3_and_its_user_is_named() {
+    let rig = Rig::quiet().await;
+    let target = rig.address.parse().unwrap();
+    let login = Login::new("admin", "admin");
+    let options = spykee::link::Options::default();
+    let _held = spykee::link::connect(&target, &login, &options)
+        .await
+        .unwrap();
+    let mut run = rig.run("print('never')");
+    assert_eq!(run.code().await, Some(3), "{}", run.text());
+    assert!(
+        run.text().contains("in use") && run.text().contains("admin"),
+        "{}",
+        run.text()
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_wrong_config_is_refused_with_line_and_column() {
+    let rig = Rig::quiet().await;
+    let script = rig.file("script.lua", "print('never')");
+    for (config, words) in [
+        (
+            "watchdog:\n  lwo: 20\n",
+            ["spykee.yaml", "lwo", "line 2 column 3"],
+        ),
+        (
+            "camera:\n  hfov: wide\n",
+            ["spykee.yaml", "camera", "line 2 column"],
+        ),
+        (
+            "link:\n  dead_after: 0\n",
+            ["spykee.yaml", "dead_after", "line 2 column"],
+        ),
+        (
+            "colours:\n  sky: { lab: { l: [200, 300] } }\n",
+            ["spykee.yaml", "colours", "line 2"],
+        ),
+    ] {
+        let path = rig.file("spykee.yaml", config);
+        let (script, path) = (script.to_str().unwrap(), path.to_str().unwrap());
+        let mut run = rig.spykee(&["run", script, "--sim", "--config", path]);
+        assert_eq!(run.code().await, Some(2), "{config}: {}", run.text());
+        for word in words {
+            assert!(
+                run.text().contains(word),
+                "`{word}` for {config}: {}",
+                run.text()
+            );
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_script_file_too_large_is_refused() {
+    let rig = Rig::quiet().await;
+    let mut run = rig.run(&"-- padding\n".repeat(30_000));
+    assert_eq!(run.code().await, Some(1), "{}", run.text());
+    assert!(run.text().contains("256 KiB"), "{}", run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn logs_as_json_are_one_object_a_line() {
+    let rig = Rig::quiet().await;
+    let script = rig.file("script.lua", "print('hello')");
+    let script = script.to_str().unwrap();
+    let mut run = rig.spykee(&[
+        "run",
+        script,
+        "--robot",
+        &rig.address,
+        "--log-format",
+        "json",
+    ]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    for line in run.text().lines() {
+        let value: Result<serde_json::Value, _> = serde_json::from_str(line);
+        assert!(value.is_ok_and(|value| value.is_object()), "{line}");
+    }
+    assert!(run.text().contains("hello"), "{}", run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_flood_of_lines_is_folded() {
+    let rig = Rig::quiet().await;
+    let begun = Instant::now();
+    let mut run = rig.run("for i = 1, 5000 do print('line', i) end task.wait(1.2)");
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert!(
+        run.text().lines().count() < 1000,
+        "{}",
+        run.text().lines().count()
+    );
+    assert!(run.text().contains("more lines"), "{}", run.text());
+    assert!(begun.elapsed() < Duration::from_secs(30));
+}

@@ -1,0 +1,371 @@
+//! The safety promises, as the robot sees them: the real binary drives a simulated robot.
+
+use std::time::Duration;
+
+use rustix::process::Signal;
+use spykee::sim::Firmware;
+use spykee::wire::{Command, EngineNews, Led, Power, Report, Sound};
+use tokio::time::{Instant, timeout};
+
+use crate::rig::{PATIENCE, QUIET_WORLD, Rig, moves};
+
+/// Drives and then never waits again; prints when the block begins.
+const STUCK: &str = "robot.move(50, 50)\ntask.wait(0.3)\nrobot.led('left', true)\ntask.wait(0)\nwhile true do end\n";
+/// The same, stuck in a library function where no safepoint is.
+const STUCK_IN_C: &str = "robot.move(50, 50)\ntask.wait(0.3)\nrobot.led('left', true)\ntask.wait(0)\ntable.move({}, 1, 2e9, -2e9, {})\nwhile true do end\n";
+
+/// The sign that the block begins.
+fn block_begins(command: &Command) -> bool {
+    *command
+        == Command::Led {
+            led: Led::Left,
+            on: true,
+        }
+}
+
+fn power(percent: u8) -> Report {
+    Report::Power(Power {
+        percent,
+        charging: false,
+    })
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stuck_script_is_stopped_within_600_ms_and_the_reason_is_named() {
+    for script in [STUCK, STUCK_IN_C] {
+        let rig = Rig::quiet().await;
+        let mut run = rig.run(script);
+        let moving = rig.heard_motion(0).await;
+        let block = rig.heard(moving, block_begins).await;
+        let stop = rig.heard_stop(block).await;
+        let gap = rig.at(stop).0 - rig.at(block).0;
+        assert!(gap < Duration::from_millis(600), "{gap:?}");
+        assert_eq!(run.code().await, Some(1), "{}", run.text());
+        assert!(run.text().contains("cpu"), "{}", run.text());
+        assert!(!rig.commands(stop).iter().any(moves));
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_low_battery_stops_and_sends_home_in_one_write_while_a_script_is_stuck() {
+    for script in [STUCK, STUCK_IN_C] {
+        let rig = Rig::quiet().await;
+        let _run = rig.run(script);
+        let moving = rig.heard_motion(0).await;
+        let block = rig.heard(moving, block_begins).await;
+        let injected = Instant::now();
+        rig.sim.inject(power(10));
+        let dock = rig.heard_dock(block).await;
+        // A bound for a busy machine; on an idle one it is below 50 ms.
+        assert!(
+            injected.elapsed() < Duration::from_millis(500),
+            "{:?}",
+            injected.elapsed()
+        );
+        let stop = dock - 1;
+        assert_eq!(rig.commands(stop)[0], Command::STOP);
+        assert_eq!(rig.at(stop).1, rig.at(dock).1, "in one write");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn while_low_no_script_moves_the_robot() {
+    let rig = Rig::quiet().await;
+    let run = rig.run(
+        "while true do\n\
+         local ok, code = robot.move(40, 40, 0.5)\n\
+         print('moved', ok, code)\n\
+         task.wait(0.05)\n\
+         end\n",
+    );
+    let moving = rig.heard_motion(0).await;
+    rig.sim.hide_station(true);
+    rig.sim.set_battery(15.0);
+    let dock = rig.heard_dock(moving).await;
+    run.says("moved false safety").await;
+    run.says("moved false safety").await;
+    assert!(
+        !rig.commands(dock).iter().any(moves),
+        "{:?}",
+        rig.commands(dock)
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_watchdog_brings_a_low_robot_home_and_it_charges() {
+    let rig = Rig::quiet().await;
+    let _run = rig.run("robot.move(20, 20) task.wait(600)");
+    rig.heard_motion(0).await;
+    rig.sim.set_battery(15.0);
+    rig.heard_dock(0).await;
+    let charging = rig.sim.wait_state(|state| state.docked && state.charging);
+    timeout(PATIENCE * 2, charging)
+        .await
+        .expect("docked and charging");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_robot_that_cannot_get_home_stays_still_and_sounds_the_alarm() {
+    let search_limit = Duration::from_millis(200);
+    let rig = Rig::new(
+        QUIET_WORLD,
+        Firmware {
+            search_limit,
+            ..Firmware::default()
+        },
+    )
+    .await;
+    rig.sim.hide_station(true);
+    let config = rig.file(
+        "spykee.yaml",
+        "watchdog: { dock_pause: 0.1, alarm_every: 1 }\n",
+    );
+    let script = rig.file(
+        "script.lua",
+        "while true do robot.move(30, 30) task.wait(0.2) end",
+    );
+    let (script, config) = (script.to_str().unwrap(), config.to_str().unwrap());
+    let args = ["run", script, "--config", config, "--robot", &rig.address];
+    let run = rig.spykee(&args);
+    rig.heard_motion(0).await;
+    rig.sim.set_battery(15.0);
+    let first = rig.heard_dock(0).await;
+    let alarm = |command: &Command| *command == Command::Play(Sound::Alarm);
+    let sounded = rig.heard(first, alarm).await;
+    let again = rig.heard(sounded + 1, alarm).await;
+    rig.heard(again, |command| {
+        *command
+            == Command::Led {
+                led: Led::Flash,
+                on: false,
+            }
+    })
+    .await;
+    let heard = rig.commands(first);
+    let tries = heard
+        .iter()
+        .filter(|command| matches!(command, Command::Engine(_)))
+        .count();
+    assert_eq!(tries, 4, "{heard:?}");
+    assert!(!heard.iter().any(moves), "{heard:?}");
+    run.says("ALARM").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_interrupt_stops_the_tracks_before_the_link_closes() {
+    for signal in [Signal::INT, Signal::TERM] {
+        let rig = Rig::quiet().await;
+        let mut run = rig.run("robot.move(50, 50) task.wait(600)");
+        let moving = rig.heard_motion(0).await;
+        run.signal(signal);
+        let interrupted = Instant::now();
+        rig.heard_stop(moving).await;
+        assert_eq!(run.code().await, Some(130), "{}", run.text());
+        assert!(
+            interrupted.elapsed() < Duration::from_secs(3),
+            "{:?}",
+            interrupted.elapsed()
+        );
+        timeout(PATIENCE, rig.sim.wait_state(|state| state.user.is_none()))
+            .await
+            .unwrap();
+        let last = rig
+            .commands(moving)
+            .into_iter()
+            .rfind(|c| matches!(c, Command::Move { .. }));
+        assert_eq!(last, Some(Command::STOP));
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_interrupt_ends_a_stuck_script_in_time() {
+    let rig = Rig::quiet().await;
+    let config = rig.file("spykee.yaml", "limits: { callback_budget_ms: 10000 }\n");
+    let script = rig.file(
+        "script.lua",
+        "robot.led('left', true) task.wait(0.1) while true do end",
+    );
+    let (script, config) = (script.to_str().unwrap(), config.to_str().unwrap());
+    let mut run = rig.spykee(&["run", script, "--config", config, "--robot", &rig.address]);
+    rig.heard(0, block_begins).await;
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    run.signal(Signal::INT);
+    let interrupted = Instant::now();
+    assert_eq!(run.code().await, Some(130), "{}", run.text());
+    assert!(
+        interrupted.elapsed() < Duration::from_secs(3),
+        "{:?}",
+        interrupted.elapsed()
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_host_that_is_killed_moves_nothing_any_more() {
+    let rig = Rig::quiet().await;
+    let mut run = rig.run("robot.move(50, 50) task.wait(600)");
+    let moving = rig.heard_motion(0).await;
+    let hosts = run.hosts();
+    assert_eq!(hosts.len(), 1);
+    rustix::process::kill_process(hosts[0], Signal::KILL).unwrap();
+    let stop = rig.heard_stop(moving).await;
+    assert_eq!(run.code().await, Some(1), "{}", run.text());
+    assert!(run.text().contains("signal: 9"), "{}", run.text());
+    assert!(!rig.commands(stop).iter().any(moves));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_host_that_is_frozen_is_stopped_and_ended() {
+    let rig = Rig::quiet().await;
+    let mut run = rig.run("robot.move(50, 50) task.wait(600)");
+    let moving = rig.heard_motion(0).await;
+    rustix::process::kill_process(run.hosts()[0], Signal::STOP).unwrap();
+    let stop = rig.heard_stop(moving).await;
+    assert_eq!(run.code().await, Some(1), "{}", run.text());
+    assert!(run.text().contains("showed no life"), "{}", run.text());
+    assert!(!rig.commands(stop).iter().any(moves));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn hosts_do_not_outlive_their_agent() {
+    let rig = Rig::quiet().await;
+    let mut run = rig.run("robot.led('left', true) task.wait(600)");
+    rig.heard(0, block_begins).await;
+    let hosts = run.hosts();
+    run.signal(Signal::KILL);
+    run.status().await;
+    let gone = async {
+        while hosts
+            .iter()
+            .any(|&host| rustix::process::test_kill_process(host).is_ok())
+        {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    };
+    timeout(PATIENCE, gone).await.expect("the host is gone");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn after_a_lost_link_the_robot_first_hears_a_stop() {
+    let rig = Rig::quiet().await;
+    let run = rig.run(
+        "while true do\n\
+         robot.move(40, 40)\n\
+         task.wait(0.1)\n\
+         end\n",
+    );
+    let moving = rig.heard_motion(0).await;
+    let first = rig.sim.heard_since(moving)[0].client;
+    rig.sim.cut();
+    run.says("disconnected").await;
+    let again = async {
+        loop {
+            let index = rig.heard_motion(rig.sim.heard_count()).await;
+            if rig.sim.heard_since(index)[0].client > first {
+                return;
+            }
+        }
+    };
+    timeout(PATIENCE, again).await.expect("drives again");
+    let heard = rig.sim.heard_since(moving);
+    let anew: Vec<&Command> = heard
+        .iter()
+        .filter(|heard| heard.client > first)
+        .map(|heard| &heard.command)
+        .collect();
+    assert!(matches!(anew[0], Command::Login(_)), "{anew:?}");
+    assert_eq!(anew[1], &Command::STOP, "{anew:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stream_that_falls_silent_while_moving_stops_the_robot() {
+    let rig = Rig::quiet().await;
+    let run = rig.run("robot.stream('video', true) robot.move(40, 40) task.wait(600)");
+    rig.heard_motion(0).await;
+    timeout(PATIENCE, rig.sim.wait_state(|state| state.frames > 3))
+        .await
+        .unwrap();
+    rig.sim.mute(true);
+    run.says("no bytes from the robot for 3 s while it moves")
+        .await;
+    run.says("disconnected").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn on_its_station_the_robot_does_not_move() {
+    let rig = Rig::quiet().await;
+    let mut run = rig.run(
+        "print('docked', robot.dock{})\n\
+         print('again', robot.dock{})\n\
+         print('moved', robot.move(50, 50, 0.5))\n\
+         print('undocked', robot.undock{})\n\
+         print('undocked twice', robot.undock{})\n\
+         print('moved then', robot.move(50, 50, 0.2))\n",
+    );
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let text = run.text();
+    for line in [
+        "docked true done",
+        "again true already_docked",
+        "moved false docked",
+        "undocked true done",
+        "undocked twice true not_docked",
+        "moved then true done",
+    ] {
+        assert!(text.contains(line), "{line}:\n{text}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_higher_priority_drives_and_the_lower_hears_preempted() {
+    let rig = Rig::quiet().await;
+    rig.file(
+        "patrol.lua",
+        "while true do print('patrol', robot.move(30, 30, 0.3)) task.wait(0.05) end",
+    );
+    rig.file(
+        "avoid.lua",
+        "task.wait(1.5) robot.move(-50, -50, 1) task.wait(600)",
+    );
+    let config = rig.file(
+        "spykee.yaml",
+        "behaviours:\n  - file: patrol.lua\n  - { file: avoid.lua, priority: 10 }\n",
+    );
+    let run = rig.spykee(&[
+        "run",
+        "--config",
+        config.to_str().unwrap(),
+        "--robot",
+        &rig.address,
+    ]);
+    let forward = Command::Move {
+        left: 27,
+        right: 27,
+    };
+    let back = Command::Move {
+        left: -45,
+        right: -45,
+    };
+    let patrol = rig.heard(0, |command| *command == forward).await;
+    let avoid = rig.heard(patrol, |command| *command == back).await;
+    rig.heard(avoid, |command| *command == forward).await;
+    run.says("patrol false preempted").await;
+    run.says("patrol true done").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_unknown_engine_byte_reaches_the_script_as_a_number() {
+    let rig = Rig::quiet().await;
+    let mut run = rig.run("print('engine', robot.wait_for('engine', 30).code)");
+    timeout(PATIENCE, rig.sim.wait_state(|state| state.user.is_some()))
+        .await
+        .unwrap();
+    let unknown = Report::Engine(EngineNews::Unknown(42));
+    let told = async {
+        while !run.text().contains("engine 42") {
+            rig.sim.inject(unknown.clone());
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+    };
+    timeout(PATIENCE, told).await.expect("told");
+    assert_eq!(run.code().await, Some(0));
+}
