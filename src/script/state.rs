@@ -8,7 +8,7 @@ use std::time::Duration;
 use mlua::prelude::LuaFunction;
 use tokio::time::Instant;
 
-use super::api::{Album, HeldFrame, LineSight};
+use super::api::{Album, HeldFrame};
 use super::ending::Life;
 use super::events::{EventName, Payload, Subscriptions, is_round};
 use super::failure::with_hint;
@@ -82,7 +82,6 @@ pub(super) struct State {
     /// JPEG bytes of all frames that anyone holds.
     pub(super) frame_bytes: Rc<Cell<u64>>,
     pub(super) eyes: Eyes,
-    pub(super) line_sight: LineSight,
     /// Trackers and motion detectors that live.
     pub(super) watchers: Rc<Cell<u32>>,
     pub(super) album: Album,
@@ -119,7 +118,6 @@ impl State {
             newest: None,
             frame_bytes: Rc::default(),
             eyes,
-            line_sight: LineSight::default(),
             watchers: Rc::default(),
             album,
             outbox: Outbox::new(now),

@@ -11,10 +11,7 @@ use super::super::state::State;
 use super::colours::Colours;
 use super::frame::{HeldFrame, subject};
 use super::{Answered, Call, Entry, plain};
-use crate::vision::{
-    Blob, BlobFinder, BlobOptions, Image, Palette, Roi, brightness, find_line, find_qrcodes,
-    sharpness,
-};
+use crate::vision::{Blob, BlobOptions, Image, Line, Roi, brightness, find_qrcodes, sharpness};
 
 pub(super) const METHODS: [Entry; 6] = [
     plain("Frame:find_blobs", blobs),
@@ -29,13 +26,6 @@ pub(super) const METHODS: [Entry; 6] = [
 const PIXELS: Bounds = Bounds::Between(-10_000.0, 10_000.0);
 /// The most blobs of one call.
 const MAX_BLOBS: u32 = 1000;
-
-/// What a call looks with, apart from the eyes: for lines.
-#[derive(Default)]
-pub(in super::super) struct LineSight {
-    finder: BlobFinder,
-    palette: Option<Palette>,
-}
 
 impl State {
     /// The picture of a frame; `None` for a damaged one, and the log says so.
@@ -67,6 +57,23 @@ impl State {
                 Vec::new()
             }
         }
+    }
+
+    /// The line of a frame; none in a damaged one.
+    fn find_line(
+        &mut self,
+        held: &HeldFrame,
+        colours: &Colours,
+        part: Option<Roi>,
+    ) -> Option<Line> {
+        let frame = &held.frame;
+        let found = self
+            .eyes
+            .find_line(frame.seq, &frame.jpeg, &colours.colours, part);
+        found.unwrap_or_else(|error| {
+            self.complain(&error.to_string());
+            None
+        })
     }
 }
 
@@ -187,18 +194,7 @@ fn line(call: &mut Call<'_>) -> Answered {
     let held = subject(call)?;
     let colours = Colours::of(call, call.args.value(1))?;
     let part = optional_roi(&call.args.options(2, &["roi"])?)?;
-    let mut sight = std::mem::take(&mut call.state.line_sight);
-    let known = sight
-        .palette
-        .take()
-        .filter(|palette| palette.is_of(&colours.colours, false));
-    let mut palette = known.unwrap_or_else(|| Palette::compile(&colours.colours, false));
-    let line = call
-        .state
-        .look(&held)
-        .and_then(|image| find_line(&mut sight.finder, image, &mut palette, part));
-    sight.palette = Some(palette);
-    call.state.line_sight = sight;
+    let line = call.state.find_line(&held, &colours, part);
     let Some(line) = line else {
         return call.reply(LuaValue::Nil);
     };

@@ -37,7 +37,6 @@ use builder::Builder;
 pub(super) use album::Album;
 pub(super) use answer::resume_values;
 pub(super) use frame::{HeldFrame, to_lua as frame_to_lua};
-pub(super) use looking::LineSight;
 
 /// State that natives and the scheduler share. Borrowed only while no line of the script runs.
 pub(super) type Shared = Rc<RefCell<State>>;
