@@ -4,10 +4,12 @@
 mod behaviours;
 mod cli;
 mod floors;
+mod hostile;
 mod link;
 mod pilot;
 mod rig;
 mod run;
 mod safety;
+mod secrets;
 mod sim;
 mod vision;
