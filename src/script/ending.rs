@@ -146,6 +146,9 @@ impl State {
         self.subscriptions.clear();
         self.farewells.clear();
         self.newest = None;
+        if let Some(text) = self.damage.rest() {
+            self.log(Level::Warn, &text);
+        }
         self.outbox.say_folded();
         self.life = Life::Ended(ending);
     }

@@ -15,6 +15,7 @@
 mod api;
 mod arguments;
 mod budget;
+mod damage;
 mod ending;
 mod events;
 mod failure;

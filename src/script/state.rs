@@ -9,6 +9,7 @@ use mlua::prelude::LuaFunction;
 use tokio::time::Instant;
 
 use super::api::{Album, HeldFrame};
+use super::damage::Damage;
 use super::ending::Life;
 use super::events::{EventName, Payload, Subscriptions, is_round};
 use super::failure::with_hint;
@@ -20,7 +21,7 @@ use super::queue::Tasks;
 use super::sound::Loudness;
 use super::task::{Answer, GroupId, Kind, SubscriptionId, Wait};
 use crate::robot::{Battery, Event, Frame, Intent, RobotInfo};
-use crate::vision::Eyes;
+use crate::vision::{Eyes, FrameError, judge};
 use crate::wire::Stream;
 
 /// Places whose complaints are counted; those of further places are logged each time.
@@ -99,6 +100,7 @@ pub(super) struct State {
     /// When a track last turned.
     moved: Option<Instant>,
     complaints: BTreeMap<String, u64>,
+    pub(super) damage: Damage,
 }
 
 impl State {
@@ -130,6 +132,7 @@ impl State {
             last_call: 0,
             moved: None,
             complaints: BTreeMap::new(),
+            damage: Damage::default(),
         }
     }
 
@@ -181,9 +184,14 @@ impl State {
         }
     }
 
-    /// The newest frame takes the place of those that nobody has looked at.
+    /// The newest frame takes the place of those that nobody has looked at. One that its markers
+    /// already give away as no picture is counted and goes no further.
     pub(super) fn deliver_frame(&mut self, frame: Frame) {
-        let held = Rc::new(HeldFrame::new(frame, &self.frame_bytes));
+        let size = match judge(&frame.jpeg) {
+            Ok(size) => size,
+            Err(error) => return self.note_damage(frame.seq, &error),
+        };
+        let held = Rc::new(HeldFrame::new(frame, size, &self.frame_bytes));
         self.newest = Some(Rc::clone(&held));
         self.publish(EventName::Frame, Payload::Frame(held));
     }
@@ -241,6 +249,13 @@ impl State {
     /// Writes a line of the runtime's own into the script's log.
     pub(super) fn log(&mut self, level: Level, text: &str) {
         self.outbox.log(LogLine::new(level, text), self.now);
+    }
+
+    /// Counts a frame that is no picture; the log says so once in a while.
+    pub(super) fn note_damage(&mut self, seq: u64, error: &FrameError) {
+        if let Some(text) = self.damage.note(seq, &error.to_string(), self.now) {
+            self.log(Level::Warn, &text);
+        }
     }
 
     /// Logs a failure, the first time and then ever more rarely for the same place.

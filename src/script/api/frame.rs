@@ -1,7 +1,7 @@
 //! `robot.frame`, `robot.wait_frame` and the Frame object: its data, and `frame:save`. What is seen
 //! in it is asked in [`looking`](super::looking).
 
-use std::cell::{Cell, OnceCell};
+use std::cell::Cell;
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ use super::super::output::Level;
 use super::super::task::Wait;
 use super::{Answered, Builder, Call, Entry, album, events, looking, plain, waiting};
 use crate::robot::Frame;
-use crate::vision::{Size, judge};
+use crate::vision::Size;
 
 pub(super) const CALLS: [Entry; 2] = [
     plain("robot.frame", newest),
@@ -44,30 +44,19 @@ const STALE: Duration = Duration::from_secs(1);
 /// A frame as it came, counted while anyone holds it.
 pub(in super::super) struct HeldFrame {
     pub(super) frame: Frame,
-    size: OnceCell<Size>,
+    size: Size,
     held: Rc<Cell<u64>>,
 }
 
 impl HeldFrame {
-    /// Adds its bytes to `held` for as long as it lives.
-    pub(in super::super) fn new(frame: Frame, held: &Rc<Cell<u64>>) -> HeldFrame {
+    /// `size` is what its markers say. Adds its bytes to `held` for as long as it lives.
+    pub(in super::super) fn new(frame: Frame, size: Size, held: &Rc<Cell<u64>>) -> HeldFrame {
         held.set(held.get() + frame.jpeg.len() as u64);
         HeldFrame {
             frame,
-            size: OnceCell::new(),
+            size,
             held: Rc::clone(held),
         }
-    }
-
-    /// From its header; nothing by nothing if that is damaged.
-    fn size(&self) -> Size {
-        let nothing = Size {
-            width: 0,
-            height: 0,
-        };
-        *self
-            .size
-            .get_or_init(|| judge(&self.frame.jpeg).unwrap_or(nothing))
     }
 }
 
@@ -110,8 +99,8 @@ pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
             registry.add_meta_field("__index", unknown);
             registry.add_field_method_get("seq", |_, frame| Ok(frame.0.frame.seq));
             registry.add_field_method_get("bytes", |_, frame| Ok(frame.0.frame.jpeg.len()));
-            registry.add_field_method_get("width", |_, frame| Ok(frame.0.size().width));
-            registry.add_field_method_get("height", |_, frame| Ok(frame.0.size().height));
+            registry.add_field_method_get("width", |_, frame| Ok(frame.0.size.width));
+            registry.add_field_method_get("height", |_, frame| Ok(frame.0.size.height));
             registry.add_field_method_get("age", move |_, frame| {
                 let now = shared.borrow().now;
                 let age = now.saturating_duration_since(frame.0.frame.at);

@@ -1,8 +1,9 @@
 //! What is seen in one frame: `frame:find_blobs` and its like. Each frame is decoded at the first
 //! question, into one buffer for all frames.
 //!
-//! A frame that turns out to be damaged shows nothing: no blobs, no line, no brightness. The log
-//! says so.
+//! Most damaged frames never get this far (`State::deliver_frame`). One whose damage shows only in
+//! decoding shows nothing: no blobs, no line, no brightness. They are counted, and the log says so
+//! once in a while.
 
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
@@ -28,10 +29,10 @@ const PIXELS: Bounds = Bounds::Between(-10_000.0, 10_000.0);
 const MAX_BLOBS: u32 = 1000;
 
 impl State {
-    /// The picture of a frame; `None` for a damaged one, and the log says so.
+    /// The picture of a frame; `None` for a damaged one, which is counted.
     pub(super) fn look(&mut self, held: &HeldFrame) -> Option<&Image> {
         if let Err(error) = self.eyes.look(held.frame.seq, &held.frame.jpeg) {
-            self.complain(&error.to_string());
+            self.note_damage(held.frame.seq, &error);
             return None;
         }
         // Decoded already: this only borrows it again.
@@ -52,8 +53,7 @@ impl State {
         match found {
             Ok(blobs) => blobs.to_vec(),
             Err(error) => {
-                let text = error.to_string();
-                self.complain(&text);
+                self.note_damage(held.frame.seq, &error);
                 Vec::new()
             }
         }
@@ -71,7 +71,7 @@ impl State {
             .eyes
             .find_line(frame.seq, &frame.jpeg, &colours.colours, part);
         found.unwrap_or_else(|error| {
-            self.complain(&error.to_string());
+            self.note_damage(frame.seq, &error);
             None
         })
     }

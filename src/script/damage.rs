@@ -1,0 +1,76 @@
+//! Counts frames that are no pictures, and says so once in a while.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+/// From one line about damaged frames to the next, at least.
+const PAUSE: Duration = Duration::from_secs(10);
+
+/// What has come that is no picture.
+#[derive(Debug, Default)]
+pub(super) struct Damage {
+    count: u64,
+    newest: Option<u64>,
+    said: u64,
+    said_at: Option<Instant>,
+    why: String,
+}
+
+impl Damage {
+    /// Counts frame number `seq`, once however often it is looked at. What the log should say, if it
+    /// is time.
+    pub(super) fn note(&mut self, seq: u64, why: &str, now: Instant) -> Option<String> {
+        if self.newest == Some(seq) {
+            return None;
+        }
+        self.newest = Some(seq);
+        self.count += 1;
+        why.clone_into(&mut self.why);
+        let lately = |at: Instant| now.saturating_duration_since(at) < PAUSE;
+        if self.said_at.is_some_and(lately) {
+            return None;
+        }
+        self.said_at = Some(now);
+        self.rest()
+    }
+
+    /// What has not been said yet.
+    pub(super) fn rest(&mut self) -> Option<String> {
+        if self.said == self.count {
+            return None;
+        }
+        self.said = self.count;
+        Some(match self.count {
+            1 => format!("a damaged frame: {}", self.why),
+            count => format!("{count} damaged frames so far; the newest: {}", self.why),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn says_the_first_at_once_and_further_ones_together() {
+        let (mut damage, start) = (Damage::default(), Instant::now());
+        let first = damage.note(1, "cut short", start);
+        assert_eq!(first.as_deref(), Some("a damaged frame: cut short"));
+        for seq in 2..=5 {
+            assert_eq!(damage.note(seq, "torn", start + PAUSE / 2), None);
+        }
+        let text = damage.note(6, "torn", start + PAUSE).unwrap();
+        assert!(text.starts_with("6 damaged frames"), "{text}");
+        assert_eq!(damage.rest(), None);
+    }
+
+    #[test]
+    fn counts_a_frame_once_however_often_it_is_looked_at() {
+        let (mut damage, start) = (Damage::default(), Instant::now());
+        for seq in [7, 7, 7, 9, 9] {
+            damage.note(seq, "torn", start);
+        }
+        assert!(damage.rest().unwrap().starts_with("2 damaged frames"));
+    }
+}
