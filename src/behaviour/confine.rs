@@ -5,7 +5,7 @@
 //! Limits must hold, or no script is run. Landlock and seccomp are taken where the kernel has them.
 
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Once;
 
 use landlock::{
@@ -65,12 +65,12 @@ impl Walls {
     }
 }
 
-/// Limits this thread and all that it starts, for good; `folder` is where it may read and write. To
+/// Limits this thread and all that it starts, for good; `folders` are where it may read and write. To
 /// be called first of all in a host, before its second thread.
 ///
 /// # Errors
 /// If the kernel refuses a limit: then no script must be run. Also if the parent is gone already.
-pub(super) fn confine(folder: Option<&Path>) -> io::Result<Walls> {
+pub(super) fn confine(folders: &[PathBuf]) -> io::Result<Walls> {
     rustix::process::set_parent_process_death_signal(Some(Signal::KILL))?;
     if rustix::process::getppid().is_none_or(|parent| parent.is_init()) {
         return Err(io::Error::other("the agent is gone"));
@@ -80,7 +80,7 @@ pub(super) fn confine(folder: Option<&Path>) -> io::Result<Walls> {
     rustix::process::umask(Mode::RWXG | Mode::RWXO);
     limit()?;
     Ok(Walls {
-        files: restrict_files(folder).unwrap_or(false),
+        files: restrict_files(folders).unwrap_or(false),
         calls: calls::refuse(),
     })
 }
@@ -103,25 +103,24 @@ fn limit() -> io::Result<()> {
 }
 
 /// Whether the kernel holds it.
-fn restrict_files(folder: Option<&Path>) -> Result<bool, RulesetError> {
+fn restrict_files(folders: &[PathBuf]) -> Result<bool, RulesetError> {
     let ruleset = Ruleset::default()
         .handle_access(AccessFs::from_all(LANDLOCK))?
         .handle_access(AccessNet::from_all(LANDLOCK))?
         .scope(Scope::from_all(LANDLOCK))?
         .create()?;
-    let status = allow(ruleset, folder)?.restrict_self()?.ruleset;
+    let status = allow(ruleset, folders)?.restrict_self()?.ruleset;
     Ok(status != RulesetStatus::NotEnforced)
 }
 
 /// A folder that is not there cannot be allowed: then nothing can be saved.
-fn allow(ruleset: RulesetCreated, folder: Option<&Path>) -> Result<RulesetCreated, RulesetError> {
-    let Some(folder) = folder.and_then(|folder| PathFd::new(folder).ok()) else {
-        return Ok(ruleset);
-    };
+fn allow(ruleset: RulesetCreated, folders: &[PathBuf]) -> Result<RulesetCreated, RulesetError> {
     let read = AccessFs::ReadFile | AccessFs::ReadDir;
     let write = AccessFs::WriteFile | AccessFs::Truncate;
     let names = AccessFs::MakeReg | AccessFs::RemoveFile | AccessFs::MakeDir | AccessFs::RemoveDir;
-    ruleset.add_rule(PathBeneath::new(folder, read | write | names))
+    let open = folders.iter().filter_map(|folder| PathFd::new(folder).ok());
+    let rules = open.map(|folder| Ok(PathBeneath::new(folder, read | write | names)));
+    ruleset.add_rules(rules)
 }
 
 #[cfg(test)]
@@ -228,7 +227,7 @@ mod tests {
     }
 
     fn inside(folder: &Path) {
-        let walls = confine(Some(folder)).unwrap();
+        let walls = confine(&[folder.to_owned()]).unwrap();
         assert_eq!(walls, Walls::offered());
         if walls.files {
             try_files(folder);

@@ -3,7 +3,7 @@
 
 use std::io;
 use std::os::fd::AsFd;
-use std::path::Path;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -11,10 +11,11 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until};
 
 use super::confine::confine;
+use super::gallery::Gallery;
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
 use crate::robot::{EndReason, Frame};
-use crate::script::{Ending, Output, Script};
+use crate::script::{Ending, Level, LogLine, Output, Script};
 
 /// While a setpoint of the script is on, the agent hears from the host at least this often; a
 /// quarter of what the watchdog allows.
@@ -22,13 +23,13 @@ const BEAT: Duration = Duration::from_millis(50);
 /// Luau's deepest legal recursion needs 2.1 MiB of stack in a debug build.
 const STACK: usize = 8 << 20;
 
-/// The life of a host process, from its confinement to its exit code. `folder` is the only one
-/// whose files it can open.
-pub fn host_main(folder: Option<&Path>) -> ExitCode {
+/// The life of a host process, from its confinement to its exit code. `folders` are the
+/// only ones whose files it can open.
+pub fn host_main(folders: &[PathBuf]) -> ExitCode {
     let life = std::thread::Builder::new()
         .name("vm".into())
         .stack_size(STACK);
-    let ended = confine(folder)
+    let ended = confine(folders)
         .and_then(|_| life.spawn(over_stdin))
         .and_then(|vm| {
             vm.join()
@@ -71,6 +72,11 @@ pub async fn host(
         return Ok(());
     };
     let Launch { source, options } = *launch;
+    let gallery = options
+        .annotate_dir
+        .clone()
+        .map(Gallery::open)
+        .transpose()?;
     match Script::load(&source, options, Instant::now()) {
         Ok(script) => {
             outbox.send(&FromHost::Ready).await?;
@@ -79,6 +85,7 @@ pub async fn host(
                 inbox,
                 outbox,
                 frame_asked: false,
+                gallery,
             };
             if host.prepare().await? {
                 host.run().await
@@ -101,6 +108,8 @@ struct Host {
     outbox: Sender<FromHost>,
     /// A frame was asked for and has not come yet.
     frame_asked: bool,
+    /// Where a person can see what the script sees.
+    gallery: Option<Gallery>,
 }
 
 impl Host {
@@ -121,6 +130,7 @@ impl Host {
         self.script.run_ready(Instant::now());
         let ending = loop {
             self.send_output().await?;
+            self.show().await?;
             if let Some(ending) = self.script.ended() {
                 break ending;
             }
@@ -152,6 +162,26 @@ impl Host {
             ToHost::Stop(reason) => self.script.stop(reason, now),
             ToHost::Load(_) | ToHost::Go => {}
         }
+    }
+
+    /// After everything else: nothing waits for pictures.
+    async fn show(&mut self) -> io::Result<()> {
+        let Some(gallery) = &mut self.gallery else {
+            return Ok(());
+        };
+        if let Some(sighting) = self.script.take_sighting() {
+            gallery.offer(sighting);
+        }
+        let Some(trouble) = gallery.trouble() else {
+            return Ok(());
+        };
+        let line = LogLine {
+            level: Level::Warn,
+            text: format!("a marked frame is not kept: {trouble}"),
+            fields: Vec::new(),
+            line: None,
+        };
+        self.outbox.send(&FromHost::Log(line)).await
     }
 
     async fn send_output(&mut self) -> io::Result<()> {

@@ -4,6 +4,7 @@
 
 mod calls;
 mod confine;
+mod gallery;
 mod host;
 mod message;
 mod pipe;

@@ -1,4 +1,4 @@
-//! Starts and ends host processes: this very executable with a hidden argument and the folder it may
+//! Starts and ends host processes: this very executable with a hidden argument and the folders it may
 //! use, a socket pair as its standard input, an empty environment, and nothing else open.
 
 use std::fs::DirBuilder;
@@ -39,20 +39,20 @@ impl Launcher {
         std::env::current_exe().map(Launcher::new)
     }
 
-    /// Starts a host that can open no files but those in `folder`, which is made if need be; the
+    /// Starts a host that can open no files but those in `folders`, which are made if need be; the
     /// stream is the agent's end of its pipe. To be called from a thread that lives as long as the
     /// agent: the host dies with the thread that started it.
     ///
     /// # Errors
     /// Whatever the system says.
-    pub fn start(&self, folder: Option<&Path>) -> io::Result<(HostProcess, UnixStream)> {
+    pub fn start(&self, folders: &[&Path]) -> io::Result<(HostProcess, UnixStream)> {
         Walls::say_what_is_missing();
-        folder.inspect(|folder| make_private(folder));
+        folders.iter().for_each(|folder| make_private(folder));
         let (ours, theirs) = std::os::unix::net::UnixStream::pair()?;
         ours.set_nonblocking(true)?;
         let child = Command::new(&self.executable)
             .arg(HOST_ARGUMENT)
-            .args(folder)
+            .args(folders)
             .env_clear()
             // Every thread of glibc reserves 64 MiB of address space for its own heap otherwise.
             .env("MALLOC_ARENA_MAX", "1")

@@ -15,7 +15,7 @@ mod status;
 
 use std::future::Future;
 use std::io::Write;
-use std::path::Path;
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -73,7 +73,7 @@ impl Command {
 pub fn main() -> ExitCode {
     let mut args = std::env::args_os().skip(1);
     if args.next().is_some_and(|first| first == HOST_ARGUMENT) {
-        return host_main(args.next().as_deref().map(Path::new));
+        return host_main(&args.map(PathBuf::from).collect::<Vec<_>>());
     }
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,

@@ -1,6 +1,9 @@
 //! `spykee run`: behaviours on a robot, or on a simulated one inside this program.
 
+use std::fmt::Display;
+use std::fs::DirBuilder;
 use std::io::Read;
+use std::os::unix::fs::DirBuilderExt as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -46,6 +49,11 @@ pub(super) struct RunArgs {
     /// Of math.random and of the simulator's noise; without it a new one for each run
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
+
+    /// Keep copies of the frames that the behaviours look at, with all that they find drawn in:
+    /// DIR/BEHAVIOUR/00.jpg to 99.jpg, at most two a second, the newest hundred
+    #[arg(long, value_name = "DIR")]
+    annotate: Option<PathBuf>,
 
     #[command(flatten)]
     connection: ConnectionArgs,
@@ -216,12 +224,13 @@ fn behaviours(args: &RunArgs, config: &Config, seed: u64) -> Result<Vec<Behaviou
     let mut names = Vec::new();
     let numbered = entries.iter().zip(seed..);
     numbered
-        .map(|(entry, seed)| behaviour(entry, config, seed, &mut names))
+        .map(|(entry, seed)| behaviour(entry, args, config, seed, &mut names))
         .collect()
 }
 
 fn behaviour(
     entry: &Entry,
+    args: &RunArgs,
     config: &Config,
     seed: u64,
     names: &mut Vec<String>,
@@ -236,6 +245,7 @@ fn behaviour(
         calibration: config.calibration,
         camera: config.camera,
         colours: config.colours.clone(),
+        annotate_dir: marked_folder(args.annotate.as_deref(), &name, &data)?,
         data_dir: Some(data),
         ..script::Options::new(name, entry.file.display().to_string())
     };
@@ -243,6 +253,35 @@ fn behaviour(
         priority: entry.priority,
         launch: Launch { source, options },
     })
+}
+
+/// The private folder for a behaviour's marked frames, made here so that a wrong one is told before
+/// the robot moves.
+fn marked_folder(
+    annotate: Option<&Path>,
+    name: &str,
+    data: &Path,
+) -> Result<Option<PathBuf>, Failure> {
+    let Some(folder) = annotate else {
+        return Ok(None);
+    };
+    let folder = std::path::absolute(folder.join(name)).map_err(Failure::usage)?;
+    let refused = |why: &dyn Display| {
+        let what = format_args!(
+            "--annotate cannot keep frames in {}: {why}",
+            folder.display()
+        );
+        Failure::usage(what).help("name a folder that is only for marked frames")
+    };
+    if folder == data {
+        return Err(refused(&"the behaviour's own pictures are there"));
+    }
+    let made = DirBuilder::new()
+        .recursive(true)
+        .mode(0o700)
+        .create(&folder);
+    made.map_err(|error| refused(&error))?;
+    Ok(Some(folder))
 }
 
 /// One byte more than a script may have, so that a longer one is told as such.

@@ -28,6 +28,7 @@ mod output;
 mod queue;
 mod sandbox;
 mod scheduler;
+mod sighting;
 mod slice;
 mod sound;
 mod state;
@@ -50,10 +51,12 @@ use events::EventName;
 use state::State;
 use task::{Answer, Kind};
 
+pub(crate) use api::write_privately;
 pub use failure::{Ending, Failure};
 pub use options::{Calibration, Limits, Options};
 pub use output::{Level, LogLine, Output};
 pub use sandbox::MAX_SOURCE;
+pub use sighting::{Seen, Sighting};
 pub use state::Usage;
 
 /// A script with its VM. Stays on the thread that made it.
@@ -173,6 +176,12 @@ impl Script {
     /// floods gets errors, and its log lines are folded.
     pub fn take_output(&mut self) -> Vec<Output> {
         self.state.borrow_mut().outbox.take()
+    }
+
+    /// A frame that the script has looked at and what was found in it, at most two a second, once
+    /// nothing more is about to be asked of it. Only with [`Options::annotate_dir`].
+    pub fn take_sighting(&mut self) -> Option<Sighting> {
+        self.state.borrow_mut().take_sighting()
     }
 
     /// Ends the script. Its motion ends now. For `cpu`, `memory` and `safety` no further line of it

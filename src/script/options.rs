@@ -1,7 +1,7 @@
 //! What a script is started with.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -32,6 +32,8 @@ pub struct Options {
     pub data_dir: Option<PathBuf>,
     /// The most that the data folder may hold, in bytes.
     pub data_quota: u64,
+    /// Where the host keeps marked copies of the frames that the script looked at; `None`: nowhere.
+    pub annotate_dir: Option<PathBuf>,
 }
 
 impl Options {
@@ -47,7 +49,18 @@ impl Options {
             colours: BTreeMap::new(),
             data_dir: None,
             data_quota: 64 * MIB,
+            annotate_dir: None,
         }
+    }
+
+    /// The folders that its host writes to, and the only ones that it can open.
+    pub fn folders(&self) -> Vec<&Path> {
+        let folders = [&self.data_dir, &self.annotate_dir];
+        folders
+            .into_iter()
+            .flatten()
+            .map(PathBuf::as_path)
+            .collect()
     }
 }
 

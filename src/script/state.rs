@@ -18,6 +18,7 @@ use super::motion::{Motion, Owner};
 use super::options::Options;
 use super::output::{Level, LogLine, Outbox};
 use super::queue::Tasks;
+use super::sighting::{Seen, Sighting, Witness};
 use super::sound::Loudness;
 use super::task::{Answer, GroupId, Kind, SubscriptionId, Wait};
 use crate::robot::{Battery, Event, Frame, Intent, RobotInfo};
@@ -86,6 +87,8 @@ pub(super) struct State {
     /// Trackers and motion detectors that live.
     pub(super) watchers: Rc<Cell<u32>>,
     pub(super) album: Album,
+    /// Only where someone wants to see what the script sees.
+    witness: Option<Witness>,
     pub(super) outbox: Outbox,
     pub(super) farewells: VecDeque<LuaFunction>,
     pub(super) life: Life,
@@ -107,6 +110,7 @@ impl State {
     pub(super) fn new(options: Options, now: Instant) -> State {
         let album = Album::new(options.data_dir.clone(), options.data_quota);
         let eyes = Eyes::new(options.camera);
+        let witness = options.annotate_dir.as_ref().map(|_| Witness::default());
         State {
             options,
             start: now,
@@ -122,6 +126,7 @@ impl State {
             eyes,
             watchers: Rc::default(),
             album,
+            witness,
             outbox: Outbox::new(now),
             farewells: VecDeque::new(),
             life: Life::Running,
@@ -194,6 +199,21 @@ impl State {
         let held = Rc::new(HeldFrame::new(frame, size, &self.frame_bytes));
         self.newest = Some(Rc::clone(&held));
         self.publish(EventName::Frame, Payload::Frame(held));
+    }
+
+    /// Takes note of what the script was told about a frame.
+    pub(super) fn saw(&mut self, held: &HeldFrame, found: impl IntoIterator<Item = Seen>) {
+        if let Some(witness) = &mut self.witness {
+            witness.note(held.frame(), self.now, found);
+        }
+    }
+
+    /// See [`Script::take_sighting`](super::Script::take_sighting).
+    pub(super) fn take_sighting(&mut self) -> Option<Sighting> {
+        let newest = self.newest.as_ref().map(|held| held.frame().seq);
+        let busy = !self.has_ended() && self.tasks.is_ready();
+        let witness = self.witness.as_mut()?;
+        witness.take_if(|sighting| !busy || newest != Some(sighting.frame.seq))
     }
 
     fn hear(&mut self, samples: &[u8]) {

@@ -72,7 +72,7 @@ impl Camera {
 }
 
 /// A patch of one colour, or of several when merged.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Blob {
     /// Left column of its box.
     pub x: u32,

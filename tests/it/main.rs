@@ -4,6 +4,7 @@
 mod behaviours;
 mod cli;
 mod floors;
+mod frames;
 mod hostile;
 mod link;
 mod pilot;

@@ -63,7 +63,7 @@ impl Album {
             self.used = Some(used);
             return Err(NotSaved::Quota);
         }
-        write(folder, &path, bytes)?;
+        write_privately(folder, &path, bytes)?;
         self.used = Some(after);
         Ok(path)
     }
@@ -96,8 +96,8 @@ fn size_of_all(folder: &Path) -> io::Result<u64> {
     Ok(sum)
 }
 
-/// All of the file or none of it, readable by its owner only.
-fn write(folder: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
+/// All of a file in this folder or none of it, readable by its owner only.
+pub(crate) fn write_privately(folder: &Path, path: &Path, bytes: &[u8]) -> io::Result<()> {
     let unfinished = folder.join(".unfinished");
     let _ = fs::remove_file(&unfinished);
     let mut file = OpenOptions::new()

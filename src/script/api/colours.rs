@@ -6,7 +6,7 @@ use mlua::prelude::{LuaResult, LuaTable, LuaValue};
 use super::super::arguments::{Refusal, describe};
 use super::super::nearest::suggestion;
 use super::{Answered, Builder, Call};
-use crate::vision::{Colour, MAX_COLOURS};
+use crate::vision::{Blob, Colour, MAX_COLOURS};
 
 /// What the script holds of a colour without a name.
 pub(super) struct ColourObject(pub(super) Colour);
@@ -39,6 +39,12 @@ impl Colours {
             one => colours.add(call, one)?,
         }
         Ok(colours)
+    }
+
+    /// What a blob of these colours is called; nothing, if its colour has no name.
+    pub(super) fn name_of(&self, blob: &Blob) -> &str {
+        let name = self.names.get(blob.colour).and_then(Option::as_deref);
+        name.unwrap_or_default()
     }
 
     fn add_list(&mut self, call: &Call<'_>, list: &LuaTable) -> Result<(), Refusal> {

@@ -49,6 +49,11 @@ pub(in super::super) struct HeldFrame {
 }
 
 impl HeldFrame {
+    /// As it came.
+    pub(in super::super) fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
     /// `size` is what its markers say. Adds its bytes to `held` for as long as it lives.
     pub(in super::super) fn new(frame: Frame, size: Size, held: &Rc<Cell<u64>>) -> HeldFrame {
         held.set(held.get() + frame.jpeg.len() as u64);

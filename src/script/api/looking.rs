@@ -8,6 +8,7 @@
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Bounds, Refusal, Table};
+use super::super::sighting::Seen;
 use super::super::state::State;
 use super::colours::Colours;
 use super::frame::{HeldFrame, subject};
@@ -25,6 +26,8 @@ pub(super) const METHODS: [Entry; 6] = [
 
 /// Coordinates and sizes of a part of a frame, in pixels.
 const PIXELS: Bounds = Bounds::Between(-10_000.0, 10_000.0);
+/// From a line's column to the sides of its box, in pixels.
+const LINE_MARGIN: f64 = 4.0;
 /// The most blobs of one call.
 const MAX_BLOBS: u32 = 1000;
 
@@ -83,11 +86,21 @@ fn blobs(call: &mut Call<'_>) -> Answered {
     let colours = Colours::of(call, call.args.value(1))?;
     let options = blob_options(call)?;
     let blobs = call.state.find(&held, &colours, &options);
+    let marks = blobs.iter().map(|blob| mark(blob, colours.name_of(blob)));
+    call.state.saw(&held, marks);
     let list = call.lua.create_table_with_capacity(blobs.len(), 0)?;
     for blob in &blobs {
         list.raw_push(blob_table(call.lua, blob, &colours.names)?)?;
     }
     call.reply(list)
+}
+
+/// What a person is shown of a blob.
+pub(super) fn mark(blob: &Blob, text: &str) -> Seen {
+    Seen {
+        blob: *blob,
+        text: text.to_owned(),
+    }
 }
 
 fn blob_options(call: &Call<'_>) -> Result<BlobOptions, Refusal> {
@@ -195,6 +208,11 @@ fn line(call: &mut Call<'_>) -> Answered {
     let colours = Colours::of(call, call.args.value(1))?;
     let part = optional_roi(&call.args.options(2, &["roi"])?)?;
     let line = call.state.find_line(&held, &colours, part);
+    let size = call.state.look(&held).map(Image::size);
+    if let Some(whole) = size {
+        let part = part.unwrap_or(whole.into()).within(whole);
+        call.state.saw(&held, line.zip(part).map(line_mark));
+    }
     let Some(line) = line else {
         return call.reply(LuaValue::Nil);
     };
@@ -203,6 +221,22 @@ fn line(call: &mut Call<'_>) -> Answered {
     table.raw_set("angle", line.angle)?;
     table.raw_set("strength", line.strength)?;
     call.reply(table)
+}
+
+/// What a person is shown of a line: a narrow box around the column that `offset` tells, as high
+/// as the part looked at.
+fn line_mark((line, part): (Line, Roi)) -> Seen {
+    let column = f64::from(part.x) + (line.offset + 1.0) / 2.0 * f64::from(part.w) - 0.5;
+    let blob = Blob {
+        x: (column - LINE_MARGIN).max(0.0).round() as u32,
+        y: part.y,
+        w: 2 * LINE_MARGIN as u32 + 1,
+        h: part.h,
+        cx: column,
+        cy: f64::from(part.y) + f64::from(part.h) / 2.0,
+        ..Blob::default()
+    };
+    mark(&blob, "line")
 }
 
 /// `frame:find_qrcodes()`: a list of `{text, corners}`.

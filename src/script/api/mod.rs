@@ -35,6 +35,7 @@ use super::task::{Cancel, SHORTEST_WAIT, Wait};
 use builder::Builder;
 
 pub(super) use album::Album;
+pub(crate) use album::write_privately;
 pub(super) use answer::resume_values;
 pub(super) use frame::{HeldFrame, to_lua as frame_to_lua};
 

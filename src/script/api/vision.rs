@@ -7,9 +7,10 @@ use std::time::Duration;
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Bounds, Refusal};
+use super::super::sighting::Seen;
 use super::colours::{self, ColourObject, Colours};
 use super::frame::{self, HeldFrame, add_methods};
-use super::looking::{blob_table, roi};
+use super::looking::{blob_table, mark, roi};
 use super::{Answered, Builder, Call, Entry, plain};
 use crate::vision::{
     BlobOptions, Image, MotionDetector, MotionOptions, Track, Tracker, TrackerOptions, learn,
@@ -162,12 +163,23 @@ fn track(call: &mut Call<'_>) -> Answered {
             Some(size) => object.tracker.update(at, size, &blobs),
             None => object.tracker.tracks(),
         };
+        let marks = tracks
+            .iter()
+            .map(|track| track_mark(track, &object.colours));
+        call.state.saw(&held, marks);
         let list = call.lua.create_table_with_capacity(tracks.len(), 0)?;
         for track in tracks {
             list.raw_push(track_table(call.lua, track, &object.colours)?)?;
         }
         call.reply(list)
     })
+}
+
+/// What a person is shown of a track: its id, and where it is thought to be while it is lost.
+fn track_mark(track: &Track, colours: &Colours) -> Seen {
+    let (name, id) = (colours.name_of(&track.blob), track.id);
+    let lost = if track.lost > 0 { " lost" } else { "" };
+    mark(&track.blob, &format!("{name} #{id}{lost}"))
 }
 
 fn track_table(lua: &Lua, track: &Track, colours: &Colours) -> LuaResult<LuaTable> {
@@ -240,6 +252,8 @@ fn detect(call: &mut Call<'_>) -> Answered {
             .and_then(|table| call.reply(table));
     };
     let motion = object.detector.update(image);
+    let marks = motion.blobs.iter().map(|blob| mark(blob, "motion"));
+    call.state.saw(&held, marks);
     let table = motion_table(lua, motion.score, motion.pixels, motion.blobs)?;
     call.reply(table)
 }

@@ -1,0 +1,254 @@
+//! Marked copies of what a script looked at, in a folder for a person to see: the newest hundred,
+//! drawn and written by a thread of their own, so that neither a script's budget nor the way from a
+//! frame to the tracks ever waits for them. What comes while that thread is busy is not kept.
+
+use std::fs::{self, DirBuilder};
+use std::io;
+use std::os::unix::fs::DirBuilderExt as _;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+
+use image::RgbImage;
+use image::codecs::jpeg::JpegEncoder;
+
+use crate::script::{Sighting, write_privately};
+use crate::vision::{Decoder, Mark, annotate};
+
+/// Pictures in the folder; then the oldest is written over.
+const PICTURES: usize = 100;
+/// The longest file, in bytes.
+const LONGEST: usize = 512 * 1024;
+/// Qualities that are tried until a picture is short enough.
+const QUALITIES: [u8; 2] = [85, 40];
+
+/// See the module. Dropping it waits for the picture that is being written: what a script saw last
+/// is what a person wants to see most.
+#[derive(Debug)]
+pub(super) struct Gallery {
+    /// Taken in drop, which ends the thread.
+    sightings: Option<SyncSender<Sighting>>,
+    /// `None` once it has been told.
+    trouble: Option<Receiver<String>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Gallery {
+    /// Of the pictures in this folder.
+    ///
+    /// # Errors
+    /// If the system gives no thread.
+    pub(super) fn open(folder: PathBuf) -> io::Result<Gallery> {
+        let (sightings, waiting) = sync_channel::<Sighting>(1);
+        let (complaints, trouble) = sync_channel(1);
+        let thread = std::thread::Builder::new()
+            .name("gallery".into())
+            .spawn(move || {
+                let mut ring = Ring::new(folder);
+                for sighting in waiting {
+                    if let Err(error) = ring.keep(&sighting) {
+                        // The first is enough, and is told once.
+                        let _ = complaints.try_send(error.to_string());
+                    }
+                }
+            })?;
+        Ok(Gallery {
+            sightings: Some(sightings),
+            trouble: Some(trouble),
+            thread: Some(thread),
+        })
+    }
+
+    /// Keeps it, unless the one before is not written yet. Never waits.
+    pub(super) fn offer(&self, sighting: Sighting) {
+        if let Some(sightings) = &self.sightings {
+            let _ = sightings.try_send(sighting);
+        }
+    }
+
+    /// Why one was not kept, the first time that happens. Each is tried anew.
+    pub(super) fn trouble(&mut self) -> Option<String> {
+        let trouble = self.trouble.as_ref()?.try_recv().ok()?;
+        self.trouble = None;
+        Some(trouble)
+    }
+}
+
+impl Drop for Gallery {
+    fn drop(&mut self) {
+        self.sightings = None;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Files `00.jpg` to `99.jpg`, written in turn.
+struct Ring {
+    folder: PathBuf,
+    decoder: Decoder,
+    /// The next to write; `None` before the first.
+    next: Option<usize>,
+}
+
+impl Ring {
+    fn new(folder: PathBuf) -> Ring {
+        Ring {
+            folder,
+            decoder: Decoder::default(),
+            next: None,
+        }
+    }
+
+    fn keep(&mut self, sighting: &Sighting) -> io::Result<()> {
+        // What cannot be decoded is not to be seen; it is counted elsewhere.
+        let Ok(image) = self.decoder.decode(&sighting.frame.jpeg) else {
+            return Ok(());
+        };
+        let marks = sighting.marks.iter().map(|seen| Mark {
+            blob: &seen.blob,
+            text: &seen.text,
+        });
+        let picture = annotate(image, &marks.collect::<Vec<_>>());
+        let bytes = encode(&picture)?;
+        DirBuilder::new()
+            .recursive(true)
+            .mode(0o700)
+            .create(&self.folder)?;
+        let next = self.next.unwrap_or_else(|| behind_newest(&self.folder));
+        write_privately(&self.folder, &self.folder.join(name(next)), &bytes)?;
+        self.next = Some((next + 1) % PICTURES);
+        Ok(())
+    }
+}
+
+fn name(number: usize) -> String {
+    format!("{number:02}.jpg")
+}
+
+/// Where an earlier run left off, so that the folder always holds the newest.
+fn behind_newest(folder: &Path) -> usize {
+    let written = |number: &usize| fs::metadata(folder.join(name(*number)))?.modified();
+    let all = (0..PICTURES).filter_map(|number| Some((written(&number).ok()?, number)));
+    all.max().map_or(0, |(_, newest)| (newest + 1) % PICTURES)
+}
+
+fn encode(picture: &RgbImage) -> io::Result<Vec<u8>> {
+    for quality in QUALITIES {
+        let mut bytes = Vec::new();
+        JpegEncoder::new_with_quality(&mut bytes, quality)
+            .encode_image(picture)
+            .map_err(io::Error::other)?;
+        if bytes.len() <= LONGEST {
+            return Ok(bytes);
+        }
+    }
+    let (width, height) = picture.dimensions();
+    Err(io::Error::other(format!(
+        "a marked picture of {width}x{height} has more than {LONGEST} bytes"
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::Frame;
+    use crate::script::Seen;
+    use crate::vision::Blob;
+    use bytes::Bytes;
+    use image::Rgb;
+    use std::os::unix::fs::PermissionsExt as _;
+
+    const JPEG: &[u8] = include_bytes!("../../tests/fixtures/ball-444.jpg");
+
+    fn sighting(seq: u64) -> Sighting {
+        let blob = Blob {
+            x: 10,
+            y: 20,
+            w: 30,
+            h: 40,
+            ..Blob::default()
+        };
+        let text = "red".to_owned();
+        Sighting {
+            frame: Frame {
+                seq,
+                at: tokio::time::Instant::now(),
+                jpeg: Bytes::from_static(JPEG),
+            },
+            marks: vec![Seen { blob, text }],
+        }
+    }
+
+    fn files(folder: &Path) -> usize {
+        fs::read_dir(folder).unwrap().count()
+    }
+
+    #[test]
+    fn the_newest_hundred_stay_and_are_private() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = root.path().join("a/b");
+        let mut ring = Ring::new(folder.clone());
+        (0..PICTURES as u64 + 3).for_each(|seq| ring.keep(&sighting(seq)).unwrap());
+        assert_eq!((files(&folder), ring.next), (PICTURES, Some(3)));
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        assert_eq!(
+            (mode(&folder), mode(&folder.join("02.jpg"))),
+            (0o700, 0o600)
+        );
+        let mut again = Ring::new(folder.clone());
+        again.keep(&sighting(1)).unwrap();
+        assert_eq!((files(&folder), again.next), (PICTURES, Some(4)));
+    }
+
+    #[test]
+    fn the_last_one_is_written_before_the_end() {
+        let root = tempfile::tempdir().unwrap();
+        let gallery = Gallery::open(root.path().to_owned()).unwrap();
+        gallery.offer(sighting(1));
+        drop(gallery);
+        let kept = image::open(root.path().join("00.jpg")).unwrap().to_rgb8();
+        let plain = image::load_from_memory(JPEG).unwrap().to_rgb8();
+        assert_eq!(kept.dimensions(), plain.dimensions());
+        let differs = |x, y| {
+            let pairs = kept
+                .get_pixel(x, y)
+                .0
+                .into_iter()
+                .zip(plain.get_pixel(x, y).0);
+            pairs.map(|(a, b)| u32::from(a.abs_diff(b))).sum::<u32>() > 60
+        };
+        assert!(differs(9, 40) && differs(25, 19), "no box is drawn");
+        assert!(!differs(90, 70), "the rest stays as it was");
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_to_is_told_once() {
+        let root = tempfile::tempdir().unwrap();
+        let file = root.path().join("file");
+        fs::write(&file, "").unwrap();
+        let mut gallery = Gallery::open(file.join("folder")).unwrap();
+        gallery.offer(sighting(1));
+        let told = loop {
+            if let Some(told) = gallery.trouble() {
+                break told;
+            }
+            std::thread::yield_now();
+        };
+        assert!(!told.is_empty());
+        gallery.offer(sighting(2));
+        assert_eq!(gallery.trouble(), None);
+    }
+
+    #[test]
+    fn no_picture_is_too_long_for_the_folder() {
+        let mut state = 1_u32;
+        let noise = RgbImage::from_fn(1280, 1024, |_, _| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            Rgb([(state >> 8) as u8, (state >> 16) as u8, (state >> 24) as u8])
+        });
+        let length = encode(&noise).map_or(0, |bytes| bytes.len());
+        assert!(length <= LONGEST, "{length}");
+        assert!(encode(&RgbImage::new(1280, 1024)).is_ok());
+    }
+}

@@ -1,0 +1,110 @@
+//! What a script looked at and found there, put aside for a person to see. Drawing and keeping it is
+//! the host's business; here it costs a copy of the blobs, now and then.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use crate::robot::Frame;
+use crate::vision::Blob;
+
+/// From one frame that is put aside to the next, at least.
+const PERIOD: Duration = Duration::from_millis(500);
+/// Most marks of one frame.
+const MAX_MARKS: usize = 64;
+
+/// A frame that a script has looked at, and what it was told.
+#[derive(Debug, Clone)]
+pub struct Sighting {
+    /// The frame as it came.
+    pub frame: Frame,
+    /// What was found, in the order of asking; at most 64.
+    pub marks: Vec<Seen>,
+}
+
+/// One thing found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Seen {
+    /// Where.
+    pub blob: Blob,
+    /// What: the colour's name, the track's id.
+    pub text: String,
+}
+
+/// Puts a frame aside, at most two a second.
+#[derive(Debug, Default)]
+pub(super) struct Witness {
+    begun: Option<Instant>,
+    kept: Option<Sighting>,
+}
+
+impl Witness {
+    /// Takes note of what was found in a frame. All that is asked of one frame goes together.
+    pub(super) fn note(
+        &mut self,
+        frame: &Frame,
+        now: Instant,
+        found: impl IntoIterator<Item = Seen>,
+    ) {
+        let lately = |at: Instant| now.saturating_duration_since(at) < PERIOD;
+        match &mut self.kept {
+            Some(kept) if kept.frame.seq == frame.seq => {
+                let room = MAX_MARKS - kept.marks.len();
+                kept.marks.extend(found.into_iter().take(room));
+            }
+            Some(_) => {}
+            None if self.begun.is_some_and(lately) => {}
+            None => {
+                self.begun = Some(now);
+                let (frame, marks) = (frame.clone(), found.into_iter().take(MAX_MARKS).collect());
+                self.kept = Some(Sighting { frame, marks });
+            }
+        }
+    }
+
+    /// The frame that was put aside, if it is complete.
+    pub(super) fn take_if(&mut self, complete: impl FnOnce(&Sighting) -> bool) -> Option<Sighting> {
+        self.kept.take_if(|kept| complete(kept))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(seq: u64, at: Instant) -> Frame {
+        let jpeg = bytes::Bytes::new();
+        Frame { seq, at, jpeg }
+    }
+
+    fn seen(count: usize) -> impl Iterator<Item = Seen> {
+        let one = Seen {
+            blob: Blob::default(),
+            text: "red".to_owned(),
+        };
+        std::iter::repeat_n(one, count)
+    }
+
+    #[test]
+    fn what_is_found_in_one_frame_goes_together() {
+        let (mut witness, now) = (Witness::default(), Instant::now());
+        for (seq, count) in [(1, 2), (1, 1), (2, 5), (1, 100)] {
+            witness.note(&frame(seq, now), now, seen(count));
+        }
+        assert!(witness.take_if(|_| false).is_none());
+        let kept = witness.take_if(|_| true).unwrap();
+        assert_eq!((kept.frame.seq, kept.marks.len()), (1, MAX_MARKS));
+        assert!(witness.take_if(|_| true).is_none());
+    }
+
+    #[test]
+    fn at_most_two_a_second_are_put_aside() {
+        let (mut witness, start) = (Witness::default(), Instant::now());
+        let shown = (0..300).filter(|&seq| {
+            let now = start + Duration::from_millis(10) * seq;
+            witness.note(&frame(seq.into(), now), now, seen(0));
+            witness.take_if(|_| true).is_some()
+        });
+        assert_eq!(shown.count(), 6);
+    }
+}

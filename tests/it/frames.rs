@@ -1,0 +1,164 @@
+//! Frames as behaviours meet them: broken ones between good ones, and copies for a person to see.
+
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use bytes::Bytes;
+use rustix::process::Signal;
+use spykee::sim::{Firmware, Handle};
+use spykee::wire::Report;
+use tokio::time::{Instant, timeout};
+
+use crate::rig::{PATIENCE, QUIET_WORLD, Rig};
+
+const GOOD: &[u8] = include_bytes!("../fixtures/ball-444.jpg");
+
+/// A robot that looks at a red ball.
+async fn before_a_ball() -> Rig {
+    let world = format!("{QUIET_WORLD}\nballs:\n  - {{ at: [4, 4.9], colour: red }}\n");
+    Rig::new(&world, Firmware::default()).await
+}
+
+/// Frames that are no pictures: cut short, without a part of their data, no JPEG, and empty.
+fn broken() -> [Bytes; 4] {
+    let torn = [&GOOD[..GOOD.len() - 300], &GOOD[GOOD.len() - 50..]].concat();
+    let cut = Bytes::from_static(&GOOD[..1200]);
+    [
+        cut,
+        torn.into(),
+        Bytes::from_static(b"no picture"),
+        Bytes::new(),
+    ]
+}
+
+/// Sends broken frames among the good ones, for ever.
+async fn break_frames(sim: Handle) {
+    let mut pause = tokio::time::interval(Duration::from_millis(20));
+    for jpeg in broken().iter().cycle() {
+        pause.tick().await;
+        sim.inject(Report::Video(jpeg.clone()));
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_behaviour_goes_on_between_broken_frames_and_is_told_once_in_a_while() {
+    let rig = before_a_ball().await;
+    let mut run = rig.run(
+        "local seen = 0
+         robot.on('frame', function(f)
+             if f:find_blobs('red')[1] then seen += 1 end
+             if seen == 1 then robot.move(20, 20) end
+             if seen == 30 then print('thirty balls') script.stop() end
+         end)",
+    );
+    let troubles = tokio::spawn(break_frames(rig.sim.clone()));
+    let moved = rig.heard_motion(0).await;
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    troubles.abort();
+    rig.heard_stop(moved).await;
+    let text = run.text();
+    assert!(text.contains("thirty balls"), "{text}");
+    let told: Vec<&str> = text
+        .lines()
+        .filter(|line| line.contains("damaged frame"))
+        .collect();
+    // The first, one for every ten seconds, and the rest at the end.
+    assert!((2..=12).contains(&told.len()), "{text}");
+    assert!(told.iter().all(|line| line.contains("WARN")), "{text}");
+    assert!(told.last().unwrap().contains("damaged frames so far"));
+    assert!(!text.contains("ERROR"), "{text}");
+}
+
+/// Red, as far as a JPEG keeps the green of a box around it.
+fn box_pixels(path: &Path) -> usize {
+    let picture = image::open(path).unwrap().to_rgb8();
+    assert_eq!(picture.dimensions(), (320, 240));
+    let is_box = |[r, g, b]: [u8; 3]| g > 170 && r < 190 && b < 150 && g > r.saturating_add(40);
+    picture.pixels().filter(|pixel| is_box(pixel.0)).count()
+}
+
+fn pictures(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten();
+    let paths = entries.map(|entry| entry.unwrap().path());
+    let mut pictures: Vec<PathBuf> = paths
+        .filter(|path| path.extension().is_some_and(|extension| extension == "jpg"))
+        .collect();
+    pictures.sort_unstable();
+    pictures
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn annotate_shows_a_person_what_a_behaviour_saw() {
+    let rig = before_a_ball().await;
+    let script = rig.file(
+        "watch.lua",
+        "local tracker = vision.tracker{colour = 'red'}
+         robot.on('frame', function(f) tracker:update(f) f:find_blobs('blue') end)",
+    );
+    let (kept, begun) = (rig.folder().join("marked"), Instant::now());
+    let args = [
+        "run",
+        script.to_str().unwrap(),
+        "--robot",
+        &rig.address,
+        "--annotate",
+        "marked",
+    ];
+    let mut run = rig.spykee(&args);
+    let folder = kept.join("watch");
+    let several = async {
+        while pictures(&folder).len() < 4 {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    };
+    let waited = timeout(PATIENCE, several).await;
+    assert!(waited.is_ok(), "{}", run.text());
+    run.signal(Signal::INT);
+    assert_eq!(run.code().await, Some(130), "{}", run.text());
+    let pictures = pictures(&folder);
+    assert!(pictures[0].ends_with("00.jpg"), "{pictures:?}");
+    let most = 2 + 2 * begun.elapsed().as_secs() as usize + 2;
+    assert!(
+        pictures.len() <= most,
+        "{pictures:?} in {:?}",
+        begun.elapsed()
+    );
+    for picture in &pictures[1..] {
+        assert!(box_pixels(picture) > 50, "no box in {}", picture.display());
+    }
+    let mode = |path: &Path| std::fs::metadata(path).unwrap().permissions().mode() & 0o777;
+    assert_eq!([mode(&kept), mode(&folder)], [0o700; 2]);
+    assert!(pictures.iter().all(|picture| mode(picture) == 0o600));
+    assert!(!run.text().contains("WARN"), "{}", run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn without_annotate_nothing_is_kept() {
+    let rig = before_a_ball().await;
+    let mut run = rig.run("robot.wait_frame(9):find_blobs('red') print('seen')");
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert!(run.text().contains("seen"), "{}", run.text());
+    assert!(pictures(&rig.folder().join("spykee-data/script")).is_empty());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_folder_that_cannot_be_used_is_refused_before_the_robot_moves() {
+    let rig = before_a_ball().await;
+    let script = rig.file("script.lua", "robot.move(50, 50)");
+    rig.file("file", "");
+    for folder in ["file", "spykee-data"] {
+        let args = [
+            "run",
+            script.to_str().unwrap(),
+            "--robot",
+            &rig.address,
+            "--annotate",
+            folder,
+        ];
+        let mut run = rig.spykee(&args);
+        assert_eq!(run.code().await, Some(2), "{}", run.text());
+        assert!(run.text().contains("--annotate"), "{}", run.text());
+    }
+    assert_eq!(rig.commands(0), []);
+}
