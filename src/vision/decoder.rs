@@ -64,6 +64,8 @@ impl Decoder {
             image::ColorType::L8 => 1,
             _ => return Err(FrameError::Unsupported("neither grey, colour nor CMYK")),
         };
+        // Cleared, because what ends early leaves the rest as it finds it.
+        self.pixels.clear();
         self.pixels
             .resize(size.width as usize * size.height as usize * channels, 0);
         decoder.read_image(&mut self.pixels).map_err(short)?;
@@ -102,6 +104,20 @@ mod tests {
         Baseline::default().decode(jpeg, true, &mut image).unwrap();
         decoder.decode_rarer(jpeg, size).unwrap();
         difference(&image.to_rgb(), &decoder.image().to_rgb())
+    }
+
+    /// The other decoder says nothing about data that a marker cuts in two.
+    #[test]
+    fn no_frame_shines_through_from_one_before() {
+        let whole = include_bytes!("../../tests/fixtures/ball-cmyk.jpg");
+        let data = whole.windows(2).position(|pair| pair == [0xFF, 0xDA]);
+        let (top, bottom) = whole.split_at(data.unwrap() + 300);
+        let half = [top, b"\xFF\xC4\0\x02", bottom].concat();
+        let (mut warm, mut fresh) = (Decoder::default(), Decoder::default());
+        warm.decode(whole).unwrap();
+        let seen = warm.decode(&half).map(Image::to_rgb);
+        assert_eq!(seen, fresh.decode(&half).map(Image::to_rgb));
+        assert!(seen.is_ok());
     }
 
     #[test]
