@@ -30,6 +30,9 @@ pub use self::status::{LinkState, Status};
 /// Requests served in a row before the robot is heard again.
 const REQUESTS_IN_A_ROW: usize = 32;
 
+/// How often the other tasks get a turn before a deadline is judged: once to read, once to pass on.
+const HEARINGS: usize = 2;
+
 /// How the run is told to come to its end.
 #[derive(Debug, Clone, Default)]
 pub struct Ending {
@@ -116,10 +119,7 @@ impl Pilot {
                     parted = true;
                     self.take(Fact::Parting).await
                 }
-                () = until(deadline) => {
-                    let acts = self.watchdog.tick(Instant::now());
-                    self.perform(acts).await
-                }
+                () = until(deadline) => self.tick(&mut requests).await,
                 news = line.next() => self.hear(news).await?,
                 Some(request) = requests.recv() => self.serve(request).await,
             };
@@ -132,6 +132,17 @@ impl Pilot {
         }
         self.close().await;
         Ok(())
+    }
+
+    /// What has come while this task, or the whole machine, slept is heard before anybody is judged
+    /// by his silence.
+    async fn tick(&mut self, requests: &mut mpsc::Receiver<Request>) -> Option<String> {
+        for _ in 0..HEARINGS {
+            tokio::task::yield_now().await;
+        }
+        let lost = self.serve_waiting(requests).await;
+        let acts = self.watchdog.tick(Instant::now());
+        self.perform(acts).await.or(lost)
     }
 
     /// Requests get their turn even if the robot never stops talking.

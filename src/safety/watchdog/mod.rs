@@ -74,6 +74,8 @@ pub struct Watchdog {
     alarm: Option<Alarm>,
     listening: bool,
     heard: Instant,
+    /// When the time was last looked at.
+    ticked: Instant,
     acts: Vec<Act>,
 }
 
@@ -82,7 +84,7 @@ impl Watchdog {
     pub fn new(limits: Limits, now: Instant) -> Watchdog {
         Watchdog {
             guard: BatteryGuard::new(&limits),
-            leases: Leases::new(limits.host_silence.get()),
+            leases: Leases::new(limits.host_silence.get(), limits.host_grace.get()),
             limits,
             online: false,
             parting: false,
@@ -95,6 +97,7 @@ impl Watchdog {
             alarm: None,
             listening: false,
             heard: now,
+            ticked: now,
             acts: Vec::new(),
         }
     }
@@ -125,6 +128,7 @@ impl Watchdog {
 
     /// Lets time pass and returns what is to be done now.
     pub fn tick(&mut self, now: Instant) -> Vec<Act> {
+        self.ticked = now;
         self.check_hosts(now);
         self.check_stream(now);
         self.check_power_silence(now);
@@ -137,7 +141,8 @@ impl Watchdog {
         std::mem::take(&mut self.acts)
     }
 
-    /// When [`Watchdog::tick`] has something to do. May be in the past: then at once.
+    /// When [`Watchdog::tick`] has something to do, seen from its last call. May be in the past by
+    /// then: at once.
     pub fn next_deadline(&self) -> Option<Instant> {
         let homing = self
             .homing
@@ -150,7 +155,7 @@ impl Watchdog {
         };
         [
             self.arbiter.next_deadline(),
-            self.leases.next_deadline(self.arbiter.wishing()),
+            self.leases.next_deadline(self.arbiter.wishing(), self.ticked),
             self.tracks.next_deadline(),
             self.stream_deadline(),
             self.leaving.as_ref().map(|leaving| leaving.until),
