@@ -41,7 +41,8 @@ pub(super) struct LearnArgs {
     #[arg(long, value_name = "X,Y,W,H", value_parser = picture::parse_roi)]
     roi: Roi,
 
-    /// What scripts will call the colour: letters, digits, _ and -
+    /// What scripts will call the colour: letters, digits, _ and -. A built-in name such as red
+    /// gives it a new meaning for all scripts that run with this config
     #[arg(long, value_name = "NAME", default_value = "thing", value_parser = parse_name)]
     name: String,
 
@@ -52,9 +53,6 @@ pub(super) struct LearnArgs {
 
 fn parse_name(text: &str) -> Result<String, String> {
     const MAX_LETTERS: usize = 40;
-    if Colour::NAMES.contains(&text) {
-        return Err(format!("{text} is built in; choose a name of your own"));
-    }
     let fits = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-');
     let begins_well = text.starts_with(char::is_alphabetic);
     if begins_well && text.chars().all(fits) && text.chars().count() <= MAX_LETTERS {
@@ -304,12 +302,12 @@ mod tests {
 
     #[test]
     fn names_that_mean_something_else_in_yaml_or_here_cannot_mislead() {
-        for name in ["null", "true", "false", "Null", "y", "no", "e3"] {
+        for name in ["null", "true", "false", "Null", "y", "no", "e3", "red"] {
             let text = yaml(&parse_name(name).unwrap(), &learned(), &[proof("a.jpg")]);
             let config = Config::parse(&text, "learned").unwrap();
             assert_eq!(config.colours[name], learned().colour, "{text}");
         }
-        for wrong in ["red", "", "a b", "a:", "-a", "1st", "#", &"x".repeat(41)] {
+        for wrong in ["", "a b", "a:", "-a", "1st", "#", &"x".repeat(41)] {
             assert!(parse_name(wrong).is_err(), "{wrong}");
         }
     }

@@ -62,11 +62,11 @@ mod tests {
         ];
         let rows = [
             row(&["a.jpg", "7", "yes"]),
-            row(&["\x1b[2Jlong.jpg\n", "12"]),
+            row(&["\x1b[2Jlong\n.jpg", "12"]),
         ];
-        let expected = "FILE           PIXELS  EDGE\n\
-                        a.jpg               7  yes\n\
-                        [2Jlong.jpg        12\n";
+        let expected = "FILE          PIXELS  EDGE\n\
+                        a.jpg              7  yes\n\
+                        [2Jlong .jpg      12\n";
         assert_eq!(aligned(&head, &rows), expected);
     }
 }
