@@ -147,7 +147,7 @@ fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
         Exit::Interrupted
     } else if ended_by(&[EndReason::Error, EndReason::Cpu, EndReason::Memory]) {
         Exit::Script
-    } else if outcome.low || ended_by(&[EndReason::Safety]) {
+    } else if outcome.safety || ended_by(&[EndReason::Safety]) {
         Exit::Safety
     } else {
         Exit::Done

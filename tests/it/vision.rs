@@ -6,9 +6,8 @@ use image::{ExtendedColorType, Rgb, RgbImage};
 use imageproc::drawing::draw_filled_circle_mut;
 use proptest::prelude::*;
 use spykee::vision::{
-    BlobFinder, BlobOptions, Camera, Colour, Decoder, Eyes, FrameError, Image, Mark,
-    MotionDetector, MotionOptions, Palette, Tracker, TrackerOptions, annotate, brightness,
-    find_line, find_qrcodes, judge, sharpness,
+    BlobOptions, Camera, Colour, Decoder, Eyes, FrameError, Image, Mark, MotionDetector,
+    MotionOptions, Tracker, TrackerOptions, annotate, brightness, find_qrcodes, judge, sharpness,
 };
 use std::time::Duration;
 
@@ -279,8 +278,6 @@ fn nothing_is_allocated_per_frame_once_warm() {
     let mut eyes = Eyes::new(camera);
     let mut tracker = Tracker::new(TrackerOptions::default(), camera);
     let mut motion = MotionDetector::new(MotionOptions::default(), camera);
-    let mut finder = BlobFinder::default();
-    let mut palette = Palette::compile(&colours[..1], false);
     let mut seen = 0;
     let mut look_at_all = |round: u32| {
         for (number, jpeg) in (0..).zip(&frames) {
@@ -290,9 +287,10 @@ fn nothing_is_allocated_per_frame_once_warm() {
             seen += tracker
                 .update(Duration::from_millis(40 * key), size, blobs)
                 .len();
+            let line = eyes.find_line(key, jpeg, &colours[..1], None).unwrap();
+            seen += usize::from(line.is_some());
             let image = eyes.look(key, jpeg).unwrap();
             seen += motion.update(image).blobs.len();
-            seen += usize::from(find_line(&mut finder, image, &mut palette, None).is_some());
             seen += usize::from(brightness(image, None) > 0.1)
                 + usize::from(sharpness(image, None) > 0.1);
         }
