@@ -64,7 +64,11 @@ impl Battery {
 
     /// Sets the level, kept within 0..=100; NaN counts as 0.
     pub(super) fn set_percent(&mut self, percent: f64) {
-        self.percent = if percent.is_nan() { 0.0 } else { percent.clamp(0.0, 100.0) };
+        self.percent = if percent.is_nan() {
+            0.0
+        } else {
+            percent.clamp(0.0, 100.0)
+        };
     }
 
     /// Whether current flows in; it does not stop at 100 %.

@@ -132,7 +132,13 @@ impl Body {
 /// The largest part of a step, found by halving, that is still possible.
 fn largest(possible: impl Fn(f64) -> bool) -> f64 {
     let halves = (1..=6).map(|i| 0.5_f64.powi(i));
-    halves.fold(0.0, |part, half| if possible(part + half) { part + half } else { part })
+    halves.fold(0.0, |part, half| {
+        if possible(part + half) {
+            part + half
+        } else {
+            part
+        }
+    })
 }
 
 fn ramp(from: f64, to: f64, most: f64) -> f64 {
@@ -205,7 +211,11 @@ mod tests {
     #[test]
     fn balls_stop_it_too_and_turning_is_always_possible() {
         let mut body = driven(Pose::new(3.0, 2.0, 0.0), 90, 90, 5);
-        assert!((4.0 - 0.1 - RADIUS - body.pose.x).abs() < 0.02, "{:?}", body.pose);
+        assert!(
+            (4.0 - 0.1 - RADIUS - body.pose.x).abs() < 0.02,
+            "{:?}",
+            body.pose
+        );
         body.want(Tracks::new(-45, 45).speeds());
         (0..100).for_each(|_| body.step(TICK, &obstacles()));
         assert!(wrap(body.pose.heading).abs() > 0.5);
@@ -213,7 +223,10 @@ mod tests {
 
     #[test]
     fn power_beyond_full_is_no_faster_and_a_little_does_not_move() {
-        assert_eq!(Tracks::new(127i8, -128).speeds(), Tracks::new(FULL_SPEED, -FULL_SPEED));
+        assert_eq!(
+            Tracks::new(127i8, -128).speeds(),
+            Tracks::new(FULL_SPEED, -FULL_SPEED)
+        );
         assert_eq!(Tracks::new(4i8, -4).speeds(), Tracks::default());
         let turned = driven(Pose::new(1.0, 3.0, PI), 4, 4, 2);
         assert_eq!(turned.pose, Pose::new(1.0, 3.0, PI));

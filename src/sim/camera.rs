@@ -71,9 +71,12 @@ impl Camera {
         let mut jpeg = Vec::with_capacity(16 * 1024);
         let mut encoder = JpegEncoder::new_with_quality(&mut jpeg, QUALITY);
         let (width, height) = (WIDTH as u32, HEIGHT as u32);
-        if let Err(error) =
-            encoder.encode(self.pixels.as_flattened(), width, height, ExtendedColorType::Rgb8)
-        {
+        if let Err(error) = encoder.encode(
+            self.pixels.as_flattened(),
+            width,
+            height,
+            ExtendedColorType::Rgb8,
+        ) {
             // Into memory and with a size that is right, it does not fail.
             tracing::error!(target: "spykee::sim", %error, "cannot encode a frame");
         }
@@ -127,16 +130,31 @@ impl Camera {
         let (dx, dy) = (dx as f32, dy as f32);
         let beam = view.beam(column);
         for row in view.row(0.0, far).max(HEIGHT / 2)..HEIGHT {
-            let Row { depth, detail, lamps, flash } = self.rows[row - HEIGHT / 2];
+            let Row {
+                depth,
+                detail,
+                lamps,
+                flash,
+            } = self.rows[row - HEIGHT / 2];
             let colour = self.ground.colour(x + dx * depth, y + dy * depth, detail);
             self.put(column.index, row, scaled(colour, lamps + flash * beam));
         }
     }
 
     fn paint_panel(&mut self, view: &View, column: Column, depth: f32, index: usize, share: f32) {
-        let Panel { length, top, surface, light, .. } = self.scene.panels[index];
+        let Panel {
+            length,
+            top,
+            surface,
+            light,
+            ..
+        } = self.scene.panels[index];
         let gain = view.gain(column, depth) * light;
-        let strip = surface.strip(Place { along: share * length, length, top });
+        let strip = surface.strip(Place {
+            along: share * length,
+            length,
+            top,
+        });
         let scale = depth / view.focal;
         for row in view.row(top, depth)..view.row(0.0, depth) {
             let height = EYE - (row as f32 + 0.5 - HORIZON) * scale;
@@ -145,7 +163,9 @@ impl Camera {
     }
 
     fn paint_post(&mut self, view: &View, column: Column, depth: f32, index: usize, aside: f32) {
-        let Round { top, paint, middle, .. } = self.scene.rounds[index];
+        let Round {
+            top, paint, middle, ..
+        } = self.scene.rounds[index];
         let top = top.unwrap_or(0.0);
         let (ahead, right) = view.relative(self.lamp.at);
         let (post_ahead, post_right) = view.relative(middle);
@@ -176,16 +196,26 @@ impl Camera {
             };
             let facing = dot(normal, lamp);
             let shine = facing.max(0.0).powi(24) * 90.0;
-            let body =
-                scaled(paint, gain * (0.50 + 0.28 * (facing + 1.0) * 0.5 + 0.34 * facing.max(0.0)));
-            self.put(column.index, row, body.map(|channel| channel + shine * view.light));
+            let body = scaled(
+                paint,
+                gain * (0.50 + 0.28 * (facing + 1.0) * 0.5 + 0.34 * facing.max(0.0)),
+            );
+            self.put(
+                column.index,
+                row,
+                body.map(|channel| channel + shine * view.light),
+            );
         }
     }
 
     /// The direction of the lamp from a ball, in the camera's ahead, right and down.
     fn lamp_from(&self, view: &View, (ahead, right): (f32, f32), radius: f32) -> Rgb {
         let (lamp_ahead, lamp_right) = view.relative(self.lamp.at);
-        let way = [lamp_ahead - ahead, lamp_right - right, radius - self.lamp.height];
+        let way = [
+            lamp_ahead - ahead,
+            lamp_right - right,
+            radius - self.lamp.height,
+        ];
         scaled(way, 1.0 / dot(way, way).sqrt().max(1e-3))
     }
 
@@ -206,7 +236,9 @@ fn sphere_normal(ray: Rgb, middle: Rgb, radius: f32) -> Option<Rgb> {
         return None;
     }
     let depth = (b - under.sqrt()) / a;
-    Some(std::array::from_fn(|i| (depth * ray[i] - middle[i]) / radius))
+    Some(std::array::from_fn(|i| {
+        (depth * ray[i] - middle[i]) / radius
+    }))
 }
 
 fn dot(a: Rgb, b: Rgb) -> f32 {
@@ -227,7 +259,10 @@ mod tests {
 
     /// Number and mean place of the pixels of a colour.
     fn find(image: &image::RgbImage, wanted: fn([u8; 3]) -> bool) -> (usize, f64, f64) {
-        let found: Vec<_> = image.enumerate_pixels().filter(|(.., p)| wanted(p.0)).collect();
+        let found: Vec<_> = image
+            .enumerate_pixels()
+            .filter(|(.., p)| wanted(p.0))
+            .collect();
         let count = found.len().max(1) as f64;
         let x = found.iter().map(|(x, ..)| f64::from(*x)).sum::<f64>() / count;
         let y = found.iter().map(|(_, y, _)| f64::from(*y)).sum::<f64>() / count;
@@ -267,7 +302,10 @@ mod tests {
         );
         let image = shot(&world, Pose::new(1.9, 2.0, 0.0), false);
         let (blue, x, y) = find(&image, |[r, g, b]| b > 110 && r < 80 && g < 120);
-        assert!(blue > 8000 && (x - 159.5).abs() < 4.0 && y < 160.0, "{blue} at {x}, {y}");
+        assert!(
+            blue > 8000 && (x - 159.5).abs() < 4.0 && y < 160.0,
+            "{blue} at {x}, {y}"
+        );
         assert_eq!(find(&image, RED).0, 0);
     }
 
@@ -286,8 +324,16 @@ mod tests {
     #[test]
     fn the_headlight_brightens_what_is_near_and_the_lamps_everything() {
         let brightness = |light: f64, flash: bool| {
-            let image = shot(&pen(&format!("light: {light}")), Pose::new(1.0, 2.0, PI), flash);
-            image.as_raw().iter().map(|channel| u64::from(*channel)).sum::<u64>()
+            let image = shot(
+                &pen(&format!("light: {light}")),
+                Pose::new(1.0, 2.0, PI),
+                flash,
+            );
+            image
+                .as_raw()
+                .iter()
+                .map(|channel| u64::from(*channel))
+                .sum::<u64>()
         };
         assert!(brightness(0.2, true) > brightness(0.2, false) * 5 / 4);
         assert!(brightness(1.0, false) > brightness(0.2, false) * 3);
@@ -299,7 +345,11 @@ mod tests {
         let frame = |seed| Camera::new(&world, seed).frame(world.start_pose(), false);
         assert_eq!(frame(1), frame(1));
         assert_ne!(frame(1), frame(2));
-        assert!((4_000..25_000).contains(&frame(1).len()), "{}", frame(1).len());
+        assert!(
+            (4_000..25_000).contains(&frame(1).len()),
+            "{}",
+            frame(1).len()
+        );
     }
 
     #[test]

@@ -255,7 +255,12 @@ mod tests {
         docking.find_base();
         for step in 0.. {
             let station = &world.station;
-            let senses = Senses { pose: body.pose, station, obstacles: &obstacles, beacon };
+            let senses = Senses {
+                pose: body.pose,
+                station,
+                obstacles: &obstacles,
+                beacon,
+            };
             match docking.step(TICK, &senses) {
                 Order::Drive(speeds) => body.want(speeds),
                 Order::NotFound => return (f64::from(step) / 50.0, false),
@@ -275,7 +280,10 @@ mod tests {
         let obstacles = Obstacles::of(&world);
         let (mut tried, mut slowest) = (0, 0.0);
         for i in 0..80 {
-            let at = Point::new(0.3 + f64::from(i % 10) * 0.44, 0.3 + f64::from(i / 10) * 0.6);
+            let at = Point::new(
+                0.3 + f64::from(i % 10) * 0.44,
+                0.3 + f64::from(i / 10) * 0.6,
+            );
             let lit = world.station.beacon_reaches(at, &obstacles);
             if !lit || obstacles.clearance(at) < RADIUS {
                 continue;
@@ -284,7 +292,10 @@ mod tests {
             assert!(found, "not from {at:?}: gave up after {seconds} s");
             (tried, slowest) = (tried + 1, f64::max(slowest, seconds));
         }
-        assert!(tried > 40 && slowest < 60.0, "{tried} tries, slowest {slowest} s");
+        assert!(
+            tried > 40 && slowest < 60.0,
+            "{tried} tries, slowest {slowest} s"
+        );
     }
 
     #[test]
@@ -309,7 +320,12 @@ mod tests {
         let mut docking = Docking::new(Duration::ZERO);
         docking.leave();
         for _ in 0..1000 {
-            let senses = Senses { pose: body.pose, station, obstacles: &obstacles, beacon: true };
+            let senses = Senses {
+                pose: body.pose,
+                station,
+                obstacles: &obstacles,
+                beacon: true,
+            };
             match docking.step(TICK, &senses) {
                 Order::Drive(speeds) => body.want(speeds),
                 end => {

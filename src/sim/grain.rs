@@ -27,8 +27,15 @@ impl Grain {
         let mut bytes = vec![0; LEN / 3 + SHIFTS];
         random.fill_bytes(&mut bytes);
         let level = |byte: u8| (u16::from(byte) * (2 * u16::from(middle) + 1) / 256) as u8;
-        let noise = bytes.into_iter().flat_map(|byte| [level(byte); 3]).collect();
-        Grain { noise, middle, random }
+        let noise = bytes
+            .into_iter()
+            .flat_map(|byte| [level(byte); 3])
+            .collect();
+        Grain {
+            noise,
+            middle,
+            random,
+        }
     }
 
     /// Lays noise over a frame.
@@ -52,7 +59,11 @@ mod tests {
         let mut pixels = vec![100; LEN];
         Grain::new(0.25, 5).add_to(&mut pixels);
         assert!(pixels.iter().all(|channel| (96..=104).contains(channel)));
-        let mean = pixels.iter().map(|channel| f64::from(*channel)).sum::<f64>() / LEN as f64;
+        let mean = pixels
+            .iter()
+            .map(|channel| f64::from(*channel))
+            .sum::<f64>()
+            / LEN as f64;
         assert!((mean - 100.0).abs() < 0.5, "{mean}");
     }
 

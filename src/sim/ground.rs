@@ -66,7 +66,11 @@ impl Carpet {
         let inside_y = self.half.1 - (y - self.middle.1).abs();
         let inside = inside_x.min(inside_y);
         let weave = 0.95 + 0.10 * scatter((x * 70.0) as i32, (y * 70.0) as i32);
-        let border = if (0.08..0.14).contains(&inside) { 1.25 } else { 1.0 };
+        let border = if (0.08..0.14).contains(&inside) {
+            1.25
+        } else {
+            1.0
+        };
         (inside >= 0.0).then(|| scaled(self.paint, weave * border))
     }
 }
@@ -86,10 +90,18 @@ fn wood(x: f32, y: f32, detail: f32) -> Rgb {
 fn tiles(x: f32, y: f32, detail: f32) -> Rgb {
     const TILE: f32 = 0.25;
     let ((column, along), (row, across)) = (cut(x * (1.0 / TILE)), cut(y * (1.0 / TILE)));
-    let joint = if along.min(across) < 0.02 { 1.0 - 0.25 * detail } else { 1.0 };
+    let joint = if along.min(across) < 0.02 {
+        1.0 - 0.25 * detail
+    } else {
+        1.0
+    };
     let tone = 0.96 + 0.06 * scatter(column, row);
     let dark = (column + row) % 2 != 0;
-    let paint = if dark { [138.0, 140.0, 142.0] } else { [204.0, 203.0, 198.0] };
+    let paint = if dark {
+        [138.0, 140.0, 142.0]
+    } else {
+        [204.0, 203.0, 198.0]
+    };
     scaled(paint, joint * tone)
 }
 
@@ -123,7 +135,11 @@ impl Shadows {
             let clear = obstacles.clearance(point) as f32 / SHADOW;
             0.55 + 0.45 * clear.clamp(0.0, 1.0).sqrt()
         };
-        Shadows { columns, rows, light: (0..columns * rows).map(light).collect() }
+        Shadows {
+            columns,
+            rows,
+            light: (0..columns * rows).map(light).collect(),
+        }
     }
 
     fn at(&self, x: f32, y: f32) -> f32 {

@@ -71,7 +71,10 @@ impl Obstacles {
         let steps = (length / STRIDE).ceil().max(1.0);
         let strides = (1..=steps as usize).map(|i| i as f64 / steps);
         let first = (FIRST < length).then(|| FIRST / length);
-        first.into_iter().chain(strides).all(|share| self.clearance(a.towards(b, share)) >= enough)
+        first
+            .into_iter()
+            .chain(strides)
+            .all(|share| self.clearance(a.towards(b, share)) >= enough)
     }
 }
 

@@ -210,7 +210,10 @@ impl Robot {
 
     /// Puts the robot somewhere else; a pose that is no place is ignored.
     pub fn place(&mut self, pose: Pose) {
-        if ![pose.x, pose.y, pose.heading].iter().all(|number| number.is_finite()) {
+        if ![pose.x, pose.y, pose.heading]
+            .iter()
+            .all(|number| number.is_finite())
+        {
             return;
         }
         self.body.pose = pose;

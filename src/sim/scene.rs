@@ -58,7 +58,10 @@ pub(super) enum What {
 impl Scene {
     /// The scene of a world.
     pub(super) fn of(world: &World) -> Scene {
-        let mut scene = Scene { panels: Vec::new(), rounds: Vec::new() };
+        let mut scene = Scene {
+            panels: Vec::new(),
+            rounds: Vec::new(),
+        };
         scene.add_walls(world);
         for item in &world.furniture {
             scene.add_box(item.sides(), item.height, item.colour.into());
@@ -78,18 +81,24 @@ impl Scene {
         for (number, line) in (0..).zip(world.room.sides().into_iter().chain(inner)) {
             let surface = Surface::Wall { paint, number };
             let panel = Panel::of(line, world.room.height, surface);
-            self.panels.push(Panel { full: true, ..panel });
+            self.panels.push(Panel {
+                full: true,
+                ..panel
+            });
         }
     }
 
     fn add_box(&mut self, sides: [Segment; 4], height: f64, surface: Surface) {
-        self.panels.extend(sides.map(|side| Panel::of(side, height, surface)));
+        self.panels
+            .extend(sides.map(|side| Panel::of(side, height, surface)));
     }
 
     fn mark_station(&mut self, station: &station::Station) {
         let front = station.sides()[0];
         let panel = self.panels.iter_mut().rfind(|panel| panel.line == front);
-        panel.into_iter().for_each(|panel| panel.surface = Surface::StationFront);
+        panel
+            .into_iter()
+            .for_each(|panel| panel.surface = Surface::StationFront);
     }
 
     /// What a ray from `origin` along (`dx`, `dy`) meets, farthest first, beginning with the first
@@ -98,10 +107,15 @@ impl Scene {
         hits.clear();
         let mut end = f32::MAX;
         for (index, panel) in self.panels.iter().enumerate() {
-            let Some((depth, share)) = panel.line.meets_ray(origin, dx, dy) else { continue };
+            let Some((depth, share)) = panel.line.meets_ray(origin, dx, dy) else {
+                continue;
+            };
             if depth > NEAR && (depth as f32) <= end {
                 let share = share as f32;
-                hits.push(Hit { depth: depth as f32, what: What::Panel { index, share } });
+                hits.push(Hit {
+                    depth: depth as f32,
+                    what: What::Panel { index, share },
+                });
                 end = if panel.full { depth as f32 } else { end };
             }
         }
@@ -130,7 +144,12 @@ impl Panel {
 
 impl Round {
     fn of(middle: Point, radius: f64, top: Option<f64>, colour: Paint) -> Round {
-        Round { middle, radius: radius as f32, top: top.map(|top| top as f32), paint: rgb(colour) }
+        Round {
+            middle,
+            radius: radius as f32,
+            top: top.map(|top| top as f32),
+            paint: rgb(colour),
+        }
     }
 
     /// Where a ray enters the circle that this thing is from above.
@@ -145,6 +164,9 @@ impl Round {
         }
         let depth = (nearest - (radius * radius - aside * aside).sqrt()) / length;
         let aside = (aside / radius) as f32;
-        (depth > NEAR).then_some(Hit { depth: depth as f32, what: What::Round { index, aside } })
+        (depth > NEAR).then_some(Hit {
+            depth: depth as f32,
+            what: What::Round { index, aside },
+        })
     }
 }

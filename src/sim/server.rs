@@ -99,7 +99,13 @@ impl Server {
         let (handle, orders, ends) = handle::open(robot.state());
         let (events, events_end) = mpsc::channel(MAX_EVENTS);
         let site = Site::new(robot, &options, ends, events);
-        Server { sockets, site, events: events_end, orders, handle }
+        Server {
+            sockets,
+            site,
+            events: events_end,
+            orders,
+            handle,
+        }
     }
 
     /// Where clients connect.
@@ -201,7 +207,11 @@ impl Sockets {
 
     /// Answers a datagram that asks who is there.
     async fn answer(&self, reply: &discovery::Reply, datagram: &[u8], from: SocketAddr) {
-        let Some(udp) = self.udp.as_ref().filter(|_| discovery::is_request(datagram)) else {
+        let Some(udp) = self
+            .udp
+            .as_ref()
+            .filter(|_| discovery::is_request(datagram))
+        else {
             return;
         };
         if let Err(error) = udp.send_to(&reply.emit(), from).await {

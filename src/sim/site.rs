@@ -76,7 +76,10 @@ impl Site {
     /// What discovery says.
     pub(super) fn introduction(&self) -> discovery::Reply {
         let connected_user = self.clients.user().map(str::to_owned);
-        discovery::Reply { uid: self.uid.clone(), connected_user }
+        discovery::Reply {
+            uid: self.uid.clone(),
+            connected_user,
+        }
     }
 
     /// Steps the robot up to the present.
@@ -93,7 +96,10 @@ impl Site {
         if now.duration_since(self.stepped) >= STEP {
             self.stepped = now;
         }
-        self.clients.overdue(now).into_iter().for_each(|id| self.cut(id));
+        self.clients
+            .overdue(now)
+            .into_iter()
+            .for_each(|id| self.cut(id));
         self.publish();
     }
 
@@ -116,7 +122,12 @@ impl Site {
     pub(super) fn take(&mut self, event: Event) {
         match event {
             Event::Gone { client } => self.cut(client),
-            Event::Heard { client, write, opened, commands } => {
+            Event::Heard {
+                client,
+                write,
+                opened,
+                commands,
+            } => {
                 for command in commands {
                     self.hear(client, write, opened, command);
                 }
@@ -195,7 +206,10 @@ impl Site {
     fn tell(&mut self, report: &Report) {
         if !self.clients.tell(report) {
             tracing::info!(target: "spykee::sim", "the client asks and never reads: cut off");
-            self.clients.user_id().into_iter().for_each(|id| self.cut(id));
+            self.clients
+                .user_id()
+                .into_iter()
+                .for_each(|id| self.cut(id));
         }
     }
 
@@ -205,6 +219,8 @@ impl Site {
         state.dropped = self.clients.dropped();
         self.ends.state.send_replace(state);
         let count = handle::lock(&self.ends.journal).count();
-        self.ends.heard.send_if_modified(|heard| std::mem::replace(heard, count) != count);
+        self.ends
+            .heard
+            .send_if_modified(|heard| std::mem::replace(heard, count) != count);
     }
 }

@@ -39,9 +39,19 @@ pub(super) struct Place {
 /// An upright strip of a surface: all that does not change with the height is known.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Strip {
-    Wall { paper: Rgb, thing: Option<(Thing, f32)> },
-    Furniture { paint: Rgb, top: f32, grain: i32 },
-    Station { aside: f32, top: f32 },
+    Wall {
+        paper: Rgb,
+        thing: Option<(Thing, f32)>,
+    },
+    Furniture {
+        paint: Rgb,
+        top: f32,
+        grain: i32,
+    },
+    Station {
+        aside: f32,
+        top: f32,
+    },
     Plain(Rgb),
 }
 
@@ -63,9 +73,10 @@ impl Surface {
                 thing: hanging(number, place),
             },
             Surface::Furniture { paint } => furniture(paint, place),
-            Surface::StationFront => {
-                Strip::Station { aside: (place.along - place.length / 2.0).abs(), top: place.top }
-            }
+            Surface::StationFront => Strip::Station {
+                aside: (place.along - place.length / 2.0).abs(),
+                top: place.top,
+            },
             Surface::StationSide => Strip::Plain([46.0, 48.0, 54.0]),
         }
     }
@@ -122,7 +133,11 @@ fn wall(paper: Rgb, thing: Option<(Thing, f32)>, height: f32) -> Rgb {
 }
 
 fn wallpaper(paint: Rgb, number: u32, place: Place) -> Rgb {
-    let stripe = if (place.along / 0.18) as i32 % 2 == 0 { 1.0 } else { 0.955 };
+    let stripe = if (place.along / 0.18) as i32 % 2 == 0 {
+        1.0
+    } else {
+        0.955
+    };
     let tone = 0.94 + 0.06 * scatter(number as i32, 7);
     let to_corner = place.along.min(place.length - place.along);
     let corner = 0.86 + 0.14 * (to_corner / 0.35).clamp(0.0, 1.0);
@@ -166,7 +181,11 @@ fn window(aside: f32, height: f32) -> Option<Rgb> {
     match edge {
         _ if edge < 0.0 => None,
         _ if edge < 0.05 || aside.abs() < 0.02 => Some([236.0, 236.0, 232.0]),
-        _ => Some([206.0 + 14.0 * (height - low), 218.0 + 10.0 * (height - low), 228.0]),
+        _ => Some([
+            206.0 + 14.0 * (height - low),
+            218.0 + 10.0 * (height - low),
+            228.0,
+        ]),
     }
 }
 
@@ -187,7 +206,11 @@ fn furniture(paint: Rgb, place: Place) -> Strip {
     let joint = place.along - (place.along / door) as i32 as f32 * door;
     let dark = to_side < 0.02 || joint < 0.008;
     let paint = if dark { scaled(paint, 0.62) } else { paint };
-    Strip::Furniture { paint, top: place.top, grain: (place.along * 90.0) as i32 }
+    Strip::Furniture {
+        paint,
+        top: place.top,
+        grain: (place.along * 90.0) as i32,
+    }
 }
 
 fn cabinet(paint: Rgb, top: f32, grain: i32, height: f32) -> Rgb {

@@ -170,14 +170,24 @@ impl Wall {
     pub(super) fn sides(&self) -> [Segment; 4] {
         let (from, to) = (self.from.point(), self.to.point());
         let length = from.distance(to) + self.thickness;
-        rectangle(from.towards(to, 0.5), length, self.thickness, from.direction_of(to))
+        rectangle(
+            from.towards(to, 0.5),
+            length,
+            self.thickness,
+            from.direction_of(to),
+        )
     }
 }
 
 impl Furniture {
     /// Its four sides, as they stand on the floor.
     pub(super) fn sides(&self) -> [Segment; 4] {
-        rectangle(self.at.point(), self.length, self.width, self.heading_degrees.to_radians())
+        rectangle(
+            self.at.point(),
+            self.length,
+            self.width,
+            self.heading_degrees.to_radians(),
+        )
     }
 }
 

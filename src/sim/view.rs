@@ -31,7 +31,11 @@ pub struct CameraSettings {
 
 impl Default for CameraSettings {
     fn default() -> CameraSettings {
-        CameraSettings { fps: 15.0, hfov_degrees: 60.0, noise: 0.25 }
+        CameraSettings {
+            fps: 15.0,
+            hfov_degrees: 60.0,
+            noise: 0.25,
+        }
     }
 }
 
@@ -69,12 +73,22 @@ impl View {
     pub(super) fn of(pose: Pose, focal: f32, light: f32, flash: bool) -> View {
         let (sin, cos) = pose.heading.sin_cos();
         let eye = pose.point().ahead(pose.heading, AHEAD);
-        View { eye, sin, cos, focal, light, flash }
+        View {
+            eye,
+            sin,
+            cos,
+            focal,
+            light,
+            flash,
+        }
     }
 
     /// The column with a number, from the left.
     pub(super) fn column(&self, index: usize) -> Column {
-        Column { index, slope: (index as f32 + 0.5 - WIDTH as f32 / 2.0) / self.focal }
+        Column {
+            index,
+            slope: (index as f32 + 0.5 - WIDTH as f32 / 2.0) / self.focal,
+        }
     }
 
     /// The direction of a column's ray; one length of it is one metre ahead.
@@ -86,7 +100,10 @@ impl View {
     /// A point's metres ahead and to the right.
     pub(super) fn relative(&self, point: Point) -> (f32, f32) {
         let (dx, dy) = (point.x - self.eye.x, point.y - self.eye.y);
-        ((dx * self.cos + dy * self.sin) as f32, (dx * self.sin - dy * self.cos) as f32)
+        (
+            (dx * self.cos + dy * self.sin) as f32,
+            (dx * self.sin - dy * self.cos) as f32,
+        )
     }
 
     /// The row in which a height above the floor appears at a depth, within the picture.
@@ -117,7 +134,12 @@ impl Row {
     pub(super) fn below_horizon(row: usize, focal: f32, light: f32) -> Row {
         let depth = EYE * focal / (row as f32 + 0.5);
         let detail = (1.2 / depth).min(1.0);
-        Row { depth, detail, lamps: lamps(light, depth), flash: flash(depth) }
+        Row {
+            depth,
+            detail,
+            lamps: lamps(light, depth),
+            flash: flash(depth),
+        }
     }
 }
 

@@ -242,7 +242,9 @@ mod tests {
 
     /// What is said about `ROOM`, `STATION` and more, which begins in line 3.
     fn fault(more: &str) -> String {
-        World::from_yaml(&format!("{ROOM}{STATION}{more}"), "w.yaml").unwrap_err().to_string()
+        World::from_yaml(&format!("{ROOM}{STATION}{more}"), "w.yaml")
+            .unwrap_err()
+            .to_string()
     }
 
     #[test]
@@ -264,7 +266,10 @@ mod tests {
     fn an_unknown_key_is_refused_with_its_place_and_the_probable_name() {
         let text = fault("balls:\n  - at: [1, 1]\n    colour: red\n    raduis: 0.1\n");
         assert!(text.starts_with("w.yaml:6:5: "), "{text}");
-        assert!(text.contains("raduis") && text.ends_with("did you mean `radius`?"), "{text}");
+        assert!(
+            text.contains("raduis") && text.ends_with("did you mean `radius`?"),
+            "{text}"
+        );
     }
 
     #[test]
@@ -272,7 +277,10 @@ mod tests {
         for (more, place) in [
             ("light: .nan\n", "w.yaml:3:8: "),
             ("light: -1\n", "w.yaml:3:8: "),
-            ("balls: [{at: [1, 1], colour: red, radius: 9}]\n", "w.yaml:3:43: "),
+            (
+                "balls: [{at: [1, 1], colour: red, radius: 9}]\n",
+                "w.yaml:3:43: ",
+            ),
             ("battery: {level: .inf}\n", "w.yaml:3:18: "),
             ("posts: [{at: [1, -1], colour: red}]\n", "w.yaml:3:18: "),
             ("camera:\n  fps: 1e9\n", "w.yaml:4:8: "),
@@ -301,15 +309,24 @@ mod tests {
     #[test]
     fn things_outside_the_room_are_refused_with_their_place() {
         let text = fault("balls:\n  - {at: [1, 1], colour: red}\n  - {at: [7, 1], colour: red}\n");
-        assert!(text.starts_with("w.yaml:5:10: [7, 1] is outside the room"), "{text}");
+        assert!(
+            text.starts_with("w.yaml:5:10: [7, 1] is outside the room"),
+            "{text}"
+        );
     }
 
     #[test]
     fn a_robot_inside_of_something_is_refused() {
         let text = fault("start: {at: [3, 0.1]}\n");
-        assert!(text.starts_with("w.yaml:3:13: the robot would start inside"), "{text}");
+        assert!(
+            text.starts_with("w.yaml:3:13: the robot would start inside"),
+            "{text}"
+        );
         let text = fault("balls: [{at: [0.5, 2], colour: red}]\n");
-        assert!(text.starts_with("w.yaml:2:15: something stands before the station"), "{text}");
+        assert!(
+            text.starts_with("w.yaml:2:15: something stands before the station"),
+            "{text}"
+        );
     }
 
     #[test]

@@ -35,7 +35,8 @@ start: { at: [3.4, 4], heading_degrees: 0 }
 ";
 
 /// Computes for about 80 ms, waits for a moment, and again: nearly all that a budget allows.
-const BURNER: &str = "while true do local x = 0 for i = 1, 6e6 do x += i % 7 end task.wait(0.005) end";
+const BURNER: &str =
+    "while true do local x = 0 for i = 1, 6e6 do x += i % 7 end task.wait(0.005) end";
 
 fn main() {
     if std::env::args().any(|argument| argument == "--test") {
@@ -53,7 +54,10 @@ fn main() {
         command
     };
     let mut rows = vec![("spykee", measure(&frames, spykee(&[&follow]), "--robot"))];
-    rows.push(("spykee beside a burner", measure(&frames, spykee(&[&follow, &burner]), "--robot")));
+    rows.push((
+        "spykee beside a burner",
+        measure(&frames, spykee(&[&follow, &burner]), "--robot"),
+    ));
     match std::env::var_os("SPYKEE_BENCH_PYTHON") {
         Some(python) => {
             let mut client = Command::new(python);
@@ -71,11 +75,18 @@ fn frames() -> Vec<Bytes> {
     let world = World::from_yaml(WORLD, "reaction").unwrap();
     let mut robot = Robot::new(world, Firmware::default(), 1);
     robot.begin_session();
-    robot.obey(&wire::Command::Stream { stream: Stream::Video, on: true });
+    robot.obey(&wire::Command::Stream {
+        stream: Stream::Video,
+        on: true,
+    });
     let look = |turn: usize| {
         let side = if turn.is_multiple_of(2) { 1.0 } else { -1.0 };
         let heading = side * (0.04 + 0.3 * (turn as f64 / FRAMES as f64));
-        robot.place(Pose { x: 3.4, y: 4.0, heading });
+        robot.place(Pose {
+            x: 3.4,
+            y: 4.0,
+            heading,
+        });
         newest_frame(&mut robot)
     };
     (0..FRAMES).map(look).collect()
@@ -99,7 +110,10 @@ fn newest_frame(robot: &mut Robot) -> Bytes {
 fn measure(frames: &[Bytes], mut client: Command, address_flag: &str) -> Vec<Duration> {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     client.args([address_flag, &listener.local_addr().unwrap().to_string()]);
-    client.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    client
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
     let mut child = Guard(client.spawn().unwrap());
     let (stream, _) = listener.accept().unwrap();
     let mut session = Session::begin(stream);
@@ -114,7 +128,11 @@ fn measure(frames: &[Bytes], mut client: Command, address_flag: &str) -> Vec<Dur
     }
     let _ = child.0.kill();
     let missed = answers.iter().filter(|answer| answer.is_none()).count();
-    assert!(missed * 20 < answers.len(), "{missed} of {} unanswered", answers.len());
+    assert!(
+        missed * 20 < answers.len(),
+        "{missed} of {} unanswered",
+        answers.len()
+    );
     answers.into_iter().skip(WARM_UP).flatten().collect()
 }
 
@@ -140,13 +158,27 @@ struct Session {
 impl Session {
     fn begin(stream: TcpStream) -> Session {
         stream.set_nodelay(true).unwrap();
-        let mut session = Session { stream, decoder: Decoder::new(), told: (0, 0), video: false };
+        let mut session = Session {
+            stream,
+            decoder: Decoder::new(),
+            told: (0, 0),
+            video: false,
+        };
         session.wait_for(|command| matches!(command, wire::Command::Login(_)));
         let text = String::from;
         let (uid, name, place) = (text("BENCH"), text("bench"), text("here"));
-        let accepted = Accepted { uid, name, place, firmware: text("1"), docked: false };
+        let accepted = Accepted {
+            uid,
+            name,
+            place,
+            firmware: text("1"),
+            docked: false,
+        };
         session.send(&Report::Accepted(accepted));
-        session.send(&Report::Power(Power { percent: 90, charging: false }));
+        session.send(&Report::Power(Power {
+            percent: 90,
+            charging: false,
+        }));
         session
     }
 
@@ -163,7 +195,9 @@ impl Session {
                 return false;
             }
             self.stream.set_read_timeout(Some(left)).unwrap();
-            let Ok(count) = self.stream.read(&mut chunk) else { return false };
+            let Ok(count) = self.stream.read(&mut chunk) else {
+                return false;
+            };
             assert!(count > 0, "the client has gone");
             let (mut input, mut found) = (&chunk[..count], false);
             while let Some(packet) = self.decoder.decode(&mut input).unwrap() {
@@ -171,7 +205,10 @@ impl Session {
                 found |= wanted(&command, self.told);
                 match command {
                     wire::Command::Move { left, right } => self.told = (left, right),
-                    wire::Command::Stream { stream: Stream::Video, on } => self.video = on,
+                    wire::Command::Stream {
+                        stream: Stream::Video,
+                        on,
+                    } => self.video = on,
                     _ => {}
                 }
             }
@@ -183,16 +220,17 @@ impl Session {
 
     fn wait_for(&mut self, wanted: impl Fn(&wire::Command) -> bool) {
         let due = Instant::now() + Duration::from_secs(60);
-        assert!(self.listen(due, |command, _| wanted(command)), "the client does not answer");
+        assert!(
+            self.listen(due, |command, _| wanted(command)),
+            "the client does not answer"
+        );
     }
 
     /// Shows a frame; the time until the first MOVE that is not the one before.
     fn show(&mut self, frame: &Bytes, due: Instant) -> Option<Duration> {
         self.send(&Report::Video(frame.clone()));
         let shown = Instant::now();
-        let changed = |command: &wire::Command, told: (i8, i8)| {
-            matches!(command, wire::Command::Move { left, right } if (*left, *right) != told)
-        };
+        let changed = |command: &wire::Command, told: (i8, i8)| matches!(command, wire::Command::Move { left, right } if (*left, *right) != told);
         self.listen(due, changed).then(|| shown.elapsed())
     }
 }
@@ -204,11 +242,16 @@ fn print(rows: &[(&str, Vec<Duration>)]) {
         sorted[((sorted.len() - 1) as f64 * part) as usize].as_secs_f64() * 1e3
     };
     let peer = rows.iter().find(|(name, _)| name.starts_with("Python"));
-    println!("{:24} {:>9} {:>9} {:>9} {:>9}", "client", "p50 ms", "p99 ms", "x p50", "x p99");
+    println!(
+        "{:24} {:>9} {:>9} {:>9} {:>9}",
+        "client", "p50 ms", "p99 ms", "x p50", "x p99"
+    );
     for (name, times) in rows {
         let (p50, p99) = (quantile(times, 0.5), quantile(times, 0.99));
         let times_faster = |part, own: f64| {
-            peer.map_or_else(String::new, |(_, peer)| format!("{:.1}", quantile(peer, part) / own))
+            peer.map_or_else(String::new, |(_, peer)| {
+                format!("{:.1}", quantile(peer, part) / own)
+            })
         };
         let (by50, by99) = (times_faster(0.5, p50), times_faster(0.99, p99));
         println!("{name:24} {p50:9.2} {p99:9.2} {by50:>9} {by99:>9}");

@@ -3,6 +3,7 @@
 
 mod behaviours;
 mod cli;
+mod eyes;
 mod floors;
 mod link;
 mod pilot;

@@ -57,7 +57,10 @@ impl<S: AsyncRead + AsyncWrite + Unpin> Client<S> {
     /// The next message, header and all; `None` at the end of the connection.
     async fn next(&mut self) -> Option<Vec<u8>> {
         let mut message = vec![0; 5];
-        match timeout(LIMIT, self.stream.read_exact(&mut message)).await.expect("no message") {
+        match timeout(LIMIT, self.stream.read_exact(&mut message))
+            .await
+            .expect("no message")
+        {
             Ok(_) => {}
             Err(_) => return None,
         }
@@ -101,7 +104,9 @@ impl<S: AsyncRead + AsyncWrite + Unpin> Client<S> {
     async fn rest(mut self) -> Vec<u8> {
         let mut bytes = Vec::new();
         // A reset is an end as well.
-        let _ = timeout(LIMIT, self.stream.read_to_end(&mut bytes)).await.expect("no end");
+        let _ = timeout(LIMIT, self.stream.read_to_end(&mut bytes))
+            .await
+            .expect("no end");
         bytes
     }
 }
@@ -141,7 +146,13 @@ impl Tcp {
 
 /// A simulator without sockets, for paused clocks.
 fn detached(world: World, firmware: Firmware) -> Handle {
-    let server = Server::detached(world, Options { firmware, ..Options::default() });
+    let server = Server::detached(
+        world,
+        Options {
+            firmware,
+            ..Options::default()
+        },
+    );
     let handle = server.handle();
     tokio::spawn(server.run());
     handle
@@ -169,7 +180,10 @@ async fn the_right_login_gets_the_golden_reply_and_then_power() {
     let mut client = sim.connect().await;
     client.send(LOGIN).await;
     assert_eq!(client.next().await.unwrap(), ACCEPTED_DOCKED);
-    assert_eq!(client.next().await.unwrap(), [0x50, 0x4B, 0x03, 0x00, 0x01, 0xA6]); // -90
+    assert_eq!(
+        client.next().await.unwrap(),
+        [0x50, 0x4B, 0x03, 0x00, 0x01, 0xA6]
+    ); // -90
     assert_eq!(sim.handle.state().user.as_deref(), Some("admin"));
 }
 
@@ -189,9 +203,13 @@ async fn a_second_user_is_refused_until_the_first_has_gone() {
     second.send(LOGIN).await;
     assert_eq!(second.rest().await, REFUSED_BUSY);
     first.send(FLASH_ON).await;
-    timeout(LIMIT, sim.handle.wait_state(|state| state.leds.flash)).await.unwrap();
+    timeout(LIMIT, sim.handle.wait_state(|state| state.leds.flash))
+        .await
+        .unwrap();
     drop(first);
-    timeout(LIMIT, sim.handle.wait_state(|state| state.user.is_none())).await.unwrap();
+    timeout(LIMIT, sim.handle.wait_state(|state| state.user.is_none()))
+        .await
+        .unwrap();
     sim.connect().await.log_in().await;
 }
 
@@ -203,7 +221,10 @@ async fn discovery_names_the_robot_and_its_user() {
     let ask = async || {
         let mut reply = vec![0; 64];
         socket.send(&[0x44, 0x53, 0x43, 0x56, 0x01]).await.unwrap();
-        let length = timeout(LIMIT, socket.recv(&mut reply)).await.unwrap().unwrap();
+        let length = timeout(LIMIT, socket.recv(&mut reply))
+            .await
+            .unwrap()
+            .unwrap();
         reply.truncate(length);
         reply
     };
@@ -211,7 +232,10 @@ async fn discovery_names_the_robot_and_its_user() {
     socket.send(b"DSCV\x02\x05uid=x").await.unwrap();
     assert_eq!(ask().await, b"DSCV\x02\x0Euid=SPYKEE0001");
     let _client = sim.connect().await.log_in().await;
-    assert_eq!(ask().await, b"DSCV\x02\x23uid=SPYKEE0001,connected-user=admin");
+    assert_eq!(
+        ask().await,
+        b"DSCV\x02\x23uid=SPYKEE0001,connected-user=admin"
+    );
 }
 
 #[tokio::test]
@@ -229,13 +253,18 @@ async fn move_in_one_write_with_the_login_disconnects() {
     let mut client = sim.connect().await;
     client.send(&[LOGIN, FORWARD_50].concat()).await;
     client.rest().await;
-    let state = timeout(LIMIT, sim.handle.wait_state(|state| state.user.is_none())).await.unwrap();
+    let state = timeout(LIMIT, sim.handle.wait_state(|state| state.user.is_none()))
+        .await
+        .unwrap();
     assert_eq!(state.commanded, Tracks::new(0, 0));
 }
 
 #[tokio::test(start_paused = true)]
 async fn move_between_the_reply_and_the_first_power_disconnects() {
-    let late = Firmware { power_after_login: Duration::from_secs(2), ..Firmware::default() };
+    let late = Firmware {
+        power_after_login: Duration::from_secs(2),
+        ..Firmware::default()
+    };
     let handle = detached(free_playpen(), late);
     let mut hasty = connect(&handle);
     hasty.send(LOGIN).await;
@@ -244,7 +273,9 @@ async fn move_between_the_reply_and_the_first_power_disconnects() {
     assert_eq!(hasty.next().await, None);
     let mut patient = connect(&handle).log_in().await;
     patient.send(FORWARD_50).await;
-    timeout(LIMIT, handle.wait_state(|state| state.speeds.left > 0.2)).await.unwrap();
+    timeout(LIMIT, handle.wait_state(|state| state.speeds.left > 0.2))
+        .await
+        .unwrap();
 }
 
 #[tokio::test]
@@ -256,35 +287,53 @@ async fn commands_in_pieces_and_in_bunches_are_all_heard() {
         client.send(&[byte]).await;
     }
     let volume = |command: &Command| *command == Command::Volume(50);
-    timeout(LIMIT, sim.handle.wait_heard(from, volume)).await.unwrap();
+    timeout(LIMIT, sim.handle.wait_heard(from, volume))
+        .await
+        .unwrap();
     client.send(&[STAND, LASER, STAND].concat()).await;
-    timeout(LIMIT, sim.handle.wait_heard(from + 4, moved(0, 0))).await.unwrap();
+    timeout(LIMIT, sim.handle.wait_heard(from + 4, moved(0, 0)))
+        .await
+        .unwrap();
     let heard = sim.handle.heard_since(from);
     assert_eq!(heard.len(), 5);
     assert!(heard[1].write < heard[2].write, "two writes");
-    assert!(heard[2].write == heard[3].write && heard[3].write == heard[4].write, "one write");
+    assert!(
+        heard[2].write == heard[3].write && heard[3].write == heard[4].write,
+        "one write"
+    );
     assert_eq!(sim.handle.state().volume, 50);
 }
 
 #[tokio::test(start_paused = true)]
 async fn odd_moves_of_clients_in_the_wild_drive() {
     let (handle, mut client) = robot(free_playpen()).await;
-    client.send(&[0x50, 0x4B, 0x05, 0x00, 0x03, 0x7F, 0x7F, 0x00]).await;
-    let state = timeout(LIMIT, handle.wait_state(|state| state.speeds.left > 0.3)).await.unwrap();
-    assert_eq!(state.commanded, Tracks::new(127, 127));
-    client.send(TURN_LEFT_90).await;
-    timeout(LIMIT, handle.wait_state(|s| s.speeds.left < -0.3 && s.speeds.right > 0.3))
+    client
+        .send(&[0x50, 0x4B, 0x05, 0x00, 0x03, 0x7F, 0x7F, 0x00])
+        .await;
+    let state = timeout(LIMIT, handle.wait_state(|state| state.speeds.left > 0.3))
         .await
         .unwrap();
+    assert_eq!(state.commanded, Tracks::new(127, 127));
+    client.send(TURN_LEFT_90).await;
+    timeout(
+        LIMIT,
+        handle.wait_state(|s| s.speeds.left < -0.3 && s.speeds.right > 0.3),
+    )
+    .await
+    .unwrap();
     client.send(STAND).await;
-    timeout(LIMIT, handle.wait_state(|state| !state.moving())).await.unwrap();
+    timeout(LIMIT, handle.wait_state(|state| !state.moving()))
+        .await
+        .unwrap();
 }
 
 #[tokio::test(start_paused = true)]
 async fn walls_stop_it() {
     let (handle, mut client) = robot(free_playpen()).await;
     client.send(FORWARD_50).await;
-    let state = timeout(LIMIT, handle.wait_state(|state| state.blocked)).await.unwrap();
+    let state = timeout(LIMIT, handle.wait_state(|state| state.blocked))
+        .await
+        .unwrap();
     sleep(Duration::from_secs(5)).await;
     let later = handle.state();
     assert_eq!(later.collisions, 1);
@@ -299,7 +348,10 @@ async fn undocks_backwards_and_says_so() {
     client.send(UNDOCK).await;
     assert!(client.waits_for(LEFT_STATION).await);
     let state = handle.state();
-    assert!(state.pose.x > docked_at.x + 0.3 && !state.docked && !state.charging, "{state:?}");
+    assert!(
+        state.pose.x > docked_at.x + 0.3 && !state.docked && !state.charging,
+        "{state:?}"
+    );
     handle.set_battery(80.0);
     assert!(client.waits_for(POWER_80).await);
 }
@@ -324,7 +376,9 @@ async fn a_hidden_station_is_not_found() {
     handle.hide_station(true);
     client.send(DOCK).await;
     assert!(client.waits_for(NOT_FOUND).await);
-    let state = timeout(LIMIT, handle.wait_state(|state| !state.moving())).await.unwrap();
+    let state = timeout(LIMIT, handle.wait_state(|state| !state.moving()))
+        .await
+        .unwrap();
     assert!(!state.searching && !state.docked);
 }
 
@@ -333,9 +387,16 @@ async fn cancel_and_move_end_the_search_and_base_find_after_move_does_not() {
     let (handle, mut client) = robot(World::default_world()).await;
     for end in [CANCEL, STAND] {
         client.send(&[STAND, DOCK].concat()).await;
-        timeout(LIMIT, handle.wait_state(|state| state.searching && state.moving())).await.unwrap();
+        timeout(
+            LIMIT,
+            handle.wait_state(|state| state.searching && state.moving()),
+        )
+        .await
+        .unwrap();
         client.send(end).await;
-        timeout(LIMIT, handle.wait_state(|s| !s.searching && !s.moving())).await.unwrap();
+        timeout(LIMIT, handle.wait_state(|s| !s.searching && !s.moving()))
+            .await
+            .unwrap();
     }
     assert!(!handle.state().docked);
 }
@@ -348,7 +409,10 @@ async fn a_broken_charger_docks_without_charging() {
     assert!(client.waits_for(ON_STATION).await);
     sleep(Duration::from_secs(20)).await;
     let state = handle.state();
-    assert!(state.docked && !state.charging && !state.power.charging, "{state:?}");
+    assert!(
+        state.docked && !state.charging && !state.power.charging,
+        "{state:?}"
+    );
 }
 
 #[tokio::test(start_paused = true)]
@@ -357,7 +421,11 @@ async fn power_comes_on_change_and_again_and_again() {
     for _ in 0..5 {
         assert_eq!(client.next_of_kind(3).await[5], 0xA6);
     }
-    assert!(handle.state().time >= Duration::from_secs(20), "{:?}", handle.state().time);
+    assert!(
+        handle.state().time >= Duration::from_secs(20),
+        "{:?}",
+        handle.state().time
+    );
     handle.set_battery(80.0);
     assert_eq!(client.next().await.unwrap(), POWER_80_CHARGING);
     let before = handle.state().time;
@@ -370,12 +438,20 @@ async fn power_comes_on_change_and_again_and_again() {
 async fn only_the_music_says_that_it_has_ended() {
     let (handle, mut client) = robot(playpen()).await;
     client.send(LASER).await;
-    timeout(LIMIT, handle.wait_state(|state| state.sound.is_some())).await.unwrap();
-    timeout(LIMIT, handle.wait_state(|state| state.sound.is_none())).await.unwrap();
+    timeout(LIMIT, handle.wait_state(|state| state.sound.is_some()))
+        .await
+        .unwrap();
+    timeout(LIMIT, handle.wait_state(|state| state.sound.is_none()))
+        .await
+        .unwrap();
     client.send(MUSIC).await;
-    timeout(LIMIT, handle.wait_state(|state| state.sound.is_some())).await.unwrap();
+    timeout(LIMIT, handle.wait_state(|state| state.sound.is_some()))
+        .await
+        .unwrap();
     client.send(STOP).await;
-    let silent = timeout(LIMIT, handle.wait_state(|state| state.sound.is_none())).await.unwrap();
+    let silent = timeout(LIMIT, handle.wait_state(|state| state.sound.is_none()))
+        .await
+        .unwrap();
     client.send(MUSIC).await;
     assert!(client.waits_for(STOP).await);
     let lasted = handle.state().time - silent.time;
@@ -385,7 +461,11 @@ async fn only_the_music_says_that_it_has_ended() {
 #[tokio::test(start_paused = true)]
 async fn streams_come_when_they_are_on() {
     let (handle, mut client) = robot(playpen()).await;
-    assert_eq!(client.next().await.unwrap()[2], 3, "no stream is on after the login");
+    assert_eq!(
+        client.next().await.unwrap()[2],
+        3,
+        "no stream is on after the login"
+    );
     client.send(&[VIDEO_ON, AUDIO_ON].concat()).await;
     let (mut frames, mut chunks) = (0, 0);
     let started = handle.state().time;
@@ -404,8 +484,12 @@ async fn streams_come_when_they_are_on() {
     let seconds = (handle.state().time - started).as_secs_f64();
     assert!((1.5..2.5).contains(&seconds), "30 frames in {seconds} s");
     assert!((30..=45).contains(&chunks), "{chunks}");
-    client.send(&[0x50, 0x4B, 0x0F, 0x00, 0x02, 0x01, 0x00]).await;
-    timeout(LIMIT, handle.wait_state(|state| !state.streams.video)).await.unwrap();
+    client
+        .send(&[0x50, 0x4B, 0x0F, 0x00, 0x02, 0x01, 0x00])
+        .await;
+    timeout(LIMIT, handle.wait_state(|state| !state.streams.video))
+        .await
+        .unwrap();
     assert!(handle.state().streams.audio_in);
 }
 
@@ -415,7 +499,10 @@ async fn a_client_that_does_not_read_gets_the_newest_frame_later() {
     client.send(&[VIDEO_ON, AUDIO_ON].concat()).await;
     sleep(Duration::from_secs(20)).await;
     let state = handle.state();
-    assert!(state.frames > 250 && state.dropped > state.frames / 2, "{state:?}");
+    assert!(
+        state.frames > 250 && state.dropped > state.frames / 2,
+        "{state:?}"
+    );
     // 64 KiB are in the pipe, one batch is being written, one waits.
     let mut held = 0;
     while let Ok(Some(message)) = timeout(Duration::from_millis(1), client.next()).await {
@@ -434,7 +521,9 @@ async fn a_client_that_asks_and_never_reads_is_cut_off() {
             break;
         }
     }
-    timeout(LIMIT, handle.wait_state(|state| state.user.is_none())).await.unwrap();
+    timeout(LIMIT, handle.wait_state(|state| state.user.is_none()))
+        .await
+        .unwrap();
     connect(&handle).log_in().await;
 }
 
@@ -444,7 +533,10 @@ async fn questions_are_answered_and_settings_accepted() {
     client.send(b"PK\x0D\x00\x00").await;
     let config = [client.next_of_kind(13).await, client.next_of_kind(13).await];
     let text = String::from_utf8([&config[0][5..], &config[1][5..]].concat()).unwrap();
-    assert!(text.contains("name=Spykee&version=1.0.22&volume="), "{text}");
+    assert!(
+        text.contains("name=Spykee&version=1.0.22&volume="),
+        "{text}"
+    );
     client.send(b"PK\x0E\x00\x00").await;
     assert!(client.next_of_kind(14).await[5..].starts_with(b"home:"));
     client.send(b"PK\x0D\x00\x0Bname=Robbie").await; // CONFIG to set
@@ -455,8 +547,13 @@ async fn questions_are_answered_and_settings_accepted() {
     client.send(b"PK\x11\x00\x00").await;
     let log = client.next_of_kind(17).await;
     let log = String::from_utf8_lossy(&log[5..]);
-    for line in ["config (11 bytes)", "file 6 flags 3 (3 bytes)", "motor speed", "mute", "type 99"]
-    {
+    for line in [
+        "config (11 bytes)",
+        "file 6 flags 3 (3 bytes)",
+        "motor speed",
+        "mute",
+        "type 99",
+    ] {
         assert!(log.contains(line), "{line}: {log}");
     }
 }
@@ -464,13 +561,22 @@ async fn questions_are_answered_and_settings_accepted() {
 #[tokio::test(start_paused = true)]
 async fn drives_on_without_its_user_unless_the_firmware_stops_it() {
     for stops_on_disconnect in [false, true] {
-        let handle =
-            detached(free_playpen(), Firmware { stops_on_disconnect, ..Firmware::default() });
+        let handle = detached(
+            free_playpen(),
+            Firmware {
+                stops_on_disconnect,
+                ..Firmware::default()
+            },
+        );
         let mut client = connect(&handle).log_in().await;
         client.send(TURN_LEFT_90).await;
-        timeout(LIMIT, handle.wait_state(|state| state.moving())).await.unwrap();
+        timeout(LIMIT, handle.wait_state(|state| state.moving()))
+            .await
+            .unwrap();
         drop(client);
-        timeout(LIMIT, handle.wait_state(|state| state.user.is_none())).await.unwrap();
+        timeout(LIMIT, handle.wait_state(|state| state.user.is_none()))
+            .await
+            .unwrap();
         sleep(Duration::from_secs(30)).await;
         assert_eq!(handle.state().moving(), !stops_on_disconnect);
     }
@@ -479,7 +585,10 @@ async fn drives_on_without_its_user_unless_the_firmware_stops_it() {
 #[tokio::test(start_paused = true)]
 async fn a_firmware_that_wants_repeats_stops_without_them() {
     let limit = Some(Duration::from_millis(500));
-    let firmware = Firmware { stops_without_repeat: limit, ..Firmware::default() };
+    let firmware = Firmware {
+        stops_without_repeat: limit,
+        ..Firmware::default()
+    };
     let handle = detached(free_playpen(), firmware);
     let mut client = connect(&handle).log_in().await;
     for _ in 0..10 {
@@ -496,8 +605,15 @@ async fn a_handle_makes_trouble() {
     let (handle, mut client) = robot(playpen()).await;
     handle.inject(Report::Engine(EngineNews::Unknown(42)));
     assert!(client.waits_for(&[0x50, 0x4B, 0x10, 0x00, 0x01, 42]).await);
-    handle.inject(Report::Power(Power { percent: 10, charging: false }));
-    assert!(client.waits_for(&[0x50, 0x4B, 0x03, 0x00, 0x01, 0x0A]).await);
+    handle.inject(Report::Power(Power {
+        percent: 10,
+        charging: false,
+    }));
+    assert!(
+        client
+            .waits_for(&[0x50, 0x4B, 0x03, 0x00, 0x01, 0x0A])
+            .await
+    );
 
     handle.place(Pose::new(1.2, 1.25, 0.0));
     assert!(client.waits_for(LEFT_STATION).await);
@@ -506,14 +622,23 @@ async fn a_handle_makes_trouble() {
     handle.mute(true);
     let from = handle.heard_count();
     client.send(FLASH_ON).await;
-    assert!(timeout(Duration::from_secs(60), client.next()).await.is_err(), "mute means mute");
+    assert!(
+        timeout(Duration::from_secs(60), client.next())
+            .await
+            .is_err(),
+        "mute means mute"
+    );
     assert_eq!(handle.heard_count(), from);
     handle.mute(false);
-    timeout(LIMIT, handle.wait_state(|state| state.leds.flash)).await.unwrap();
+    timeout(LIMIT, handle.wait_state(|state| state.leds.flash))
+        .await
+        .unwrap();
 
     handle.cut();
     while client.next().await.is_some() {}
-    timeout(LIMIT, handle.wait_state(|state| state.user.is_none())).await.unwrap();
+    timeout(LIMIT, handle.wait_state(|state| state.user.is_none()))
+        .await
+        .unwrap();
 }
 
 #[tokio::test]
@@ -525,7 +650,9 @@ async fn garbage_closes_its_connection() {
     let mut user = sim.connect().await.log_in().await;
     user.send(b"PK\x08\x00\x00PQ").await;
     user.rest().await;
-    timeout(LIMIT, sim.handle.wait_state(|state| state.user.is_none())).await.unwrap();
+    timeout(LIMIT, sim.handle.wait_state(|state| state.user.is_none()))
+        .await
+        .unwrap();
 }
 
 /// Bytes as hostile peers send them: noise, or whole headers with noise behind.
@@ -556,7 +683,9 @@ async fn thousands_of_random_byte_strings_do_no_harm() {
         let _ = client.stream.write_all(&random_bytes(&mut random)).await;
         let _ = client.stream.shutdown().await;
         client.rest().await;
-        timeout(LIMIT, handle.wait_state(|state| state.user.is_none())).await.unwrap();
+        timeout(LIMIT, handle.wait_state(|state| state.user.is_none()))
+            .await
+            .unwrap();
     }
     assert!(handle.heard_count() > 200_000 && handle.heard().len() <= 16_384);
     connect(&handle).log_in().await;
@@ -566,7 +695,9 @@ async fn thousands_of_random_byte_strings_do_no_harm() {
 async fn the_same_seed_gives_the_same_bytes() {
     let run = async || {
         let (handle, mut client) = robot(World::default_world()).await;
-        client.send(&[VIDEO_ON, AUDIO_ON, TURN_LEFT_90].concat()).await;
+        client
+            .send(&[VIDEO_ON, AUDIO_ON, TURN_LEFT_90].concat())
+            .await;
         let mut bytes = Vec::new();
         while bytes.len() < 300_000 {
             bytes.extend(client.next().await.unwrap());
