@@ -121,6 +121,25 @@ impl Robot {
         self.note("user disconnected".into());
     }
 
+    /// Starts afresh where it stands: everything that it was told is forgotten, its battery is not.
+    pub fn reboot(&mut self) {
+        self.commanded = Tracks::default();
+        self.docking.stop();
+        self.body.want(Tracks::default());
+        self.speaker = Speaker::new(self.firmware.music);
+        self.leds = Leds::default();
+        self.streams = Streams::default();
+        self.log.clear();
+        self.note("started".into());
+    }
+
+    /// Slides back by `metres`, such as off the contacts of the station.
+    pub fn slide_back(&mut self, metres: f64) {
+        let Pose { x, y, heading } = self.body.pose;
+        let back = Pose::new(x - metres * heading.cos(), y - metres * heading.sin(), heading);
+        self.place(back);
+    }
+
     /// Does what a command asks. Logins are not for the robot and change nothing.
     pub fn obey(&mut self, command: &Command) {
         match command {
