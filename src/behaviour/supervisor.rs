@@ -319,7 +319,7 @@ fn log(behaviour: &str, line: &LogLine) {
         .map(|(key, value)| format!("{key}={value}"))
         .collect();
     let text = [&[line.text.clone()][..], &fields].concat().join(" ");
-    let at = line.line.unwrap_or(0);
+    let at = line.line;
     match line.level {
         Level::Debug => tracing::debug!(target: "spykee::script", behaviour, line = at, "{text}"),
         Level::Info => tracing::info!(target: "spykee::script", behaviour, line = at, "{text}"),

@@ -53,9 +53,17 @@ async fn opened(answers: &[u8]) -> (Session, DuplexStream) {
     (session.unwrap(), robot)
 }
 
+/// What never comes fails the test instead of hanging it.
+async fn within_limit<T>(wanted: impl Future<Output = T>) -> T {
+    let limit = Duration::from_secs(60);
+    tokio::time::timeout(limit, wanted)
+        .await
+        .expect("waited in vain")
+}
+
 async fn expect(robot: &mut (impl AsyncReadExt + Unpin), bytes: &[u8]) {
     let mut heard = vec![0; bytes.len()];
-    robot.read_exact(&mut heard).await.unwrap();
+    within_limit(robot.read_exact(&mut heard)).await.unwrap();
     assert_eq!(heard, bytes);
 }
 
@@ -217,7 +225,7 @@ async fn a_robot_that_never_answers_the_login_is_given_up() {
     let error = session.unwrap_err();
     assert!(matches!(error, LinkError::TimedOut { .. }), "{error}");
     let mut heard = Vec::new();
-    robot.read_to_end(&mut heard).await.unwrap();
+    within_limit(robot.read_to_end(&mut heard)).await.unwrap();
     assert_eq!(heard, LOGIN, "nothing may move before the login is through");
 }
 
@@ -227,7 +235,7 @@ async fn a_login_without_power_is_given_up() {
     let error = session.unwrap_err();
     assert!(matches!(error, LinkError::NoPower { .. }), "{error}");
     let mut heard = Vec::new();
-    robot.read_to_end(&mut heard).await.unwrap();
+    within_limit(robot.read_to_end(&mut heard)).await.unwrap();
     assert_eq!(heard, LOGIN, "nothing may move before POWER");
 }
 

@@ -39,6 +39,11 @@ impl Sim {
         link::connect(&self.target, login, &options).await
     }
 
+    /// Waits until the robot has heard a command since the one with index `from`; its index.
+    async fn hears(&self, from: usize, wanted: Command) -> usize {
+        within_limit(self.handle.wait_heard(from, |command| *command == wanted)).await
+    }
+
     /// What the robot heard from one connection, the first being 0.
     fn heard(&self, client: u64) -> Vec<Command> {
         let heard = self.handle.heard().into_iter();
@@ -56,15 +61,13 @@ async fn every_session_begins_with_a_stop_also_after_a_lost_link() {
     let mut first = sim.connect(&login).await.unwrap();
     assert_eq!(first.accepted.uid, "SPYKEE0001");
     first.writer.write(&[GO]).await.unwrap();
-    sim.handle.wait_heard(0, |command| *command == GO).await;
+    sim.hears(0, GO).await;
     sim.handle.cut();
     while first.reader.next().await.is_ok() {}
     drop(first);
     let lost = sim.handle.heard_count();
     let _second = sim.connect(&login).await.unwrap();
-    sim.handle
-        .wait_heard(lost, |command| *command == Command::STOP)
-        .await;
+    sim.hears(lost, Command::STOP).await;
     assert_eq!(
         sim.heard(0)[..3],
         [Command::Login(login.clone()), Command::STOP, GO]
@@ -93,7 +96,7 @@ async fn the_second_user_hears_who_the_first_is_and_comes_in_once_that_one_has_g
     );
     first.writer.close().await;
     drop(first.reader);
-    sim.handle.wait_state(|state| state.user.is_none()).await;
+    within_limit(sim.handle.wait_state(|state| state.user.is_none())).await;
     sim.connect(&admin()).await.unwrap();
 }
 
@@ -115,11 +118,9 @@ async fn a_dropped_session_stops_a_robot_that_would_drive_on() {
     let sim = sim(Firmware::default()).await;
     let mut session = sim.connect(&admin()).await.unwrap();
     session.writer.write(&[GO]).await.unwrap();
-    let go = sim.handle.wait_heard(0, |command| *command == GO).await;
+    let go = sim.hears(0, GO).await;
     drop(session);
-    sim.handle
-        .wait_heard(go, |command| *command == Command::STOP)
-        .await;
+    sim.hears(go, Command::STOP).await;
 }
 
 #[tokio::test]
@@ -135,8 +136,6 @@ async fn a_robot_that_reads_no_more_is_a_dead_link_in_time() {
             }
         }
     };
-    let error = tokio::time::timeout(Duration::from_secs(60), writing)
-        .await
-        .unwrap();
+    let error = within_limit(writing).await;
     assert!(matches!(error, LinkError::Dead { .. }), "{error}");
 }

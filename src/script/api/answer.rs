@@ -1,0 +1,65 @@
+//! What a task is resumed with, in Lua values.
+
+use mlua::prelude::{IntoLuaMulti, Lua, LuaMultiValue, LuaResult, LuaValue};
+
+use super::super::scheduler::CANCELLED;
+use super::super::task::{Answer, Status};
+use crate::robot::{DockEnd, MotionEnd};
+
+/// The values for `Thread::resume`: plain arguments at the start, and behind a yield `true` and
+/// what the waiting call returns, or `false` and the error to raise.
+pub(in super::super) fn resume_values(lua: &Lua, answer: Answer) -> LuaResult<LuaMultiValue> {
+    match answer {
+        Answer::Start(values) => Ok(values),
+        Answer::Deliver(payload) => payload.to_lua(lua)?.into_lua_multi(lua),
+        // The text has its place already.
+        Answer::Failed(text) => (false, text, true).into_lua_multi(lua),
+        Answer::Cancelled => (false, CANCELLED).into_lua_multi(lua),
+        answer => {
+            let mut values = returned(lua, answer)?;
+            values.push_front(LuaValue::Boolean(true));
+            Ok(values)
+        }
+    }
+}
+
+/// What the waiting call returns.
+fn returned(lua: &Lua, answer: Answer) -> LuaResult<LuaMultiValue> {
+    match answer {
+        Answer::Slept(time) => time.as_secs_f64().into_lua_multi(lua),
+        Answer::Beat(missed) => (missed as f64).into_lua_multi(lua),
+        Answer::Event(payload) => payload.to_lua(lua)?.into_lua_multi(lua),
+        Answer::NoEvent => (LuaValue::Nil, "timeout").into_lua_multi(lua),
+        Answer::Refused(code) => (false, code).into_lua_multi(lua),
+        Answer::Motion(end) => (end == MotionEnd::Done, end.name()).into_lua_multi(lua),
+        Answer::Dock {
+            end,
+            attempts,
+            took,
+        } => {
+            let info = lua.create_table_with_capacity(0, 2)?;
+            info.raw_set("attempts", attempts)?;
+            info.raw_set("seconds", took.as_secs_f64())?;
+            (is_docked(end), end.name(), info).into_lua_multi(lua)
+        }
+        Answer::Undock(end) => (is_undocked(end), end.name()).into_lua_multi(lua),
+        Answer::Joined(status, Some(text)) => {
+            (status == Status::Done, status.name(), text).into_lua_multi(lua)
+        }
+        Answer::Joined(status, None) => (status == Status::Done, status.name()).into_lua_multi(lua),
+        Answer::Values(values) => Ok(values),
+        Answer::Start(_) | Answer::Deliver(_) | Answer::Failed(_) | Answer::Cancelled => {
+            Ok(LuaMultiValue::new())
+        }
+    }
+}
+
+/// The robot is where the script wanted it.
+fn is_docked(end: DockEnd) -> bool {
+    matches!(end, DockEnd::Done | DockEnd::AlreadyDocked)
+}
+
+/// The robot is where the script wanted it.
+fn is_undocked(end: DockEnd) -> bool {
+    matches!(end, DockEnd::Done | DockEnd::NotDocked)
+}

@@ -1,0 +1,99 @@
+//! Values of a script in short texts, for the fields of log lines. Bounded in depth, in number and
+//! in length whatever the value refers to: a table may contain itself.
+
+use mlua::prelude::{LuaError, LuaTable, LuaValue};
+
+use super::super::failure::printable;
+
+/// Tables within tables.
+const MAX_DEPTH: u32 = 3;
+/// Values of one text.
+const MAX_NODES: u32 = 64;
+/// Characters of one string.
+const MAX_STRING: usize = 200;
+/// Bytes of one text; reached only between values.
+const MAX_BYTES: usize = 1000;
+/// Fields of one log line.
+const MAX_FIELDS: usize = 32;
+
+/// The fields of a log line, by name.
+pub(super) fn fields(table: &LuaTable) -> Vec<(String, String)> {
+    let mut fields = Vec::new();
+    let _ = table.for_each(|key: LuaValue, value: LuaValue| {
+        if fields.len() >= MAX_FIELDS {
+            return Err(LuaError::runtime("enough"));
+        }
+        fields.push((text(&key), text(&value)));
+        Ok(())
+    });
+    fields.sort();
+    fields
+}
+
+/// A value in a short text.
+pub(super) fn text(value: &LuaValue) -> String {
+    let mut writer = Writer {
+        out: String::new(),
+        nodes: 0,
+    };
+    writer.value(value, 0);
+    writer.out
+}
+
+struct Writer {
+    out: String,
+    nodes: u32,
+}
+
+impl Writer {
+    fn is_full(&self) -> bool {
+        self.nodes >= MAX_NODES || self.out.len() >= MAX_BYTES
+    }
+
+    fn value(&mut self, value: &LuaValue, depth: u32) {
+        self.nodes += 1;
+        match value {
+            LuaValue::Nil => self.out.push_str("nil"),
+            LuaValue::String(string) => {
+                let bytes = string.as_bytes();
+                let start = &bytes[..bytes.len().min(4 * MAX_STRING)];
+                let text = printable(&String::from_utf8_lossy(start), MAX_STRING);
+                self.out.push_str(&text);
+            }
+            LuaValue::Table(table) if depth < MAX_DEPTH => self.table(table, depth),
+            LuaValue::Table(_) => self.out.push_str("{...}"),
+            other => self.out.push_str(&super::describe(other)),
+        }
+    }
+
+    fn table(&mut self, table: &LuaTable, depth: u32) {
+        self.out.push('{');
+        let length = table.raw_len();
+        let mut first = true;
+        let _ = table.for_each(|key: LuaValue, value: LuaValue| {
+            if !std::mem::take(&mut first) {
+                self.out.push_str(", ");
+            }
+            if self.is_full() {
+                self.out.push_str("...");
+                return Err(LuaError::runtime("enough"));
+            }
+            if !is_position(&key, length) {
+                self.value(&key, MAX_DEPTH);
+                self.out.push('=');
+            }
+            self.value(&value, depth + 1);
+            Ok(())
+        });
+        self.out.push('}');
+    }
+}
+
+/// Whether the key is a place in a list.
+fn is_position(key: &LuaValue, length: usize) -> bool {
+    match key {
+        LuaValue::Integer(at) => usize::try_from(*at).is_ok_and(|at| (1..=length).contains(&at)),
+        LuaValue::Number(at) => at.fract() == 0.0 && *at >= 1.0 && *at <= length as f64,
+        _ => false,
+    }
+}

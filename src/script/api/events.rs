@@ -1,0 +1,110 @@
+//! `robot.on`, `robot.once`, `robot.wait_for` and the Subscription object.
+
+use std::time::Duration;
+
+use mlua::prelude::LuaResult;
+
+use super::super::arguments::{Bounds, Refusal};
+use super::super::events::{EventName, MAX_SUBSCRIPTIONS, Subscription};
+use super::super::task::{SubscriptionId, Wait};
+use super::frame::add_methods;
+use super::{Answered, Builder, Call, Entry, plain, waiting};
+use crate::wire::Stream;
+
+pub(super) const CALLS: [Entry; 3] = [
+    plain("robot.on", on),
+    plain("robot.once", once),
+    waiting("robot.wait_for", wait_for),
+];
+
+const METHODS: [Entry; 1] = [plain("Subscription:off", off)];
+
+/// What the script holds of a subscription.
+struct SubscriptionObject(SubscriptionId);
+
+pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
+    let methods = builder.methods(&[&METHODS])?;
+    let unknown = builder.strict_object("Subscription", &["off"])?;
+    builder
+        .lua
+        .register_userdata_type::<SubscriptionObject>(|registry| {
+            use mlua::UserDataFields as _;
+            registry.add_meta_field("__type", "Subscription");
+            registry.add_meta_field("__index", unknown);
+            add_methods(registry, methods);
+        })
+}
+
+/// `robot.on(name, fn, {rate=, queue=})`
+fn on(call: &mut Call<'_>) -> Answered {
+    let event = event(call)?;
+    let function = call.args.function(1, "the function")?;
+    let mut subscription = Subscription::new(event, function);
+    let options = call.args.options(2, &["rate", "queue"])?;
+    let rate = options.optional_number("rate", Bounds::Above(0.0, 1000.0))?;
+    subscription.interval = rate.map(|rate| Duration::from_secs_f64(1.0 / rate));
+    if let Some(latest) = options.choice("queue", &[("latest", true), ("all", false)])? {
+        subscription.latest = latest;
+    }
+    subscribe(call, subscription)
+}
+
+/// `robot.once(name, fn)`
+fn once(call: &mut Call<'_>) -> Answered {
+    let event = event(call)?;
+    let function = call.args.function(1, "the function")?;
+    let mut subscription = Subscription::new(event, function);
+    subscription.once = true;
+    subscribe(call, subscription)
+}
+
+fn subscribe(call: &mut Call<'_>, subscription: Subscription) -> Answered {
+    call.must_be_running()?;
+    if call.state.subscriptions.len() >= MAX_SUBSCRIPTIONS {
+        return Err(call.args.misuse(&format!(
+            "there are {MAX_SUBSCRIPTIONS} handlers already; end some with :off()"
+        )));
+    }
+    listen(call, subscription.event);
+    let id = SubscriptionId(call.state.tasks.next_id());
+    call.state.subscriptions.insert(id, subscription);
+    let object = call.lua.create_any_userdata(SubscriptionObject(id))?;
+    call.reply(object)
+}
+
+/// `robot.wait_for(name, timeout)` returns the payload, or `nil, "timeout"`.
+fn wait_for(call: &mut Call<'_>) -> Answered {
+    let event = event(call)?;
+    let time = call.args.optional_seconds(1, "timeout")?;
+    call.may_wait()?;
+    listen(call, event);
+    call.wait(Wait::Event(event), time)
+}
+
+/// Frames and sound come only when their stream is on.
+pub(super) fn listen(call: &mut Call<'_>, event: EventName) {
+    match event {
+        EventName::Frame => call.state.want(Stream::Video),
+        EventName::Audio | EventName::Noise => call.state.want(Stream::AudioIn),
+        _ => {}
+    }
+}
+
+fn event(call: &Call<'_>) -> Result<EventName, Refusal> {
+    let known: Vec<_> = EventName::ALL
+        .iter()
+        .map(|event| (event.name(), *event))
+        .collect();
+    call.args.choice(0, "event", &known)
+}
+
+/// `Subscription:off()`
+fn off(call: &mut Call<'_>) -> Answered {
+    let object = call.args.value(0).as_userdata();
+    let object = object.and_then(|object| object.borrow::<SubscriptionObject>().ok());
+    let Some(id) = object.map(|object| object.0) else {
+        return Err(call.no_subject("subscription"));
+    };
+    call.state.unsubscribe(id);
+    call.reply(())
+}

@@ -1,0 +1,373 @@
+//! What a script can call: one file for each Lua namespace, each with a table of its calls.
+//!
+//! A native gets a [`Call`] and answers with a [`Reply`]; it never raises. Waiting is registered
+//! with the scheduler and answered later ([`answer`]).
+
+mod album;
+mod answer;
+mod colours;
+mod convert;
+mod dock;
+mod events;
+mod frame;
+mod log;
+mod looking;
+mod motion;
+mod robot;
+mod script;
+mod tasks;
+mod vision;
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::Duration;
+
+use mlua::prelude::{IntoLuaMulti, Lua, LuaFunction, LuaMultiValue, LuaResult, LuaTable, LuaValue};
+
+use super::arguments::{Args, Refusal, describe};
+use super::budget;
+use super::failure::Place;
+use super::sandbox::{self, Prelude};
+use super::scheduler::CANCELLED;
+use super::state::State;
+use super::task::{Cancel, SHORTEST_WAIT, Wait};
+
+pub(super) use album::Album;
+pub(super) use answer::resume_values;
+pub(super) use frame::{HeldFrame, to_lua as frame_to_lua};
+pub(super) use looking::LineSight;
+
+/// State that natives and the scheduler share. Borrowed only while no line of the script runs.
+pub(super) type Shared = Rc<RefCell<State>>;
+
+/// One call of a native.
+pub(super) struct Call<'a> {
+    lua: &'a Lua,
+    state: &'a mut State,
+    args: Args,
+    /// The calling coroutine stands where it can yield.
+    yieldable: bool,
+}
+
+/// What a native answers.
+enum Reply {
+    Values(LuaMultiValue),
+    /// The scheduler will answer.
+    Wait,
+}
+
+type Answered = Result<Reply, Refusal>;
+type Native = fn(&mut Call<'_>) -> Answered;
+
+/// One function that scripts can call.
+struct Entry {
+    /// As people write it, such as `robot.move`.
+    name: &'static str,
+    native: Native,
+    waits: bool,
+}
+
+impl Entry {
+    /// The last part of its name.
+    fn key(&self) -> &'static str {
+        self.name.rsplit(['.', ':']).next().unwrap_or(self.name)
+    }
+}
+
+/// A function that answers at once.
+const fn plain(name: &'static str, native: Native) -> Entry {
+    Entry {
+        name,
+        native,
+        waits: false,
+    }
+}
+
+/// A function that may wait.
+const fn waiting(name: &'static str, native: Native) -> Entry {
+    Entry {
+        name,
+        native,
+        waits: true,
+    }
+}
+
+impl Call<'_> {
+    /// Answers with values.
+    fn reply(&self, values: impl IntoLuaMulti) -> Answered {
+        Ok(Reply::Values(values.into_lua_multi(self.lua)?))
+    }
+
+    /// Every waiting call asks this before it does anything: waiting must be possible here, and a
+    /// cancelled task is told so; a second time it is not let on.
+    fn may_wait(&mut self) -> Result<(), Refusal> {
+        if !self.yieldable || !self.state.can_wait {
+            return Err(self.args.misuse(
+                "nothing can wait here, inside a table.sort or gsub function or a metamethod",
+            ));
+        }
+        let Some(task) = self.state.tasks.running() else {
+            return Err(self.args.misuse("nothing can wait here"));
+        };
+        match task.cancel {
+            Cancel::No => Ok(()),
+            Cancel::Asked => {
+                task.cancel = Cancel::Told;
+                Err(Refusal::Cancelled)
+            }
+            Cancel::Told => {
+                budget::latch_cancelled();
+                Err(Refusal::Cancelled)
+            }
+        }
+    }
+
+    /// Waits, at most for `time`. Only after [`Call::may_wait`].
+    fn wait(&mut self, wait: Wait, time: Option<Duration>) -> Answered {
+        if let Some(id) = self.state.tasks.current {
+            let deadline = time.map(|time| self.state.now + time.max(SHORTEST_WAIT));
+            self.state.tasks.wait(id, wait, deadline);
+        }
+        Ok(Reply::Wait)
+    }
+
+    /// The error of a method that was not called on its object.
+    fn no_subject(&self, what: &str) -> Refusal {
+        let at = self.args.call.find(':').unwrap_or(0);
+        let method = &self.args.call[at..];
+        self.args.misuse(&format!(
+            "call it on a {what} with a colon, like {what}{method}()"
+        ))
+    }
+
+    /// Nothing new begins once the script is ending.
+    fn must_be_running(&self) -> Result<(), Refusal> {
+        if self.state.is_running() {
+            return Ok(());
+        }
+        Err(self
+            .args
+            .misuse("the script is ending, nothing new can begin"))
+    }
+
+    /// Sends a wish, unless too many wait already.
+    fn send(&mut self, intent: crate::robot::Intent) -> Result<(), Refusal> {
+        self.make_room(0)?;
+        self.state.outbox.send(intent);
+        Ok(())
+    }
+
+    fn make_room(&self, speech: usize) -> Result<(), Refusal> {
+        if self.state.outbox.has_room(speech) {
+            return Ok(());
+        }
+        Err(self
+            .args
+            .misuse("too many commands at once; put task.wait(0.1) into the loop that sends them"))
+    }
+}
+
+/// Builds the API of one VM and closes it.
+pub(super) fn install(lua: &Lua, shared: &Shared) -> LuaResult<()> {
+    let prelude = Prelude::run(lua, place_function(lua)?)?;
+    let builder = Builder {
+        lua,
+        shared,
+        prelude: &prelude,
+    };
+    builder.prepare()?;
+    let tables = [
+        script::namespace(&builder)?,
+        log::namespace(&builder)?,
+        robot::namespace(&builder)?,
+        tasks::namespace(&builder)?,
+        vision::namespace(&builder)?,
+    ];
+    for (name, table) in tables {
+        builder.close(name, table)?;
+    }
+    let memory = shared.borrow().options.limits.memory_bytes;
+    let memory = usize::try_from(memory).unwrap_or(usize::MAX);
+    sandbox::close(lua, builder.strict("")?, memory)
+}
+
+/// Turns tables of [`Entry`] into Lua tables.
+struct Builder<'a> {
+    lua: &'a Lua,
+    shared: &'a Shared,
+    prelude: &'a Prelude,
+}
+
+impl Builder<'_> {
+    fn prepare(&self) -> LuaResult<()> {
+        let shared = Rc::clone(self.shared);
+        let can_wait = self.lua.create_function(move |_, can: bool| {
+            let mut state = shared.borrow_mut();
+            Ok(std::mem::replace(&mut state.can_wait, can))
+        })?;
+        self.prelude
+            .function("use_can_wait")?
+            .call::<()>(can_wait)?;
+        tasks::register_handle(self)?;
+        events::register_handle(self)?;
+        frame::register(self)?;
+        vision::register(self)
+    }
+
+    /// A table with a function for each entry, under the last part of its name.
+    fn table(&self, entries: &[Entry]) -> LuaResult<LuaTable> {
+        let table = self.lua.create_table()?;
+        for entry in entries {
+            table.raw_set(entry.key(), self.function(entry)?)?;
+        }
+        Ok(table)
+    }
+
+    /// The methods of an object.
+    fn methods(&self, parts: &[&[Entry]]) -> LuaResult<Vec<(&'static str, LuaFunction)>> {
+        parts
+            .iter()
+            .copied()
+            .flatten()
+            .map(|entry| Ok((entry.key(), self.function(entry)?)))
+            .collect()
+    }
+
+    /// The function that the script sees.
+    fn function(&self, entry: &Entry) -> LuaResult<LuaFunction> {
+        let shim = if entry.waits { "waiting" } else { "plain" };
+        let native = self.native(entry)?;
+        self.prelude.function(shim)?.call(native)
+    }
+
+    /// The native under its shim: `true, values...`, or `false, message`, or nothing.
+    fn native(&self, entry: &Entry) -> LuaResult<LuaFunction> {
+        let shared = Rc::clone(self.shared);
+        let Entry {
+            name,
+            native,
+            waits,
+        } = *entry;
+        self.lua
+            .create_function(move |lua, mut values: LuaMultiValue| {
+                let yieldable = waits && values.pop_front() == Some(LuaValue::Boolean(true));
+                let answered = {
+                    let mut state = shared.borrow_mut();
+                    native(&mut Call {
+                        lua,
+                        state: &mut state,
+                        args: Args { call: name, values },
+                        yieldable,
+                    })
+                };
+                to_shim(lua, answered)
+            })
+    }
+
+    /// An error with the nearest name for fields of a namespace that do not exist; "" for globals.
+    fn strict(&self, owner: &'static str) -> LuaResult<LuaFunction> {
+        self.strict_with(owner, known_names)
+    }
+
+    /// The same for the fields of an object.
+    fn strict_object(
+        &self,
+        owner: &'static str,
+        fields: &'static [&'static str],
+    ) -> LuaResult<LuaFunction> {
+        let names = move |_: &Lua, _: &str| fields.iter().map(|&name| name.to_owned()).collect();
+        self.strict_with(owner, names)
+    }
+
+    fn strict_with(
+        &self,
+        owner: &'static str,
+        names: impl Fn(&Lua, &str) -> Vec<String> + 'static,
+    ) -> LuaResult<LuaFunction> {
+        let unknown = move |lua: &Lua, (name, key): (String, LuaValue)| {
+            let key = match &key {
+                LuaValue::String(text) => super::failure::printable(&text.to_string_lossy(), 40),
+                other => describe(other),
+            };
+            Ok(sandbox::unknown(&name, &key, &names(lua, &name)))
+        };
+        let unknown = self.lua.create_function(unknown)?;
+        self.prelude.function("strict")?.call((unknown, owner))
+    }
+
+    /// Makes a namespace strict and read-only, and gives it to scripts.
+    fn close(&self, name: &'static str, table: LuaTable) -> LuaResult<()> {
+        let meta = self.lua.create_table()?;
+        meta.raw_set("__index", self.strict(name)?)?;
+        meta.raw_set(
+            "__newindex",
+            self.prelude.function("locked")?.call::<LuaFunction>(name)?,
+        )?;
+        meta.raw_set("__metatable", false)?;
+        table.set_metatable(Some(meta))?;
+        table.set_readonly(true);
+        self.lua.globals().raw_set(name, table)
+    }
+}
+
+/// A native's answer in the form that its shim understands.
+fn to_shim(lua: &Lua, answered: Answered) -> LuaResult<LuaMultiValue> {
+    match answered {
+        Ok(Reply::Values(mut values)) => {
+            values.push_front(LuaValue::Boolean(true));
+            Ok(values)
+        }
+        Ok(Reply::Wait) => Ok(LuaMultiValue::new()),
+        Err(Refusal::Misuse(words)) => failed(lua, &words),
+        Err(Refusal::Cancelled) => failed(lua, CANCELLED),
+        Err(Refusal::Machine(error)) => Err(error),
+    }
+}
+
+fn failed(lua: &Lua, words: &str) -> LuaResult<LuaMultiValue> {
+    (false, words).into_lua_multi(lua)
+}
+
+/// The names that exist in a namespace, or globally.
+fn known_names(lua: &Lua, owner: &str) -> Vec<String> {
+    let mut names = Vec::new();
+    let mut collect = |table: &LuaTable| {
+        let _ = table.for_each(|key: LuaValue, _: LuaValue| {
+            if let LuaValue::String(text) = key {
+                names.push(text.to_string_lossy());
+            }
+            Ok(())
+        });
+    };
+    let globals = lua.globals();
+    let builtins = globals
+        .metatable()
+        .and_then(|meta| meta.raw_get::<LuaTable>("__index").ok());
+    if owner.is_empty() {
+        collect(&globals);
+        builtins.iter().for_each(&mut collect);
+    } else if let Some(Ok(table)) = builtins.map(|all| all.raw_get::<LuaTable>(owner)) {
+        collect(&table);
+    }
+    names.sort();
+    names
+}
+
+/// The innermost line of the script itself.
+fn place(lua: &Lua) -> Option<Place> {
+    (0..64)
+        .map_while(|level| {
+            lua.inspect_stack(level, |frame| {
+                let file = frame.source().short_src?.into_owned();
+                let line = u32::try_from(frame.current_line()?).ok()?;
+                (!sandbox::is_ours(&file)).then_some(Place { file, line })
+            })
+        })
+        .flatten()
+        .next()
+}
+
+/// `place()` of the prelude: `file:line: `, or nothing.
+fn place_function(lua: &Lua) -> LuaResult<LuaFunction> {
+    lua.create_function(|lua, ()| Ok(place(lua).map_or_else(String::new, |at| format!("{at}: "))))
+}

@@ -1,0 +1,206 @@
+//! `robot.move`, `robot.drive`, `robot.forward`, `robot.turn`, `robot.stop`.
+
+use std::time::Duration;
+
+use super::super::arguments::{Bounds, Refusal};
+use super::super::options::Calibration;
+use super::super::task::{Cancel, Wait};
+use super::{Answered, Call, Entry, plain, waiting};
+use crate::robot::{Intent, MotionEnd, Setpoint};
+
+pub(super) const CALLS: [Entry; 5] = [
+    waiting("robot.move", move_tracks),
+    waiting("robot.drive", drive),
+    waiting("robot.forward", forward),
+    waiting("robot.turn", turn),
+    plain("robot.stop", stop),
+];
+
+/// A speed, in metres or radians per second: what is too fast is slowed, so this only keeps the
+/// arithmetic finite.
+const SPEED: Bounds = Bounds::Between(-1000.0, 1000.0);
+/// A way, in metres or radians.
+const WAY: Bounds = Bounds::Between(-1e6, 1e6);
+/// Power of a track, in percent.
+const POWER: Bounds = Bounds::Between(-100.0, 100.0);
+/// The longest drive of one call, in seconds.
+const LONGEST: f64 = 3600.0;
+/// Speed of `forward` and `turn` unless they say, as a part of full speed.
+const USUAL: f64 = 0.5;
+
+/// Speeds of the tracks, in metres per second.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Tracks {
+    left: f64,
+    right: f64,
+}
+
+impl Tracks {
+    /// Differential drive: a left turn is positive and makes the right track the faster one.
+    fn of(linear: f64, angular: f64, calibration: Calibration) -> Tracks {
+        let swing = angular * calibration.track_width / 2.0;
+        Tracks {
+            left: linear - swing,
+            right: linear + swing,
+        }
+    }
+
+    /// Percent of power, and the factor by which both tracks were slowed so that none exceeds
+    /// full power: the curve stays the same.
+    fn setpoint(self, calibration: Calibration) -> (Option<Setpoint>, f64) {
+        let fastest = self.left.abs().max(self.right.abs());
+        let slowed = (calibration.full_speed / fastest).min(1.0);
+        let percent =
+            |speed: f64| (speed * slowed / calibration.full_speed * 100.0).clamp(-100.0, 100.0);
+        let setpoint = Setpoint::from_percent(percent(self.left), percent(self.right));
+        (setpoint, slowed)
+    }
+}
+
+/// `robot.move(left, right [, seconds])`
+fn move_tracks(call: &mut Call<'_>) -> Answered {
+    let left = call.args.number(0, "left", POWER)?;
+    let right = call.args.number(1, "right", POWER)?;
+    let time = duration(call)?;
+    go(call, Setpoint::from_percent(left, right), time)
+}
+
+/// `robot.drive(linear, angular [, seconds])`
+fn drive(call: &mut Call<'_>) -> Answered {
+    let linear = call.args.number(0, "linear", SPEED)?;
+    let angular = call.args.number(1, "angular", SPEED)?;
+    let time = duration(call)?;
+    let calibration = call.state.options.calibration;
+    let (setpoint, _) = Tracks::of(linear, angular, calibration).setpoint(calibration);
+    go(call, setpoint, time)
+}
+
+/// The optional third argument.
+fn duration(call: &Call<'_>) -> Result<Option<Duration>, Refusal> {
+    let bounds = Bounds::Above(0.0, LONGEST);
+    let seconds = call.args.optional_number(2, "seconds", bounds)?;
+    Ok(seconds.map(Duration::from_secs_f64))
+}
+
+/// `robot.forward(metres [, speed])`
+fn forward(call: &mut Call<'_>) -> Answered {
+    let calibration = call.state.options.calibration;
+    let metres = call.args.number(0, "metres", WAY)?;
+    let usual = calibration.full_speed * USUAL;
+    let speed = speed(call, usual)?.copysign(metres);
+    travel(call, metres, Tracks::of(speed, 0.0, calibration), speed)
+}
+
+/// `robot.turn(angle [, speed])`
+fn turn(call: &mut Call<'_>) -> Answered {
+    let calibration = call.state.options.calibration;
+    let angle = call.args.number(0, "angle", WAY)?;
+    let usual = calibration.full_speed * USUAL * 2.0 / calibration.track_width;
+    let speed = speed(call, usual)?.copysign(angle);
+    travel(call, angle, Tracks::of(0.0, speed, calibration), speed)
+}
+
+fn speed(call: &Call<'_>, usual: f64) -> Result<f64, Refusal> {
+    let bounds = Bounds::Above(0.0, 1000.0);
+    Ok(call
+        .args
+        .optional_number(1, "speed", bounds)?
+        .unwrap_or(usual))
+}
+
+/// Drives `tracks` until `way` is covered at `speed`, both in the same unit and of the same sign.
+fn travel(call: &mut Call<'_>, way: f64, tracks: Tracks, speed: f64) -> Answered {
+    let calibration = call.state.options.calibration;
+    let (setpoint, slowed) = tracks.setpoint(calibration);
+    let seconds = way / (speed * slowed);
+    if seconds > LONGEST {
+        return Err(call.args.misuse(&format!(
+            "that would take {seconds:.0} seconds; the most is {LONGEST}"
+        )));
+    }
+    if seconds <= 0.0 {
+        return call.reply((true, MotionEnd::Done.name()));
+    }
+    go(call, setpoint, Some(Duration::from_secs_f64(seconds)))
+}
+
+/// Sets the tracks; waits for the end if there is a time.
+fn go(call: &mut Call<'_>, setpoint: Option<Setpoint>, time: Option<Duration>) -> Answered {
+    let Some(setpoint) = setpoint else {
+        return Err(call.args.misuse("the speeds are not numbers"));
+    };
+    if !may_move(call) {
+        return refused(call, time.is_some());
+    }
+    let Some(owner) = call.state.owner() else {
+        return refused(call, false);
+    };
+    if time.is_none() && call.state.motion.is_set(owner, setpoint) {
+        return call.reply(());
+    }
+    if time.is_some() {
+        call.may_wait()?;
+    }
+    call.make_room(0)?;
+    let motion = call.state.motion.set(owner, setpoint, time.is_some());
+    call.state.outbox.send(Intent::Move {
+        motion,
+        setpoint,
+        duration: time,
+    });
+    match time {
+        Some(_) => call.wait(Wait::Motion(motion), None),
+        None => call.reply(()),
+    }
+}
+
+/// A script that ends and a task that was cancelled do not move the robot any more.
+pub(super) fn may_move(call: &mut Call<'_>) -> bool {
+    let cancelled = |task: &mut super::super::task::Task| task.cancel != Cancel::No;
+    call.state.is_running() && !call.state.tasks.running().is_none_or(cancelled)
+}
+
+/// `false, "cancelled"`; in a cancelled task a call that would wait is a wait like any other.
+pub(super) fn refused(call: &mut Call<'_>, waits: bool) -> Answered {
+    if waits && call.state.is_running() {
+        call.may_wait()?;
+    }
+    call.reply((false, MotionEnd::Cancelled.name()))
+}
+
+/// `robot.stop()`: always works.
+fn stop(call: &mut Call<'_>) -> Answered {
+    let _ = call.state.motion.release_any();
+    call.send(Intent::Stop)?;
+    call.reply(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CALIBRATION: Calibration = Calibration {
+        track_width: 0.2,
+        full_speed: 0.5,
+    };
+
+    fn percent(linear: f64, angular: f64) -> (i8, i8) {
+        let (setpoint, _) = Tracks::of(linear, angular, CALIBRATION).setpoint(CALIBRATION);
+        let setpoint = setpoint.unwrap();
+        (setpoint.left.get(), setpoint.right.get())
+    }
+
+    #[test]
+    fn a_left_turn_is_positive_and_makes_the_right_track_faster() {
+        assert_eq!(percent(0.25, 0.0), (45, 45));
+        assert_eq!(percent(0.0, 1.0), (-18, 18));
+        assert_eq!(percent(0.25, 0.5), (36, 54));
+    }
+
+    #[test]
+    fn too_fast_is_slowed_and_the_curve_kept() {
+        assert_eq!(percent(1.0, 0.0), (90, 90));
+        assert_eq!(percent(1.0, 5.0), (30, 90));
+        assert_eq!(percent(1000.0, -1000.0), (90, 74));
+    }
+}

@@ -1,0 +1,59 @@
+//! `script.*`: the script's own life.
+
+use mlua::prelude::{LuaResult, LuaTable};
+
+use super::super::budget;
+use super::super::failure::printable;
+use super::{Answered, Builder, Call, Entry, plain};
+
+const CALLS: [Entry; 3] = [
+    plain("script.stop", stop),
+    plain("script.on_stop", on_stop),
+    plain("script.usage", usage),
+];
+
+/// Functions that `script.on_stop` keeps.
+const MAX_FAREWELLS: usize = 16;
+
+pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<(&'static str, LuaTable)> {
+    let table = builder.table(&CALLS)?;
+    table.raw_set("name", builder.shared.borrow().options.name.as_str())?;
+    Ok(("script", table))
+}
+
+/// `script.stop(reason)`: the calling task does not go on.
+fn stop(call: &mut Call<'_>) -> Answered {
+    let reason = match call.args.has(0) {
+        true => Some(printable(&call.args.text(0, "reason", 1000)?, 1000)),
+        false => None,
+    };
+    call.state.stop_asked = Some(reason);
+    budget::latch_stopped();
+    call.reply(())
+}
+
+/// `script.on_stop(fn)`
+fn on_stop(call: &mut Call<'_>) -> Answered {
+    call.must_be_running()?;
+    let function = call.args.function(0, "the function")?;
+    if call.state.farewells.len() >= MAX_FAREWELLS {
+        return Err(call
+            .args
+            .misuse("at most 16 functions can be called at the end"));
+    }
+    call.state.farewells.push_back(function);
+    call.reply(())
+}
+
+/// `script.usage()`
+fn usage(call: &mut Call<'_>) -> Answered {
+    let usage = call.state.usage;
+    let table = call.lua.create_table_with_capacity(0, 3)?;
+    table.raw_set("cpu_ms", usage.cpu.as_secs_f64() * 1e3)?;
+    table.raw_set(
+        "worst_callback_ms",
+        usage.worst_callback.as_secs_f64() * 1e3,
+    )?;
+    table.raw_set("memory_bytes", call.lua.used_memory())?;
+    call.reply(table)
+}

@@ -1,0 +1,282 @@
+//! How long a script may run without waiting.
+//!
+//! One *slice* is the time from a task's resumption to its next wait. A watcher thread, one a
+//! process, looks every 10 ms at the slice of each thread and sets a byte when it has become too
+//! long; the VM's [interrupt](super::interrupt) reads that byte at every safepoint, judges, and
+//! raises from then on at every one (a latch), so that no `pcall` can go on.
+//!
+//! This is the one place with the system's clock instead of the runtime's: a budget is real time,
+//! also when the time of a simulation is virtual. And a slice that the machine did not give a
+//! processor to has not run: it is over when it took the budget by the wall clock *and* half of it
+//! by the thread's processor clock, or many times the budget by the wall clock alone.
+
+use std::cell::{Cell, RefCell};
+use std::ffi::CStr;
+use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
+
+use rustix::time::{ClockId, clock_gettime};
+
+use super::failure::Place;
+
+/// How often the watcher looks.
+const LOOK_EVERY: Duration = Duration::from_millis(10);
+
+/// So many budgets by the wall clock end a slice whatever the processor's clock says.
+const WALL_FACTOR: u32 = 5;
+
+/// Nothing is the matter.
+const CALM: u8 = 0;
+/// Set by the watcher: time to look at the clocks.
+const LOOK: u8 = 1;
+/// The running task was cancelled and waits again: it is not let on.
+const CANCELLED: u8 = 2;
+/// Over the budget.
+const OVER: u8 = 3;
+/// The script asked for its own end.
+const STOPPED: u8 = 4;
+
+/// What a script's `pcall` sees of each.
+const OVER_TEXT: &CStr = c"ran too long without waiting";
+const CANCELLED_TEXT: &CStr = c"cancelled";
+const STOPPED_TEXT: &CStr = c"the script has stopped itself";
+
+/// Shared between the thread of a VM and the watcher.
+#[derive(Default)]
+struct Slot {
+    /// When to look, in nanoseconds since the watcher's start; 0: no slice is running.
+    look_at: AtomicU64,
+    flag: AtomicU8,
+}
+
+impl Slot {
+    /// The watcher's look.
+    fn look(&self, now: u64) {
+        let look_at = self.look_at.load(Ordering::Acquire);
+        if look_at != 0 && now >= look_at {
+            // A latch that is set already stays.
+            let _ = self
+                .flag
+                .compare_exchange(CALM, LOOK, Ordering::AcqRel, Ordering::Relaxed);
+        }
+    }
+}
+
+struct Watcher {
+    start: Instant,
+    slots: Mutex<Slots>,
+}
+
+/// Slots live as long as the process, so that the interrupt can read them without counting
+/// references; a thread gives its slot back when it ends.
+#[derive(Default)]
+struct Slots {
+    all: Vec<&'static Slot>,
+    free: Vec<&'static Slot>,
+}
+
+impl Watcher {
+    /// The process's watcher, started at the first call. If the system refuses the thread, slices
+    /// are only judged when they end.
+    fn get() -> &'static Watcher {
+        static WATCHER: OnceLock<&'static Watcher> = OnceLock::new();
+        WATCHER.get_or_init(|| {
+            let watcher: &'static Watcher = Box::leak(Box::new(Watcher {
+                start: Instant::now(),
+                slots: Mutex::default(),
+            }));
+            let _ = std::thread::Builder::new()
+                .name("script-budget".to_owned())
+                .spawn(|| watcher.watch());
+            watcher
+        })
+    }
+
+    fn watch(&self) {
+        loop {
+            std::thread::sleep(LOOK_EVERY);
+            let now = self.nanoseconds(Instant::now());
+            for slot in &self.slots().all {
+                slot.look(now);
+            }
+        }
+    }
+
+    fn nanoseconds(&self, at: Instant) -> u64 {
+        let since = at.saturating_duration_since(self.start).as_nanos();
+        u64::try_from(since).unwrap_or(u64::MAX).max(1)
+    }
+
+    fn slots(&self) -> MutexGuard<'_, Slots> {
+        self.slots.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn enrol(&self) -> &'static Slot {
+        let mut slots = self.slots();
+        slots.free.pop().unwrap_or_else(|| {
+            let slot: &'static Slot = Box::leak(Box::default());
+            slots.all.push(slot);
+            slot
+        })
+    }
+}
+
+/// A thread's own slot.
+struct Seat(&'static Slot);
+
+impl Drop for Seat {
+    fn drop(&mut self) {
+        self.0.look_at.store(0, Ordering::Release);
+        Watcher::get().slots().free.push(self.0);
+    }
+}
+
+thread_local! {
+    static SEAT: Seat = Seat(Watcher::get().enrol());
+    /// The seat's slot while a slice runs; without destructor, so that reading it costs nothing.
+    static SLOT: Cell<Option<&'static Slot>> = const { Cell::new(None) };
+    static RUNNING: RefCell<Option<Running>> = const { RefCell::new(None) };
+}
+
+/// The slice that this thread is running.
+struct Running {
+    began: Instant,
+    processor: Duration,
+    limit: Duration,
+    place: Option<Place>,
+}
+
+impl Running {
+    fn begin(limit: Duration) -> Running {
+        Running {
+            began: Instant::now(),
+            processor: processor_time(),
+            limit,
+            place: None,
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        let wall = self.began.elapsed();
+        wall >= self.limit
+            && (wall >= self.limit * WALL_FACTOR
+                || processor_time().saturating_sub(self.processor) >= self.limit / 2)
+    }
+}
+
+/// What this thread has computed so far.
+fn processor_time() -> Duration {
+    let time = clock_gettime(ClockId::ThreadCPUTime);
+    Duration::new(
+        u64::try_from(time.tv_sec).unwrap_or(0),
+        u32::try_from(time.tv_nsec).unwrap_or(0),
+    )
+}
+
+/// What a slice has cost.
+#[derive(Debug, Default)]
+pub(super) struct Spent {
+    /// By the wall clock.
+    pub(super) wall: Duration,
+    /// Over the budget.
+    pub(super) over: bool,
+    /// Where it was found so.
+    pub(super) place: Option<Place>,
+}
+
+/// Begins a slice on this thread.
+pub(super) fn begin(limit: Duration) {
+    let slot = SEAT.with(|seat| seat.0);
+    let watcher = Watcher::get();
+    let look_at = watcher.nanoseconds(Instant::now() + limit);
+    RUNNING.with_borrow_mut(|running| *running = Some(Running::begin(limit)));
+    slot.flag.store(CALM, Ordering::Release);
+    slot.look_at.store(look_at, Ordering::Release);
+    SLOT.set(Some(slot));
+}
+
+/// Ends the slice of this thread.
+pub(super) fn end() -> Spent {
+    let flag = match SLOT.take() {
+        Some(slot) => {
+            slot.look_at.store(0, Ordering::Release);
+            slot.flag.swap(CALM, Ordering::AcqRel)
+        }
+        None => CALM,
+    };
+    let running = RUNNING.with_borrow_mut(Option::take);
+    running.map_or_else(Spent::default, |running| Spent {
+        wall: running.began.elapsed(),
+        over: flag == OVER || running.is_over(),
+        place: running.place,
+    })
+}
+
+/// The running task was cancelled and still waits: it is not let on until it is dead.
+pub(super) fn latch_cancelled() {
+    latch(CANCELLED);
+}
+
+/// The script has asked for its own end: nothing of this slice goes on.
+pub(super) fn latch_stopped() {
+    latch(STOPPED);
+}
+
+fn latch(flag: u8) {
+    if let Some(slot) = SLOT.get() {
+        slot.flag.store(flag, Ordering::Release);
+    }
+}
+
+/// Whether the interrupt has anything to ask.
+#[inline]
+pub(super) fn is_flagged() -> bool {
+    SLOT.get()
+        .is_some_and(|slot| slot.flag.load(Ordering::Relaxed) != CALM)
+}
+
+/// What the interrupt is to do.
+pub(super) enum Verdict {
+    GoOn,
+    Raise(&'static CStr),
+    /// Raise, and remember where.
+    RaiseFirst(&'static CStr),
+}
+
+/// Judges the running slice.
+pub(super) fn judge() -> Verdict {
+    let Some(slot) = SLOT.get() else {
+        return Verdict::GoOn;
+    };
+    match slot.flag.load(Ordering::Acquire) {
+        CANCELLED => Verdict::Raise(CANCELLED_TEXT),
+        STOPPED => Verdict::Raise(STOPPED_TEXT),
+        OVER => Verdict::Raise(OVER_TEXT),
+        LOOK if is_over() => {
+            slot.flag.store(OVER, Ordering::Release);
+            Verdict::RaiseFirst(OVER_TEXT)
+        }
+        LOOK => {
+            let watcher = Watcher::get();
+            let again = watcher.nanoseconds(Instant::now() + LOOK_EVERY);
+            slot.look_at.store(again, Ordering::Release);
+            slot.flag.store(CALM, Ordering::Release);
+            Verdict::GoOn
+        }
+        _ => Verdict::GoOn,
+    }
+}
+
+fn is_over() -> bool {
+    RUNNING.with_borrow(|running| running.as_ref().is_some_and(Running::is_over))
+}
+
+/// Where the slice was when it was found too long.
+pub(super) fn remember(file: String, line: u32) {
+    RUNNING.with_borrow_mut(|running| {
+        if let Some(running) = running {
+            running.place = Some(Place { file, line });
+        }
+    });
+}

@@ -1,0 +1,227 @@
+//! How a script's errors become words for people: where, what, and what to do.
+
+use std::fmt;
+
+use mlua::prelude::LuaError;
+use serde::{Deserialize, Serialize};
+
+use crate::robot::EndReason;
+
+/// The longest error text that is passed on, in characters.
+const LONGEST: usize = 1000;
+
+/// Why a file cannot be run at all.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error, Serialize, Deserialize)]
+pub enum Failure {
+    /// Beyond [`super::MAX_SOURCE`].
+    #[error("{chunk}: the file has {bytes} bytes; a script may have 262144 (256 KiB)")]
+    TooLarge {
+        /// The file.
+        chunk: String,
+        /// Its size.
+        bytes: usize,
+    },
+    /// Not a text.
+    #[error("{chunk}:{line}: this is not UTF-8 text; save the file as UTF-8")]
+    NotUtf8 {
+        /// The file.
+        chunk: String,
+        /// The line of the first wrong byte.
+        line: usize,
+    },
+    /// A control character: compiled code, or a damaged file.
+    #[error(
+        "{chunk}:{line}: control character {byte:#04x}; a script is plain text, compiled code is not accepted"
+    )]
+    Control {
+        /// The file.
+        chunk: String,
+        /// The line of the first one.
+        line: usize,
+        /// The character.
+        byte: u8,
+    },
+    /// The compiler's complaint, with file and line.
+    #[error("{0}")]
+    Syntax(String),
+    /// The VM cannot be made.
+    #[error("{chunk}: the script cannot be started: {reason}")]
+    Machine {
+        /// The file.
+        chunk: String,
+        /// In the VM's words.
+        reason: String,
+    },
+}
+
+/// How a script has ended.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Ending {
+    /// Why.
+    pub reason: EndReason,
+    /// For people: file, line, what happened and what to do; or the text of `script.stop`.
+    pub message: Option<String>,
+}
+
+/// A line of a script.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Place {
+    pub(super) file: String,
+    pub(super) line: u32,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}", self.file, self.line)
+    }
+}
+
+/// What ended a coroutine.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Trouble {
+    /// More memory than the script may have.
+    Memory,
+    /// An error, flattened to one short text.
+    Text(String),
+}
+
+impl Trouble {
+    /// Flattens what the VM reports. Error objects of the VM are chains that can be of any depth:
+    /// they are walked, never displayed.
+    pub(super) fn of(error: &LuaError) -> Trouble {
+        let mut error = error;
+        for _ in 0..32 {
+            match error {
+                LuaError::MemoryError(_) => return Trouble::Memory,
+                LuaError::CallbackError { cause, .. } => error = cause,
+                LuaError::RuntimeError(text) | LuaError::SyntaxError { message: text, .. } => {
+                    return Trouble::Text(from_traceback(text));
+                }
+                _ => break,
+            }
+        }
+        Trouble::Text("an error that the machine cannot put into words".to_owned())
+    }
+}
+
+/// The first lines of an error with a stack trace behind it. An error raised inside the prelude
+/// shows the line of the script that called it instead.
+fn from_traceback(text: &str) -> String {
+    let (message, trace) = text
+        .split_once("\nstack traceback:\n")
+        .unwrap_or((text, ""));
+    let inside = message
+        .strip_prefix(super::sandbox::PRELUDE)
+        .and_then(|rest| rest.strip_prefix(':'))
+        .and_then(|rest| rest.split_once(": "));
+    let message = match (inside, first_place(trace)) {
+        (Some((_, words)), Some(place)) => format!("{place}: {words}"),
+        (Some((_, words)), None) => words.to_owned(),
+        (None, Some(place)) if !has_place(message) => format!("{place}: {message}"),
+        (None, _) => message.to_owned(),
+    };
+    printable(&message, LONGEST)
+}
+
+/// `file:line` of the first frame of a stack trace that is not the prelude's or in C.
+fn first_place(trace: &str) -> Option<&str> {
+    trace.lines().map(str::trim).find_map(|line| {
+        let end = line.find(' ').unwrap_or(line.len());
+        let place = line.get(..end)?.trim_end_matches(':');
+        let (file, number) = place.rsplit_once(':')?;
+        let theirs = !super::sandbox::is_ours(file) && !file.starts_with('[');
+        (theirs && number.parse::<u32>().is_ok()).then_some(place)
+    })
+}
+
+/// Whether a message begins with `file:line: `.
+fn has_place(message: &str) -> bool {
+    let place = message.split(": ").next().unwrap_or_default();
+    let line = place.rsplit_once(':').map(|(_, line)| line);
+    line.is_some_and(|line| line.parse::<u32>().is_ok())
+}
+
+/// Hints for errors that beginners meet: a piece of the VM's text, and what to do.
+const HINTS: [(&str, &str); 7] = [
+    (
+        "attempt to call a nil value",
+        "there is no function of that name here; check its spelling, and that it is defined above this line",
+    ),
+    (
+        "attempt to call missing method",
+        "check the spelling of the method's name",
+    ),
+    (
+        "attempt to index nil with",
+        "the value before the dot is nil; test it first, for example `if value then ... end`",
+    ),
+    (
+        "attempt to perform arithmetic",
+        "one of the two values is not a number; print them to see which",
+    ),
+    (
+        "attempt to compare",
+        "compare numbers with numbers; one of the two values is something else, perhaps nil",
+    ),
+    (
+        "attempt to concatenate",
+        "use tostring(value) for what is not text, and `..` only between texts and numbers",
+    ),
+    (
+        "attempt to yield across",
+        "nothing can wait inside a table.sort or gsub function or a metamethod",
+    ),
+];
+
+/// The text with what to do behind it, where that is known.
+pub(super) fn with_hint(text: &str) -> String {
+    let hint = HINTS.iter().find(|(piece, _)| text.contains(piece));
+    match hint {
+        Some((_, hint)) => format!("{text} ({hint})"),
+        None => text.to_owned(),
+    }
+}
+
+/// At most `longest` characters, without control characters other than line feed and tab, so that
+/// a script cannot write to the terminal what it likes.
+pub(super) fn printable(text: &str, longest: usize) -> String {
+    let safe = |c: &char| !c.is_control() || matches!(c, '\n' | '\t');
+    let mut kept: String = text.chars().filter(safe).take(longest + 1).collect();
+    if let Some((cut, _)) = kept.char_indices().nth(longest) {
+        kept.truncate(cut);
+        kept.push('…');
+    }
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_place_in_the_prelude_becomes_the_scripts_own() {
+        let text = "spykee:12: attempt to compare nil < number\nstack traceback:\n\tspykee:12: in function 'less'\n\t[C]: in function 'sort'\n\tspykee:40\n\ta.lua:3: in function 'main'";
+        assert_eq!(
+            from_traceback(text),
+            "a.lua:3: attempt to compare nil < number"
+        );
+    }
+
+    #[test]
+    fn texts_cannot_steer_the_terminal() {
+        assert_eq!(printable("a\x1b[31mb\u{9b}c\n\td", 20), "a[31mbc\n\td");
+        assert_eq!(printable("abcdef", 3), "abc…");
+    }
+
+    #[test]
+    fn error_chains_are_walked_and_never_displayed() {
+        let mut error = LuaError::MemoryError("x".to_owned());
+        for _ in 0..10 {
+            error = LuaError::CallbackError {
+                traceback: String::new(),
+                cause: std::sync::Arc::new(error),
+            };
+        }
+        assert_eq!(Trouble::of(&error), Trouble::Memory);
+    }
+}

@@ -1,0 +1,218 @@
+//! The VM of one behaviour: sandbox, budget, tasks and the Lua API (`API.md`).
+//!
+//! Synchronous and single-threaded: [`Script`] is told what happens and what time it is, runs what
+//! is ready, and says what it wants. It has no socket, no clock of its own, and needs no runtime.
+//! The host around it reads and writes.
+//!
+//! What if a script hangs, floods or is garbage? It is ended with a reason, its motion with it, and
+//! nothing that it did in its last slice leaves. What hangs *inside* one library call is the
+//! business of the process around it.
+//!
+//! The parts: [`sandbox`] makes a VM that holds; [`budget`] and [`interrupt`] end what runs too
+//! long; [`task`] and [`scheduler`] decide who runs next; [`slice`] runs; [`ending`] ends; `api/`
+//! has one file for each Lua namespace; `stdlib/` what is written in Lua.
+
+mod api;
+mod arguments;
+mod budget;
+mod ending;
+mod events;
+mod failure;
+mod group;
+mod interrupt;
+mod motion;
+mod nearest;
+mod options;
+mod output;
+mod sandbox;
+mod scheduler;
+mod slice;
+mod sound;
+mod state;
+mod task;
+#[cfg(test)]
+mod tests;
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use mlua::prelude::{Lua, LuaMultiValue, LuaResult};
+use tokio::time::Instant;
+
+use crate::robot::{EndReason, Event, Frame};
+use crate::wire::Stream;
+
+use api::Shared;
+use ending::{Life, is_kill};
+use events::EventName;
+use state::State;
+use task::{Answer, Kind};
+
+pub use failure::{Ending, Failure};
+pub use options::{Calibration, Limits, Options};
+pub use output::{Level, LogLine, Output};
+pub use sandbox::MAX_SOURCE;
+pub use state::Usage;
+
+/// A script with its VM. Stays on the thread that made it.
+///
+/// Each call gets the time; it must not run backwards. The cycle of a host: deliver what came in;
+/// call [`run_ready`](Script::run_ready) while [`is_ready`](Script::is_ready), taking the output
+/// after each call; sleep until [`next_deadline`](Script::next_deadline) or the next event; stop
+/// when [`ended`](Script::ended) says how it ended.
+pub struct Script {
+    // Dropped first: values of the VM in the state are weak.
+    lua: Lua,
+    state: Shared,
+}
+
+impl Script {
+    /// Loads a script without running it.
+    ///
+    /// # Errors
+    ///
+    /// A source over 256 KiB, not UTF-8, with control characters (so also compiled code), or that
+    /// does not compile; the message has file and line.
+    pub fn load(source: &[u8], options: Options, now: Instant) -> Result<Script, Failure> {
+        let chunk = options.chunk.clone();
+        let text = sandbox::check_source(source, &chunk)?;
+        Script::start(text, options, now).map_err(|error| match &error {
+            mlua::Error::SyntaxError { message, .. } => {
+                Failure::Syntax(failure::printable(message, 1000))
+            }
+            other => Failure::Machine {
+                chunk,
+                reason: match failure::Trouble::of(other) {
+                    failure::Trouble::Memory => "not enough memory".to_owned(),
+                    failure::Trouble::Text(text) => text,
+                },
+            },
+        })
+    }
+
+    fn start(source: &str, options: Options, now: Instant) -> LuaResult<Script> {
+        let lua = sandbox::open()?;
+        let (chunk, seed) = (options.chunk.clone(), options.seed);
+        let state = Rc::new(RefCell::new(State::new(options, now)));
+        sandbox::seed(&lua, seed)?;
+        api::install(&lua, &state)?;
+        let main = lua.create_thread(sandbox::compile(&lua, source, &chunk)?)?;
+        let start = Answer::Start(LuaMultiValue::new());
+        state
+            .borrow_mut()
+            .tasks
+            .add(main, Kind::Main, start, None, now);
+        Ok(Script { lua, state })
+    }
+
+    /// Tells the script what happened.
+    pub fn deliver(&mut self, event: Event, now: Instant) {
+        let mut state = self.state.borrow_mut();
+        state.tick(now);
+        if !state.has_ended() {
+            state.deliver(event);
+        }
+    }
+
+    /// Gives the script a frame; it takes the place of one that nobody has looked at.
+    pub fn deliver_frame(&mut self, frame: Frame, now: Instant) {
+        let mut state = self.state.borrow_mut();
+        state.tick(now);
+        if !state.has_ended() {
+            state.deliver_frame(frame);
+        }
+    }
+
+    /// Runs the next task that is ready or due, until it waits: one slice, so that the host can
+    /// give a sign of life in between. Nothing happens when nothing is ready.
+    pub fn run_ready(&mut self, now: Instant) {
+        {
+            let mut state = self.state.borrow_mut();
+            state.tick(now);
+            state.ring();
+        }
+        let next = self.state.borrow_mut().tasks.next_ready();
+        if let Some(next) = next {
+            self.run(next);
+        }
+        self.settle();
+    }
+
+    /// Whether [`run_ready`](Script::run_ready) has something to do at the time of the last call.
+    pub fn is_ready(&self) -> bool {
+        let state = self.state.borrow();
+        !state.has_ended() && state.tasks.is_ready()
+    }
+
+    /// When [`run_ready`](Script::run_ready) should be called next; in the past when something is
+    /// ready. `None`: only an event brings it on.
+    pub fn next_deadline(&self) -> Option<Instant> {
+        let state = self.state.borrow();
+        if !state.has_ended() && state.tasks.is_ready() {
+            return Some(state.now);
+        }
+        state.next_deadline()
+    }
+
+    /// Whether a frame would be looked at: something listens or waits, or the script has switched
+    /// the video on.
+    pub fn wants_frames(&self) -> bool {
+        let state = self.state.borrow();
+        !state.has_ended()
+            && (state.streams.contains(&Stream::Video) || state.is_heard(EventName::Frame))
+    }
+
+    /// Whether a setpoint of this script turns a track, as far as it knows.
+    pub fn has_motion(&self) -> bool {
+        self.state.borrow().motion.is_on()
+    }
+
+    /// What the script wants said and done since the last call, in order. Bounded: a script that
+    /// floods gets errors, and its log lines are folded.
+    pub fn take_output(&mut self) -> Vec<Output> {
+        self.state.borrow_mut().outbox.take()
+    }
+
+    /// Ends the script. Its motion ends now. For `cpu`, `memory` and `safety` no further line of it
+    /// runs. For every other reason its tasks are cancelled and may clean up, and the functions of
+    /// `script.on_stop` run, within 0.5 s and without moving; while they wait, go on calling
+    /// [`run_ready`](Script::run_ready) until [`ended`](Script::ended) answers.
+    pub fn stop(&mut self, reason: EndReason, now: Instant) {
+        {
+            let mut state = self.state.borrow_mut();
+            state.tick(now);
+            if is_kill(reason) {
+                let before = state.before();
+                return state.kill(reason, None, before);
+            }
+            state.begin_stop(reason, None);
+        }
+        self.settle();
+        while self.is_ready() {
+            self.run_ready(now);
+        }
+    }
+
+    /// How the script ended; `None` while it lives.
+    pub fn ended(&self) -> Option<Ending> {
+        match &self.state.borrow().life {
+            Life::Ended(ending) => Some(ending.clone()),
+            _ => None,
+        }
+    }
+
+    /// What the script has used so far.
+    pub fn usage(&self) -> Usage {
+        let mut usage = self.state.borrow().usage;
+        usage.memory_bytes = self.lua.used_memory() as u64;
+        usage
+    }
+}
+
+impl std::fmt::Debug for Script {
+    /// The name only: values of the VM are never printed.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let state = self.state.borrow();
+        f.debug_tuple("Script").field(&state.options.name).finish()
+    }
+}

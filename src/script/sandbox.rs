@@ -1,0 +1,188 @@
+//! A VM that holds what it is given: allowed globals only, bounded memory, no library call that
+//! runs for long without a safepoint, and names that are checked.
+//!
+//! What Luau's own sandbox leaves open is closed here; each item has a test in `tests/hostile.rs`.
+
+use std::sync::Once;
+
+use mlua::chunk::{ChunkMode, Compiler};
+use mlua::prelude::{Lua, LuaFunction, LuaLightUserData, LuaResult, LuaTable, LuaValue};
+use mlua::{LuaOptions, StdLib};
+
+use super::failure::Failure;
+use super::{interrupt, nearest};
+
+/// The largest source, in bytes: the compiler's time and memory are outside the VM's limits.
+pub const MAX_SOURCE: usize = 256 * 1024;
+
+/// The prelude's name in stack frames.
+pub(super) const PRELUDE: &str = "spykee";
+
+/// Whether a stack frame is not the script's own: the prelude's, or of the VM's binding.
+pub(super) fn is_ours(source: &str) -> bool {
+    source == PRELUDE || source.starts_with("__mlua")
+}
+
+/// The most work of one pattern search: length of the text times length of the pattern.
+const MOST_WORK: u32 = 1 << 24;
+
+/// What a script has at least for itself, in bytes, however small its limit.
+const LEAST_MEMORY: usize = 256 * 1024;
+
+/// Globals of the standard libraries that no script gets.
+const REMOVED: [&str; 7] = [
+    "loadstring",
+    "require",
+    "getfenv",
+    "setfenv",
+    "newproxy",
+    "gcinfo",
+    "print",
+];
+
+/// Checks what can be checked of a source without compiling it; without its byte order mark.
+pub(super) fn check_source<'a>(source: &'a [u8], chunk: &str) -> Result<&'a str, Failure> {
+    let chunk = || chunk.to_owned();
+    if source.len() > MAX_SOURCE {
+        return Err(Failure::TooLarge {
+            chunk: chunk(),
+            bytes: source.len(),
+        });
+    }
+    let line_of = |at: usize| 1 + source[..at].iter().filter(|&&byte| byte == b'\n').count();
+    if let Some(at) = source.iter().position(is_control) {
+        return Err(Failure::Control {
+            chunk: chunk(),
+            line: line_of(at),
+            byte: source[at],
+        });
+    }
+    let text = std::str::from_utf8(source).map_err(|error| Failure::NotUtf8 {
+        chunk: chunk(),
+        line: line_of(error.valid_up_to()),
+    })?;
+    Ok(text.strip_prefix('\u{feff}').unwrap_or(text))
+}
+
+fn is_control(byte: &u8) -> bool {
+    byte.is_ascii_control() && !matches!(byte, b'\t' | b'\n' | b'\r')
+}
+
+/// Compiles a source that was checked; does not run it.
+pub(super) fn compile(lua: &Lua, source: &str, chunk: &str) -> LuaResult<LuaFunction> {
+    lua.load(source)
+        .set_name(format!("={chunk}"))
+        .set_mode(ChunkMode::Text)
+        .set_compiler(compiler())
+        .into_function()
+}
+
+/// No inlining, so that every frame has its line.
+fn compiler() -> Compiler {
+    Compiler::new().set_optimization_level(1).set_debug_level(1)
+}
+
+/// What the scheduler and the prelude say to each other; no script can make this value.
+pub(super) fn mark() -> LuaValue {
+    static MARK: u8 = 0;
+    LuaValue::LightUserData(LuaLightUserData(
+        std::ptr::from_ref(&MARK).cast_mut().cast(),
+    ))
+}
+
+/// A VM with the libraries a script may use, not yet closed.
+pub(super) fn open() -> LuaResult<Lua> {
+    set_flags();
+    let libraries = StdLib::COROUTINE
+        | StdLib::TABLE
+        | StdLib::STRING
+        | StdLib::UTF8
+        | StdLib::BIT
+        | StdLib::MATH
+        | StdLib::BUFFER
+        | StdLib::VECTOR;
+    let lua = Lua::new_with(libraries, LuaOptions::new())?;
+    for name in REMOVED {
+        lua.globals().raw_set(name, LuaValue::Nil)?;
+    }
+    interrupt::install(&lua)?;
+    Ok(lua)
+}
+
+/// Seeds `math.random`.
+pub(super) fn seed(lua: &Lua, seed: u64) -> LuaResult<()> {
+    let math: LuaTable = lua.globals().raw_get("math")?;
+    // Luau takes 32 bits of seed.
+    let folded = (seed ^ (seed >> 32)) as u32;
+    math.raw_get::<LuaFunction>("randomseed")?
+        .call(f64::from(i32::from_ne_bytes(folded.to_ne_bytes())))
+}
+
+/// Flags of the whole process, which must be set before its first VM.
+fn set_flags() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        // Without it `table.move` over two thousand million places runs for many seconds. A
+        // version of Luau without the flag has the fix for good; a test holds it.
+        let _ = Lua::set_fflag("LuauTableMoveTimeoutFix", true);
+    });
+}
+
+/// The functions of `stdlib/prelude.luau`.
+pub(super) struct Prelude(LuaTable);
+
+impl Prelude {
+    /// Runs the prelude, and puts its replacements of library functions in place.
+    pub(super) fn run(lua: &Lua, place: LuaFunction) -> LuaResult<Prelude> {
+        let chunk = lua
+            .load(include_str!("stdlib/prelude.luau"))
+            .set_name(format!("={PRELUDE}"))
+            .set_mode(ChunkMode::Text)
+            .set_compiler(compiler());
+        let prelude = Prelude(chunk.call((place, mark(), MOST_WORK))?);
+        replace(lua, "coroutine", &prelude.0.raw_get("coroutines")?)?;
+        replace(lua, "string", &prelude.0.raw_get("strings")?)?;
+        let sort: LuaFunction = prelude.0.raw_get("sort")?;
+        lua.globals()
+            .raw_get::<LuaTable>("table")?
+            .raw_set("sort", sort)?;
+        Ok(prelude)
+    }
+
+    pub(super) fn function(&self, name: &str) -> LuaResult<LuaFunction> {
+        self.0.raw_get(name)
+    }
+}
+
+fn replace(lua: &Lua, library: &str, functions: &LuaTable) -> LuaResult<()> {
+    let library: LuaTable = lua.globals().raw_get(library)?;
+    functions.for_each(|name: LuaValue, function: LuaValue| library.raw_set(name, function))
+}
+
+/// Closes the VM: libraries and globals become read-only, unknown globals are errors, memory is
+/// bounded from here on.
+pub(super) fn close(lua: &Lua, strict: LuaFunction, memory: usize) -> LuaResult<()> {
+    let guard = lua.create_table()?;
+    guard.raw_set("__index", strict)?;
+    lua.globals().set_metatable(Some(guard))?;
+    lua.sandbox(true)?;
+    let own = lua.globals();
+    if let Some(meta) = own.metatable() {
+        meta.set_readonly(false);
+        meta.raw_set("__metatable", false)?;
+        meta.set_readonly(true);
+    }
+    own.raw_set("_G", own.clone())?;
+    lua.set_memory_limit(memory.max(lua.used_memory() + LEAST_MEMORY))?;
+    Ok(())
+}
+
+/// The message for a global, or a field of `owner`, that does not exist.
+pub(super) fn unknown(owner: &str, key: &str, known: &[String]) -> String {
+    let suggestion = nearest::suggestion(key, known.iter().map(String::as_str));
+    let key = super::failure::printable(key, 40);
+    match owner {
+        "" => format!("unknown name '{key}'{suggestion}"),
+        _ => format!("{owner}.{key} does not exist{suggestion}"),
+    }
+}

@@ -1,0 +1,215 @@
+//! The scheduler's rules: who runs next, how a task is cancelled, what its end brings about. All
+//! that can be decided without running a line of the script.
+//!
+//! The order is the same in every run: tasks become ready in a queue, timers ring by time and then
+//! by age, and whoever waits for the same thing is woken in the order of its making.
+
+use mlua::prelude::LuaMultiValue;
+
+use super::ending::Life;
+use super::events::Busy;
+use super::motion::Owner;
+use super::output::Level;
+use super::state::State;
+use super::task::{Answer, Cancel, Due, Kind, Phase, Status, SubscriptionId, TaskId, Wait};
+use crate::robot::{EndReason, Intent};
+
+/// What a cancelled task's wait raises.
+pub(super) const CANCELLED: &str = "cancelled";
+
+/// So many failures of a subscription's function in a row end the script.
+const MAX_FAILURES: u32 = 5;
+
+/// How a coroutine ended.
+pub(super) enum Outcome {
+    Done(LuaMultiValue),
+    Failed(String),
+    Cancelled,
+}
+
+impl Outcome {
+    fn status(&self) -> Status {
+        match self {
+            Outcome::Done(_) => Status::Done,
+            Outcome::Failed(_) => Status::Failed,
+            Outcome::Cancelled => Status::Cancelled,
+        }
+    }
+
+    fn text(&self) -> Option<String> {
+        match self {
+            Outcome::Failed(text) => Some(text.clone()),
+            _ => None,
+        }
+    }
+}
+
+impl State {
+    /// Lets every timer ring that is due.
+    pub(super) fn ring(&mut self) {
+        while let Some(due) = self.tasks.next_due(self.now) {
+            match due {
+                Due::Wait(id) => self.time_out(id),
+                Due::Run(id) => self.tasks.run(id),
+                Due::Handle(id) => {
+                    if let Some(subscription) = self.subscriptions.get_mut(&id) {
+                        subscription.busy = Busy::No;
+                    }
+                    self.schedule(id);
+                }
+            }
+        }
+    }
+
+    /// The time of a wait is over.
+    fn time_out(&mut self, id: TaskId) {
+        let Some(Phase::Waiting(wait)) = self.tasks.get(id).map(|task| &task.phase) else {
+            return;
+        };
+        let answer = match *wait {
+            Wait::Time { since } => Answer::Slept(self.now.saturating_duration_since(since)),
+            Wait::Beat { missed } => Answer::Beat(missed),
+            Wait::Event(_) => Answer::NoEvent,
+            Wait::Group(group) => {
+                self.dissolve(group);
+                Answer::Refused("timeout")
+            }
+            Wait::Join(_) | Wait::Motion(_) | Wait::Dock(_) | Wait::Undock(_) => {
+                Answer::Refused("timeout")
+            }
+        };
+        self.tasks.wake(id, answer, self.now);
+    }
+
+    /// Cancels a task: its motion ends now; its wait fails; what it waits for is given up. A task
+    /// that has not begun never begins.
+    pub(super) fn cancel(&mut self, id: TaskId) {
+        self.release(Owner::Task(id));
+        let Some(task) = self.tasks.get_mut(id) else {
+            return;
+        };
+        if task.cancel != Cancel::No {
+            return;
+        }
+        task.cancel = Cancel::Told;
+        match &mut task.phase {
+            Phase::Running => task.cancel = Cancel::Asked,
+            Phase::Ready(_) if !task.started => self.finish(id, Outcome::Cancelled),
+            Phase::Ready(answer) => *answer = Answer::Cancelled,
+            Phase::Waiting(wait) => {
+                let wait = *wait;
+                self.give_up(wait);
+                self.tasks.wake(id, Answer::Cancelled, self.now);
+            }
+        }
+    }
+
+    /// Nobody waits for this any more.
+    fn give_up(&mut self, wait: Wait) {
+        match wait {
+            Wait::Motion(motion) if self.motion.current() == Some(motion) => {
+                self.motion.ended(motion);
+                self.outbox.send(Intent::Release { motion });
+            }
+            Wait::Dock(_) => self.outbox.send(Intent::CancelDock),
+            Wait::Group(group) => self.dissolve(group),
+            _ => {}
+        }
+    }
+
+    /// A task has ended: its motion with it, and those who wait for it hear of it.
+    pub(super) fn finish(&mut self, id: TaskId, outcome: Outcome) {
+        let Some(task) = self.tasks.remove(id) else {
+            return;
+        };
+        let status = outcome.status();
+        task.handle.status.set(status);
+        self.release(Owner::Task(id));
+        for waiter in self.tasks.waiting_for(|wait| *wait == Wait::Join(id)) {
+            let answer = Answer::Joined(status, outcome.text());
+            self.tasks.wake(waiter, answer, self.now);
+        }
+        match (task.kind, outcome) {
+            (Kind::Child(group, index), outcome) => self.child_ended(group, index, outcome),
+            (Kind::Handler(subscription), outcome) => self.handled(subscription, &outcome),
+            (Kind::Main, Outcome::Failed(text)) => self.fail(text),
+            (Kind::Spawned | Kind::Farewell, Outcome::Failed(text)) => self.complain(&text),
+            _ => {}
+        }
+    }
+
+    /// One run of a subscription's function is over.
+    fn handled(&mut self, id: SubscriptionId, outcome: &Outcome) {
+        if let Outcome::Failed(text) = outcome {
+            self.complain(text);
+        }
+        let Some(subscription) = self.subscriptions.get_mut(&id) else {
+            // Switched off meanwhile, or meant for one event only.
+            return self.release(Owner::Subscription(id));
+        };
+        subscription.busy = Busy::No;
+        match outcome {
+            Outcome::Failed(text) => {
+                subscription.failures += 1;
+                if subscription.failures >= MAX_FAILURES {
+                    let name = subscription.event.name();
+                    return self.fail(format!(
+                        "{text} (the '{name}' handler failed {MAX_FAILURES} times in a row)"
+                    ));
+                }
+            }
+            Outcome::Done(_) | Outcome::Cancelled => subscription.failures = 0,
+        }
+        self.schedule(id);
+    }
+
+    /// Queues a subscription's next run, if there is an event for it and its time has come.
+    pub(super) fn schedule(&mut self, id: SubscriptionId) {
+        let Some(subscription) = self.subscriptions.get_mut(&id) else {
+            return;
+        };
+        if subscription.busy != Busy::No || !subscription.has_waiting() {
+            return;
+        }
+        subscription.busy = match subscription.held_until(self.now) {
+            Some(at) => Busy::Timed(self.tasks.call_handler_at(id, at)),
+            None => {
+                self.tasks.call_handler(id);
+                Busy::Queued
+            }
+        };
+    }
+
+    /// Ends a subscription. A run under way goes on, and its motion with it.
+    pub(super) fn unsubscribe(&mut self, id: SubscriptionId) {
+        let Some(subscription) = self.subscriptions.remove(&id) else {
+            return;
+        };
+        match subscription.busy {
+            Busy::Running(_) => {}
+            Busy::Timed(timer) => {
+                self.tasks.cancel_timer(timer);
+                self.release(Owner::Subscription(id));
+            }
+            Busy::No | Busy::Queued => self.release(Owner::Subscription(id)),
+        }
+    }
+
+    /// The script as a whole has failed.
+    fn fail(&mut self, text: String) {
+        let text = super::failure::with_hint(&text);
+        self.begin_stop(EndReason::Error, Some(text));
+    }
+
+    /// A cancelled task has ended in an error: worth a line if it is not the cancellation's own.
+    pub(super) fn clean_up_failed(&mut self, text: &str) {
+        if !text.ends_with(CANCELLED) {
+            self.log(Level::Warn, &format!("while cleaning up: {text}"));
+        }
+    }
+
+    /// Whether nothing is left that could ever run.
+    pub(super) fn is_finished(&self) -> bool {
+        matches!(self.life, Life::Running) && self.tasks.is_empty() && self.subscriptions.is_empty()
+    }
+}

@@ -1,0 +1,256 @@
+//! Runs tasks, one slice at a time: from a resumption to the next wait, under the budget.
+
+use mlua::prelude::{LuaMultiValue, LuaResult, LuaThread};
+use mlua::thread::ThreadStatus;
+
+use super::Script;
+use super::api::resume_values;
+use super::budget::{self, Spent};
+use super::ending::{Before, Life};
+use super::events::Busy;
+use super::failure::Trouble;
+use super::sandbox;
+use super::scheduler::Outcome;
+use super::task::{Answer, Cancel, Kind, Phase, Ready, SubscriptionId, TaskId};
+use crate::robot::EndReason;
+
+/// How a slice ended.
+enum Slice {
+    /// The task waits.
+    Waits,
+    Over(Outcome),
+    Memory,
+}
+
+impl Script {
+    /// Runs one slice of what is ready.
+    pub(super) fn run(&mut self, next: Ready) {
+        let before = self.state.borrow().before();
+        let result = match next {
+            Ready::Task(id) => self.run_task(id, before),
+            Ready::Handler(id) => match self.begin_handler(id) {
+                Ok(Some(task)) => self.run_task(task, before),
+                Ok(None) => Ok(()),
+                Err(error) => Err(error),
+            },
+        };
+        if let Err(error) = result {
+            self.machine_failed(&error, before);
+        }
+    }
+
+    /// Makes the task for a subscription's next event.
+    fn begin_handler(&mut self, id: SubscriptionId) -> LuaResult<Option<TaskId>> {
+        let mut state = self.state.borrow_mut();
+        let now = state.now;
+        let Some(subscription) = state.subscriptions.get_mut(&id) else {
+            return Ok(None);
+        };
+        subscription.busy = Busy::No;
+        let Some(payload) = subscription.pop(now) else {
+            return Ok(None);
+        };
+        let thread = self.lua.create_thread(subscription.function.clone())?;
+        let answer = Answer::Deliver(payload);
+        let task = state
+            .tasks
+            .add_running(thread, Kind::Handler(id), answer, now);
+        if let Some(subscription) = state.subscriptions.get_mut(&id) {
+            subscription.busy = Busy::Running(task);
+            if subscription.once {
+                state.subscriptions.remove(&id);
+            }
+        }
+        Ok(Some(task))
+    }
+
+    fn run_task(&mut self, id: TaskId, before: Before) -> LuaResult<()> {
+        let Some((thread, answer)) = self.take_answer(id) else {
+            return Ok(());
+        };
+        let values = resume_values(&self.lua, answer)?;
+        let (slice, spent) = self.resume(id, &thread, values);
+        self.account(&spent);
+        if spent.over {
+            self.over_budget(spent, before);
+            return Ok(());
+        }
+        match slice {
+            Slice::Memory => self.out_of_memory(before),
+            Slice::Waits => {}
+            Slice::Over(outcome) => {
+                let stopped = self.stop_if_asked();
+                let outcome = if stopped { Outcome::Cancelled } else { outcome };
+                self.state.borrow_mut().finish(id, outcome);
+            }
+        }
+        self.check_frames(before)
+    }
+
+    fn take_answer(&mut self, id: TaskId) -> Option<(LuaThread, Answer)> {
+        let mut state = self.state.borrow_mut();
+        let task = state.tasks.get_mut(id)?;
+        if !matches!(task.phase, Phase::Ready(_)) {
+            return None;
+        }
+        task.started = true;
+        match std::mem::replace(&mut task.phase, Phase::Running) {
+            Phase::Ready(answer) => Some((task.thread.clone(), answer)),
+            Phase::Waiting(_) | Phase::Running => None,
+        }
+    }
+
+    /// Resumes a coroutine until it waits or ends.
+    fn resume(&mut self, id: TaskId, thread: &LuaThread, values: LuaMultiValue) -> (Slice, Spent) {
+        let limit = {
+            let mut state = self.state.borrow_mut();
+            state.tasks.current = Some(id);
+            state.can_wait = true;
+            state.options.limits.callback_budget()
+        };
+        budget::begin(limit);
+        let mut result = thread.resume::<LuaMultiValue>(values);
+        while let Ok(yielded) = &result
+            && thread.status() == ThreadStatus::Resumable
+            && yielded.front() != Some(&sandbox::mark())
+        {
+            // A yield to nobody: it gets an error at its place.
+            result = thread.resume::<LuaMultiValue>(sandbox::mark());
+        }
+        let spent = budget::end();
+        self.state.borrow_mut().tasks.current = None;
+        let slice = match result {
+            Ok(_) if thread.status() == ThreadStatus::Resumable => Slice::Waits,
+            Ok(values) => Slice::Over(self.done(id, values)),
+            Err(error) => match Trouble::of(&error) {
+                Trouble::Memory => Slice::Memory,
+                Trouble::Text(text) => Slice::Over(self.failed(id, text)),
+            },
+        };
+        (slice, spent)
+    }
+
+    fn done(&self, id: TaskId, values: LuaMultiValue) -> Outcome {
+        match self.cancel_of(id) {
+            Cancel::No => Outcome::Done(values),
+            Cancel::Asked | Cancel::Told => Outcome::Cancelled,
+        }
+    }
+
+    fn failed(&self, id: TaskId, text: String) -> Outcome {
+        if self.cancel_of(id) == Cancel::No {
+            return Outcome::Failed(text);
+        }
+        self.state.borrow_mut().clean_up_failed(&text);
+        Outcome::Cancelled
+    }
+
+    fn cancel_of(&self, id: TaskId) -> Cancel {
+        let state = self.state.borrow();
+        state.tasks.get(id).map_or(Cancel::No, |task| task.cancel)
+    }
+
+    fn account(&self, spent: &Spent) {
+        let mut state = self.state.borrow_mut();
+        state.usage.cpu += spent.wall;
+        state.usage.worst_callback = state.usage.worst_callback.max(spent.wall);
+        state.spend(spent.wall);
+    }
+
+    /// Whether the slice has called `script.stop`: how it ended after that does not count.
+    fn stop_if_asked(&self) -> bool {
+        let mut state = self.state.borrow_mut();
+        let Some(reason) = state.stop_asked.take() else {
+            return false;
+        };
+        state.begin_stop(EndReason::Done, reason);
+        true
+    }
+
+    fn over_budget(&self, spent: Spent, before: Before) {
+        let mut state = self.state.borrow_mut();
+        let limit = state.options.limits.callback_budget_ms;
+        let place = match spent.place {
+            Some(place) => place.to_string(),
+            None => state.options.chunk.clone(),
+        };
+        let text = format!(
+            "{place}: ran longer than {limit} ms without waiting; put task.wait() into long loops"
+        );
+        state.kill(EndReason::Cpu, Some(text), before);
+    }
+
+    fn out_of_memory(&self, before: Before) {
+        let mut state = self.state.borrow_mut();
+        let limit = state.options.limits.memory_bytes / 1024;
+        let text = format!(
+            "{}: wanted more than the {limit} KiB of memory that a script may have; keep less, and set to nil what is not needed any more",
+            state.options.chunk
+        );
+        state.kill(EndReason::Memory, Some(text), before);
+    }
+
+    /// The VM failed outside the script's own lines.
+    fn machine_failed(&self, error: &mlua::Error, before: Before) {
+        match Trouble::of(error) {
+            Trouble::Memory => self.out_of_memory(before),
+            Trouble::Text(text) => {
+                let mut state = self.state.borrow_mut();
+                state.kill(EndReason::Error, Some(text), before);
+            }
+        }
+    }
+
+    /// Frames live outside the VM's memory: too many held, even after collecting garbage, end the
+    /// script as too much memory does.
+    fn check_frames(&self, before: Before) -> LuaResult<()> {
+        let (held, limit) = {
+            let state = self.state.borrow();
+            let held = std::rc::Rc::clone(&state.frame_bytes);
+            (held, state.options.limits.frame_bytes)
+        };
+        if held.get() <= limit {
+            return Ok(());
+        }
+        self.lua.gc_collect()?;
+        if held.get() > limit {
+            let mut state = self.state.borrow_mut();
+            let text = format!(
+                "{}: holds on to more than {} KiB of frames; keep fewer",
+                state.options.chunk,
+                limit / 1024
+            );
+            state.kill(EndReason::Memory, Some(text), before);
+        }
+        Ok(())
+    }
+
+    /// After a slice: what the end of the last task brings about.
+    pub(super) fn settle(&mut self) {
+        let mut state = self.state.borrow_mut();
+        if state.is_finished() {
+            state.begin_stop(EndReason::Done, None);
+        }
+        if state.is_out_of_time() {
+            return state.end_stopped();
+        }
+        let Life::Stopping(stopping) = &state.life else {
+            return;
+        };
+        if !state.tasks.is_empty() {
+            return;
+        }
+        let reason = stopping.ending.reason.name();
+        let Some(farewell) = state.farewells.pop_front() else {
+            return state.end_stopped();
+        };
+        let now = state.now;
+        let thread = self.lua.create_thread(farewell);
+        let reason = self.lua.create_string(reason);
+        if let (Ok(thread), Ok(reason)) = (thread, reason) {
+            let values = LuaMultiValue::from_iter([mlua::Value::String(reason)]);
+            let start = Answer::Start(values);
+            state.tasks.add(thread, Kind::Farewell, start, None, now);
+        }
+    }
+}

@@ -1,0 +1,321 @@
+use super::*;
+use crate::robot::{Battery, Frame, Percent, SafetyAction};
+use crate::wire::Stream;
+use bytes::Bytes;
+
+fn battery(percent: u8, charging: bool) -> Battery {
+    Battery {
+        percent: Percent::new(percent).unwrap(),
+        charging,
+    }
+}
+
+fn frame(rig: &Rig, seq: u64, size: usize) -> Frame {
+    Frame {
+        seq,
+        at: rig.now,
+        jpeg: Bytes::from(vec![0; size]),
+    }
+}
+
+/// A chunk of the microphone, all samples alike.
+fn audio(sample: i16) -> Event {
+    Event::Audio(Bytes::from(sample.to_le_bytes().repeat(160)))
+}
+
+#[test]
+fn every_event_reaches_its_handler_with_its_payload() {
+    let mut rig = Rig::new(
+        "local function show(name)
+             robot.on(name, function(e)
+                 local keys = {}
+                 for k, v in pairs(e) do table.insert(keys, k .. '=' .. tostring(v)) end
+                 table.sort(keys)
+                 print(name, table.concat(keys, ' '))
+             end)
+         end
+         for _, name in {'connected', 'disconnected', 'battery', 'battery_low', 'battery_ok', 'charging', 'charged',
+             'docked', 'undocked', 'base_not_found', 'sound_finished', 'safety', 'engine'} do show(name) end",
+    );
+    for event in [
+        connected(false),
+        Event::Battery(battery(80, false)),
+        Event::BatteryLow(battery(20, false)),
+        Event::BatteryOk(battery(50, true)),
+        Event::Charging { on: true },
+        Event::Charged,
+        Event::Docked,
+        Event::Undocked,
+        Event::BaseNotFound,
+        Event::SoundFinished,
+        Event::Safety {
+            action: SafetyAction::Dock,
+            reason: "low".to_owned(),
+        },
+        Event::Engine { code: 77 },
+        Event::Disconnected {
+            reason: "gone".to_owned(),
+        },
+    ] {
+        rig.deliver(event);
+    }
+    assert_eq!(
+        rig.texts(),
+        [
+            "connected address=172.17.6.1:9000",
+            "battery age=0 charging=false percent=80",
+            "battery_low age=0 charging=false percent=20",
+            "battery_ok age=0 charging=true percent=50",
+            "charging on=true",
+            "charged ",
+            "docked ",
+            "undocked ",
+            "base_not_found ",
+            "sound_finished ",
+            "safety action=dock reason=low",
+            "engine code=77",
+            "disconnected reason=gone",
+        ]
+    );
+}
+
+#[test]
+fn an_unknown_event_is_an_error_with_the_nearest_and_all_names() {
+    let text = failure("robot.on('batery', print)");
+    assert!(
+        text.contains("unknown event 'batery'; did you mean 'battery'?"),
+        "{text}"
+    );
+    assert!(text.contains("sound_finished"));
+    assert!(failure("robot.wait_for(5)").contains("event must be one of connected"));
+}
+
+#[test]
+fn wait_for_gives_the_payload_or_a_timeout() {
+    let mut rig = Rig::new(
+        "print(robot.wait_for('engine', 1)) print(robot.wait_for('engine', 5).code) print(type(robot.wait_for('docked')))",
+    );
+    rig.pass(1.5);
+    rig.deliver(Event::Engine { code: 9 });
+    rig.deliver(Event::Docked);
+    assert_eq!(rig.texts(), ["nil timeout", "9", "table"]);
+}
+
+#[test]
+fn once_runs_once() {
+    let mut rig = Rig::new("robot.once('engine', function(e) print(e.code) end) task.wait(9)");
+    rig.deliver(Event::Engine { code: 1 });
+    rig.deliver(Event::Engine { code: 2 });
+    assert_eq!(rig.texts(), ["1"]);
+}
+
+#[test]
+fn a_handler_runs_one_event_at_a_time_in_order() {
+    let mut rig = Rig::new("robot.on('engine', function(e) print(e.code) task.wait(1) end)");
+    for code in 1..=3 {
+        rig.deliver(Event::Engine { code });
+    }
+    assert_eq!(rig.texts(), ["1"]);
+    rig.pass(1.5);
+    assert_eq!(rig.texts(), ["1", "2"]);
+    rig.pass(5.0);
+    assert_eq!(rig.texts(), ["1", "2", "3"]);
+}
+
+#[test]
+fn queues_hold_64_and_count_what_they_drop() {
+    let mut rig = Rig::new(
+        "local n = 0 robot.on('engine', function(e) n += 1 if n == 1 then task.wait(1) end last = e.code end)
+         task.delay(2, function() print(n, last) end)",
+    );
+    for code in 0..=84 {
+        rig.script.deliver(Event::Engine { code }, rig.now);
+        rig.run();
+    }
+    rig.pass(3.0);
+    assert_eq!(rig.logged(Level::Info), ["65 64"]);
+    let warnings = rig.logged(Level::Warn);
+    assert_eq!(warnings.len(), 2);
+    assert!(warnings[1].ends_with("10 dropped"));
+}
+
+#[test]
+fn the_queue_can_be_chosen() {
+    let mut rig = Rig::new(
+        "robot.on('engine', function(e) print(e.code) task.wait(1) end, {queue = 'latest'})",
+    );
+    for code in 1..=5 {
+        rig.deliver(Event::Engine { code });
+    }
+    rig.pass(9.0);
+    assert_eq!(rig.texts(), ["1", "5"]);
+    assert!(
+        failure("robot.on('engine', print, {queue = 'latst'})").contains("did you mean 'latest'?")
+    );
+    assert!(failure("robot.on('engine', print, {rates = 1})").contains("did you mean 'rate'?"));
+}
+
+#[test]
+fn a_rate_spaces_the_runs() {
+    let mut rig =
+        Rig::new("robot.on('frame', function(f) print(f.seq, task.now()) end, {rate = 2})");
+    for seq in 1..=20 {
+        let frame = frame(&rig, seq, 10);
+        rig.script.deliver_frame(frame, rig.now);
+        rig.run();
+        rig.pass(0.1);
+    }
+    assert_eq!(rig.texts(), ["1 0", "5 0.5", "10 1", "15 1.5", "20 2"]);
+}
+
+#[test]
+fn a_failing_handler_is_logged_once_and_stays() {
+    let mut rig = Rig::new(
+        "local n = 0
+         robot.on('engine', function(e)
+             n += 1
+             if n % 5 ~= 0 then error('bad') end
+             print('good')
+         end)",
+    );
+    for _ in 0..20 {
+        rig.deliver(Event::Engine { code: 1 });
+    }
+    assert_eq!(rig.logged(Level::Info), ["good"; 4]);
+    assert_eq!(
+        rig.logged(Level::Error),
+        ["test.lua:4: bad", "test.lua:4: bad (10 times)"]
+    );
+    assert!(rig.script.ended().is_none());
+}
+
+#[test]
+fn five_failures_in_a_row_end_the_script() {
+    let mut rig = Rig::new("robot.on('engine', function(e) robot.moev(e.code, 0) end)");
+    for code in 0..4 {
+        rig.deliver(Event::Engine { code });
+        assert!(rig.script.ended().is_none());
+    }
+    rig.deliver(Event::Engine { code: 5 });
+    rig.assert_ended(
+        EndReason::Error,
+        "robot.moev does not exist; did you mean 'move'?",
+    );
+    rig.assert_ended(EndReason::Error, "'engine' handler failed 5 times in a row");
+}
+
+#[test]
+fn handlers_and_waits_switch_their_streams_on() {
+    for (source, stream) in [
+        ("robot.on('frame', print)", Stream::Video),
+        ("robot.wait_frame(1)", Stream::Video),
+        ("robot.frame() task.wait(1)", Stream::Video),
+        ("robot.wait_for('frame')", Stream::Video),
+        ("robot.on('audio', print)", Stream::AudioIn),
+        ("robot.once('noise', print)", Stream::AudioIn),
+    ] {
+        let rig = Rig::new(&format!("{source}"));
+        assert_eq!(rig.intents, [Intent::Stream { stream, on: true }]);
+        assert_eq!(rig.script.wants_frames(), stream == Stream::Video);
+    }
+    let mut rig = Rig::new(
+        "robot.on('frame', print) robot.on('frame', print) robot.stream('video', false) robot.stream('video', true)",
+    );
+    let on = rig.take_intents().into_iter().map(|intent| match intent {
+        Intent::Stream { on, .. } => on,
+        other => panic!("{other:?}"),
+    });
+    assert_eq!(on.collect::<Vec<_>>(), [true, false, true]);
+}
+
+#[test]
+fn the_newest_frame_wins() {
+    let mut rig = Rig::new(
+        "robot.on('frame', function(f) print(f.seq, f.bytes, f.age) task.wait(1) end)
+         task.delay(1.5, function() print(robot.frame().seq) task.wait(5) print(robot.frame()) end)",
+    );
+    for seq in 1..=4 {
+        let frame = frame(&rig, seq, 100);
+        rig.script.deliver_frame(frame, rig.now);
+        rig.run();
+        rig.pass(0.2);
+    }
+    rig.pass(9.0);
+    assert_eq!(rig.texts()[..2], ["1 100 0", "4 100 0.4"]);
+    assert_eq!(rig.texts()[2..], ["4", "nil"]);
+}
+
+#[test]
+fn frames_that_are_kept_are_bounded() {
+    let mut rig = Rig::with(
+        "keep = {} robot.on('frame', function(f) if f.seq > 100 then table.insert(keep, f) end end)",
+        |options| options.limits.frame_bytes = 100_000,
+    );
+    for seq in 1..=100 {
+        let frame = frame(&rig, seq, 10_000);
+        rig.script.deliver_frame(frame, rig.now);
+        rig.run();
+    }
+    assert!(rig.script.ended().is_none());
+    for seq in 101..=120 {
+        let frame = frame(&rig, seq, 10_000);
+        rig.script.deliver_frame(frame, rig.now);
+        rig.run();
+    }
+    rig.assert_ended(EndReason::Memory, "of frames");
+}
+
+#[test]
+fn audio_tells_its_loudness_and_noise_is_what_is_loud() {
+    let mut rig = Rig::new(
+        "robot.on('audio', function(a)
+             print(a.rate, a.rms, a.peak, a.dbfs < 0, buffer.readi16(a.samples, 0), buffer.len(a.samples))
+         end)
+         robot.on('noise', function(n) print('noise', math.round(n.dbfs)) end)",
+    );
+    rig.deliver(audio(100));
+    rig.deliver(audio(16_384));
+    assert_eq!(rig.texts()[0].split(' ').next(), Some("16000"));
+    assert_eq!(
+        rig.texts()[1..],
+        ["noise -6", "16000 0.5 0.5 true 16384 320"]
+    );
+}
+
+#[test]
+fn the_robots_state_is_known_from_its_events() {
+    let mut rig = Rig::new(
+        "local function show()
+             local b = robot.battery()
+             print(robot.connected(), robot.docked(), b and b.percent, b and b.charging, b and b.age)
+         end
+         print(robot.info()) show()
+         while true do task.wait(1) show() if robot.info() then name = robot.info().uid end end",
+    );
+    rig.deliver(connected(true));
+    rig.pass(1.0);
+    rig.deliver(Event::Battery(battery(42, false)));
+    rig.deliver(Event::Undocked);
+    rig.pass(1.0);
+    rig.deliver(Event::Battery(battery(43, true)));
+    rig.deliver(Event::Disconnected {
+        reason: String::new(),
+    });
+    rig.pass(1.0);
+    assert_eq!(
+        rig.texts(),
+        [
+            "nil",
+            "false false nil nil nil",
+            "true true nil nil nil",
+            "true false 42 false 1",
+            "false true 43 true 1",
+        ]
+    );
+}
+
+#[test]
+fn at_most_64_subscriptions() {
+    let text = failure("while true do robot.on('docked', print) end");
+    assert!(text.contains("there are 64 handlers already"), "{text}");
+}

@@ -1,0 +1,153 @@
+//! Scripts in a rig: the time is passed, the output collected, the robot's answers given by hand.
+
+mod events;
+mod hostile;
+mod language;
+mod life;
+mod motion;
+mod properties;
+mod sounds_and_lights;
+mod tasks;
+mod vision;
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use super::{Ending, Level, LogLine, Options, Output, Script};
+use crate::robot::{EndReason, Event, Intent, MotionEnd, RobotInfo};
+
+/// A script and what it has sent.
+struct Rig {
+    script: Script,
+    start: Instant,
+    now: Instant,
+    intents: Vec<Intent>,
+    log: Vec<LogLine>,
+}
+
+impl Rig {
+    /// Loads and runs until all wait. Budgets are generous, so that a stalled machine ends nobody.
+    fn new(source: &str) -> Rig {
+        Rig::with(source, |options| {
+            options.limits.callback_budget_ms = 2_000;
+        })
+    }
+
+    fn with(source: &str, adjust: impl FnOnce(&mut Options)) -> Rig {
+        let mut rig = Rig::loaded(source, adjust);
+        rig.run();
+        rig
+    }
+
+    fn loaded(source: &str, adjust: impl FnOnce(&mut Options)) -> Rig {
+        let mut options = Options::new("test", "test.lua");
+        adjust(&mut options);
+        let now = Instant::now();
+        Rig {
+            script: Script::load(source.as_bytes(), options, now).unwrap(),
+            start: now,
+            now,
+            intents: Vec::new(),
+            log: Vec::new(),
+        }
+    }
+
+    /// Runs what is ready at this time.
+    fn run(&mut self) {
+        loop {
+            self.script.run_ready(self.now);
+            self.collect();
+            if !self.script.is_ready() {
+                break;
+            }
+        }
+    }
+
+    fn collect(&mut self) {
+        for output in self.script.take_output() {
+            match output {
+                Output::Intent(intent) => self.intents.push(intent),
+                Output::Log(line) => self.log.push(line),
+            }
+        }
+    }
+
+    /// Lets time pass, stopping at every deadline on the way.
+    fn pass(&mut self, seconds: f64) {
+        let end = self.now + Duration::from_secs_f64(seconds);
+        while let Some(at) = self.script.next_deadline().filter(|at| *at <= end) {
+            self.now = self.now.max(at);
+            self.run();
+        }
+        self.now = end;
+        self.run();
+    }
+
+    fn deliver(&mut self, event: Event) {
+        self.script.deliver(event, self.now);
+        self.run();
+    }
+
+    /// What was printed and logged, one text a line.
+    fn texts(&self) -> Vec<&str> {
+        self.log.iter().map(|line| line.text.as_str()).collect()
+    }
+
+    fn logged(&self, level: Level) -> Vec<&str> {
+        let of_level = self.log.iter().filter(|line| line.level == level);
+        of_level.map(|line| line.text.as_str()).collect()
+    }
+
+    fn take_intents(&mut self) -> Vec<Intent> {
+        std::mem::take(&mut self.intents)
+    }
+
+    fn ending(&self) -> Ending {
+        self.script.ended().expect("the script has ended")
+    }
+
+    #[track_caller]
+    fn assert_ended(&self, reason: EndReason, words: &str) {
+        let ending = self.ending();
+        let message = ending.message.clone().unwrap_or_default();
+        assert_eq!(ending.reason, reason, "{message}");
+        assert!(message.contains(words), "{message:?} lacks {words:?}");
+    }
+}
+
+/// Runs a script to its end and gives what it printed.
+fn printed(source: &str) -> String {
+    let rig = Rig::new(source);
+    assert_eq!(rig.ending().message, None);
+    rig.texts().join("\n")
+}
+
+/// The message with which a script fails.
+#[track_caller]
+fn failure(source: &str) -> String {
+    let ending = Rig::new(source).ending();
+    assert_eq!(ending.reason, EndReason::Error, "{ending:?}");
+    ending.message.unwrap_or_default()
+}
+
+fn connected(docked: bool) -> Event {
+    let info = RobotInfo {
+        uid: "SPYKEE0001".to_owned(),
+        name: "Spykee".to_owned(),
+        firmware: "1.0.22".to_owned(),
+        address: "172.17.6.1:9000".to_owned(),
+        simulated: true,
+    };
+    Event::Connected { info, docked }
+}
+
+fn motion_ended(intent: &Intent, end: MotionEnd) -> Event {
+    match intent {
+        Intent::Move { motion, .. } => Event::MotionEnded {
+            motion: *motion,
+            end,
+        },
+        other => panic!("not a motion: {other:?}"),
+    }
+}

@@ -1,0 +1,116 @@
+use super::*;
+use crate::robot::Percent;
+use crate::wire::{Led, Sound, Stream};
+
+#[test]
+fn lights_sounds_and_volume_become_intents() {
+    let rig = Rig::new(
+        "robot.led('flash', true) robot.led('all', false)
+         robot.play('laser') robot.stop_sound() robot.volume(30)",
+    );
+    let led = |led, on| Intent::Led { led, on };
+    assert_eq!(
+        rig.intents,
+        [
+            led(Led::Flash, true),
+            led(Led::Flash, false),
+            led(Led::Left, false),
+            led(Led::Right, false),
+            Intent::Play(Sound::Laser),
+            Intent::StopSound,
+            Intent::Volume(Percent::new(30).unwrap()),
+        ]
+    );
+}
+
+#[test]
+fn unknown_names_are_errors_with_the_nearest() {
+    for (call, words) in [
+        (
+            "robot.led('lef', true)",
+            "unknown light 'lef'; did you mean 'left'? (known: flash, left, right, all)",
+        ),
+        (
+            "robot.led('left')",
+            "on is missing; it must be true or false",
+        ),
+        ("robot.led('left', 1)", "on must be true or false, got 1"),
+        (
+            "robot.play('lazer')",
+            "unknown sound 'lazer'; did you mean 'laser'?",
+        ),
+        ("robot.play('unknown')", "unknown sound 'unknown'"),
+        (
+            "robot.volume(101)",
+            "percent must be between 0 and 100, got 101",
+        ),
+        ("robot.stream('vido', true)", "did you mean 'video'?"),
+        (
+            "robot.blink('all', {count = -1})",
+            "count must be between 0",
+        ),
+        ("robot.play(('x'):rep(1e6))", "unknown sound 'xxxx"),
+    ] {
+        let text = failure(call);
+        assert!(text.contains(words), "{text:?} lacks {words:?}");
+        assert!(text.len() < 400, "{} bytes", text.len());
+    }
+}
+
+#[test]
+fn blink_switches_on_and_off_and_ends_dark() {
+    let mut rig = Rig::new("robot.blink('left', {on = 0.1, off = 0.1, count = 2})");
+    rig.pass(1.0);
+    let on: Vec<bool> = rig
+        .take_intents()
+        .into_iter()
+        .map(|intent| match intent {
+            Intent::Led { led: Led::Left, on } => on,
+            other => panic!("{other:?}"),
+        })
+        .collect();
+    assert_eq!(on, [true, false, true, false]);
+    rig.assert_ended(EndReason::Done, "");
+
+    let mut rig = Rig::new("local t = robot.blink('left', {on = 5}) task.wait(1) t:cancel()");
+    rig.pass(2.0);
+    assert_eq!(
+        rig.intents.last(),
+        Some(&Intent::Led {
+            led: Led::Left,
+            on: false
+        })
+    );
+}
+
+#[test]
+fn say_needs_its_stream_and_bounded_samples() {
+    let rig = Rig::new(
+        "local b = buffer.create(320)
+         print(pcall(robot.say, b))
+         robot.stream('audio_out', true)
+         robot.say(b)
+         print(pcall(robot.say, buffer.create(321)))
+         print(pcall(robot.say, buffer.create(70000)))
+         print(pcall(robot.say, 'text'))
+         local big = buffer.create(65534)
+         for _ = 1, 100 do local ok, why = pcall(robot.say, big) if not ok then print(why) break end end",
+    );
+    assert_eq!(
+        rig.intents[..2],
+        [
+            Intent::Stream {
+                stream: Stream::AudioOut,
+                on: true
+            },
+            Intent::Say(vec![0; 320])
+        ]
+    );
+    assert!(rig.intents.len() < 10);
+    let texts = rig.texts();
+    assert!(texts[0].contains("switch the stream on first"));
+    assert!(texts[1].contains("even number"));
+    assert!(texts[2].contains("at most 65535"));
+    assert!(texts[3].contains("must be a buffer"));
+    assert!(texts[4].contains("too many commands at once"));
+}

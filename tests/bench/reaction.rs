@@ -1,0 +1,214 @@
+//! From the last byte of a frame to the first byte of the MOVE that answers it: `spykee run` with
+//! `follow_ball.lua`, the same beside a script that burns its whole time budget, and a plain Python
+//! and OpenCV client that does the same sums. One robot, the same frames, one run.
+//!
+//! `scripts/bench-reaction` makes the Python environment and calls this.
+
+use std::io::{Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+use spykee::sim::{Firmware, Pose, Robot, World};
+use spykee::wire::{self, Accepted, Decoder, Power, Report, Stream};
+
+/// Answers measured for each client.
+const ANSWERS: usize = 400;
+/// Left out at the start of each.
+const WARM_UP: usize = 20;
+/// From one frame to the next: 15 a second.
+const PERIOD: Duration = Duration::from_micros(66_667);
+/// Different frames, shown in turn.
+const FRAMES: usize = 64;
+
+const WORLD: &str = "
+name: reaction
+room: { width: 8, depth: 8 }
+station: { at: [0, 4], heading_degrees: 0 }
+balls: [ { at: [5, 4], colour: red }, { at: [5.6, 5], colour: blue }, { at: [6, 3], colour: green } ]
+posts: [ { at: [6.5, 4.6], colour: yellow } ]
+start: { at: [3.4, 4], heading_degrees: 0 }
+";
+
+/// Computes for about 80 ms, waits for a moment, and again: nearly all that a budget allows.
+const BURNER: &str = "while true do local x = 0 for i = 1, 6e6 do x += i % 7 end task.wait(0.005) end";
+
+fn main() {
+    if std::env::args().any(|argument| argument == "--test") {
+        return;
+    }
+    let frames = frames();
+    let folder = tempfile::tempdir().unwrap();
+    let burner = folder.path().join("burner.lua");
+    std::fs::write(&burner, BURNER).unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let follow = root.join("behaviours/follow_ball.lua");
+    let spykee = |scripts: &[&Path]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_spykee"));
+        command.arg("run").args(scripts).current_dir(folder.path());
+        command
+    };
+    let mut rows = vec![("spykee", measure(&frames, spykee(&[&follow]), "--robot"))];
+    rows.push(("spykee beside a burner", measure(&frames, spykee(&[&follow, &burner]), "--robot")));
+    match std::env::var_os("SPYKEE_BENCH_PYTHON") {
+        Some(python) => {
+            let mut client = Command::new(python);
+            client.arg(root.join("tests/bench/reaction/client.py"));
+            rows.push(("Python and OpenCV", measure(&frames, client, "--robot")));
+        }
+        None => eprintln!("no Python client: call scripts/bench-reaction"),
+    }
+    print(&rows);
+}
+
+/// The room from one place, looking a little more to the left or right each time, so that every
+/// frame wants another answer.
+fn frames() -> Vec<Bytes> {
+    let world = World::from_yaml(WORLD, "reaction").unwrap();
+    let mut robot = Robot::new(world, Firmware::default(), 1);
+    robot.begin_session();
+    robot.obey(&wire::Command::Stream { stream: Stream::Video, on: true });
+    let look = |turn: usize| {
+        let side = if turn % 2 == 0 { 1.0 } else { -1.0 };
+        let heading = side * (0.04 + 0.3 * (turn as f64 / FRAMES as f64));
+        robot.place(Pose { x: 3.4, y: 4.0, heading });
+        newest_frame(&mut robot)
+    };
+    (0..FRAMES).map(look).collect()
+}
+
+fn newest_frame(robot: &mut Robot) -> Bytes {
+    robot.take_reports();
+    loop {
+        robot.step(Duration::from_millis(20));
+        let video = |report| match report {
+            Report::Video(jpeg) => Some(jpeg),
+            _ => None,
+        };
+        if let Some(jpeg) = robot.take_reports().into_iter().find_map(video) {
+            return jpeg;
+        }
+    }
+}
+
+/// Has a client drive a robot of ours and takes the time of its answers.
+fn measure(frames: &[Bytes], mut client: Command, address_flag: &str) -> Vec<Duration> {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    client.args([address_flag, &listener.local_addr().unwrap().to_string()]);
+    client.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    let mut child = Guard(client.spawn().unwrap());
+    let (stream, _) = listener.accept().unwrap();
+    let mut session = Session::begin(stream);
+    while !session.video {
+        session.wait_for(|_| true);
+    }
+    let mut answers = Vec::new();
+    for frame in frames.iter().cycle().take(ANSWERS + WARM_UP) {
+        let due = Instant::now() + PERIOD;
+        answers.push(session.show(frame, due));
+        std::thread::sleep(due.saturating_duration_since(Instant::now()));
+    }
+    let _ = child.0.kill();
+    let missed = answers.iter().filter(|answer| answer.is_none()).count();
+    assert!(missed * 20 < answers.len(), "{missed} of {} unanswered", answers.len());
+    answers.into_iter().skip(WARM_UP).flatten().collect()
+}
+
+/// Ends the client with the measurement.
+struct Guard(Child);
+
+impl Drop for Guard {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// The robot's side of one connection.
+struct Session {
+    stream: TcpStream,
+    decoder: Decoder,
+    told: (i8, i8),
+    /// The client wants frames.
+    video: bool,
+}
+
+impl Session {
+    fn begin(stream: TcpStream) -> Session {
+        stream.set_nodelay(true).unwrap();
+        let mut session = Session { stream, decoder: Decoder::new(), told: (0, 0), video: false };
+        session.wait_for(|command| matches!(command, wire::Command::Login(_)));
+        let text = String::from;
+        let (uid, name, place) = (text("BENCH"), text("bench"), text("here"));
+        let accepted = Accepted { uid, name, place, firmware: text("1"), docked: false };
+        session.send(&Report::Accepted(accepted));
+        session.send(&Report::Power(Power { percent: 90, charging: false }));
+        session
+    }
+
+    fn send(&mut self, report: &Report) {
+        self.stream.write_all(&report.to_bytes()).unwrap();
+    }
+
+    /// Commands until one is as wanted or the time is over.
+    fn listen(&mut self, due: Instant, wanted: impl Fn(&wire::Command, (i8, i8)) -> bool) -> bool {
+        let mut chunk = [0; 4096];
+        loop {
+            let left = due.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return false;
+            }
+            self.stream.set_read_timeout(Some(left)).unwrap();
+            let Ok(count) = self.stream.read(&mut chunk) else { return false };
+            assert!(count > 0, "the client has gone");
+            let (mut input, mut found) = (&chunk[..count], false);
+            while let Some(packet) = self.decoder.decode(&mut input).unwrap() {
+                let command = wire::Command::parse(packet);
+                found |= wanted(&command, self.told);
+                match command {
+                    wire::Command::Move { left, right } => self.told = (left, right),
+                    wire::Command::Stream { stream: Stream::Video, on } => self.video = on,
+                    _ => {}
+                }
+            }
+            if found {
+                return true;
+            }
+        }
+    }
+
+    fn wait_for(&mut self, wanted: impl Fn(&wire::Command) -> bool) {
+        let due = Instant::now() + Duration::from_secs(60);
+        assert!(self.listen(due, |command, _| wanted(command)), "the client does not answer");
+    }
+
+    /// Shows a frame; the time until the first MOVE that is not the one before.
+    fn show(&mut self, frame: &Bytes, due: Instant) -> Option<Duration> {
+        self.send(&Report::Video(frame.clone()));
+        let shown = Instant::now();
+        let changed = |command: &wire::Command, told: (i8, i8)| {
+            matches!(command, wire::Command::Move { left, right } if (*left, *right) != told)
+        };
+        self.listen(due, changed).then(|| shown.elapsed())
+    }
+}
+
+fn print(rows: &[(&str, Vec<Duration>)]) {
+    let quantile = |times: &[Duration], part: f64| {
+        let mut sorted = times.to_vec();
+        sorted.sort();
+        sorted[((sorted.len() - 1) as f64 * part) as usize].as_secs_f64() * 1e3
+    };
+    let peer = rows.iter().find(|(name, _)| name.starts_with("Python"));
+    println!("{:24} {:>9} {:>9} {:>9} {:>9}", "client", "p50 ms", "p99 ms", "x p50", "x p99");
+    for (name, times) in rows {
+        let (p50, p99) = (quantile(times, 0.5), quantile(times, 0.99));
+        let times_faster = |part, own: f64| {
+            peer.map_or_else(String::new, |(_, peer)| format!("{:.1}", quantile(peer, part) / own))
+        };
+        let (by50, by99) = (times_faster(0.5, p50), times_faster(0.99, p99));
+        println!("{name:24} {p50:9.2} {p99:9.2} {by50:>9} {by99:>9}");
+    }
+}
