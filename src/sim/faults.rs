@@ -308,9 +308,10 @@ impl Trouble {
     /// How long it takes if nothing is said; zero: it is the matter of a moment.
     fn usual_length(&self) -> Option<Duration> {
         match self {
-            Trouble::Drop | Trouble::Reset | Trouble::Garbage { .. } | Trouble::LengthLie { .. } => {
-                Some(Duration::ZERO)
-            }
+            Trouble::Drop
+            | Trouble::Reset
+            | Trouble::Garbage { .. }
+            | Trouble::LengthLie { .. } => Some(Duration::ZERO),
             Trouble::Reboot { .. } | Trouble::TakeOver => Some(Duration::from_secs(5)),
             _ => None,
         }
@@ -370,7 +371,10 @@ impl Entry {
         let stray = given.iter().find(|(key, is)| *is && !known.contains(key));
         if let Some((key, _)) = stray {
             let list = [known, &["after", "every", "chance"]].concat().join("`, `");
-            return Some((key, format!("`{key}` means nothing here: this fault knows `{list}`")));
+            return Some((
+                key,
+                format!("`{key}` means nothing here: this fault knows `{list}`"),
+            ));
         }
         if self.bytes.is_some_and(|bytes| bytes < 1.0) && self.fault != Name::LengthLie {
             return Some(("bytes", "expected at least 1 byte".into()));
@@ -389,7 +393,8 @@ impl Entry {
     fn fault(&self) -> Fault {
         let trouble = self.trouble();
         let usual = Fault::new(trouble);
-        let one_way = matches!(self.fault, Name::Garbage | Name::LengthLie).then_some(Towards::Client);
+        let one_way =
+            matches!(self.fault, Name::Garbage | Name::LengthLie).then_some(Towards::Client);
         let seconds = |seconds: Option<f64>| seconds.map(Duration::from_secs_f64);
         Fault {
             towards: self.towards.or(one_way).unwrap_or(usual.towards),
@@ -492,15 +497,51 @@ mod tests {
     #[test]
     fn mistakes_are_named_with_their_place() {
         for (text, start, words) in [
-            ("faults:\n  - fault: dlay\n", "f.yaml:2:", "did you mean `delay`?"),
-            ("faults:\n  - fault: drop\n    afetr: 1\n", "f.yaml:3:5: ", "did you mean `after`?"),
-            ("faults:\n  - fault: drop\n    after: -1\n", "f.yaml:3:12: ", "0 to 86400"),
-            ("faults:\n  - fault: drop\n    for: 3\n", "f.yaml:3:10: ", "`for` means nothing here"),
-            ("faults: [{fault: split, percent: 3}]", "f.yaml:1:34: ", "`towards`, `for`, `after`"),
-            ("faults: [{fault: split, every: 3}]", "f.yaml:1:32: ", "say with `for`"),
-            ("faults: [{fault: reboot, every: 3}]", "f.yaml:1:33: ", "longer than the 5s"),
-            ("faults: [{fault: garbage, bytes: 0}]", "f.yaml:1:34: ", "at least 1 byte"),
-            ("faults: [{fault: drop, chance: .nan}]", "f.yaml:1:32: ", "1 is always"),
+            (
+                "faults:\n  - fault: dlay\n",
+                "f.yaml:2:",
+                "did you mean `delay`?",
+            ),
+            (
+                "faults:\n  - fault: drop\n    afetr: 1\n",
+                "f.yaml:3:5: ",
+                "did you mean `after`?",
+            ),
+            (
+                "faults:\n  - fault: drop\n    after: -1\n",
+                "f.yaml:3:12: ",
+                "0 to 86400",
+            ),
+            (
+                "faults:\n  - fault: drop\n    for: 3\n",
+                "f.yaml:3:10: ",
+                "`for` means nothing here",
+            ),
+            (
+                "faults: [{fault: split, percent: 3}]",
+                "f.yaml:1:34: ",
+                "`towards`, `for`, `after`",
+            ),
+            (
+                "faults: [{fault: split, every: 3}]",
+                "f.yaml:1:32: ",
+                "say with `for`",
+            ),
+            (
+                "faults: [{fault: reboot, every: 3}]",
+                "f.yaml:1:33: ",
+                "longer than the 5s",
+            ),
+            (
+                "faults: [{fault: garbage, bytes: 0}]",
+                "f.yaml:1:34: ",
+                "at least 1 byte",
+            ),
+            (
+                "faults: [{fault: drop, chance: .nan}]",
+                "f.yaml:1:32: ",
+                "1 is always",
+            ),
             ("faults: 3", "f.yaml:1:9: ", "expected a sequence"),
         ] {
             let text = mistake(text);

@@ -71,7 +71,8 @@ pub(super) fn spoil<'a>(
     rng: &mut StdRng,
 ) -> Option<Packet> {
     for fault in faults.filter(|fault| fault.trouble.spoils_messages()) {
-        let hit = packet.kind == kind_of(fault.trouble) && rng.random_bool(fault.chance.clamp(0.0, 1.0));
+        let hit =
+            packet.kind == kind_of(fault.trouble) && rng.random_bool(fault.chance.clamp(0.0, 1.0));
         packet.payload = match fault.trouble {
             _ if !hit => continue,
             Trouble::NoPower => return None,
@@ -159,7 +160,10 @@ mod tests {
     }
 
     fn frame() -> Packet {
-        Packet::new(kind::VIDEO, [&[0xFF, 0xD8][..], &[7; 500], &[0xFF, 0xD9]].concat())
+        Packet::new(
+            kind::VIDEO,
+            [&[0xFF, 0xD8][..], &[7; 500], &[0xFF, 0xD9]].concat(),
+        )
     }
 
     #[test]

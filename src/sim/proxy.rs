@@ -48,7 +48,11 @@ pub(super) async fn carry(
 ) {
     let (client_reader, client_writer) = tokio::io::split(client);
     let (robot_reader, robot_writer) = tokio::io::split(robot);
-    let Weather { mut conditions, strikes, seed } = weather;
+    let Weather {
+        mut conditions,
+        strikes,
+        seed,
+    } = weather;
     let lane = |towards, strikes, seed| Lane::new(towards, conditions.clone(), strikes, seed);
     let to_robot = lane(Towards::Robot, strikes.resubscribe(), seed);
     let to_client = lane(Towards::Client, strikes, seed.wrapping_add(1));
@@ -62,7 +66,9 @@ pub(super) async fn carry(
         breaker.iter().for_each(Breaker::arm);
     } else {
         // While its side is half-open nobody tells the robot that its client has gone.
-        let _ = conditions.wait_for(|now| !now.swallow(Towards::Robot)).await;
+        let _ = conditions
+            .wait_for(|now| !now.swallow(Towards::Robot))
+            .await;
     }
 }
 
@@ -221,14 +227,20 @@ impl Lane {
             }
         }
         let bytes = bytes.freeze();
-        if bytes.is_empty() { vec![] } else { vec![Parcel::Bytes { due, bytes }] }
+        if bytes.is_empty() {
+            vec![]
+        } else {
+            vec![Parcel::Bytes { due, bytes }]
+        }
     }
 
     /// Lets the strikes that wait hit the message at the end of `bytes`; true if that cuts it off.
     fn strike(&mut self, bytes: &mut BytesMut, start: usize) -> bool {
         for trouble in std::mem::take(&mut self.aimed) {
             match trouble {
-                Trouble::LengthLie { claim } => mangle::lie(&mut bytes[start..], claim, &mut self.rng),
+                Trouble::LengthLie { claim } => {
+                    mangle::lie(&mut bytes[start..], claim, &mut self.rng)
+                }
                 _ => {
                     bytes.truncate(start + (bytes.len() - start) / 2);
                     return true;
@@ -319,11 +331,167 @@ impl Outlet {
                 }
                 Trouble::Drip { rate } => {
                     length = length.min((rate / SIPS).max(1) as usize);
-                    pause = pause.max(Duration::from_secs_f64(length as f64 / f64::from(rate.max(1))));
+                    pause = pause.max(Duration::from_secs_f64(
+                        length as f64 / f64::from(rate.max(1)),
+                    ));
                 }
                 _ => {}
             }
         }
         (length, pause)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::timing::Timing;
+    use crate::sim::troubles::Troubles;
+    use tokio::io::DuplexStream;
+    use tokio::task::JoinHandle;
+
+    const SECOND: Duration = Duration::from_secs(1);
+    const POWER_80: &[u8] = &[0x50, 0x4B, 3, 0, 1, 0x50];
+
+    /// A connection that is carried, and its ends.
+    struct Line {
+        troubles: Troubles,
+        client: DuplexStream,
+        robot: DuplexStream,
+        carried: JoinHandle<()>,
+    }
+
+    fn line(seed: u64) -> Line {
+        let mut troubles = Troubles::new(seed);
+        let (client, near) = tokio::io::duplex(64 * 1024);
+        let (far, robot) = tokio::io::duplex(64 * 1024);
+        let carried = tokio::spawn(carry(near, None, far, troubles.weather()));
+        Line {
+            troubles,
+            client,
+            robot,
+            carried,
+        }
+    }
+
+    impl Line {
+        fn begin(&mut self, trouble: Trouble, towards: Towards, lasts: Option<Duration>) {
+            let mut fault = Fault {
+                towards,
+                ..Fault::new(trouble)
+            };
+            fault.timing = Timing {
+                lasts: lasts.or(fault.timing.lasts),
+                ..fault.timing
+            };
+            self.troubles.begin(fault, Instant::now());
+            self.troubles.poll(Instant::now());
+        }
+    }
+
+    async fn rest(end: &mut DuplexStream) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        end.read_to_end(&mut bytes).await.unwrap();
+        bytes
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn without_faults_bytes_and_the_end_pass_unchanged_even_if_they_are_no_messages() {
+        let mut line = line(1);
+        line.client.write_all(b"GET / HTTP/1.0").await.unwrap();
+        line.client.shutdown().await.unwrap();
+        assert_eq!(rest(&mut line.robot).await, b"GET / HTTP/1.0");
+        line.robot
+            .write_all(&[POWER_80, &POWER_80[..3]].concat())
+            .await
+            .unwrap();
+        drop(line.robot);
+        assert_eq!(
+            rest(&mut line.client).await,
+            [POWER_80, &POWER_80[..3]].concat()
+        );
+        line.carried.await.unwrap();
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn delayed_bytes_arrive_later_and_in_order() {
+        let mut line = line(1);
+        let (by, jitter) = (SECOND, SECOND);
+        line.begin(Trouble::Delay { by, jitter }, Towards::Client, None);
+        let start = Instant::now();
+        for level in 0..20 {
+            line.robot
+                .write_all(&[0x50, 0x4B, 3, 0, 1, level])
+                .await
+                .unwrap();
+            sleep(Duration::from_millis(50)).await;
+        }
+        let mut levels = Vec::new();
+        for _ in 0..20 {
+            let mut message = [0; 6];
+            line.client.read_exact(&mut message).await.unwrap();
+            levels.push(message[5]);
+            assert!(levels.len() > 1 || start.elapsed() >= SECOND);
+        }
+        assert_eq!(levels, (0..20).collect::<Vec<u8>>());
+        assert!(start.elapsed() < 4 * SECOND, "{:?}", start.elapsed());
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn what_is_cut_or_trickles_arrives_whole() {
+        for trouble in [Trouble::Split, Trouble::Drip { rate: 100 }] {
+            let mut line = line(3);
+            line.begin(trouble, Towards::Both, None);
+            let (start, sent) = (Instant::now(), POWER_80.repeat(100));
+            line.robot.write_all(&sent).await.unwrap();
+            drop(line.robot);
+            assert_eq!(rest(&mut line.client).await, sent);
+            let seconds = start.elapsed().as_secs();
+            assert_eq!(seconds, if trouble == Trouble::Split { 0 } else { 6 });
+        }
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_connection_that_lost_bytes_stays_dead_and_its_end_is_noticed_late() {
+        let mut line = line(1);
+        line.begin(Trouble::HalfOpen, Towards::Both, Some(5 * SECOND));
+        line.client.write_all(POWER_80).await.unwrap();
+        sleep(3 * SECOND).await;
+        drop(line.client);
+        let mut byte = [0];
+        let read = timeout(SECOND, line.robot.read(&mut byte)).await;
+        assert!(read.is_err(), "the robot noticed {read:?}");
+        sleep(SECOND).await;
+        line.troubles.poll(Instant::now());
+        assert_eq!(rest(&mut line.robot).await, b"");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_reset_leaves_half_a_message() {
+        let mut line = line(1);
+        line.begin(Trouble::Reset, Towards::Both, None);
+        line.robot.write_all(&POWER_80.repeat(2)).await.unwrap();
+        assert_eq!(rest(&mut line.client).await, POWER_80[..3]);
+        line.carried.await.unwrap();
+        assert!(line.robot.write_all(POWER_80).await.is_err());
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn the_same_seed_spoils_the_same_bytes() {
+        let spoilt = async |seed| {
+            let mut line = line(seed);
+            line.begin(Trouble::Garbage { bytes: 50 }, Towards::Client, None);
+            line.begin(Trouble::LengthLie { claim: None }, Towards::Client, None);
+            // The strikes hit what is there: let them in before the end.
+            sleep(SECOND).await;
+            line.robot.write_all(POWER_80).await.unwrap();
+            drop(line.robot);
+            rest(&mut line.client).await
+        };
+        let first = spoilt(4).await;
+        assert_eq!(first.len(), 56);
+        assert!(!first.ends_with(POWER_80), "the length is a lie");
+        assert_eq!(first, spoilt(4).await);
+        assert_ne!(first, spoilt(5).await);
     }
 }

@@ -31,7 +31,8 @@ impl Conditions {
 
     /// Bytes to this end are swallowed.
     pub(super) fn swallow(&self, end: Towards) -> bool {
-        self.towards(end).any(|fault| fault.trouble == Trouble::HalfOpen)
+        self.towards(end)
+            .any(|fault| fault.trouble == Trouble::HalfOpen)
     }
 }
 
@@ -81,7 +82,8 @@ impl Troubles {
         let all = std::mem::take(&mut self.running);
         self.conditions.send_replace(Conditions::default());
         let on = all.into_iter().filter(|running| running.on);
-        on.map(|running| (running.fault.trouble, Turn::Ends)).collect()
+        on.map(|running| (running.fault.trouble, Turn::Ends))
+            .collect()
     }
 
     /// A new connection's ties.
@@ -137,7 +139,11 @@ mod tests {
             lasts: Some(SECOND * lasts as u32),
             every: Some(SECOND * every as u32),
         };
-        Fault { timing, chance, ..Fault::new(trouble) }
+        Fault {
+            timing,
+            chance,
+            ..Fault::new(trouble)
+        }
     }
 
     #[test]
@@ -155,9 +161,15 @@ mod tests {
         ];
         assert_eq!(turns, expected);
         assert!(weather.conditions.borrow().swallow(Towards::Robot));
-        assert_eq!(weather.strikes.try_recv().unwrap().trouble, Trouble::HalfOpen);
+        assert_eq!(
+            weather.strikes.try_recv().unwrap().trouble,
+            Trouble::HalfOpen
+        );
         assert_eq!(weather.strikes.try_recv().unwrap().trouble, Trouble::Reset);
-        assert_eq!(troubles.poll(now + 3 * SECOND), [(Trouble::HalfOpen, Turn::Ends)]);
+        assert_eq!(
+            troubles.poll(now + 3 * SECOND),
+            [(Trouble::HalfOpen, Turn::Ends)]
+        );
         assert!(!weather.conditions.borrow().swallow(Towards::Robot));
     }
 

@@ -3,6 +3,7 @@
 
 mod behaviours;
 mod cli;
+mod faults;
 mod floors;
 mod link;
 mod pilot;
