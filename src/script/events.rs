@@ -8,8 +8,9 @@ use mlua::prelude::{Lua, LuaFunction, LuaResult, LuaTable, LuaValue};
 use tokio::time::Instant;
 
 use super::api::{HeldFrame, frame_to_lua};
+use super::queue::Timer;
 use super::sound;
-use super::task::{SubscriptionId, TaskId, Timer};
+use super::task::{SubscriptionId, TaskId};
 use crate::robot::{Battery, Event};
 
 /// Subscriptions that may exist at once.

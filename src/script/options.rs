@@ -57,7 +57,7 @@ impl Options {
 pub struct Limits {
     /// The VM's own memory, in bytes: 8 MiB.
     pub memory_bytes: u64,
-    /// How long it may run without waiting, in milliseconds: 100.
+    /// How long it may run without waiting, in milliseconds, at least 10: 100.
     pub callback_budget_ms: u64,
     /// JPEG bytes of frames that the script holds on to, in bytes: 8 MiB.
     pub frame_bytes: u64,
@@ -79,7 +79,7 @@ impl Default for Limits {
 impl Limits {
     /// How long the script may run without waiting.
     pub fn callback_budget(&self) -> Duration {
-        Duration::from_millis(self.callback_budget_ms)
+        Duration::from_millis(self.callback_budget_ms.max(10))
     }
 }
 

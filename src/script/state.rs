@@ -16,8 +16,9 @@ use super::group::Group;
 use super::motion::{Motion, Owner};
 use super::options::Options;
 use super::output::{Level, LogLine, Outbox};
+use super::queue::Tasks;
 use super::sound::Loudness;
-use super::task::{Answer, GroupId, Kind, SubscriptionId, Tasks, Wait};
+use super::task::{Answer, GroupId, Kind, SubscriptionId, Wait};
 use crate::robot::{Battery, Event, Frame, Intent, RobotInfo};
 use crate::vision::Eyes;
 use crate::wire::Stream;
@@ -92,6 +93,8 @@ pub(super) struct State {
     pub(super) can_wait: bool,
     /// The running task has called `script.stop`.
     pub(super) stop_asked: Option<Option<String>>,
+    /// A native has panicked: nothing of the script can be trusted any more.
+    pub(super) broken: bool,
     pub(super) usage: Usage,
     pub(super) last_call: u64,
     /// When a track last turned.
@@ -124,6 +127,7 @@ impl State {
             life: Life::Running,
             can_wait: true,
             stop_asked: None,
+            broken: false,
             usage: Usage::default(),
             last_call: 0,
             moved: None,

@@ -20,7 +20,6 @@ use crate::robot::{EndReason, Event, Intent, MotionEnd, RobotInfo};
 /// A script and what it has sent.
 struct Rig {
     script: Script,
-    start: Instant,
     now: Instant,
     intents: Vec<Intent>,
     log: Vec<LogLine>,
@@ -46,7 +45,6 @@ impl Rig {
         let now = Instant::now();
         Rig {
             script: Script::load(source.as_bytes(), options, now).unwrap(),
-            start: now,
             now,
             intents: Vec::new(),
             log: Vec::new(),

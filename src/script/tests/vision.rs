@@ -1,13 +1,16 @@
 use super::*;
 use crate::robot::{Frame, MotionEnd};
-use crate::vision::{Colour, MAX_COLOURS};
+use crate::vision::Colour;
 use bytes::Bytes;
 use image::{Rgb, RgbImage};
 
 const GREY: Rgb<u8> = Rgb([128, 128, 128]);
 
-/// A grey picture of 320x240 with rectangles `(x, y, w, h)`.
-fn picture(parts: &[((u32, u32, u32, u32), [u8; 3])]) -> Bytes {
+/// A rectangle, x, y, w, h, and what fills it.
+type Part = ((u32, u32, u32, u32), [u8; 3]);
+
+/// A grey picture of 320x240 with rectangles.
+fn picture(parts: &[Part]) -> Bytes {
     let mut pixels = RgbImage::from_pixel(320, 240, GREY);
     for &((left, top, w, h), colour) in parts {
         for (x, y) in (left..left + w).flat_map(|x| (top..top + h).map(move |y| (x, y))) {
@@ -175,7 +178,6 @@ fn mistakes_are_answered_in_words() {
         assert!(text.starts_with("test.lua:2: "), "{call}: {text}");
         assert!(text.contains(words), "{call}: {text:?} lacks {words:?}");
     }
-    assert!(MAX_COLOURS == 32);
 }
 
 #[test]
@@ -192,6 +194,16 @@ fn figures_and_pixels() {
         texts,
         ["true 0", "true true", "true true true", "nil nil 0"]
     );
+}
+
+#[test]
+fn a_qr_code_is_read() {
+    let jpeg = Bytes::from_static(include_bytes!("../../../tests/fixtures/qrcode.jpg"));
+    let texts = seen(
+        "local c = f:find_qrcodes()[1] print(#c.text > 0, #c.corners, c.corners[1].x < c.corners[2].x)",
+        &jpeg,
+    );
+    assert_eq!(texts, ["true 4 true"]);
 }
 
 #[test]
