@@ -53,8 +53,19 @@ pub(super) fn open(state: State) -> (Handle, mpsc::Receiver<Order>, Ends) {
     let (state_end, state) = watch::channel(state);
     let (heard_end, heard) = watch::channel(0);
     let journal = Arc::new(Mutex::new(Journal::default()));
-    let handle = Handle { orders, muted, state, journal: journal.clone(), heard };
-    let ends = Ends { muted: muted_end, state: state_end, journal, heard: heard_end };
+    let handle = Handle {
+        orders,
+        muted,
+        state,
+        journal: journal.clone(),
+        heard,
+    };
+    let ends = Ends {
+        muted: muted_end,
+        state: state_end,
+        journal,
+        heard: heard_end,
+    };
     (handle, orders_end, ends)
 }
 

@@ -4,16 +4,17 @@
 
 use std::time::Duration;
 
-use bytes::{Bytes, BytesMut};
+use bytes::BytesMut;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
-use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, ReadHalf, WriteHalf};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, ReadHalf, WriteHalf};
 use tokio::sync::{broadcast, mpsc, watch};
-use tokio::time::{Instant, sleep, sleep_until, timeout};
+use tokio::time::{Instant, timeout};
 
 use super::connection::Transport;
 use super::faults::{Fault, Towards, Trouble};
 use super::mangle::{self, Splitter, Stretch};
+use super::outlet::{End, Outlet, Parcel};
 use super::troubles::{Conditions, Weather};
 
 const READ_LEN: usize = 8 * 1024;
@@ -21,14 +22,6 @@ const READ_LEN: usize = 8 * 1024;
 const MAX_WAITING: usize = 256;
 /// When one end has closed, the other gets this long to do so too.
 const FAREWELL: Duration = Duration::from_secs(1);
-/// Between two pieces of a message that is cut: else the network puts them together again.
-const PIECE_PAUSE: Duration = Duration::from_millis(1);
-/// A message is cut into pieces of up to so many bytes, or of up to this part of it.
-const PIECE: usize = 12;
-const PIECE_SHARE: usize = 16;
-/// A trickle comes in so many sips a second.
-const SIPS: u32 = 50;
-
 /// Makes the end of a connection a reset; its drop alone is an orderly end.
 pub(super) struct Breaker(pub(super) socket2::Socket);
 
@@ -72,15 +65,6 @@ pub(super) async fn carry(
     }
 }
 
-/// How one direction has ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum End {
-    /// One end has closed, or has gone.
-    Closed,
-    /// A fault wants the whole connection reset.
-    Reset,
-}
-
 impl End {
     /// A reset waits for nothing; else the other direction may still end in its own way.
     async fn or<E>(self, other: impl Future<Output = Result<End, E>>) -> End {
@@ -89,12 +73,6 @@ impl End {
             End::Closed => other.await.unwrap_or(End::Closed),
         }
     }
-}
-
-/// What is on its way.
-enum Parcel {
-    Bytes { due: Instant, bytes: Bytes },
-    Reset,
 }
 
 /// One direction of a connection.
@@ -273,82 +251,14 @@ async fn send(queue: &mpsc::Sender<Parcel>, parcels: Vec<Parcel>) -> bool {
     true
 }
 
-/// The far end of a direction: writes what is due, as fast as the faults let it.
-struct Outlet {
-    towards: Towards,
-    conditions: watch::Receiver<Conditions>,
-    rng: StdRng,
-}
-
-impl Outlet {
-    async fn run(
-        mut self,
-        mut to: impl AsyncWrite + Unpin,
-        mut waiting: mpsc::Receiver<Parcel>,
-    ) -> End {
-        while let Some(parcel) = waiting.recv().await {
-            let Parcel::Bytes { due, bytes } = parcel else {
-                return End::Reset;
-            };
-            sleep_until(due).await;
-            if self.write(&mut to, bytes).await.is_err() {
-                return End::Closed;
-            }
-        }
-        let swallowed = self.conditions.borrow().swallow(self.towards);
-        if !swallowed {
-            let _ = to.shutdown().await;
-        }
-        End::Closed
-    }
-
-    async fn write(
-        &mut self,
-        to: &mut (impl AsyncWrite + Unpin),
-        mut bytes: Bytes,
-    ) -> std::io::Result<()> {
-        while !bytes.is_empty() {
-            let (length, pause) = self.piece(bytes.len());
-            to.write_all(&bytes.split_to(length)).await?;
-            to.flush().await?;
-            if !pause.is_zero() {
-                sleep(pause).await;
-            }
-        }
-        Ok(())
-    }
-
-    /// How much of what is left goes out now, and the pause after it.
-    fn piece(&mut self, left: usize) -> (usize, Duration) {
-        let (mut length, mut pause) = (left, Duration::ZERO);
-        let conditions = self.conditions.borrow_and_update().clone();
-        for fault in conditions.towards(self.towards) {
-            match fault.trouble {
-                Trouble::Split => {
-                    let most = PIECE.max(left / PIECE_SHARE).min(length);
-                    length = self.rng.random_range(1..=most);
-                    pause = pause.max(PIECE_PAUSE);
-                }
-                Trouble::Drip { rate } => {
-                    length = length.min((rate / SIPS).max(1) as usize);
-                    pause = pause.max(Duration::from_secs_f64(
-                        length as f64 / f64::from(rate.max(1)),
-                    ));
-                }
-                _ => {}
-            }
-        }
-        (length, pause)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::sim::timing::Timing;
     use crate::sim::troubles::Troubles;
-    use tokio::io::DuplexStream;
+    use tokio::io::{AsyncWriteExt, DuplexStream};
     use tokio::task::JoinHandle;
+    use tokio::time::sleep;
 
     const SECOND: Duration = Duration::from_secs(1);
     const POWER_80: &[u8] = &[0x50, 0x4B, 3, 0, 1, 0x50];

@@ -133,13 +133,6 @@ impl Robot {
         self.note("started".into());
     }
 
-    /// Slides back by `metres`, such as off the contacts of the station.
-    pub fn slide_back(&mut self, metres: f64) {
-        let Pose { x, y, heading } = self.body.pose;
-        let back = Pose::new(x - metres * heading.cos(), y - metres * heading.sin(), heading);
-        self.place(back);
-    }
-
     /// Does what a command asks. Logins are not for the robot and change nothing.
     pub fn obey(&mut self, command: &Command) {
         match command {
@@ -229,7 +222,10 @@ impl Robot {
 
     /// Puts the robot somewhere else; a pose that is no place is ignored.
     pub fn place(&mut self, pose: Pose) {
-        if ![pose.x, pose.y, pose.heading].iter().all(|number| number.is_finite()) {
+        if ![pose.x, pose.y, pose.heading]
+            .iter()
+            .all(|number| number.is_finite())
+        {
             return;
         }
         self.body.pose = pose;

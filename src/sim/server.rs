@@ -112,7 +112,14 @@ impl Server {
         let (events, events_end) = mpsc::channel(MAX_EVENTS);
         let site = Site::new(robot, &options, ends, events);
         let faults = options.faults.unwrap_or_default();
-        Server { sockets, site, faults, events: events_end, orders, handle }
+        Server {
+            sockets,
+            site,
+            faults,
+            events: events_end,
+            orders,
+            handle,
+        }
     }
 
     /// Where clients connect.
@@ -240,7 +247,11 @@ impl Sockets {
 
     /// Answers a datagram that asks who is there.
     async fn answer(&self, reply: &discovery::Reply, datagram: &[u8], from: SocketAddr) {
-        let Some(udp) = self.udp.as_ref().filter(|_| discovery::is_request(datagram)) else {
+        let Some(udp) = self
+            .udp
+            .as_ref()
+            .filter(|_| discovery::is_request(datagram))
+        else {
             return;
         };
         if let Err(error) = udp.send_to(&reply.emit(), from).await {

@@ -14,6 +14,7 @@ use crate::wire::{Accepted, Command, Login, Refusal, Report, discovery};
 use super::clients::Clients;
 use super::connection::{self, Event, Line, Transport};
 use super::faults::{Fault, Trouble};
+use super::geometry::Pose;
 use super::handle::{self, Ends, Order};
 use super::proxy::{self, Breaker};
 use super::robot::Robot;
@@ -103,7 +104,10 @@ impl Site {
     /// What discovery says.
     pub(super) fn introduction(&self) -> discovery::Reply {
         let connected_user = self.clients.user().map(str::to_owned);
-        discovery::Reply { uid: self.uid.clone(), connected_user }
+        discovery::Reply {
+            uid: self.uid.clone(),
+            connected_user,
+        }
     }
 
     /// Steps the robot up to the present.
@@ -121,7 +125,10 @@ impl Site {
         if now.duration_since(self.stepped) >= STEP {
             self.stepped = now;
         }
-        self.clients.overdue(now).into_iter().for_each(|id| self.cut(id));
+        self.clients
+            .overdue(now)
+            .into_iter()
+            .for_each(|id| self.cut(id));
         let turns = self.troubles.as_mut().map(|troubles| troubles.poll(now));
         self.turn(turns.unwrap_or_default());
         self.publish();
@@ -151,7 +158,12 @@ impl Site {
     pub(super) fn take(&mut self, event: Event) {
         match event {
             Event::Gone { client } => self.cut(client),
-            Event::Heard { client, write, opened, commands } => {
+            Event::Heard {
+                client,
+                write,
+                opened,
+                commands,
+            } => {
                 for command in commands {
                     self.hear(client, write, opened, command);
                 }
@@ -212,12 +224,7 @@ impl Site {
                         self.robot.reboot();
                     }
                 }
-                Trouble::TakeOver if begins => {
-                    if self.clients.take_over(SECOND_USER) {
-                        self.robot.end_session();
-                    }
-                }
-                Trouble::TakeOver => self.clients.give_back(),
+                Trouble::TakeOver => self.hand_over(begins),
                 Trouble::RefuseLogin(refusal) => self.refusing = begins.then_some(refusal),
                 Trouble::BaseNotFound => self.robot.set_beacon(!begins),
                 Trouble::NoCharge => self.robot.set_charger_works(!begins),
@@ -228,11 +235,29 @@ impl Site {
         self.deliver();
     }
 
+    /// Somebody whom we do not serve becomes the user, or has gone.
+    fn hand_over(&mut self, taken: bool) {
+        if !taken {
+            self.clients.give_back();
+        } else if self.clients.take_over(SECOND_USER) {
+            self.robot.end_session();
+        }
+    }
+
     /// A robot that loses its station slides off it a while after each docking.
     fn slide(&mut self) {
-        self.docked_for = if self.robot.docked() { self.docked_for + STEP } else { Duration::ZERO };
-        if self.slides_after.is_some_and(|after| self.docked_for > after) {
-            self.robot.slide_back(SLIDE);
+        self.docked_for = if self.robot.docked() {
+            self.docked_for + STEP
+        } else {
+            Duration::ZERO
+        };
+        if self
+            .slides_after
+            .is_some_and(|after| self.docked_for > after)
+        {
+            let Pose { x, y, heading } = self.robot.state().pose;
+            let back = (x - SLIDE * heading.cos(), y - SLIDE * heading.sin());
+            self.robot.place(Pose::new(back.0, back.1, heading));
         }
     }
 
@@ -297,7 +322,10 @@ impl Site {
     fn tell(&mut self, report: &Report) {
         if !self.clients.tell(report) {
             tracing::info!(target: "spykee::sim", "the client asks and never reads: cut off");
-            self.clients.user_id().into_iter().for_each(|id| self.cut(id));
+            self.clients
+                .user_id()
+                .into_iter()
+                .for_each(|id| self.cut(id));
         }
     }
 
@@ -307,6 +335,8 @@ impl Site {
         state.dropped = self.clients.dropped();
         self.ends.state.send_replace(state);
         let count = handle::lock(&self.ends.journal).count();
-        self.ends.heard.send_if_modified(|heard| std::mem::replace(heard, count) != count);
+        self.ends
+            .heard
+            .send_if_modified(|heard| std::mem::replace(heard, count) != count);
     }
 }

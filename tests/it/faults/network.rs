@@ -11,7 +11,7 @@ pub async fn drives_on(stage: Stage) {
     stage.trouble();
     stage.says_more("moved true done", 5).await;
     assert_eq!(stage.said("hears disconnected"), 0, "{}", stage.run.text());
-    stage.is_well();
+    stage.ends_well();
 }
 
 pub async fn drives_and_sees_on(stage: Stage) {
@@ -26,7 +26,7 @@ pub async fn comes_back(stage: Stage) {
     stage.trouble();
     stage.comes_back(before).await;
     stage.drives_on().await;
-    stage.is_well();
+    stage.ends_well();
 }
 
 pub async fn comes_back_each_time(stage: Stage) {
@@ -36,7 +36,7 @@ pub async fn comes_back_each_time(stage: Stage) {
     }
     stage.relief();
     stage.drives_on().await;
-    stage.is_well();
+    stage.ends_well();
 }
 
 pub async fn comes_back_and_sees(stage: Stage) {
@@ -44,7 +44,7 @@ pub async fn comes_back_and_sees(stage: Stage) {
     stage.trouble();
     stage.comes_back(before).await;
     stage.says_more("frame", 3).await;
-    stage.is_well();
+    stage.ends_well();
 }
 
 /// The last that the robot hears over the old connection is a stop.
@@ -55,10 +55,10 @@ pub async fn stops_first(stage: Stage) {
     let heard = stage.rig.sim.heard_since(from);
     let old = heard.iter().filter(|heard| heard.client == before);
     let motions = |heard: &&_| matches!(heard, Command::Move { .. });
-    let last = old.map(|heard| &heard.command).filter(motions).next_back();
+    let last = old.map(|heard| &heard.command).rfind(motions);
     assert_eq!(last, Some(&Command::STOP), "{heard:?}");
     stage.drives_on().await;
-    stage.is_well();
+    stage.ends_well();
 }
 
 /// Nothing that was said while the connection was dead arrives later.
@@ -78,7 +78,7 @@ pub async fn queues_nothing(stage: Stage) {
     let first = heard.iter().position(|heard| moves(&heard.command));
     let before_it = &heard[..first.unwrap()];
     assert!(before_it.iter().any(|heard| heard.command == Command::STOP));
-    stage.is_well();
+    stage.ends_well();
 }
 
 pub async fn ends_in_time(mut stage: Stage) {
@@ -102,7 +102,7 @@ pub async fn sees_huge_pictures(stage: Stage) {
     assert_eq!(stage.said("blind 1"), 0, "{}", stage.run.text());
     assert_eq!(stage.said("hears disconnected"), 0, "{}", stage.run.text());
     stage.drives_on().await;
-    stage.is_well();
+    stage.ends_well();
 }
 
 pub async fn overlooks_bad_pictures(stage: Stage) {
@@ -113,5 +113,5 @@ pub async fn overlooks_bad_pictures(stage: Stage) {
     let seen = stage.said(" seen ");
     stage.says_more(" seen ", seen.min(6)).await;
     assert_eq!(stage.said("hears disconnected"), 0, "{}", stage.run.text());
-    stage.is_well();
+    stage.ends_well();
 }

@@ -20,7 +20,7 @@ pub async fn starts_afresh(stage: Stage) {
     );
     stage.comes_back(before).await;
     stage.says_more("frame", 3).await;
-    stage.is_well();
+    stage.ends_well();
 }
 
 pub async fn stops_one_that_drove_on(stage: Stage) {
@@ -34,7 +34,7 @@ pub async fn stops_one_that_drove_on(stage: Stage) {
     assert!(stage.rig.sim.heard_since(stop)[0].client > before);
     assert!(!stage.rig.commands(gone)[..stop - gone].iter().any(moves));
     stage.comes_back(before).await;
-    stage.is_well();
+    stage.ends_well();
 }
 
 pub async fn is_let_in_again(stage: Stage) {
@@ -44,7 +44,7 @@ pub async fn is_let_in_again(stage: Stage) {
     stage.says_more("moved false disconnected", 2).await;
     stage.comes_back(before).await;
     stage.drives_on().await;
-    stage.is_well();
+    stage.ends_well();
 }
 
 pub async fn waits_for_the_other(stage: Stage) {
@@ -56,14 +56,14 @@ pub async fn waits_for_the_other(stage: Stage) {
     stage.run.says("in use by `second-user`").await;
     stage.comes_back(before).await;
     stage.drives_on().await;
-    stage.is_well();
+    stage.ends_well();
 }
 
 pub async fn silence_counts_as_low(stage: Stage) {
     let from = stage.trouble();
     stage.goes_home(from).await;
     stage.run.says("no battery level for").await;
-    stage.is_well();
+    stage.ends_well();
 }
 
 pub async fn waits_for_a_level(stage: Stage) {
@@ -78,7 +78,7 @@ pub async fn waits_for_a_level(stage: Stage) {
     );
     stage.comes_back(old).await;
     stage.drives_on().await;
-    stage.is_well();
+    stage.ends_well();
 }
 
 pub async fn goes_home_in_one_write(stage: Stage) {
@@ -92,7 +92,7 @@ pub async fn goes_home_in_one_write(stage: Stage) {
     stage.run.says("hears battery_low 5").await;
     stage.no_motion_since(stop);
     stage.drives_on().await;
-    stage.is_well();
+    stage.ends_well();
 }
 
 pub async fn goes_home_though(stage: Stage) {
@@ -105,7 +105,7 @@ pub async fn goes_home_though(stage: Stage) {
         .until("home", |state| state.docked && state.charging)
         .await;
     stage.no_motion_since(stop);
-    stage.is_well();
+    stage.ends_well();
 }
 
 pub async fn goes_home_after_the_reconnect(stage: Stage) {
@@ -117,7 +117,7 @@ pub async fn goes_home_after_the_reconnect(stage: Stage) {
     stage.run.says("hears battery_low 14").await;
     stage.says_more("moved false safety", 1).await;
     stage.no_motion_since(gone);
-    stage.is_well();
+    stage.ends_well();
 }
 
 pub async fn stays_still_and_alarms(stage: Stage) {
@@ -127,7 +127,7 @@ pub async fn stays_still_and_alarms(stage: Stage) {
     hears_the_alarm_twice(&stage, stop).await;
     assert_eq!(stage.dockings(stop), 2);
     stage.no_motion_since(stop);
-    stage.is_well();
+    stage.ends_well();
 }
 
 pub async fn stays_on_the_dead_station(stage: Stage) {
@@ -138,7 +138,7 @@ pub async fn stays_on_the_dead_station(stage: Stage) {
     let state = stage.until("on the station", |state| state.docked).await;
     assert!(!state.charging, "{state:?}");
     stage.no_motion_since(stop);
-    stage.is_well();
+    stage.ends_well();
 }
 
 pub async fn goes_home_again(stage: Stage) {
@@ -155,7 +155,7 @@ pub async fn goes_home_again(stage: Stage) {
         .until("home again", |state| state.docked && state.charging)
         .await;
     stage.no_motion_since(again);
-    stage.is_well();
+    stage.ends_well();
 }
 
 async fn hears_the_alarm_twice(stage: &Stage, from: usize) {

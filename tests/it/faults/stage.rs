@@ -213,7 +213,7 @@ impl Stage {
     }
 
     /// Whatever went wrong: the agent lives, nothing broke down, every session began with a stop.
-    pub fn is_well(mut self) {
+    pub fn ends_well(mut self) {
         assert!(self.run.lives(), "{}", self.run.text());
         assert_eq!(self.said("internal error"), 0, "{}", self.run.text());
         self.sessions_begin_with_a_stop();
