@@ -20,6 +20,7 @@ pub async fn starts_afresh(stage: Stage) {
     );
     stage.comes_back(before).await;
     stage.says_more("frame", 3).await;
+    stage.made_up_for_nothing();
     stage.ends_well();
 }
 
@@ -34,6 +35,7 @@ pub async fn stops_one_that_drove_on(stage: Stage) {
     assert!(stage.rig.sim.heard_since(stop)[0].client > before);
     assert!(!stage.rig.commands(gone)[..stop - gone].iter().any(moves));
     stage.comes_back(before).await;
+    stage.made_up_for_nothing();
     stage.ends_well();
 }
 
@@ -44,6 +46,7 @@ pub async fn is_let_in_again(stage: Stage) {
     stage.says_more("moved false disconnected", 2).await;
     stage.comes_back(before).await;
     stage.drives_on().await;
+    stage.made_up_for_nothing();
     stage.ends_well();
 }
 
@@ -56,6 +59,7 @@ pub async fn waits_for_the_other(stage: Stage) {
     stage.run.says("in use by `second-user`").await;
     stage.comes_back(before).await;
     stage.drives_on().await;
+    stage.made_up_for_nothing();
     stage.ends_well();
 }
 
@@ -117,6 +121,7 @@ pub async fn goes_home_after_the_reconnect(stage: Stage) {
     stage.run.says("hears battery_low 14").await;
     stage.says_more("moved false safety", 1).await;
     stage.no_motion_since(gone);
+    stage.made_up_for_nothing();
     stage.ends_well();
 }
 

@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use spykee::sim::{Fault, Firmware, Options, State, World};
-use spykee::wire::{Command, Engage};
+use spykee::wire::{Command, Engage, Sound};
 use tokio::time::{sleep, timeout};
 
 use super::table::{Scenario, Script};
@@ -25,10 +25,13 @@ link: { connect_timeout: 2, login_timeout: 1, first_pause: 0.05, longest_pause: 
 watchdog: { stream_silence: 1, power_silence: 2, dock_pause: 0.2, dock_retries: 1, charge_timeout: 1, alarm_every: 1 }
 ";
 
-/// Tells what it hears.
+/// Tells what it hears, and asks for a sound when nobody can play it.
 const LISTEN: &str = r#"
 robot.on("connected", function() print("hears connected") end)
-robot.on("disconnected", function() print("hears disconnected") end)
+robot.on("disconnected", function()
+	print("hears disconnected")
+	robot.play("bomb")
+end)
 robot.on("battery_low", function(battery) print("hears battery_low", battery.percent) end)
 "#;
 
@@ -190,6 +193,12 @@ impl Stage {
             .iter()
             .filter(|command| **command == Command::Engine(Engage::Dock))
             .count()
+    }
+
+    /// After a while without a link: what was asked for meanwhile is not made up for.
+    pub fn made_up_for_nothing(&self) {
+        let heard = self.rig.commands(0);
+        assert!(!heard.contains(&Command::Play(Sound::Bomb)), "{heard:?}");
     }
 
     /// The first command of every session is a stop, and it comes before anything else.

@@ -83,7 +83,7 @@ pub const SCENARIOS: &[Scenario] = scenarios! {
     "Wi-Fi gone for a while", "{fault: reboot, state: kept, for: 1}",
         "a robot that drove on meanwhile first hears a stop", robot::stops_one_that_drove_on, Cruises;
     "refused: in use", "{fault: refuse_login, reason: busy, for: 1.5}, {fault: drop}",
-        "tries again until it is let in; the script lives on", robot::is_let_in_again, Drives;
+        "tries again until it is let in; what was asked for meanwhile is not made up for", robot::is_let_in_again, Drives;
     "refused: wrong password", "{fault: refuse_login, reason: password, for: 1.5}, {fault: drop}",
         "a robot that knew us is tried again; the script lives on", robot::is_let_in_again, Drives;
     "a second user takes over", "{fault: take_over, for: 1.5}",
