@@ -4,6 +4,7 @@
 mod behaviours;
 mod cli;
 mod eyes;
+mod faults;
 mod floors;
 mod link;
 mod pilot;

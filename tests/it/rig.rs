@@ -52,6 +52,10 @@ impl Rig {
             firmware,
             ..Options::default()
         };
+        Rig::with(world, options).await
+    }
+
+    pub async fn with(world: World, options: Options) -> Rig {
         let server = Server::bind(world, options).await.unwrap();
         let (sim, address) = (server.handle(), server.local_addr().to_string());
         let server = tokio::spawn(async move {
@@ -197,6 +201,11 @@ impl Run {
             .split_whitespace()
             .filter_map(|number| number.parse().ok());
         numbers.filter_map(rustix::process::Pid::from_raw).collect()
+    }
+
+    /// Whether it still runs.
+    pub fn lives(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_none()
     }
 
     /// Waits for its end: the exit code.

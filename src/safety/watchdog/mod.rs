@@ -73,7 +73,8 @@ pub struct Watchdog {
     leaving: Option<Leaving>,
     alarm: Option<Alarm>,
     listening: bool,
-    heard: Instant,
+    /// Since when the robot has moved without being heard, pauses included.
+    unheard_motion: Option<Instant>,
     /// When the time was last looked at.
     ticked: Instant,
     acts: Vec<Act>,
@@ -96,7 +97,7 @@ impl Watchdog {
             leaving: None,
             alarm: None,
             listening: false,
-            heard: now,
+            unheard_motion: None,
             ticked: now,
             acts: Vec::new(),
         }
@@ -107,15 +108,13 @@ impl Watchdog {
         match fact {
             Fact::LinkUp { docked, power } => self.link_up(docked, power, now),
             Fact::LinkDown => self.link_down(now),
-            Fact::Heard => self.heard = now,
+            Fact::Heard => self.hear(now),
             Fact::Power(power) => self.power(power, now),
             Fact::Engine(news) => self.engine(news, now),
             Fact::Listening(on) => {
-                self.heard = if on && !self.listening {
-                    now
-                } else {
-                    self.heard
-                };
+                if on && !self.listening {
+                    self.hear(now);
+                }
                 self.listening = on;
             }
             Fact::Asked { by, priority, ask } => self.asked(by, priority, ask, now),
@@ -217,10 +216,15 @@ impl Watchdog {
         if self.online {
             self.link_down(now);
         }
-        (self.online, self.on_station, self.heard) = (true, docked, now);
+        (self.online, self.on_station) = (true, docked);
         self.listening = false;
         self.tracks.told_to_stop(now);
+        self.hear(now);
         self.power(power, now);
+    }
+
+    fn hear(&mut self, now: Instant) {
+        self.unheard_motion = self.tracks.moving_since().map(|_| now);
     }
 
     fn link_down(&mut self, now: Instant) {
@@ -340,6 +344,9 @@ impl Watchdog {
             self.tracks.want(wanted);
         }
         if let Some(setpoint) = self.tracks.poll(now) {
+            if !setpoint.is_stop() {
+                self.unheard_motion.get_or_insert(now);
+            }
             self.send(setpoint.command());
         }
     }

@@ -40,8 +40,8 @@ impl Watchdog {
     }
 
     pub(super) fn stream_deadline(&self) -> Option<Instant> {
-        let moving_since = self.tracks.moving_since().filter(|_| self.listening)?;
-        Some(self.heard.max(moving_since) + self.limits.stream_silence.get())
+        let since = self.unheard_motion.filter(|_| self.listening)?;
+        Some(since + self.limits.stream_silence.get())
     }
 
     /// Blind while moving: stop, and find out whether anybody is there.
@@ -49,6 +49,7 @@ impl Watchdog {
         if self.stream_deadline().is_none_or(|due| due > now) {
             return;
         }
+        self.unheard_motion = None;
         self.halt(now);
         self.end_motion(MotionEnd::Disconnected);
         let silence = self.limits.stream_silence.get().as_secs_f64();
