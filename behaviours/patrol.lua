@@ -47,12 +47,18 @@ local function photograph(name)
 	log.info(`I see {colours_in(frame)}`, { picture = path or why })
 end
 
+local LOOKS = {
+	{ name = "left", angle = math.pi / 4 },
+	{ name = "right", angle = -math.pi / 2 },
+	{ name = "ahead", angle = math.pi / 4 },
+}
+
 local function look_around()
-	for _, angle in { math.pi / 4, -math.pi / 2, math.pi / 4 } do
-		if not robot.turn(angle) then
+	for _, look in LOOKS do
+		if not robot.turn(look.angle) then
 			return
 		end
-		photograph(`round{rounds}-leg{leg}-{if angle > 0 then "left" else "right"}.jpg`)
+		photograph(`round{rounds}-leg{leg}-{look.name}.jpg`)
 	end
 end
 

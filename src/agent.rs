@@ -51,7 +51,7 @@ pub struct Outcome {
     /// Each behaviour by name and how it ended, in the order in which they ended.
     pub endings: Vec<(String, Ending)>,
     /// At the end the watchdog had the robot: low battery.
-    pub low: bool,
+    pub safety: bool,
     /// Ended by the token, not by itself and not by the time limit.
     pub interrupted: bool,
 }
@@ -152,7 +152,7 @@ fn refused((name, ending): (String, Ending)) -> Outcome {
     report(&name, &ending);
     Outcome {
         endings: vec![(name, ending)],
-        low: false,
+        safety: false,
         interrupted: false,
     }
 }
@@ -224,7 +224,7 @@ impl Run {
         if timeout(SCRIPTS_END, scripts).await.is_err() {
             warn!("scripts that did not end in time were left behind");
         }
-        let low = self.status.borrow().low;
+        let safety = reason == EndReason::Safety || self.status.borrow().low;
         self.ending.closing.cancel();
         match timeout(LINK_END, &mut self.flight).await {
             Ok(Ok(_)) => {}
@@ -232,11 +232,7 @@ impl Run {
             Err(_) => self.flight.abort(),
         }
         let Run { endings, .. } = self;
-        Ok(Outcome {
-            endings,
-            low,
-            interrupted,
-        })
+        Ok(Outcome { endings, safety, interrupted })
     }
 
     /// Something of ours is broken: the pilot is dropped, and its writer's drop stops the tracks.
@@ -262,6 +258,7 @@ async fn run_out(
     if going_home(&status.borrow_and_update()) {
         info!("battery low: staying until the robot is on its station (Ctrl-C leaves now)");
         let _ = status.wait_for(|status| !going_home(status)).await;
+        return Ok(EndReason::Safety);
     }
     Ok(EndReason::Done)
 }

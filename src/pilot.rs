@@ -237,8 +237,10 @@ impl Pilot {
         lost
     }
 
+    // A behaviour hears of a fact before it hears what came of it: an answer to a waiting call must
+    // not overtake the news that brought it about. Telling never waits, so nothing is delayed.
+
     async fn power(&mut self, power: Power) -> Option<String> {
-        let lost = self.take(Fact::Power(power)).await;
         let before = self.battery.replace(power);
         if before != Some(power) {
             self.seats.tell_all(&Event::Battery(power.into()));
@@ -246,11 +248,10 @@ impl Pilot {
         if before.map(|power| power.charging) != Some(power.charging) {
             self.seats.tell_all(&Event::Charging { on: power.charging });
         }
-        lost
+        self.take(Fact::Power(power)).await
     }
 
     async fn engine(&mut self, news: EngineNews) -> Option<String> {
-        let lost = self.take(Fact::Engine(news)).await;
         let event = match news {
             EngineNews::Docked => Event::Docked,
             EngineNews::Undocked => Event::Undocked,
@@ -258,9 +259,9 @@ impl Pilot {
             EngineNews::BaseNotFound => Event::BaseNotFound,
             EngineNews::Unknown(code) => Event::Engine { code },
         };
-        info!("the robot says: {event:?}");
+        info!("the robot says: {}", words(news));
         self.seats.tell_all(&event);
-        lost
+        self.take(Fact::Engine(news)).await
     }
 
     fn frame(&mut self, jpeg: bytes::Bytes) {
@@ -456,6 +457,16 @@ impl Pilot {
         if let Some(writer) = self.writer.take() {
             writer.close().await;
         }
+    }
+}
+
+fn words(news: EngineNews) -> String {
+    match news {
+        EngineNews::Docked => "on the station".to_owned(),
+        EngineNews::Undocked => "off the station".to_owned(),
+        EngineNews::Charged => "the battery is full".to_owned(),
+        EngineNews::BaseNotFound => "station not found".to_owned(),
+        EngineNews::Unknown(code) => format!("ENGINE {code}, which nobody knows"),
     }
 }
 

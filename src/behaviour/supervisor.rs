@@ -200,17 +200,17 @@ impl Supervisor {
     }
 
     async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Ending {
-        let (mut last_moment, mut gone) = (None, false);
+        let (mut last_moment, mut running) = (None, false);
         loop {
             tokio::select! {
                 biased;
                 told = self.inbox.next() => match told {
                     Told::Event(event) => {
-                        let (answer, go) = (event.is_answer(), event.is_welcome() && !gone);
+                        let (answer, go) = (event.is_answer(), event.is_welcome() && !running);
                         if !self.pass_on(ToHost::Event(event)) && answer {
                             return self.deaf();
                         }
-                        gone |= go && self.pass_on(ToHost::Go);
+                        running |= go && self.pass_on(ToHost::Go);
                     }
                     Told::Kill(reason) => return self.killed(reason),
                     Told::Closed => return self.killed(EndReason::Shutdown),
@@ -218,7 +218,7 @@ impl Supervisor {
                 Ok(()) = stop.changed(), if last_moment.is_none() => {
                     let reason = stop.borrow_and_update().unwrap_or(EndReason::Shutdown);
                     self.pass_on(ToHost::Stop(reason));
-                    gone = gone || self.pass_on(ToHost::Go);
+                    running = running || self.pass_on(ToHost::Go);
                     last_moment = Some((Instant::now() + STOP_TIME, reason));
                 }
                 Some(reason) = at(last_moment) => return self.killed(reason),
@@ -321,7 +321,7 @@ fn log(behaviour: &str, line: &LogLine) {
         .map(|(key, value)| format!("{key}={value}"))
         .collect();
     let text = [&[line.text.clone()][..], &fields].concat().join(" ");
-    let at = line.line.unwrap_or(0);
+    let at = line.line;
     match line.level {
         Level::Debug => tracing::debug!(target: "spykee::script", behaviour, line = at, "{text}"),
         Level::Info => tracing::info!(target: "spykee::script", behaviour, line = at, "{text}"),

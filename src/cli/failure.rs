@@ -80,9 +80,3 @@ impl From<LinkError> for Failure {
     }
 }
 
-/// The causes are part of what happened.
-impl From<anyhow::Error> for Failure {
-    fn from(error: anyhow::Error) -> Failure {
-        Failure::usage(format_args!("{error:#}"))
-    }
-}

@@ -35,9 +35,6 @@ pub(super) struct RunArgs {
     #[arg(value_name = "FILE.lua")]
     files: Vec<PathBuf>,
 
-    #[command(flatten)]
-    connection: ConnectionArgs,
-
     /// Read the settings from this YAML file
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
@@ -49,6 +46,9 @@ pub(super) struct RunArgs {
     /// Of math.random and of the simulator's noise; without it a new one for each run
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
+
+    #[command(flatten)]
+    connection: ConnectionArgs,
 }
 
 fn parse_seconds(text: &str) -> Result<Duration, String> {
@@ -147,7 +147,7 @@ fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
         Exit::Interrupted
     } else if ended_by(&[EndReason::Error, EndReason::Cpu, EndReason::Memory]) {
         Exit::Script
-    } else if outcome.low || ended_by(&[EndReason::Safety]) {
+    } else if outcome.safety || ended_by(&[EndReason::Safety]) {
         Exit::Safety
     } else {
         Exit::Done
@@ -234,8 +234,8 @@ fn behaviour(
         seed,
         limits: config.limits.clone(),
         calibration: config.calibration,
-        //CAMERA camera: config.camera,
-        //CAMERA colours: config.colours.clone(),
+        camera: config.camera,
+        colours: config.colours.clone(),
         data_dir: Some(data),
         ..script::Options::new(name, entry.file.display().to_string())
     };

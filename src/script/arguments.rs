@@ -29,7 +29,6 @@ impl From<LuaError> for Refusal {
 }
 
 /// The arguments of one call.
-#[derive(Debug)]
 pub(super) struct Args {
     /// As people write it, such as `robot.move`.
     pub(super) call: &'static str,
@@ -96,7 +95,12 @@ impl Args {
         self.check_number(name, self.value(index), bounds)
     }
 
-    fn check_number(&self, name: &str, value: &LuaValue, bounds: Bounds) -> Result<f64, Refusal> {
+    pub(super) fn check_number(
+        &self,
+        name: &str,
+        value: &LuaValue,
+        bounds: Bounds,
+    ) -> Result<f64, Refusal> {
         let number = match value {
             LuaValue::Integer(number) => *number as f64,
             LuaValue::Number(number) if number.is_nan() => {
@@ -227,7 +231,6 @@ impl Args {
 }
 
 /// A table of named values whose keys were checked.
-#[derive(Debug)]
 pub(super) struct Table<'a> {
     pub(super) args: &'a Args,
     table: Option<LuaTable>,
@@ -253,6 +256,14 @@ impl Table<'_> {
         match self.value(key)? {
             LuaValue::Nil => Ok(None),
             value => self.args.check_number(key, &value, bounds).map(Some),
+        }
+    }
+
+    pub(super) fn boolean(&self, key: &str, default: bool) -> Result<bool, Refusal> {
+        match self.value(key)? {
+            LuaValue::Nil => Ok(default),
+            LuaValue::Boolean(on) => Ok(on),
+            other => Err(self.args.wrong(key, "true or false", &other)),
         }
     }
 

@@ -7,9 +7,10 @@ use std::time::Duration;
 use mlua::prelude::{Lua, LuaFunction, LuaResult, LuaTable, LuaValue};
 use tokio::time::Instant;
 
-use super::api::frame::{self, HeldFrame};
+use super::api::{HeldFrame, frame_to_lua};
+use super::queue::Timer;
 use super::sound;
-use super::task::{SubscriptionId, TaskId, Timer};
+use super::task::{SubscriptionId, TaskId};
 use crate::robot::{Battery, Event};
 
 /// Subscriptions that may exist at once.
@@ -85,7 +86,7 @@ impl EventName {
 }
 
 /// What an event carries.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub(super) enum Payload {
     Event(Rc<Event>),
     Frame(Rc<HeldFrame>),
@@ -96,7 +97,7 @@ impl Payload {
     /// The table of `API.md`, *Events*; an empty one where the event carries nothing.
     pub(super) fn to_lua(&self, lua: &Lua) -> LuaResult<LuaValue> {
         let event = match self {
-            Payload::Frame(held) => return frame::to_lua(lua, held),
+            Payload::Frame(held) => return frame_to_lua(lua, held),
             Payload::Noise { dbfs } => {
                 let table = lua.create_table_with_capacity(0, 1)?;
                 table.raw_set("dbfs", *dbfs)?;
@@ -138,7 +139,6 @@ pub(super) fn battery_table(lua: &Lua, battery: Battery, age: Duration) -> LuaRe
 }
 
 /// One `robot.on` or `robot.once`.
-#[derive(Debug)]
 pub(super) struct Subscription {
     pub(super) event: EventName,
     pub(super) function: LuaFunction,

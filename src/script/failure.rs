@@ -224,9 +224,11 @@ mod tests {
     fn error_chains_are_walked_and_never_displayed() {
         let mut error = LuaError::MemoryError("x".to_owned());
         for _ in 0..10 {
+            #[expect(clippy::arc_with_non_send_sync, reason = "the library's own type")]
+            let cause = std::sync::Arc::new(error);
             error = LuaError::CallbackError {
                 traceback: String::new(),
-                cause: std::sync::Arc::new(error),
+                cause,
             };
         }
         assert_eq!(Trouble::of(&error), Trouble::Memory);

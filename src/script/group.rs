@@ -18,7 +18,6 @@ pub(super) enum Rule {
 }
 
 /// One such call under way.
-#[derive(Debug)]
 pub(super) struct Group {
     pub(super) parent: TaskId,
     pub(super) rule: Rule,

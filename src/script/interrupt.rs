@@ -1,10 +1,10 @@
 //! The VM's interrupt, set through the C interface: the one file with `unsafe` code.
 //!
 //! Luau calls the interrupt at every safepoint (loop back edges, calls, returns, each step of a
-//! string pattern). The safe wrapper around it makes an empty loop 5.8 times slower, this one costs
-//! nothing measurable: it reads one byte. Only when that byte is set does it ask [`budget`], and
-//! raises if the slice is over. It raises at *every* safepoint from then on, so that no `pcall` can
-//! go on for long.
+//! string pattern). Measured on an empty loop and a recursion, the safe wrapper around it makes
+//! them 2.5 times slower, this one 1.4 times: it reads one byte. Only when that byte is set does
+//! it ask [`budget`], and raises if the slice is over. It raises at *every* safepoint from then
+//! on, so that no `pcall` can go on for long.
 //!
 //! Why this is sound: the function is only ever called by the VM, on the thread that runs it, with
 //! the running coroutine; it has the calling convention that lets the VM's exceptions pass; and no

@@ -8,9 +8,9 @@
 //! nothing that it did in its last slice leaves. What hangs *inside* one library call is the
 //! business of the process around it.
 //!
-//! The parts: [`sandbox`] makes a VM that holds; [`budget`] and [`interrupt`] end what runs too
-//! long; [`task`] and [`scheduler`] decide who runs next; [`slice`] runs; [`ending`] ends; `api/`
-//! has one file for each Lua namespace; `stdlib/` what is written in Lua.
+//! The parts: `sandbox` makes a VM that holds; `budget` and `interrupt` end what runs too long;
+//! `task`, `queue` and `scheduler` decide who runs next; `slice` runs; `ending` ends; `api/` has one
+//! file for each Lua namespace; `stdlib/` what is written in Lua.
 
 mod api;
 mod arguments;
@@ -24,6 +24,7 @@ mod motion;
 mod nearest;
 mod options;
 mod output;
+mod queue;
 mod sandbox;
 mod scheduler;
 mod slice;

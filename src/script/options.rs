@@ -1,9 +1,12 @@
 //! What a script is started with.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
+
+use crate::vision::{Camera, Colour};
 
 /// One mebibyte.
 const MIB: u64 = 1024 * 1024;
@@ -21,6 +24,10 @@ pub struct Options {
     pub limits: Limits,
     /// How percent of power become metres per second.
     pub calibration: Calibration,
+    /// How columns of a frame become directions.
+    pub camera: Camera,
+    /// Colours of the config, by name.
+    pub colours: BTreeMap<String, Colour>,
     /// Where `frame:save` writes; `None`: nowhere, it answers `io`.
     pub data_dir: Option<PathBuf>,
     /// The most that the data folder may hold, in bytes.
@@ -36,6 +43,8 @@ impl Options {
             seed: 0,
             limits: Limits::default(),
             calibration: Calibration::default(),
+            camera: Camera::default(),
+            colours: BTreeMap::new(),
             data_dir: None,
             data_quota: 64 * MIB,
         }
@@ -48,7 +57,7 @@ impl Options {
 pub struct Limits {
     /// The VM's own memory, in bytes: 8 MiB.
     pub memory_bytes: u64,
-    /// How long it may run without waiting, in milliseconds: 100.
+    /// How long it may run without waiting, in milliseconds, at least 10: 100.
     pub callback_budget_ms: u64,
     /// JPEG bytes of frames that the script holds on to, in bytes: 8 MiB.
     pub frame_bytes: u64,
@@ -70,7 +79,7 @@ impl Default for Limits {
 impl Limits {
     /// How long the script may run without waiting.
     pub fn callback_budget(&self) -> Duration {
-        Duration::from_millis(self.callback_budget_ms)
+        Duration::from_millis(self.callback_budget_ms.max(10))
     }
 }
 

@@ -107,6 +107,13 @@ impl Outbox {
         self.waiting.push(Output::Intent(intent));
     }
 
+    /// Sends a stop, however many intents wait; one directly behind another says nothing new.
+    pub(super) fn send_stop(&mut self) {
+        if self.waiting.last() != Some(&Output::Intent(Intent::Stop)) {
+            self.send(Intent::Stop);
+        }
+    }
+
     /// Logs, or counts if there were too many lines this second.
     pub(super) fn log(&mut self, line: LogLine, now: Instant) {
         self.unfold(now);

@@ -10,8 +10,9 @@ use super::ending::Life;
 use super::events::Busy;
 use super::motion::Owner;
 use super::output::Level;
+use super::queue::Due;
 use super::state::State;
-use super::task::{Answer, Cancel, Due, Kind, Phase, Status, SubscriptionId, TaskId, Wait};
+use super::task::{Answer, Cancel, Kind, Phase, Status, SubscriptionId, TaskId, Wait};
 use crate::robot::{EndReason, Intent};
 
 /// What a cancelled task's wait raises.
@@ -21,7 +22,6 @@ pub(super) const CANCELLED: &str = "cancelled";
 const MAX_FAILURES: u32 = 5;
 
 /// How a coroutine ended.
-#[derive(Debug)]
 pub(super) enum Outcome {
     Done(LuaMultiValue),
     Failed(String),

@@ -9,9 +9,10 @@ use super::budget::{self, Spent};
 use super::ending::{Before, Life};
 use super::events::Busy;
 use super::failure::Trouble;
+use super::queue::Ready;
 use super::sandbox;
 use super::scheduler::Outcome;
-use super::task::{Answer, Cancel, Kind, Phase, Ready, SubscriptionId, TaskId};
+use super::task::{Answer, Cancel, Kind, Phase, SubscriptionId, TaskId};
 use crate::robot::EndReason;
 
 /// How a slice ended.
@@ -71,6 +72,10 @@ impl Script {
         let values = resume_values(&self.lua, answer)?;
         let (slice, spent) = self.resume(id, &thread, values);
         self.account(&spent);
+        if self.state.borrow().broken {
+            self.broken(before);
+            return Ok(());
+        }
         if spent.over {
             self.over_budget(spent, before);
             return Ok(());
@@ -165,6 +170,12 @@ impl Script {
         };
         state.begin_stop(EndReason::Done, reason);
         true
+    }
+
+    fn broken(&self, before: Before) {
+        let text = "a fault inside spykee, not of the script: please report it, with the script";
+        let mut state = self.state.borrow_mut();
+        state.kill(EndReason::Error, Some(text.to_owned()), before);
     }
 
     fn over_budget(&self, spent: Spent, before: Before) {

@@ -8,7 +8,7 @@ use std::time::Duration;
 use mlua::prelude::LuaFunction;
 use tokio::time::Instant;
 
-use super::api::frame::HeldFrame;
+use super::api::{Album, HeldFrame, LineSight};
 use super::ending::Life;
 use super::events::{EventName, Payload, Subscriptions, is_round};
 use super::failure::with_hint;
@@ -16,9 +16,11 @@ use super::group::Group;
 use super::motion::{Motion, Owner};
 use super::options::Options;
 use super::output::{Level, LogLine, Outbox};
+use super::queue::Tasks;
 use super::sound::Loudness;
-use super::task::{Answer, GroupId, Kind, SubscriptionId, Tasks, Wait};
+use super::task::{Answer, GroupId, Kind, SubscriptionId, Wait};
 use crate::robot::{Battery, Event, Frame, Intent, RobotInfo};
+use crate::vision::Eyes;
 use crate::wire::Stream;
 
 /// Places whose complaints are counted; those of further places are logged each time.
@@ -66,7 +68,6 @@ pub struct Usage {
 }
 
 /// Everything that natives and scheduler share.
-#[derive(Debug)]
 pub(super) struct State {
     pub(super) options: Options,
     pub(super) start: Instant,
@@ -80,6 +81,11 @@ pub(super) struct State {
     pub(super) newest: Option<Rc<HeldFrame>>,
     /// JPEG bytes of all frames that anyone holds.
     pub(super) frame_bytes: Rc<Cell<u64>>,
+    pub(super) eyes: Eyes,
+    pub(super) line_sight: LineSight,
+    /// Trackers and motion detectors that live.
+    pub(super) watchers: Rc<Cell<u32>>,
+    pub(super) album: Album,
     pub(super) outbox: Outbox,
     pub(super) farewells: VecDeque<LuaFunction>,
     pub(super) life: Life,
@@ -87,13 +93,19 @@ pub(super) struct State {
     pub(super) can_wait: bool,
     /// The running task has called `script.stop`.
     pub(super) stop_asked: Option<Option<String>>,
+    /// A native has panicked: nothing of the script can be trusted any more.
+    pub(super) broken: bool,
     pub(super) usage: Usage,
     pub(super) last_call: u64,
+    /// When a track last turned.
+    moved: Option<Instant>,
     complaints: BTreeMap<String, u64>,
 }
 
 impl State {
     pub(super) fn new(options: Options, now: Instant) -> State {
+        let album = Album::new(options.data_dir.clone(), options.data_quota);
+        let eyes = Eyes::new(options.camera);
         State {
             options,
             start: now,
@@ -106,13 +118,19 @@ impl State {
             streams: Vec::new(),
             newest: None,
             frame_bytes: Rc::default(),
+            eyes,
+            line_sight: LineSight::default(),
+            watchers: Rc::default(),
+            album,
             outbox: Outbox::new(now),
             farewells: VecDeque::new(),
             life: Life::Running,
             can_wait: true,
             stop_asked: None,
+            broken: false,
             usage: Usage::default(),
             last_call: 0,
+            moved: None,
             complaints: BTreeMap::new(),
         }
     }
@@ -120,7 +138,16 @@ impl State {
     /// The time never runs backwards.
     pub(super) fn tick(&mut self, now: Instant) {
         self.now = self.now.max(now);
+        if self.motion.is_on() {
+            self.moved = Some(self.now);
+        }
         self.outbox.unfold(self.now);
+    }
+
+    /// Whether this script has moved the robot within the last `time`.
+    pub(super) fn has_moved_within(&self, time: Duration) -> bool {
+        let lately = |at: Instant| self.now.saturating_duration_since(at) < time;
+        self.motion.is_on() || self.moved.is_some_and(lately)
     }
 
     /// Takes note of an event and hands it on.

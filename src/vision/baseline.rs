@@ -49,7 +49,7 @@ struct Component {
 /// Tables and buffers that live from frame to frame.
 #[derive(Debug, Default)]
 pub(super) struct Baseline {
-    quantisers: [Option<[i16; 64]>; 4],
+    quantisers: [Option<[i32; 64]>; 4],
     firsts: [Table; 4],
     others: [Table; 4],
     /// Which of the tables this frame has brought.
@@ -276,7 +276,7 @@ impl Baseline {
 struct Part<'a> {
     across: usize,
     down: usize,
-    quantiser: [i16; 64],
+    quantiser: [i32; 64],
     first: &'a Table,
     others: &'a Table,
     /// The first frequency of the block before: the next one is told as a difference.
@@ -335,31 +335,37 @@ fn decode_unit(bits: &mut Bits<'_>, part: &mut Part<'_>, x: usize, y: usize) -> 
 }
 
 /// Reads a block's frequencies, multiplied by their quantisers; says whether there are others than the first.
-#[inline]
+#[inline(never)]
 fn decode_block(
     bits: &mut Bits<'_>,
     part: &mut Part<'_>,
     frequencies: &mut [i16; 64],
 ) -> Option<bool> {
-    let (_, difference) = part.first.next(bits)?;
+    // A copy of its own stays in registers.
+    let mut local = *bits;
+    let (run, difference) = part.first.next(&mut local)?;
+    if run != 0 {
+        return None;
+    }
     part.before = part.before.wrapping_add(difference);
-    frequencies[0] = (part.before as i16).wrapping_mul(part.quantiser[0]);
+    frequencies[0] = idct::dequantised(part.before, part.quantiser[0]);
     let mut index = 1;
-    let mut others = false;
     while index < 64 {
-        let (run, value) = part.others.next(bits)?;
+        let (run, value) = part.others.next(&mut local)?;
         index += run as usize;
         if value == 0 {
-            if run < 15 {
-                break;
+            match run {
+                0 => break,
+                15 => {}
+                _ => return None,
             }
         } else {
             let place = idct::PLACES.get(index)?;
             frequencies[usize::from(place & 63)] =
-                (value as i16).wrapping_mul(part.quantiser[index & 63]);
-            others = true;
+                idct::dequantised(value, part.quantiser[index & 63]);
         }
         index += 1;
     }
-    Some(others)
+    *bits = local;
+    Some(frequencies[1..].iter().any(|value| *value != 0))
 }

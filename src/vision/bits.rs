@@ -84,6 +84,7 @@ fn first_ff(bytes: &[u8]) -> usize {
 }
 
 /// Reads bits, the highest of a byte first. Behind the end come zeros; [`Bits::left`] tells.
+#[derive(Clone, Copy)]
 pub(super) struct Bits<'a> {
     bytes: &'a [u8],
     len: usize,

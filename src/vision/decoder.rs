@@ -79,3 +79,50 @@ impl Decoder {
 fn short(error: image::ImageError) -> FrameError {
     FrameError::Damaged(error.to_string().chars().take(120).collect())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::RgbImage;
+
+    /// Mean and largest difference of any channel of any pixel.
+    fn difference(ours: &RgbImage, theirs: &RgbImage) -> (f64, u8) {
+        let differences = ours.iter().zip(theirs.iter()).map(|(a, b)| a.abs_diff(*b));
+        let sum: u32 = differences.clone().map(u32::from).sum();
+        (
+            f64::from(sum) / ours.len() as f64,
+            differences.max().unwrap_or(0),
+        )
+    }
+
+    fn both(jpeg: &[u8]) -> (f64, u8) {
+        let mut decoder = Decoder::default();
+        let size = Survey::of(jpeg).unwrap().size;
+        let mut image = Image::default();
+        Baseline::default().decode(jpeg, true, &mut image).unwrap();
+        decoder.decode_rarer(jpeg, size).unwrap();
+        difference(&image.to_rgb(), &decoder.image().to_rgb())
+    }
+
+    #[test]
+    fn pixels_are_those_of_the_image_crate() {
+        let (mean, most) = both(include_bytes!("../../tests/fixtures/ball-444.jpg"));
+        assert!(mean < 1.0 && most <= 8, "{mean} {most}");
+        let (mean, most) = both(include_bytes!("../../tests/fixtures/ball-grey.jpg"));
+        assert!(mean < 0.5 && most <= 2, "{mean} {most}");
+    }
+
+    /// Shared blueness and redness are smoothed there and not here, which shows at sharp borders only.
+    #[test]
+    fn pixels_are_nearly_those_of_the_image_crate_where_colour_is_coarse() {
+        for jpeg in [
+            include_bytes!("../../tests/fixtures/ball-422.jpg").as_slice(),
+            include_bytes!("../../tests/fixtures/ball-420.jpg"),
+            include_bytes!("../../tests/fixtures/ball-440.jpg"),
+            include_bytes!("../../tests/fixtures/ball-restart.jpg"),
+        ] {
+            let (mean, _) = both(jpeg);
+            assert!(mean < 4.0, "{mean}");
+        }
+    }
+}

@@ -4,8 +4,9 @@ use super::blobs::{Blob, BlobFinder, BlobOptions, Camera};
 use super::colour::Colour;
 use super::decoder::Decoder;
 use super::frame::FrameError;
+use super::line::{Line, find_line};
 use super::palette::Palette;
-use super::picture::Image;
+use super::picture::{Image, Roi};
 
 /// Palettes that are kept; a behaviour rarely looks for more sets of colours.
 const MAX_PALETTES: usize = 8;
@@ -63,6 +64,27 @@ impl Eyes {
         Ok(self
             .finder
             .find(self.decoder.image(), palette, options, self.camera))
+    }
+
+    /// The line of frame number `key` in any of the colours, in a part of it; nothing when there is none.
+    ///
+    /// # Errors
+    /// As [`Eyes::look`].
+    pub fn find_line(
+        &mut self,
+        key: u64,
+        jpeg: &[u8],
+        colours: &[Colour],
+        roi: Option<Roi>,
+    ) -> Result<Option<Line>, FrameError> {
+        self.look(key, jpeg)?;
+        let palette = newest(&mut self.palettes, colours, false);
+        Ok(find_line(
+            &mut self.finder,
+            self.decoder.image(),
+            palette,
+            roi,
+        ))
     }
 
     /// How many frames were decoded so far.

@@ -125,17 +125,16 @@ impl MotionDetector {
     }
 
     fn mark_changes(&mut self) {
-        let threshold = i64::from(self.options.threshold.max(1));
+        let threshold = i32::from(self.options.threshold.max(1));
         let clipped = |value: u8| i32::from(value) <= CLIPPED.0 || i32::from(value) >= CLIPPED.1;
         self.changed.clear();
         let pairs = self.now.iter().zip(&self.before);
         let sums = self.around_now.sums.iter().zip(&self.around_before.sums);
         self.changed.extend(pairs.zip(sums).map(
             |((&now, &before), (&around_now, &around_before))| {
-                // now - before * around_now / around_before, without the division.
-                let (around_now, around_before) =
-                    (i64::from(around_now) + 1, i64::from(around_before) + 1);
-                let rest = i64::from(now) * around_before - i64::from(before) * around_now;
+                // now - before * around_now / around_before, without the division; all below 255^2 times 15^2.
+                let (around_now, around_before) = (around_now as i32 + 1, around_before as i32 + 1);
+                let rest = i32::from(now) * around_before - i32::from(before) * around_now;
                 let both_clipped = clipped(now) && clipped(before);
                 u8::from(!both_clipped && rest.abs() > threshold * around_before.max(around_now))
             },

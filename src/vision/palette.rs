@@ -34,8 +34,12 @@ pub struct Palette {
     /// Light of each sRGB value.
     linear: Box<[f64; 256]>,
     /// For each pair of blueness and redness, which row is its own.
-    index: Box<[u16]>,
+    index: Box<[u16; PAIRS]>,
     rows: Vec<Row>,
+    /// 0 for each pair whose row is known to be [`NOTHING`], else 1. Small enough for the nearest cache.
+    lively: Box<[u8; PAIRS]>,
+    /// The pairs of a row of pixels.
+    pairs: Vec<u16>,
 }
 
 impl Palette {
@@ -49,7 +53,7 @@ impl Palette {
             .iter()
             .any(|colour| matches!(colour, Colour::Lab { .. }));
         let linear = Box::new(std::array::from_fn(|value| linear(value as f64)));
-        let index = vec![UNKNOWN; PAIRS].into_boxed_slice();
+        let index = Box::new([UNKNOWN; PAIRS]);
         Palette {
             colours,
             invert,
@@ -57,6 +61,8 @@ impl Palette {
             linear,
             index,
             rows: vec![[0; LEVELS]; 2],
+            lively: Box::new([1; PAIRS]),
+            pairs: Vec::new(),
         }
     }
 
@@ -70,11 +76,19 @@ impl Palette {
         self.invert == invert && self.colours == first(colours)
     }
 
+    /// Index of the first colour that has the pixel of column `x`, row `y`; nothing outside the picture.
+    pub fn colour_at(&mut self, image: &Image, x: u32, y: u32) -> Option<usize> {
+        image.pixel(x, y)?;
+        let mut label = [0];
+        self.label_row(image, y, x, &mut label);
+        label[0].checked_sub(1).map(usize::from)
+    }
+
     /// Labels the pixels of row `y` from column `x` on: 0, or 1 + the index of the first colour that has the pixel.
     pub(super) fn label_row(&mut self, image: &Image, y: u32, x: u32, labels: &mut [u8]) {
         let luma = &image.luma_row(y)[x as usize..];
         if image.grey {
-            let row = self.row(128, 128);
+            let row = self.row(pair_of(128, 128));
             labels
                 .iter_mut()
                 .zip(luma)
@@ -87,7 +101,7 @@ impl Palette {
             (0, 0) => {
                 self.label_groups::<1>(luma, &blues[x as usize..], &reds[x as usize..], labels)
             }
-            (1, 1) if x % 2 == 0 => {
+            (1, 1) if x.is_multiple_of(2) => {
                 let from = x as usize / 2;
                 self.label_groups::<2>(luma, &blues[from..], &reds[from..], labels);
             }
@@ -97,14 +111,14 @@ impl Palette {
                         blues[(x >> shifts.0) as usize],
                         reds[(x >> shifts.1) as usize],
                     );
-                    *label = self.row(blue, red)[level(*luma)];
+                    *label = self.row(pair_of(blue, red))[level(*luma)];
                 }
             }
         }
     }
 
-    /// Labels pixels of which `N` share blueness and redness; the last ones may be fewer.
-    #[inline]
+    /// Labels pixels of which `N` share blueness and redness; the last ones may be fewer. Most pixels have no
+    /// colour of interest, so eight pairs at a time are asked whether any of them may have one.
     fn label_groups<const N: usize>(
         &mut self,
         luma: &[u8],
@@ -112,34 +126,42 @@ impl Palette {
         reds: &[u8],
         labels: &mut [u8],
     ) {
-        let (groups, last_labels) = labels.as_chunks_mut::<N>();
-        let (lumas, last_lumas) = luma.as_chunks::<N>();
-        let last = groups.len();
-        for ((group, luma), (blue, red)) in groups.iter_mut().zip(lumas).zip(blues.iter().zip(reds))
-        {
-            let row = self.row(*blue, *red);
-            *group = luma.map(|luma| row[level(luma)]);
-        }
-        if let (Some(blue), Some(red)) = (blues.get(last), reds.get(last)) {
-            let row = self.row(*blue, *red);
-            let lumas = last_lumas
+        let mut pairs = std::mem::take(&mut self.pairs);
+        pairs.clear();
+        let chroma = blues.iter().zip(reds).take(labels.len().div_ceil(N));
+        pairs.extend(chroma.map(|(blue, red)| pair_of(*blue, *red)));
+        let (whole, rest) = pairs.as_chunks::<8>();
+        let (first, last) = labels.split_at_mut((whole.len() * 8 * N).min(labels.len()));
+        for ((labels, luma), pairs) in first.chunks_mut(8 * N).zip(luma.chunks(8 * N)).zip(whole) {
+            let lively = pairs
                 .iter()
-                .chain(lumas.get(last).into_iter().flatten());
-            last_labels
+                .fold(0, |any, pair| any | self.lively[usize::from(*pair) % PAIRS]);
+            if lively == 0 {
+                labels.fill(0);
+            } else {
+                self.label_lively::<N>(pairs, luma, labels);
+            }
+        }
+        self.label_lively::<N>(rest, &luma[first.len()..], last);
+        self.pairs = pairs;
+    }
+
+    fn label_lively<const N: usize>(&mut self, pairs: &[u16], luma: &[u8], labels: &mut [u8]) {
+        for ((labels, luma), pair) in labels.chunks_mut(N).zip(luma.chunks(N)).zip(pairs) {
+            let row = self.row(*pair);
+            labels
                 .iter_mut()
-                .zip(lumas)
+                .zip(luma)
                 .for_each(|(label, luma)| *label = row[level(*luma)]);
         }
     }
 
     #[inline(always)]
-    fn row(&mut self, blue: u8, red: u8) -> &Row {
-        let pair = usize::from(blue >> (8 - CHROMA_BITS)) << CHROMA_BITS
-            | usize::from(red >> (8 - CHROMA_BITS));
-        let mut row = self.index[pair];
-        if row == UNKNOWN {
-            row = self.meet(pair);
-        }
+    fn row(&mut self, pair: u16) -> &Row {
+        let row = match self.index[usize::from(pair) % PAIRS] {
+            UNKNOWN => self.meet(pair.into()),
+            row => row,
+        };
         &self.rows[usize::from(row)]
     }
 
@@ -156,6 +178,7 @@ impl Palette {
         let labels: Row =
             std::array::from_fn(|level| self.label(rgb_of_ycc([luma(level), blue, red])));
         let row = if labels == self.rows[usize::from(NOTHING)] {
+            self.lively[pair] = 0;
             NOTHING
         } else {
             self.rows.push(labels);
@@ -184,6 +207,11 @@ impl Palette {
 
 fn first(colours: &[Colour]) -> &[Colour] {
     &colours[..colours.len().min(MAX_COLOURS)]
+}
+
+#[inline(always)]
+fn pair_of(blue: u8, red: u8) -> u16 {
+    u16::from(blue >> (8 - CHROMA_BITS)) << CHROMA_BITS | u16::from(red >> (8 - CHROMA_BITS))
 }
 
 #[inline(always)]
@@ -276,7 +304,7 @@ mod tests {
                         plane.samples[(y >> plane.down) as usize * 32 + (x >> plane.across) as usize]
                     };
                     let (blue, red) = if grey { (128, 128) } else { (at(1), at(2)) };
-                    prop_assert_eq!(label, palette.row(blue, red)[level(at(0))]);
+                    prop_assert_eq!(label, palette.row(pair_of(blue, red))[level(at(0))]);
                 }
             }
         }

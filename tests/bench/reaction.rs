@@ -4,6 +4,8 @@
 //!
 //! `scripts/bench-reaction` makes the Python environment and calls this.
 
+#![allow(clippy::unwrap_used)]
+
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
@@ -78,7 +80,7 @@ fn frames() -> Vec<Bytes> {
         on: true,
     });
     let look = |turn: usize| {
-        let side = if turn % 2 == 0 { 1.0 } else { -1.0 };
+        let side = if turn.is_multiple_of(2) { 1.0 } else { -1.0 };
         let heading = side * (0.04 + 0.3 * (turn as f64 / FRAMES as f64));
         robot.place(Pose {
             x: 3.4,

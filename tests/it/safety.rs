@@ -369,3 +369,15 @@ async fn an_unknown_engine_byte_reaches_the_script_as_a_number() {
     timeout(PATIENCE, told).await.expect("told");
     assert_eq!(run.code().await, Some(0));
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_whose_script_ends_while_low_stays_until_the_robot_is_home_and_is_code_5() {
+    let rig = Rig::quiet().await;
+    let mut run = rig.run("robot.move(20, 20, 600) task.wait(0.5)");
+    rig.heard_motion(0).await;
+    rig.sim.set_battery(15.0);
+    assert_eq!(run.code().await, Some(5), "{}", run.text());
+    assert!(run.text().contains("staying until the robot is on its station"), "{}", run.text());
+    let state = rig.sim.state();
+    assert!(state.docked && state.charging, "{state:?}");
+}

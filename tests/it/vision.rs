@@ -6,9 +6,10 @@ use image::{ExtendedColorType, Rgb, RgbImage};
 use imageproc::drawing::draw_filled_circle_mut;
 use proptest::prelude::*;
 use spykee::vision::{
-    BlobOptions, Camera, Colour, Decoder, Eyes, FrameError, Mark, annotate, brightness,
-    find_qrcodes, judge,
+    BlobOptions, Camera, Colour, Decoder, Eyes, FrameError, Image, Mark, MotionDetector,
+    MotionOptions, Tracker, TrackerOptions, annotate, brightness, find_qrcodes, judge, sharpness,
 };
+use std::time::Duration;
 
 /// A room with a red ball left of the middle and a blue one right of it.
 fn room() -> RgbImage {
@@ -237,6 +238,72 @@ fn marks_are_drawn_on_a_copy() {
     }
 }
 
+#[test]
+fn most_damage_to_the_data_is_noticed() {
+    let bytes = jpeg(&room());
+    let scan = bytes
+        .windows(2)
+        .position(|pair| pair == [0xFF, 0xDA])
+        .unwrap()
+        + 14;
+    let places = (scan..bytes.len() - 40).step_by(29);
+    let (mut noticed, mut tried) = (0, 0);
+    for place in places {
+        let mut damaged = bytes.clone();
+        // A lost piece, as on a bad link.
+        damaged.drain(place..place + 25);
+        noticed += u32::from(Decoder::default().decode(&damaged).is_err());
+        tried += 1;
+    }
+    assert!(noticed * 10 > tried * 8, "noticed {noticed} of {tried}");
+}
+
+/// The room as it is some frames later.
+fn later(frame: i32) -> Vec<u8> {
+    let mut picture = room();
+    draw_filled_circle_mut(&mut picture, (40 + 12 * frame, 190), 12, Rgb([40, 170, 60]));
+    jpeg(&picture)
+}
+
+#[test]
+fn nothing_is_allocated_per_frame_once_warm() {
+    let frames: Vec<Vec<u8>> = (0..12).map(later).collect();
+    let colours = ["red", "green", "blue", "yellow"].map(|name| Colour::named(name).unwrap());
+    let options = BlobOptions {
+        merge: true,
+        margin: 2,
+        ..BlobOptions::default()
+    };
+    let camera = Camera::default();
+    let mut eyes = Eyes::new(camera);
+    let mut tracker = Tracker::new(TrackerOptions::default(), camera);
+    let mut motion = MotionDetector::new(MotionOptions::default(), camera);
+    let mut seen = 0;
+    let mut look_at_all = |round: u32| {
+        for (number, jpeg) in (0..).zip(&frames) {
+            let key = u64::from(round * 100 + number);
+            let blobs = eyes.find_blobs(key, jpeg, &colours, &options).unwrap();
+            let size = judge(jpeg).unwrap();
+            seen += tracker
+                .update(Duration::from_millis(40 * key), size, blobs)
+                .len();
+            let line = eyes.find_line(key, jpeg, &colours[..1], None).unwrap();
+            seen += usize::from(line.is_some());
+            let image = eyes.look(key, jpeg).unwrap();
+            seen += motion.update(image).blobs.len();
+            seen += usize::from(brightness(image, None) > 0.1)
+                + usize::from(sharpness(image, None) > 0.1);
+        }
+    };
+    (0..2).for_each(&mut look_at_all);
+    let counted = allocation_counter::measure(|| look_at_all(2));
+    assert_eq!(counted.count_total, 0, "{counted:?}");
+    assert!(
+        seen > 150,
+        "nothing was seen that could have cost anything: {seen}"
+    );
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(600))]
 
@@ -262,6 +329,24 @@ proptest! {
         let colours = [Colour::named("red").unwrap()];
         if eyes.find_blobs(1, &bytes, &colours, &BlobOptions::default()).is_ok() {
             prop_assert_eq!(Ok(eyes.look(1, &bytes).unwrap().size()), judge(&bytes));
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
+    #[test]
+    fn damaged_codes_are_read_or_not(
+        dots in proptest::collection::vec((0u32..320, 0u32..240, 1i32..12, any::<u8>()), 0..60),
+    ) {
+        let mut decoder = Decoder::default();
+        let mut picture = decoder.decode(include_bytes!("../fixtures/qrcode.jpg")).unwrap().to_rgb();
+        for (x, y, radius, shade) in dots {
+            draw_filled_circle_mut(&mut picture, (x as i32, y as i32), radius, Rgb([shade; 3]));
+        }
+        for code in find_qrcodes(&Image::from_rgb(&picture)) {
+            prop_assert!(code.text.len() < 10_000);
         }
     }
 }

@@ -2,12 +2,13 @@
 
 use std::time::Duration;
 
-use mlua::prelude::{LuaFunction, LuaResult};
+use mlua::prelude::LuaResult;
 
 use super::super::arguments::{Bounds, Refusal};
 use super::super::events::{EventName, MAX_SUBSCRIPTIONS, Subscription};
 use super::super::task::{SubscriptionId, Wait};
-use super::{Answered, Builder, Call, Entry, plain, tasks, waiting};
+use super::frame::add_methods;
+use super::{Answered, Builder, Call, Entry, plain, waiting};
 use crate::wire::Stream;
 
 pub(super) const CALLS: [Entry; 3] = [
@@ -22,7 +23,7 @@ const METHODS: [Entry; 1] = [plain("Subscription:off", off)];
 struct SubscriptionObject(SubscriptionId);
 
 pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
-    let off: LuaFunction = builder.table(&METHODS)?.raw_get("off")?;
+    let methods = builder.methods(&[&METHODS])?;
     let unknown = builder.strict_object("Subscription", &["off"])?;
     builder
         .lua
@@ -30,7 +31,7 @@ pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
             use mlua::UserDataFields as _;
             registry.add_meta_field("__type", "Subscription");
             registry.add_meta_field("__index", unknown);
-            registry.add_field("off", off);
+            add_methods(registry, methods);
         })
 }
 
@@ -102,11 +103,7 @@ fn off(call: &mut Call<'_>) -> Answered {
     let object = call.args.value(0).as_userdata();
     let object = object.and_then(|object| object.borrow::<SubscriptionObject>().ok());
     let Some(id) = object.map(|object| object.0) else {
-        let words = format!(
-            "call it on a subscription with a colon, like s{}()",
-            tasks::method(call.args.call)
-        );
-        return Err(call.args.misuse(&words));
+        return Err(call.no_subject("subscription"));
     };
     call.state.unsubscribe(id);
     call.reply(())

@@ -1,28 +1,50 @@
-//! `robot.frame`, `robot.wait_frame` and the Frame object.
+//! `robot.frame`, `robot.wait_frame` and the Frame object: its data, and `frame:save`. What is seen
+//! in it is asked in [`looking`](super::looking).
 
-use std::cell::Cell;
+use std::cell::{Cell, OnceCell};
 use std::rc::Rc;
 use std::time::Duration;
 
-use mlua::prelude::{Lua, LuaResult, LuaValue};
+use mlua::prelude::{Lua, LuaFunction, LuaResult, LuaValue};
 
+use super::super::arguments::Refusal;
 use super::super::events::EventName;
+use super::super::output::Level;
 use super::super::task::Wait;
-use super::{Answered, Builder, Call, Entry, events, plain, waiting};
+use super::{Answered, Builder, Call, Entry, album, events, looking, plain, waiting};
 use crate::robot::Frame;
+use crate::vision::{Size, judge};
 
 pub(super) const CALLS: [Entry; 2] = [
     plain("robot.frame", newest),
     waiting("robot.wait_frame", wait_frame),
 ];
 
+const METHODS: [Entry; 1] = [plain("Frame:save", save)];
+
+/// What a Frame object has.
+const FIELDS: [&str; 12] = [
+    "seq",
+    "age",
+    "width",
+    "height",
+    "bytes",
+    "save",
+    "find_blobs",
+    "find_line",
+    "find_qrcodes",
+    "brightness",
+    "sharpness",
+    "get_pixel",
+];
+
 /// Older frames are not the newest any more: the stream has stopped.
 const STALE: Duration = Duration::from_secs(1);
 
 /// A frame as it came, counted while anyone holds it.
-#[derive(Debug)]
 pub(in super::super) struct HeldFrame {
-    frame: Frame,
+    pub(super) frame: Frame,
+    size: OnceCell<Size>,
     held: Rc<Cell<u64>>,
 }
 
@@ -32,8 +54,20 @@ impl HeldFrame {
         held.set(held.get() + frame.jpeg.len() as u64);
         HeldFrame {
             frame,
+            size: OnceCell::new(),
             held: Rc::clone(held),
         }
+    }
+
+    /// From its header; nothing by nothing if that is damaged.
+    fn size(&self) -> Size {
+        let nothing = Size {
+            width: 0,
+            height: 0,
+        };
+        *self
+            .size
+            .get_or_init(|| judge(&self.frame.jpeg).unwrap_or(nothing))
     }
 }
 
@@ -53,8 +87,20 @@ pub(in super::super) fn to_lua(lua: &Lua, held: &Rc<HeldFrame>) -> LuaResult<Lua
     Ok(LuaValue::UserData(object))
 }
 
+/// The frame that is a script's value.
+pub(super) fn of_value(value: &LuaValue) -> Option<Rc<HeldFrame>> {
+    let object = value.as_userdata()?.borrow::<FrameObject>().ok()?;
+    Some(Rc::clone(&object.0))
+}
+
+/// The frame that a method was called on.
+pub(super) fn subject(call: &Call<'_>) -> Result<Rc<HeldFrame>, Refusal> {
+    of_value(call.args.value(0)).ok_or_else(|| call.no_subject("frame"))
+}
+
 pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
-    let unknown = builder.strict("Frame")?;
+    let unknown = builder.strict_object("Frame", &FIELDS)?;
+    let methods = builder.methods(&[&METHODS, &looking::METHODS])?;
     let shared = Rc::clone(builder.shared);
     builder
         .lua
@@ -64,12 +110,26 @@ pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
             registry.add_meta_field("__index", unknown);
             registry.add_field_method_get("seq", |_, frame| Ok(frame.0.frame.seq));
             registry.add_field_method_get("bytes", |_, frame| Ok(frame.0.frame.jpeg.len()));
+            registry.add_field_method_get("width", |_, frame| Ok(frame.0.size().width));
+            registry.add_field_method_get("height", |_, frame| Ok(frame.0.size().height));
             registry.add_field_method_get("age", move |_, frame| {
                 let now = shared.borrow().now;
                 let age = now.saturating_duration_since(frame.0.frame.at);
                 Ok(age.as_secs_f64())
             });
+            add_methods(registry, methods);
         })
+}
+
+/// Gives a type its methods.
+pub(super) fn add_methods<T>(
+    registry: &mut mlua::UserDataRegistry<T>,
+    methods: Vec<(&'static str, LuaFunction)>,
+) {
+    use mlua::UserDataFields as _;
+    for (name, method) in methods {
+        registry.add_field(name, method);
+    }
 }
 
 /// `robot.frame()`: the newest frame, or nil.
@@ -92,4 +152,24 @@ fn wait_frame(call: &mut Call<'_>) -> Answered {
     call.may_wait()?;
     events::listen(call, EventName::Frame);
     call.wait(Wait::Event(EventName::Frame), time)
+}
+
+/// `frame:save(name)`: the path, or `nil, "quota"` or `nil, "io"`.
+fn save(call: &mut Call<'_>) -> Answered {
+    let held = subject(call)?;
+    let name = call.args.text(1, "name", 100)?;
+    let Some(name) = album::file_name(&name) else {
+        return Err(call.args.misuse(
+            "the name may have letters, digits, '-', '_' and '.', and not begin with '.'",
+        ));
+    };
+    match call.state.album.save(&name, &held.frame.jpeg) {
+        Ok(path) => call.reply(path.to_string_lossy().into_owned()),
+        Err(album::NotSaved::Quota) => call.reply((LuaValue::Nil, "quota")),
+        Err(album::NotSaved::Io(reason)) => {
+            call.state
+                .log(Level::Warn, &format!("{name} is not saved: {reason}"));
+            call.reply((LuaValue::Nil, "io"))
+        }
+    }
 }

@@ -3,32 +3,41 @@
 //! A native gets a [`Call`] and answers with a [`Reply`]; it never raises. Waiting is registered
 //! with the scheduler and answered later ([`answer`]).
 
+mod album;
 mod answer;
+mod builder;
+mod colours;
 mod convert;
 mod dock;
 mod events;
-pub(super) mod frame;
+mod frame;
 mod log;
+mod looking;
 mod motion;
 mod robot;
 mod script;
 mod tasks;
+mod vision;
 
 use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
 
-use mlua::prelude::{IntoLuaMulti, Lua, LuaFunction, LuaMultiValue, LuaResult, LuaTable, LuaValue};
+use mlua::prelude::{IntoLuaMulti, Lua, LuaFunction, LuaMultiValue, LuaResult};
 
 use super::arguments::{Args, Refusal, describe};
 use super::budget;
 use super::failure::Place;
 use super::sandbox::{self, Prelude};
-use super::scheduler::CANCELLED;
 use super::state::State;
 use super::task::{Cancel, SHORTEST_WAIT, Wait};
 
+use builder::Builder;
+
+pub(super) use album::Album;
 pub(super) use answer::resume_values;
+pub(super) use frame::{HeldFrame, to_lua as frame_to_lua};
+pub(super) use looking::LineSight;
 
 /// State that natives and the scheduler share. Borrowed only while no line of the script runs.
 pub(super) type Shared = Rc<RefCell<State>>;
@@ -58,6 +67,13 @@ struct Entry {
     name: &'static str,
     native: Native,
     waits: bool,
+}
+
+impl Entry {
+    /// The last part of its name.
+    fn key(&self) -> &'static str {
+        self.name.rsplit(['.', ':']).next().unwrap_or(self.name)
+    }
 }
 
 /// A function that answers at once.
@@ -117,6 +133,15 @@ impl Call<'_> {
         Ok(Reply::Wait)
     }
 
+    /// The error of a method that was not called on its object.
+    fn no_subject(&self, what: &str) -> Refusal {
+        let at = self.args.call.find(':').unwrap_or(0);
+        let method = &self.args.call[at..];
+        self.args.misuse(&format!(
+            "call it on a {what} with a colon, like {what}{method}()"
+        ))
+    }
+
     /// Nothing new begins once the script is ending.
     fn must_be_running(&self) -> Result<(), Refusal> {
         if self.state.is_running() {
@@ -158,6 +183,7 @@ pub(super) fn install(lua: &Lua, shared: &Shared) -> LuaResult<()> {
         log::namespace(&builder)?,
         robot::namespace(&builder)?,
         tasks::namespace(&builder)?,
+        vision::namespace(&builder)?,
     ];
     for (name, table) in tables {
         builder.close(name, table)?;
@@ -165,158 +191,6 @@ pub(super) fn install(lua: &Lua, shared: &Shared) -> LuaResult<()> {
     let memory = shared.borrow().options.limits.memory_bytes;
     let memory = usize::try_from(memory).unwrap_or(usize::MAX);
     sandbox::close(lua, builder.strict("")?, memory)
-}
-
-/// Turns tables of [`Entry`] into Lua tables.
-struct Builder<'a> {
-    lua: &'a Lua,
-    shared: &'a Shared,
-    prelude: &'a Prelude,
-}
-
-impl Builder<'_> {
-    fn prepare(&self) -> LuaResult<()> {
-        let shared = Rc::clone(self.shared);
-        let can_wait = self.lua.create_function(move |_, can: bool| {
-            let mut state = shared.borrow_mut();
-            Ok(std::mem::replace(&mut state.can_wait, can))
-        })?;
-        self.prelude
-            .function("use_can_wait")?
-            .call::<()>(can_wait)?;
-        tasks::register_handle(self)?;
-        events::register_handle(self)?;
-        frame::register(self)
-    }
-
-    /// A table with a function for each entry, under the last part of its name.
-    fn table(&self, entries: &[Entry]) -> LuaResult<LuaTable> {
-        let table = self.lua.create_table()?;
-        for entry in entries {
-            let key = entry.name.rsplit(['.', ':']).next().unwrap_or(entry.name);
-            table.raw_set(key, self.function(entry)?)?;
-        }
-        Ok(table)
-    }
-
-    /// The function that the script sees.
-    fn function(&self, entry: &Entry) -> LuaResult<LuaFunction> {
-        let shim = if entry.waits { "waiting" } else { "plain" };
-        let native = self.native(entry)?;
-        self.prelude.function(shim)?.call(native)
-    }
-
-    /// The native under its shim: `true, values...`, or `false, message`, or nothing.
-    fn native(&self, entry: &Entry) -> LuaResult<LuaFunction> {
-        let shared = Rc::clone(self.shared);
-        let Entry {
-            name,
-            native,
-            waits,
-        } = *entry;
-        self.lua
-            .create_function(move |lua, mut values: LuaMultiValue| {
-                let yieldable = waits && values.pop_front() == Some(LuaValue::Boolean(true));
-                let answered = {
-                    let mut state = shared.borrow_mut();
-                    native(&mut Call {
-                        lua,
-                        state: &mut state,
-                        args: Args { call: name, values },
-                        yieldable,
-                    })
-                };
-                to_shim(lua, answered)
-            })
-    }
-
-    /// An error with the nearest name for fields of a namespace that do not exist; "" for globals.
-    fn strict(&self, owner: &'static str) -> LuaResult<LuaFunction> {
-        self.strict_with(owner, known_names)
-    }
-
-    /// The same for the fields of an object.
-    fn strict_object(
-        &self,
-        owner: &'static str,
-        fields: &'static [&'static str],
-    ) -> LuaResult<LuaFunction> {
-        let names = move |_: &Lua, _: &str| fields.iter().map(|&name| name.to_owned()).collect();
-        self.strict_with(owner, names)
-    }
-
-    fn strict_with(
-        &self,
-        owner: &'static str,
-        names: impl Fn(&Lua, &str) -> Vec<String> + 'static,
-    ) -> LuaResult<LuaFunction> {
-        let unknown = move |lua: &Lua, (name, key): (String, LuaValue)| {
-            let key = match &key {
-                LuaValue::String(text) => super::failure::printable(&text.to_string_lossy(), 40),
-                other => describe(other),
-            };
-            Ok(sandbox::unknown(&name, &key, &names(lua, &name)))
-        };
-        let unknown = self.lua.create_function(unknown)?;
-        self.prelude.function("strict")?.call((unknown, owner))
-    }
-
-    /// Makes a namespace strict and read-only, and gives it to scripts.
-    fn close(&self, name: &'static str, table: LuaTable) -> LuaResult<()> {
-        let meta = self.lua.create_table()?;
-        meta.raw_set("__index", self.strict(name)?)?;
-        meta.raw_set(
-            "__newindex",
-            self.prelude.function("locked")?.call::<LuaFunction>(name)?,
-        )?;
-        meta.raw_set("__metatable", false)?;
-        table.set_metatable(Some(meta))?;
-        table.set_readonly(true);
-        self.lua.globals().raw_set(name, table)
-    }
-}
-
-/// A native's answer in the form that its shim understands.
-fn to_shim(lua: &Lua, answered: Answered) -> LuaResult<LuaMultiValue> {
-    match answered {
-        Ok(Reply::Values(mut values)) => {
-            values.push_front(LuaValue::Boolean(true));
-            Ok(values)
-        }
-        Ok(Reply::Wait) => Ok(LuaMultiValue::new()),
-        Err(Refusal::Misuse(words)) => failed(lua, &words),
-        Err(Refusal::Cancelled) => failed(lua, CANCELLED),
-        Err(Refusal::Machine(error)) => Err(error),
-    }
-}
-
-fn failed(lua: &Lua, words: &str) -> LuaResult<LuaMultiValue> {
-    (false, words).into_lua_multi(lua)
-}
-
-/// The names that exist in a namespace, or globally.
-fn known_names(lua: &Lua, owner: &str) -> Vec<String> {
-    let mut names = Vec::new();
-    let mut collect = |table: &LuaTable| {
-        let _ = table.for_each(|key: LuaValue, _: LuaValue| {
-            if let LuaValue::String(text) = key {
-                names.push(text.to_string_lossy());
-            }
-            Ok(())
-        });
-    };
-    let globals = lua.globals();
-    let builtins = globals
-        .metatable()
-        .and_then(|meta| meta.raw_get::<LuaTable>("__index").ok());
-    if owner.is_empty() {
-        collect(&globals);
-        builtins.iter().for_each(&mut collect);
-    } else if let Some(Ok(table)) = builtins.map(|all| all.raw_get::<LuaTable>(owner)) {
-        collect(&table);
-    }
-    names.sort();
-    names
 }
 
 /// The innermost line of the script itself.

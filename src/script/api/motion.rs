@@ -171,7 +171,7 @@ pub(super) fn refused(call: &mut Call<'_>, waits: bool) -> Answered {
 /// `robot.stop()`: always works.
 fn stop(call: &mut Call<'_>) -> Answered {
     let _ = call.state.motion.release_any();
-    call.send(Intent::Stop)?;
+    call.state.outbox.send_stop();
     call.reply(())
 }
 

@@ -17,6 +17,11 @@ const MAX_FAREWELLS: usize = 16;
 
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<(&'static str, LuaTable)> {
     let table = builder.table(&CALLS)?;
+    #[cfg(test)]
+    table.raw_set(
+        "fault",
+        builder.function(&plain("script.fault", |_| panic!("tested")))?,
+    )?;
     table.raw_set("name", builder.shared.borrow().options.name.as_str())?;
     Ok(("script", table))
 }

@@ -10,6 +10,7 @@ use super::super::arguments::{Args, Bounds, Refusal};
 use super::super::group::{Group, Rule};
 
 use super::super::task::{Answer, GroupId, Handle, Kind, MAX_TASKS, SHORTEST_WAIT, Status, Wait};
+use super::frame::add_methods;
 use super::{Answered, Builder, Call, Entry, plain, waiting};
 
 const CALLS: [Entry; 7] = [
@@ -46,7 +47,7 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<(&'static str, LuaTa
 const BEATS: &str = "spykee.beats";
 
 pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
-    let methods = builder.table(&METHODS)?;
+    let methods = builder.methods(&[&METHODS])?;
     let unknown = builder.strict_object("Task", &["status", "missed", "cancel", "join"])?;
     builder
         .lua
@@ -56,12 +57,7 @@ pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
             registry.add_meta_field("__index", unknown);
             registry.add_field_method_get("status", |_, task| Ok(task.0.status.get().name()));
             registry.add_field_method_get("missed", |_, task| Ok(task.0.missed.get()));
-            for name in ["cancel", "join"] {
-                match methods.raw_get::<LuaFunction>(name) {
-                    Ok(method) => registry.add_field(name, method),
-                    Err(_) => continue,
-                }
-            }
+            add_methods(registry, methods);
         })
 }
 
@@ -229,18 +225,9 @@ fn run_group(
 fn subject(call: &Call<'_>) -> Result<Rc<Handle>, Refusal> {
     let object = call.args.value(0).as_userdata();
     let object = object.and_then(|object| object.borrow::<TaskObject>().ok());
-    object.map(|object| Rc::clone(&object.0)).ok_or_else(|| {
-        let words = format!(
-            "call it on a task with a colon, like t{}()",
-            method(call.args.call)
-        );
-        call.args.misuse(&words)
-    })
-}
-
-/// `:name` of `Type:name`.
-pub(super) fn method(call: &str) -> &str {
-    call.find(':').map_or(call, |at| &call[at..])
+    object
+        .map(|object| Rc::clone(&object.0))
+        .ok_or_else(|| call.no_subject("task"))
 }
 
 /// `Task:cancel()`

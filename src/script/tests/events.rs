@@ -214,7 +214,7 @@ fn handlers_and_waits_switch_their_streams_on() {
         ("robot.on('audio', print)", Stream::AudioIn),
         ("robot.once('noise', print)", Stream::AudioIn),
     ] {
-        let rig = Rig::new(&format!("{source}"));
+        let rig = Rig::new(source);
         assert_eq!(rig.intents, [Intent::Stream { stream, on: true }]);
         assert_eq!(rig.script.wants_frames(), stream == Stream::Video);
     }

@@ -87,7 +87,7 @@ fn beginners_mistakes_name_line_and_remedy() {
         ),
         (
             "local t = task.spawn(print) t.cancel()",
-            "call it on a task with a colon, like t:cancel()",
+            "call it on a task with a colon, like task:cancel()",
         ),
         (
             "local f\nf()",

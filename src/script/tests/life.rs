@@ -136,6 +136,19 @@ fn the_main_tasks_failure_ends_the_script() {
 }
 
 #[test]
+fn a_fault_of_ours_ends_the_script_and_no_pcall_hides_it() {
+    let mut rig = Rig::new(
+        "robot.move(10, 10) task.wait(1)
+         pcall(script.fault) robot.move(90, 90) while true do task.wait(1) robot.move(90, 90) end",
+    );
+    let motion = rig.take_intents();
+    rig.pass(5.0);
+    rig.assert_ended(EndReason::Error, "a fault inside spykee");
+    assert_eq!(motion.len(), 1);
+    assert!(matches!(rig.intents[..], [Intent::Release { .. }]));
+}
+
+#[test]
 fn usage_is_told() {
     let rig = Rig::new(
         "local u = script.usage()
@@ -191,4 +204,34 @@ fn long_texts_are_cut_and_cannot_steer_the_terminal() {
     assert_eq!(rig.log[1].text, "[2Ja\nb");
     let length: usize = rig.log[1].fields.iter().map(|(_, text)| text.len()).sum();
     assert!(length < 3000, "{length}");
+}
+
+#[test]
+fn garbage_does_not_use_up_the_memory() {
+    for waste in [
+        "local t = {} for j = 1, 50 do t[j] = {j} end",
+        "local s = ('x'):rep(50000) .. i",
+        "local b = buffer.create(100000)",
+    ] {
+        let mut rig = Rig::new(&format!(
+            "keep = {{}} for i = 1, 5000 do keep[i] = buffer.create(1000) end
+             for _ = 1, 20 do for i = 1, 200 do {waste} end task.wait(0.01) end"
+        ));
+        rig.pass(1.0);
+        rig.assert_ended(EndReason::Done, "");
+    }
+}
+
+#[test]
+fn options_survive_the_way_to_another_process() {
+    let mut options = Options::new("a", "b.lua");
+    let ball = crate::vision::Colour::lab([10.0, 20.0], [0.0, 5.0], [1.0, 2.0]).unwrap();
+    options.colours.insert("ball".to_owned(), ball);
+    let bytes = postcard::to_allocvec(&options).unwrap();
+    let back: Options = postcard::from_bytes(&bytes).unwrap();
+    assert_eq!(back.colours["ball"], ball);
+    assert_eq!(
+        (back.limits, back.calibration),
+        (options.limits, options.calibration)
+    );
 }

@@ -8,6 +8,7 @@ mod motion;
 mod properties;
 mod sounds_and_lights;
 mod tasks;
+mod vision;
 
 use std::time::Duration;
 
@@ -19,7 +20,6 @@ use crate::robot::{EndReason, Event, Intent, MotionEnd, RobotInfo};
 /// A script and what it has sent.
 struct Rig {
     script: Script,
-    start: Instant,
     now: Instant,
     intents: Vec<Intent>,
     log: Vec<LogLine>,
@@ -45,7 +45,6 @@ impl Rig {
         let now = Instant::now();
         Rig {
             script: Script::load(source.as_bytes(), options, now).unwrap(),
-            start: now,
             now,
             intents: Vec::new(),
             log: Vec::new(),

@@ -266,8 +266,13 @@ fn ending_gives_up_a_docking() {
 }
 
 #[test]
-fn commands_without_a_wait_are_bounded() {
+fn commands_without_a_wait_are_bounded_but_stop_gets_through() {
     let rig = Rig::new("for i = 1, 10000 do robot.move(i % 100, 0) end");
     rig.assert_ended(EndReason::Error, "too many commands at once");
+    assert!(rig.intents.len() < 300);
+    let rig = Rig::new(
+        "for i = 1, 1000 do pcall(robot.move, i % 100, 0) end for i = 1, 1000 do robot.stop() end",
+    );
+    assert_eq!(rig.intents.last(), Some(&Intent::Stop));
     assert!(rig.intents.len() < 300);
 }

@@ -257,6 +257,16 @@ fn a_wait_inside_a_coroutine_makes_the_whole_task_wait() {
 }
 
 #[test]
+fn an_iterator_may_wait() {
+    let mut rig = Rig::new(
+        "local function counts() for i = 1, 3 do task.wait(1) coroutine.yield(i) end end
+         for i in coroutine.wrap(counts) do print(i, task.now()) end",
+    );
+    rig.pass(9.0);
+    assert_eq!(rig.texts(), ["1 1", "2 2", "3 3"]);
+}
+
+#[test]
 fn waiting_where_nothing_can_wait_is_an_error_with_its_place() {
     for source in [
         "table.sort({1, 2, 3}, function(a, b) task.wait(1) return a < b end)",

@@ -8,7 +8,7 @@ import sys
 import cv2
 import numpy as np
 
-NEAR, TURN, SPEED, HFOV = 46, 2.2, 0.22, math.radians(60)
+NEAR, SLACK, TURN, SPEED, HFOV = 90, 8, 2.2, 0.22, math.radians(60)
 TRACK_WIDTH, FULL_SPEED = 0.24, 0.45
 
 
@@ -49,9 +49,10 @@ def answer(jpeg):
         return drive(0, 0.7)
     cx, width = ball
     bearing = -math.atan((cx - 159.5) / 160 * math.tan(HFOV / 2))
-    towards = min(max((NEAR - width) / NEAR, -0.5), 1)
-    ahead = max(0, 1 - abs(bearing) * 2.5)
-    return drive(SPEED * towards * ahead, min(max(TURN * bearing, -1.2), 1.2))
+    missing = NEAR - width
+    speed = 0 if abs(missing) <= SLACK else SPEED * min(max(2 * missing / NEAR, -0.4), 1)
+    ahead = max(0, 1 - 2.5 * abs(bearing))
+    return drive(speed * ahead, min(max(TURN * bearing, -1.2), 1.2))
 
 
 def main():

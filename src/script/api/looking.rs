@@ -1,0 +1,276 @@
+//! What is seen in one frame: `frame:find_blobs` and its like. Each frame is decoded at the first
+//! question, into one buffer for all frames.
+//!
+//! A frame that turns out to be damaged shows nothing: no blobs, no line, no brightness. The log
+//! says so.
+
+use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
+
+use super::super::arguments::{Bounds, Refusal, Table};
+use super::super::state::State;
+use super::colours::Colours;
+use super::frame::{HeldFrame, subject};
+use super::{Answered, Call, Entry, plain};
+use crate::vision::{
+    Blob, BlobFinder, BlobOptions, Image, Palette, Roi, brightness, find_line, find_qrcodes,
+    sharpness,
+};
+
+pub(super) const METHODS: [Entry; 6] = [
+    plain("Frame:find_blobs", blobs),
+    plain("Frame:find_line", line),
+    plain("Frame:find_qrcodes", qrcodes),
+    plain("Frame:brightness", |call| measure(call, brightness)),
+    plain("Frame:sharpness", |call| measure(call, sharpness)),
+    plain("Frame:get_pixel", pixel),
+];
+
+/// Coordinates and sizes of a part of a frame, in pixels.
+const PIXELS: Bounds = Bounds::Between(-10_000.0, 10_000.0);
+/// The most blobs of one call.
+const MAX_BLOBS: u32 = 1000;
+
+/// What a call looks with, apart from the eyes: for lines.
+#[derive(Default)]
+pub(in super::super) struct LineSight {
+    finder: BlobFinder,
+    palette: Option<Palette>,
+}
+
+impl State {
+    /// The picture of a frame; `None` for a damaged one, and the log says so.
+    pub(super) fn look(&mut self, held: &HeldFrame) -> Option<&Image> {
+        if let Err(error) = self.eyes.look(held.frame.seq, &held.frame.jpeg) {
+            self.complain(&error.to_string());
+            return None;
+        }
+        // Decoded already: this only borrows it again.
+        self.eyes.look(held.frame.seq, &held.frame.jpeg).ok()
+    }
+
+    /// The blobs of a frame; none in a damaged one.
+    pub(super) fn find(
+        &mut self,
+        held: &HeldFrame,
+        colours: &Colours,
+        options: &BlobOptions,
+    ) -> Vec<Blob> {
+        let frame = &held.frame;
+        let found = self
+            .eyes
+            .find_blobs(frame.seq, &frame.jpeg, &colours.colours, options);
+        match found {
+            Ok(blobs) => blobs.to_vec(),
+            Err(error) => {
+                let text = error.to_string();
+                self.complain(&text);
+                Vec::new()
+            }
+        }
+    }
+}
+
+/// `frame:find_blobs(colour, {roi=, invert=, ...})`
+fn blobs(call: &mut Call<'_>) -> Answered {
+    let held = subject(call)?;
+    let colours = Colours::of(call, call.args.value(1))?;
+    let options = blob_options(call)?;
+    let blobs = call.state.find(&held, &colours, &options);
+    let list = call.lua.create_table_with_capacity(blobs.len(), 0)?;
+    for blob in &blobs {
+        list.raw_push(blob_table(call.lua, blob, &colours.names)?)?;
+    }
+    call.reply(list)
+}
+
+fn blob_options(call: &Call<'_>) -> Result<BlobOptions, Refusal> {
+    let usual = BlobOptions::default();
+    let table = call.args.options(
+        2,
+        &[
+            "roi",
+            "invert",
+            "area_threshold",
+            "pixels_threshold",
+            "merge",
+            "margin",
+            "max_blobs",
+        ],
+    )?;
+    let count = |key, default| table.count(key, default, 2_000_000);
+    Ok(BlobOptions {
+        roi: optional_roi(&table)?,
+        invert: table.boolean("invert", usual.invert)?,
+        area_threshold: count("area_threshold", usual.area_threshold)?,
+        pixels_threshold: count("pixels_threshold", usual.pixels_threshold)?,
+        merge: table.boolean("merge", usual.merge)?,
+        margin: table.count("margin", usual.margin, 10_000)?,
+        max_blobs: table.count("max_blobs", usual.max_blobs as u32, MAX_BLOBS)? as usize,
+    })
+}
+
+fn optional_roi(table: &Table<'_>) -> Result<Option<Roi>, Refusal> {
+    match table.value("roi")? {
+        LuaValue::Nil => Ok(None),
+        value => roi(table.args, &value).map(Some),
+    }
+}
+
+/// A part of a frame: `{x, y, w, h}`, or anything with these names, such as a blob.
+pub(super) fn roi(args: &super::Args, value: &LuaValue) -> Result<Roi, Refusal> {
+    let LuaValue::Table(table) = value else {
+        return Err(args.misuse(&format!(
+            "roi must be a table {{x, y, w, h}}, got {}",
+            super::describe(value)
+        )));
+    };
+    let mut numbers = [0.0; 4];
+    for (index, (number, name)) in numbers.iter_mut().zip(["x", "y", "w", "h"]).enumerate() {
+        let mut value: LuaValue = table.raw_get(index + 1)?;
+        if value.is_nil() {
+            value = table.raw_get(name)?;
+        }
+        *number = args.check_number(&format!("roi's {name}"), &value, PIXELS)?;
+    }
+    Ok(clipped(numbers))
+}
+
+/// What sticks out to the left or above does not count.
+fn clipped([x, y, w, h]: [f64; 4]) -> Roi {
+    let side = |start: f64, length: f64| {
+        let end = (start + length).max(0.0);
+        let start = start.max(0.0);
+        (start.floor() as u32, (end - start).max(0.0).round() as u32)
+    };
+    let ((x, w), (y, h)) = (side(x, w), side(y, h));
+    Roi { x, y, w, h }
+}
+
+/// A blob as scripts read it (`API.md`, *Vision*).
+pub(super) fn blob_table(lua: &Lua, blob: &Blob, names: &[Option<String>]) -> LuaResult<LuaTable> {
+    let table = lua.create_table_with_capacity(0, 24)?;
+    let whole = [
+        ("x", blob.x),
+        ("y", blob.y),
+        ("w", blob.w),
+        ("h", blob.h),
+        ("pixels", blob.pixels),
+        ("area", blob.area),
+        ("perimeter", blob.perimeter),
+        ("code", blob.code),
+        ("count", blob.count),
+    ];
+    let real = [
+        ("cx", blob.cx),
+        ("cy", blob.cy),
+        ("density", blob.density),
+        ("rotation", blob.rotation),
+        ("elongation", blob.elongation),
+        ("roundness", blob.roundness),
+        ("bearing", blob.bearing),
+    ];
+    for (name, number) in whole {
+        table.raw_set(name, number)?;
+    }
+    for (name, number) in real {
+        table.raw_set(name, number)?;
+    }
+    table.raw_set("edge", blob.edge)?;
+    if let Some(Some(name)) = names.get(blob.colour) {
+        table.raw_set("colour", name.as_str())?;
+    }
+    Ok(table)
+}
+
+/// `frame:find_line(colour, {roi=})`: `{offset, angle, strength}`, or nil.
+fn line(call: &mut Call<'_>) -> Answered {
+    let held = subject(call)?;
+    let colours = Colours::of(call, call.args.value(1))?;
+    let part = optional_roi(&call.args.options(2, &["roi"])?)?;
+    let mut sight = std::mem::take(&mut call.state.line_sight);
+    let known = sight
+        .palette
+        .take()
+        .filter(|palette| palette.is_of(&colours.colours, false));
+    let mut palette = known.unwrap_or_else(|| Palette::compile(&colours.colours, false));
+    let line = call
+        .state
+        .look(&held)
+        .and_then(|image| find_line(&mut sight.finder, image, &mut palette, part));
+    sight.palette = Some(palette);
+    call.state.line_sight = sight;
+    let Some(line) = line else {
+        return call.reply(LuaValue::Nil);
+    };
+    let table = call.lua.create_table_with_capacity(0, 3)?;
+    table.raw_set("offset", line.offset)?;
+    table.raw_set("angle", line.angle)?;
+    table.raw_set("strength", line.strength)?;
+    call.reply(table)
+}
+
+/// `frame:find_qrcodes()`: a list of `{text, corners}`.
+fn qrcodes(call: &mut Call<'_>) -> Answered {
+    let held = subject(call)?;
+    let codes = call.state.look(&held).map(find_qrcodes).unwrap_or_default();
+    let list = call.lua.create_table()?;
+    for code in codes {
+        let corners = call.lua.create_table()?;
+        for [x, y] in code.corners {
+            let corner = call.lua.create_table_with_capacity(0, 2)?;
+            corner.raw_set("x", x)?;
+            corner.raw_set("y", y)?;
+            corners.raw_push(corner)?;
+        }
+        let table = call.lua.create_table_with_capacity(0, 2)?;
+        table.raw_set("text", code.text)?;
+        table.raw_set("corners", corners)?;
+        list.raw_push(table)?;
+    }
+    call.reply(list)
+}
+
+/// `frame:brightness(roi)` and `frame:sharpness(roi)`
+fn measure(call: &mut Call<'_>, figure: fn(&Image, Option<Roi>) -> f64) -> Answered {
+    let held = subject(call)?;
+    let part = match call.args.value(1) {
+        LuaValue::Nil => None,
+        value => Some(roi(&call.args, value)?),
+    };
+    let figure = call
+        .state
+        .look(&held)
+        .map_or(0.0, |image| figure(image, part));
+    call.reply(figure)
+}
+
+/// `frame:get_pixel(x, y)`: `r, g, b`, or nil outside the picture.
+fn pixel(call: &mut Call<'_>) -> Answered {
+    let held = subject(call)?;
+    let x = call.args.number(1, "x", PIXELS)?.floor();
+    let y = call.args.number(2, "y", PIXELS)?.floor();
+    if x < 0.0 || y < 0.0 {
+        return call.reply(LuaValue::Nil);
+    }
+    let image = call.state.look(&held);
+    match image.and_then(|image| image.pixel(x as u32, y as u32)) {
+        Some([r, g, b]) => call.reply((r, g, b)),
+        None => call.reply(LuaValue::Nil),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_that_stick_out_are_cut() {
+        let roi = |numbers| {
+            let Roi { x, y, w, h } = clipped(numbers);
+            [x, y, w, h]
+        };
+        assert_eq!(roi([10.0, 20.0, 30.0, 40.0]), [10, 20, 30, 40]);
+        assert_eq!(roi([-10.0, -50.0, 30.0, 40.0]), [0, 0, 20, 0]);
+        assert_eq!(roi([5.0, 5.0, -3.0, 0.4]), [5, 5, 0, 0]);
+    }
+}

@@ -1,0 +1,304 @@
+//! `vision.*`: colours, and what looks at one frame after the other.
+
+use std::cell::Cell;
+use std::rc::Rc;
+use std::time::Duration;
+
+use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
+
+use super::super::arguments::{Bounds, Refusal};
+use super::colours::{self, ColourObject, Colours};
+use super::frame::{self, HeldFrame, add_methods};
+use super::looking::{blob_table, roi};
+use super::{Answered, Builder, Call, Entry, plain};
+use crate::vision::{
+    BlobOptions, Image, MotionDetector, MotionOptions, Track, Tracker, TrackerOptions, learn,
+};
+
+const CALLS: [Entry; 5] = [
+    plain("vision.lab", colours::lab),
+    plain("vision.hsv", colours::hsv),
+    plain("vision.tracker", tracker),
+    plain("vision.motion", detector),
+    plain("vision.learn", learn_colour),
+];
+
+const TRACKER: [Entry; 3] = [
+    plain("Tracker:update", track),
+    plain("Tracker:best", best),
+    plain("Tracker:reset", reset),
+];
+
+const DETECTOR: [Entry; 1] = [plain("Detector:update", detect)];
+
+/// Trackers and detectors that a script may hold at once: their buffers are outside the VM's
+/// memory.
+const MAX_WATCHERS: u32 = 16;
+/// Frames of one `vision.learn`: each is decoded into memory of its own.
+const MAX_LESSONS: usize = 16;
+/// The robot's own motion blurs frames for this long after it.
+const SETTLING: Duration = Duration::from_millis(400);
+
+/// Counts a thing while it lives.
+struct Counted(Rc<Cell<u32>>);
+
+impl Drop for Counted {
+    fn drop(&mut self) {
+        self.0.set(self.0.get().saturating_sub(1));
+    }
+}
+
+struct TrackerObject {
+    tracker: Tracker,
+    colours: Colours,
+    _counted: Counted,
+}
+
+struct DetectorObject {
+    detector: MotionDetector,
+    _counted: Counted,
+}
+
+pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<(&'static str, LuaTable)> {
+    Ok(("vision", builder.table(&CALLS)?))
+}
+
+pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
+    colours::register(builder)?;
+    let unknown = builder.strict_object("Tracker", &["update", "best", "reset"])?;
+    let methods = builder.methods(&[&TRACKER])?;
+    builder
+        .lua
+        .register_userdata_type::<TrackerObject>(|registry| {
+            use mlua::UserDataFields as _;
+            registry.add_meta_field("__type", "Tracker");
+            registry.add_meta_field("__index", unknown);
+            add_methods(registry, methods);
+        })?;
+    let unknown = builder.strict_object("Detector", &["update"])?;
+    let methods = builder.methods(&[&DETECTOR])?;
+    builder
+        .lua
+        .register_userdata_type::<DetectorObject>(|registry| {
+            use mlua::UserDataFields as _;
+            registry.add_meta_field("__type", "Detector");
+            registry.add_meta_field("__index", unknown);
+            add_methods(registry, methods);
+        })
+}
+
+/// Room for one more tracker or detector, after collecting garbage if need be.
+fn count(call: &Call<'_>) -> Result<Counted, Refusal> {
+    let watchers = &call.state.watchers;
+    if watchers.get() >= MAX_WATCHERS {
+        call.lua.gc_collect()?;
+    }
+    if watchers.get() >= MAX_WATCHERS {
+        return Err(call.args.misuse(&format!(
+            "there are {MAX_WATCHERS} trackers and detectors already; make them once, outside of loops"
+        )));
+    }
+    watchers.set(watchers.get() + 1);
+    Ok(Counted(Rc::clone(watchers)))
+}
+
+/// `vision.tracker{colour=, min_age=3, max_lost=5, max_jump=80}`
+fn tracker(call: &mut Call<'_>) -> Answered {
+    let usual = TrackerOptions::default();
+    let table = call
+        .args
+        .options(0, &["colour", "min_age", "max_lost", "max_jump"])?;
+    let colours = Colours::of(call, &table.value("colour")?)?;
+    let options = TrackerOptions {
+        min_age: table.count("min_age", usual.min_age, 1000)?,
+        max_lost: table.count("max_lost", usual.max_lost, 1000)?,
+        max_jump: table.number("max_jump", usual.max_jump, Bounds::Above(0.0, 10_000.0))?,
+    };
+    let object = TrackerObject {
+        tracker: Tracker::new(options, call.state.options.camera),
+        colours,
+        _counted: count(call)?,
+    };
+    let object = call.lua.create_any_userdata(object)?;
+    call.reply(object)
+}
+
+/// The frame that is the first argument of a method.
+fn frame_argument(call: &Call<'_>) -> Result<Rc<HeldFrame>, Refusal> {
+    frame::of_value(call.args.value(1)).ok_or_else(|| {
+        let got = super::describe(call.args.value(1));
+        call.args
+            .misuse(&format!("the argument must be a frame, got {got}"))
+    })
+}
+
+/// Does something with the tracker that a method was called on.
+fn with_tracker<R>(
+    call: &mut Call<'_>,
+    work: impl FnOnce(&mut Call<'_>, &mut TrackerObject) -> Result<R, Refusal>,
+) -> Result<R, Refusal> {
+    let object = call.args.value(0).as_userdata().cloned();
+    let object = object.and_then(|object| {
+        let borrowed = object.borrow_mut::<TrackerObject>();
+        borrowed.ok()
+    });
+    match object {
+        Some(mut object) => work(call, &mut object),
+        None => Err(call.no_subject("tracker")),
+    }
+}
+
+/// `Tracker:update(frame)`: a list of blobs with `id, age, lost, vx, vy`.
+fn track(call: &mut Call<'_>) -> Answered {
+    let held = frame_argument(call)?;
+    with_tracker(call, |call, object| {
+        let blobs = call
+            .state
+            .find(&held, &object.colours, &BlobOptions::default());
+        // A damaged frame shows nothing, and does not count as one without the blobs.
+        let size = call.state.look(&held).map(Image::size);
+        let at = held.frame.at.saturating_duration_since(call.state.start);
+        let tracks = match size {
+            Some(size) => object.tracker.update(at, size, &blobs),
+            None => object.tracker.tracks(),
+        };
+        let list = call.lua.create_table_with_capacity(tracks.len(), 0)?;
+        for track in tracks {
+            list.raw_push(track_table(call.lua, track, &object.colours)?)?;
+        }
+        call.reply(list)
+    })
+}
+
+fn track_table(lua: &Lua, track: &Track, colours: &Colours) -> LuaResult<LuaTable> {
+    let table = blob_table(lua, &track.blob, &colours.names)?;
+    table.raw_set("id", track.id)?;
+    table.raw_set("age", track.age)?;
+    table.raw_set("lost", track.lost)?;
+    table.raw_set("vx", track.vx)?;
+    table.raw_set("vy", track.vy)?;
+    Ok(table)
+}
+
+/// `Tracker:best()`: the one to follow, or nil.
+fn best(call: &mut Call<'_>) -> Answered {
+    with_tracker(call, |call, object| match object.tracker.best() {
+        Some(track) => {
+            let table = track_table(call.lua, track, &object.colours)?;
+            call.reply(table)
+        }
+        None => call.reply(LuaValue::Nil),
+    })
+}
+
+/// `Tracker:reset()`
+fn reset(call: &mut Call<'_>) -> Answered {
+    with_tracker(call, |call, object| {
+        object.tracker.reset();
+        call.reply(())
+    })
+}
+
+/// `vision.motion{threshold=15, min_pixels=150}`
+fn detector(call: &mut Call<'_>) -> Answered {
+    let usual = MotionOptions::default();
+    let table = call.args.options(0, &["threshold", "min_pixels"])?;
+    let threshold = table.count("threshold", usual.threshold.into(), 255)?;
+    let options = MotionOptions {
+        // At most 255 by the check above.
+        threshold: u8::try_from(threshold).unwrap_or(u8::MAX),
+        min_pixels: table.count("min_pixels", usual.min_pixels, 2_000_000)?,
+    };
+    let object = DetectorObject {
+        detector: MotionDetector::new(options, call.state.options.camera),
+        _counted: count(call)?,
+    };
+    let object = call.lua.create_any_userdata(object)?;
+    call.reply(object)
+}
+
+/// `Detector:update(frame)`: `{score, pixels, blobs}`, or `nil, "moving"` while the script's own
+/// motion moves the camera.
+fn detect(call: &mut Call<'_>) -> Answered {
+    let held = frame_argument(call)?;
+    let object = call.args.value(0).as_userdata().cloned();
+    let object = object.and_then(|object| {
+        let borrowed = object.borrow_mut::<DetectorObject>();
+        borrowed.ok()
+    });
+    let Some(mut object) = object else {
+        return Err(call.no_subject("detector"));
+    };
+    if call.state.has_moved_within(SETTLING) {
+        object.detector.reset();
+        return call.reply((LuaValue::Nil, "moving"));
+    }
+    let lua = call.lua;
+    let Some(image) = call.state.look(&held) else {
+        return motion_table(lua, 0.0, 0, &[])
+            .map_err(Refusal::from)
+            .and_then(|table| call.reply(table));
+    };
+    let motion = object.detector.update(image);
+    let table = motion_table(lua, motion.score, motion.pixels, motion.blobs)?;
+    call.reply(table)
+}
+
+fn motion_table(
+    lua: &Lua,
+    score: f64,
+    pixels: u32,
+    blobs: &[crate::vision::Blob],
+) -> LuaResult<LuaTable> {
+    let list = lua.create_table_with_capacity(blobs.len(), 0)?;
+    for blob in blobs {
+        list.raw_push(blob_table(lua, blob, &[])?)?;
+    }
+    let table = lua.create_table_with_capacity(0, 3)?;
+    table.raw_set("score", score)?;
+    table.raw_set("pixels", pixels)?;
+    table.raw_set("blobs", list)?;
+    Ok(table)
+}
+
+/// `vision.learn(frames, roi)`: a colour and `{quality}`; or nil and why not.
+fn learn_colour(call: &mut Call<'_>) -> Answered {
+    let frames = lessons(call)?;
+    let part = roi(&call.args, call.args.value(1))?;
+    let mut images = Vec::new();
+    for held in &frames {
+        images.extend(call.state.look(held).cloned());
+    }
+    let images: Vec<&Image> = images.iter().collect();
+    match learn(&images, part) {
+        Ok(learned) => {
+            let colour = call.lua.create_any_userdata(ColourObject(learned.colour))?;
+            let info = call.lua.create_table_with_capacity(0, 1)?;
+            info.raw_set("quality", learned.quality)?;
+            call.reply((colour, info))
+        }
+        Err(refusal) => call.reply((LuaValue::Nil, refusal.code())),
+    }
+}
+
+/// A frame or a list of frames.
+fn lessons(call: &Call<'_>) -> Result<Vec<Rc<HeldFrame>>, Refusal> {
+    let wrong = || {
+        call.args.misuse(&format!(
+            "the first argument must be a list of 1 to {MAX_LESSONS} frames"
+        ))
+    };
+    if let Some(held) = frame::of_value(call.args.value(0)) {
+        return Ok(vec![held]);
+    }
+    let LuaValue::Table(list) = call.args.value(0) else {
+        return Err(wrong());
+    };
+    let length = list.raw_len();
+    if !(1..=MAX_LESSONS).contains(&length) {
+        return Err(wrong());
+    }
+    (1..=length)
+        .map(|index| frame::of_value(&list.raw_get::<LuaValue>(index)?).ok_or_else(wrong))
+        .collect()
+}

@@ -1,0 +1,273 @@
+//! Which task runs next: the queue of those that can run, and the timers.
+
+use std::cell::Cell;
+use std::collections::{BTreeMap, VecDeque};
+use std::rc::Rc;
+
+use mlua::prelude::LuaThread;
+use tokio::time::Instant;
+
+use super::task::{
+    Answer, Cancel, Handle, Kind, Phase, SHORTEST_WAIT, Status, SubscriptionId, Task, TaskId, Wait,
+};
+
+/// So often may one task be resumed within [`SHORTEST_WAIT`] before it is made to wait.
+const FASTEST: u32 = 64;
+
+/// When a timer rings; equal times ring in the order in which they were set.
+pub(super) type Timer = (Instant, u64);
+
+/// What a timer is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Due {
+    /// The wait of a task is over.
+    Wait(TaskId),
+    /// A task that was ready too often may run now.
+    Run(TaskId),
+    /// A subscription with a rate may handle its next event.
+    Handle(SubscriptionId),
+}
+
+/// What can run now.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Ready {
+    Task(TaskId),
+    Handler(SubscriptionId),
+}
+
+/// How often a task was resumed lately.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pace {
+    since: Instant,
+    count: u32,
+}
+
+impl Pace {
+    pub(super) fn new(now: Instant) -> Pace {
+        Pace {
+            since: now,
+            count: 0,
+        }
+    }
+
+    /// Counts a resumption; `true` if there were too many.
+    fn is_too_fast(&mut self, now: Instant) -> bool {
+        if now.saturating_duration_since(self.since) >= SHORTEST_WAIT {
+            *self = Pace::new(now);
+        }
+        self.count += 1;
+        self.count > FASTEST
+    }
+}
+
+/// All tasks, the queue of those that can run, and the timers.
+#[derive(Default)]
+pub(super) struct Tasks {
+    all: BTreeMap<TaskId, Task>,
+    ready: VecDeque<Ready>,
+    timers: BTreeMap<Timer, Due>,
+    last_id: u64,
+    /// The one that is running.
+    pub(super) current: Option<TaskId>,
+}
+
+impl Tasks {
+    /// The next of the numbers that name things.
+    pub(super) fn next_id(&mut self) -> u64 {
+        self.last_id += 1;
+        self.last_id
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.all.len()
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.all.is_empty()
+    }
+
+    pub(super) fn get(&self, id: TaskId) -> Option<&Task> {
+        self.all.get(&id)
+    }
+
+    pub(super) fn get_mut(&mut self, id: TaskId) -> Option<&mut Task> {
+        self.all.get_mut(&id)
+    }
+
+    pub(super) fn ids(&self) -> Vec<TaskId> {
+        self.all.keys().copied().collect()
+    }
+
+    /// The task that is running; there is none while the host speaks.
+    pub(super) fn running(&mut self) -> Option<&mut Task> {
+        self.all.get_mut(&self.current?)
+    }
+
+    /// Adds a task that runs at `start`, or as soon as it is its turn.
+    pub(super) fn add(
+        &mut self,
+        thread: LuaThread,
+        kind: Kind,
+        answer: Answer,
+        start: Option<Instant>,
+        now: Instant,
+    ) -> Rc<Handle> {
+        let handle = self.insert(thread, kind, answer, now);
+        let id = handle.id;
+        match start {
+            Some(at) => self.set_timer(id, at, Due::Run(id)),
+            None => self.enqueue(id, now),
+        }
+        handle
+    }
+
+    fn insert(
+        &mut self,
+        thread: LuaThread,
+        kind: Kind,
+        answer: Answer,
+        now: Instant,
+    ) -> Rc<Handle> {
+        let id = TaskId(self.next_id());
+        let handle = Rc::new(Handle {
+            id,
+            status: Cell::new(Status::Running),
+            missed: Cell::new(0),
+        });
+        // A task inherits its maker's pace: chains of tasks that make tasks are slowed as well.
+        let pace = self.running().map_or(Pace::new(now), |maker| maker.pace);
+        let task = Task {
+            thread,
+            kind,
+            phase: Phase::Ready(answer),
+            started: false,
+            cancel: Cancel::No,
+            timer: None,
+            handle: Rc::clone(&handle),
+            beat: None,
+            pace,
+        };
+        self.all.insert(id, task);
+        handle
+    }
+
+    /// Adds a task whose turn it is.
+    pub(super) fn add_running(
+        &mut self,
+        thread: LuaThread,
+        kind: Kind,
+        answer: Answer,
+        now: Instant,
+    ) -> TaskId {
+        let handle = self.insert(thread, kind, answer, now);
+        handle.id
+    }
+
+    pub(super) fn remove(&mut self, id: TaskId) -> Option<Task> {
+        let task = self.all.remove(&id)?;
+        if let Some(timer) = task.timer {
+            self.timers.remove(&timer);
+        }
+        Some(task)
+    }
+
+    /// A task begins to wait, at most until `deadline`.
+    pub(super) fn wait(&mut self, id: TaskId, wait: Wait, deadline: Option<Instant>) {
+        if let Some(task) = self.all.get_mut(&id) {
+            task.phase = Phase::Waiting(wait);
+        }
+        if let Some(at) = deadline {
+            self.set_timer(id, at, Due::Wait(id));
+        }
+    }
+
+    /// A task's wait is over: it runs when it is its turn.
+    pub(super) fn wake(&mut self, id: TaskId, answer: Answer, now: Instant) {
+        let Some(task) = self.all.get_mut(&id) else {
+            return;
+        };
+        task.phase = Phase::Ready(answer);
+        if let Some(timer) = task.timer.take() {
+            self.timers.remove(&timer);
+        }
+        self.enqueue(id, now);
+    }
+
+    fn enqueue(&mut self, id: TaskId, now: Instant) {
+        let Some(task) = self.all.get_mut(&id) else {
+            return;
+        };
+        if task.pace.is_too_fast(now) {
+            self.set_timer(id, now + SHORTEST_WAIT, Due::Run(id));
+        } else {
+            self.ready.push_back(Ready::Task(id));
+        }
+    }
+
+    fn set_timer(&mut self, id: TaskId, at: Instant, due: Due) {
+        let timer = (at, self.next_id());
+        if let Some(task) = self.all.get_mut(&id) {
+            task.timer = Some(timer);
+            self.timers.insert(timer, due);
+        }
+    }
+
+    /// Sets a timer for a subscription.
+    pub(super) fn call_handler_at(&mut self, id: SubscriptionId, at: Instant) -> Timer {
+        let timer = (at, self.next_id());
+        self.timers.insert(timer, Due::Handle(id));
+        timer
+    }
+
+    pub(super) fn cancel_timer(&mut self, timer: Timer) {
+        self.timers.remove(&timer);
+    }
+
+    /// A subscription's function can run.
+    pub(super) fn call_handler(&mut self, id: SubscriptionId) {
+        self.ready.push_back(Ready::Handler(id));
+    }
+
+    /// A paced or delayed task may run now.
+    pub(super) fn run(&mut self, id: TaskId) {
+        if let Some(task) = self.all.get_mut(&id) {
+            task.timer = None;
+            self.ready.push_back(Ready::Task(id));
+        }
+    }
+
+    /// The next timer that has rung at `now`.
+    pub(super) fn next_due(&mut self, now: Instant) -> Option<Due> {
+        let first = self.timers.first_entry()?;
+        (first.key().0 <= now).then(|| first.remove())
+    }
+
+    pub(super) fn next_timer(&self) -> Option<Instant> {
+        self.timers.keys().next().map(|(at, _)| *at)
+    }
+
+    pub(super) fn next_ready(&mut self) -> Option<Ready> {
+        self.ready.pop_front()
+    }
+
+    pub(super) fn is_ready(&self) -> bool {
+        !self.ready.is_empty()
+    }
+
+    /// The tasks that wait for what `wanted` says, in the order of their making.
+    pub(super) fn waiting_for(&self, wanted: impl Fn(&Wait) -> bool) -> Vec<TaskId> {
+        let waits = |task: &Task| matches!(&task.phase, Phase::Waiting(wait) if wanted(wait));
+        self.all
+            .iter()
+            .filter(|(_, task)| waits(task))
+            .map(|(id, _)| *id)
+            .collect()
+    }
+
+    /// Forgets everything.
+    pub(super) fn clear(&mut self) {
+        self.all.clear();
+        self.ready.clear();
+        self.timers.clear();
+    }
+}
