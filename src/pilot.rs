@@ -9,6 +9,9 @@ mod lights;
 mod line;
 mod seats;
 mod status;
+mod throttle;
+
+use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until};
@@ -29,6 +32,8 @@ pub use self::status::{LinkState, Status};
 
 /// Requests served in a row before the robot is heard again.
 const REQUESTS_IN_A_ROW: usize = 32;
+/// When streams are switched that a behaviour switches faster than it may.
+const STREAMS_LATER: Duration = Duration::from_millis(100);
 
 /// How often the other tasks get a turn before a deadline is judged: once to read, once to pass on.
 const HEARINGS: usize = 2;
@@ -68,6 +73,7 @@ pub struct Pilot {
     info: Option<RobotInfo>,
     simulated: bool,
     unknown_kinds: Vec<u8>,
+    streams_due: Option<Instant>,
 }
 
 impl Pilot {
@@ -92,6 +98,7 @@ impl Pilot {
             info: None,
             simulated: settings.simulated,
             unknown_kinds: Vec::new(),
+            streams_due: None,
         };
         (pilot, newest_frame, newest_status)
     }
@@ -111,7 +118,8 @@ impl Pilot {
         let mut line = Line::new(dial, &settings.link, settings.seed);
         let mut parted = false;
         loop {
-            let deadline = self.watchdog.next_deadline();
+            let deadline = [self.watchdog.next_deadline(), self.streams_due];
+            let deadline = deadline.into_iter().flatten().min();
             let lost = tokio::select! {
                 biased;
                 () = ending.closing.cancelled() => break,
@@ -142,7 +150,8 @@ impl Pilot {
         }
         let lost = self.serve_waiting(requests).await;
         let acts = self.watchdog.tick(Instant::now());
-        self.perform(acts).await.or(lost)
+        let lost = self.perform(acts).await.or(lost);
+        self.catch_up_streams().await.or(lost)
     }
 
     /// Requests get their turn even if the robot never stops talking.
@@ -345,7 +354,13 @@ impl Pilot {
             Intent::CancelDock => return self.ask(by, priority, Ask::CancelDock).await,
             Intent::Stream { stream, on } => {
                 self.seats.want(by, stream, on);
-                return self.apply_streams(false).await;
+                let command = Command::Stream { stream, on };
+                let now = Instant::now();
+                if self.seats.admits(by, &command, now) {
+                    return self.apply_streams(false).await;
+                }
+                self.streams_due.get_or_insert(now + STREAMS_LATER);
+                return None;
             }
             Intent::Led { led, on } => Command::Led { led, on },
             Intent::Play(sound) => Command::Play(sound),
@@ -353,14 +368,21 @@ impl Pilot {
             Intent::Volume(percent) => Command::Volume(percent.get()),
             Intent::Say(samples) => Command::Audio(samples.into()),
         };
-        match self.lights.is_news(&command) {
-            true => self.write(&[command]).await,
-            false => None,
+        if !self.lights.is_news(&command) || !self.seats.admits(by, &command, Instant::now()) {
+            return None;
         }
+        self.lights.note(&command);
+        self.write(&[command]).await
     }
 
     async fn ask(&mut self, by: BehaviourId, priority: Priority, ask: Ask) -> Option<String> {
         self.take(Fact::Asked { by, priority, ask }).await
+    }
+
+    /// The streams of a behaviour that switched them too often are switched after a while.
+    async fn catch_up_streams(&mut self) -> Option<String> {
+        self.streams_due.take_if(|at| *at <= Instant::now())?;
+        self.apply_streams(false).await
     }
 
     /// Switches the streams that the behaviours want; `anew` after a login, which forgets them.

@@ -3,6 +3,7 @@
 
 use std::io;
 use std::os::fd::AsFd;
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -21,13 +22,14 @@ const BEAT: Duration = Duration::from_millis(50);
 /// Luau's deepest legal recursion needs 2.1 MiB of stack in a debug build.
 const STACK: usize = 8 << 20;
 
-/// The life of a host process, from its confinement to its exit code.
-pub fn host_main() -> ExitCode {
+/// The life of a host process, from its confinement to its exit code. `folder` is the only one
+/// whose files it can open.
+pub fn host_main(folder: Option<&Path>) -> ExitCode {
     let life = std::thread::Builder::new()
         .name("vm".into())
         .stack_size(STACK);
-    let ended = confine()
-        .and_then(|()| life.spawn(over_stdin))
+    let ended = confine(folder)
+        .and_then(|_| life.spawn(over_stdin))
         .and_then(|vm| {
             vm.join()
                 .unwrap_or_else(|_| Err(io::Error::other("the host panicked")))

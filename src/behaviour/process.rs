@@ -1,14 +1,18 @@
-//! Starts and ends host processes: this very executable with one hidden argument, a socket pair as
-//! its standard input, an empty environment, and nothing else open.
+//! Starts and ends host processes: this very executable with a hidden argument and the folder it may
+//! use, a socket pair as its standard input, an empty environment, and nothing else open.
 
+use std::fs::DirBuilder;
 use std::io;
 use std::os::fd::OwnedFd;
-use std::path::PathBuf;
+use std::os::unix::fs::DirBuilderExt;
+use std::path::{Path, PathBuf};
 use std::process::{ExitStatus, Stdio};
 
 use tokio::io::AsyncReadExt;
 use tokio::net::UnixStream;
 use tokio::process::{Child, ChildStderr, Command};
+
+use super::confine::Walls;
 
 /// The hidden argument by which the executable knows that it is to be a host.
 pub const HOST_ARGUMENT: &str = "__host";
@@ -35,16 +39,20 @@ impl Launcher {
         std::env::current_exe().map(Launcher::new)
     }
 
-    /// Starts a host; the stream is the agent's end of its pipe. To be called from a thread that
-    /// lives as long as the agent: the host dies with the thread that started it.
+    /// Starts a host that can open no files but those in `folder`, which is made if need be; the
+    /// stream is the agent's end of its pipe. To be called from a thread that lives as long as the
+    /// agent: the host dies with the thread that started it.
     ///
     /// # Errors
     /// Whatever the system says.
-    pub fn start(&self) -> io::Result<(HostProcess, UnixStream)> {
+    pub fn start(&self, folder: Option<&Path>) -> io::Result<(HostProcess, UnixStream)> {
+        Walls::say_what_is_missing();
+        folder.inspect(|folder| make_private(folder));
         let (ours, theirs) = std::os::unix::net::UnixStream::pair()?;
         ours.set_nonblocking(true)?;
         let child = Command::new(&self.executable)
             .arg(HOST_ARGUMENT)
+            .args(folder)
             .env_clear()
             // Every thread of glibc reserves 64 MiB of address space for its own heap otherwise.
             .env("MALLOC_ARENA_MAX", "1")
@@ -54,6 +62,15 @@ impl Launcher {
             .kill_on_drop(true)
             .spawn()?;
         Ok((HostProcess { child }, UnixStream::from_std(ours)?))
+    }
+}
+
+/// Makes a folder that only its user can look into; one that is there stays as it is. Without one
+/// nothing can be saved, which is no reason not to run.
+fn make_private(folder: &Path) {
+    let made = DirBuilder::new().recursive(true).mode(0o700).create(folder);
+    if let Err(error) = made {
+        tracing::debug!("cannot make {}: {error}", folder.display());
     }
 }
 

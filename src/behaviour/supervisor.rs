@@ -92,7 +92,9 @@ impl Prepared {
                 &format!("{name}: its host cannot be started: {error}"),
             )
         };
-        let (process, stream) = launcher.start().map_err(broken)?;
+        let (process, stream) = launcher
+            .start(launch.options.data_dir.as_deref())
+            .map_err(broken)?;
         let (from_host, to_host, pump) = connect(stream);
         let mut prepared = Prepared {
             by,

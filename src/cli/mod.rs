@@ -21,6 +21,7 @@ mod table;
 
 use std::future::Future;
 use std::io::Write;
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -80,11 +81,9 @@ impl Command {
 
 /// Parses the command line, does what it says, and tells how it went.
 pub fn main() -> ExitCode {
-    if std::env::args_os()
-        .nth(1)
-        .is_some_and(|first| first == HOST_ARGUMENT)
-    {
-        return host_main();
+    let mut args = std::env::args_os().skip(1);
+    if args.next().is_some_and(|first| first == HOST_ARGUMENT) {
+        return host_main(args.next().as_deref().map(Path::new));
     }
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,

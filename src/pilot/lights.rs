@@ -15,22 +15,26 @@ impl Lights {
         *self = Lights::default();
     }
 
-    /// Whether a command changes anything, and remembers it. Sounds always do; some of them switch
-    /// lights too, so that the lights are unknown afterwards (`PROTOCOL.md`, *sound id*).
-    pub(super) fn is_news(&mut self, command: &Command) -> bool {
+    /// Whether a command changes anything. Sounds always do.
+    pub(super) fn is_news(&self, command: &Command) -> bool {
+        match *command {
+            Command::Led { led, on } => !self.leds.contains(&(led, on)),
+            Command::Volume(percent) => self.volume != Some(percent),
+            _ => true,
+        }
+    }
+
+    /// A command goes out. Some sounds switch lights too, so that the lights are unknown afterwards
+    /// (`PROTOCOL.md`, *sound id*).
+    pub(super) fn note(&mut self, command: &Command) {
         match *command {
             Command::Led { led, on } => {
-                let known = self.leds.contains(&(led, on));
                 self.leds.retain(|(other, _)| *other != led);
                 self.leds.push((led, on));
-                !known
             }
-            Command::Volume(percent) => self.volume.replace(percent) != Some(percent),
-            Command::Play(_) => {
-                self.leds.clear();
-                true
-            }
-            _ => true,
+            Command::Volume(percent) => self.volume = Some(percent),
+            Command::Play(_) => self.leds.clear(),
+            _ => {}
         }
     }
 }
@@ -43,22 +47,28 @@ mod tests {
     #[test]
     fn only_changes_are_news_and_a_sound_makes_lights_unknown() {
         let mut lights = Lights::default();
-        let flash = Command::Led {
-            led: Led::Flash,
-            on: true,
+        let mut news = |command: Command| {
+            let news = lights.is_news(&command);
+            lights.note(&command);
+            news
         };
-        assert!(lights.is_news(&flash));
-        assert!(!lights.is_news(&flash));
-        assert!(lights.is_news(&Command::Led {
+        let flash = |on| Command::Led {
             led: Led::Flash,
-            on: false
-        }));
-        assert!(lights.is_news(&flash));
-        assert!(lights.is_news(&Command::Play(Sound::Alarm)));
-        assert!(lights.is_news(&flash));
-        assert!(lights.is_news(&Command::Volume(3)));
-        assert!(!lights.is_news(&Command::Volume(3)));
+            on,
+        };
+        assert!(news(flash(true)) && !news(flash(true)));
+        assert!(news(flash(false)) && news(flash(true)));
+        assert!(news(Command::Play(Sound::Alarm)));
+        assert!(news(flash(true)));
+        assert!(news(Command::Volume(3)) && !news(Command::Volume(3)));
         lights.forget();
+        assert!(lights.is_news(&Command::Volume(3)));
+    }
+
+    #[test]
+    fn what_was_not_sent_stays_news() {
+        let lights = Lights::default();
+        assert!(lights.is_news(&Command::Volume(3)));
         assert!(lights.is_news(&Command::Volume(3)));
     }
 }

@@ -2,6 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use tokio::time::Instant;
+use tracing::warn;
+
+use super::throttle::Throttle;
 use crate::robot::channel::Outbox;
 use crate::robot::{BehaviourId, EndReason, Event, Priority};
 use crate::wire::{Command, Stream};
@@ -11,6 +15,7 @@ struct Seat {
     priority: Priority,
     outbox: Outbox,
     streams: BTreeSet<Stream>,
+    throttle: Throttle,
 }
 
 /// All behaviours aboard.
@@ -36,8 +41,25 @@ impl Seats {
                 priority,
                 outbox,
                 streams: BTreeSet::new(),
+                throttle: Throttle::new(Instant::now()),
             },
         );
+    }
+
+    /// Whether a behaviour may send one more command that is no motion.
+    pub(super) fn admits(&mut self, by: BehaviourId, command: &Command, now: Instant) -> bool {
+        let Some(seat) = self.seats.get_mut(&by) else {
+            return false;
+        };
+        let admitted = seat.throttle.admits(command, now);
+        if !admitted && let Some(count) = seat.throttle.complaint() {
+            let number = by.0;
+            warn!(
+                number,
+                count, "a behaviour sends more than the robot can take; commands were dropped"
+            );
+        }
+        admitted
     }
 
     /// A behaviour is no more.

@@ -60,7 +60,14 @@ impl Arbiter {
         now: Instant,
     ) -> Vec<Ended> {
         let until = duration.map(|duration| now + duration);
-        let wish = Wish { by, priority, motion, setpoint, until, held: false };
+        let wish = Wish {
+            by,
+            priority,
+            motion,
+            setpoint,
+            until,
+            held: false,
+        };
         let mut ended = Vec::new();
         match self.wishes.iter().position(|wish| wish.by == by) {
             Some(place) => {
@@ -102,7 +109,10 @@ impl Arbiter {
 
     /// Holds a behaviour's wish, or lets go of it again. Says whether that changes anything.
     pub fn hold(&mut self, by: BehaviourId, held: bool) -> bool {
-        let wish = self.wishes.iter_mut().find(|wish| wish.by == by && wish.held != held);
+        let wish = self
+            .wishes
+            .iter_mut()
+            .find(|wish| wish.by == by && wish.held != held);
         wish.map(|wish| wish.held = held).is_some()
     }
 
@@ -132,7 +142,10 @@ impl Arbiter {
     /// What the tracks are to do now: nothing wished is a stop, and so is a wish that is held; the
     /// next in line does not take its place.
     pub fn setpoint(&self) -> Setpoint {
-        self.wishes.first().filter(|wish| !wish.held).map_or(Setpoint::STOP, |wish| wish.setpoint)
+        self.wishes
+            .first()
+            .filter(|wish| !wish.held)
+            .map_or(Setpoint::STOP, |wish| wish.setpoint)
     }
 
     /// Behaviours that have a wish, driving or standing by.

@@ -19,7 +19,11 @@ pub struct Leases {
 impl Leases {
     /// With the longest silence before a host's motion is held, and before it is ended.
     pub fn new(silence: Duration, grace: Duration) -> Leases {
-        Leases { silence, grace, heard: BTreeMap::new() }
+        Leases {
+            silence,
+            grace,
+            heard: BTreeMap::new(),
+        }
     }
 
     /// A host has shown life.
@@ -49,7 +53,11 @@ impl Leases {
     ) -> Option<Instant> {
         let due = |by| {
             let silent = *self.heard.get(&by)? + self.silence;
-            Some(if now < silent { silent } else { silent + self.grace })
+            Some(if now < silent {
+                silent
+            } else {
+                silent + self.grace
+            })
         };
         moving.filter_map(due).min()
     }

@@ -10,6 +10,10 @@ use crate::robot::EndReason;
 /// The longest error text that is passed on, in characters.
 const LONGEST: usize = 1000;
 
+/// A script that has taken a task's coroutine from `coroutine.running()`.
+const RESUMED_BY_OTHERS: &str = "a task's coroutine was resumed or closed by the script; \
+    end a task with task:cancel(), and resume only what coroutine.create has made";
+
 /// Why a file cannot be run at all.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error, Serialize, Deserialize)]
 pub enum Failure {
@@ -96,6 +100,9 @@ impl Trouble {
                 LuaError::CallbackError { cause, .. } => error = cause,
                 LuaError::RuntimeError(text) | LuaError::SyntaxError { message: text, .. } => {
                     return Trouble::Text(from_traceback(text));
+                }
+                LuaError::CoroutineUnresumable => {
+                    return Trouble::Text(RESUMED_BY_OTHERS.to_owned());
                 }
                 _ => break,
             }

@@ -132,6 +132,19 @@ impl Rig {
     }
 }
 
+/// The process numbers of a process's children.
+pub fn children_of(pid: rustix::process::Pid) -> Vec<rustix::process::Pid> {
+    let pid = pid.as_raw_nonzero();
+    let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).unwrap();
+    let children = tasks
+        .filter_map(|task| std::fs::read_to_string(task.unwrap().path().join("children")).ok());
+    let text: String = children.collect();
+    let numbers = text
+        .split_whitespace()
+        .filter_map(|number| number.parse().ok());
+    numbers.filter_map(rustix::process::Pid::from_raw).collect()
+}
+
 /// A MOVE that moves.
 pub fn moves(command: &Command) -> bool {
     matches!(command, Command::Move { left, right } if (*left, *right) != (0, 0))
@@ -192,15 +205,7 @@ impl Run {
 
     /// The process numbers of its behaviours' hosts.
     pub fn hosts(&self) -> Vec<rustix::process::Pid> {
-        let pid = self.pid().as_raw_nonzero();
-        let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).unwrap();
-        let children = tasks
-            .filter_map(|task| std::fs::read_to_string(task.unwrap().path().join("children")).ok());
-        let text: String = children.collect();
-        let numbers = text
-            .split_whitespace()
-            .filter_map(|number| number.parse().ok());
-        numbers.filter_map(rustix::process::Pid::from_raw).collect()
+        children_of(self.pid())
     }
 
     /// Whether it still runs.

@@ -154,7 +154,8 @@ impl Watchdog {
         };
         [
             self.arbiter.next_deadline(),
-            self.leases.next_deadline(self.arbiter.wishing(), self.ticked),
+            self.leases
+                .next_deadline(self.arbiter.wishing(), self.ticked),
             self.tracks.next_deadline(),
             self.stream_deadline(),
             self.leaving.as_ref().map(|leaving| leaving.until),

@@ -25,7 +25,10 @@ impl Watchdog {
         if self.arbiter.hold(by, true) {
             self.halt(now);
             let silence = self.limits.host_silence.get().as_millis();
-            self.notice(SafetyAction::Stop, format!("a script showed no life for {silence} ms"));
+            self.notice(
+                SafetyAction::Stop,
+                format!("a script showed no life for {silence} ms"),
+            );
         }
     }
 

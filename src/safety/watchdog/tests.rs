@@ -286,8 +286,14 @@ fn a_silent_host_is_stopped_first_and_then_ended() {
     assert_eq!(sent(&acts), [Command::STOP]);
     assert!(!acts.iter().any(|act| matches!(act, Act::Kill(..))));
     let acts = rig.pass(300 * MS, false);
-    let stop = acts.iter().position(|act| *act == Act::Send(Command::STOP)).unwrap();
-    let kill = acts.iter().position(|act| *act == Act::Kill(WHO, EndReason::Cpu)).unwrap();
+    let stop = acts
+        .iter()
+        .position(|act| *act == Act::Send(Command::STOP))
+        .unwrap();
+    let kill = acts
+        .iter()
+        .position(|act| *act == Act::Kill(WHO, EndReason::Cpu))
+        .unwrap();
     assert!(stop < kill, "{acts:?}");
     assert!(!sent(&acts).iter().any(|command| *command == FORWARD));
 }
@@ -298,7 +304,11 @@ fn a_host_that_was_silent_for_a_moment_stops_and_drives_on() {
     rig.drive(1, None);
     assert_eq!(sent(&rig.pass(300 * MS, false)), [FORWARD, Command::STOP]);
     assert_eq!(sent(&rig.take(Fact::Alive(WHO))), [FORWARD]);
-    assert!(!rig.pass(SECOND, true).iter().any(|act| matches!(act, Act::Kill(..))));
+    assert!(
+        !rig.pass(SECOND, true)
+            .iter()
+            .any(|act| matches!(act, Act::Kill(..)))
+    );
 }
 
 #[test]

@@ -1,0 +1,114 @@
+//! How much a behaviour may send besides motion. The robot's link is slow, and what stands in it
+//! stands before the next stop: lights, sounds and speech beyond this are dropped.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use crate::wire::Command;
+
+/// Lights, sounds, volumes and streams: so many at once, and so many a second.
+const COMMANDS: f64 = 100.0;
+/// Bytes of speech at once: four seconds of it.
+const SPEECH: f64 = 128_000.0;
+/// Bytes of speech a second: twice as fast as it is spoken.
+const SPEECH_PER_SECOND: f64 = 64_000.0;
+
+/// One behaviour's share.
+#[derive(Debug)]
+pub(super) struct Throttle {
+    commands: Bucket,
+    speech: Bucket,
+    refused: u64,
+}
+
+impl Throttle {
+    pub(super) fn new(now: Instant) -> Throttle {
+        Throttle {
+            commands: Bucket::new(COMMANDS, COMMANDS, now),
+            speech: Bucket::new(SPEECH, SPEECH_PER_SECOND, now),
+            refused: 0,
+        }
+    }
+
+    /// Whether a command may go out; if it may not, that is counted.
+    pub(super) fn admits(&mut self, command: &Command, now: Instant) -> bool {
+        let admitted = match command {
+            Command::Audio(samples) => self.speech.take(samples.len() as f64, now),
+            _ => self.commands.take(1.0, now),
+        };
+        self.refused += u64::from(!admitted);
+        admitted
+    }
+
+    /// How many were refused so far, when that is worth a word: the first, and then ever more
+    /// rarely.
+    pub(super) fn complaint(&self) -> Option<u64> {
+        let refused = self.refused;
+        (refused > 0 && 10_u64.pow(refused.ilog10()) == refused).then_some(refused)
+    }
+}
+
+/// Fills up steadily and is emptied by taking.
+#[derive(Debug)]
+struct Bucket {
+    level: f64,
+    most: f64,
+    per_second: f64,
+    at: Instant,
+}
+
+impl Bucket {
+    fn new(most: f64, per_second: f64, at: Instant) -> Bucket {
+        Bucket {
+            level: most,
+            most,
+            per_second,
+            at,
+        }
+    }
+
+    fn take(&mut self, amount: f64, now: Instant) -> bool {
+        let passed: Duration = now.saturating_duration_since(self.at);
+        self.at = now;
+        self.level = (self.level + passed.as_secs_f64() * self.per_second).min(self.most);
+        let enough = self.level >= amount;
+        if enough {
+            self.level -= amount;
+        }
+        enough
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[tokio::test(start_paused = true)]
+    async fn speech_at_its_own_pace_is_never_dropped() {
+        let mut throttle = Throttle::new(Instant::now());
+        for _ in 0..100 {
+            let second = Command::Audio(vec![0; 32_000].into());
+            assert!(throttle.admits(&second, Instant::now()));
+            tokio::time::advance(Duration::from_secs(1)).await;
+        }
+        assert_eq!(throttle.complaint(), None);
+    }
+
+    proptest! {
+        #[test]
+        fn no_pattern_of_commands_gets_more_through(pauses in prop::collection::vec(0u64..40, 0..2000)) {
+            let start = Instant::now();
+            let (mut throttle, mut now, mut admitted) = (Throttle::new(start), start, 0.0);
+            for pause in pauses {
+                now += Duration::from_millis(pause);
+                if throttle.admits(&Command::StopSound, now) {
+                    admitted += 1.0;
+                }
+                let most = COMMANDS * (1.0 + now.saturating_duration_since(start).as_secs_f64());
+                prop_assert!(admitted <= most);
+            }
+        }
+    }
+}

@@ -1,0 +1,6 @@
+-- Recursion without end.
+-- expect: error
+local function deeper()
+	return 1 + deeper()
+end
+deeper()

@@ -1,0 +1,4 @@
+-- An endless loop.
+-- expect: cpu
+while true do
+end

@@ -1,0 +1,13 @@
+-- Endless loops in coroutines, made anew as they die.
+-- expect: cpu
+while true do
+	local co = coroutine.wrap(function()
+		while true do
+			pcall(function()
+				while true do
+				end
+			end)
+		end
+	end)
+	pcall(co)
+end

@@ -1,0 +1,5 @@
+-- A pattern that backtracks for ever.
+-- expect: cpu
+while true do
+	pcall(string.find, ("a"):rep(1e5), ("a*"):rep(50) .. "b")
+end

@@ -1,0 +1,8 @@
+-- Busy for most of its budget, again and again: never over it, and still no burden to others.
+-- expect: done
+local begun = task.now()
+while task.now() - begun < 0.2 do
+	for _ = 1, 1e5 do
+	end
+	task.wait()
+end

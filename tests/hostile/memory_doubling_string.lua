@@ -1,0 +1,6 @@
+-- A string that doubles.
+-- expect: memory
+local text = "x"
+while true do
+	text ..= text
+end

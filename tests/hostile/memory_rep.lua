@@ -1,0 +1,3 @@
+-- A thousand megabytes in one call.
+-- expect: memory
+return ("x"):rep(1e9)

@@ -1,0 +1,6 @@
+-- Tables without end.
+-- expect: memory
+local keep = {}
+while true do
+	keep[#keep + 1] = { {}, {}, {} }
+end

@@ -1,0 +1,10 @@
+-- A task that makes the next one and ends: each slice is short, none waits.
+-- expect: done
+local made = 0
+local function next_one()
+	made += 1
+	task.spawn(next_one)
+end
+next_one()
+task.wait(0.2)
+script.stop("enough")

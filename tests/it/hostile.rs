@@ -1,0 +1,353 @@
+//! Attacks on the agent, one script each, in `tests/hostile/`. Every script there runs, one after
+//! the other, beside a well-behaved one and in one agent; a new file is picked up by itself.
+//!
+//! A script's first comment says what it attacks, and `-- expect:` which endings are right, by their
+//! reasons; `-- expect: refused: WORDS` is a file that must not even be loaded. Before its first
+//! line the harness lets it wait for its turn, drive, and set the volume: the mark from which all
+//! times count.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use rustix::process::Pid;
+use serde_json::Value;
+use spykee::wire::{Command, EngineNews, Led, Report};
+use tokio::time::{Instant, sleep};
+
+use crate::rig::{PATIENCE, Rig, Run, moves};
+
+/// From the mark, which is set before an attack begins, to the stop of the tracks.
+const STOPPED_WITHIN: Duration = Duration::from_millis(600);
+/// From a behaviour's end to that of its process.
+const GONE_WITHIN: Duration = Duration::from_secs(1);
+/// The longest silence of the behaviour beside, whose beat is 50 ms; this machine may be busy.
+const LONGEST_GAP: Duration = Duration::from_secs(1);
+/// The beat of the behaviour beside.
+const BEAT: Duration = Duration::from_millis(50);
+/// How many of its beats it keeps, percent.
+const BEATS_KEPT: u128 = 95;
+/// What the agent's memory may grow by, over all attacks of a kind.
+const GROWTH_KIB: i64 = 4 * 1024;
+/// The engine's code that begins the first attack; nobody knows it.
+const FIRST_TURN: u8 = 100;
+
+/// Beats until the robot says that a sound has ended.
+const WITNESS: &str = "
+    local on = false
+    local beat = task.every(0.05, function()
+        on = not on
+        robot.led('right', on)
+    end)
+    robot.wait_for('sound_finished')
+    beat:cancel()";
+
+/// One file.
+struct Attack {
+    name: String,
+    source: Vec<u8>,
+    expected: String,
+}
+
+impl Attack {
+    fn read(path: &Path) -> Attack {
+        let source = std::fs::read(path).unwrap();
+        let text = String::from_utf8_lossy(&source);
+        let expected = text
+            .lines()
+            .find_map(|line| line.strip_prefix("-- expect: "));
+        let expected = expected.unwrap_or_else(|| panic!("{} expects nothing", path.display()));
+        let expected = expected.trim().to_owned();
+        let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        Attack {
+            name,
+            source,
+            expected,
+        }
+    }
+
+    /// Whether the first of its right endings is this.
+    fn is(&self, ending: &str) -> bool {
+        self.expected.split([' ', ':']).next() == Some(ending)
+    }
+
+    fn may_end(&self, reason: &str) -> bool {
+        self.expected.split(' ').any(|expected| expected == reason)
+    }
+
+    /// The script that waits for its turn.
+    fn armed(&self, turn: u8) -> String {
+        let code = FIRST_TURN + turn;
+        let source = std::str::from_utf8(&self.source).unwrap();
+        format!(
+            "repeat until robot.wait_for('engine').code == {code} \
+             robot.move(50, 50) robot.volume({turn}) task.wait(0.05)\n{source}"
+        )
+    }
+}
+
+/// The attacks whose first right ending is this, by name.
+fn attacks(ending: &str) -> Vec<Attack> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hostile");
+    let mut files: Vec<PathBuf> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
+    files.sort();
+    let attacks = files.iter().map(|path| Attack::read(path));
+    attacks.filter(|attack| attack.is(ending)).collect()
+}
+
+/// One agent under attack.
+struct Siege {
+    rig: Rig,
+    run: Run,
+    /// What did not go as promised.
+    broken: Vec<String>,
+    /// With which the attacks ended.
+    reasons: BTreeSet<String>,
+}
+
+impl Siege {
+    async fn lay(attacks: &[Attack]) -> Siege {
+        let rig = Rig::quiet().await;
+        let mut files = vec![rig.file("witness.lua", WITNESS)];
+        for (turn, attack) in (0..).zip(attacks) {
+            files.push(rig.file(&format!("{}.lua", attack.name), &attack.armed(turn)));
+        }
+        let files: Vec<&str> = files.iter().map(|file| file.to_str().unwrap()).collect();
+        let options = [
+            "--robot",
+            &rig.address,
+            "--log-format",
+            "json",
+            "--seed",
+            "7",
+        ];
+        let run = rig.spykee(&[&["run"], &files[..], &options].concat());
+        Siege {
+            rig,
+            run,
+            broken: Vec::new(),
+            reasons: BTreeSet::new(),
+        }
+    }
+
+    fn promise(&mut self, kept: bool, words: impl FnOnce() -> String) {
+        if !kept {
+            self.broken.push(words());
+        }
+    }
+
+    async fn attack(&mut self, attack: &Attack, turn: u8) {
+        let name = &attack.name;
+        let host = host_of(&self.run, name);
+        let from = self.rig.sim.heard_count();
+        self.rig
+            .sim
+            .inject(Report::Engine(EngineNews::Unknown(FIRST_TURN + turn)));
+        let mark = self
+            .rig
+            .heard(from, |command| *command == Command::Volume(turn))
+            .await;
+        let stop = self.rig.heard_stop(mark).await;
+        let took = self.rig.at(stop).0.saturating_sub(self.rig.at(mark).0);
+        let (reason, message) = self.ending(name).await;
+        eprintln!(
+            "{name}: {reason}, tracks stopped after {} ms: {message}",
+            took.as_millis()
+        );
+        self.promise(took <= STOPPED_WITHIN, || {
+            format!("{name}: drove for {took:?}")
+        });
+        self.promise(attack.may_end(&reason), || {
+            format!("{name}: ended with {reason}: {message}")
+        });
+        self.promise(!message.is_empty(), || format!("{name}: no words"));
+        self.reasons.insert(reason);
+        let gone = gone(host).await;
+        self.promise(gone, || format!("{name}: its host lives on"));
+        let drives_on = self.rig.commands(stop).iter().any(moves);
+        self.promise(!drives_on, || format!("{name}: drove on after the stop"));
+    }
+
+    /// Reason and words with which a behaviour has ended.
+    async fn ending(&self, name: &str) -> (String, String) {
+        let begun = Instant::now();
+        loop {
+            let text = self.run.text();
+            let records = text
+                .lines()
+                .filter_map(|line| serde_json::from_str::<Value>(line).ok());
+            let field = |record: &Value, key: &str| record[key].as_str().unwrap_or("").to_owned();
+            let mut ended =
+                records.filter(|one| one["behaviour"] == name && !one["reason"].is_null());
+            if let Some(record) = ended.next() {
+                return (field(&record, "reason"), field(&record, "message"));
+            }
+            assert!(begun.elapsed() < PATIENCE, "{name} does not end:\n{text}");
+            sleep(Duration::from_millis(5)).await;
+        }
+    }
+
+    /// Beats of the behaviour beside, since `from`: how many, and the longest silence.
+    fn beats(&self, from: usize) -> (usize, Duration) {
+        let is_beat = |command: &Command| {
+            matches!(
+                command,
+                Command::Led {
+                    led: Led::Right,
+                    ..
+                }
+            )
+        };
+        let heard = self.rig.sim.heard_since(from);
+        let beats: Vec<Duration> = heard
+            .iter()
+            .filter(|heard| is_beat(&heard.command))
+            .map(|heard| heard.at)
+            .collect();
+        let gaps = beats.windows(2).map(|pair| pair[1].saturating_sub(pair[0]));
+        (beats.len(), gaps.max().unwrap_or(Duration::MAX))
+    }
+
+    /// The behaviour beside comes to its end, and with it the run.
+    async fn lift(mut self) {
+        let failed = ["cpu", "memory", "error"]
+            .iter()
+            .any(|bad| self.reasons.contains(*bad));
+        let code = i32::from(failed);
+        let witness = host_of(&self.run, "witness");
+        self.rig.sim.inject(Report::SoundFinished);
+        let ended = self.run.code().await;
+        self.promise(ended == Some(code), || {
+            format!("exit code {ended:?} and not {code}")
+        });
+        let gone = gone(witness).await;
+        self.promise(gone, || "a host outlived its agent".to_owned());
+        assert!(
+            self.broken.is_empty(),
+            "{}\n\n{}",
+            self.broken.join("\n"),
+            self.run.text()
+        );
+    }
+}
+
+/// All attacks of one kind on one agent, one after the other.
+async fn withstand(ending: &str) {
+    let attacks = attacks(ending);
+    let mut siege = Siege::lay(&attacks).await;
+    let from = siege
+        .rig
+        .heard(0, |command| matches!(command, Command::Led { .. }))
+        .await;
+    let memory = resident_kib(&siege.run);
+    let begun = Instant::now();
+    for (turn, attack) in (0..).zip(&attacks) {
+        siege.attack(attack, turn).await;
+    }
+    let growth = resident_kib(&siege.run) - memory;
+    let took = begun.elapsed();
+    let (beats, gap) = siege.beats(from);
+    eprintln!(
+        "{} attacks in {took:?}: {beats} beats, longest gap {gap:?}, grown by {growth} KiB",
+        attacks.len()
+    );
+    siege.promise(gap <= LONGEST_GAP, || {
+        format!("the behaviour beside fell silent for {gap:?}")
+    });
+    let due = took.as_millis() / BEAT.as_millis();
+    let kept = beats as u128 * 100 >= due * BEATS_KEPT;
+    siege.promise(kept, || {
+        format!("the behaviour beside kept {beats} of {due} beats")
+    });
+    siege.promise(growth <= GROWTH_KIB, || {
+        format!("the agent grew by {growth} KiB")
+    });
+    siege.lift().await;
+}
+
+/// The process of a behaviour, by the folder that it may use.
+fn host_of(run: &Run, name: &str) -> Pid {
+    let is_its = |pid: &Pid| {
+        let line = std::fs::read(format!("/proc/{}/cmdline", pid.as_raw_nonzero()));
+        line.is_ok_and(|line| line.ends_with(format!("/{name}\0").as_bytes()))
+    };
+    let host = run.hosts().into_iter().find(is_its);
+    host.unwrap_or_else(|| panic!("{name} has no host:\n{}", run.text()))
+}
+
+async fn gone(host: Pid) -> bool {
+    let begun = Instant::now();
+    while Path::new(&format!("/proc/{}", host.as_raw_nonzero())).exists() {
+        if begun.elapsed() > GONE_WITHIN {
+            return false;
+        }
+        sleep(Duration::from_millis(5)).await;
+    }
+    true
+}
+
+fn resident_kib(run: &Run) -> i64 {
+    let status = std::fs::read_to_string(format!("/proc/{}/status", run.pid().as_raw_nonzero()));
+    let status = status.unwrap();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    line.unwrap()
+        .trim()
+        .trim_end_matches(" kB")
+        .parse()
+        .unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn scripts_that_never_wait_lose_the_robot_and_disturb_nobody() {
+    withstand("cpu").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn scripts_that_want_all_memory_lose_the_robot_and_disturb_nobody() {
+    withstand("memory").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn scripts_that_break_lose_the_robot_and_disturb_nobody() {
+    withstand("error").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn scripts_that_flood_and_pry_get_nothing_and_disturb_nobody() {
+    withstand("done").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn files_that_are_no_scripts_are_refused_before_the_robot_is_called() {
+    let attacks = attacks("refused");
+    assert!(!attacks.is_empty());
+    for attack in attacks {
+        let rig = Rig::quiet().await;
+        let path = rig.folder().join("attack.lua");
+        std::fs::write(&path, &attack.source).unwrap();
+        let mut run = rig.spykee(&["run", path.to_str().unwrap(), "--robot", &rig.address]);
+        let code = run.code().await;
+        let text = run.text();
+        eprintln!("{}: {text}", attack.name);
+        assert_eq!(code, Some(1), "{}: {text}", attack.name);
+        let words = attack.expected.trim_start_matches("refused:").trim();
+        assert!(
+            text.contains("attack.lua") && text.contains(words),
+            "{}: {text}",
+            attack.name
+        );
+        assert_eq!(rig.commands(0), [], "{}", attack.name);
+    }
+}
+
+#[test]
+fn every_attack_has_a_known_ending() {
+    let known = ["cpu", "memory", "error", "done", "refused"];
+    let counted: usize = known.iter().map(|ending| attacks(ending).len()).sum();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hostile");
+    assert_eq!(counted, std::fs::read_dir(folder).unwrap().count());
+    assert!(counted >= 40, "only {counted}");
+}

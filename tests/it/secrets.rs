@@ -1,0 +1,182 @@
+//! Who may speak, and who may read: the password is nowhere, files are the user's alone, and no
+//! script writes to the terminal what it likes.
+
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use std::process::{Command as Process, Stdio};
+
+use rustix::process::Pid;
+use spykee::sim::{Handle, Options, Server, World};
+use spykee::wire::{Command, Login};
+use tokio::time::timeout;
+
+use crate::rig::{PATIENCE, QUIET_WORLD, Rig, children_of};
+
+/// Nothing else that the program says can hold it by chance.
+const PASSWORD: &str = "correct-horse-battery";
+
+fn spykee(args: &[&str]) -> Process {
+    let mut process = Process::new(env!("CARGO_BIN_EXE_spykee"));
+    process.args(args).stdin(Stdio::null());
+    process
+        .env("SPYKEE_PASSWORD", PASSWORD)
+        .env("RUST_LOG", "trace");
+    process
+}
+
+/// All that it says on both streams until its end.
+fn said(mut process: Process) -> String {
+    let output = process.output().unwrap();
+    let out = [output.stdout, output.stderr].concat();
+    String::from_utf8_lossy(&out).into_owned()
+}
+
+#[track_caller]
+fn assert_silent(what: &str, text: &str) {
+    assert!(
+        !text.contains(PASSWORD),
+        "{what} tells the password:\n{text}"
+    );
+}
+
+/// A robot whose password is the secret one.
+async fn guarded_robot() -> (String, Handle) {
+    let world = World::from_yaml(QUIET_WORLD, "test world").unwrap();
+    let login = Login::new("admin", PASSWORD);
+    let options = Options {
+        login,
+        ..Options::default()
+    };
+    let server = Server::bind(world, options).await.unwrap();
+    let (address, sim) = (server.local_addr().to_string(), server.handle());
+    tokio::spawn(server.run());
+    (address, sim)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_password_is_in_no_output_at_the_finest_level() {
+    let rig = Rig::quiet().await;
+    let (guarded, _) = guarded_robot().await;
+    let script = rig.file(
+        "script.lua",
+        "print(robot.info().name) task.wait(0.2) error('end')",
+    );
+    let script = script.to_str().unwrap().to_owned();
+    let right = ["run", &script, "--robot", &guarded, "--log-format"];
+    let runs: [Vec<&str>; 7] = [
+        [&right[..], &["text"]].concat(),
+        [&right[..], &["json"]].concat(),
+        // Refused: the robot has another password.
+        vec!["run", &script, "--robot", &rig.address],
+        vec!["run", &script, "--sim"],
+        vec!["run", "--help"],
+        vec!["--help"],
+        vec!["discover", "--timeout", "0.2", "--ask", &guarded],
+    ];
+    for args in runs {
+        let text = timeout(
+            PATIENCE,
+            tokio::task::spawn_blocking({
+                let process = spykee(&args);
+                move || said(process)
+            }),
+        );
+        let text = text.await.unwrap().unwrap();
+        assert!(!text.is_empty(), "{args:?} says nothing");
+        assert_silent(&format!("{args:?}"), &text);
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_password_is_in_no_process_list_and_no_host_has_it() {
+    let rig = Rig::quiet().await;
+    let (guarded, sim) = guarded_robot().await;
+    let script = rig.file("script.lua", "robot.led('flash', true) task.wait(60)");
+    let mut agent = spykee(&["run", script.to_str().unwrap(), "--robot", &guarded]);
+    agent.stdout(Stdio::null()).stderr(Stdio::null());
+    let mut agent = agent.current_dir(rig.folder()).spawn().unwrap();
+    let lit = sim.wait_heard(0, |command| matches!(command, Command::Led { .. }));
+    timeout(PATIENCE, lit).await.unwrap();
+    let pid = Pid::from_child(&agent);
+    let read = |pid: Pid, file: &str| {
+        let path = format!("/proc/{}/{file}", pid.as_raw_nonzero());
+        String::from_utf8_lossy(&std::fs::read(path).unwrap()).into_owned()
+    };
+    assert_silent("the agent's command line", &read(pid, "cmdline"));
+    assert!(
+        read(pid, "environ").contains(PASSWORD),
+        "nothing was kept secret"
+    );
+    let hosts = children_of(pid);
+    assert!(!hosts.is_empty());
+    for host in hosts {
+        let (line, environment) = (read(host, "cmdline"), read(host, "environ"));
+        assert!(line.contains("__host"), "{line}");
+        assert_silent("a host's command line", &line);
+        assert_silent("a host's environment", &environment);
+    }
+    agent.kill().unwrap();
+    agent.wait().unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_saved_is_for_its_user_only() {
+    let rig = Rig::quiet().await;
+    let mut run = rig.run("print('saved', robot.wait_frame(30):save('one.jpg'))");
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert!(run.text().contains("saved /"), "{}", run.text());
+    let found = modes(&rig.folder().join("spykee-data"));
+    assert!(
+        found.iter().any(|(path, _)| path.ends_with("one.jpg")),
+        "{found:?}"
+    );
+    for (path, mode) in found {
+        assert_eq!(mode & 0o077, 0, "others can use {path}: {mode:o}");
+    }
+}
+
+/// Every file and folder below, with its permissions.
+fn modes(path: &Path) -> Vec<(String, u32)> {
+    let metadata = std::fs::metadata(path).unwrap();
+    let mut found = vec![(
+        path.display().to_string(),
+        metadata.permissions().mode() & 0o777,
+    )];
+    if metadata.is_dir() {
+        let entries = std::fs::read_dir(path).unwrap();
+        found.extend(entries.flat_map(|entry| modes(&entry.unwrap().path())));
+    }
+    found
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn no_script_steers_the_terminal() {
+    let rig = Rig::quiet().await;
+    let evil = r#"local evil = "\27[2Jone\27]0;two\7\155\49m\r\n\8\127\u{9b}3m\u{202e}three"
+        print(evil) log.warn(evil, {[evil] = evil}) pcall(print, setmetatable({}, {__tostring =
+        function() return evil end})) robot.on("docked", print):off() error(evil)"#;
+    let script = rig.file("script.lua", evil);
+    for format in ["text", "json"] {
+        let args = ["run", script.to_str().unwrap(), "--robot", &rig.address];
+        let mut run = rig.spykee(&[&args[..], &["--log-format", format]].concat());
+        assert_eq!(run.code().await, Some(1), "{}", run.text());
+        let text = run.text();
+        assert!(text.contains("one") && text.contains("three"), "{text}");
+        let bad = text.chars().find(|c| {
+            (c.is_control() && !matches!(c, '\n' | '\t')) || ('\u{202a}'..='\u{202e}').contains(c)
+        });
+        assert_eq!(bad, None, "{text:?}");
+        if format == "json" {
+            let decoded = text
+                .lines()
+                .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+            for record in decoded {
+                let told = record["message"].as_str().unwrap_or_default();
+                let bad = told
+                    .chars()
+                    .find(|c| c.is_control() && !matches!(c, '\n' | '\t'));
+                assert_eq!(bad, None, "{told:?}");
+            }
+        }
+    }
+}
