@@ -295,7 +295,7 @@ fn a_silent_host_is_stopped_first_and_then_ended() {
         .position(|act| *act == Act::Kill(WHO, EndReason::Cpu))
         .unwrap();
     assert!(stop < kill, "{acts:?}");
-    assert!(!sent(&acts).iter().any(|command| *command == FORWARD));
+    assert!(!sent(&acts).contains(&FORWARD));
 }
 
 #[test]
