@@ -82,8 +82,10 @@ local function go_home()
 	local out, why = robot.undock()
 	if not out then
 		log.warn(`could not leave the station: {why}`)
-		task.wait(5)
+		return task.wait(5)
 	end
+	-- It has backed out and looks at its station.
+	robot.turn(math.pi)
 end
 
 local function patrol()

@@ -232,7 +232,11 @@ impl Run {
             Err(_) => self.flight.abort(),
         }
         let Run { endings, .. } = self;
-        Ok(Outcome { endings, safety, interrupted })
+        Ok(Outcome {
+            endings,
+            safety,
+            interrupted,
+        })
     }
 
     /// Something of ours is broken: the pilot is dropped, and its writer's drop stops the tracks.

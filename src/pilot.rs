@@ -35,6 +35,9 @@ const REQUESTS_IN_A_ROW: usize = 32;
 /// When streams are switched that a behaviour switches faster than it may.
 const STREAMS_LATER: Duration = Duration::from_millis(100);
 
+/// How often the other tasks get a turn before a deadline is judged: once to read, once to pass on.
+const HEARINGS: usize = 2;
+
 /// How the run is told to come to its end.
 #[derive(Debug, Clone, Default)]
 pub struct Ending {
@@ -124,11 +127,7 @@ impl Pilot {
                     parted = true;
                     self.take(Fact::Parting).await
                 }
-                () = until(deadline) => {
-                    let acts = self.watchdog.tick(Instant::now());
-                    let lost = self.perform(acts).await;
-                    self.catch_up_streams().await.or(lost)
-                }
+                () = until(deadline) => self.tick(&mut requests).await,
                 news = line.next() => self.hear(news).await?,
                 Some(request) = requests.recv() => self.serve(request).await,
             };
@@ -141,6 +140,18 @@ impl Pilot {
         }
         self.close().await;
         Ok(())
+    }
+
+    /// What has come while this task, or the whole machine, slept is heard before anybody is judged
+    /// by his silence.
+    async fn tick(&mut self, requests: &mut mpsc::Receiver<Request>) -> Option<String> {
+        for _ in 0..HEARINGS {
+            tokio::task::yield_now().await;
+        }
+        let lost = self.serve_waiting(requests).await;
+        let acts = self.watchdog.tick(Instant::now());
+        let lost = self.perform(acts).await.or(lost);
+        self.catch_up_streams().await.or(lost)
     }
 
     /// Requests get their turn even if the robot never stops talking.

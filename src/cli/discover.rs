@@ -3,9 +3,15 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use super::{Console, Exit, Failure, block_on, print, screen};
+use super::table::{Side, aligned};
+use super::{Console, Exit, Failure, block_on, print};
 use crate::link::discover::{self, Found};
 
+const HEAD: [(&str, Side); 3] = [
+    ("ROBOT", Side::Left),
+    ("ADDRESS", Side::Left),
+    ("CONNECTED USER", Side::Left),
+];
 const NOBODY: &str = "no robot answered";
 const NOBODY_HELP: &str = "is the robot on, and is this computer in its Wi-Fi (SPYKEE...)? A firewall \
                            must let UDP port 9000 through. `spykee sim` starts a simulated one";
@@ -65,32 +71,13 @@ pub(super) fn run(args: &DiscoverArgs, _console: &Console) -> Result<Exit, Failu
     Ok(Exit::Done)
 }
 
-/// Columns as wide as their widest entry, two spaces apart.
 fn table(found: &[Found]) -> String {
-    let mut rows = vec![[
-        "ROBOT".to_owned(),
-        "ADDRESS".to_owned(),
-        "CONNECTED USER".to_owned(),
-    ]];
-    rows.extend(found.iter().map(|robot| {
+    let row = |robot: &Found| {
         let user = robot.connected_user.as_deref().unwrap_or("-");
-        [one_line(&robot.uid), robot.addr.to_string(), one_line(user)]
-    }));
-    let width = |column: usize| {
-        rows.iter()
-            .map(|row| row[column].chars().count())
-            .max()
-            .unwrap_or(0)
+        vec![robot.uid.clone(), robot.addr.to_string(), user.to_owned()]
     };
-    let (first, second) = (width(0), width(1));
-    rows.iter()
-        .map(|[uid, addr, user]| format!("{uid:first$}  {addr:second$}  {user}\n"))
-        .collect()
-}
-
-/// What a robot says of itself may be anything.
-fn one_line(text: &str) -> String {
-    screen::clean(text, false).replace(['\n', '\t'], " ")
+    let rows: Vec<_> = found.iter().map(row).collect();
+    aligned(&HEAD, &rows)
 }
 
 #[cfg(test)]

@@ -79,4 +79,3 @@ impl From<LinkError> for Failure {
         Failure::new(Exit::Unreachable, &error).help(error.help())
     }
 }
-

@@ -1,17 +1,23 @@
 //! The `spykee` command: one file for each subcommand; parse, dispatch, exit code. What a command
 //! does lives on lower floors.
 
+mod album;
+mod blobs;
+mod colours;
 mod connection;
 mod console;
 mod discover;
 mod embedded;
 mod failure;
 mod interrupt;
+mod learn;
 mod logging;
+mod picture;
 mod run;
 mod screen;
 mod sim;
 mod status;
+mod table;
 
 use std::future::Future;
 use std::io::Write;
@@ -57,6 +63,8 @@ enum Command {
     Run(run::RunArgs),
     Discover(discover::DiscoverArgs),
     Sim(sim::SimArgs),
+    Blobs(blobs::BlobsArgs),
+    Learn(learn::LearnArgs),
 }
 
 impl Command {
@@ -65,6 +73,8 @@ impl Command {
             Command::Run(args) => run::run(&args, console),
             Command::Discover(args) => discover::run(&args, console),
             Command::Sim(args) => sim::run(&args, console),
+            Command::Blobs(args) => blobs::run(&args, console),
+            Command::Learn(args) => learn::run(&args, console),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! `spykee sim`: a simulated robot for any Spykee client.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use tokio::time::interval;
@@ -9,7 +9,7 @@ use tokio::time::interval;
 use super::embedded::load;
 use super::interrupt::interruption;
 use super::{Console, Exit, Failure, LoginArgs, block_on, print};
-use crate::sim::{Handle, Options, Server, State, World};
+use crate::sim::{Fault, Handle, Options, Server, State, World};
 
 /// How often the status line is drawn anew.
 const STATUS_PERIOD: Duration = Duration::from_millis(500);
@@ -33,6 +33,10 @@ pub(super) struct SimArgs {
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     seed: u64,
 
+    /// Things that go wrong, a YAML file such as the README's: a broken network, a rebooting robot
+    #[arg(long, value_name = "FILE.yaml")]
+    faults: Option<PathBuf>,
+
     #[command(flatten)]
     login: LoginArgs,
 }
@@ -48,14 +52,22 @@ fn parse_fps(text: &str) -> Result<f64, String> {
 /// A world that cannot be used; an address that cannot be listened on.
 pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
     let world = load(args.world.as_deref())?;
+    let faults = args.faults.as_deref().map(load_faults).transpose()?;
     let options = Options {
         listen: args.listen,
         login: args.login.login()?,
         seed: args.seed,
         fps: args.fps,
+        faults,
         ..Options::default()
     };
     block_on(serve(world, options, console))?
+}
+
+fn load_faults(path: &Path) -> Result<Vec<Fault>, Failure> {
+    Fault::load_list(path).map_err(|error| {
+        Failure::usage(error).help("the README's section on broken networks lists all faults")
+    })
 }
 
 async fn serve(world: World, options: Options, console: &Console) -> Result<Exit, Failure> {

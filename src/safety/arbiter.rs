@@ -2,7 +2,8 @@
 //! among equals the one that came first keeps it.
 //!
 //! A wish with a duration that cannot have the tracks ends as `preempted` at once. A wish without
-//! one stands by and takes the tracks over when it is its turn, without a gap.
+//! one stands by and takes the tracks over when it is its turn, without a gap. A wish that is held
+//! keeps its place, but moves nothing.
 
 use std::time::Duration;
 
@@ -28,6 +29,7 @@ struct Wish {
     motion: MotionId,
     setpoint: Setpoint,
     until: Option<Instant>,
+    held: bool,
 }
 
 impl Wish {
@@ -64,6 +66,7 @@ impl Arbiter {
             motion,
             setpoint,
             until,
+            held: false,
         };
         let mut ended = Vec::new();
         match self.wishes.iter().position(|wish| wish.by == by) {
@@ -104,6 +107,15 @@ impl Arbiter {
         ended
     }
 
+    /// Holds a behaviour's wish, or lets go of it again. Says whether that changes anything.
+    pub fn hold(&mut self, by: BehaviourId, held: bool) -> bool {
+        let wish = self
+            .wishes
+            .iter_mut()
+            .find(|wish| wish.by == by && wish.held != held);
+        wish.map(|wish| wish.held = held).is_some()
+    }
+
     /// Drops a behaviour; nobody is left to be told.
     pub fn forget(&mut self, by: BehaviourId) {
         self.wishes.retain(|wish| wish.by != by);
@@ -127,10 +139,12 @@ impl Arbiter {
         )
     }
 
-    /// What the tracks are to do now: nothing wished is a stop.
+    /// What the tracks are to do now: nothing wished is a stop, and so is a wish that is held; the
+    /// next in line does not take its place.
     pub fn setpoint(&self) -> Setpoint {
         self.wishes
             .first()
+            .filter(|wish| !wish.held)
             .map_or(Setpoint::STOP, |wish| wish.setpoint)
     }
 
@@ -230,6 +244,18 @@ mod tests {
             [ended(PATROL, 1, MotionEnd::Done)]
         );
         assert_eq!(arbiter.setpoint(), Setpoint::STOP);
+    }
+
+    #[test]
+    fn a_held_wish_moves_nothing_and_keeps_its_place() {
+        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        arbiter.wish(PATROL, MotionId(1), at(40.0), None, now);
+        arbiter.wish(AVOID, MotionId(1), at(-20.0), None, now);
+        assert!(arbiter.hold(AVOID.0, true));
+        assert!(!arbiter.hold(AVOID.0, true), "held already");
+        assert_eq!(arbiter.setpoint(), Setpoint::STOP);
+        assert!(arbiter.hold(AVOID.0, false));
+        assert_eq!(arbiter.setpoint(), at(-20.0));
     }
 
     #[test]

@@ -12,14 +12,16 @@ use crate::robot::BehaviourId;
 #[derive(Debug)]
 pub struct Leases {
     silence: Duration,
+    grace: Duration,
     heard: BTreeMap<BehaviourId, Instant>,
 }
 
 impl Leases {
-    /// With the longest silence allowed.
-    pub fn new(silence: Duration) -> Leases {
+    /// With the longest silence before a host's motion is held, and before it is ended.
+    pub fn new(silence: Duration, grace: Duration) -> Leases {
         Leases {
             silence,
+            grace,
             heard: BTreeMap::new(),
         }
     }
@@ -34,23 +36,63 @@ impl Leases {
         self.heard.remove(&by);
     }
 
-    /// Among `moving`, the hosts that have been silent for too long.
-    pub fn overdue(
+    /// How a host does that moves the robot.
+    pub fn pulse(&self, by: BehaviourId, now: Instant) -> Pulse {
+        match self.heard.get(&by) {
+            Some(&heard) if now < heard + self.silence => Pulse::Alive,
+            Some(&heard) if now < heard + self.silence + self.grace => Pulse::Silent,
+            _ => Pulse::Dead,
+        }
+    }
+
+    /// When the pulse of the first of `moving` will change for the worse.
+    pub fn next_deadline(
         &self,
         moving: impl Iterator<Item = BehaviourId>,
         now: Instant,
-    ) -> Vec<BehaviourId> {
-        moving
-            .filter(|&by| self.due(by).is_none_or(|due| due <= now))
-            .collect()
+    ) -> Option<Instant> {
+        let due = |by| {
+            let silent = *self.heard.get(&by)? + self.silence;
+            Some(if now < silent {
+                silent
+            } else {
+                silent + self.grace
+            })
+        };
+        moving.filter_map(due).min()
     }
+}
 
-    /// When the first of `moving` will have been silent for too long.
-    pub fn next_deadline(&self, moving: impl Iterator<Item = BehaviourId>) -> Option<Instant> {
-        moving.filter_map(|by| self.due(by)).min()
-    }
+/// How a host does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pulse {
+    /// Heard in time.
+    Alive,
+    /// Its motion must be held.
+    Silent,
+    /// It must be ended.
+    Dead,
+}
 
-    fn due(&self, by: BehaviourId) -> Option<Instant> {
-        self.heard.get(&by).map(|&heard| heard + self.silence)
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WHO: BehaviourId = BehaviourId(0);
+    const MS: Duration = Duration::from_millis(1);
+
+    #[test]
+    fn a_pulse_grows_weaker_until_it_is_renewed() {
+        let (mut leases, now) = (Leases::new(250 * MS, 100 * MS), Instant::now());
+        assert_eq!(leases.pulse(WHO, now), Pulse::Dead, "never heard");
+        leases.renew(WHO, now);
+        let deadline = |leases: &Leases, at| leases.next_deadline([WHO].into_iter(), at);
+        assert_eq!(leases.pulse(WHO, now + 249 * MS), Pulse::Alive);
+        assert_eq!(deadline(&leases, now), Some(now + 250 * MS));
+        assert_eq!(leases.pulse(WHO, now + 250 * MS), Pulse::Silent);
+        assert_eq!(deadline(&leases, now + 250 * MS), Some(now + 350 * MS));
+        assert_eq!(leases.pulse(WHO, now + 350 * MS), Pulse::Dead);
+        leases.renew(WHO, now + 300 * MS);
+        assert_eq!(leases.pulse(WHO, now + 350 * MS), Pulse::Alive);
     }
 }

@@ -24,8 +24,11 @@ pub struct Limits {
     pub dock_pause: Seconds,
     /// Without any battery level for so long off the station, the battery counts as low (600 s).
     pub power_silence: Seconds,
-    /// A host whose motion is on must show life this often (0.25 s).
+    /// A host whose motion is on must show life this often, or the tracks are stopped (0.25 s).
     pub host_silence: Seconds,
+    /// A host that shows no life for so much longer is ended; one that does drives on (0.25 s). A
+    /// machine that stalls as a whole must not end its scripts.
+    pub host_grace: Seconds,
     /// With a stream on and the tracks moving, bytes must come this often (3 s).
     pub stream_silence: Seconds,
     /// From one sounding of the alarm to the next (15 s).
@@ -44,6 +47,7 @@ impl Default for Limits {
             dock_pause: Seconds::from_secs(5),
             power_silence: Seconds::from_secs(600),
             host_silence: Seconds::from_millis(250),
+            host_grace: Seconds::from_millis(250),
             stream_silence: Seconds::from_secs(3),
             alarm_every: Seconds::from_secs(15),
         }

@@ -18,7 +18,7 @@ pub use act::{Act, Ask, Fact};
 pub use arbiter::{Arbiter, Ended};
 pub use battery::{BatteryChange, BatteryGuard, LowCause};
 pub use docking::{Approach, Docking, Order, Outcome, Retry};
-pub use leases::Leases;
+pub use leases::{Leases, Pulse};
 pub use limits::Limits;
 pub use tracks::Tracks;
 pub use watchdog::{Watchdog, WatchdogState};

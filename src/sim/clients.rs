@@ -31,6 +31,9 @@ pub(super) struct Clients {
     dropped: u64,
 }
 
+/// The number of a user whom no connection of ours has.
+const STRANGER: u64 = u64::MAX;
+
 /// A new client's number, its outbox and the token that cuts it off.
 pub(super) type Admission = (u64, Arc<Outbox>, CancellationToken);
 
@@ -78,6 +81,20 @@ impl Clients {
         }
         self.user = Some((id, login.user.clone()));
         Ok(())
+    }
+
+    /// Somebody whom we do not serve is the user now: true if another user had to go.
+    pub(super) fn take_over(&mut self, name: &str) -> bool {
+        let had_to_go = self.user_id().is_some_and(|id| self.cut(id));
+        self.user = Some((STRANGER, name.to_owned()));
+        had_to_go
+    }
+
+    /// That somebody has gone.
+    pub(super) fn give_back(&mut self) {
+        if self.is_user(STRANGER) {
+            self.user = None;
+        }
     }
 
     /// Tells `id` why it may not in, and lets it go when it has read that.

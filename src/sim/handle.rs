@@ -7,6 +7,7 @@ use tokio::sync::{mpsc, watch};
 use crate::wire::{Command, Report};
 
 use super::connection::Transport;
+use super::faults::Fault;
 use super::geometry::Pose;
 use super::journal::{Heard, Journal};
 use super::state::State;
@@ -22,6 +23,8 @@ pub(super) enum Order {
     Beacon(bool),
     Inject(Report),
     Cut,
+    Begin(Fault),
+    ClearFaults,
     Connect(Box<dyn Transport>),
 }
 
@@ -152,6 +155,16 @@ impl Handle {
     /// Drops all connections without a word.
     pub fn cut(&self) {
         self.order(Order::Cut);
+    }
+
+    /// From now on this goes wrong, when its time comes.
+    pub fn begin(&self, fault: Fault) {
+        self.order(Order::Begin(fault));
+    }
+
+    /// No more faults; a connection that is dead already stays so.
+    pub fn clear_faults(&self) {
+        self.order(Order::ClearFaults);
     }
 
     /// A mute robot neither reads nor writes, and does not close; what it did not read, it hears

@@ -4,7 +4,7 @@
 //!
 //! [`World`] says what stands where, [`Robot`] lives in it and knows no clock and no socket,
 //! [`Server`] connects it with clients and with `tokio::time`, [`Handle`] looks on and makes
-//! trouble.
+//! trouble; a [`Fault`] is trouble with its time, of the network or of the robot.
 
 mod battery;
 mod body;
@@ -12,6 +12,8 @@ mod camera;
 mod clients;
 mod connection;
 mod docking;
+mod fault_list;
+mod faults;
 mod firmware;
 mod geometry;
 mod grain;
@@ -19,11 +21,14 @@ mod ground;
 mod handle;
 mod journal;
 mod locate;
+mod mangle;
 mod microphone;
 mod number;
 mod obstacles;
 mod outbox;
+mod outlet;
 mod paint;
+mod proxy;
 mod robot;
 mod scene;
 mod server;
@@ -33,6 +38,8 @@ mod state;
 mod station;
 mod surface;
 mod things;
+mod timing;
+mod troubles;
 mod view;
 mod world;
 
@@ -40,6 +47,8 @@ pub use battery::BatterySettings;
 pub use body::{FULL_POWER, FULL_SPEED, RADIUS, TRACK_WIDTH, Tracks};
 pub use camera::{HEIGHT, WIDTH};
 pub use connection::Transport;
+pub use fault_list::FaultsError;
+pub use faults::{Fault, Towards, Trouble};
 pub use firmware::Firmware;
 pub use geometry::{Point, Pose};
 pub use handle::Handle;
@@ -50,5 +59,6 @@ pub use server::{Options, Server};
 pub use state::{Leds, State, Streams};
 pub use station::Station;
 pub use things::{Ball, Floor, Furniture, Place, Post, Room, Rug, Spot, Wall};
+pub use timing::Timing;
 pub use view::CameraSettings;
 pub use world::{World, WorldError};

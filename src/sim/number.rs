@@ -1,4 +1,4 @@
-//! Numbers of a world's YAML with their ranges: checked while they are read, so that an error
+//! Numbers of the YAML of worlds and faults with their ranges: checked while they are read, so that an error
 //! knows line and column. NaN and infinities are in no range.
 
 use std::fmt;
@@ -77,4 +77,10 @@ ranges! {
     frames = 1.0..=60.0, "frames a second";
     /// How far the station's beacon reaches.
     reach = 0.0..=50.0, "metres";
+    /// A time of a fault.
+    span = 0.0..=86_400.0, "seconds";
+    /// How probable something is.
+    chance = 0.0..=1.0, "1 is always";
+    /// So many bytes, or so many of them a second.
+    bytes = 0.0..=65_535.0, "bytes";
 }

@@ -121,6 +121,18 @@ impl Robot {
         self.note("user disconnected".into());
     }
 
+    /// Starts afresh where it stands: everything that it was told is forgotten, its battery is not.
+    pub fn reboot(&mut self) {
+        self.commanded = Tracks::default();
+        self.docking.stop();
+        self.body.want(Tracks::default());
+        self.speaker = Speaker::new(self.firmware.music);
+        self.leds = Leds::default();
+        self.streams = Streams::default();
+        self.log.clear();
+        self.note("started".into());
+    }
+
     /// Does what a command asks. Logins are not for the robot and change nothing.
     pub fn obey(&mut self, command: &Command) {
         match command {

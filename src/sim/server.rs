@@ -5,15 +5,17 @@ use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
-use tokio::net::{TcpListener, UdpSocket};
+use tokio::net::{TcpListener, TcpStream, UdpSocket};
 use tokio::sync::mpsc;
 use tokio::time::{MissedTickBehavior, interval};
 
 use crate::wire::{Login, discovery};
 
 use super::connection::Event;
+use super::faults::Fault;
 use super::firmware::Firmware;
 use super::handle::{self, Handle, Order};
+use super::proxy::Breaker;
 use super::robot::Robot;
 use super::site::{STEP, Site};
 use super::world::World;
@@ -42,6 +44,9 @@ pub struct Options {
     pub fps: Option<f64>,
     /// The robot's id in AUTH_REPLY and discovery.
     pub uid: String,
+    /// What goes wrong, counted from [`Server::run`]; `None`: no fault is possible, not even by
+    /// [`Handle::begin`].
+    pub faults: Option<Vec<Fault>>,
 }
 
 impl Default for Options {
@@ -54,6 +59,7 @@ impl Default for Options {
             discovery: true,
             fps: None,
             uid: "SPYKEE0001".into(),
+            faults: None,
         }
     }
 }
@@ -62,6 +68,7 @@ impl Default for Options {
 pub struct Server {
     sockets: Sockets,
     site: Site,
+    faults: Vec<Fault>,
     events: mpsc::Receiver<Event>,
     orders: mpsc::Receiver<Order>,
     handle: Handle,
@@ -71,6 +78,9 @@ struct Sockets {
     tcp: Option<TcpListener>,
     udp: Option<UdpSocket>,
     address: SocketAddr,
+    discovery: bool,
+    /// Closed for a while, as of a robot that is gone.
+    hidden: bool,
 }
 
 impl Server {
@@ -89,6 +99,8 @@ impl Server {
             tcp: None,
             udp: None,
             address: options.listen,
+            discovery: false,
+            hidden: false,
         };
         Server::with(sockets, world, options)
     }
@@ -99,9 +111,11 @@ impl Server {
         let (handle, orders, ends) = handle::open(robot.state());
         let (events, events_end) = mpsc::channel(MAX_EVENTS);
         let site = Site::new(robot, &options, ends, events);
+        let faults = options.faults.unwrap_or_default();
         Server {
             sockets,
             site,
+            faults,
             events: events_end,
             orders,
             handle,
@@ -124,24 +138,28 @@ impl Server {
     /// None at present: what goes wrong with one client ends that client.
     pub async fn run(self) -> io::Result<()> {
         let Server {
-            sockets,
+            mut sockets,
             mut site,
+            faults,
             mut events,
             mut orders,
             handle: _handle,
         } = self;
         let mut ticks = interval(STEP);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        site.begin();
+        site.begin(faults);
         let mut datagram = [0; 64];
         loop {
             // The clock first: no flood of commands may stop the robot's time.
             tokio::select! {
                 biased;
-                _ = ticks.tick() => site.pass_time(),
+                _ = ticks.tick() => {
+                    site.pass_time();
+                    sockets.appear(!site.away()).await;
+                }
                 Some(order) = orders.recv() => site.follow(order),
                 Some(event) = events.recv() => site.take(event),
-                transport = sockets.accept() => site.admit(transport),
+                (stream, breaker) = sockets.accept() => site.admit(stream, breaker),
                 Some((length, from)) = sockets.receive(&mut datagram) => {
                     sockets.answer(&site.introduction(), &datagram[..length], from).await;
                 }
@@ -163,6 +181,8 @@ impl Sockets {
                     tcp: Some(tcp),
                     udp: None,
                     address,
+                    discovery,
+                    hidden: false,
                 });
             }
             match UdpSocket::bind(address).await {
@@ -171,6 +191,8 @@ impl Sockets {
                         tcp: Some(tcp),
                         udp: Some(udp),
                         address,
+                        discovery,
+                        hidden: false,
                     });
                 }
                 Err(error) => last = Some(error),
@@ -179,7 +201,24 @@ impl Sockets {
         Err(last.unwrap_or_else(|| io::ErrorKind::AddrInUse.into()))
     }
 
-    async fn accept(&self) -> tokio::net::TcpStream {
+    /// Closes the sockets, or opens them again at the same address; tried again if that fails.
+    async fn appear(&mut self, visible: bool) {
+        if !visible && self.tcp.is_some() {
+            (self.tcp, self.udp) = (None, None);
+            self.hidden = true;
+        }
+        if visible && self.hidden {
+            match Sockets::open(self.address, self.discovery).await {
+                Ok(sockets) => *self = sockets,
+                Err(error) => {
+                    tracing::warn!(target: "spykee::sim", %error, "cannot listen again yet");
+                }
+            }
+        }
+    }
+
+    /// A client, and what resets its connection.
+    async fn accept(&self) -> (TcpStream, Option<Breaker>) {
         let Some(tcp) = &self.tcp else {
             return std::future::pending().await;
         };
@@ -188,7 +227,8 @@ impl Sockets {
                 Ok((stream, _)) => {
                     // Without it small reports wait for each other; the connection works anyway.
                     let _ = stream.set_nodelay(true);
-                    return stream;
+                    let socket = socket2::SockRef::from(&stream).try_clone();
+                    return (stream, socket.ok().map(Breaker));
                 }
                 Err(error) => {
                     tracing::warn!(target: "spykee::sim", %error, "cannot accept");

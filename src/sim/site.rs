@@ -9,18 +9,29 @@ use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio::time::Instant;
 
-use crate::wire::{Accepted, Command, Login, Report, discovery};
+use crate::wire::{Accepted, Command, Login, Refusal, Report, discovery};
 
 use super::clients::Clients;
 use super::connection::{self, Event, Line, Transport};
+use super::faults::{Fault, Trouble};
+use super::geometry::Pose;
 use super::handle::{self, Ends, Order};
+use super::proxy::{self, Breaker};
 use super::robot::Robot;
 use super::server::Options;
+use super::timing::Turn;
+use super::troubles::Troubles;
 
 /// One step of the physics.
 pub(super) const STEP: Duration = Duration::from_millis(20);
 /// Steps made up for in one go after the machine was busy; time beyond that is lost.
 const MAX_CATCH_UP: u32 = 10;
+/// Bytes that may wait between the proxy and the robot.
+const PIPE_LEN: usize = 16 * 1024;
+/// What discovery calls a second user who has taken over.
+const SECOND_USER: &str = "second-user";
+/// How far the robot slides when it loses its station, metres.
+const SLIDE: f64 = 0.12;
 
 /// The robot with all who talk to it.
 pub(super) struct Site {
@@ -35,6 +46,12 @@ pub(super) struct Site {
     connections: JoinSet<()>,
     started: Instant,
     stepped: Instant,
+    /// Only if faults are possible at all: else clients are served without the proxy.
+    troubles: Option<Troubles>,
+    away: bool,
+    refusing: Option<Refusal>,
+    slides_after: Option<Duration>,
+    docked_for: Duration,
 }
 
 impl Site {
@@ -58,12 +75,23 @@ impl Site {
             connections: JoinSet::new(),
             started: now,
             stepped: now,
+            troubles: options.faults.as_ref().map(|_| Troubles::new(options.seed)),
+            away: false,
+            refusing: None,
+            slides_after: None,
+            docked_for: Duration::ZERO,
         }
     }
 
-    /// The robot's time begins now.
-    pub(super) fn begin(&mut self) {
+    /// The robot's time begins now, and that of these faults.
+    pub(super) fn begin(&mut self, faults: impl IntoIterator<Item = Fault>) {
         (self.started, self.stepped) = (Instant::now(), Instant::now());
+        faults.into_iter().for_each(|fault| self.begin_fault(fault));
+    }
+
+    /// The robot reboots: nobody can reach it.
+    pub(super) fn away(&self) -> bool {
+        self.away
     }
 
     /// Frees what an ended connection leaves behind; pending while there is none.
@@ -91,6 +119,7 @@ impl Site {
             }
             self.stepped += STEP;
             self.robot.step(STEP);
+            self.slide();
             self.deliver();
         }
         if now.duration_since(self.stepped) >= STEP {
@@ -100,6 +129,8 @@ impl Site {
             .overdue(now)
             .into_iter()
             .for_each(|id| self.cut(id));
+        let turns = self.troubles.as_mut().map(|troubles| troubles.poll(now));
+        self.turn(turns.unwrap_or_default());
         self.publish();
     }
 
@@ -111,8 +142,13 @@ impl Site {
             Order::Place(pose) => self.robot.place(pose),
             Order::Beacon(on) => self.robot.set_beacon(on),
             Order::Inject(report) => self.tell(&report),
-            Order::Cut => self.clients.ids().into_iter().for_each(|id| self.cut(id)),
-            Order::Connect(transport) => self.admit(transport),
+            Order::Cut => self.cut_all(),
+            Order::Begin(fault) => self.begin_fault(fault),
+            Order::ClearFaults => {
+                let turns = self.troubles.as_mut().map(Troubles::clear);
+                self.turn(turns.unwrap_or_default());
+            }
+            Order::Connect(transport) => self.admit(transport, None),
         }
         self.deliver();
         self.publish();
@@ -136,8 +172,11 @@ impl Site {
         self.publish();
     }
 
-    /// Serves a new connection, if there is room.
-    pub(super) fn admit(&mut self, transport: impl Transport) {
+    /// Serves a new connection, if there is room and somebody is there.
+    pub(super) fn admit(&mut self, transport: impl Transport, breaker: Option<Breaker>) {
+        if self.away {
+            return;
+        }
         let Some((client, outbox, cut)) = self.clients.admit(Instant::now()) else {
             tracing::warn!(target: "spykee::sim", "too many connections: one is turned away");
             return;
@@ -150,7 +189,76 @@ impl Site {
             writes: self.writes.clone(),
             cut,
         };
-        self.connections.spawn(connection::serve(transport, line));
+        let Some(troubles) = &mut self.troubles else {
+            self.connections.spawn(connection::serve(transport, line));
+            return;
+        };
+        let (near, far) = tokio::io::duplex(PIPE_LEN);
+        let carried = proxy::carry(transport, breaker, far, troubles.weather());
+        self.connections.spawn(carried);
+        self.connections.spawn(connection::serve(near, line));
+    }
+
+    fn begin_fault(&mut self, fault: Fault) {
+        let Some(troubles) = &mut self.troubles else {
+            tracing::warn!(target: "spykee::sim", "this simulator was started without faults");
+            return;
+        };
+        let now = Instant::now();
+        troubles.begin(fault, now);
+        let turns = troubles.poll(now);
+        self.turn(turns);
+    }
+
+    /// Does to the robot what begins or ends; what concerns bytes alone is the proxy's.
+    fn turn(&mut self, turns: Vec<(Trouble, Turn)>) {
+        for (trouble, turn) in turns {
+            tracing::info!(target: "spykee::sim", ?trouble, ?turn, "a fault");
+            let begins = turn == Turn::Begins;
+            match trouble {
+                Trouble::Drop if begins => self.cut_all(),
+                Trouble::Reboot { forgets } => {
+                    self.away = begins;
+                    self.cut_all();
+                    if forgets && begins {
+                        self.robot.reboot();
+                    }
+                }
+                Trouble::TakeOver => self.hand_over(begins),
+                Trouble::RefuseLogin(refusal) => self.refusing = begins.then_some(refusal),
+                Trouble::BaseNotFound => self.robot.set_beacon(!begins),
+                Trouble::NoCharge => self.robot.set_charger_works(!begins),
+                Trouble::DockLost { after } => self.slides_after = begins.then_some(after),
+                _ => {}
+            }
+        }
+        self.deliver();
+    }
+
+    /// Somebody whom we do not serve becomes the user, or has gone.
+    fn hand_over(&mut self, taken: bool) {
+        if !taken {
+            self.clients.give_back();
+        } else if self.clients.take_over(SECOND_USER) {
+            self.robot.end_session();
+        }
+    }
+
+    /// A robot that loses its station slides off it a while after each docking.
+    fn slide(&mut self) {
+        self.docked_for = if self.robot.docked() {
+            self.docked_for + STEP
+        } else {
+            Duration::ZERO
+        };
+        if self
+            .slides_after
+            .is_some_and(|after| self.docked_for > after)
+        {
+            let Pose { x, y, heading } = self.robot.state().pose;
+            let back = (x - SLIDE * heading.cos(), y - SLIDE * heading.sin());
+            self.robot.place(Pose::new(back.0, back.1, heading));
+        }
     }
 
     /// One command of one client: kept in the journal, and obeyed if the client may.
@@ -173,7 +281,11 @@ impl Site {
     }
 
     fn log_in(&mut self, client: u64, login: &Login) {
-        if let Err(refusal) = self.clients.log_in(client, login, &self.login) {
+        let refused = match self.refusing {
+            Some(refusal) => Err(refusal),
+            None => self.clients.log_in(client, login, &self.login),
+        };
+        if let Err(refusal) = refused {
             tracing::info!(target: "spykee::sim", client, ?refusal, "login refused");
             self.clients.refuse(client, refusal);
             return;
@@ -188,6 +300,10 @@ impl Site {
         self.robot.take_reports();
         self.tell(&Report::Accepted(accepted));
         self.robot.begin_session();
+    }
+
+    fn cut_all(&mut self) {
+        self.clients.ids().into_iter().for_each(|id| self.cut(id));
     }
 
     fn cut(&mut self, client: u64) {

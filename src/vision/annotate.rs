@@ -1,19 +1,22 @@
 //! Draws what was seen, so that a person can see it too.
 
+use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
-use imageproc::drawing::{draw_cross_mut, draw_filled_rect_mut, draw_hollow_rect_mut};
+use imageproc::drawing::{draw_filled_rect_mut, draw_hollow_rect_mut};
 use imageproc::rect::Rect;
 
 use super::blobs::Blob;
 use super::font;
 use super::picture::Image;
 
-/// Screen pixels of one dot of a letter.
+/// Screen pixels of one dot of a letter, as the picture is and enlarged.
 const DOT: i32 = 2;
+const LARGE_DOT: i32 = 3;
 /// Most letters of a mark's text that are drawn.
 const MAX_LETTERS: usize = 24;
+/// Arms of the cross at a centroid, in screen pixels.
+const ARM: i32 = 4;
 const PAPER: Rgb<u8> = Rgb([0, 0, 0]);
-const INK: Rgb<u8> = Rgb([255, 255, 255]);
 /// Box colours, by the index of the blob's colour: none is one of the named colours, so that boxes stand out.
 const BOXES: [Rgb<u8>; 6] = [
     Rgb([120, 255, 40]),
@@ -35,50 +38,137 @@ pub struct Mark<'a> {
 
 /// A copy of the picture with a box, a cross at the centroid and a text for every mark.
 pub fn annotate(image: &Image, marks: &[Mark<'_>]) -> RgbImage {
-    let mut canvas = image.to_rgb();
-    if canvas.width() > 0 && canvas.height() > 0 {
-        marks.iter().for_each(|mark| draw(&mut canvas, mark));
+    annotate_enlarged(image, marks, 1)
+}
+
+/// As [`annotate`], on a copy enlarged so many times (0 counts as 1): letters
+/// hardly grow with it and hide less.
+pub fn annotate_enlarged(image: &Image, marks: &[Mark<'_>], times: u32) -> RgbImage {
+    let (times, small) = (times.max(1), image.to_rgb());
+    if small.width() == 0 || small.height() == 0 {
+        return small;
+    }
+    let (width, height) = (small.width() * times, small.height() * times);
+    let mut canvas = imageops::resize(&small, width, height, FilterType::Nearest);
+    let mut labels = Vec::new();
+    for mark in marks {
+        outline(&mut canvas, mark.blob, times as i32);
+    }
+    // On top of all boxes, so that none crosses a text.
+    for mark in marks {
+        label(&mut canvas, mark, times as i32, &mut labels);
     }
     canvas
 }
 
-fn draw(canvas: &mut RgbImage, Mark { blob, text }: &Mark<'_>) {
-    let colour = BOXES[blob.colour % BOXES.len()];
-    // A pixel outside, so that the blob itself stays visible; drawing clips at the border.
-    let (x, y) = (blob.x as i32 - 1, blob.y as i32 - 1);
-    draw_hollow_rect_mut(
-        canvas,
-        Rect::at(x, y).of_size(blob.w + 2, blob.h + 2),
-        colour,
-    );
-    draw_cross_mut(
-        canvas,
-        colour,
-        blob.cx.round() as i32,
-        blob.cy.round() as i32,
-    );
-    write(canvas, text, (x, y));
+/// A box a pixel outside of the blob, so that the blob itself stays visible, between two dark
+/// ones that set it off from any ground. Drawing clips at the border.
+fn outline(canvas: &mut RgbImage, blob: &Blob, times: i32) {
+    let colour = colour(blob);
+    let inner = frame(blob, times);
+    for (grow, paint) in [(0, PAPER), (3, PAPER), (1, colour), (2, colour)] {
+        if times > 1 || grow == 1 {
+            draw_hollow_rect_mut(canvas, grown(inner, grow), paint);
+        }
+    }
+    let middle = |centre: f64| ((centre + 0.5) * f64::from(times)) as i32;
+    let (cx, cy) = (middle(blob.cx), middle(blob.cy));
+    let thick = times.min(2) as u32;
+    let bars = [(ARM, thick as i32 / 2), (thick as i32 / 2, ARM)];
+    for (paint, wider) in [(PAPER, 1), (colour, 0)] {
+        for (across, down) in bars {
+            let (across, down) = (across + wider, down + wider);
+            let bar = Rect::at(cx - across, cy - down)
+                .of_size(2 * across as u32 + 1, 2 * down as u32 + 1);
+            draw_filled_rect_mut(canvas, bar, paint);
+        }
+    }
 }
 
-/// Writes above the corner `(x, y)`, or inside the box where there is no room above.
-fn write(canvas: &mut RgbImage, text: &str, (x, y): (i32, i32)) {
+fn colour(blob: &Blob) -> Rgb<u8> {
+    BOXES[blob.colour % BOXES.len()]
+}
+
+/// The blob's box on the enlarged picture.
+fn frame(blob: &Blob, times: i32) -> Rect {
+    let times_unsigned = times as u32;
+    Rect::at(blob.x as i32 * times, blob.y as i32 * times).of_size(
+        (blob.w * times_unsigned).max(1),
+        (blob.h * times_unsigned).max(1),
+    )
+}
+
+fn grown(rect: Rect, by: i32) -> Rect {
+    let more = 2 * by as u32;
+    Rect::at(rect.left() - by, rect.top() - by).of_size(rect.width() + more, rect.height() + more)
+}
+
+/// Writes the mark's text where no other stands, if there is such a place.
+fn label(canvas: &mut RgbImage, Mark { blob, text }: &Mark<'_>, times: i32, taken: &mut Vec<Rect>) {
     let letters = text.chars().count().min(MAX_LETTERS) as i32;
     if letters == 0 {
         return;
     }
+    let dot = if times > 1 { LARGE_DOT } else { DOT };
     let (w, h) = (
-        (letters * (font::WIDTH + 1) + 1) * DOT,
-        (font::HEIGHT + 2) * DOT,
+        (letters * (font::WIDTH + 1) + 1) * dot,
+        (font::HEIGHT + 2) * dot,
     );
-    let x = x.min(canvas.width() as i32 - w).max(0);
-    let y = if y >= h { y - h } else { y + 2 };
-    draw_filled_rect_mut(canvas, Rect::at(x, y).of_size(w as u32, h as u32), PAPER);
+    let place = place(
+        grown(frame(blob, times), 3),
+        (w, h),
+        canvas.dimensions(),
+        taken,
+    );
+    taken.push(place);
+    draw_filled_rect_mut(canvas, place, PAPER);
     for (index, letter) in (0..letters).zip(text.chars()) {
-        let left = x + (1 + index * (font::WIDTH + 1)) * DOT;
+        let left = place.left() + (1 + index * (font::WIDTH + 1)) * dot;
         for (column, row) in font::dots(letter) {
-            let dot =
-                Rect::at(left + column * DOT, y + (1 + row) * DOT).of_size(DOT as u32, DOT as u32);
-            draw_filled_rect_mut(canvas, dot, INK);
+            let square = Rect::at(left + column * dot, place.top() + (1 + row) * dot)
+                .of_size(dot as u32, dot as u32);
+            draw_filled_rect_mut(canvas, square, colour(blob));
+        }
+    }
+}
+
+/// Above the box, below it, or inside it, moved into the picture: the first that is free and in
+/// the picture, else the first that is in the picture.
+fn place(around: Rect, (w, h): (i32, i32), size: (u32, u32), taken: &[Rect]) -> Rect {
+    let (width, height) = (size.0 as i32, size.1 as i32);
+    let x = around.left().min(width - w).max(0);
+    let above = around.top() - h;
+    let inside = (around.top() + 4).clamp(0, (height - h).max(0));
+    let candidates =
+        [above, around.bottom() + 1, inside].map(|y| Rect::at(x, y).of_size(w as u32, h as u32));
+    let visible = |rect: &&Rect| rect.top() >= 0 && rect.bottom() < height;
+    let free = |rect: &&Rect| taken.iter().all(|other| rect.intersect(*other).is_none());
+    let shown = || candidates.iter().filter(visible);
+    let found = shown().find(free).or_else(|| shown().next());
+    *found.unwrap_or(&candidates[2])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_of_neighbours_do_not_cover_each_other() {
+        let around = Rect::at(100, 100).of_size(40, 40);
+        let mut taken = Vec::new();
+        for _ in 0..3 {
+            let next = place(around, (60, 14), (320, 240), &taken);
+            assert!(taken.iter().all(|other| next.intersect(*other).is_none()));
+            taken.push(next);
+        }
+    }
+
+    #[test]
+    fn a_text_stays_in_the_picture() {
+        for (x, y) in [(0, 0), (300, 0), (0, 230), (300, 230), (-3, -3)] {
+            let place = place(Rect::at(x, y).of_size(30, 20), (80, 14), (320, 240), &[]);
+            assert!(place.left() >= 0 && place.right() < 320, "{place:?}");
+            assert!(place.top() >= 0 && place.bottom() < 240, "{place:?}");
         }
     }
 }

@@ -33,7 +33,7 @@ mod regions;
 mod space;
 mod tracker;
 
-pub use annotate::{Mark, annotate};
+pub use annotate::{Mark, annotate, annotate_enlarged};
 pub use blobs::{Blob, BlobFinder, BlobOptions, Camera};
 pub use colour::{Colour, ColourError, Span};
 pub use decoder::Decoder;

@@ -3,6 +3,8 @@
 
 mod behaviours;
 mod cli;
+mod eyes;
+mod faults;
 mod floors;
 mod frames;
 mod hostile;

@@ -52,6 +52,10 @@ impl Rig {
             firmware,
             ..Options::default()
         };
+        Rig::with(world, options).await
+    }
+
+    pub async fn with(world: World, options: Options) -> Rig {
         let server = Server::bind(world, options).await.unwrap();
         let (sim, address) = (server.handle(), server.local_addr().to_string());
         let server = tokio::spawn(async move {
@@ -202,6 +206,11 @@ impl Run {
     /// The process numbers of its behaviours' hosts.
     pub fn hosts(&self) -> Vec<rustix::process::Pid> {
         children_of(self.pid())
+    }
+
+    /// Whether it still runs.
+    pub fn lives(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_none()
     }
 
     /// Waits for its end: the exit code.

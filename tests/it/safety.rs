@@ -377,7 +377,12 @@ async fn a_run_whose_script_ends_while_low_stays_until_the_robot_is_home_and_is_
     rig.heard_motion(0).await;
     rig.sim.set_battery(15.0);
     assert_eq!(run.code().await, Some(5), "{}", run.text());
-    assert!(run.text().contains("staying until the robot is on its station"), "{}", run.text());
+    assert!(
+        run.text()
+            .contains("staying until the robot is on its station"),
+        "{}",
+        run.text()
+    );
     let state = rig.sim.state();
     assert!(state.docked && state.charging, "{state:?}");
 }

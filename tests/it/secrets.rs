@@ -122,12 +122,12 @@ async fn the_password_is_in_no_process_list_and_no_host_has_it() {
 #[tokio::test(flavor = "multi_thread")]
 async fn what_is_saved_is_for_its_user_only() {
     let rig = Rig::quiet().await;
-    let script = "local frame = robot.wait_frame(30) pcall(function() frame:save('one.jpg') end)";
-    let mut run = rig.run(script);
+    let mut run = rig.run("print('saved', robot.wait_frame(30):save('one.jpg'))");
     assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert!(run.text().contains("saved /"), "{}", run.text());
     let found = modes(&rig.folder().join("spykee-data"));
     assert!(
-        found.iter().any(|(path, _)| path.ends_with("/script")),
+        found.iter().any(|(path, _)| path.ends_with("one.jpg")),
         "{found:?}"
     );
     for (path, mode) in found {

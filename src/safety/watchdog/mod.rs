@@ -73,7 +73,10 @@ pub struct Watchdog {
     leaving: Option<Leaving>,
     alarm: Option<Alarm>,
     listening: bool,
-    heard: Instant,
+    /// Since when the robot has moved without being heard, pauses included.
+    unheard_motion: Option<Instant>,
+    /// When the time was last looked at.
+    ticked: Instant,
     acts: Vec<Act>,
 }
 
@@ -82,7 +85,7 @@ impl Watchdog {
     pub fn new(limits: Limits, now: Instant) -> Watchdog {
         Watchdog {
             guard: BatteryGuard::new(&limits),
-            leases: Leases::new(limits.host_silence.get()),
+            leases: Leases::new(limits.host_silence.get(), limits.host_grace.get()),
             limits,
             online: false,
             parting: false,
@@ -94,7 +97,8 @@ impl Watchdog {
             leaving: None,
             alarm: None,
             listening: false,
-            heard: now,
+            unheard_motion: None,
+            ticked: now,
             acts: Vec::new(),
         }
     }
@@ -104,15 +108,13 @@ impl Watchdog {
         match fact {
             Fact::LinkUp { docked, power } => self.link_up(docked, power, now),
             Fact::LinkDown => self.link_down(now),
-            Fact::Heard => self.heard = now,
+            Fact::Heard => self.hear(now),
             Fact::Power(power) => self.power(power, now),
             Fact::Engine(news) => self.engine(news, now),
             Fact::Listening(on) => {
-                self.heard = if on && !self.listening {
-                    now
-                } else {
-                    self.heard
-                };
+                if on && !self.listening {
+                    self.hear(now);
+                }
                 self.listening = on;
             }
             Fact::Asked { by, priority, ask } => self.asked(by, priority, ask, now),
@@ -125,6 +127,7 @@ impl Watchdog {
 
     /// Lets time pass and returns what is to be done now.
     pub fn tick(&mut self, now: Instant) -> Vec<Act> {
+        self.ticked = now;
         self.check_hosts(now);
         self.check_stream(now);
         self.check_power_silence(now);
@@ -137,7 +140,8 @@ impl Watchdog {
         std::mem::take(&mut self.acts)
     }
 
-    /// When [`Watchdog::tick`] has something to do. May be in the past: then at once.
+    /// When [`Watchdog::tick`] has something to do, seen from its last call. May be in the past by
+    /// then: at once.
     pub fn next_deadline(&self) -> Option<Instant> {
         let homing = self
             .homing
@@ -150,7 +154,8 @@ impl Watchdog {
         };
         [
             self.arbiter.next_deadline(),
-            self.leases.next_deadline(self.arbiter.wishing()),
+            self.leases
+                .next_deadline(self.arbiter.wishing(), self.ticked),
             self.tracks.next_deadline(),
             self.stream_deadline(),
             self.leaving.as_ref().map(|leaving| leaving.until),
@@ -212,10 +217,15 @@ impl Watchdog {
         if self.online {
             self.link_down(now);
         }
-        (self.online, self.on_station, self.heard) = (true, docked, now);
+        (self.online, self.on_station) = (true, docked);
         self.listening = false;
         self.tracks.told_to_stop(now);
+        self.hear(now);
         self.power(power, now);
+    }
+
+    fn hear(&mut self, now: Instant) {
+        self.unheard_motion = self.tracks.moving_since().map(|_| now);
     }
 
     fn link_down(&mut self, now: Instant) {
@@ -335,6 +345,9 @@ impl Watchdog {
             self.tracks.want(wanted);
         }
         if let Some(setpoint) = self.tracks.poll(now) {
+            if !setpoint.is_stop() {
+                self.unheard_motion.get_or_insert(now);
+            }
             self.send(setpoint.command());
         }
     }

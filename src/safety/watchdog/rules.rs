@@ -3,28 +3,48 @@
 use tokio::time::Instant;
 
 use super::Watchdog;
-use crate::robot::{DockEnd, EndReason, MotionEnd, SafetyAction};
-use crate::safety::{Act, BatteryChange};
+use crate::robot::{BehaviourId, DockEnd, EndReason, MotionEnd, SafetyAction};
+use crate::safety::{Act, BatteryChange, Pulse};
 
 impl Watchdog {
-    /// A host that moves the robot and shows no life: stop first, then end it.
+    /// A host that moves the robot and shows no life: stop first, then, if it stays silent, end it.
     pub(super) fn check_hosts(&mut self, now: Instant) {
-        for by in self.leases.overdue(self.arbiter.wishing(), now) {
-            self.arbiter.forget(by);
-            self.leases.forget(by);
-            self.halt(now);
-            let silence = self.limits.host_silence.get().as_millis();
-            self.notice(
-                SafetyAction::Kill,
-                format!("a script showed no life for {silence} ms"),
-            );
-            self.acts.push(Act::Kill(by, EndReason::Cpu));
+        let moving: Vec<BehaviourId> = self.arbiter.wishing().collect();
+        for by in moving {
+            match self.leases.pulse(by, now) {
+                Pulse::Alive => {
+                    self.arbiter.hold(by, false);
+                }
+                Pulse::Silent => self.hold_silent(by, now),
+                Pulse::Dead => self.end_silent(by, now),
+            }
         }
     }
 
+    fn hold_silent(&mut self, by: BehaviourId, now: Instant) {
+        if self.arbiter.hold(by, true) {
+            self.halt(now);
+            let silence = self.limits.host_silence.get().as_millis();
+            self.notice(
+                SafetyAction::Stop,
+                format!("a script showed no life for {silence} ms"),
+            );
+        }
+    }
+
+    fn end_silent(&mut self, by: BehaviourId, now: Instant) {
+        self.arbiter.forget(by);
+        self.leases.forget(by);
+        self.halt(now);
+        let silence = self.limits.host_silence.get() + self.limits.host_grace.get();
+        let reason = format!("a script showed no life for {} ms", silence.as_millis());
+        self.notice(SafetyAction::Kill, reason);
+        self.acts.push(Act::Kill(by, EndReason::Cpu));
+    }
+
     pub(super) fn stream_deadline(&self) -> Option<Instant> {
-        let moving_since = self.tracks.moving_since().filter(|_| self.listening)?;
-        Some(self.heard.max(moving_since) + self.limits.stream_silence.get())
+        let since = self.unheard_motion.filter(|_| self.listening)?;
+        Some(since + self.limits.stream_silence.get())
     }
 
     /// Blind while moving: stop, and find out whether anybody is there.
@@ -32,6 +52,7 @@ impl Watchdog {
         if self.stream_deadline().is_none_or(|due| due > now) {
             return;
         }
+        self.unheard_motion = None;
         self.halt(now);
         self.end_motion(MotionEnd::Disconnected);
         let silence = self.limits.stream_silence.get().as_secs_f64();

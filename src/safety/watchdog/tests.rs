@@ -281,9 +281,11 @@ fn critical_refuses_motion_and_undocking_even_while_charging() {
 fn a_silent_host_is_stopped_first_and_then_ended() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
-    let acts = rig.pass(240 * MS, false);
-    assert!(!acts.iter().any(|act| matches!(act, Act::Kill(..))));
+    assert!(!sent(&rig.pass(240 * MS, false)).contains(&Command::STOP));
     let acts = rig.pass(20 * MS, false);
+    assert_eq!(sent(&acts), [Command::STOP]);
+    assert!(!acts.iter().any(|act| matches!(act, Act::Kill(..))));
+    let acts = rig.pass(300 * MS, false);
     let stop = acts
         .iter()
         .position(|act| *act == Act::Send(Command::STOP))
@@ -293,6 +295,20 @@ fn a_silent_host_is_stopped_first_and_then_ended() {
         .position(|act| *act == Act::Kill(WHO, EndReason::Cpu))
         .unwrap();
     assert!(stop < kill, "{acts:?}");
+    assert!(!sent(&acts).contains(&FORWARD));
+}
+
+#[test]
+fn a_host_that_was_silent_for_a_moment_stops_and_drives_on() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    assert_eq!(sent(&rig.pass(300 * MS, false)), [FORWARD, Command::STOP]);
+    assert_eq!(sent(&rig.take(Fact::Alive(WHO))), [FORWARD]);
+    assert!(
+        !rig.pass(SECOND, true)
+            .iter()
+            .any(|act| matches!(act, Act::Kill(..)))
+    );
 }
 
 #[test]

@@ -19,6 +19,9 @@ pub(super) const CALLS: [Entry; 3] = [
 
 const METHODS: [Entry; 1] = [plain("Subscription:off", off)];
 
+/// Runs of a handler a second, at most. A slower one would overrun the clock's numbers.
+const RATE: Bounds = Bounds::Between(0.001, 1000.0);
+
 /// What the script holds of a subscription.
 struct SubscriptionObject(SubscriptionId);
 
@@ -41,7 +44,7 @@ fn on(call: &mut Call<'_>) -> Answered {
     let function = call.args.function(1, "the function")?;
     let mut subscription = Subscription::new(event, function);
     let options = call.args.options(2, &["rate", "queue"])?;
-    let rate = options.optional_number("rate", Bounds::Above(0.0, 1000.0))?;
+    let rate = options.optional_number("rate", RATE)?;
     subscription.interval = rate.map(|rate| Duration::from_secs_f64(1.0 / rate));
     if let Some(latest) = options.choice("queue", &[("latest", true), ("all", false)])? {
         subscription.latest = latest;

@@ -1,0 +1,155 @@
+//! Where pictures with marks go: one PNG file, or a folder with one for each picture.
+
+use std::collections::BTreeSet;
+use std::io::Cursor;
+use std::path::{MAIN_SEPARATOR, Path, PathBuf};
+
+use image::{ImageFormat, RgbImage};
+
+use super::Failure;
+
+const HELP: &str =
+    "for one picture --annotate names a file that ends in .png, for several a folder";
+
+/// Where marked pictures go.
+#[derive(Debug)]
+pub(super) enum Album {
+    /// One picture, one file.
+    File(PathBuf),
+    /// A folder, and the names in it that are taken.
+    Folder(PathBuf, BTreeSet<String>),
+}
+
+impl Album {
+    /// For marked copies of these pictures; makes the folder.
+    ///
+    /// # Errors
+    /// A file where a folder is needed, a file that is no PNG or is one of the pictures, a folder
+    /// that cannot be made.
+    pub(super) fn open(out: &Path, images: &[PathBuf]) -> Result<Album, Failure> {
+        let is_png = out
+            .extension()
+            .is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+        let shown = out.display();
+        let ends_as_folder = shown.to_string().ends_with(MAIN_SEPARATOR);
+        if out.is_dir() || ends_as_folder || images.len() > 1 {
+            if is_png && !out.is_dir() || out.is_file() {
+                let what = format_args!("{shown} is no folder, and there are several pictures");
+                return Err(Failure::usage(what).help(HELP));
+            }
+            return Album::folder(out);
+        }
+        if !is_png {
+            return Err(Failure::usage(format_args!("{shown} does not end in .png")).help(HELP));
+        }
+        let is_input = |image: &PathBuf| same_file(image, out);
+        if images.iter().any(is_input) {
+            let what = format_args!("{shown} is the picture itself and would be lost");
+            return Err(Failure::usage(what).help("choose another name for --annotate"));
+        }
+        Ok(Album::File(out.to_owned()))
+    }
+
+    fn folder(out: &Path) -> Result<Album, Failure> {
+        std::fs::create_dir_all(out).map_err(|error| {
+            Failure::usage(format_args!(
+                "cannot make the folder {}: {error}",
+                out.display()
+            ))
+        })?;
+        Ok(Album::Folder(out.to_owned(), BTreeSet::new()))
+    }
+
+    /// Writes the marked copy of a picture.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub(super) fn keep(&mut self, image: &Path, marked: &RgbImage) -> Result<(), Failure> {
+        let path = match self {
+            Album::File(path) => path.clone(),
+            Album::Folder(folder, taken) => folder.join(name(image, taken)),
+        };
+        let cannot = |error: String| {
+            Failure::usage(format_args!("cannot write {}: {error}", path.display()))
+        };
+        let mut png = Cursor::new(Vec::new());
+        marked
+            .write_to(&mut png, ImageFormat::Png)
+            .map_err(|error| cannot(error.to_string()))?;
+        std::fs::write(&path, png.into_inner()).map_err(|error| cannot(error.to_string()))
+    }
+}
+
+fn same_file(one: &Path, other: &Path) -> bool {
+    match (one.canonicalize(), other.canonicalize()) {
+        (Ok(one), Ok(other)) => one == other,
+        _ => false,
+    }
+}
+
+/// `NAME-blobs.png`, with a number when pictures of several folders have one name.
+fn name(image: &Path, taken: &mut BTreeSet<String>) -> String {
+    let stem = image
+        .file_stem()
+        .map_or_else(|| "picture".into(), |stem| stem.to_string_lossy());
+    let mut name = format!("{stem}-blobs.png");
+    for number in 2.. {
+        if taken.insert(name.clone()) {
+            break;
+        }
+        name = format!("{stem}-{number}-blobs.png");
+    }
+    name
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_of_one_name_do_not_overwrite_each_other() {
+        let mut taken = BTreeSet::new();
+        let mut names = ["a/shot.jpg", "b/shot.jpg", "c/shot.jpg", "c/.."]
+            .map(|image| name(Path::new(image), &mut taken));
+        assert_eq!(names[..2], ["shot-blobs.png", "shot-2-blobs.png"]);
+        names.sort_unstable();
+        assert!(names.windows(2).all(|pair| pair[0] != pair[1]), "{names:?}");
+    }
+
+    #[test]
+    fn several_pictures_need_a_folder_and_one_a_png() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = |name: &str| folder.path().join(name);
+        let images = ["a.jpg", "b.jpg"].map(PathBuf::from);
+        let refused = |out: PathBuf, images: &[PathBuf]| {
+            let report = Album::open(&out, images).unwrap_err().report();
+            assert!(report.contains("--annotate"), "{report}");
+        };
+        refused(out("out.png"), &images);
+        refused(out("out.jpg"), &images[..1]);
+        refused(out("out"), &images[..1]);
+        assert!(matches!(
+            Album::open(&out("out.PNG"), &images[..1]),
+            Ok(Album::File(_))
+        ));
+        assert!(matches!(
+            Album::open(&out("new"), &images),
+            Ok(Album::Folder(..))
+        ));
+        assert!(matches!(
+            Album::open(&out("new"), &images[..1]),
+            Ok(Album::Folder(..))
+        ));
+        std::fs::write(out("taken"), "").unwrap();
+        refused(out("taken"), &images);
+    }
+
+    #[test]
+    fn a_picture_is_never_overwritten_by_its_copy() {
+        let folder = tempfile::tempdir().unwrap();
+        let picture = folder.path().join("shot.png");
+        std::fs::write(&picture, "picture").unwrap();
+        let failure = Album::open(&picture, std::slice::from_ref(&picture)).unwrap_err();
+        assert!(failure.to_string().contains("would be lost"), "{failure}");
+    }
+}

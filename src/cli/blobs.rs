@@ -1,0 +1,271 @@
+//! `spykee blobs`: what a script's `find_blobs` sees in pictures.
+
+use std::path::{Path, PathBuf};
+
+use image::RgbImage;
+use serde_json::json;
+
+use super::album::Album;
+use super::table::{Side, aligned};
+use super::{Console, Exit, Failure, colours, picture, print};
+use crate::config::Config;
+use crate::vision::{Blob, BlobOptions, Colour, Eyes, Image, Mark, Roi, Size, annotate_enlarged};
+
+/// Small pictures are enlarged to about this width for people, at most so many times.
+const SHOWN_WIDTH: u32 = 960;
+const MOST_TIMES: u32 = 6;
+
+const HEAD: [(&str, Side); 13] = [
+    ("FILE", Side::Left),
+    ("#", Side::Right),
+    ("COLOUR", Side::Left),
+    ("PIXELS", Side::Right),
+    ("X", Side::Right),
+    ("Y", Side::Right),
+    ("W", Side::Right),
+    ("H", Side::Right),
+    ("CX", Side::Right),
+    ("CY", Side::Right),
+    ("ROUNDNESS", Side::Right),
+    ("BEARING", Side::Right),
+    ("EDGE", Side::Left),
+];
+
+/// Find blobs of colour in pictures, as scripts do
+///
+/// Prints a row for each blob, the largest of each picture first: its number, box and centroid in
+/// pixels from the top left, roundness (1 for a disc, 0 for a line), bearing in radians (left
+/// positive) and whether it touches the edge of the picture. --json has every field that scripts have.
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct BlobsArgs {
+    /// JPEG pictures, such as scripts save with frame:save
+    #[arg(value_name = "IMAGE.jpg", required = true)]
+    images: Vec<PathBuf>,
+
+    /// What to look for: red, orange, yellow, green, cyan, blue, magenta, white, black, or a name
+    /// of the config's colours; may be repeated
+    #[arg(
+        long = "colour",
+        alias = "color",
+        value_name = "NAME",
+        required = true,
+        value_delimiter = ','
+    )]
+    colours: Vec<String>,
+
+    /// Read colours and the camera's field of view from this YAML file
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+
+    /// Look only at this part: left column, top row, width, height
+    #[arg(long, value_name = "X,Y,W,H", value_parser = picture::parse_roi)]
+    roi: Option<Roi>,
+
+    /// Leave out blobs of fewer pixels
+    #[arg(long, value_name = "NUMBER", default_value_t = BlobOptions::default().pixels_threshold)]
+    min_pixels: u32,
+
+    /// Make one blob of those whose boxes overlap
+    #[arg(long)]
+    merge: bool,
+
+    /// Show at most so many blobs of a picture, the largest
+    #[arg(long, value_name = "NUMBER", default_value_t = BlobOptions::default().max_blobs)]
+    max_blobs: usize,
+
+    /// Print a JSON array in place of the table
+    #[arg(long)]
+    json: bool,
+
+    /// Draw boxes, numbers and names: for one picture the PNG file to write, for SEVERAL pictures
+    /// a FOLDER, made if it is not there, that gets NAME-blobs.png for each
+    #[arg(long, value_name = "OUT.png|FOLDER")]
+    annotate: Option<PathBuf>,
+}
+
+/// What was found in one picture.
+struct Found {
+    file: String,
+    size: Size,
+    blobs: Vec<Blob>,
+}
+
+/// How to look, the same for all pictures.
+struct Search<'a> {
+    args: &'a BlobsArgs,
+    colours: Vec<Colour>,
+    options: BlobOptions,
+    eyes: Eyes,
+    album: Option<Album>,
+}
+
+/// Looks at each picture and prints what was found. A picture that cannot be used is told on
+/// stderr, and the others go on.
+///
+/// # Errors
+/// Colours, config or `--annotate` that cannot be used.
+pub(super) fn run(args: &BlobsArgs, console: &Console) -> Result<Exit, Failure> {
+    let mut search = Search::new(args)?;
+    let mut exit = Exit::Done;
+    let mut found = Vec::new();
+    for (key, image) in (0..).zip(&args.images) {
+        match search.look(key, image) {
+            Ok(one) => {
+                if one.blobs.len() == args.max_blobs {
+                    console.say("WARN", &more_may_be_there(&one));
+                }
+                found.push(one);
+            }
+            Err(failure) => {
+                console.say("ERROR", &failure.report());
+                exit = failure.exit;
+            }
+        }
+    }
+    if args.json {
+        print(&format!("{}\n", json(&found, &args.colours)))?;
+    } else if !found.is_empty() {
+        print(&table(&found, &args.colours))?;
+    }
+    Ok(exit)
+}
+
+fn more_may_be_there(found: &Found) -> String {
+    let (number, file) = (found.blobs.len(), &found.file);
+    format!(
+        "note: the {number} largest blobs of {file}; there may be more: --max-blobs shows them, \
+         --min-pixels leaves out small ones"
+    )
+}
+
+impl<'a> Search<'a> {
+    fn new(args: &'a BlobsArgs) -> Result<Search<'a>, Failure> {
+        let config = match &args.config {
+            Some(path) => Config::load(path).map_err(Failure::usage)?,
+            None => Config::default(),
+        };
+        let colours = colours::of_names(&args.colours, &config)?;
+        let album = args.annotate.as_deref();
+        let album = album.map(|out| Album::open(out, &args.images));
+        Ok(Search {
+            args,
+            colours,
+            options: BlobOptions {
+                roi: args.roi,
+                // A box has at least as many pixels as what is in it.
+                area_threshold: args.min_pixels,
+                pixels_threshold: args.min_pixels,
+                merge: args.merge,
+                max_blobs: args.max_blobs,
+                ..BlobOptions::default()
+            },
+            eyes: Eyes::new(config.camera),
+            album: album.transpose()?,
+        })
+    }
+
+    fn look(&mut self, key: u64, path: &Path) -> Result<Found, Failure> {
+        let jpeg = picture::read(path)?;
+        let unusable = |error| picture::unusable(path, &error);
+        let image = self.eyes.look(key, &jpeg).map_err(unusable)?;
+        let size = image.size();
+        if let Some(roi) = self.args.roi {
+            picture::part(roi, size, path)?;
+        }
+        let blobs = self
+            .eyes
+            .find_blobs(key, &jpeg, &self.colours, &self.options)
+            .map_err(unusable)?
+            .to_vec();
+        if let Some(album) = &mut self.album {
+            let image = self.eyes.look(key, &jpeg).map_err(unusable)?;
+            album.keep(path, &marked(image, &blobs, self.args))?;
+        }
+        Ok(Found {
+            file: path.display().to_string(),
+            size,
+            blobs,
+        })
+    }
+}
+
+/// A copy for people: large enough, what was not looked at dark, boxes with number and name.
+fn marked(image: &Image, blobs: &[Blob], args: &BlobsArgs) -> RgbImage {
+    let texts: Vec<String> = (1..)
+        .zip(blobs)
+        .map(|(number, blob)| format!("{number} {}", names(blob, &args.colours)))
+        .collect();
+    let marks = blobs.iter().zip(&texts);
+    let marks: Vec<Mark<'_>> = marks.map(|(blob, text)| Mark { blob, text }).collect();
+    let times = (SHOWN_WIDTH / image.size().width).clamp(1, MOST_TIMES);
+    match args.roi {
+        Some(roi) => annotate_enlarged(&dimmed(image, roi), &marks, times),
+        None => annotate_enlarged(image, &marks, times),
+    }
+}
+
+fn dimmed(image: &Image, bright: Roi) -> Image {
+    let within = |start: u32, length, at| at >= start && at < start.saturating_add(length);
+    let mut pixels = image.to_rgb();
+    for (x, y, pixel) in pixels.enumerate_pixels_mut() {
+        if !(within(bright.x, bright.w, x) && within(bright.y, bright.h, y)) {
+            pixel.0 = pixel.0.map(|channel| channel / 3);
+        }
+    }
+    Image::from_rgb(&pixels)
+}
+
+/// The name of its colour; of all its colours when blobs were merged.
+fn names(blob: &Blob, colours: &[String]) -> String {
+    let of_code = (0..)
+        .zip(colours)
+        .filter(|(bit, _)| blob.code >> bit & 1 == 1);
+    let names: Vec<&str> = of_code.map(|(_, name)| name.as_str()).collect();
+    names.join("+")
+}
+
+fn json(found: &[Found], colours: &[String]) -> serde_json::Value {
+    let blob = |blob: &Blob| {
+        let mut value = json!(blob);
+        value["colour"] = json!(colours[blob.colour]);
+        value
+    };
+    let picture = |found: &Found| {
+        let blobs: Vec<_> = found.blobs.iter().map(blob).collect();
+        json!({ "file": found.file, "size": found.size, "blobs": blobs })
+    };
+    found.iter().map(picture).collect()
+}
+
+fn table(found: &[Found], colours: &[String]) -> String {
+    let rows: Vec<Vec<String>> = found
+        .iter()
+        .flat_map(|found| {
+            let none = [found.file.clone(), "-".into(), "none".into()];
+            let none = found.blobs.is_empty().then(|| none.into());
+            let blobs = (1..).zip(&found.blobs);
+            none.into_iter()
+                .chain(blobs.map(|(number, blob)| row(&found.file, number, blob, colours)))
+        })
+        .collect();
+    aligned(&HEAD, &rows)
+}
+
+fn row(file: &str, number: usize, blob: &Blob, colours: &[String]) -> Vec<String> {
+    let edge = if blob.edge { "yes" } else { "no" };
+    vec![
+        file.to_owned(),
+        number.to_string(),
+        names(blob, colours),
+        blob.pixels.to_string(),
+        blob.x.to_string(),
+        blob.y.to_string(),
+        blob.w.to_string(),
+        blob.h.to_string(),
+        format!("{:.1}", blob.cx),
+        format!("{:.1}", blob.cy),
+        format!("{:.2}", blob.roundness),
+        format!("{:+.3}", blob.bearing),
+        edge.to_owned(),
+    ]
+}

@@ -1,0 +1,109 @@
+//! Colours by name: those of the config and the nine that are built in.
+
+use super::Failure;
+use crate::config::Config;
+use crate::vision::{Colour, MAX_COLOURS};
+
+/// Names longer than this are not compared with others: a person did not mean them.
+const MAX_COMPARED: usize = 40;
+
+/// The colours of these names, in their order. A name of the config wins over a built-in one.
+///
+/// # Errors
+/// A name that nobody knows, with the nearest that is known; too many names.
+pub(super) fn of_names(names: &[String], config: &Config) -> Result<Vec<Colour>, Failure> {
+    if names.len() > MAX_COLOURS {
+        return Err(Failure::usage(format_args!(
+            "{} colours; at most {MAX_COLOURS} can be told apart at once",
+            names.len()
+        )));
+    }
+    names.iter().map(|name| of_name(name, config)).collect()
+}
+
+fn of_name(name: &str, config: &Config) -> Result<Colour, Failure> {
+    let known = config.colours.get(name).copied();
+    known
+        .or_else(|| Colour::named(name))
+        .ok_or_else(|| unknown(name, config))
+}
+
+fn unknown(name: &str, config: &Config) -> Failure {
+    let own: Vec<&str> = config.colours.keys().map(String::as_str).collect();
+    let shown: String = name.chars().take(MAX_COMPARED).collect();
+    let mut what = format!("there is no colour '{shown}'");
+    let known = own.iter().copied().chain(Colour::NAMES);
+    if let Some(near) = nearest(name, known) {
+        what.push_str(&format!("; did you mean '{near}'?"));
+    }
+    let built_in = Colour::NAMES.join(", ");
+    let help = match own.is_empty() {
+        true => format!("colours: {built_in}, and those of --config FILE under colours:"),
+        false => format!("colours: {built_in}; of the config: {}", own.join(", ")),
+    };
+    Failure::usage(what).help(help)
+}
+
+/// The nearest name that a person could have meant: one edit, or one in two letters.
+fn nearest<'a>(wrong: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    let wrong = wrong.to_lowercase();
+    let length = wrong.chars().count();
+    let most = if length > MAX_COMPARED {
+        return None;
+    } else {
+        (length / 2).max(1)
+    };
+    known
+        .map(|name| (strsim::osa_distance(&wrong, &name.to_lowercase()), name))
+        .filter(|(distance, _)| *distance <= most)
+        .min()
+        .map(|(_, name)| name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn config() -> Config {
+        Config::parse("colours: { sock: { h: [270, 310] } }", "test").unwrap()
+    }
+
+    #[test]
+    fn names_are_found_in_the_config_and_among_the_nine() {
+        let names = ["sock", "red"].map(str::to_owned);
+        let colours = of_names(&names, &config()).unwrap();
+        assert_eq!(colours[1], Colour::named("red").unwrap());
+        assert_ne!(colours[0], colours[1]);
+    }
+
+    #[test]
+    fn an_unknown_name_comes_with_the_nearest_and_the_list() {
+        for (wrong, near) in [("rde", "red"), ("Yelow", "yellow"), ("socks", "sock")] {
+            let report = of_name(wrong, &config()).unwrap_err().report();
+            assert!(
+                report.contains(&format!("did you mean '{near}'")),
+                "{report}"
+            );
+            assert!(
+                report.contains("magenta") && report.contains("sock"),
+                "{report}"
+            );
+        }
+        let report = of_name("chartreuse", &config()).unwrap_err().report();
+        assert!(!report.contains("did you mean"), "{report}");
+    }
+
+    #[test]
+    fn a_name_of_any_length_is_answered_shortly() {
+        let report = of_name(&"r".repeat(100_000), &config())
+            .unwrap_err()
+            .report();
+        assert!(report.len() < 400, "{report}");
+    }
+
+    #[test]
+    fn more_colours_than_can_be_told_apart_are_refused() {
+        let names = vec!["red".to_owned(); MAX_COLOURS + 1];
+        assert!(of_names(&names, &config()).is_err());
+    }
+}

@@ -1,0 +1,341 @@
+//! `spykee learn`: a colour for the config, from pictures of the thing.
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use serde_json::json;
+
+use super::table::{Side, aligned};
+use super::{Console, Exit, Failure, picture, print};
+use crate::vision::{
+    self, Blob, BlobFinder, BlobOptions, Camera, Colour, Decoder, Image, LearnRefusal, Learned,
+    Palette, Roi,
+};
+
+/// From this quality on a colour is very good, good, usable; below it is poor.
+const VERY_GOOD: f64 = 0.9;
+const GOOD: f64 = 0.75;
+const USABLE: f64 = 0.5;
+
+const HEAD: [(&str, Side); 6] = [
+    ("# PICTURE", Side::Left),
+    ("INSIDE", Side::Right),
+    ("OF", Side::Right),
+    ("OUTSIDE", Side::Right),
+    ("OF", Side::Right),
+    ("LARGEST BLOB", Side::Left),
+];
+
+/// Learn a colour from pictures of it, to paste into the config
+///
+/// Prints YAML: the colour under colours:, and in comments how many pixels of each picture it
+/// finds inside and outside of the part, and whether the largest blob is the thing. Pictures
+/// under different lights, with the thing in the same part, make the colour surer.
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct LearnArgs {
+    /// JPEG pictures of the thing, such as scripts save with frame:save
+    #[arg(value_name = "IMAGE.jpg", required = true)]
+    images: Vec<PathBuf>,
+
+    /// The part that the thing fills: left column, top row, width, height
+    #[arg(long, value_name = "X,Y,W,H", value_parser = picture::parse_roi)]
+    roi: Roi,
+
+    /// What scripts will call the colour: letters, digits, _ and -. A built-in name such as red
+    /// gives it a new meaning for all scripts that run with this config
+    #[arg(long, value_name = "NAME", default_value = "thing", value_parser = parse_name)]
+    name: String,
+
+    /// Print a JSON object in place of YAML
+    #[arg(long)]
+    json: bool,
+}
+
+fn parse_name(text: &str) -> Result<String, String> {
+    const MAX_LETTERS: usize = 40;
+    let fits = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-');
+    let begins_well = text.starts_with(char::is_alphabetic);
+    if begins_well && text.chars().all(fits) && text.chars().count() <= MAX_LETTERS {
+        return Ok(text.to_owned());
+    }
+    Err(format!(
+        "expected a letter and then letters, digits, _ or -, at most {MAX_LETTERS}"
+    ))
+}
+
+/// What the learned colour finds in one picture.
+#[derive(Debug, Serialize)]
+struct Proof {
+    file: String,
+    inside: Count,
+    outside: Count,
+    /// Whether the largest blob is the thing; nothing when there is no blob.
+    largest_is_inside: Option<bool>,
+}
+
+/// Pixels that have the colour, of so many.
+#[derive(Debug, Serialize)]
+struct Count {
+    pixels: u32,
+    of: u32,
+}
+
+/// Learns, and prints what can be pasted.
+///
+/// # Errors
+/// No picture that can be used; a part that is too grey or too mixed.
+pub(super) fn run(args: &LearnArgs, console: &Console) -> Result<Exit, Failure> {
+    let mut exit = Exit::Done;
+    let mut images = Vec::new();
+    for path in &args.images {
+        match load(path, args.roi) {
+            Ok(image) => images.push((path.as_path(), image)),
+            Err(failure) => {
+                console.say("ERROR", &failure.report());
+                exit = failure.exit;
+            }
+        }
+    }
+    if images.is_empty() {
+        return Ok(exit);
+    }
+    let pixels: Vec<&Image> = images.iter().map(|(_, image)| image).collect();
+    let learned = match vision::learn(&pixels, args.roi) {
+        Ok(learned) => learned,
+        Err(refusal) => return refuse(refusal, args.json),
+    };
+    let proofs = prove(&images, args.roi, &learned.colour);
+    print(&match args.json {
+        true => format!("{}\n", json(&args.name, &learned, &proofs)),
+        false => yaml(&args.name, &learned, &proofs),
+    })?;
+    Ok(exit)
+}
+
+fn load(path: &Path, roi: Roi) -> Result<Image, Failure> {
+    let jpeg = picture::read(path)?;
+    let mut decoder = Decoder::default();
+    let image = decoder
+        .decode(&jpeg)
+        .map_err(|error| picture::unusable(path, &error))?;
+    picture::part(roi, image.size(), path)?;
+    Ok(image.clone())
+}
+
+fn refuse(refusal: LearnRefusal, as_json: bool) -> Result<Exit, Failure> {
+    let help = match refusal {
+        LearnRefusal::TooGrey => {
+            "choose --roi inside a thing of a strong colour and switch on a light; white, grey and \
+             black things are found by the built-in colours white and black, or by lab ranges"
+        }
+        LearnRefusal::TooMixed => {
+            "spykee blobs PICTURE --colour NAME --roi X,Y,W,H --annotate OUT.png shows what a part \
+             holds; with several pictures the thing must be in the same part of all"
+        }
+    };
+    if as_json {
+        let refused = json!({ "refused": refusal.code(), "reason": refusal.to_string() });
+        print(&format!("{refused}\n"))?;
+    }
+    Err(Failure::usage(refusal).help(help))
+}
+
+/// What the finder of scripts finds of the colour in each picture.
+fn prove(images: &[(&Path, Image)], roi: Roi, colour: &Colour) -> Vec<Proof> {
+    let mut palette = Palette::compile(&[*colour], false);
+    let mut finder = BlobFinder::default();
+    let mut find = |image: &Image, options: &BlobOptions| {
+        finder
+            .find(image, &mut palette, options, Camera::default())
+            .to_vec()
+    };
+    let prove = |(path, image): &(&Path, Image)| {
+        let mut count = |roi| {
+            let blobs = find(image, &every_pixel(roi));
+            blobs.iter().map(|blob| blob.pixels).sum()
+        };
+        let (inside, all): (u32, u32) = (count(Some(roi)), count(None));
+        let size = image.size();
+        let of = roi.within(size).map_or(0, |part| part.w * part.h);
+        let largest = find(image, &BlobOptions::default()).first().copied();
+        Proof {
+            file: path.display().to_string(),
+            inside: Count { pixels: inside, of },
+            outside: Count {
+                pixels: all - inside,
+                of: size.width * size.height - of,
+            },
+            largest_is_inside: largest.map(|blob| overlaps(&blob, roi)),
+        }
+    };
+    images.iter().map(prove).collect()
+}
+
+fn every_pixel(roi: Option<Roi>) -> BlobOptions {
+    BlobOptions {
+        roi,
+        area_threshold: 0,
+        pixels_threshold: 0,
+        max_blobs: usize::MAX,
+        ..BlobOptions::default()
+    }
+}
+
+fn overlaps(blob: &Blob, roi: Roi) -> bool {
+    let right = roi.x.saturating_add(roi.w);
+    let bottom = roi.y.saturating_add(roi.h);
+    blob.x < right && roi.x < blob.x + blob.w && blob.y < bottom && roi.y < blob.y + blob.h
+}
+
+/// Some picture has hardly any of the colour where the thing should be.
+fn absent(proofs: &[Proof]) -> bool {
+    const LEAST_PERCENT: u32 = 20;
+    let hardly = |inside: &Count| inside.pixels * 100 < inside.of * LEAST_PERCENT;
+    proofs.iter().any(|proof| hardly(&proof.inside))
+}
+
+fn misled(proofs: &[Proof]) -> bool {
+    proofs
+        .iter()
+        .any(|proof| proof.largest_is_inside != Some(true))
+}
+
+/// How good the colour is, and what to do if it is not.
+fn verdict(quality: f64, proofs: &[Proof]) -> &'static str {
+    match quality {
+        _ if absent(proofs) => {
+            "poor: not every picture shows the thing in this part; leave out those that do not"
+        }
+        _ if misled(proofs) => {
+            "poor: the largest blob is not the thing; add pictures under other lights, choose \
+             --roi well inside the thing, or a thing of a rarer colour"
+        }
+        VERY_GOOD.. => "very good",
+        GOOD.. => "good",
+        USABLE.. => "usable; pictures under other lights may make it surer",
+        _ => "poor: little of the part has it, or much else; choose --roi well inside the thing",
+    }
+}
+
+/// All of it can be pasted: what is not the colour is a comment.
+fn yaml(name: &str, learned: &Learned, proofs: &[Proof]) -> String {
+    let rows: Vec<Vec<String>> = proofs.iter().map(row).collect();
+    let verdict = verdict(learned.quality, proofs);
+    let quality = learned.quality;
+    format!(
+        "# Pixels that have the learned colour:\n{}# Quality {quality:.2} of 1: {verdict}\n\
+         colours:\n  {}: {}\n",
+        aligned(&HEAD, &rows),
+        key(name),
+        learned.colour
+    )
+}
+
+fn row(proof: &Proof) -> Vec<String> {
+    let largest = match proof.largest_is_inside {
+        Some(true) => "the thing",
+        Some(false) => "elsewhere",
+        None => "none",
+    };
+    vec![
+        format!("# {}", commented(&proof.file)),
+        proof.inside.pixels.to_string(),
+        proof.inside.of.to_string(),
+        proof.outside.pixels.to_string(),
+        proof.outside.of.to_string(),
+        largest.to_owned(),
+    ]
+}
+
+/// A file's name may hold what ends a comment, and what no YAML may hold.
+fn commented(text: &str) -> String {
+    let harmless = |c: char| c == ' ' || c.is_ascii_graphic() || c.is_alphanumeric();
+    let shown = text.chars().map(|c| if harmless(c) { c } else { '?' });
+    shown.collect()
+}
+
+/// A name such as `null` or `true` means something else in YAML unless it is quoted.
+fn key(name: &str) -> String {
+    match serde_yaml::from_str::<String>(name) {
+        Ok(read) if read == name => name.to_owned(),
+        _ => format!("\"{name}\""),
+    }
+}
+
+fn json(name: &str, learned: &Learned, proofs: &[Proof]) -> serde_json::Value {
+    json!({
+        "name": name,
+        "colour": learned.colour,
+        "quality": learned.quality,
+        "verdict": verdict(learned.quality, proofs),
+        "pictures": proofs,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use proptest::prelude::*;
+
+    fn proof(file: &str) -> Proof {
+        Proof {
+            file: file.to_owned(),
+            inside: Count {
+                pixels: 390,
+                of: 400,
+            },
+            outside: Count {
+                pixels: 12,
+                of: 76_400,
+            },
+            largest_is_inside: Some(true),
+        }
+    }
+
+    fn learned() -> Learned {
+        Learned {
+            colour: Colour::hsv([345.0, 12.0], [40.0, 100.0], [20.0, 100.0]).unwrap(),
+            quality: 0.97,
+        }
+    }
+
+    #[test]
+    fn names_that_mean_something_else_in_yaml_or_here_cannot_mislead() {
+        for name in ["null", "true", "false", "Null", "y", "no", "e3", "red"] {
+            let text = yaml(&parse_name(name).unwrap(), &learned(), &[proof("a.jpg")]);
+            let config = Config::parse(&text, "learned").unwrap();
+            assert_eq!(config.colours[name], learned().colour, "{text}");
+        }
+        for wrong in ["", "a b", "a:", "-a", "1st", "#", &"x".repeat(41)] {
+            assert!(parse_name(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_colour_that_finds_something_else_first_is_poor_whatever_its_quality() {
+        let mut elsewhere = proof("a.jpg");
+        assert_eq!(verdict(0.97, &[proof("b.jpg")]), "very good");
+        elsewhere.largest_is_inside = Some(false);
+        assert!(verdict(0.97, &[proof("b.jpg"), elsewhere]).starts_with("poor"));
+        assert!(verdict(0.3, &[proof("b.jpg")]).starts_with("poor"));
+        let mut absent = proof("c.jpg");
+        absent.inside.pixels = 3;
+        assert!(verdict(0.5, &[proof("b.jpg"), absent]).contains("not every picture"));
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_names_it_has_the_snippet_is_a_config(
+            name in "\\PC{1,12}|[a-z]{1,5}",
+            file in "[^\\x00]{0,40}|[a \\n\u{2028}\u{85}\u{fffe}\u{feff}#:]{1,9}"
+        ) {
+            if let Ok(name) = parse_name(&name) {
+                let text = yaml(&name, &learned(), &[proof(&file)]);
+                let config = Config::parse(&text, "learned");
+                prop_assert!(config.is_ok(), "{:?} {}", config, text);
+                prop_assert_eq!(config.unwrap().colours[&name], learned().colour);
+            }
+        }
+    }
+}

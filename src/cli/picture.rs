@@ -1,0 +1,102 @@
+//! Pictures that are named on the command line, and the part of them that is looked at.
+
+use std::io::Read;
+use std::path::Path;
+
+use super::Failure;
+use crate::vision::{FrameError, MAX_JPEG_LEN, Roi, Size};
+
+const NO_JPEG_HELP: &str = "JPEG is what the robot's camera sends and what scripts save; convert \
+                            pictures of another kind";
+const TOO_LARGE_HELP: &str = "scale it down; the robot's own pictures are 320x240";
+
+/// The bytes of a file, at most one more than is looked at, so that a longer one is told as such.
+///
+/// # Errors
+/// Names the file and what the system says.
+pub(super) fn read(path: &Path) -> Result<Vec<u8>, Failure> {
+    let mut bytes = Vec::new();
+    let read = std::fs::File::open(path)
+        .and_then(|file| file.take(MAX_JPEG_LEN as u64 + 1).read_to_end(&mut bytes));
+    match read {
+        Ok(_) => Ok(bytes),
+        Err(error) => Err(Failure::usage(format_args!(
+            "cannot read the picture {}: {error}",
+            path.display()
+        ))),
+    }
+}
+
+/// A file that is no picture: which, why, and what to do.
+pub(super) fn unusable(path: &Path, error: &FrameError) -> Failure {
+    let failure = Failure::usage(format_args!("cannot use {}: {error}", path.display()));
+    match error {
+        FrameError::NoStart => failure.help(NO_JPEG_HELP),
+        FrameError::TooLarge { .. } | FrameError::TooLong(_) => failure.help(TOO_LARGE_HELP),
+        _ => failure,
+    }
+}
+
+/// The part of a picture that is looked at.
+///
+/// # Errors
+/// A part that is outside of this picture.
+pub(super) fn part(roi: Roi, size: Size, path: &Path) -> Result<Roi, Failure> {
+    roi.within(size).ok_or_else(|| {
+        let Roi { x, y, w, h } = roi;
+        let Size { width, height } = size;
+        let path = path.display();
+        Failure::usage(format_args!(
+            "the part {x},{y},{w},{h} is outside of {path}, which is {width}x{height}"
+        ))
+        .help("--roi is left column, top row, width, height, from 0,0 at the top left")
+    })
+}
+
+/// Reads `x,y,w,h`, as for `--roi`.
+///
+/// # Errors
+/// What was expected.
+pub(super) fn parse_roi(text: &str) -> Result<Roi, String> {
+    let numbers: Option<Vec<u32>> = text
+        .split(',')
+        .map(|number| number.trim().parse().ok())
+        .collect();
+    match numbers.as_deref() {
+        Some(&[x, y, w, h]) if w > 0 && h > 0 => Ok(Roi { x, y, w, h }),
+        _ => Err(
+            "expected x,y,w,h in whole pixels, such as 100,80,40,30; w and h at least 1".to_owned(),
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_part_is_four_numbers_and_not_empty() {
+        let roi = Roi {
+            x: 1,
+            y: 2,
+            w: 30,
+            h: 4,
+        };
+        assert_eq!(parse_roi("1,2, 30,4"), Ok(roi));
+        for wrong in ["", "1,2,3", "1,2,3,4,5", "1,2,0,4", "-1,2,3,4", "a,b,c,d"] {
+            assert!(parse_roi(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_is_a_part_that_panics(text in "[-0-9, x]{0,40}", width in 1u32..2000) {
+            if let Ok(roi) = parse_roi(&text) {
+                let size = Size { width, height: 240 };
+                let inside = part(roi, size, Path::new("a.jpg"));
+                prop_assert!(inside.map_or(true, |part| part.x + part.w <= width));
+            }
+        }
+    }
+}

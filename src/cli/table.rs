@@ -1,0 +1,72 @@
+//! Tables for people: plain text, aligned, and harmless whatever stands in the cells.
+
+use super::screen;
+
+/// On which side of its column a cell stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Side {
+    /// Words.
+    Left,
+    /// Numbers.
+    Right,
+}
+
+/// Rows below a head; columns as wide as their widest cell, two spaces apart. A row may be short.
+pub(super) fn aligned(head: &[(&str, Side)], rows: &[Vec<String>]) -> String {
+    let titles = head.iter().map(|(title, _)| (*title).to_owned()).collect();
+    let rows: Vec<Vec<String>> = std::iter::once(&titles)
+        .chain(rows)
+        .map(|row| row.iter().map(|cell| one_line(cell)).collect())
+        .collect();
+    let columns: Vec<(usize, Side)> = head
+        .iter()
+        .enumerate()
+        .map(|(column, (_, side))| (width(&rows, column), *side))
+        .collect();
+    rows.iter().map(|row| line(row, &columns)).collect()
+}
+
+fn width(rows: &[Vec<String>], column: usize) -> usize {
+    let cells = rows.iter().filter_map(|row| row.get(column));
+    cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
+}
+
+fn line(row: &[String], columns: &[(usize, Side)]) -> String {
+    let cells: Vec<String> = row
+        .iter()
+        .zip(columns)
+        .map(|(cell, (width, side))| match side {
+            Side::Left => format!("{cell:width$}"),
+            Side::Right => format!("{cell:>width$}"),
+        })
+        .collect();
+    format!("{}\n", cells.join("  ").trim_end())
+}
+
+/// What a file or a robot is called may be anything.
+fn one_line(text: &str) -> String {
+    screen::clean(text, false).replace(['\n', '\t'], " ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_stand_left_numbers_right_and_nothing_trails() {
+        let row = |cells: &[&str]| cells.iter().map(|cell| (*cell).to_owned()).collect();
+        let head = [
+            ("FILE", Side::Left),
+            ("PIXELS", Side::Right),
+            ("EDGE", Side::Left),
+        ];
+        let rows = [
+            row(&["a.jpg", "7", "yes"]),
+            row(&["\x1b[2Jlong\n.jpg", "12"]),
+        ];
+        let expected = "FILE          PIXELS  EDGE\n\
+                        a.jpg              7  yes\n\
+                        [2Jlong .jpg      12\n";
+        assert_eq!(aligned(&head, &rows), expected);
+    }
+}

@@ -1,0 +1,487 @@
+//! `spykee blobs` and `spykee learn` as people and scripts call them, on pictures of the simulator.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command as Process, Output, Stdio};
+use std::time::Duration;
+
+use serde_json::Value;
+use spykee::config::Config;
+use spykee::sim::{Firmware, Pose, Robot, World};
+use spykee::vision::{BlobOptions, Camera, Colour, Eyes, Roi};
+use spykee::wire::{Command, Report, Stream};
+
+/// Before the robot a red ball to the left and a blue post to the right; behind it a green ball.
+const ROOM: &str = "
+name: test
+room: { width: 6, depth: 6 }
+balls: [{ at: [4, 3.25], colour: red }, { at: [1.6, 3], colour: green }]
+posts: [{ at: [4.2, 2.5], colour: blue }]
+station: { at: [0, 1], heading_degrees: 0 }
+start: { at: [2.9, 3], heading_degrees: 0 }
+";
+const START: (f64, f64) = (2.9, 3.0);
+const BACK: f64 = std::f64::consts::PI;
+/// Inside the red ball, as the robot sees it from its start.
+const IN_BALL: &str = "75,135,30,25";
+const IN_BALL_ROI: Roi = Roi {
+    x: 75,
+    y: 135,
+    w: 30,
+    h: 25,
+};
+/// Bare wall above the ball.
+const ON_WALL: &str = "150,20,40,40";
+
+/// What the camera shows at the start, turned by `heading`, in a room with that much light.
+fn shot(heading: f64, light: f64) -> Vec<u8> {
+    let world = format!("{ROOM}light: {light}\n");
+    let world = World::from_yaml(&world, "test world").unwrap();
+    let mut robot = Robot::new(world, Firmware::default(), 1);
+    robot.begin_session();
+    robot.place(Pose::new(START.0, START.1, heading));
+    let stream = Stream::Video;
+    robot.obey(&Command::Stream { stream, on: true });
+    robot.step(Duration::from_millis(20));
+    let frame = |report| match report {
+        Report::Video(jpeg) => Some(jpeg.to_vec()),
+        _ => None,
+    };
+    robot.take_reports().into_iter().find_map(frame).unwrap()
+}
+
+/// A folder with `ahead.jpg` and `back.jpg`; the command runs in it.
+struct Desk(tempfile::TempDir);
+
+impl Desk {
+    fn new() -> Desk {
+        let desk = Desk(tempfile::tempdir().unwrap());
+        desk.put("ahead.jpg", &shot(0.0, 0.9));
+        desk.put("back.jpg", &shot(BACK, 0.9));
+        desk
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn put(&self, name: &str, bytes: &[u8]) {
+        std::fs::write(self.path(name), bytes).unwrap();
+    }
+
+    /// Splits at spaces; the exit code, stdout, stderr.
+    fn spykee(&self, line: &str) -> (Option<i32>, String, String) {
+        let mut process = Process::new(env!("CARGO_BIN_EXE_spykee"));
+        for variable in ["RUST_LOG", "NO_COLOR", "RUST_BACKTRACE"] {
+            process.env_remove(variable);
+        }
+        process.args(line.split(' ')).stdin(Stdio::null());
+        let Output {
+            status,
+            stdout,
+            stderr,
+        } = process.current_dir(self.0.path()).output().unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        (status.code(), text(stdout), text(stderr))
+    }
+
+    /// What a command that succeeds writes.
+    fn done(&self, line: &str) -> String {
+        let (code, out, error) = self.spykee(line);
+        assert_eq!((code, error.as_str()), (Some(0), ""), "{line}");
+        out
+    }
+
+    /// What a command that is refused says; it writes nothing else.
+    fn refused(&self, line: &str) -> String {
+        let (code, out, error) = self.spykee(line);
+        assert_eq!((code, out.as_str()), (Some(2), ""), "{line}: {error}");
+        assert!(error.starts_with("error: "), "{error}");
+        error
+    }
+
+    fn json(&self, line: &str) -> Value {
+        serde_json::from_str(&self.done(line)).unwrap()
+    }
+}
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/fixtures")
+        .join(name)
+}
+
+#[test]
+fn the_table_has_a_row_for_each_blob_and_for_each_picture_without() {
+    let desk = Desk::new();
+    let table = desk.done("blobs ahead.jpg back.jpg --colour red --colour blue");
+    let rows: Vec<Vec<&str>> = table
+        .lines()
+        .map(|row| row.split_whitespace().collect())
+        .collect();
+    assert_eq!(rows[0][..4], ["FILE", "#", "COLOUR", "PIXELS"]);
+    assert_eq!(rows[1][..3], ["ahead.jpg", "1", "blue"]);
+    assert_eq!(rows[2][..3], ["ahead.jpg", "2", "red"]);
+    assert_eq!(rows[3], ["back.jpg", "-", "none"]);
+    assert_eq!(rows.len(), 4);
+    let at = |row: &str, word: &str| row.find(word).map(|at| at + word.len());
+    let lines: Vec<&str> = table.lines().collect();
+    assert_eq!(at(lines[0], "PIXELS"), at(lines[1], rows[1][3]), "{table}");
+    assert_eq!(at(lines[0], "PIXELS"), at(lines[2], rows[2][3]), "{table}");
+}
+
+#[test]
+fn json_has_every_field_that_scripts_have_and_the_same_values() {
+    let desk = Desk::new();
+    let found = desk.json("blobs ahead.jpg back.jpg --colour red,green --json");
+    assert_eq!(found[0]["file"], "ahead.jpg");
+    assert_eq!(
+        found[0]["size"],
+        serde_json::json!({ "width": 320, "height": 240 })
+    );
+    let mut eyes = Eyes::new(Camera::default());
+    let colours = ["red", "green"].map(|name| Colour::named(name).unwrap());
+    for (key, (picture, name)) in [("ahead.jpg", "red"), ("back.jpg", "green")]
+        .iter()
+        .enumerate()
+    {
+        let jpeg = std::fs::read(desk.path(picture)).unwrap();
+        let seen = eyes.find_blobs(key as u64, &jpeg, &colours, &BlobOptions::default());
+        let mut expected = serde_json::json!(seen.unwrap());
+        expected[0]["colour"] = (*name).into();
+        // Numbers lose their last bit when they are read.
+        let expected: Value = serde_json::from_str(&expected.to_string()).unwrap();
+        assert_eq!(found[key]["blobs"], expected);
+    }
+    let fields = "x y w h cx cy pixels area density rotation elongation roundness perimeter code \
+                  count colour bearing edge";
+    for field in fields.split_whitespace() {
+        assert!(!found[0]["blobs"][0][field].is_null(), "{field}");
+    }
+}
+
+#[test]
+fn what_is_too_small_or_outside_of_the_part_is_left_out() {
+    let desk = Desk::new();
+    let count = |options: &str| {
+        let found = desk.json(&format!(
+            "blobs ahead.jpg --colour red,blue --json {options}"
+        ));
+        found[0]["blobs"].as_array().unwrap().len()
+    };
+    assert_eq!(count("--roi 0,0,160,240"), 1);
+    assert_eq!(count("--roi 160,0,160,240"), 1);
+    assert_eq!(count("--min-pixels 3000"), 1);
+    assert_eq!(count("--min-pixels 30000"), 0);
+    let error = desk.refused("blobs ahead.jpg --colour red --roi 400,0,10,10");
+    assert!(
+        error.contains("ahead.jpg") && error.contains("320x240"),
+        "{error}"
+    );
+}
+
+#[test]
+fn merged_blobs_are_named_after_all_their_colours() {
+    let desk = Desk::new();
+    // The ball in two colours: its shaded lower half is darker.
+    let config = "colours: { lit: { h: [330, 20], s: [40, 100], v: [65, 100] }, \
+                             dark: { h: [330, 20], s: [40, 100], v: [15, 65] } }";
+    desk.put("spykee.yaml", config.as_bytes());
+    let line = "blobs ahead.jpg --colour lit,dark --config spykee.yaml --merge";
+    let table = desk.done(line);
+    assert!(
+        table.lines().any(|row| row.contains(" lit+dark ")),
+        "{table}"
+    );
+    let merged = desk.json(&format!("{line} --json"));
+    assert_eq!(merged[0]["blobs"][0]["code"], 3);
+    assert_eq!(merged[0]["blobs"][0]["colour"], "lit");
+}
+
+#[test]
+fn no_more_than_asked_for_are_shown_and_the_person_hears_of_it() {
+    let desk = Desk::new();
+    let (code, table, note) = desk.spykee("blobs ahead.jpg --colour red,blue --max-blobs 1");
+    assert_eq!((code, table.lines().count()), (Some(0), 2), "{table}");
+    assert!(
+        note.contains("ahead.jpg") && note.contains("--max-blobs"),
+        "{note}"
+    );
+}
+
+#[test]
+fn the_config_gives_colours_and_the_field_of_view() {
+    let desk = Desk::new();
+    desk.put(
+        "spykee.yaml",
+        b"camera: { hfov: 2.0 }\ncolours: { ball: { h: [340, 15], s: [50, 100] } }\n",
+    );
+    let wide = desk.json("blobs ahead.jpg --colour ball --config spykee.yaml --json");
+    let usual = desk.json("blobs ahead.jpg --colour red --json");
+    let bearing = |found: &Value| found[0]["blobs"][0]["bearing"].as_f64().unwrap();
+    assert_eq!(wide[0]["blobs"][0]["colour"], "ball");
+    assert!(bearing(&wide) > 1.5 * bearing(&usual), "{wide} {usual}");
+}
+
+#[test]
+fn an_unknown_colour_is_refused_with_the_nearest_and_all_that_there_are() {
+    let desk = Desk::new();
+    desk.put("spykee.yaml", b"colours: { sock: { h: [270, 310] } }\n");
+    let error = desk.refused("blobs ahead.jpg --colour gren");
+    assert!(
+        error.contains("'gren'") && error.contains("'green'"),
+        "{error}"
+    );
+    assert!(
+        Colour::NAMES.iter().all(|name| error.contains(name)),
+        "{error}"
+    );
+    let error = desk.refused("blobs ahead.jpg --colour sok --config spykee.yaml");
+    assert!(error.contains("did you mean 'sock'"), "{error}");
+}
+
+#[test]
+fn a_bad_picture_is_named_with_its_reason_and_the_others_go_on() {
+    let desk = Desk::new();
+    let whole = std::fs::read(desk.path("ahead.jpg")).unwrap();
+    desk.put("half.jpg", &whole[..whole.len() / 2]);
+    desk.put("text.jpg", b"no picture");
+    let (code, out, error) =
+        desk.spykee("blobs half.jpg text.jpg none.jpg . ahead.jpg --colour red --json");
+    assert_eq!(code, Some(2));
+    let found: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(found.as_array().unwrap().len(), 1);
+    assert_eq!(found[0]["file"], "ahead.jpg");
+    let reasons = [
+        ("half.jpg", "cut short"),
+        ("text.jpg", "no JPEG"),
+        ("none.jpg", "No such file"),
+        (" .: ", "directory"),
+    ];
+    for (file, reason) in reasons {
+        let said = |line: &str| line.contains(file) && line.contains(reason);
+        assert!(error.lines().any(said), "{file}: {error}");
+    }
+    let (_, out, _) = desk.spykee("blobs text.jpg --colour red --json");
+    assert_eq!(out, "[]\n");
+}
+
+#[test]
+fn every_kind_of_jpeg_is_read() {
+    let desk = Desk::new();
+    for kind in [
+        "ball-422.jpg",
+        "ball-420.jpg",
+        "ball-progressive.jpg",
+        "ball-restart.jpg",
+    ] {
+        let path = fixture(kind);
+        let found = desk.json(&format!("blobs {} --colour red --json", path.display()));
+        assert_eq!(found[0]["blobs"][0]["colour"], "red", "{kind}");
+    }
+    let grey = fixture("ball-grey.jpg");
+    let table = desk.done(&format!("blobs {} --colour red", grey.display()));
+    assert!(table.contains("none"), "{table}");
+}
+
+fn png(path: &Path) -> image::RgbImage {
+    image::open(path).unwrap().to_rgb8()
+}
+
+#[test]
+fn a_marked_copy_shows_box_and_text_large_and_leaves_the_rest() {
+    let desk = Desk::new();
+    let found = desk.json("blobs ahead.jpg --colour red --json --annotate out.png");
+    let blob = |field: &str| found[0]["blobs"][0][field].as_u64().unwrap() as u32;
+    let marked = png(&desk.path("out.png"));
+    let plain = image::open(desk.path("ahead.jpg")).unwrap().to_rgb8();
+    assert_eq!(marked.dimensions(), (960, 720));
+    let changed = |x: u32, y: u32| {
+        let pairs = marked
+            .get_pixel(x, y)
+            .0
+            .into_iter()
+            .zip(plain.get_pixel(x / 3, y / 3).0);
+        pairs.map(|(one, other)| one.abs_diff(other)).max().unwrap() > 12
+    };
+    let (left, top) = (3 * blob("x"), 3 * blob("y"));
+    let (right, bottom) = (left + 3 * blob("w"), top + 3 * blob("h"));
+    for step in 0..10 {
+        let (x, y) = (
+            left + step * (right - left) / 10,
+            top + step * (bottom - top) / 10,
+        );
+        assert!(changed(x, top - 2) && changed(x, bottom + 1), "row {x}");
+        assert!(changed(left - 2, y) && changed(right + 1, y), "column {y}");
+    }
+    assert!(changed(left, top - 10), "no text above");
+    let beside = (0..100)
+        .filter(|step| changed(right + 20 + step, 400))
+        .count();
+    assert_eq!(beside, 0, "drawn where nothing was seen");
+}
+
+#[test]
+fn what_was_not_looked_at_is_dark_in_the_marked_copy() {
+    let desk = Desk::new();
+    let line = "blobs ahead.jpg --colour red --roi 0,0,160,240 --annotate";
+    desk.done(&format!("{line} part.png"));
+    let light = |image: &image::RgbImage, x| u32::from(image.get_pixel(x, 60).0[1]);
+    let part = png(&desk.path("part.png"));
+    assert!(light(&part, 400) > 2 * light(&part, 500), "{part:?}");
+}
+
+#[test]
+fn several_pictures_go_into_a_folder_and_one_file_for_all_is_refused() {
+    let desk = Desk::new();
+    std::fs::create_dir(desk.path("other")).unwrap();
+    desk.put("other/ahead.jpg", &shot(0.0, 0.5));
+    desk.done("blobs ahead.jpg back.jpg other/ahead.jpg --colour red --annotate marked/new");
+    let folder = std::fs::read_dir(desk.path("marked/new")).unwrap();
+    let mut names: Vec<_> = folder.map(|entry| entry.unwrap().file_name()).collect();
+    names.sort();
+    assert_eq!(
+        names,
+        ["ahead-2-blobs.png", "ahead-blobs.png", "back-blobs.png"]
+    );
+    let error = desk.refused("blobs ahead.jpg back.jpg --colour red --annotate out.png");
+    assert!(
+        error.contains("out.png") && error.contains("folder"),
+        "{error}"
+    );
+    let error = desk.refused("blobs ahead.jpg --colour red --annotate ahead.jpg");
+    assert!(error.contains(".png"), "{error}");
+    assert!(!desk.path("out.png").exists());
+    let help = desk.done("blobs --help");
+    assert!(help.contains("for SEVERAL pictures a FOLDER"), "{help}");
+}
+
+#[test]
+fn a_learned_colour_pasted_into_a_config_finds_the_thing() {
+    let desk = Desk::new();
+    let yaml = desk.done(&format!("learn ahead.jpg --roi {IN_BALL} --name ball"));
+    let config = Config::parse(&yaml, "learned").unwrap();
+    assert!(config.colours.contains_key("ball"), "{yaml}");
+    assert!(
+        yaml.contains("very good") && yaml.contains("ahead.jpg"),
+        "{yaml}"
+    );
+    desk.put("spykee.yaml", yaml.as_bytes());
+    let found = desk.json("blobs ahead.jpg --colour ball --config spykee.yaml --json");
+    let blobs = found[0]["blobs"].as_array().unwrap();
+    assert_eq!(blobs.len(), 1, "{found}");
+    let usual = desk.json("blobs ahead.jpg --colour red --json");
+    for centre in ["cx", "cy"] {
+        let [one, other] = [&blobs[0], &usual[0]["blobs"][0]].map(|b| b[centre].as_f64().unwrap());
+        assert!((one - other).abs() < 2.0, "{one} {other}");
+    }
+}
+
+#[test]
+fn learning_tells_what_the_colour_finds_inside_and_outside_of_the_part() {
+    let desk = Desk::new();
+    desk.put("dim.jpg", &shot(0.0, 0.45));
+    let learned = desk.json(&format!(
+        "learn ahead.jpg dim.jpg --roi {IN_BALL} --name ball --json"
+    ));
+    assert_eq!(learned["name"], "ball");
+    let colour: Colour = serde_json::from_value(learned["colour"].clone()).unwrap();
+    assert!(learned["quality"].as_f64().unwrap() > 0.9, "{learned}");
+    let mut eyes = Eyes::new(Camera::default());
+    for (key, name) in ["ahead.jpg", "dim.jpg"].into_iter().enumerate() {
+        let proof = &learned["pictures"][key];
+        let part = IN_BALL_ROI.w * IN_BALL_ROI.h;
+        assert_eq!(proof["file"], name);
+        assert_eq!(proof["inside"]["of"], part);
+        assert_eq!(proof["outside"]["of"], 320 * 240 - part);
+        assert_eq!(proof["largest_is_inside"], true);
+        let jpeg = std::fs::read(desk.path(name)).unwrap();
+        let every = BlobOptions {
+            area_threshold: 0,
+            pixels_threshold: 0,
+            ..BlobOptions::default()
+        };
+        let mut pixels = |roi| {
+            let options = BlobOptions {
+                roi,
+                ..every.clone()
+            };
+            let blobs = eyes
+                .find_blobs(key as u64, &jpeg, &[colour], &options)
+                .unwrap();
+            blobs.iter().map(|blob| blob.pixels).sum::<u32>()
+        };
+        let (inside, all) = (pixels(Some(IN_BALL_ROI)), pixels(None));
+        assert!(inside > part * 9 / 10, "{learned}");
+        assert_eq!(proof["inside"]["pixels"], inside);
+        assert_eq!(proof["outside"]["pixels"], all - inside);
+    }
+}
+
+#[test]
+fn grey_and_mixed_parts_are_refused_with_what_to_do() {
+    let desk = Desk::new();
+    let grey = desk.refused(&format!("learn ahead.jpg --roi {ON_WALL}"));
+    assert!(
+        grey.contains("too grey") && grey.contains("  help: "),
+        "{grey}"
+    );
+    // The red ball ahead and the green one behind, in the same part.
+    desk.put("left.jpg", &shot(BACK + 0.24, 0.9));
+    let mixed = "learn ahead.jpg left.jpg --roi 75,135,30,25";
+    let error = desk.refused(mixed);
+    assert!(
+        error.contains("too mixed") && error.contains("  help: "),
+        "{error}"
+    );
+    let (code, out, _) = desk.spykee(&format!("{mixed} --json"));
+    let refused: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(
+        (code, &refused["refused"]),
+        (Some(2), &Value::from("too_mixed"))
+    );
+}
+
+#[test]
+fn a_colour_that_some_picture_does_not_show_is_called_poor() {
+    let desk = Desk::new();
+    let yaml = desk.done(&format!("learn ahead.jpg back.jpg --roi {IN_BALL}"));
+    let verdict = yaml.lines().find(|line| line.contains("Quality")).unwrap();
+    assert!(verdict.contains("poor: not every picture"), "{yaml}");
+}
+
+#[test]
+fn learning_goes_on_without_the_pictures_that_cannot_be_used() {
+    let desk = Desk::new();
+    desk.put("text.jpg", b"no picture");
+    let (code, yaml, error) = desk.spykee(&format!("learn text.jpg ahead.jpg --roi {IN_BALL}"));
+    assert_eq!(code, Some(2));
+    assert!(
+        Config::parse(&yaml, "learned").is_ok() && yaml.contains("thing:"),
+        "{yaml}"
+    );
+    assert!(
+        error.contains("text.jpg") && error.contains("no JPEG"),
+        "{error}"
+    );
+    let error = desk.refused("learn ahead.jpg --roi 320,0,10,10");
+    assert!(error.contains("outside of ahead.jpg"), "{error}");
+}
+
+#[test]
+fn what_is_missing_or_wrong_on_the_command_line_is_code_2() {
+    let desk = Desk::new();
+    for line in [
+        "blobs --colour red",
+        "blobs ahead.jpg",
+        "blobs ahead.jpg --colour red --roi 1,2,3",
+        "blobs ahead.jpg --colour red --min-pixels -1",
+        "learn ahead.jpg",
+        "learn --roi 1,2,3,4",
+        "learn ahead.jpg --roi 1,2,0,4",
+        "learn ahead.jpg --roi 1,2,3,4 --name a:b",
+        "blobs ahead.jpg --colour red --config none.yaml",
+    ] {
+        let error = desk.refused(line);
+        assert!(!error.contains("internal error"), "{line}: {error}");
+    }
+}

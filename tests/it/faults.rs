@@ -1,0 +1,115 @@
+//! Broken networks and robots: named scenarios, each with a promise, driven by the real binary
+//! against a simulated robot with faults. The README shows their table; a test run fills it.
+
+mod file;
+mod network;
+mod robot;
+mod stage;
+mod table;
+
+use std::io::Write;
+use std::sync::Arc;
+
+use tokio::sync::Semaphore;
+use tokio::task::JoinSet;
+
+use self::stage::Stage;
+use self::table::{SCENARIOS, Scenario};
+
+/// Scenarios that run side by side; each is three processes that mostly wait.
+const AT_ONCE: usize = 6;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_promise_on_broken_networks_is_kept() {
+    let permits = Arc::new(Semaphore::new(AT_ONCE));
+    let mut running = JoinSet::new();
+    for (index, scenario) in SCENARIOS.iter().enumerate() {
+        let permits = Arc::clone(&permits);
+        running.spawn(async move {
+            let _permit = permits.acquire_owned().await.unwrap();
+            // A task of its own: a promise that is broken panics.
+            (index, tokio::spawn(play(scenario)).await)
+        });
+    }
+    let mut kept = vec![false; SCENARIOS.len()];
+    while let Some(ended) = running.join_next().await {
+        let (index, outcome) = ended.unwrap();
+        kept[index] = outcome.is_ok();
+    }
+    print_table(&kept);
+    let broken = SCENARIOS.iter().zip(&kept).filter(|(_, kept)| !**kept);
+    let names: Vec<&str> = broken.map(|(scenario, _)| scenario.name).collect();
+    assert!(names.is_empty(), "broken: {}", names.join(", "));
+}
+
+/// One scenario by name, for whoever mends something:
+/// `FAULT='reset in mid-frame' cargo test one_scenario -- --ignored --nocapture`.
+#[tokio::test(flavor = "multi_thread")]
+#[ignore = "plays the one scenario that FAULT names"]
+async fn one_scenario() {
+    let name = std::env::var("FAULT").expect("FAULT names a scenario");
+    let found = SCENARIOS.iter().find(|scenario| scenario.name == name);
+    play(found.expect("a scenario of this name")).await;
+}
+
+#[test]
+fn the_readme_shows_every_scenario_and_its_promise() {
+    let readme = include_str!("../../README.md");
+    let section = readme
+        .split("\n## ")
+        .find(|text| text.starts_with("Broken networks\n"));
+    let section = section.expect("a section `Broken networks`");
+    let rows: Vec<&str> = section
+        .lines()
+        .filter(|line| line.starts_with("| "))
+        .collect();
+    let expected = SCENARIOS.iter().map(row).collect::<Vec<String>>();
+    let first = rows
+        .iter()
+        .position(|row| **row == expected[0])
+        .expect("the first scenario");
+    assert_eq!(&rows[first..], &expected);
+}
+
+#[test]
+fn the_faults_of_the_readme_are_read() {
+    let readme = include_str!("../../README.md");
+    let yaml = readme
+        .split("```yaml\n")
+        .find(|text| text.starts_with("faults:"));
+    let yaml = yaml
+        .and_then(|text| text.split("```").next())
+        .expect("a list of faults");
+    let faults = spykee::sim::Fault::list_from_yaml(yaml, "README.md").unwrap();
+    assert!(faults.len() > 3);
+}
+
+#[test]
+fn scenarios_are_at_least_25_and_have_names_of_their_own() {
+    let mut names: Vec<&str> = SCENARIOS.iter().map(|scenario| scenario.name).collect();
+    names.sort_unstable();
+    names.dedup();
+    assert!(
+        names.len() >= 25 && names.len() == SCENARIOS.len(),
+        "{names:?}"
+    );
+}
+
+async fn play(scenario: &'static Scenario) {
+    let stage = Stage::set(scenario).await;
+    (scenario.act)(stage).await;
+}
+
+fn row(scenario: &Scenario) -> String {
+    format!("| {} | {} |", scenario.name, scenario.promise)
+}
+
+/// Not by `print!`: the table is shown even when all is well.
+fn print_table(kept: &[bool]) {
+    let mut table =
+        String::from("\n| broken network or robot | promise | kept |\n| --- | --- | --- |\n");
+    for (scenario, kept) in SCENARIOS.iter().zip(kept) {
+        table += &format!("{} {} |\n", row(scenario), if *kept { "yes" } else { "NO" });
+    }
+    let _ = std::io::stderr().write_all(table.as_bytes());
+}

@@ -1,0 +1,171 @@
+//! Scenarios of the robot: gone, refusing, in other hands, low, or away from its station.
+
+use spykee::sim::State;
+use spykee::wire::{Command, Sound};
+
+use super::stage::Stage;
+use crate::rig::moves;
+
+/// Below the watchdog's low level, above the critical one.
+const LOW: f64 = 14.0;
+
+pub async fn starts_afresh(stage: Stage) {
+    let before = stage.newest_client();
+    stage.trouble();
+    let gone = |state: &State| state.user.is_none();
+    let state = stage.until("gone", gone).await;
+    assert!(
+        state.commanded.left == 0 && !state.streams.video,
+        "{state:?}"
+    );
+    stage.comes_back(before).await;
+    stage.says_more("frame", 3).await;
+    stage.made_up_for_nothing();
+    stage.ends_well();
+}
+
+pub async fn stops_one_that_drove_on(stage: Stage) {
+    let before = stage.newest_client();
+    stage.trouble();
+    stage.run.says("hears disconnected").await;
+    let state = stage.until("gone", |state| state.user.is_none()).await;
+    assert!(state.commanded.left != 0, "{state:?}");
+    let gone = stage.rig.sim.heard_count();
+    let stop = stage.rig.heard_stop(gone).await;
+    assert!(stage.rig.sim.heard_since(stop)[0].client > before);
+    assert!(!stage.rig.commands(gone)[..stop - gone].iter().any(moves));
+    stage.comes_back(before).await;
+    stage.made_up_for_nothing();
+    stage.ends_well();
+}
+
+pub async fn is_let_in_again(stage: Stage) {
+    let before = stage.newest_client();
+    stage.trouble();
+    stage.run.says("still not connected").await;
+    stage.says_more("moved false disconnected", 2).await;
+    stage.comes_back(before).await;
+    stage.drives_on().await;
+    stage.made_up_for_nothing();
+    stage.ends_well();
+}
+
+pub async fn waits_for_the_other(stage: Stage) {
+    let before = stage.newest_client();
+    stage.trouble();
+    stage.run.says("in use").await;
+    let user = stage.rig.sim.state().user;
+    assert_eq!(user.as_deref(), Some("second-user"));
+    stage.run.says("in use by `second-user`").await;
+    stage.comes_back(before).await;
+    stage.drives_on().await;
+    stage.made_up_for_nothing();
+    stage.ends_well();
+}
+
+pub async fn silence_counts_as_low(stage: Stage) {
+    let from = stage.trouble();
+    stage.goes_home(from).await;
+    stage.run.says("no battery level for").await;
+    stage.ends_well();
+}
+
+pub async fn waits_for_a_level(stage: Stage) {
+    let from = stage.trouble();
+    stage.run.says("sent no battery level within").await;
+    let heard = stage.rig.sim.heard_since(from);
+    let old = heard.first().map_or(0, |heard| heard.client);
+    let mut anew = heard.iter().filter(|heard| heard.client > old);
+    assert!(
+        anew.all(|heard| matches!(heard.command, Command::Login(_))),
+        "{heard:?}"
+    );
+    stage.comes_back(old).await;
+    stage.drives_on().await;
+    stage.ends_well();
+}
+
+pub async fn goes_home_in_one_write(stage: Stage) {
+    let from = stage.trouble();
+    let stop = stage.goes_home(from).await;
+    assert_eq!(
+        stage.rig.at(stop).1,
+        stage.rig.at(stop + 1).1,
+        "in one write"
+    );
+    stage.run.says("hears battery_low 5").await;
+    stage.no_motion_since(stop);
+    stage.drives_on().await;
+    stage.ends_well();
+}
+
+pub async fn goes_home_though(stage: Stage) {
+    let from = stage.trouble();
+    stage.drives_on().await;
+    stage.rig.sim.set_battery(LOW);
+    let stop = stage.goes_home(from).await;
+    stage.run.says("hears battery_low 14").await;
+    stage
+        .until("home", |state| state.docked && state.charging)
+        .await;
+    stage.no_motion_since(stop);
+    stage.ends_well();
+}
+
+pub async fn goes_home_after_the_reconnect(stage: Stage) {
+    stage.trouble();
+    stage.run.says("hears disconnected").await;
+    let gone = stage.rig.sim.heard_count();
+    stage.rig.sim.set_battery(LOW);
+    stage.goes_home(gone).await;
+    stage.run.says("hears battery_low 14").await;
+    stage.says_more("moved false safety", 1).await;
+    stage.no_motion_since(gone);
+    stage.made_up_for_nothing();
+    stage.ends_well();
+}
+
+pub async fn stays_still_and_alarms(stage: Stage) {
+    let from = stage.trouble();
+    stage.rig.sim.set_battery(LOW);
+    let stop = stage.goes_home(from).await;
+    hears_the_alarm_twice(&stage, stop).await;
+    assert_eq!(stage.dockings(stop), 2);
+    stage.no_motion_since(stop);
+    stage.ends_well();
+}
+
+pub async fn stays_on_the_dead_station(stage: Stage) {
+    let from = stage.trouble();
+    stage.rig.sim.set_battery(LOW);
+    let stop = stage.goes_home(from).await;
+    hears_the_alarm_twice(&stage, stop).await;
+    let state = stage.until("on the station", |state| state.docked).await;
+    assert!(!state.charging, "{state:?}");
+    stage.no_motion_since(stop);
+    stage.ends_well();
+}
+
+pub async fn goes_home_again(stage: Stage) {
+    let from = stage.trouble();
+    stage.rig.sim.set_battery(LOW);
+    let first = stage.goes_home(from).await;
+    stage
+        .until("home", |state| state.docked && state.charging)
+        .await;
+    stage.until("lost", |state| !state.docked).await;
+    stage.relief();
+    let again = stage.goes_home(first + 2).await;
+    stage
+        .until("home again", |state| state.docked && state.charging)
+        .await;
+    stage.no_motion_since(again);
+    stage.ends_well();
+}
+
+async fn hears_the_alarm_twice(stage: &Stage, from: usize) {
+    let alarm = |command: &Command| *command == Command::Play(Sound::Alarm);
+    let first = stage.rig.heard(from, alarm).await;
+    stage.rig.heard(first + 1, alarm).await;
+    stage.run.says("ALARM").await;
+}

@@ -1,0 +1,230 @@
+//! What every scenario needs: a robot that can be troubled, the binary with a small driving script,
+//! and the facts to wait for.
+
+use std::time::Duration;
+
+use spykee::sim::{Fault, Firmware, Options, State, World};
+use spykee::wire::{Command, Engage, Sound};
+use tokio::time::{sleep, timeout};
+
+use super::table::{Scenario, Script};
+use crate::rig::{PATIENCE, Rig, Run, moves};
+
+/// The station is near: most of the robot's ways home take seconds.
+const WORLD: &str = "
+name: test
+room: { width: 8, depth: 8 }
+station: { at: [0, 4], heading_degrees: 0 }
+start: { at: [1.4, 4], heading_degrees: 180 }
+battery: { level: 90, idle_drain_per_minute: 0.01, driving_drain_per_minute: 0.01 }
+";
+
+/// Short times, so that the tests are short; the rules are the same.
+const CONFIG: &str = "
+link: { connect_timeout: 2, login_timeout: 1, first_pause: 0.05, longest_pause: 0.3, dead_after: 1 }
+watchdog: { stream_silence: 1, power_silence: 2, dock_pause: 0.2, dock_retries: 1, charge_timeout: 1, alarm_every: 1 }
+";
+
+/// Tells what it hears, and asks for a sound when nobody can play it.
+const LISTEN: &str = r#"
+robot.on("connected", function() print("hears connected") end)
+robot.on("disconnected", function()
+	print("hears disconnected")
+	robot.play("bomb")
+end)
+robot.on("battery_low", function(battery) print("hears battery_low", battery.percent) end)
+"#;
+
+/// Drives in circles for ever, a short way and a short pause again and again.
+const DRIVE: &str = r#"
+while true do
+	print("moved", robot.move(20, 40, 0.3))
+	task.wait(0.1)
+end
+"#;
+
+/// Drives in circles for ever without a pause.
+const CRUISE: &str = r#"
+while true do
+	robot.move(20, 40)
+	task.wait(0.2)
+	print(if robot.connected() then "moved true done" else "moved false disconnected")
+end
+"#;
+
+/// Looks at what the robot sees, beside all else.
+const WATCH: &str = r#"
+local seen, blind = 0, 0
+robot.on("frame", function(frame)
+	local floor = frame:brightness()
+	frame:find_blobs("red")
+	if floor then seen += 1 else blind += 1 end
+	print("frame", frame.bytes, "seen", seen, "blind", blind)
+end)
+"#;
+
+/// A scenario under way.
+pub struct Stage {
+    pub rig: Rig,
+    pub run: Run,
+    faults: Vec<Fault>,
+}
+
+impl Stage {
+    /// The robot drives in circles, watched or not; nothing is wrong yet.
+    pub async fn set(scenario: &Scenario) -> Stage {
+        let list = format!("faults: [{}]", scenario.fault);
+        let faults = Fault::list_from_yaml(&list, scenario.name).unwrap();
+        let firmware = Firmware {
+            power_period: Duration::from_millis(200),
+            search_limit: Duration::from_millis(300),
+            ..Firmware::default()
+        };
+        let options = Options {
+            firmware,
+            fps: Some(6.0),
+            seed: 11,
+            faults: Some(vec![]),
+            ..Options::default()
+        };
+        let rig = Rig::with(World::from_yaml(WORLD, "test world").unwrap(), options).await;
+        let config = rig.file("spykee.yaml", CONFIG);
+        let script = match scenario.script {
+            Script::Drives => [LISTEN, DRIVE].concat(),
+            Script::Watches => [LISTEN, WATCH, DRIVE].concat(),
+            Script::Cruises => [LISTEN, WATCH, CRUISE].concat(),
+        };
+        let script = rig.file("script.lua", &script);
+        let (script, config) = (script.to_str().unwrap(), config.to_str().unwrap());
+        let run = rig.spykee(&["run", script, "--config", config, "--robot", &rig.address]);
+        rig.heard_motion(0).await;
+        if scenario.script != Script::Drives {
+            run.says("seen 3").await;
+        }
+        Stage { rig, run, faults }
+    }
+
+    /// Now it goes wrong. Where in the journal of what the robot heard.
+    pub fn trouble(&self) -> usize {
+        let index = self.rig.sim.heard_count();
+        self.faults
+            .iter()
+            .for_each(|fault| self.rig.sim.begin(*fault));
+        index
+    }
+
+    /// All is well again.
+    pub fn relief(&self) {
+        self.rig.sim.clear_faults();
+    }
+
+    /// How often something was said so far.
+    pub fn said(&self, text: &str) -> usize {
+        self.run.text().matches(text).count()
+    }
+
+    /// Waits until something was said that often from now on.
+    pub async fn says_more(&self, text: &str, count: usize) {
+        let enough = self.said(text) + count;
+        let said = async {
+            while self.said(text) < enough {
+                sleep(Duration::from_millis(10)).await;
+            }
+        };
+        let waited = timeout(PATIENCE, said).await;
+        waited.unwrap_or_else(|_| panic!("`{text}` not said; instead:\n{}", self.run.text()));
+    }
+
+    /// The script drives on: whole drives end well.
+    pub async fn drives_on(&self) {
+        self.says_more("moved true done", 2).await;
+    }
+
+    /// The connection of the newest command.
+    pub fn newest_client(&self) -> u64 {
+        let heard = self.rig.sim.heard();
+        heard.last().map_or(0, |heard| heard.client)
+    }
+
+    /// Waits until another connection than `before` has the robot moving; it heard a stop first.
+    pub async fn comes_back(&self, before: u64) {
+        let back = async {
+            loop {
+                let index = self.rig.heard_motion(self.rig.sim.heard_count()).await;
+                if self.rig.sim.heard_since(index)[0].client > before {
+                    return;
+                }
+            }
+        };
+        let waited = timeout(PATIENCE, back).await;
+        waited.unwrap_or_else(|_| panic!("it does not come back:\n{}", self.run.text()));
+        self.sessions_begin_with_a_stop();
+        assert!(self.said("hears disconnected") > 0, "{}", self.run.text());
+    }
+
+    pub async fn until(&self, what: &str, wanted: impl Fn(&State) -> bool) -> State {
+        let reached = timeout(PATIENCE, self.rig.sim.wait_state(wanted)).await;
+        let failed = || {
+            panic!(
+                "never {what}: {:?}\n{}",
+                self.rig.sim.state(),
+                self.run.text()
+            )
+        };
+        reached.unwrap_or_else(|_| failed())
+    }
+
+    /// Stop and BASE_FIND side by side, in this order; where the stop stands.
+    pub async fn goes_home(&self, from: usize) -> usize {
+        let dock = self.rig.heard_dock(from).await;
+        assert_eq!(self.rig.commands(dock - 1)[0], Command::STOP);
+        dock - 1
+    }
+
+    pub fn no_motion_since(&self, index: usize) {
+        let heard = self.rig.commands(index);
+        assert!(!heard.iter().any(moves), "{heard:?}");
+    }
+
+    /// How often the robot was told to find its base.
+    pub fn dockings(&self, from: usize) -> usize {
+        let heard = self.rig.commands(from);
+        heard
+            .iter()
+            .filter(|command| **command == Command::Engine(Engage::Dock))
+            .count()
+    }
+
+    /// After a while without a link: what was asked for meanwhile is not made up for.
+    pub fn made_up_for_nothing(&self) {
+        let heard = self.rig.commands(0);
+        assert!(!heard.contains(&Command::Play(Sound::Bomb)), "{heard:?}");
+    }
+
+    /// The first command of every session is a stop, and it comes before anything else.
+    pub fn sessions_begin_with_a_stop(&self) {
+        let heard = self.rig.sim.heard();
+        let newest = heard.last().map_or(0, |heard| heard.client);
+        for client in 0..=newest {
+            let of_one = heard.iter().filter(|heard| heard.client == client);
+            let mut commands = of_one.map(|heard| &heard.command);
+            assert!(
+                commands
+                    .next()
+                    .is_none_or(|first| matches!(first, Command::Login(_)))
+            );
+            let second = commands.next();
+            assert!(
+                second.is_none_or(|second| *second == Command::STOP),
+                "{second:?}"
+            );
+        }
+    }
+
+    /// Whatever went wrong: the agent lives, nothing broke down, every session began with a stop.
+    pub fn ends_well(mut self) {
+        assert!(self.run.lives(), "{}", self.run.text());
+        assert_eq!(self.said("internal error"), 0, "{}", self.run.text());
+        self.sessions_begin_with_a_stop();
+    }
+}

@@ -1,0 +1,109 @@
+//! The scenarios: name, fault, promise, and what must become true.
+
+use std::future::Future;
+use std::pin::Pin;
+
+use super::stage::Stage;
+use super::{network, robot};
+
+/// What the behaviour does meanwhile.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Script {
+    /// Drives short ways.
+    Drives,
+    /// Drives short ways and looks at pictures.
+    Watches,
+    /// Never rests, and looks at pictures.
+    Cruises,
+}
+
+/// One way in which networks and robots break, and what the agent promises then.
+pub struct Scenario {
+    pub name: &'static str,
+    /// As `spykee sim --faults` reads it.
+    pub fault: &'static str,
+    pub promise: &'static str,
+    pub script: Script,
+    pub act: fn(Stage) -> Pin<Box<dyn Future<Output = ()> + Send>>,
+}
+
+macro_rules! scenarios {
+    ($($name:literal, $fault:literal, $promise:literal, $module:ident::$act:ident, $script:ident;)+) => {
+        &[$(Scenario {
+            name: $name,
+            fault: $fault,
+            promise: $promise,
+            script: Script::$script,
+            act: |stage| Box::pin($module::$act(stage)),
+        },)+]
+    };
+}
+
+pub const SCENARIOS: &[Scenario] = scenarios! {
+    "late bytes", "{fault: delay, seconds: 0.15, jitter: 0.1}",
+        "messages arrive late and in order; the script drives on", network::drives_on, Drives;
+    "bytes in pieces", "{fault: split}",
+        "every message is put together again, pictures too", network::drives_and_sees_on, Watches;
+    "slow pictures", "{fault: drip, bytes: 40000, towards: client}",
+        "the script sees fewer pictures and drives on", network::drives_and_sees_on, Watches;
+    "a trickle", "{fault: drip, bytes: 400, towards: client, for: 4}",
+        "a robot that is hardly heard is stopped at once and dialled anew", network::stops_first, Cruises;
+    "everything late and in pieces", "{fault: split}, {fault: delay, seconds: 0.05, jitter: 0.1}, {fault: drop, after: 0.5}",
+        "a reconnect works over a bad line too; the first command is a stop", network::comes_back, Drives;
+    "dropped connection", "{fault: drop}",
+        "the script hears `disconnected`; after the reconnect the first command is a stop", network::comes_back, Drives;
+    "dropped again and again", "{fault: drop, every: 0.8}",
+        "every new session begins with a stop, and the script goes on", network::comes_back_each_time, Drives;
+    "reset in mid-frame", "{fault: reset}",
+        "half a picture harms nobody; reconnect, a stop first, pictures again", network::comes_back_and_sees, Watches;
+    "half-open both ways", "{fault: half_open, for: 2}",
+        "a driving robot that falls silent is dialled anew; nothing queues behind the dead socket", network::queues_nothing, Cruises;
+    "half-open between short ways", "{fault: half_open, for: 2}",
+        "a robot that drives short ways over a dead link is dialled anew too", network::queues_nothing, Watches;
+    "deaf to the robot", "{fault: half_open, towards: client, for: 2}",
+        "the tracks are stopped over the old connection before it is given up", network::stops_first, Cruises;
+    "unheard by the robot", "{fault: half_open, towards: robot, for: 1}, {fault: reset, after: 0.3}",
+        "what the robot did not hear is not said again; it hears a stop", network::queues_nothing, Drives;
+    "interrupted on a dead link", "{fault: half_open}",
+        "Ctrl-C ends the program within 2 s all the same", network::ends_in_time, Drives;
+    "garbage from the robot", "{fault: garbage, bytes: 300}",
+        "a stream out of step is not trusted: closed, reconnect, a stop first", network::comes_back, Drives;
+    "garbage to the robot", "{fault: garbage, bytes: 300, towards: robot}",
+        "the robot hangs up; reconnect, a stop first", network::comes_back, Drives;
+    "a header that claims too little", "{fault: length_lie, bytes: 0}",
+        "the stream is out of step: closed, reconnect, a stop first", network::comes_back, Drives;
+    "a header that claims 64 KiB", "{fault: length_lie, bytes: 65535}",
+        "no message comes any more, which counts as silence: a stop, then reconnect", network::stops_first, Cruises;
+    "pictures of 64 KiB", "{fault: huge_frames}",
+        "they are seen like all others", network::sees_huge_pictures, Watches;
+    "pictures cut off", "{fault: truncated_frames, for: 2}",
+        "they show nothing and are logged; the script drives on and sees the next good one", network::overlooks_bad_pictures, Watches;
+    "pictures with wrong bytes", "{fault: flipped_frames, bytes: 40, for: 2}",
+        "whatever they show, the script drives on and sees the next good one", network::overlooks_bad_pictures, Watches;
+    "a reboot", "{fault: reboot, state: lost, for: 1}",
+        "logs in anew, a stop first, and switches the streams on again", robot::starts_afresh, Watches;
+    "Wi-Fi gone for a while", "{fault: reboot, state: kept, for: 1}",
+        "a robot that drove on meanwhile first hears a stop", robot::stops_one_that_drove_on, Cruises;
+    "refused: in use", "{fault: refuse_login, reason: busy, for: 1.5}, {fault: drop}",
+        "tries again until it is let in; what was asked for meanwhile is not made up for", robot::is_let_in_again, Drives;
+    "refused: wrong password", "{fault: refuse_login, reason: password, for: 1.5}, {fault: drop}",
+        "a robot that knew us is tried again; the script lives on", robot::is_let_in_again, Drives;
+    "a second user takes over", "{fault: take_over, for: 1.5}",
+        "the script hears `disconnected`; comes back when the other has gone", robot::waits_for_the_other, Drives;
+    "no battery level", "{fault: no_power}",
+        "silence counts as low: stop and BASE_FIND", robot::silence_counts_as_low, Drives;
+    "no battery level after the login", "{fault: no_power, for: 2.5}, {fault: drop}",
+        "nothing moves before the first level has come", robot::waits_for_a_level, Drives;
+    "a battery level that jumps", "{fault: power_jumps, percent: 5, for: 1}",
+        "one low level is enough: stop and BASE_FIND in one write; no motion until it is good again", robot::goes_home_in_one_write, Drives;
+    "low on a bad line", "{fault: split}, {fault: delay, seconds: 0.2, jitter: 0.1}",
+        "low battery still sends home", robot::goes_home_though, Drives;
+    "low while the line is down", "{fault: reboot, state: kept, for: 1}",
+        "after the reconnect: a stop, BASE_FIND, and no motion", robot::goes_home_after_the_reconnect, Drives;
+    "the station is never found", "{fault: base_not_found}",
+        "a pause, another try, then it stays still and sounds the alarm", robot::stays_still_and_alarms, Drives;
+    "a station without current", "{fault: no_charge}",
+        "docked without charging is not home: it stays there and sounds the alarm", robot::stays_on_the_dead_station, Drives;
+    "docking lost again", "{fault: dock_lost, seconds: 0.5}",
+        "a low robot that slides off its station goes home again", robot::goes_home_again, Drives;
+};
