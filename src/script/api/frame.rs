@@ -140,7 +140,8 @@ fn newest(call: &mut Call<'_>) -> Answered {
     }
 }
 
-/// `robot.wait_frame(timeout)`: the next frame, or `nil, "timeout"`.
+/// `robot.wait_frame(timeout)`: the next frame, or `nil, "timeout"`. A frame cut short counts as none,
+/// here and for `frame` handlers.
 fn wait_frame(call: &mut Call<'_>) -> Answered {
     let time = call.args.optional_seconds(0, "timeout")?;
     call.may_wait()?;
