@@ -1,0 +1,185 @@
+//! Any bytes as a frame: judged, decoded, searched for blobs. Whatever a camera or a link makes of a
+//! JPEG, it ends in an error or in blobs that lie in the picture.
+#![no_main]
+
+use std::cell::RefCell;
+
+use libfuzzer_sys::fuzz_target;
+
+/// The eyes alone: the whole crate would bring a Lua VM to compile.
+#[path = "../../../src/vision/mod.rs"]
+#[allow(dead_code, unused_imports, unreachable_pub)]
+mod vision;
+
+use vision::{
+    Blob, BlobOptions, Camera, Colour, Decoder, Eyes, FrameError, MAX_HEIGHT, MAX_JPEG_LEN,
+    MAX_WIDTH, Roi, Size, brightness, judge, sharpness,
+};
+
+/// Bytes at the end that say how to look; behind a JPEG's end they are padding to it.
+const KNOBS: usize = 8;
+/// Pictures up to so many pixels are decoded a second time, by a decoder that has seen nothing.
+const SMALL: u32 = 160 * 120;
+
+/// Eyes that have seen all the frames before, as a behaviour's have.
+struct Seen {
+    eyes: Eyes,
+    frames: u64,
+    sets: Vec<Vec<Colour>>,
+}
+
+thread_local! {
+    static SEEN: RefCell<Seen> = RefCell::new(Seen {
+        eyes: Eyes::new(Camera::default()),
+        frames: 0,
+        sets: sets(),
+    });
+}
+
+/// One colour, several, and all that have names.
+fn sets() -> Vec<Vec<Colour>> {
+    let sets: [&[&str]; 3] = [&["red"], &["white", "black", "blue"], &Colour::NAMES];
+    let named = |name: &&str| Colour::named(name).expect("it is one of the names");
+    sets.iter()
+        .map(|set| set.iter().map(named).collect())
+        .collect()
+}
+
+fuzz_target!(|jpeg: &[u8]| {
+    let judged = judge(jpeg);
+    check_judged(jpeg, &judged);
+    SEEN.with_borrow_mut(|seen| look(seen, jpeg, judged));
+});
+
+fn check_judged(jpeg: &[u8], judged: &Result<Size, FrameError>) {
+    if let Ok(Size { width, height }) = judged {
+        assert!(jpeg.len() <= MAX_JPEG_LEN);
+        assert!((1..=MAX_WIDTH).contains(width) && (1..=MAX_HEIGHT).contains(height));
+    }
+}
+
+fn look(seen: &mut Seen, jpeg: &[u8], judged: Result<Size, FrameError>) {
+    seen.frames += 1;
+    let size = match seen.eyes.look(seen.frames, jpeg) {
+        Ok(image) => image.size(),
+        Err(error) => return refused(error, judged),
+    };
+    assert_eq!(Ok(size), judged, "not the size that was judged");
+    same_for_a_newcomer(seen, jpeg, size);
+    let (options, set) = asked(jpeg);
+    let colours = &seen.sets[set % seen.sets.len()];
+    let found = seen
+        .eyes
+        .find_blobs(seen.frames, jpeg, colours, &options)
+        .expect("it was decoded");
+    check(found, &options, size, colours.len());
+    let (found, max) = (found.len(), options.max_blobs);
+    assert!(found <= max, "{found} blobs, at most {max} were asked for");
+    let line = seen
+        .eyes
+        .find_line(seen.frames, jpeg, colours, options.roi)
+        .expect("it was decoded");
+    if let Some(line) = line {
+        assert!((-1.0..=1.0).contains(&line.offset), "{line:?}");
+        assert!((0.0..=1.0 + 1e-9).contains(&line.strength), "{line:?}");
+    }
+    let image = seen.eyes.look(seen.frames, jpeg).expect("it was decoded");
+    assert!((0.0..=1.0).contains(&brightness(image, options.roi)));
+    assert!(sharpness(image, options.roi) >= 0.0);
+}
+
+/// What its markers refuse is refused for the same reason, and what they let pass may still be torn.
+fn refused(error: FrameError, judged: Result<Size, FrameError>) {
+    if let Err(reason) = judged {
+        assert_eq!(error, reason);
+    }
+}
+
+/// No frame shines through from one before.
+fn same_for_a_newcomer(seen: &mut Seen, jpeg: &[u8], size: Size) {
+    if size.width * size.height > SMALL {
+        return;
+    }
+    let mut newcomer = Decoder::default();
+    let fresh = newcomer.decode(jpeg).expect("it was decoded").to_rgb();
+    let warm = seen.eyes.look(seen.frames, jpeg).expect("it was decoded");
+    assert!(fresh == warm.to_rgb(), "the frames before shine through");
+}
+
+/// How to look, and for which set of colours.
+fn asked(jpeg: &[u8]) -> (BlobOptions, usize) {
+    let Some((_, knobs)) = jpeg.split_last_chunk::<KNOBS>() else {
+        return (BlobOptions::default(), 0);
+    };
+    let [x, y, w, h, flags, pixels, margin, most] = knobs.map(u32::from);
+    let options = BlobOptions {
+        roi: (flags & 1 != 0).then_some(Roi { x, y, w, h }),
+        invert: flags & 2 != 0,
+        merge: flags & 4 != 0,
+        area_threshold: pixels,
+        pixels_threshold: pixels,
+        margin,
+        max_blobs: most as usize,
+    };
+    (options, (flags >> 3) as usize)
+}
+
+fn check(blobs: &[Blob], options: &BlobOptions, size: Size, colours: usize) {
+    let whole = Roi {
+        x: 0,
+        y: 0,
+        w: size.width,
+        h: size.height,
+    };
+    let part = options.roi.unwrap_or(whole).within(size);
+    for blob in blobs {
+        let part = part.expect("no blobs where nothing is looked at");
+        check_box(blob, part);
+        check_figures(blob, options, colours);
+    }
+    let sorted = blobs
+        .windows(2)
+        .all(|pair| pair[0].pixels >= pair[1].pixels);
+    assert!(sorted, "not the largest first");
+}
+
+fn check_box(blob: &Blob, part: Roi) {
+    assert!(blob.w > 0 && blob.h > 0, "{blob:?}");
+    assert!(blob.x >= part.x && blob.y >= part.y, "{blob:?} in {part:?}");
+    let (right, bottom) = (blob.x + blob.w, blob.y + blob.h);
+    let inside = right <= part.x + part.w && bottom <= part.y + part.h;
+    assert!(inside, "{blob:?} in {part:?}");
+    let within = |centre: f64, start: u32, length: u32| {
+        (f64::from(start)..=f64::from(start + length - 1)).contains(&centre)
+    };
+    let centred = within(blob.cx, blob.x, blob.w) && within(blob.cy, blob.y, blob.h);
+    assert!(centred, "{blob:?}");
+}
+
+fn check_figures(blob: &Blob, options: &BlobOptions, colours: usize) {
+    assert_eq!(blob.area, blob.w * blob.h);
+    assert!((1..=blob.area).contains(&blob.pixels), "{blob:?}");
+    assert!(blob.pixels >= options.pixels_threshold && blob.area >= options.area_threshold);
+    assert!((1..=blob.pixels).contains(&blob.perimeter), "{blob:?}");
+    assert!(
+        blob.count >= 1 && (options.merge || blob.count == 1),
+        "{blob:?}"
+    );
+    let real = [blob.density, blob.elongation, blob.roundness];
+    assert!(
+        real.iter().all(|real| (0.0..=1.0).contains(real)),
+        "{blob:?}"
+    );
+    assert!(
+        (0.0..=std::f64::consts::PI).contains(&blob.rotation),
+        "{blob:?}"
+    );
+    assert!(blob.bearing.is_finite());
+    if !options.invert {
+        assert!(
+            blob.colour < colours && blob.code & (1 << blob.colour) != 0,
+            "{blob:?}"
+        );
+        assert_eq!(u64::from(blob.code) >> colours, 0, "{blob:?}");
+    }
+}
