@@ -249,3 +249,24 @@ async fn a_flood_of_lines_is_folded() {
     assert!(run.text().contains("more lines"), "{}", run.text());
     assert!(begun.elapsed() < Duration::from_secs(30));
 }
+
+/// The first block of a language in the README.
+fn readme_block(language: &str) -> &'static str {
+    let readme = include_str!("../../README.md");
+    let start = readme.split(&format!("```{language}\n")).nth(1).unwrap();
+    start.split("```").next().unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_readmes_behaviour_runs_with_the_readmes_config() {
+    let rig = Rig::quiet().await;
+    let config = readme_block("yaml").replace("172.17.6.1", &rig.address);
+    let (config, script) = (
+        rig.file("spykee.yaml", &config),
+        rig.file("script.lua", readme_block("lua")),
+    );
+    let (config, script) = (config.to_str().unwrap(), script.to_str().unwrap());
+    let mut run = rig.spykee(&["run", script, "--config", config, "--for", "2"]);
+    rig.heard_motion(0).await;
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+}
