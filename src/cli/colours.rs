@@ -2,10 +2,11 @@
 
 use super::Failure;
 use crate::config::Config;
+use crate::script::suggestion;
 use crate::vision::{Colour, MAX_COLOURS};
 
 /// Names longer than this are not compared with others: a person did not mean them.
-const MAX_COMPARED: usize = 40;
+const MAX_SHOWN: usize = 40;
 
 /// The colours of these names, in their order. A name of the config wins over a built-in one.
 ///
@@ -30,34 +31,15 @@ fn of_name(name: &str, config: &Config) -> Result<Colour, Failure> {
 
 fn unknown(name: &str, config: &Config) -> Failure {
     let own: Vec<&str> = config.colours.keys().map(String::as_str).collect();
-    let shown: String = name.chars().take(MAX_COMPARED).collect();
-    let mut what = format!("there is no colour '{shown}'");
+    let shown: String = name.chars().take(MAX_SHOWN).collect();
     let known = own.iter().copied().chain(Colour::NAMES);
-    if let Some(near) = nearest(name, known) {
-        what.push_str(&format!("; did you mean '{near}'?"));
-    }
+    let what = format!("there is no colour '{shown}'{}", suggestion(name, known));
     let built_in = Colour::NAMES.join(", ");
     let help = match own.is_empty() {
         true => format!("colours: {built_in}, and those of --config FILE under colours:"),
         false => format!("colours: {built_in}; of the config: {}", own.join(", ")),
     };
     Failure::usage(what).help(help)
-}
-
-/// The nearest name that a person could have meant: one edit, or one in two letters.
-fn nearest<'a>(wrong: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    let wrong = wrong.to_lowercase();
-    let length = wrong.chars().count();
-    let most = if length > MAX_COMPARED {
-        return None;
-    } else {
-        (length / 2).max(1)
-    };
-    known
-        .map(|name| (strsim::osa_distance(&wrong, &name.to_lowercase()), name))
-        .filter(|(distance, _)| *distance <= most)
-        .min()
-        .map(|(_, name)| name)
 }
 
 #[cfg(test)]

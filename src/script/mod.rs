@@ -53,6 +53,7 @@ use task::{Answer, Kind};
 
 pub(crate) use api::write_privately;
 pub use failure::{Ending, Failure};
+pub use nearest::suggestion;
 pub use options::{Calibration, Limits, Options};
 pub use output::{Level, LogLine, Output};
 pub use sandbox::MAX_SOURCE;
