@@ -5,7 +5,7 @@ use crate::config::Config;
 use crate::script::suggestion;
 use crate::vision::{Colour, MAX_COLOURS};
 
-/// Names longer than this are not compared with others: a person did not mean them.
+/// A longer name is cut in messages.
 const MAX_SHOWN: usize = 40;
 
 /// The colours of these names, in their order. A name of the config wins over a built-in one.
