@@ -5,35 +5,33 @@
 //! However this task ends, by order, by a panic or by being dropped, the [`Writer`]'s own drop
 //! tells the tracks to stop.
 
+mod hearing;
 mod lights;
 mod line;
 mod seats;
+mod serving;
 mod status;
 mod throttle;
-
-use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
-use tracing::{debug, info, warn};
+use tracing::warn;
 
 use crate::link::{LinkError, Writer};
 use crate::robot::channel::Request;
-use crate::robot::{BehaviourId, Event, Frame, Intent, Priority, RobotInfo};
-use crate::safety::{Act, Ask, Fact, Limits, Watchdog};
-use crate::wire::{Accepted, Command, EngineNews, Power, Report, Stream};
+use crate::robot::{Event, Frame, RobotInfo};
+use crate::safety::{Act, Fact, Limits, Watchdog};
+use crate::wire::{Command, Power};
 
 use self::lights::Lights;
 pub use self::line::Dial;
-use self::line::{Greeting, Line, News};
+use self::line::Line;
 use self::seats::Seats;
 pub use self::status::{LinkState, Status};
 
 /// Requests served in a row before the robot is heard again.
 const REQUESTS_IN_A_ROW: usize = 32;
-/// When streams are switched that a behaviour switches faster than it may.
-const STREAMS_LATER: Duration = Duration::from_millis(100);
 
 /// How often the other tasks get a turn before a deadline is judged: once to read, once to pass on.
 const HEARINGS: usize = 2;
@@ -167,235 +165,8 @@ impl Pilot {
         None
     }
 
-    // Everything below returns why the link is lost, if it is.
-
-    async fn hear(&mut self, news: News) -> Result<Option<String>, LinkError> {
-        match news {
-            News::Up(greeting) => Ok(self.connected(*greeting).await),
-            News::Report(report) => Ok(self.report(report).await),
-            News::Lost(error) => Ok(Some(error.to_string())),
-            News::Failed(error) if self.info.is_none() => Err(error),
-            News::Failed(error) => {
-                warn!("still not connected: {error}");
-                Ok(None)
-            }
-        }
-    }
-
-    async fn connected(&mut self, greeting: Greeting) -> Option<String> {
-        let Greeting {
-            accepted,
-            power,
-            peer,
-            early,
-            writer,
-        } = greeting;
-        let Accepted {
-            uid,
-            name,
-            firmware,
-            docked,
-            ..
-        } = accepted;
-        let address = peer.to_string();
-        info!(%uid, %address, %firmware, docked, battery = power.percent, "connected");
-        let info = RobotInfo {
-            uid,
-            name,
-            firmware,
-            address,
-            simulated: self.simulated,
-        };
-        self.writer = Some(writer);
-        self.lights.forget();
-        self.info = Some(info);
-        self.battery = Some(power);
-        let mut lost = self.take(Fact::LinkUp { docked, power }).await;
-        self.seats.welcome_all(&self.welcome());
-        for report in early {
-            lost = self.report(report).await.or(lost);
-        }
-        self.apply_streams(true).await.or(lost)
-    }
-
-    /// What a behaviour must know of a robot that is connected.
-    fn welcome(&self) -> Vec<Event> {
-        let (Some(info), Some(power)) = (&self.info, self.battery) else {
-            return vec![];
-        };
-        if self.writer.is_none() {
-            return vec![];
-        }
-        let connected = Event::Connected {
-            info: info.clone(),
-            docked: self.watchdog.docked(),
-        };
-        vec![Event::Battery(power.into()), connected]
-    }
-
-    async fn report(&mut self, report: Report) -> Option<String> {
-        let lost = self.take(Fact::Heard).await;
-        match report {
-            Report::Power(power) => return self.power(power).await.or(lost),
-            Report::Engine(news) => return self.engine(news).await.or(lost),
-            Report::Video(jpeg) => self.frame(jpeg),
-            Report::Audio(samples) => self.seats.tell_audience(&Event::Audio(samples)),
-            Report::SoundFinished => self.seats.tell_all(&Event::SoundFinished),
-            Report::Unknown(packet) => self.unknown(packet.kind),
-            Report::Accepted(_) | Report::Refused(_) => debug!("a login's answer out of turn"),
-            Report::Config(_) | Report::Networks(_) | Report::Log(_) => {}
-        }
-        lost
-    }
-
-    // A behaviour hears of a fact before it hears what came of it: an answer to a waiting call must
-    // not overtake the news that brought it about. Telling never waits, so nothing is delayed.
-
-    async fn power(&mut self, power: Power) -> Option<String> {
-        let before = self.battery.replace(power);
-        if before != Some(power) {
-            self.seats.tell_all(&Event::Battery(power.into()));
-        }
-        if before.map(|power| power.charging) != Some(power.charging) {
-            self.seats.tell_all(&Event::Charging { on: power.charging });
-        }
-        self.take(Fact::Power(power)).await
-    }
-
-    async fn engine(&mut self, news: EngineNews) -> Option<String> {
-        let event = match news {
-            EngineNews::Docked => Event::Docked,
-            EngineNews::Undocked => Event::Undocked,
-            EngineNews::Charged => Event::Charged,
-            EngineNews::BaseNotFound => Event::BaseNotFound,
-            EngineNews::Unknown(code) => Event::Engine { code },
-        };
-        info!("the robot says: {}", words(news));
-        self.seats.tell_all(&event);
-        self.take(Fact::Engine(news)).await
-    }
-
-    fn frame(&mut self, jpeg: bytes::Bytes) {
-        let at = Instant::now();
-        self.frames.send_modify(|newest| {
-            let seq = newest.as_ref().map_or(0, |frame| frame.seq) + 1;
-            *newest = Some(Frame { seq, at, jpeg });
-        });
-        self.status.send_if_modified(|status| status.count_frame());
-    }
-
-    fn unknown(&mut self, kind: u8) {
-        if !self.unknown_kinds.contains(&kind) {
-            self.unknown_kinds.push(kind);
-            info!(
-                kind,
-                "a message of a type or length that nobody knows; said once per type"
-            );
-        }
-    }
-
-    async fn serve(&mut self, request: Request) -> Option<String> {
-        match request {
-            Request::Join {
-                by,
-                priority,
-                outbox,
-            } => {
-                self.seats.join(by, priority, outbox, &self.welcome());
-                None
-            }
-            Request::Intent(by, intent) => match self.seats.priority(by) {
-                Some(priority) => self.intent(by, priority, intent).await,
-                None => None,
-            },
-            Request::Alive(by) => self.take(Fact::Alive(by)).await,
-            Request::Gone(by) => {
-                self.seats.leave(by);
-                let lost = self.take(Fact::Gone(by)).await;
-                self.apply_streams(false).await.or(lost)
-            }
-        }
-    }
-
-    async fn intent(
-        &mut self,
-        by: BehaviourId,
-        priority: Priority,
-        intent: Intent,
-    ) -> Option<String> {
-        let command = match intent {
-            Intent::Move {
-                motion,
-                setpoint,
-                duration,
-            } => {
-                return self
-                    .ask(
-                        by,
-                        priority,
-                        Ask::Move {
-                            motion,
-                            setpoint,
-                            duration,
-                        },
-                    )
-                    .await;
-            }
-            Intent::Release { motion } => {
-                return self.ask(by, priority, Ask::Release(motion)).await;
-            }
-            Intent::Stop => return self.ask(by, priority, Ask::Stop).await,
-            Intent::Dock { call, plan } => {
-                return self.ask(by, priority, Ask::Dock(call, plan)).await;
-            }
-            Intent::Undock { call, timeout } => {
-                return self.ask(by, priority, Ask::Undock(call, timeout)).await;
-            }
-            Intent::CancelDock => return self.ask(by, priority, Ask::CancelDock).await,
-            Intent::Stream { stream, on } => {
-                self.seats.want(by, stream, on);
-                let command = Command::Stream { stream, on };
-                let now = Instant::now();
-                if self.seats.admits(by, &command, now) {
-                    return self.apply_streams(false).await;
-                }
-                self.streams_due.get_or_insert(now + STREAMS_LATER);
-                return None;
-            }
-            Intent::Led { led, on } => Command::Led { led, on },
-            Intent::Play(sound) => Command::Play(sound),
-            Intent::StopSound => Command::StopSound,
-            Intent::Volume(percent) => Command::Volume(percent.get()),
-            Intent::Say(samples) => Command::Audio(samples.into()),
-        };
-        if !self.lights.is_news(&command) || !self.seats.admits(by, &command, Instant::now()) {
-            return None;
-        }
-        self.lights.note(&command);
-        self.write(&[command]).await
-    }
-
-    async fn ask(&mut self, by: BehaviourId, priority: Priority, ask: Ask) -> Option<String> {
-        self.take(Fact::Asked { by, priority, ask }).await
-    }
-
-    /// The streams of a behaviour that switched them too often are switched after a while.
-    async fn catch_up_streams(&mut self) -> Option<String> {
-        self.streams_due.take_if(|at| *at <= Instant::now())?;
-        self.apply_streams(false).await
-    }
-
-    /// Switches the streams that the behaviours want; `anew` after a login, which forgets them.
-    async fn apply_streams(&mut self, anew: bool) -> Option<String> {
-        let commands = self.seats.stream_changes(anew);
-        if commands.is_empty() || self.writer.is_none() {
-            return None;
-        }
-        let listening = self.seats.wants(Stream::Video) || self.seats.wants(Stream::AudioIn);
-        let lost = self.take(Fact::Listening(listening)).await;
-        self.write(&commands).await.or(lost)
-    }
-
+    /// Takes a fact to the watchdog and does what it wants. Like all below it returns why the link is
+    /// lost, if it is.
     async fn take(&mut self, fact: Fact) -> Option<String> {
         let acts = self.watchdog.take(fact, Instant::now());
         self.perform(acts).await
@@ -468,16 +239,6 @@ impl Pilot {
         if let Some(writer) = self.writer.take() {
             writer.close().await;
         }
-    }
-}
-
-fn words(news: EngineNews) -> String {
-    match news {
-        EngineNews::Docked => "on the station".to_owned(),
-        EngineNews::Undocked => "off the station".to_owned(),
-        EngineNews::Charged => "the battery is full".to_owned(),
-        EngineNews::BaseNotFound => "station not found".to_owned(),
-        EngineNews::Unknown(code) => format!("ENGINE {code}, which nobody knows"),
     }
 }
 

@@ -1,0 +1,149 @@
+//! What the pilot does with what comes over the line: a login, reports, the loss of the link. Each
+//! function returns why the link is lost, if it is.
+
+use tokio::time::Instant;
+use tracing::{debug, info, warn};
+
+use super::Pilot;
+use super::line::{Greeting, News};
+use crate::link::LinkError;
+use crate::robot::{Event, Frame, RobotInfo};
+use crate::safety::Fact;
+use crate::wire::{Accepted, EngineNews, Power, Report};
+
+impl Pilot {
+    pub(super) async fn hear(&mut self, news: News) -> Result<Option<String>, LinkError> {
+        match news {
+            News::Up(greeting) => Ok(self.connected(*greeting).await),
+            News::Report(report) => Ok(self.report(report).await),
+            News::Lost(error) => Ok(Some(error.to_string())),
+            News::Failed(error) if self.info.is_none() => Err(error),
+            News::Failed(error) => {
+                warn!("still not connected: {error}");
+                Ok(None)
+            }
+        }
+    }
+
+    async fn connected(&mut self, greeting: Greeting) -> Option<String> {
+        let Greeting {
+            accepted,
+            power,
+            peer,
+            early,
+            writer,
+        } = greeting;
+        let Accepted {
+            uid,
+            name,
+            firmware,
+            docked,
+            ..
+        } = accepted;
+        let address = peer.to_string();
+        info!(%uid, %address, %firmware, docked, battery = power.percent, "connected");
+        let info = RobotInfo {
+            uid,
+            name,
+            firmware,
+            address,
+            simulated: self.simulated,
+        };
+        self.writer = Some(writer);
+        self.lights.forget();
+        self.info = Some(info);
+        self.battery = Some(power);
+        let mut lost = self.take(Fact::LinkUp { docked, power }).await;
+        self.seats.welcome_all(&self.welcome());
+        for report in early {
+            lost = self.report(report).await.or(lost);
+        }
+        self.apply_streams(true).await.or(lost)
+    }
+
+    /// What a behaviour must know of a robot that is connected.
+    pub(super) fn welcome(&self) -> Vec<Event> {
+        let (Some(info), Some(power)) = (&self.info, self.battery) else {
+            return vec![];
+        };
+        if self.writer.is_none() {
+            return vec![];
+        }
+        let connected = Event::Connected {
+            info: info.clone(),
+            docked: self.watchdog.docked(),
+        };
+        vec![Event::Battery(power.into()), connected]
+    }
+
+    async fn report(&mut self, report: Report) -> Option<String> {
+        let lost = self.take(Fact::Heard).await;
+        match report {
+            Report::Power(power) => return self.power(power).await.or(lost),
+            Report::Engine(news) => return self.engine(news).await.or(lost),
+            Report::Video(jpeg) => self.frame(jpeg),
+            Report::Audio(samples) => self.seats.tell_audience(&Event::Audio(samples)),
+            Report::SoundFinished => self.seats.tell_all(&Event::SoundFinished),
+            Report::Unknown(packet) => self.unknown(packet.kind),
+            Report::Accepted(_) | Report::Refused(_) => debug!("a login's answer out of turn"),
+            Report::Config(_) | Report::Networks(_) | Report::Log(_) => {}
+        }
+        lost
+    }
+
+    // A behaviour hears of a fact before it hears what came of it: an answer to a waiting call must
+    // not overtake the news that brought it about. Telling never waits, so nothing is delayed.
+
+    async fn power(&mut self, power: Power) -> Option<String> {
+        let before = self.battery.replace(power);
+        if before != Some(power) {
+            self.seats.tell_all(&Event::Battery(power.into()));
+        }
+        if before.map(|power| power.charging) != Some(power.charging) {
+            self.seats.tell_all(&Event::Charging { on: power.charging });
+        }
+        self.take(Fact::Power(power)).await
+    }
+
+    async fn engine(&mut self, news: EngineNews) -> Option<String> {
+        let event = match news {
+            EngineNews::Docked => Event::Docked,
+            EngineNews::Undocked => Event::Undocked,
+            EngineNews::Charged => Event::Charged,
+            EngineNews::BaseNotFound => Event::BaseNotFound,
+            EngineNews::Unknown(code) => Event::Engine { code },
+        };
+        info!("the robot says: {}", words(news));
+        self.seats.tell_all(&event);
+        self.take(Fact::Engine(news)).await
+    }
+
+    fn frame(&mut self, jpeg: bytes::Bytes) {
+        let at = Instant::now();
+        self.frames.send_modify(|newest| {
+            let seq = newest.as_ref().map_or(0, |frame| frame.seq) + 1;
+            *newest = Some(Frame { seq, at, jpeg });
+        });
+        self.status.send_if_modified(|status| status.count_frame());
+    }
+
+    fn unknown(&mut self, kind: u8) {
+        if !self.unknown_kinds.contains(&kind) {
+            self.unknown_kinds.push(kind);
+            info!(
+                kind,
+                "a message of a type or length that nobody knows; said once per type"
+            );
+        }
+    }
+}
+
+fn words(news: EngineNews) -> String {
+    match news {
+        EngineNews::Docked => "on the station".to_owned(),
+        EngineNews::Undocked => "off the station".to_owned(),
+        EngineNews::Charged => "the battery is full".to_owned(),
+        EngineNews::BaseNotFound => "station not found".to_owned(),
+        EngineNews::Unknown(code) => format!("ENGINE {code}, which nobody knows"),
+    }
+}
