@@ -142,10 +142,10 @@ async fn a_behaviour_that_shows_no_life_is_stopped_and_ended() {
     cockpit.connected().await;
     cockpit.drive(50.0, None).await;
     let moving = rig.heard_motion(0).await;
-    rig.heard_stop(moving).await;
+    let held = rig.heard_stop(moving).await;
     let killed = async { while !matches!(cockpit.inbox.next().await, Told::Kill(_)) {} };
     timeout(PATIENCE, killed).await.expect("killed");
-    let index = rig.sim.heard_count();
+    let index = rig.heard_stop(held + 1).await + 1;
     cockpit.drive(50.0, None).await;
     cockpit
         .ask(Intent::Led {
