@@ -54,7 +54,7 @@ impl Watchdog {
     }
 
     pub(super) fn released(&mut self, power: Power, now: Instant) {
-        self.alarm = None;
+        self.end_alarm();
         self.notice(
             SafetyAction::Release,
             format!("battery at {} %", power.percent),
@@ -185,6 +185,16 @@ impl Watchdog {
                 outcome.end, outcome.attempts
             );
             self.notice(SafetyAction::Alarm, reason);
+        }
+    }
+
+    /// Leaves no light on that the alarm has switched on.
+    pub(super) fn end_alarm(&mut self) {
+        if self.alarm.take().is_some_and(|alarm| alarm.flash_on) {
+            self.send(Command::Led {
+                led: Led::Flash,
+                on: false,
+            });
         }
     }
 

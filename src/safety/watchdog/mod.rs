@@ -245,7 +245,7 @@ impl Watchdog {
         let was_critical = self.guard.critical();
         self.battery = Some(power);
         if power.charging {
-            self.alarm = None;
+            self.end_alarm();
             let orders = self
                 .homing
                 .as_mut()

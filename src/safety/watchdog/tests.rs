@@ -238,6 +238,21 @@ fn the_alarm_is_repeated_and_nothing_moves() {
 }
 
 #[test]
+fn an_alarm_that_ends_leaves_no_light_on() {
+    let mut rig = Rig::online(20);
+    for _ in 0..3 {
+        rig.take(Fact::Engine(EngineNews::BaseNotFound));
+        rig.pass(30 * SECOND, false);
+    }
+    rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    let off = Command::Led {
+        led: Led::Flash,
+        on: false,
+    };
+    assert_eq!(sent(&rig.take(Fact::Power(charging(21)))), [off]);
+}
+
+#[test]
 fn a_search_without_end_is_cancelled_after_180_seconds() {
     let mut rig = Rig::online(20);
     assert_eq!(sent(&rig.pass(178 * SECOND, false)), []);
