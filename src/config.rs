@@ -4,10 +4,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 
 use crate::link::{self, Target};
-use crate::robot::Priority;
+use crate::robot::{Priority, float_within};
 use crate::safety;
 use crate::script::{self, Calibration};
 use crate::vision::{Camera, Colour};
@@ -36,11 +36,26 @@ pub struct Config {
     /// How power becomes speed.
     pub calibration: Calibration,
     /// The camera's field of view.
+    #[serde(deserialize_with = "camera")]
     pub camera: Camera,
     /// Colours by name, besides the built-in ones.
     pub colours: BTreeMap<String, Colour>,
     /// Where scripts save pictures, a folder for each.
     pub data: Option<PathBuf>,
+}
+
+/// The camera's numbers, checked where they stand: the eyes know no config.
+fn camera<'de, D: Deserializer<'de>>(from: D) -> Result<Camera, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Written {
+        #[serde(deserialize_with = "hfov")]
+        hfov: f64,
+    }
+    fn hfov<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+        float_within(from, "an angle of view from 0.1 to 3 radians", 0.1..=3.0)
+    }
+    Written::deserialize(from).map(|Written { hfov }| Camera { hfov })
 }
 
 /// One behaviour.
@@ -168,6 +183,28 @@ mod tests {
             text.contains("line 3 column 8") && text.contains("from 0 to 100"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn numbers_that_would_switch_a_limit_off_or_mean_nothing_are_refused_with_their_place() {
+        for wrong in [
+            "calibration:\n  full_speed: 0\n",
+            "calibration:\n  track_width: .nan\n",
+            "camera:\n  hfov: 0\n",
+            "limits:\n  memory_bytes: 0\n",
+            "limits:\n  frame_bytes: -1\n",
+            "limits:\n  callback_budget_ms: 0.5\n",
+            "limits:\n  noise_dbfs: .nan\n",
+        ] {
+            let text = error(wrong);
+            assert!(
+                text.contains("line 2 column") && text.contains("expected"),
+                "{text}"
+            );
+        }
+        let good = "limits: { memory_bytes: 16777216 }\ncamera: { hfov: 1 }\n";
+        let config = Config::parse(good, "spykee.yaml").unwrap();
+        assert_eq!(config.limits.memory_bytes, 16 << 20);
     }
 
     #[test]

@@ -5,7 +5,7 @@
 pub mod channel;
 mod quantity;
 
-pub use quantity::{Percent, Seconds, TrackPower};
+pub use quantity::{Percent, Seconds, TrackPower, float_within, whole_within};
 
 use std::time::Duration;
 

@@ -2,6 +2,7 @@
 //! names line and column of the wrong value.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use serde::de::{Error, Unexpected, Visitor};
@@ -99,12 +100,12 @@ impl Seconds {
 }
 
 /// Reads any number and checks it with `make` while the deserializer still knows its place.
-struct Number<T> {
+struct Number<F> {
     expected: &'static str,
-    make: fn(f64) -> Option<T>,
+    make: F,
 }
 
-impl<T> Visitor<'_> for Number<T> {
+impl<T, F: Fn(f64) -> Option<T>> Visitor<'_> for Number<F> {
     type Value = T;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -124,6 +125,33 @@ impl<T> Visitor<'_> for Number<T> {
         let made = (self.make)(number as f64);
         made.ok_or_else(|| E::invalid_value(Unexpected::Unsigned(number), &self))
     }
+}
+
+/// For `deserialize_with`: a number of a range, refused where it stands.
+///
+/// # Errors
+/// A number outside of the range, NaN, or no number; `expected` says what is.
+pub fn float_within<'de, D: Deserializer<'de>>(
+    deserializer: D,
+    expected: &'static str,
+    range: RangeInclusive<f64>,
+) -> Result<f64, D::Error> {
+    let make = |number| range.contains(&number).then_some(number);
+    deserializer.deserialize_f64(Number { expected, make })
+}
+
+/// For `deserialize_with`: a whole number of a range, refused where it stands.
+///
+/// # Errors
+/// A number outside of the range or broken, or no number; `expected` says what is.
+pub fn whole_within<'de, D: Deserializer<'de>>(
+    deserializer: D,
+    expected: &'static str,
+    range: RangeInclusive<u64>,
+) -> Result<u64, D::Error> {
+    let (low, high) = (*range.start() as f64, *range.end() as f64);
+    let make = |number| whole(number, low, high, |number| Some(number as u64));
+    deserializer.deserialize_u64(Number { expected, make })
 }
 
 fn whole<T>(number: f64, low: f64, high: f64, make: impl Fn(f64) -> Option<T>) -> Option<T> {

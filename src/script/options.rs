@@ -69,12 +69,16 @@ impl Options {
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
     /// The VM's own memory, in bytes: 8 MiB.
+    #[serde(deserialize_with = "ranges::memory_bytes")]
     pub memory_bytes: u64,
     /// How long it may run without waiting, in milliseconds, at least 10: 100.
+    #[serde(deserialize_with = "ranges::callback_budget_ms")]
     pub callback_budget_ms: u64,
     /// JPEG bytes of frames that the script holds on to, in bytes: 8 MiB.
+    #[serde(deserialize_with = "ranges::frame_bytes")]
     pub frame_bytes: u64,
     /// Sound above this level is a `noise`, in dBFS: -30.
+    #[serde(deserialize_with = "ranges::noise_dbfs")]
     pub noise_dbfs: f64,
 }
 
@@ -96,13 +100,60 @@ impl Limits {
     }
 }
 
+/// What a config may say; a limit of nothing would be no limit for the VM.
+mod ranges {
+    use serde::Deserializer;
+
+    use crate::robot::{float_within, whole_within};
+
+    type Read<'de, T, D> = Result<T, <D as Deserializer<'de>>::Error>;
+
+    pub(super) fn memory_bytes<'de, D: Deserializer<'de>>(from: D) -> Read<'de, u64, D> {
+        whole_within(
+            from,
+            "a whole number of bytes, 1048576 to 268435456",
+            (1 << 20)..=(256 << 20),
+        )
+    }
+
+    pub(super) fn frame_bytes<'de, D: Deserializer<'de>>(from: D) -> Read<'de, u64, D> {
+        whole_within(
+            from,
+            "a whole number of bytes, 65536 to 268435456",
+            (64 << 10)..=(256 << 20),
+        )
+    }
+
+    pub(super) fn callback_budget_ms<'de, D: Deserializer<'de>>(from: D) -> Read<'de, u64, D> {
+        whole_within(
+            from,
+            "a whole number of milliseconds, 10 to 10000",
+            10..=10_000,
+        )
+    }
+
+    pub(super) fn noise_dbfs<'de, D: Deserializer<'de>>(from: D) -> Read<'de, f64, D> {
+        float_within(from, "a level from -100 to 0 dBFS", -100.0..=0.0)
+    }
+
+    pub(super) fn track_width<'de, D: Deserializer<'de>>(from: D) -> Read<'de, f64, D> {
+        float_within(from, "0.02 to 2 metres", 0.02..=2.0)
+    }
+
+    pub(super) fn full_speed<'de, D: Deserializer<'de>>(from: D) -> Read<'de, f64, D> {
+        float_within(from, "0.01 to 5 metres a second", 0.01..=5.0)
+    }
+}
+
 /// How percent of track power become metres per second: open loop, so a matter of the floor too.
 #[derive(Serialize, Deserialize, Clone, Copy, Debug, PartialEq)]
 #[serde(deny_unknown_fields, default)]
 pub struct Calibration {
     /// Distance between the middles of the tracks, in metres: 0.24.
+    #[serde(deserialize_with = "ranges::track_width")]
     pub track_width: f64,
     /// Speed of a track at 100 % of power, in metres per second: 0.45.
+    #[serde(deserialize_with = "ranges::full_speed")]
     pub full_speed: f64,
 }
 
