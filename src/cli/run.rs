@@ -1,5 +1,6 @@
 //! `spykee run`: behaviours on a robot, or on a simulated one inside this program.
 
+use std::convert::Infallible;
 use std::fmt::Display;
 use std::fs::DirBuilder;
 use std::io::Read;
@@ -125,18 +126,13 @@ async fn drive(plan: Plan, line: StatusLine, console: &Console) -> Result<Exit, 
     let (showing, watching) = (show(line, status, console), async {
         interrupted.await;
         stop.cancel();
-        std::future::pending::<()>().await;
+        std::future::pending::<Infallible>().await
     });
     tokio::select! {
         outcome = agent.run(stop.clone()) => exit(outcome),
-        () = showing => unreachable_exit(),
-        () = watching => unreachable_exit(),
+        never = showing => match never {},
+        never = watching => match never {},
     }
-}
-
-/// Both futures above never end; an exit code all the same, rather than a panic.
-fn unreachable_exit() -> Result<Exit, Failure> {
-    Ok(Exit::Interrupted)
 }
 
 fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
@@ -162,7 +158,11 @@ fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
     })
 }
 
-async fn show(mut line: StatusLine, status: watch::Receiver<Status>, console: &Console) {
+async fn show(
+    mut line: StatusLine,
+    status: watch::Receiver<Status>,
+    console: &Console,
+) -> Infallible {
     let mut beat = interval(STATUS_PERIOD);
     beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
