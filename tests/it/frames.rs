@@ -32,9 +32,10 @@ fn broken() -> [Bytes; 4] {
     ]
 }
 
-/// Sends broken frames among the good ones, for ever.
+/// Sends broken frames among the good ones, for ever. Out of step with the simulator's 20 ms: in
+/// step, every good frame could be followed by a broken one in the same write, and the newest wins.
 async fn break_frames(sim: Handle) {
-    let mut pause = tokio::time::interval(Duration::from_millis(20));
+    let mut pause = tokio::time::interval(Duration::from_millis(37));
     for jpeg in broken().iter().cycle() {
         pause.tick().await;
         sim.inject(Report::Video(jpeg.clone()));
