@@ -11,7 +11,7 @@ mod pipe;
 mod process;
 mod supervisor;
 
-pub use host::{host, host_main};
+pub use host::{STACK, host, host_main};
 pub use message::{FromHost, Launch, ToHost};
 pub use process::{HOST_ARGUMENT, HostProcess, Launcher};
 pub use supervisor::{Handle, Prepared, Supervisor};
