@@ -12,6 +12,7 @@ mod failure;
 mod interrupt;
 mod learn;
 mod logging;
+mod params;
 mod picture;
 mod run;
 mod screen;

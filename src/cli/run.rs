@@ -14,10 +14,11 @@ use tokio_util::sync::CancellationToken;
 
 use super::embedded::EmbeddedSim;
 use super::interrupt::interruption;
+use super::params::{self, Param};
 use super::status::StatusLine;
 use super::{ConnectionArgs, Console, Exit, Failure, Place};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
-use crate::behaviour::{Launch, Launcher};
+use crate::behaviour::{Launch, Launcher, Library};
 use crate::config::{Config, Entry};
 use crate::link::{self, Target};
 use crate::pilot::{Dial, Settings, Status};
@@ -55,6 +56,10 @@ pub(super) struct RunArgs {
     /// DIR/BEHAVIOUR/00.jpg to 99.jpg, at most two a second, the newest hundred
     #[arg(long, value_name = "DIR")]
     annotate: Option<PathBuf>,
+
+    /// Set a parameter that the script declares; with several behaviours BEHAVIOUR.NAME=VALUE
+    #[arg(long = "param", value_name = "NAME=VALUE", value_parser = Param::parse)]
+    params: Vec<Param>,
 
     #[command(flatten)]
     connection: ConnectionArgs,
@@ -223,9 +228,12 @@ fn behaviours(args: &RunArgs, config: &Config, seed: u64) -> Result<Vec<Behaviou
     }
     let mut names = Vec::new();
     let numbered = entries.iter().zip(seed..);
-    numbered
+    let mut behaviours = numbered
         .map(|(entry, seed)| behaviour(entry, args, config, seed, &mut names))
-        .collect()
+        .collect::<Result<Vec<_>, _>>()?;
+    let options = behaviours.iter_mut().map(|one| &mut one.launch.options);
+    params::give(&args.params, options.collect())?;
+    Ok(behaviours)
 }
 
 fn behaviour(
@@ -249,9 +257,15 @@ fn behaviour(
         data_dir: Some(data),
         ..script::Options::new(name, entry.file.display().to_string())
     };
+    let folder = entry.file.parent().unwrap_or(Path::new(""));
+    let library = Library::new(folder.to_owned());
     Ok(Behaviour {
         priority: entry.priority,
-        launch: Launch { source, options },
+        launch: Launch {
+            source,
+            options,
+            library,
+        },
     })
 }
 
