@@ -15,10 +15,11 @@ use tokio_util::sync::CancellationToken;
 use super::embedded::EmbeddedSim;
 use super::fast::{EventFile, Fast};
 use super::interrupt::interruption;
+use super::params::{self, Param};
 use super::status::StatusLine;
 use super::{ConnectionArgs, Console, Exit, Failure, Place};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
-use crate::behaviour::{Launch, Launcher};
+use crate::behaviour::{Launch, Launcher, Library};
 use crate::config::{Config, Entry};
 use crate::lab;
 use crate::link::{self, Target};
@@ -66,6 +67,10 @@ pub(super) struct RunArgs {
     /// With --fast: write all that happens to this file, one JSON object a line
     #[arg(long, value_name = "FILE", requires = "fast")]
     events: Option<PathBuf>,
+
+    /// Set a parameter that the script declares; with several behaviours BEHAVIOUR.NAME=VALUE
+    #[arg(long = "param", value_name = "NAME=VALUE", value_parser = Param::parse)]
+    params: Vec<Param>,
 
     #[command(flatten)]
     connection: ConnectionArgs,
@@ -279,9 +284,12 @@ fn behaviours(args: &RunArgs, config: &Config, seed: u64) -> Result<Vec<Behaviou
     }
     let mut names = Vec::new();
     let numbered = entries.iter().zip(seed..);
-    numbered
+    let mut behaviours = numbered
         .map(|(entry, seed)| behaviour(entry, args, config, seed, &mut names))
-        .collect()
+        .collect::<Result<Vec<_>, _>>()?;
+    let options = behaviours.iter_mut().map(|one| &mut one.launch.options);
+    params::give(&args.params, options.collect())?;
+    Ok(behaviours)
 }
 
 fn behaviour(
@@ -305,9 +313,15 @@ fn behaviour(
         data_dir: Some(data),
         ..script::Options::new(name, entry.file.display().to_string())
     };
+    let folder = entry.file.parent().unwrap_or(Path::new(""));
+    let library = Library::new(folder.to_owned());
     Ok(Behaviour {
         priority: entry.priority,
-        launch: Launch { source, options },
+        launch: Launch {
+            source,
+            options,
+            library,
+        },
     })
 }
 
