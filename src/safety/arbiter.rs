@@ -148,6 +148,11 @@ impl Arbiter {
             .map_or(Setpoint::STOP, |wish| wish.setpoint)
     }
 
+    /// Whose wish the tracks follow, held or not.
+    pub fn driver(&self) -> Option<BehaviourId> {
+        self.wishes.first().map(|wish| wish.by)
+    }
+
     /// Behaviours that have a wish, driving or standing by.
     pub fn wishing(&self) -> impl Iterator<Item = BehaviourId> + '_ {
         self.wishes.iter().map(|wish| wish.by)
