@@ -179,7 +179,7 @@ impl Keeper {
         let (behaviour, reason) = (self.name(), ending.reason);
         let message = ending.message.as_deref().unwrap_or(reason.sentence());
         let of = self.limits();
-        error!(behaviour, %reason, "given up: it failed after every restart {of}. Last: {message}");
+        error!(behaviour, %reason, "given up, no restart is left {of}: {message}");
         let _ = self.around.requests.send(Request::Alarm).await;
     }
 
@@ -228,7 +228,7 @@ impl Keeper {
         tokio::select! {
             biased;
             _ = stopped(&mut self.around.stop) => None,
-            loaded = loading => self.judge(loaded, "the robot is not driven by it"),
+            loaded = loading => self.judge(loaded, "nothing runs in its place"),
         }
     }
 
@@ -243,7 +243,10 @@ impl Keeper {
             }
             Err(Ending { message, reason }) => {
                 let why = message.as_deref().unwrap_or(reason.sentence());
-                error!(behaviour, "saved, but cannot be loaded ({meanwhile}): {why}");
+                error!(
+                    behaviour,
+                    "saved, but cannot be loaded ({meanwhile}): {why}"
+                );
                 None
             }
         }
@@ -272,7 +275,10 @@ impl Keeper {
 /// Waits until the run ends.
 async fn stopped(stop: &mut Stop) -> EndReason {
     let reason = stop.wait_for(Option::is_some).await;
-    reason.ok().and_then(|reason| *reason).unwrap_or(EndReason::Shutdown)
+    reason
+        .ok()
+        .and_then(|reason| *reason)
+        .unwrap_or(EndReason::Shutdown)
 }
 
 /// Waits for the next save; `None`: there will be none.
