@@ -13,7 +13,7 @@ mod process;
 mod supervisor;
 mod watch;
 
-pub use host::{host, host_main};
+pub use host::{STACK, host, host_main};
 pub use message::{FromHost, Launch, ToHost};
 pub use policy::{Patience, RestartPolicy, Restarts, Verdict, is_failure};
 pub use process::{HOST_ARGUMENT, HostProcess, Launcher};
