@@ -15,4 +15,5 @@ mod run;
 mod safety;
 mod secrets;
 mod sim;
+mod stdlib;
 mod vision;
