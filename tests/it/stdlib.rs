@@ -251,8 +251,8 @@ room: { width: 8, depth: 8 }
 station: { at: [0, 4], heading_degrees: 0 }
 start: { at: [4, 4], heading_degrees: 90 }
 battery: { level: 90, idle_drain_per_minute: 0.01, driving_drain_per_minute: 0.01 }
-things:
-  - { kind: ball, at: [4.35, 5.2], radius: 0.12, colour: red }
+balls:
+  - { at: [4.35, 5.2], colour: red }
 ";
     let rig = Rig::new(WORLD, spykee::sim::Firmware::default()).await;
     let script = "local pid = require('@spykee/pid')
