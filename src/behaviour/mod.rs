@@ -13,7 +13,7 @@ mod pipe;
 mod process;
 mod supervisor;
 
-pub use host::{host, host_main};
+pub use host::{STACK, host, host_main};
 pub use library::Library;
 pub use message::{FromHost, Launch, ToHost};
 pub use process::{HOST_ARGUMENT, HostProcess, Launcher};
