@@ -17,4 +17,5 @@ mod safety;
 mod secrets;
 mod sim;
 mod supervision;
+mod stdlib;
 mod vision;
