@@ -200,6 +200,7 @@ impl Supervisor {
 
     async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Ending {
         let (mut last_moment, mut running) = (None, false);
+        let picture = self.inbox.picture();
         loop {
             tokio::select! {
                 biased;
@@ -230,7 +231,7 @@ impl Supervisor {
                         return self.host.broken().await;
                     }
                 },
-                Ok(()) = self.frames.changed(), if self.frame_wanted => self.pass_frame(),
+                () = picture.notified(), if self.frame_wanted => self.pass_frame(),
             }
         }
     }
@@ -252,7 +253,7 @@ impl Supervisor {
 
     /// The newest frame, if it is newer than the last one that was passed on.
     fn pass_frame(&mut self) {
-        let newest = self.frames.borrow_and_update().clone();
+        let newest = self.frames.borrow().clone();
         let Some(frame) = newest.filter(|frame| frame.seq > self.last_frame) else {
             return;
         };
