@@ -4,6 +4,7 @@
 mod behaviours;
 mod cli;
 mod eyes;
+mod fast;
 mod faults;
 mod floors;
 mod frames;
