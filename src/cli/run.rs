@@ -3,7 +3,6 @@
 use std::convert::Infallible;
 use std::fmt::Display;
 use std::fs::DirBuilder;
-use std::io::Read;
 use std::os::unix::fs::DirBuilderExt as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -14,15 +13,16 @@ use tokio_util::sync::CancellationToken;
 
 use super::embedded::EmbeddedSim;
 use super::interrupt::interruption;
+use super::source::read_source;
 use super::status::StatusLine;
-use super::{ConnectionArgs, Console, Exit, Failure, Place};
+use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
 use crate::behaviour::{Launch, Launcher};
 use crate::config::{Config, Entry};
 use crate::link::{self, Target};
 use crate::pilot::{Dial, Settings, Status};
 use crate::robot::{EndReason, Priority};
-use crate::script::{self, MAX_SOURCE};
+use crate::script;
 use crate::wire::Login;
 
 /// Where pictures are saved unless the config says something else.
@@ -56,6 +56,10 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "DIR")]
     annotate: Option<PathBuf>,
 
+    /// Run without looking for mistakes first
+    #[arg(long)]
+    no_check: bool,
+
     #[command(flatten)]
     connection: ConnectionArgs,
 }
@@ -83,6 +87,9 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     };
     let seed = args.seed.unwrap_or_else(rand::random);
     let behaviours = behaviours(&args, &config, seed)?;
+    if !args.no_check {
+        check::before_run(&behaviours, &config, console)?;
+    }
     let place = place(&args.connection, &config)?;
     let login = args.connection.login.or_from(&config).login()?;
     tracing::info!(seed, "starting");
@@ -282,23 +289,6 @@ fn marked_folder(
         .create(&folder);
     made.map_err(|error| refused(&error))?;
     Ok(Some(folder))
-}
-
-/// One byte more than a script may have, so that a longer one is told as such.
-fn read_source(path: &Path) -> Result<Vec<u8>, Failure> {
-    let cannot = |error: std::io::Error| {
-        Failure::usage(format_args!(
-            "cannot read the behaviour {}: {error}",
-            path.display()
-        ))
-        .help("ready-made behaviours are in behaviours/")
-    };
-    let mut source = Vec::new();
-    let file = std::fs::File::open(path).map_err(cannot)?;
-    file.take(MAX_SOURCE as u64 + 1)
-        .read_to_end(&mut source)
-        .map_err(cannot)?;
-    Ok(source)
 }
 
 fn stem(path: &Path) -> String {
