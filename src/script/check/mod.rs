@@ -5,6 +5,7 @@
 //! bounded whatever the file holds, and nothing of it runs.
 
 mod calls;
+mod explain;
 mod finding;
 mod foreign;
 mod kinds;
@@ -24,6 +25,7 @@ use super::options::Options;
 use super::{Script, failure, sandbox};
 use crate::vision::Colour;
 
+pub(super) use explain::explain;
 pub use finding::{Finding, Severity};
 use lexer::Span;
 
@@ -54,6 +56,21 @@ impl Surroundings {
         }
     }
 
+    /// Only what is defined, without a VM.
+    fn defined() -> Surroundings {
+        let functions = super::definition::functions().filter(|one| !one.is_method());
+        let constants = super::definition::constants().map(|one| one.path.to_owned());
+        Surroundings {
+            paths: functions
+                .map(|one| one.path.to_owned())
+                .chain(constants)
+                .collect(),
+            colours: Vec::new(),
+            file: None,
+            open_globals: true,
+        }
+    }
+
     fn colour_names(&self) -> Vec<String> {
         let known = Colour::NAMES.iter().map(|name| (*name).to_owned());
         self.colours.iter().cloned().chain(known).collect()
@@ -79,6 +96,12 @@ pub fn check(source: &[u8], chunk: &str, surroundings: &Surroundings) -> Vec<Fin
         Ok(tree) => walk::walk(&tree, (chunk, text), surroundings),
         Err(_) => Vec::new(),
     }
+}
+
+/// Whether a source is read into a tree.
+#[cfg(test)]
+pub(super) fn reads(source: &str) -> bool {
+    parser::parse(source).is_ok()
 }
 
 /// The compiler's complaint.

@@ -11,6 +11,8 @@ struct Scene<'a> {
     tokens: Vec<Token>,
     line: usize,
     words: &'a str,
+    /// Where lines end.
+    ends: Vec<usize>,
 }
 
 /// What is wrong, and what to do.
@@ -34,6 +36,7 @@ pub(super) fn finding((chunk, source): (&str, &str), complaint: &str) -> Finding
         tokens: tokens(source),
         line,
         words,
+        ends: source.match_indices('\n').map(|(at, _)| at).collect(),
     };
     let remark = scene.remark();
     Finding::new((chunk, source), remark.at, Severity::Error, remark.message).help(remark.help)
@@ -72,7 +75,7 @@ impl Scene<'_> {
     }
 
     fn line_of(&self, token: &Token) -> usize {
-        self.source[..token.span.start].matches('\n').count() + 1
+        self.ends.partition_point(|end| *end < token.span.start) + 1
     }
 
     /// The tokens of the line where the compiler gave up.
@@ -106,7 +109,7 @@ impl Scene<'_> {
     /// Where it is: where our own parser was lost, if that is the line; else the line's first word.
     fn place(&self) -> Span {
         if let Err(lost) = parser::parse(self.source)
-            && self.source[..lost.at.start].matches('\n').count() + 1 == self.line
+            && self.ends.partition_point(|end| *end < lost.at.start) + 1 == self.line
         {
             return lost.at;
         }

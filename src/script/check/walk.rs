@@ -26,6 +26,15 @@ pub(super) fn walk<'a>(
     text: (&'a str, &'a str),
     surroundings: &'a Surroundings,
 ) -> Vec<Finding> {
+    walked(tree, text, surroundings).0
+}
+
+/// The same, with what is known of the names afterwards.
+pub(super) fn walked<'a>(
+    tree: &'a Tree,
+    text: (&'a str, &'a str),
+    surroundings: &'a Surroundings,
+) -> (Vec<Finding>, Kinds<'a>) {
     let mut walk = Walk {
         kinds: Kinds::new(tree, &surroundings.paths),
         surroundings,
@@ -36,7 +45,7 @@ pub(super) fn walk<'a>(
     let mut findings = walk.findings;
     findings.sort_by_key(|finding| (finding.line, finding.column));
     findings.dedup();
-    findings
+    (findings, walk.kinds)
 }
 
 impl<'a> Walk<'a> {

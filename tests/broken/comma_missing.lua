@@ -1,0 +1,3 @@
+-- A comma between two arguments.
+-- expect: check 3: this '(' is never closed
+robot.move(50 50)
