@@ -30,7 +30,16 @@ pub(in super::super) fn explain(text: &str, chunk: &str, source: &str) -> Option
         let scene = Scene::new(tree, source, number, &surroundings);
         scene.remark(words)
     });
-    let remark = remark.or_else(|| general(words, whole)).unwrap_or(Remark {
+    let remark = remark.or_else(|| general(words, whole));
+    if remark.is_none()
+        && ["error(", "assert("]
+            .iter()
+            .any(|call| whole.of(source).contains(call))
+    {
+        // The script's own words need no explanation.
+        return None;
+    }
+    let remark = remark.unwrap_or(Remark {
         at: whole,
         message: words.to_owned(),
         help: String::new(),

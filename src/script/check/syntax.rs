@@ -45,7 +45,7 @@ pub(super) fn finding((chunk, source): (&str, &str), complaint: &str) -> Finding
 impl Scene<'_> {
     fn remark(&self) -> Remark {
         // The most certain first.
-        let rules: [fn(&Self) -> Option<Remark>; 15] = [
+        let rules: [fn(&Self) -> Option<Remark>; 16] = [
             Self::quotes,
             Self::unfinished,
             Self::strangers,
@@ -54,6 +54,7 @@ impl Scene<'_> {
             Self::other_languages,
             Self::single_equals,
             Self::else_if,
+            Self::braces,
             Self::blocks,
             Self::missing_end,
             Self::extra_end,
@@ -342,6 +343,36 @@ impl Scene<'_> {
         })
     }
 
+    /// A block in braces is noticed at its end only, for `f() {` calls `f` with a table.
+    fn braces(&self) -> Option<Remark> {
+        let lines = self
+            .tokens
+            .chunk_by(|a, b| self.line_of(a) == self.line_of(b));
+        let mut above = lines.filter(|line| {
+            line.first()
+                .is_some_and(|first| self.line_of(first) <= self.line)
+        });
+        let (keyword, brace) = above.find_map(|line| {
+            let first = line.iter().find(|token| self.text(token) != "}")?;
+            let opens = matches!(self.text(first), "if" | "elseif" | "else" | "while" | "for");
+            let closed = line
+                .iter()
+                .any(|token| matches!(self.text(token), "then" | "do"));
+            let last = line.iter().rfind(|token| token.kind != Kind::End)?;
+            (opens && !closed && self.text(last) == "{").then_some((first, last))
+        })?;
+        let begin = match self.text(keyword) {
+            "if" | "elseif" => "`then` here, and ",
+            "else" => "",
+            _ => "`do` here, and ",
+        };
+        Some(Remark {
+            at: brace.span,
+            message: "'{' does not begin a block".to_owned(),
+            help: format!("write {begin}`end` where the block ends"),
+        })
+    }
+
     /// Blocks as other languages write them.
     fn blocks(&self) -> Option<Remark> {
         let tokens = self.around();
@@ -587,7 +618,14 @@ impl Scene<'_> {
             .split(" (")
             .next()?;
         let got = rest.split(';').next()?.trim();
+        let value = got.starts_with(['"', '\''])
+            && got
+                .trim_matches('\'')
+                .starts_with(|c: char| c.is_alphanumeric() || c == '"');
         let message = match (expected, got) {
+            ("')'" | "'}'" | "']'", got) if value => {
+                format!("a comma is missing before {}", word(got))
+            }
             ("<eof>", got) => format!("{} cannot stand here", word(got)),
             (expected, "<eof>") => format!("{} is missing at the end", word(expected)),
             (expected, got) => format!("expected {} here, found {}", word(expected), word(got)),

@@ -110,7 +110,6 @@ fn scripts_that_are_unusual_but_right_are_not_complained_about() {
     for source in [
         "local t = { n = 1 } t.x, t['y'] = 1, 2 for k, v in t do print(k, v) end",
         "local function f(...) local a, b = ... return select('#', ...), a, b end print(f(1, 2))",
-        "local a <const> = 5 print(a)",
         "type Point = { x: number, y: number? } local p: Point = { x = 1 } print(p.x :: any)",
         "export type F = (a: number, ...string) -> (number, string) local f: F? = nil print(f)",
         "local function id<T>(x: T): T return x end print(id(5))",
