@@ -11,17 +11,20 @@ mod foreign;
 mod kinds;
 mod lexer;
 mod loops;
+mod parameters;
 mod parser;
 mod syntax;
 mod tree;
 mod walk;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use tokio::time::Instant;
 
+use super::modules;
 use super::options::Options;
+use super::params::GivenParam;
 use super::{Script, failure, sandbox};
 use crate::vision::Colour;
 
@@ -38,8 +41,10 @@ pub struct Surroundings {
     colours: Vec<String>,
     /// The script's file, beside which its modules are.
     file: Option<PathBuf>,
-    /// Globals may come from elsewhere: the script loads modules.
+    /// No global is unknown: there is no VM to ask.
     open_globals: bool,
+    /// Values from outside for what the script declares.
+    params: BTreeMap<String, GivenParam>,
 }
 
 impl Surroundings {
@@ -53,6 +58,7 @@ impl Surroundings {
             colours: options.colours.keys().cloned().collect(),
             file: file.map(Path::to_path_buf),
             open_globals: false,
+            params: options.params.clone(),
         }
     }
 
@@ -68,6 +74,7 @@ impl Surroundings {
             colours: Vec::new(),
             file: None,
             open_globals: true,
+            params: BTreeMap::new(),
         }
     }
 
@@ -77,9 +84,17 @@ impl Surroundings {
     }
 
     /// Why there is no such module.
-    fn missing_module(&self, _path: &str) -> Option<String> {
-        let _ = &self.file;
-        None
+    fn missing_module(&self, path: &str) -> Option<String> {
+        let beside = path.starts_with("./") || path.starts_with("../");
+        if !beside {
+            return modules::resolve("", path).err();
+        }
+        let folder = self.file.as_ref()?.parent()?;
+        let path = path.trim_end_matches(".luau").trim_end_matches(".lua");
+        let found = ["lua", "luau"]
+            .iter()
+            .any(|ending| folder.join(format!("{path}.{ending}")).is_file());
+        (!found).then(|| format!("there is no module '{path}': no file {path}.lua beside this one"))
     }
 }
 

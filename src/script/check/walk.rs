@@ -10,6 +10,7 @@ use super::foreign;
 use super::kinds::{Kind, Kinds, of_type};
 use super::lexer::Span;
 use super::loops;
+use super::parameters;
 use super::tree::{Block, Body, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
 
 pub(super) struct Walk<'a> {
@@ -392,11 +393,14 @@ impl<'a> Walk<'a> {
         }
         self.exprs(arguments);
         match kind {
-            Kind::Native(function) => self.call(Site {
-                function,
-                arguments,
-                span: call.span,
-            }),
+            Kind::Native(function) => {
+                self.call(Site {
+                    function,
+                    arguments,
+                    span: call.span,
+                });
+                self.special(function, arguments);
+            }
             Kind::Namespace(name) => {
                 self.error(callee.span, format!("{name} is no function"))
                     .help = Some(format!("its functions are called as {name}.NAME()"));
@@ -434,17 +438,22 @@ impl<'a> Walk<'a> {
                 }
                 _ => {}
             },
-            ExprKind::Global(name)
-                if name == "require" && self.surroundings.paths.contains("require") =>
-            {
-                if let [path] = arguments
-                    && let Kind::Text(Some(text)) = self.kinds.of(path)
-                    && let Some(why) = self.surroundings.missing_module(text)
-                {
-                    self.error(path.span, why);
-                }
-            }
             _ => {}
+        }
+    }
+
+    /// Calls whose arguments depend on what is around the script.
+    fn special(&mut self, function: &'static Function, arguments: &'a [Expr]) {
+        let [argument] = arguments else { return };
+        let wrong = match (function.path, self.kinds.of(argument)) {
+            ("require", Kind::Text(Some(path))) => self.surroundings.missing_module(path),
+            ("params.declare", Kind::Table(table)) => {
+                parameters::refused(&self.kinds, table, &self.surroundings.params)
+            }
+            _ => None,
+        };
+        if let Some(wrong) = wrong {
+            self.error(argument.span, wrong);
         }
     }
 
