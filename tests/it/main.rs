@@ -16,4 +16,5 @@ mod run;
 mod safety;
 mod secrets;
 mod sim;
+mod stdlib;
 mod vision;

@@ -166,7 +166,9 @@ impl<'a> Walk<'a> {
         let tree = self.kinds.tree;
         let local = &tree.locals[id.0];
         let ours = definition::functions().any(|one| one.owner() == local.name && !one.is_method());
-        if ours && self.kinds.namespace(&local.name) {
+        // `local params = params.declare{...}` is how it is meant.
+        let usual = local.name == "params";
+        if ours && !usual && self.kinds.namespace(&local.name) {
             let message = format!(
                 "this variable hides {0}: from here on {0}.* cannot be called",
                 local.name

@@ -116,7 +116,7 @@ fn scripts_that_are_unusual_but_right_are_not_complained_about() {
         "robot.on('frame', function(f: any) f:find_blobs('red') local n = f.age print(n) end)",
         "for i = 1, 3 do if i == 2 then continue end print(i) end",
         "local x = if true then 1 else 2 x += 1 x ..= 'a' print(x)",
-        "print(`a{1}b{ {2}[1] }c{`d{3}`}`)",
+        "print(`a{1}b{ ({2})[1] }c{`d{3}`}`)",
         "local s = [==[ a ]] b ]==] --[[ long\ncomment ]] print(s, 0xff, 0b11, 1_000, 1e-3, .5)",
         "local blob = robot.wait_frame(1):find_blobs({ 'red', vision.hsv{ h = { 1, 2 } } })[1] blob.mine = 1 print(blob.mine)",
         "global = 1 function other() return global end print(other(), _G.global)",
