@@ -2,7 +2,9 @@
 //! does lives on lower floors.
 
 mod album;
+mod api;
 mod blobs;
+mod check;
 mod colours;
 mod connection;
 mod console;
@@ -18,6 +20,7 @@ mod picture;
 mod run;
 mod screen;
 mod sim;
+mod source;
 mod status;
 mod table;
 
@@ -63,6 +66,8 @@ pub enum LogFormat {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(run::RunArgs),
+    Check(check::CheckArgs),
+    Api(api::ApiArgs),
     Discover(discover::DiscoverArgs),
     Sim(sim::SimArgs),
     Blobs(blobs::BlobsArgs),
@@ -73,6 +78,8 @@ impl Command {
     fn run(self, console: &Console) -> Result<Exit, Failure> {
         match self {
             Command::Run(args) => run::run(&args, console),
+            Command::Check(args) => check::run(&args),
+            Command::Api(args) => api::run(&args),
             Command::Discover(args) => discover::run(&args, console),
             Command::Sim(args) => sim::run(&args, console),
             Command::Blobs(args) => blobs::run(&args, console),

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, unreachable_pub)]
 
 mod behaviours;
+mod check;
 mod cli;
 mod eyes;
 mod fast;
