@@ -2,7 +2,9 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, unreachable_pub)]
 
 mod behaviours;
+mod calibrate;
 mod cli;
+mod doctor;
 mod eyes;
 mod faults;
 mod floors;
@@ -15,4 +17,5 @@ mod run;
 mod safety;
 mod secrets;
 mod sim;
+mod tools;
 mod vision;
