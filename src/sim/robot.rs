@@ -397,7 +397,7 @@ impl Robot {
 }
 
 /// A command in a few words: payloads may be long, and secret.
-fn describe(command: &Command) -> String {
+pub(super) fn describe(command: &Command) -> String {
     match command {
         Command::MotorSpeed(payload) => format!("motor speed ({} bytes)", payload.len()),
         Command::Mute(payload) => format!("mute ({} bytes)", payload.len()),
