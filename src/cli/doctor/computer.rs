@@ -49,7 +49,7 @@ pub(super) fn disk(data: Option<&Path>) -> Finding {
         return Finding::fail("disk", found, "choose another `data` in the config");
     }
     match rustix::fs::statvfs(there) {
-        Ok(space) => judge_space(&shown.to_string(), space.f_bavail * space.f_frsize >> 20),
+        Ok(space) => judge_space(&shown.to_string(), (space.f_bavail * space.f_frsize) >> 20),
         Err(error) => Finding::warn("disk", format!("{shown}: {error}"), "is the disk mounted?"),
     }
 }
@@ -66,7 +66,7 @@ fn judge_space(folder: &str, mebibytes: u64) -> Finding {
     let found = format!("{folder} can be written, {mebibytes} MiB are free");
     match mebibytes {
         ..NOTHING => Finding::fail("disk", found, "free some space"),
-        ..LITTLE => Finding::warn("disk", found, "free some space: pictures need it"),
+        NOTHING..LITTLE => Finding::warn("disk", found, "free some space: pictures need it"),
         _ => Finding::ok("disk", found),
     }
 }
