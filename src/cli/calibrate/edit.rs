@@ -46,10 +46,11 @@ fn round(number: f64) -> f64 {
 
 /// All but the calibration; `None` if it cannot be read.
 fn rest_of(text: &str) -> Option<Value> {
-    let mut value: Value = serde_yaml::from_str(text).ok()?;
-    if value.is_null() {
-        value = Value::Mapping(serde_yaml::Mapping::new());
+    let said = |line: &str| !line.trim().is_empty() && !line.trim().starts_with('#');
+    if !text.lines().any(said) {
+        return Some(Value::Mapping(serde_yaml::Mapping::new()));
     }
+    let mut value: Value = serde_yaml::from_str(text).ok()?;
     value.as_mapping_mut()?.remove(KEY);
     Some(value)
 }
@@ -80,7 +81,7 @@ fn edit(text: &str, calibration: Calibration) -> String {
     let inside = |line: &&String| {
         line.trim().is_empty() || line.starts_with([' ', '\t']) || line.starts_with('#')
     };
-    let end = at + 1 + lines[at + 1..].iter().take_while(inside).count();
+    let mut end = at + 1 + lines[at + 1..].iter().take_while(inside).count();
     let indent = lines[at + 1..end]
         .iter()
         .find(|line| {
@@ -103,6 +104,7 @@ fn edit(text: &str, calibration: Calibration) -> String {
                     lines[at].push('\n');
                 }
                 lines.insert(at + 1, format!("{:indent$}{key}: {value}\n", ""));
+                end += 1;
             }
         }
     }
