@@ -266,7 +266,7 @@ async fn show(
     }
 }
 
-fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure> {
+pub(super) fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure> {
     let from_config = || config.robot.clone().map(Place::Robot);
     connection.place().or_else(from_config).ok_or_else(|| {
         Failure::usage("which robot? neither --robot nor --sim was given").help(
@@ -276,7 +276,11 @@ fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure>
     })
 }
 
-fn reach(place: Place, login: &Login, seed: u64) -> Result<(Target, Option<EmbeddedSim>), Failure> {
+pub(super) fn reach(
+    place: Place,
+    login: &Login,
+    seed: u64,
+) -> Result<(Target, Option<EmbeddedSim>), Failure> {
     match place {
         Place::Robot(target) => Ok((target, None)),
         Place::Sim(world) => {
@@ -291,7 +295,7 @@ fn reach(place: Place, login: &Login, seed: u64) -> Result<(Target, Option<Embed
     }
 }
 
-fn dial(target: Target, login: Login, options: link::Options) -> Dial {
+pub(super) fn dial(target: Target, login: Login, options: link::Options) -> Dial {
     Box::new(move || {
         let (target, login, options) = (target.clone(), login.clone(), options.clone());
         Box::pin(async move { link::connect(&target, &login, &options).await })

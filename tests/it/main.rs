@@ -3,7 +3,9 @@
 
 mod behaviours;
 mod check;
+mod calibrate;
 mod cli;
+mod doctor;
 mod eyes;
 mod fast;
 mod faults;
@@ -20,4 +22,5 @@ mod secrets;
 mod sim;
 mod supervision;
 mod stdlib;
+mod tools;
 mod vision;
