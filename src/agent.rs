@@ -1,6 +1,8 @@
 //! Wiring and lifetimes of a run: load the scripts, connect, run them side by side, and bring
 //! everything to an end within two seconds, whoever asks for it and whatever hangs.
 
+mod talk;
+
 use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
@@ -21,6 +23,8 @@ use crate::script::Ending;
 const SCRIPTS_END: Duration = Duration::from_millis(1100);
 /// How long the last writes and the closing of the link may take.
 const LINK_END: Duration = Duration::from_millis(500);
+
+pub use talk::{Talk, TalkError};
 
 /// A script and its priority.
 #[derive(Debug)]

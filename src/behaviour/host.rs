@@ -159,6 +159,8 @@ impl Host {
                 let at = now.checked_sub(age).unwrap_or(now);
                 self.script.deliver_frame(Frame { seq, at, jpeg }, now);
             }
+            ToHost::Evaluate { text, more } => self.script.evaluate(&text, more, now),
+            ToHost::Interrupt => self.script.interrupt(now),
             ToHost::Stop(reason) => self.script.stop(reason, now),
             ToHost::Load(_) | ToHost::Go => {}
         }
@@ -189,6 +191,7 @@ impl Host {
             let message = match output {
                 Output::Intent(intent) => FromHost::Intent(intent),
                 Output::Log(line) => FromHost::Log(line),
+                Output::Evaluated(evaluated) => FromHost::Evaluated(evaluated),
             };
             self.outbox.feed(&message).await?;
         }

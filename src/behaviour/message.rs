@@ -7,7 +7,7 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
 use crate::robot::{EndReason, Event, Intent};
-use crate::script::{Ending, LogLine, Options};
+use crate::script::{Ending, Evaluated, LogLine, Options};
 
 /// A script and all it needs; no secrets.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -36,6 +36,15 @@ pub enum ToHost {
         /// The JPEG.
         jpeg: Bytes,
     },
+    /// Run what a person typed; answered by [`FromHost::Evaluated`].
+    Evaluate {
+        /// Luau.
+        text: String,
+        /// Whether further lines may follow.
+        more: bool,
+    },
+    /// Bring to rest what typed lines have begun.
+    Interrupt,
     /// Come to an end within half a second.
     Stop(EndReason),
 }
@@ -53,6 +62,8 @@ pub enum FromHost {
     WantFrame,
     /// The script wrote a line.
     Log(LogLine),
+    /// What became of the line that was typed.
+    Evaluated(Evaluated),
     /// The script has ended; the host exits.
     Ended(Ending),
 }

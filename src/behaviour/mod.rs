@@ -4,6 +4,7 @@
 
 mod calls;
 mod confine;
+mod dialogue;
 mod gallery;
 mod host;
 mod message;
@@ -11,6 +12,7 @@ mod pipe;
 mod process;
 mod supervisor;
 
+pub use dialogue::{Dialogue, Order, Said};
 pub use host::{host, host_main};
 pub use message::{FromHost, Launch, ToHost};
 pub use process::{HOST_ARGUMENT, HostProcess, Launcher};

@@ -11,6 +11,7 @@ use tokio::task::AbortHandle;
 use tokio::time::{Instant, sleep_until, timeout};
 use tracing::{debug, warn};
 
+use super::dialogue::{self, Dialogue, Said};
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
 use super::process::{HostProcess, Launcher};
@@ -71,6 +72,7 @@ pub struct Supervisor {
     last_frame: u64,
     frame_wanted: bool,
     dropped: u64,
+    dialogue: Option<Dialogue>,
 }
 
 impl Prepared {
@@ -182,6 +184,16 @@ impl Supervisor {
             last_frame,
             frame_wanted,
             dropped,
+            dialogue: None,
+        }
+    }
+
+    /// Somebody types lines for the script and hears what it says.
+    #[must_use]
+    pub fn with_dialogue(self, dialogue: Dialogue) -> Supervisor {
+        Supervisor {
+            dialogue: Some(dialogue),
+            ..self
         }
     }
 
@@ -220,6 +232,11 @@ impl Supervisor {
                     last_moment = Some((Instant::now() + STOP_TIME, reason));
                 }
                 Some(reason) = at(last_moment) => return self.killed(reason),
+                order = dialogue::next(&mut self.dialogue) => {
+                    if !self.pass_on(order.into()) {
+                        return self.deaf();
+                    }
+                }
                 message = self.host.from_host.next() => match message {
                     Ok(Some(FromHost::Ended(ending))) => return ending,
                     Ok(Some(message)) => self.heard(message).await,
@@ -243,7 +260,16 @@ impl Supervisor {
                 self.frame_wanted = true;
                 return self.pass_frame();
             }
-            FromHost::Log(line) => return log(&self.host.name, &line),
+            FromHost::Log(line) => match &self.dialogue {
+                Some(dialogue) => return dialogue.say(Said::Line(line)),
+                None => return log(&self.host.name, &line),
+            },
+            FromHost::Evaluated(evaluated) => {
+                if let Some(dialogue) = &self.dialogue {
+                    dialogue.say(Said::Evaluated(evaluated));
+                }
+                return;
+            }
             FromHost::Ready | FromHost::Ended(_) => return,
         };
         let _ = self.requests.send(request).await;

@@ -21,6 +21,8 @@ const MAX_RECORD_LEN: usize = 8 * 1024;
 const TOO_LONG: &str = "a log line was dropped: it was too long";
 /// A window whose width nobody tells.
 const DEFAULT_COLUMNS: usize = 80;
+/// The longest wait to divert what is written.
+const DIVERT_LIMIT: Duration = Duration::from_millis(500);
 /// Between two tries to leave a note when ending.
 const END_PAUSE: Duration = Duration::from_millis(5);
 
@@ -38,6 +40,8 @@ enum Note {
     Record(Vec<u8>),
     /// The newest status line stands in [`Shared`].
     Status,
+    /// From now on everything goes there; `None`: to stderr again.
+    Divert(Option<Box<dyn Write + Send>>),
     End(SyncSender<()>),
 }
 
@@ -68,6 +72,7 @@ impl Console {
         let shared = Arc::new(Shared::default());
         let desk = Desk {
             out,
+            diverted: None,
             screen: Screen::new(features),
             columns,
             shared: Arc::clone(&shared),
@@ -121,6 +126,12 @@ impl Console {
         self.record(said(self.format, level, text).into_bytes());
     }
 
+    /// Writes elsewhere from now on, such as above a prompt; `None`: to stderr again.
+    pub fn divert(&self, to: Option<Box<dyn Write + Send>>) {
+        let mut left = DIVERT_LIMIT;
+        self.insist(Note::Divert(to), &mut left);
+    }
+
     fn record(&self, mut record: Vec<u8>) {
         if record.len() > MAX_RECORD_LEN {
             match self.format {
@@ -168,6 +179,7 @@ fn said(format: LogFormat, level: &str, text: &str) -> String {
 /// The writing thread's side.
 struct Desk<W> {
     out: W,
+    diverted: Option<Box<dyn Write + Send>>,
     screen: Screen,
     columns: fn() -> usize,
     shared: Arc<Shared>,
@@ -184,6 +196,7 @@ impl<W: Write> Desk<W> {
                     self.put(self.screen.record(&text, (self.columns)()));
                 }
                 Note::Status => {}
+                Note::Divert(to) => self.diverted = to,
                 Note::End(done) => {
                     self.confess();
                     let last = self.screen.end();
@@ -224,8 +237,12 @@ impl<W: Write> Desk<W> {
 
     fn put(&mut self, text: String) {
         if !text.is_empty() {
-            let _ = self.out.write_all(text.as_bytes());
-            let _ = self.out.flush();
+            let out: &mut dyn Write = match &mut self.diverted {
+                Some(out) => out,
+                None => &mut self.out,
+            };
+            let _ = out.write_all(text.as_bytes());
+            let _ = out.flush();
         }
     }
 }

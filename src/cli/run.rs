@@ -26,7 +26,7 @@ use crate::script::{self, MAX_SOURCE};
 use crate::wire::Login;
 
 /// Where pictures are saved unless the config says something else.
-const DATA_FOLDER: &str = "spykee-data";
+pub(super) const DATA_FOLDER: &str = "spykee-data";
 /// How often the status line is drawn anew.
 const STATUS_PERIOD: Duration = Duration::from_millis(250);
 /// The longest `--for`: a year.
@@ -176,7 +176,7 @@ async fn show(
     }
 }
 
-fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure> {
+pub(super) fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure> {
     let from_config = || config.robot.clone().map(Place::Robot);
     connection.place().or_else(from_config).ok_or_else(|| {
         Failure::usage("which robot? neither --robot nor --sim was given").help(
@@ -186,7 +186,7 @@ fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure>
     })
 }
 
-fn reach(place: Place, login: &Login, seed: u64) -> Result<(Target, Option<EmbeddedSim>), Failure> {
+pub(super) fn reach(place: Place, login: &Login, seed: u64) -> Result<(Target, Option<EmbeddedSim>), Failure> {
     match place {
         Place::Robot(target) => Ok((target, None)),
         Place::Sim(world) => {
@@ -201,7 +201,7 @@ fn reach(place: Place, login: &Login, seed: u64) -> Result<(Target, Option<Embed
     }
 }
 
-fn dial(target: Target, login: Login, options: link::Options) -> Dial {
+pub(super) fn dial(target: Target, login: Login, options: link::Options) -> Dial {
     Box::new(move || {
         let (target, login, options) = (target.clone(), login.clone(), options.clone());
         Box::pin(async move { link::connect(&target, &login, &options).await })

@@ -17,6 +17,7 @@ mod arguments;
 mod budget;
 mod damage;
 mod ending;
+mod eval;
 mod events;
 mod failure;
 mod group;
@@ -52,6 +53,7 @@ use state::State;
 use task::{Answer, Kind};
 
 pub(crate) use api::write_privately;
+pub use eval::Evaluated;
 pub use failure::{Ending, Failure};
 pub use nearest::suggestion;
 pub use options::{Calibration, Limits, Options};

@@ -32,6 +32,8 @@ pub struct Options {
     pub data_dir: Option<PathBuf>,
     /// The most that the data folder may hold, in bytes.
     pub data_quota: u64,
+    /// Lives on when nothing is left to do: a person types what comes next.
+    pub interactive: bool,
     /// Where the host keeps marked copies of the frames that the script looked at; `None`: nowhere.
     pub annotate_dir: Option<PathBuf>,
 }
@@ -49,6 +51,7 @@ impl Options {
             colours: BTreeMap::new(),
             data_dir: None,
             data_quota: 64 * MIB,
+            interactive: false,
             annotate_dir: None,
         }
     }

@@ -5,6 +5,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
+use super::eval::Evaluated;
 use super::failure::printable;
 use crate::robot::Intent;
 
@@ -26,6 +27,8 @@ pub enum Output {
     Intent(Intent),
     /// A line for the log.
     Log(LogLine),
+    /// What became of the line that a person typed.
+    Evaluated(Evaluated),
 }
 
 /// How much a log line matters.
@@ -123,6 +126,11 @@ impl Outbox {
         } else {
             self.folded += 1;
         }
+    }
+
+    /// Tells what became of a person's line.
+    pub(super) fn answer(&mut self, evaluated: Evaluated) {
+        self.waiting.push(Output::Evaluated(evaluated));
     }
 
     /// Says how many lines were left out, once their second is over.

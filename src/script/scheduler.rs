@@ -134,6 +134,7 @@ impl State {
             (Kind::Child(group, index), outcome) => self.child_ended(group, index, outcome),
             (Kind::Handler(subscription), outcome) => self.handled(subscription, &outcome),
             (Kind::Main, Outcome::Failed(text)) => self.fail(text),
+            (Kind::Line, outcome) => self.outbox.answer(outcome.into()),
             (Kind::Spawned | Kind::Farewell, Outcome::Failed(text)) => self.complain(&text),
             _ => {}
         }
@@ -211,6 +212,9 @@ impl State {
 
     /// Whether nothing is left that could ever run.
     pub(super) fn is_finished(&self) -> bool {
-        matches!(self.life, Life::Running) && self.tasks.is_empty() && self.subscriptions.is_empty()
+        matches!(self.life, Life::Running)
+            && !self.options.interactive
+            && self.tasks.is_empty()
+            && self.subscriptions.is_empty()
     }
 }

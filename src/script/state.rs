@@ -300,6 +300,7 @@ impl State {
         let task = self.tasks.running()?;
         Some(match task.kind {
             Kind::Handler(id) => Owner::Subscription(id),
+            Kind::Line => Owner::Lines,
             _ => Owner::Task(task.handle.id),
         })
     }
