@@ -243,7 +243,10 @@ impl Keeper {
             }
             Err(Ending { message, reason }) => {
                 let why = message.as_deref().unwrap_or(reason.sentence());
-                error!(behaviour, "saved, but cannot be loaded ({meanwhile}): {why}");
+                error!(
+                    behaviour,
+                    "saved, but cannot be loaded ({meanwhile}): {why}"
+                );
                 None
             }
         }
@@ -272,7 +275,10 @@ impl Keeper {
 /// Waits until the run ends.
 async fn stopped(stop: &mut Stop) -> EndReason {
     let reason = stop.wait_for(Option::is_some).await;
-    reason.ok().and_then(|reason| *reason).unwrap_or(EndReason::Shutdown)
+    reason
+        .ok()
+        .and_then(|reason| *reason)
+        .unwrap_or(EndReason::Shutdown)
 }
 
 /// Waits for the next save; `None`: there will be none.

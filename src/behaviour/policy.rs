@@ -78,7 +78,9 @@ impl<'de> Visitor<'de> for Written {
     type Value = RestartPolicy;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("`never`, `on-failure` or a table such as { policy: on-failure, max_restarts: 5 }")
+        f.write_str(
+            "`never`, `on-failure` or a table such as { policy: on-failure, max_restarts: 5 }",
+        )
     }
 
     fn visit_str<E: Error>(self, word: &str) -> Result<RestartPolicy, E> {
