@@ -212,8 +212,8 @@ proptest! {
             let wanted = rig.dog.arbiter.setpoint().left.get();
             prop_assert!(moves(&acts).iter().all(|&sent| sent == wanted), "{:?}: {:?}", step, acts);
         }
-        rig.now += 20 * MS;
-        rig.dog.tick(rig.now);
+        // Long enough for the pauses between two MOVE that have added up.
+        rig.pass(2000 * MS, &crew);
         prop_assert_eq!(rig.dog.moving(), !rig.dog.arbiter.setpoint().is_stop());
     }
 }
