@@ -179,7 +179,7 @@ impl Keeper {
         let (behaviour, reason) = (self.name(), ending.reason);
         let message = ending.message.as_deref().unwrap_or(reason.sentence());
         let of = self.limits();
-        error!(behaviour, %reason, "given up: it failed after every restart {of}. Last: {message}");
+        error!(behaviour, %reason, "given up, no restart is left {of}: {message}");
         let _ = self.around.requests.send(Request::Alarm).await;
     }
 
@@ -228,7 +228,7 @@ impl Keeper {
         tokio::select! {
             biased;
             _ = stopped(&mut self.around.stop) => None,
-            loaded = loading => self.judge(loaded, "the robot is not driven by it"),
+            loaded = loading => self.judge(loaded, "nothing runs in its place"),
         }
     }
 

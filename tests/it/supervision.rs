@@ -197,6 +197,16 @@ async fn under_watch_a_script_may_be_broken_at_first() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_ctrl_c_in_a_terminal_goes_to_the_agent_alone() {
+    let rig = Rig::quiet().await;
+    let run = rig.run("robot.move(50, 50) task.wait(600)");
+    hears(&rig, 0, 45).await;
+    // A terminal's signals go to the agent's process group.
+    let group = |pid| rustix::process::getpgid(Some(pid)).unwrap();
+    assert_ne!(group(run.hosts()[0]), group(run.pid()));
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_policy_that_does_not_exist_is_refused() {
     let rig = Rig::quiet().await;
     let mut run = rig.spykee(&["run", "script.lua", "--restart", "always"]);
