@@ -9,11 +9,15 @@ mod gallery;
 mod host;
 mod message;
 mod pipe;
+mod policy;
 mod process;
 mod supervisor;
+mod watch;
 
 pub use dialogue::{Dialogue, Order, Said};
 pub use host::{host, host_main};
 pub use message::{FromHost, Launch, ToHost};
+pub use policy::{Patience, RestartPolicy, Restarts, Verdict, is_failure};
 pub use process::{HOST_ARGUMENT, HostProcess, Launcher};
 pub use supervisor::{Handle, Prepared, Supervisor};
+pub use watch::{Reload, Watched, read_source};

@@ -60,6 +60,8 @@ impl Launcher {
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
             .kill_on_drop(true)
+            // Ctrl-C in a terminal is for the agent: it has the script say its last words.
+            .process_group(0)
             .spawn()?;
         Ok((HostProcess { child }, UnixStream::from_std(ours)?))
     }

@@ -110,7 +110,10 @@ impl Effective {
     /// Every value and where it comes from, in the order of the keys.
     pub fn settings(&self) -> Vec<Setting> {
         let mut settings = Vec::new();
-        if let Ok(tree) = serde_yaml::to_value(&self.config) {
+        if let Ok(mut tree) = serde_yaml::to_value(&self.config) {
+            if let (Some(map), Some(behaviours)) = (tree.as_mapping_mut(), self.behaviours()) {
+                map.insert("behaviours".into(), behaviours);
+            }
             leaves(&tree, &mut Vec::new(), &mut |steps, value| {
                 let (key, value) = (written(steps), value.clone());
                 let origin = self.origin(&key, steps);
@@ -118,6 +121,13 @@ impl Effective {
             });
         }
         settings
+    }
+
+    /// As they stand in the file.
+    fn behaviours(&self) -> Option<Value> {
+        let (_, text) = self.file.as_ref()?;
+        let tree: Value = serde_yaml::from_str(text).ok()?;
+        tree.get("behaviours").cloned()
     }
 
     fn origin(&self, key: &str, steps: &[Step]) -> Origin {
@@ -201,7 +211,11 @@ fn overridden(
             *place = value;
         }
         match serde_yaml::from_value(tree.clone()) {
-            Ok(config) => return Ok(config),
+            // Not written, so not read back: no variable speaks of them.
+            Ok(read) => {
+                let behaviours = config.behaviours.clone();
+                return Ok(Config { behaviours, ..read });
+            }
             Err(error) if refusal.is_empty() => refusal = error.to_string(),
             Err(_) => {}
         }

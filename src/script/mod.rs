@@ -26,6 +26,7 @@ mod motion;
 mod nearest;
 mod options;
 mod output;
+mod params;
 mod queue;
 mod sandbox;
 mod scheduler;
@@ -58,6 +59,7 @@ pub use failure::{Ending, Failure};
 pub use nearest::suggestion;
 pub use options::{Calibration, Limits, Options};
 pub use output::{Level, LogLine, Output};
+pub use params::{GivenParam, ParamOrigin, ParamValue};
 pub use sandbox::MAX_SOURCE;
 pub use sighting::{Seen, Sighting};
 pub use state::Usage;
@@ -170,9 +172,10 @@ impl Script {
             && (state.streams.contains(&Stream::Video) || state.is_heard(EventName::Frame))
     }
 
-    /// Whether a setpoint of this script turns a track, as far as it knows.
+    /// Whether a setpoint of this script is on, as far as it knows, be it one of standing still: it
+    /// too needs signs of life.
     pub fn has_motion(&self) -> bool {
-        self.state.borrow().motion.is_on()
+        self.state.borrow().motion.current().is_some()
     }
 
     /// What the script wants said and done since the last call, in order. Bounded: a script that

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use super::params::GivenParam;
 use crate::vision::{Camera, Colour};
 
 /// One mebibyte.
@@ -28,6 +29,8 @@ pub struct Options {
     pub camera: Camera,
     /// Colours of the config, by name.
     pub colours: BTreeMap<String, Colour>,
+    /// Values for what the script declares with `params.declare`, by name.
+    pub params: BTreeMap<String, GivenParam>,
     /// Where `frame:save` writes; `None`: nowhere, it answers `io`.
     pub data_dir: Option<PathBuf>,
     /// The most that the data folder may hold, in bytes.
@@ -49,6 +52,7 @@ impl Options {
             calibration: Calibration::default(),
             camera: Camera::default(),
             colours: BTreeMap::new(),
+            params: BTreeMap::new(),
             data_dir: None,
             data_quota: 64 * MIB,
             interactive: false,
@@ -68,8 +72,9 @@ impl Options {
 }
 
 /// What one script may use.
-#[derive(Serialize, Deserialize, Clone, Debug, PartialEq)]
+#[derive(Serialize, Deserialize, Clone, Debug, PartialEq, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(rename = "ScriptLimits")]
 pub struct Limits {
     /// The VM's own memory, in bytes: 8 MiB.
     #[serde(deserialize_with = "ranges::memory_bytes")]
@@ -149,7 +154,7 @@ mod ranges {
 }
 
 /// How percent of track power become metres per second: open loop, so a matter of the floor too.
-#[derive(Serialize, Deserialize, Clone, Copy, Debug, PartialEq)]
+#[derive(Serialize, Deserialize, Clone, Copy, Debug, PartialEq, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Calibration {
     /// Distance between the middles of the tracks, in metres: 0.24.
