@@ -169,11 +169,13 @@ impl Config {
 
 /// An unknown key with the nearest valid one; other complaints as they are.
 fn in_words(complaint: &str) -> String {
-    let parts = complaint.split_once("unknown field `").and_then(|(before, rest)| {
-        let (key, rest) = rest.split_once("`, expected ")?;
-        let (valid, place) = rest.rsplit_once(" at line ")?;
-        Some((before, key, valid, place))
-    });
+    let parts = complaint
+        .split_once("unknown field `")
+        .and_then(|(before, rest)| {
+            let (key, rest) = rest.split_once("`, expected ")?;
+            let (valid, place) = rest.rsplit_once(" at line ")?;
+            Some((before, key, valid, place))
+        });
     let Some((before, key, valid, place)) = parts else {
         return complaint.to_owned();
     };

@@ -85,7 +85,9 @@ fn check(file: &Path) -> Result<Exit, Failure> {
     if let Some(entry) = missing {
         let (file, script) = (file.display(), entry.file.display());
         let what = format_args!("{file}: there is no behaviour {script}");
-        return Err(Failure::new(Exit::Check, what).help("paths are relative to the config's folder"));
+        return Err(
+            Failure::new(Exit::Check, what).help("paths are relative to the config's folder")
+        );
     }
     print(&format!("{}: all right\n", file.display()))?;
     Ok(Exit::Done)
@@ -94,12 +96,18 @@ fn check(file: &Path) -> Result<Exit, Failure> {
 fn show(args: &ShowArgs) -> Result<Exit, Failure> {
     let effective = Effective::load(args.config.as_deref()).map_err(Failure::usage)?;
     let flags = [
-        ("robot", "--robot", args.robot.as_ref().map(Target::to_string)),
+        (
+            "robot",
+            "--robot",
+            args.robot.as_ref().map(Target::to_string),
+        ),
         ("user", "--user", args.user.clone()),
         (
             "password_file",
             "--password-file",
-            args.password_file.as_ref().map(|path| path.display().to_string()),
+            args.password_file
+                .as_ref()
+                .map(|path| path.display().to_string()),
         ),
     ];
     let mut settings = effective.settings();
@@ -110,9 +118,15 @@ fn show(args: &ShowArgs) -> Result<Exit, Failure> {
         }
     }
     print(&if args.json {
-        format!("{:#}\n", Json::Array(settings.iter().map(as_json).collect()))
+        format!(
+            "{:#}\n",
+            Json::Array(settings.iter().map(as_json).collect())
+        )
     } else {
-        settings.iter().map(|setting| line(setting, args.origin)).collect()
+        settings
+            .iter()
+            .map(|setting| line(setting, args.origin))
+            .collect()
     })?;
     Ok(Exit::Done)
 }

@@ -12,6 +12,7 @@ use tracing_subscriber::fmt::MakeWriter;
 
 use super::LogFormat;
 use super::screen::{Features, Screen};
+use crate::config::When;
 
 /// Records that wait; what comes while so many wait is dropped and counted.
 const MAX_WAITING: usize = 512;
@@ -57,8 +58,8 @@ impl Console {
     ///
     /// # Errors
     /// When the system has no thread to give.
-    pub fn start(format: LogFormat) -> io::Result<Console> {
-        let features = features_of_stderr(format);
+    pub fn start(format: LogFormat, colour: When) -> io::Result<Console> {
+        let features = features_of_stderr(format, colour);
         Console::over(io::stderr(), features, stderr_columns, format)
     }
 
@@ -247,13 +248,18 @@ impl<W: Write> Desk<W> {
     }
 }
 
-fn features_of_stderr(format: LogFormat) -> Features {
+fn features_of_stderr(format: LogFormat, colour: When) -> Features {
     let dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
     let no_colour = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let redraw = io::stderr().is_terminal() && !dumb && format == LogFormat::Text;
     Features {
         redraw,
-        colour: redraw && !no_colour,
+        colour: format == LogFormat::Text
+            && match colour {
+                When::Auto => redraw && !no_colour,
+                When::Always => true,
+                When::Never => false,
+            },
     }
 }
 

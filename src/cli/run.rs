@@ -16,7 +16,7 @@ use tokio_util::sync::CancellationToken;
 use super::embedded::EmbeddedSim;
 use super::interrupt::interruption;
 use super::status::StatusLine;
-use super::{ConnectionArgs, Console, Exit, Failure, Place};
+use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
 use crate::behaviour::{Launch, Launcher, Reload, RestartPolicy, Watched, is_failure, read_source};
 use crate::config::{Config, Entry};
@@ -42,7 +42,7 @@ pub(super) struct RunArgs {
 
     /// Read the settings from this YAML file
     #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
+    pub(super) config: Option<PathBuf>,
 
     /// End after so many seconds
     #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
@@ -65,6 +65,10 @@ pub(super) struct RunArgs {
     /// Load a behaviour anew whenever its file is saved; Ctrl-C ends the run
     #[arg(long)]
     watch: bool,
+
+    /// Run without looking for mistakes first
+    #[arg(long)]
+    no_check: bool,
 
     #[command(flatten)]
     connection: ConnectionArgs,
@@ -93,12 +97,12 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let mut args = args.clone();
     args.files
         .extend(args.connection.take_misplaced_behaviour());
-    let config = match &args.config {
-        Some(path) => Config::load(path).map_err(Failure::usage)?,
-        None => Config::default(),
-    };
+    let config = Config::effective(args.config.as_deref()).map_err(Failure::usage)?;
     let seed = args.seed.unwrap_or_else(rand::random);
     let (behaviours, watches) = behaviours(&args, &config, seed)?;
+    if !args.no_check {
+        check::before_run(&behaviours, &config, console)?;
+    }
     let place = place(&args.connection, &config)?;
     let login = args.connection.login.or_from(&config).login()?;
     tracing::info!(seed, "starting");
@@ -205,7 +209,11 @@ pub(super) fn place(connection: &ConnectionArgs, config: &Config) -> Result<Plac
     })
 }
 
-pub(super) fn reach(place: Place, login: &Login, seed: u64) -> Result<(Target, Option<EmbeddedSim>), Failure> {
+pub(super) fn reach(
+    place: Place,
+    login: &Login,
+    seed: u64,
+) -> Result<(Target, Option<EmbeddedSim>), Failure> {
     match place {
         Place::Robot(target) => Ok((target, None)),
         Place::Sim(world) => {

@@ -270,7 +270,10 @@ mod tests {
         };
         assert_eq!((line("robot"), line("watchdog.ok")), (1, 4));
         assert_eq!(line("behaviours[0].file"), 6);
-        assert_eq!(setting(&effective, "watchdog.critical").origin, Origin::Default);
+        assert_eq!(
+            setting(&effective, "watchdog.critical").origin,
+            Origin::Default
+        );
     }
 
     #[test]
@@ -282,7 +285,10 @@ mod tests {
             ("SPYKEE_LOGGING_LEVEL", "loud"),
         ] {
             let text = load("", &[(variable, value)]).unwrap_err().to_string();
-            assert!(text.contains(variable) && text.contains("expected"), "{text}");
+            assert!(
+                text.contains(variable) && text.contains("expected"),
+                "{text}"
+            );
         }
         let text = load("", &[("SPYKEE_WATCHDOG_LOW", "90")]).unwrap_err();
         assert!(text.to_string().contains("must rise"), "{text}");
@@ -290,7 +296,11 @@ mod tests {
 
     #[test]
     fn every_setting_can_be_written_and_read_back() {
-        let effective = load("colours: { sock: { h: [270, 310], s: [30, 100], v: [20, 100] } }", &[]).unwrap();
+        let effective = load(
+            "colours: { sock: { h: [270, 310], s: [30, 100], v: [20, 100] } }",
+            &[],
+        )
+        .unwrap();
         let text = serde_yaml::to_string(&effective.config).unwrap();
         let again = Config::parse(&text, "again").unwrap();
         assert_eq!(serde_yaml::to_string(&again).unwrap(), text);

@@ -15,6 +15,7 @@
 mod api;
 mod arguments;
 mod budget;
+pub mod check;
 mod damage;
 mod ending;
 mod eval;
@@ -53,6 +54,7 @@ use events::EventName;
 use state::State;
 use task::{Answer, Kind};
 
+pub use api::definition;
 pub(crate) use api::write_privately;
 pub use eval::Evaluated;
 pub use failure::{Ending, Failure};
@@ -216,6 +218,11 @@ impl Script {
             Life::Ended(ending) => Some(ending.clone()),
             _ => None,
         }
+    }
+
+    /// Every path that its VM knows: globals such as `print`, and fields such as `robot.move`.
+    pub(crate) fn known_names(&self) -> std::collections::BTreeSet<String> {
+        api::every_path(&self.lua)
     }
 
     /// What the script has used so far.

@@ -206,13 +206,18 @@ impl Prompt {
     }
 
     fn command(&self, line: &str) -> Option<Typed> {
-        match line.split_once(' ').map_or((line, ""), |(a, b)| (a, b.trim())) {
+        match line
+            .split_once(' ')
+            .map_or((line, ""), |(a, b)| (a, b.trim()))
+        {
             (":quit" | ":q", _) => return Some(Typed::End),
             (":help" | ":h", _) => show(HELP),
             (":api", "") => show("which? such as :api robot.move"),
             (":api", name) => match definition::full(name) {
                 Some(text) => show(&text),
-                None => show(&format!("nothing in the API is called '{name}'; Tab completes")),
+                None => show(&format!(
+                    "nothing in the API is called '{name}'; Tab completes"
+                )),
             },
             (other, _) => show(&format!("there is no {other}; :help, :api NAME, :quit")),
         }

@@ -19,7 +19,10 @@ pub(super) fn path() -> Option<PathBuf> {
 /// Makes the file, and its folder, so that nobody else can look into it.
 pub(super) fn prepare(path: &Path) -> io::Result<()> {
     if let Some(folder) = path.parent() {
-        DirBuilder::new().recursive(true).mode(0o700).create(folder)?;
+        DirBuilder::new()
+            .recursive(true)
+            .mode(0o700)
+            .create(folder)?;
     }
     let mut private = OpenOptions::new();
     private.create(true).append(true).mode(0o600);

@@ -1,5 +1,6 @@
 //! Scripts in a rig: the time is passed, the output collected, the robot's answers given by hand.
 
+mod definitions;
 mod events;
 mod hostile;
 mod language;
