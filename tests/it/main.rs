@@ -3,13 +3,16 @@
 
 mod behaviours;
 mod cli;
+mod config;
 mod eyes;
 mod faults;
 mod floors;
 mod frames;
 mod hostile;
 mod link;
+mod new;
 mod pilot;
+mod repl;
 mod priorities;
 mod rig;
 mod run;
