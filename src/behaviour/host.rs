@@ -20,8 +20,9 @@ use crate::script::{Ending, Level, LogLine, Output, Script};
 /// While a setpoint of the script is on, the agent hears from the host at least this often; a
 /// quarter of what the watchdog allows.
 const BEAT: Duration = Duration::from_millis(50);
-/// Luau's deepest legal recursion needs 2.1 MiB of stack in a debug build.
-const STACK: usize = 8 << 20;
+/// Stack of a thread that runs a VM, bytes: Luau's deepest legal recursion needs 2.1 MiB of it in a
+/// debug build.
+pub const STACK: usize = 8 << 20;
 
 /// The life of a host process, from its confinement to its exit code. `folders` are the
 /// only ones whose files it can open.

@@ -15,7 +15,7 @@ mod supervisor;
 mod watch;
 
 pub use dialogue::{Dialogue, Order, Said};
-pub use host::{host, host_main};
+pub use host::{STACK, host, host_main};
 pub use message::{FromHost, Launch, ToHost};
 pub use policy::{Patience, RestartPolicy, Restarts, Verdict, is_failure};
 pub use process::{HOST_ARGUMENT, HostProcess, Launcher};

@@ -4,8 +4,6 @@
 use std::io;
 use std::time::Duration;
 
-use tokio::net::UnixStream;
-use tokio::net::unix::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::sync::{mpsc, watch};
 use tokio::task::AbortHandle;
 use tokio::time::{Instant, sleep_until, timeout};
@@ -14,7 +12,7 @@ use tracing::{debug, warn};
 use super::dialogue::{self, Dialogue, Said};
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
-use super::process::{HostProcess, Launcher};
+use super::process::{HostProcess, Launcher, PipeReader, PipeWriter};
 use crate::robot::channel::{Inbox, Request, Told, events};
 use crate::robot::{BehaviourId, EndReason, Frame, Priority};
 use crate::script::{Ending, Level, LogLine};
@@ -94,8 +92,9 @@ impl Prepared {
                 &format!("{name}: its host cannot be started: {error}"),
             )
         };
-        let (process, stream) = launcher.start(&launch.options.folders()).map_err(broken)?;
-        let (from_host, to_host, pump) = connect(stream);
+        let started = launcher.start(&launch.options.folders());
+        let (process, reader, writer) = started.map_err(broken)?;
+        let (from_host, to_host, pump) = connect(reader, writer);
         let mut prepared = Prepared {
             by,
             name: name.clone(),
@@ -144,8 +143,10 @@ impl Drop for Prepared {
     }
 }
 
-fn connect(stream: UnixStream) -> (Receiver<FromHost>, mpsc::Sender<ToHost>, AbortHandle) {
-    let (reader, writer): (OwnedReadHalf, OwnedWriteHalf) = stream.into_split();
+fn connect(
+    reader: PipeReader,
+    writer: PipeWriter,
+) -> (Receiver<FromHost>, mpsc::Sender<ToHost>, AbortHandle) {
     let (to_host, waiting) = mpsc::channel(MAX_WAITING);
     let pump = tokio::spawn(pump(waiting, Sender::new(writer))).abort_handle();
     (Receiver::new(reader), to_host, pump)

@@ -12,6 +12,7 @@ mod console;
 mod discover;
 mod embedded;
 mod failure;
+mod fast;
 mod interrupt;
 mod learn;
 mod logging;

@@ -14,22 +14,25 @@ use tokio::time::{MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
 
 use super::embedded::EmbeddedSim;
+use super::fast::{EventFile, Fast};
 use super::interrupt::interruption;
 use super::status::StatusLine;
 use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
 use crate::behaviour::{Launch, Launcher, Reload, RestartPolicy, Watched, is_failure, read_source};
 use crate::config::{Config, Entry};
+use crate::lab;
 use crate::link::{self, Target};
 use crate::pilot::{Dial, Settings, Status};
 use crate::robot::EndReason;
 use crate::script::{self, GivenParam, ParamOrigin, ParamValue};
+use crate::sim;
 use crate::wire::Login;
 
 /// Where pictures are saved unless the config says something else.
 pub(super) const DATA_FOLDER: &str = "spykee-data";
 /// How often the status line is drawn anew.
-const STATUS_PERIOD: Duration = Duration::from_millis(250);
+pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
 /// The longest `--for`: a year.
 const LONGEST_RUN: f64 = 366.0 * 86_400.0;
 
@@ -63,8 +66,16 @@ pub(super) struct RunArgs {
     restart: Option<RestartPolicy>,
 
     /// Load a behaviour anew whenever its file is saved; Ctrl-C ends the run
-    #[arg(long)]
+    #[arg(long, conflicts_with = "fast")]
     watch: bool,
+
+    /// With --sim: in virtual time, as fast as it goes. The same seed gives the same run
+    #[arg(long)]
+    fast: bool,
+
+    /// With --fast: write all that happens to this file, one JSON object a line
+    #[arg(long, value_name = "FILE", requires = "fast")]
+    events: Option<PathBuf>,
 
     /// Run without looking for mistakes first
     #[arg(long)]
@@ -106,6 +117,9 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let place = place(&args.connection, &config)?;
     let login = args.connection.login.or_from(&config).login()?;
     tracing::info!(seed, "starting");
+    if args.fast {
+        return fast(&args, &config, place, behaviours, login, seed, console);
+    }
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build();
@@ -120,10 +134,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let launcher = Launcher::this_executable().map_err(|error| {
         Failure::usage(format_args!("cannot find this program's own file: {error}"))
     })?;
-    let names: Vec<String> = behaviours
-        .iter()
-        .map(|behaviour| behaviour.launch.options.name.clone())
-        .collect();
+    let names = names(&behaviours);
     let dial = dial(target, login, config.link.clone());
     let plan = Plan {
         behaviours,
@@ -132,7 +143,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         launcher,
         limit: args.limit,
     };
-    let line = StatusLine::new(names.join(" "), sim.as_ref().map(EmbeddedSim::handle));
+    let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle));
     let outcome = runtime.block_on(async {
         for (watched, reloads) in watches {
             tokio::spawn(watched.run(reloads));
@@ -142,6 +153,51 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
     drop(sim);
     outcome
+}
+
+fn names(behaviours: &[Behaviour]) -> String {
+    let names = behaviours
+        .iter()
+        .map(|behaviour| behaviour.launch.options.name.as_str());
+    names.collect::<Vec<_>>().join(" ")
+}
+
+/// The whole run in virtual time, in this process.
+fn fast(
+    args: &RunArgs,
+    config: &Config,
+    place: Place,
+    behaviours: Vec<Behaviour>,
+    login: Login,
+    seed: u64,
+    console: &Console,
+) -> Result<Exit, Failure> {
+    let Place::Sim(world) = place else {
+        let why = "--fast goes with --sim only: a real robot's time cannot be hurried";
+        return Err(Failure::usage(why).help("spykee run FILE.lua --sim --fast"));
+    };
+    let events = args.events.as_deref().map(EventFile::create).transpose()?;
+    let options = lab::Options {
+        seed,
+        sim: sim::Options {
+            login,
+            ..sim::Options::default()
+        },
+        limits: config.watchdog.clone(),
+        link: config.link.clone(),
+        events: events.as_ref().map(EventFile::recorder),
+        ..lab::Options::default()
+    };
+    let names = names(&behaviours);
+    let fast = Fast {
+        world: super::embedded::load(world.as_deref())?,
+        behaviours,
+        options,
+        limit: args.limit,
+    };
+    let outcome = fast.run(names, console)?;
+    events.map_or(Ok(()), EventFile::finish)?;
+    exit(outcome)
 }
 
 async fn drive(plan: Plan, line: StatusLine, console: &Console) -> Result<Exit, Failure> {

@@ -13,7 +13,10 @@ async fn a_config_in_the_current_folder_is_taken_and_named_in_the_log() {
     let mut run = rig.spykee(&["run"]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let text = run.text();
-    assert!(text.contains("settings from spykee.yaml") && text.contains("from the config"), "{text}");
+    assert!(
+        text.contains("settings from spykee.yaml") && text.contains("from the config"),
+        "{text}"
+    );
 }
 
 #[tokio::test]
@@ -25,13 +28,22 @@ async fn show_says_where_each_value_comes_from_and_no_secret() {
         "user: ann\npassword_file: password.txt\nwatchdog:\n  low: 25\n",
     );
     let mut run = rig.spykee(&[
-        "config", "show", "--origin", "--config", "other.yaml", "--robot", "10.0.0.7",
+        "config",
+        "show",
+        "--origin",
+        "--config",
+        "other.yaml",
+        "--robot",
+        "10.0.0.7",
     ]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let text = run.text();
     let row = |key: &str| {
-        let mut rows = text.lines().map(|line| line.split_whitespace().collect::<Vec<_>>());
-        rows.find(|row| row[0] == key).unwrap_or_else(|| panic!("{text}"))
+        let mut rows = text
+            .lines()
+            .map(|line| line.split_whitespace().collect::<Vec<_>>());
+        rows.find(|row| row[0] == key)
+            .unwrap_or_else(|| panic!("{text}"))
     };
     assert_eq!(row("robot"), ["robot", "10.0.0.7:9000", "--robot"]);
     assert_eq!(row("user"), ["user", "ann", "other.yaml:1"]);
@@ -47,7 +59,12 @@ async fn an_unknown_key_is_told_with_the_nearest_one_and_its_place() {
     let mut run = rig.spykee(&["config", "check"]);
     assert_eq!(run.code().await, Some(4));
     let text = run.text();
-    let told = ["spykee.yaml", "unknown key `lwo`", "line 2 column 3", "did you mean 'low'?"];
+    let told = [
+        "spykee.yaml",
+        "unknown key `lwo`",
+        "line 2 column 3",
+        "did you mean 'low'?",
+    ];
     assert!(told.iter().all(|part| text.contains(part)), "{text}");
     rig.file("good.yaml", "watchdog: { low: 25 }\n");
     let mut run = rig.spykee(&["config", "check", "good.yaml"]);

@@ -155,6 +155,14 @@ async fn a_frozen_higher_stands_still_before_the_lower_goes_on() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_behaviour_that_holds_the_tracks_still_is_not_taken_for_dead() {
+    let rig = Rig::quiet().await;
+    let mut run = rig.run("robot.move(0, 0) task.wait(1) print('alive')");
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert!(run.text().contains("alive"), "{}", run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_frozen_lower_that_stands_by_does_not_disturb_the_higher() {
     let crew = Crew::of(&[PATROL, ("avoid", 10, &avoid(100, 101, -50))]).await;
     let at = crew.hears(0, 36).await;
