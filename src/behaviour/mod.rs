@@ -7,6 +7,8 @@ mod confine;
 mod dialogue;
 mod gallery;
 mod host;
+mod keeper;
+mod library;
 mod message;
 mod pipe;
 mod policy;
@@ -16,6 +18,7 @@ mod watch;
 
 pub use dialogue::{Dialogue, Order, Said};
 pub use host::{STACK, host, host_main};
+pub use library::Library;
 pub use message::{FromHost, Launch, ToHost};
 pub use policy::{Patience, RestartPolicy, Restarts, Verdict, is_failure};
 pub use process::{HOST_ARGUMENT, HostProcess, Launcher};

@@ -78,7 +78,9 @@ pub(super) fn before_run(
 ) -> Result<(), Failure> {
     let mut findings = Vec::new();
     for behaviour in behaviours {
-        let Launch { source, options } = &behaviour.launch;
+        let Launch {
+            source, options, ..
+        } = &behaviour.launch;
         findings.extend(of_source(source, Path::new(&options.chunk), config));
     }
     let (errors, warnings): (Vec<_>, Vec<_>) = findings

@@ -17,6 +17,7 @@ mod interrupt;
 mod learn;
 mod logging;
 mod new;
+mod params;
 mod picture;
 mod repl;
 mod run;

@@ -20,7 +20,7 @@ use super::embedded::EmbeddedSim;
 use super::run::{DATA_FOLDER, dial, place, reach};
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::agent::{AgentError, Talk, TalkError};
-use crate::behaviour::{Launch, Launcher, Order, Said};
+use crate::behaviour::{Launch, Launcher, Library, Order, Said};
 use crate::config::Config;
 use crate::pilot::Settings;
 use crate::robot::EndReason;
@@ -108,8 +108,11 @@ fn launch(config: &Config, seed: u64) -> Result<Launch, Failure> {
         interactive: true,
         ..script::Options::new(NAME, NAME)
     };
-    let source = Vec::new();
-    Ok(Launch { source, options })
+    Ok(Launch {
+        source: Vec::new(),
+        options,
+        library: Library::new(PathBuf::from(".")),
+    })
 }
 
 async fn converse(talk: Talk, console: &Console) -> Result<Exit, Failure> {

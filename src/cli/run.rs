@@ -16,10 +16,13 @@ use tokio_util::sync::CancellationToken;
 use super::embedded::EmbeddedSim;
 use super::fast::{EventFile, Fast};
 use super::interrupt::interruption;
+use super::params::{self, Param};
 use super::status::StatusLine;
 use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
-use crate::behaviour::{Launch, Launcher, Reload, RestartPolicy, Watched, is_failure, read_source};
+use crate::behaviour::{
+    Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure, read_source,
+};
 use crate::config::{Config, Entry};
 use crate::lab;
 use crate::link::{self, Target};
@@ -80,6 +83,10 @@ pub(super) struct RunArgs {
     /// Run without looking for mistakes first
     #[arg(long)]
     no_check: bool,
+
+    /// Set a parameter that the script declares; with several behaviours BEHAVIOUR.NAME=VALUE
+    #[arg(long = "param", value_name = "NAME=VALUE", value_parser = Param::parse)]
+    params: Vec<Param>,
 
     #[command(flatten)]
     connection: ConnectionArgs,
@@ -320,6 +327,8 @@ fn behaviours(
         }
         behaviours.push(behaviour);
     }
+    let options = behaviours.iter_mut().map(|one| &mut one.launch.options);
+    params::give(&args.params, options.collect())?;
     Ok((behaviours, watches))
 }
 
@@ -345,9 +354,15 @@ fn behaviour(
         data_dir: Some(data),
         ..script::Options::new(name, entry.file.display().to_string())
     };
+    let folder = entry.file.parent().unwrap_or(Path::new(""));
+    let library = Library::new(folder.to_owned());
     Ok(Behaviour {
         priority: entry.priority,
-        launch: Launch { source, options },
+        launch: Launch {
+            source,
+            options,
+            library,
+        },
         restart: args.restart.unwrap_or(entry.restart),
         reloads: None,
     })

@@ -7,6 +7,7 @@ use tokio::time::Instant;
 
 use super::eval::Evaluated;
 use super::failure::printable;
+use super::modules::ModuleName;
 use crate::robot::Intent;
 
 /// Intents that may wait to be taken.
@@ -29,6 +30,8 @@ pub enum Output {
     Log(LogLine),
     /// What became of the line that a person typed.
     Evaluated(Evaluated),
+    /// The file of this module is wanted: see [`Script::deliver_module`](super::Script::deliver_module).
+    Module(ModuleName),
 }
 
 /// How much a log line matters.
@@ -115,6 +118,11 @@ impl Outbox {
         if self.waiting.last() != Some(&Output::Intent(Intent::Stop)) {
             self.send(Intent::Stop);
         }
+    }
+
+    /// Asks for a module; of those there are few.
+    pub(super) fn ask(&mut self, name: ModuleName) {
+        self.waiting.push(Output::Module(name));
     }
 
     /// Logs, or counts if there were too many lines this second.

@@ -9,13 +9,14 @@ mod motion;
 mod properties;
 mod sounds_and_lights;
 mod tasks;
+mod typed;
 mod vision;
 
 use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::{Ending, Level, LogLine, Options, Output, Script};
+use super::{Ending, Evaluated, Level, LogLine, ModuleFile, ModuleName, Options, Output, Script};
 use crate::robot::{EndReason, Event, Intent, MotionEnd, RobotInfo};
 
 /// A script and what it has sent.
@@ -24,6 +25,10 @@ struct Rig {
     now: Instant,
     intents: Vec<Intent>,
     log: Vec<LogLine>,
+    /// Modules that the script has asked for.
+    modules: Vec<ModuleName>,
+    /// What became of typed lines.
+    answers: Vec<Evaluated>,
 }
 
 impl Rig {
@@ -49,6 +54,8 @@ impl Rig {
             now,
             intents: Vec::new(),
             log: Vec::new(),
+            modules: Vec::new(),
+            answers: Vec::new(),
         }
     }
 
@@ -68,6 +75,8 @@ impl Rig {
             match output {
                 Output::Intent(intent) => self.intents.push(intent),
                 Output::Log(line) => self.log.push(line),
+                Output::Module(name) => self.modules.push(name),
+                Output::Evaluated(answer) => self.answers.push(answer),
             }
         }
     }
