@@ -80,7 +80,10 @@ fn parse_name(text: &str) -> Result<String, String> {
 /// # Errors
 /// If it is there or cannot be made.
 pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
-    let folder = args.into.join(&args.name);
+    let folder = match args.into.as_os_str() == "." {
+        true => PathBuf::from(&args.name),
+        false => args.into.join(&args.name),
+    };
     let shown = folder.display();
     fs::create_dir_all(&args.into).map_err(|error| {
         Failure::usage(format_args!("cannot make {}: {error}", args.into.display()))
