@@ -2,6 +2,7 @@
 //! everything to an end within two seconds, whoever asks for it and whatever hangs.
 
 mod keeper;
+mod talk;
 
 use std::time::Duration;
 
@@ -12,6 +13,7 @@ use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
 
 use self::keeper::{Keeper, Surroundings};
+pub use self::talk::{Talk, TalkError};
 use crate::behaviour::{Launch, Launcher, Prepared, Reload, RestartPolicy};
 use crate::link::LinkError;
 use crate::pilot::{self, Dial, LinkState, Pilot, Settings, Status};

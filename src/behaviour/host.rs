@@ -219,6 +219,8 @@ impl Host {
                 let at = now.checked_sub(age).unwrap_or(now);
                 self.script.deliver_frame(Frame { seq, at, jpeg }, now);
             }
+            ToHost::Evaluate { text, more } => self.script.evaluate(&text, more, now),
+            ToHost::Interrupt => self.script.interrupt(now),
             ToHost::Module(name, file) => self.script.deliver_module(&name, file, now),
             ToHost::Stop(reason) => self.script.stop(reason, now),
             ToHost::Load(_) | ToHost::Go => {}
@@ -245,6 +247,7 @@ impl Host {
             let message = match output {
                 Output::Intent(intent) => FromHost::Intent(intent),
                 Output::Log(line) => FromHost::Log(line),
+                Output::Evaluated(evaluated) => FromHost::Evaluated(evaluated),
                 Output::Module(name) => FromHost::Module(name),
             };
             self.outbox.feed(&message).await?;

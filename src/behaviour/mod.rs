@@ -4,6 +4,7 @@
 
 mod calls;
 mod confine;
+mod dialogue;
 mod gallery;
 mod host;
 mod keeper;
@@ -15,6 +16,7 @@ mod process;
 mod supervisor;
 mod watch;
 
+pub use dialogue::{Dialogue, Order, Said};
 pub use host::{STACK, host, host_main};
 pub use library::Library;
 pub use message::{FromHost, Launch, ToHost};

@@ -9,6 +9,7 @@ use tokio::task::AbortHandle;
 use tokio::time::{Instant, sleep_until, timeout};
 use tracing::{debug, warn};
 
+use super::dialogue::{self, Dialogue, Said};
 use super::library::Library;
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
@@ -73,6 +74,7 @@ pub struct Supervisor {
     last_frame: u64,
     frame_wanted: bool,
     dropped: u64,
+    dialogue: Option<Dialogue>,
 }
 
 impl Prepared {
@@ -212,6 +214,16 @@ impl Supervisor {
             last_frame,
             frame_wanted,
             dropped,
+            dialogue: None,
+        }
+    }
+
+    /// Somebody types lines for the script and hears what it says.
+    #[must_use]
+    pub fn with_dialogue(self, dialogue: Dialogue) -> Supervisor {
+        Supervisor {
+            dialogue: Some(dialogue),
+            ..self
         }
     }
 
@@ -257,6 +269,11 @@ impl Supervisor {
                     last_moment = Some((Instant::now() + STOP_TIME, reason));
                 }
                 Some(reason) = at(last_moment) => return Some(self.killed(reason)),
+                order = dialogue::next(&mut self.dialogue) => {
+                    if !self.pass_on(order.into()) {
+                        return Some(self.deaf());
+                    }
+                }
                 message = self.host.from_host.next() => match message {
                     Ok(Some(FromHost::Ended(ending))) => return Some(ending),
                     Ok(Some(message)) => self.heard(message).await,
@@ -280,7 +297,16 @@ impl Supervisor {
                 self.frame_wanted = true;
                 return self.pass_frame();
             }
-            FromHost::Log(line) => return log(&self.host.name, &line),
+            FromHost::Log(line) => match &self.dialogue {
+                Some(dialogue) => return dialogue.say(Said::Line(line)),
+                None => return log(&self.host.name, &line),
+            },
+            FromHost::Evaluated(evaluated) => {
+                if let Some(dialogue) = &self.dialogue {
+                    dialogue.say(Said::Evaluated(evaluated));
+                }
+                return;
+            }
             FromHost::Module(name) => {
                 // One that asks for more than there is room for is not honest, and gets nothing.
                 let _ = self.host.modules.try_send(name);

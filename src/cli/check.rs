@@ -31,10 +31,7 @@ pub(super) struct CheckArgs {
 const MAX_DEPTH: u32 = 16;
 
 pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
-    let config = match &args.config {
-        Some(path) => Config::load(path).map_err(Failure::usage)?,
-        None => Config::default(),
-    };
+    let config = Config::effective(args.config.as_deref()).map_err(Failure::usage)?;
     let mut files = Vec::new();
     for path in &args.files {
         collect(path, 0, &mut files)?;

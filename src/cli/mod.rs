@@ -4,10 +4,11 @@
 mod album;
 mod api;
 mod blobs;
-mod check;
 mod calibrate;
+mod check;
 mod colours;
 mod completions;
+mod config;
 mod connection;
 mod console;
 mod discover;
@@ -19,8 +20,10 @@ mod fast;
 mod interrupt;
 mod learn;
 mod logging;
+mod new;
 mod params;
 mod picture;
+mod repl;
 mod robot;
 mod run;
 mod screen;
@@ -31,11 +34,12 @@ mod table;
 
 use std::future::Future;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
 use crate::behaviour::{HOST_ARGUMENT, host_main};
+use crate::config::{Effective, Format, Logging};
 use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 
 pub use connection::{ConnectionArgs, LoginArgs, Place};
@@ -54,9 +58,18 @@ struct Cli {
     #[command(subcommand)]
     command: Command,
 
-    /// How logs are written on stderr; $RUST_LOG chooses what is logged
-    #[arg(long, value_enum, default_value = "text", global = true)]
-    log_format: LogFormat,
+    /// How logs are written on stderr [default: text]; $RUST_LOG chooses what is logged
+    #[arg(long, value_enum, global = true)]
+    log_format: Option<LogFormat>,
+}
+
+impl From<Format> for LogFormat {
+    fn from(format: Format) -> LogFormat {
+        match format {
+            Format::Text => LogFormat::Text,
+            Format::Json => LogFormat::Json,
+        }
+    }
 }
 
 /// How logs are written.
@@ -71,6 +84,9 @@ pub enum LogFormat {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(run::RunArgs),
+    New(new::NewArgs),
+    Repl(repl::ReplArgs),
+    Config(config::ConfigArgs),
     Check(check::CheckArgs),
     Api(api::ApiArgs),
     Discover(discover::DiscoverArgs),
@@ -84,9 +100,22 @@ enum Command {
 }
 
 impl Command {
+    /// The config file that was named, for a command that reads one.
+    fn config_file(&self) -> Option<&Path> {
+        match self {
+            Command::Run(args) => args.config.as_deref(),
+            Command::Repl(args) => args.config.as_deref(),
+            Command::Config(args) => args.file(),
+            _ => None,
+        }
+    }
+
     fn run(self, console: &Console) -> Result<Exit, Failure> {
         match self {
             Command::Run(args) => run::run(&args, console),
+            Command::New(args) => new::run(&args),
+            Command::Repl(args) => repl::run(&args, console),
+            Command::Config(args) => config::run(&args),
             Command::Check(args) => check::run(&args),
             Command::Api(args) => api::run(&args),
             Command::Discover(args) => discover::run(&args, console),
@@ -120,11 +149,15 @@ pub fn main() -> ExitCode {
             .into();
         }
     };
-    let Ok(console) = Console::start(cli.log_format) else {
+    // A config that is wrong is told by the command that needs it.
+    let logs = Effective::load(cli.command.config_file());
+    let logs = logs.map_or_else(|_| Logging::default(), |all| all.config.logging);
+    let format = cli.log_format.unwrap_or(logs.format.into());
+    let Ok(console) = Console::start(format, logs.colour) else {
         return Exit::Usage.into();
     };
     report_panics(console.clone());
-    logging::start(&console, cli.log_format);
+    logging::start(&console, format, logs.level);
     let (exit, last_words) = match cli.command.run(&console) {
         Ok(exit) => (exit, None),
         Err(failure) => (failure.exit, Some(failure.report())),

@@ -21,9 +21,7 @@ use super::source::read_source;
 use super::status::StatusLine;
 use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
-use crate::behaviour::{
-    Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure,
-};
+use crate::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure};
 use crate::config::{Config, Entry};
 use crate::lab;
 use crate::link::{self, Target};
@@ -34,7 +32,7 @@ use crate::sim;
 use crate::wire::Login;
 
 /// Where pictures are saved unless the config says something else.
-const DATA_FOLDER: &str = "spykee-data";
+pub(super) const DATA_FOLDER: &str = "spykee-data";
 /// How often the status line is drawn anew.
 pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
 /// The longest `--for`: a year.
@@ -49,7 +47,7 @@ pub(super) struct RunArgs {
 
     /// Read the settings from this YAML file
     #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
+    pub(super) config: Option<PathBuf>,
 
     /// End after so many seconds
     #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
@@ -73,10 +71,6 @@ pub(super) struct RunArgs {
     #[arg(long, conflicts_with = "fast")]
     watch: bool,
 
-    /// Run without looking for mistakes first
-    #[arg(long)]
-    no_check: bool,
-
     /// With --sim: in virtual time, as fast as it goes. The same seed gives the same run
     #[arg(long)]
     fast: bool,
@@ -84,6 +78,10 @@ pub(super) struct RunArgs {
     /// With --fast: write all that happens to this file, one JSON object a line
     #[arg(long, value_name = "FILE", requires = "fast")]
     events: Option<PathBuf>,
+
+    /// Run without looking for mistakes first
+    #[arg(long)]
+    no_check: bool,
 
     /// Set a parameter that the script declares; with several behaviours BEHAVIOUR.NAME=VALUE
     #[arg(long = "param", value_name = "NAME=VALUE", value_parser = Param::parse)]
@@ -116,10 +114,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let mut args = args.clone();
     args.files
         .extend(args.connection.take_misplaced_behaviour());
-    let config = match &args.config {
-        Some(path) => Config::load(path).map_err(Failure::usage)?,
-        None => Config::default(),
-    };
+    let config = Config::effective(args.config.as_deref()).map_err(Failure::usage)?;
     let seed = args.seed.unwrap_or_else(rand::random);
     let (behaviours, watches) = behaviours(&args, &config, seed)?;
     if !args.no_check {
@@ -409,8 +404,6 @@ fn marked_folder(
         .create(&folder);
     made.map_err(|error| refused(&error))?;
     Ok(Some(folder))
-}
-
 }
 
 /// Two behaviours of one name would share a data folder.

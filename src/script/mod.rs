@@ -19,6 +19,7 @@ pub mod check;
 mod damage;
 mod declaration;
 mod ending;
+mod eval;
 mod events;
 mod failure;
 mod group;
@@ -60,6 +61,7 @@ use task::{Answer, Kind};
 
 pub use api::definition;
 pub(crate) use api::write_privately;
+pub use eval::Evaluated;
 pub use failure::{Ending, Failure};
 pub use modules::{ModuleFile, ModuleName};
 pub use nearest::suggestion;

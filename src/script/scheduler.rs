@@ -135,6 +135,10 @@ impl State {
             (Kind::Child(group, index), outcome) => self.child_ended(group, index, outcome),
             (Kind::Handler(subscription), outcome) => self.handled(subscription, &outcome),
             (Kind::Main, Outcome::Failed(text)) => self.fail(text),
+            (Kind::Line, outcome) => {
+                let answer = self.evaluated(outcome);
+                self.outbox.answer(answer);
+            }
             (Kind::Spawned | Kind::Farewell, Outcome::Failed(text)) => self.complain(&text),
             _ => {}
         }
@@ -214,6 +218,9 @@ impl State {
 
     /// Whether nothing is left that could ever run.
     pub(super) fn is_finished(&self) -> bool {
-        matches!(self.life, Life::Running) && self.tasks.is_empty() && self.subscriptions.is_empty()
+        matches!(self.life, Life::Running)
+            && !self.options.interactive
+            && self.tasks.is_empty()
+            && self.subscriptions.is_empty()
     }
 }

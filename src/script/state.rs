@@ -75,6 +75,8 @@ pub(super) struct State {
     pub(super) options: Options,
     /// The script's text, to show its lines in messages.
     pub(super) source: String,
+    /// What a person typed last.
+    pub(super) line: String,
     pub(super) start: Instant,
     pub(super) now: Instant,
     pub(super) tasks: Tasks,
@@ -124,6 +126,7 @@ impl State {
         State {
             options,
             source: String::new(),
+            line: String::new(),
             start: now,
             now,
             tasks: Tasks::default(),
@@ -321,6 +324,7 @@ impl State {
         let task = self.tasks.running()?;
         Some(match task.kind {
             Kind::Handler(id) => Owner::Subscription(id),
+            Kind::Line => Owner::Lines,
             _ => Owner::Task(task.handle.id),
         })
     }

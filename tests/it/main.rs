@@ -2,9 +2,10 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, unreachable_pub)]
 
 mod behaviours;
-mod check;
 mod calibrate;
+mod check;
 mod cli;
+mod config;
 mod doctor;
 mod eyes;
 mod fast;
@@ -13,14 +14,16 @@ mod floors;
 mod frames;
 mod hostile;
 mod link;
+mod new;
 mod pilot;
 mod priorities;
+mod repl;
 mod rig;
 mod run;
 mod safety;
 mod secrets;
 mod sim;
-mod supervision;
 mod stdlib;
+mod supervision;
 mod tools;
 mod vision;

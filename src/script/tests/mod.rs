@@ -14,13 +14,14 @@ mod sounds_and_lights;
 mod stdlib;
 mod store;
 mod tasks;
+mod typed;
 mod vision;
 
 use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::{Ending, Level, LogLine, ModuleName, Options, Output, Script};
+use super::{Ending, Evaluated, Level, LogLine, ModuleFile, ModuleName, Options, Output, Script};
 use crate::robot::{EndReason, Event, Intent, MotionEnd, RobotInfo};
 
 /// A script and what it has sent.
@@ -31,6 +32,8 @@ struct Rig {
     log: Vec<LogLine>,
     /// Modules that the script has asked for.
     modules: Vec<ModuleName>,
+    /// What became of typed lines.
+    answers: Vec<Evaluated>,
 }
 
 impl Rig {
@@ -57,6 +60,7 @@ impl Rig {
             intents: Vec::new(),
             log: Vec::new(),
             modules: Vec::new(),
+            answers: Vec::new(),
         }
     }
 
@@ -77,6 +81,7 @@ impl Rig {
                 Output::Intent(intent) => self.intents.push(intent),
                 Output::Log(line) => self.log.push(line),
                 Output::Module(name) => self.modules.push(name),
+                Output::Evaluated(answer) => self.answers.push(answer),
             }
         }
     }
