@@ -192,7 +192,7 @@ async fn an_interruption_ends_a_fast_run_promptly() {
     let rig = Rig::quiet().await;
     let script = rig.file(
         "drives.lua",
-        "log.info('driving') robot.move(20, 30) task.wait(1e7)",
+        "log.info('driving') robot.move(20, 30) while true do task.wait(1) end",
     );
     let mut run = rig.spykee(&["run", script.to_str().unwrap(), "--sim", "--fast"]);
     run.says("driving").await;
