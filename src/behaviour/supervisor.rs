@@ -9,15 +9,18 @@ use tokio::task::AbortHandle;
 use tokio::time::{Instant, sleep_until, timeout};
 use tracing::{debug, warn};
 
+use super::library::Library;
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
 use super::process::{HostProcess, Launcher, PipeReader, PipeWriter};
 use crate::robot::channel::{Inbox, Request, Told, events};
 use crate::robot::{BehaviourId, EndReason, Frame, Priority};
-use crate::script::{Ending, Level, LogLine};
+use crate::script::{Ending, Level, LogLine, ModuleName};
 
 /// Messages that may wait for a host that does not read.
 const MAX_WAITING: usize = 128;
+/// Modules that a host may ask for in its life; an honest one asks for fewer.
+const MAX_MODULES: usize = 256;
 /// How long a host may take to load its script.
 const LOAD_TIME: Duration = Duration::from_secs(5);
 /// How long a script's last words may take (`API.md`, `script.on_stop`), and the host's way out.
@@ -34,6 +37,7 @@ pub struct Prepared {
     process: HostProcess,
     from_host: Receiver<FromHost>,
     to_host: mpsc::Sender<ToHost>,
+    modules: mpsc::Sender<ModuleName>,
     pump: AbortHandle,
 }
 
@@ -93,6 +97,7 @@ impl Prepared {
         let started = launcher.start(&launch.options.folders());
         let (process, reader, writer) = started.map_err(broken)?;
         let (from_host, to_host, pump) = connect(reader, writer);
+        let modules = librarian(launch.library.clone(), to_host.clone());
         let mut prepared = Prepared {
             by,
             name: name.clone(),
@@ -100,6 +105,7 @@ impl Prepared {
             process,
             from_host,
             to_host,
+            modules,
             pump,
         };
         let _ = prepared.to_host.try_send(ToHost::Load(Box::new(launch)));
@@ -160,6 +166,28 @@ async fn pump(mut waiting: mpsc::Receiver<ToHost>, mut sender: Sender<ToHost>) {
     }
 }
 
+/// Reads modules for a host, one after the other, on a thread that may wait for a disk. Ends with
+/// the behaviour.
+fn librarian(library: Library, to_host: mpsc::Sender<ToHost>) -> mpsc::Sender<ModuleName> {
+    let (ask, mut asked) = mpsc::channel::<ModuleName>(MAX_MODULES);
+    tokio::spawn(async move {
+        let mut left = MAX_MODULES;
+        while let Some(name) = asked.recv().await {
+            left = match left.checked_sub(1) {
+                Some(left) => left,
+                None => return,
+            };
+            let (shelf, wanted) = (library.clone(), name.clone());
+            let fetched = tokio::task::spawn_blocking(move || shelf.fetch(&wanted)).await;
+            let file = fetched.unwrap_or_else(|error| Err(error.to_string()));
+            if to_host.send(ToHost::Module(name, file)).await.is_err() {
+                return;
+            }
+        }
+    });
+    ask
+}
+
 impl Supervisor {
     /// Brings a prepared behaviour aboard: the pilot knows it from now on.
     pub async fn board(
@@ -170,6 +198,7 @@ impl Supervisor {
         let (outbox, inbox) = events();
         let join = Request::Join {
             by: host.by,
+            name: host.name.clone(),
             priority: host.priority,
             outbox,
         };
@@ -191,6 +220,11 @@ impl Supervisor {
         let mut stop = handle.stop.subscribe();
         let ending = self.serve(&mut stop).await;
         let _ = self.requests.send(Request::Gone(self.host.by)).await;
+        let ending = match ending {
+            Some(ending) => ending,
+            // Why it broke takes time to find out; its motion has stopped by then.
+            None => self.host.broken().await,
+        };
         self.bury().await;
         if self.dropped > 0 {
             warn!(behaviour = %self.host.name, dropped = self.dropped, "events did not reach it");
@@ -198,7 +232,8 @@ impl Supervisor {
         ending
     }
 
-    async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Ending {
+    /// Until it has ended; `None` if its host has, without a word.
+    async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Option<Ending> {
         let (mut last_moment, mut running) = (None, false);
         let picture = self.inbox.picture();
         loop {
@@ -208,12 +243,12 @@ impl Supervisor {
                     Told::Event(event) => {
                         let (answer, go) = (event.is_answer(), event.is_welcome() && !running);
                         if !self.pass_on(ToHost::Event(event)) && answer {
-                            return self.deaf();
+                            return Some(self.deaf());
                         }
                         running |= go && self.pass_on(ToHost::Go);
                     }
-                    Told::Kill(reason) => return self.killed(reason),
-                    Told::Closed => return self.killed(EndReason::Shutdown),
+                    Told::Kill(reason) => return Some(self.killed(reason)),
+                    Told::Closed => return Some(self.killed(EndReason::Shutdown)),
                 },
                 Ok(()) = stop.changed(), if last_moment.is_none() => {
                     let reason = stop.borrow_and_update().unwrap_or(EndReason::Shutdown);
@@ -221,14 +256,14 @@ impl Supervisor {
                     running = running || self.pass_on(ToHost::Go);
                     last_moment = Some((Instant::now() + STOP_TIME, reason));
                 }
-                Some(reason) = at(last_moment) => return self.killed(reason),
+                Some(reason) = at(last_moment) => return Some(self.killed(reason)),
                 message = self.host.from_host.next() => match message {
-                    Ok(Some(FromHost::Ended(ending))) => return ending,
+                    Ok(Some(FromHost::Ended(ending))) => return Some(ending),
                     Ok(Some(message)) => self.heard(message).await,
-                    Ok(None) => return self.host.broken().await,
+                    Ok(None) => return None,
                     Err(error) => {
                         debug!("a host broke the pipe: {error}");
-                        return self.host.broken().await;
+                        return None;
                     }
                 },
                 () = picture.notified(), if self.frame_wanted => self.pass_frame(),
@@ -246,6 +281,11 @@ impl Supervisor {
                 return self.pass_frame();
             }
             FromHost::Log(line) => return log(&self.host.name, &line),
+            FromHost::Module(name) => {
+                // One that asks for more than there is room for is not honest, and gets nothing.
+                let _ = self.host.modules.try_send(name);
+                return;
+            }
             FromHost::Ready | FromHost::Ended(_) => return,
         };
         let _ = self.requests.send(request).await;

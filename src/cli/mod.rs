@@ -13,6 +13,7 @@ mod fast;
 mod interrupt;
 mod learn;
 mod logging;
+mod params;
 mod picture;
 mod run;
 mod screen;

@@ -58,7 +58,8 @@ impl Pilot {
         for report in early {
             lost = self.report(report).await.or(lost);
         }
-        self.apply_streams(true).await.or(lost)
+        lost = self.apply_streams(true).await.or(lost);
+        self.sound_alarm().await.or(lost)
     }
 
     /// What a behaviour must know of a robot that is connected.

@@ -19,6 +19,8 @@ pub enum Request {
     Join {
         /// Its number.
         by: BehaviourId,
+        /// What people call it.
+        name: String,
         /// Its priority.
         priority: Priority,
         /// Where it is told.
@@ -30,6 +32,8 @@ pub enum Request {
     Alive(BehaviourId),
     /// A behaviour is no more.
     Gone(BehaviourId),
+    /// Something went wrong for good that a person should know: sound the alarm, once.
+    Alarm,
 }
 
 /// Makes the two ends of a behaviour's line from the pilot.

@@ -18,7 +18,6 @@ fn what_a_script_never_gets_is_not_there() {
         "load",
         "dofile",
         "loadfile",
-        "require",
         "getfenv",
         "setfenv",
         "newproxy",

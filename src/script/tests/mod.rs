@@ -4,9 +4,13 @@ mod events;
 mod hostile;
 mod language;
 mod life;
+mod modules;
 mod motion;
+mod params;
 mod properties;
 mod sounds_and_lights;
+mod stdlib;
+mod store;
 mod tasks;
 mod vision;
 
@@ -14,7 +18,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::{Ending, Level, LogLine, Options, Output, Script};
+use super::{Ending, Level, LogLine, ModuleName, Options, Output, Script};
 use crate::robot::{EndReason, Event, Intent, MotionEnd, RobotInfo};
 
 /// A script and what it has sent.
@@ -23,6 +27,8 @@ struct Rig {
     now: Instant,
     intents: Vec<Intent>,
     log: Vec<LogLine>,
+    /// Modules that the script has asked for.
+    modules: Vec<ModuleName>,
 }
 
 impl Rig {
@@ -48,6 +54,7 @@ impl Rig {
             now,
             intents: Vec::new(),
             log: Vec::new(),
+            modules: Vec::new(),
         }
     }
 
@@ -67,6 +74,7 @@ impl Rig {
             match output {
                 Output::Intent(intent) => self.intents.push(intent),
                 Output::Log(line) => self.log.push(line),
+                Output::Module(name) => self.modules.push(name),
             }
         }
     }
@@ -80,6 +88,24 @@ impl Rig {
         }
         self.now = end;
         self.run();
+    }
+
+    /// Answers what was required so far, from these files, until nothing more is asked for.
+    fn serve(&mut self, files: &[(&str, &str)]) {
+        while !self.modules.is_empty() {
+            let name = self.modules.remove(0);
+            let known = files.iter().find(|(file, _)| {
+                let stem = file.trim_end_matches(".luau").trim_end_matches(".lua");
+                stem == name.as_str()
+            });
+            let file = known.map(|(file, source)| ModuleFile {
+                file: (*file).to_owned(),
+                source: source.as_bytes().to_vec(),
+            });
+            let file = file.ok_or_else(|| format!("module '{}' was not found", name.as_str()));
+            self.script.deliver_module(&name, file, self.now);
+            self.run();
+        }
     }
 
     fn deliver(&mut self, event: Event) {
