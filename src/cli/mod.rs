@@ -2,11 +2,17 @@
 //! does lives on lower floors.
 
 mod album;
+mod api;
 mod blobs;
+mod check;
+mod calibrate;
 mod colours;
+mod completions;
 mod connection;
 mod console;
 mod discover;
+mod doctor;
+mod driver;
 mod embedded;
 mod failure;
 mod fast;
@@ -15,9 +21,11 @@ mod learn;
 mod logging;
 mod params;
 mod picture;
+mod robot;
 mod run;
 mod screen;
 mod sim;
+mod source;
 mod status;
 mod table;
 
@@ -28,7 +36,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use crate::behaviour::{HOST_ARGUMENT, host_main};
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 
 pub use connection::{ConnectionArgs, LoginArgs, Place};
 pub use console::Console;
@@ -63,20 +71,32 @@ pub enum LogFormat {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(run::RunArgs),
+    Check(check::CheckArgs),
+    Api(api::ApiArgs),
     Discover(discover::DiscoverArgs),
     Sim(sim::SimArgs),
     Blobs(blobs::BlobsArgs),
     Learn(learn::LearnArgs),
+    Robot(robot::RobotArgs),
+    Calibrate(calibrate::CalibrateArgs),
+    Doctor(doctor::DoctorArgs),
+    Completions(completions::CompletionsArgs),
 }
 
 impl Command {
     fn run(self, console: &Console) -> Result<Exit, Failure> {
         match self {
             Command::Run(args) => run::run(&args, console),
+            Command::Check(args) => check::run(&args),
+            Command::Api(args) => api::run(&args),
             Command::Discover(args) => discover::run(&args, console),
             Command::Sim(args) => sim::run(&args, console),
             Command::Blobs(args) => blobs::run(&args, console),
             Command::Learn(args) => learn::run(&args, console),
+            Command::Robot(args) => robot::run(&args, console),
+            Command::Calibrate(args) => calibrate::run(&args),
+            Command::Doctor(args) => doctor::run(&args),
+            Command::Completions(args) => completions::run(&args, Cli::command()),
         }
     }
 }

@@ -17,11 +17,12 @@ use super::embedded::EmbeddedSim;
 use super::fast::{EventFile, Fast};
 use super::interrupt::interruption;
 use super::params::{self, Param};
+use super::source::read_source;
 use super::status::StatusLine;
-use super::{ConnectionArgs, Console, Exit, Failure, Place};
+use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
 use crate::behaviour::{
-    Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure, read_source,
+    Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure,
 };
 use crate::config::{Config, Entry};
 use crate::lab;
@@ -72,6 +73,10 @@ pub(super) struct RunArgs {
     #[arg(long, conflicts_with = "fast")]
     watch: bool,
 
+    /// Run without looking for mistakes first
+    #[arg(long)]
+    no_check: bool,
+
     /// With --sim: in virtual time, as fast as it goes. The same seed gives the same run
     #[arg(long)]
     fast: bool,
@@ -117,6 +122,9 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     };
     let seed = args.seed.unwrap_or_else(rand::random);
     let (behaviours, watches) = behaviours(&args, &config, seed)?;
+    if !args.no_check {
+        check::before_run(&behaviours, console)?;
+    }
     let place = place(&args.connection, &config)?;
     let login = args.connection.login.or_from(&config).login()?;
     tracing::info!(seed, "starting");
@@ -258,7 +266,7 @@ async fn show(
     }
 }
 
-fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure> {
+pub(super) fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure> {
     let from_config = || config.robot.clone().map(Place::Robot);
     connection.place().or_else(from_config).ok_or_else(|| {
         Failure::usage("which robot? neither --robot nor --sim was given").help(
@@ -268,7 +276,11 @@ fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure>
     })
 }
 
-fn reach(place: Place, login: &Login, seed: u64) -> Result<(Target, Option<EmbeddedSim>), Failure> {
+pub(super) fn reach(
+    place: Place,
+    login: &Login,
+    seed: u64,
+) -> Result<(Target, Option<EmbeddedSim>), Failure> {
     match place {
         Place::Robot(target) => Ok((target, None)),
         Place::Sim(world) => {
@@ -283,7 +295,7 @@ fn reach(place: Place, login: &Login, seed: u64) -> Result<(Target, Option<Embed
     }
 }
 
-fn dial(target: Target, login: Login, options: link::Options) -> Dial {
+pub(super) fn dial(target: Target, login: Login, options: link::Options) -> Dial {
     Box::new(move || {
         let (target, login, options) = (target.clone(), login.clone(), options.clone());
         Box::pin(async move { link::connect(&target, &login, &options).await })
@@ -331,7 +343,7 @@ fn behaviour(
     seed: u64,
     names: &mut Vec<String>,
 ) -> Result<Behaviour, Failure> {
-    let source = source(&entry.file)?;
+    let source = read_source(&entry.file)?;
     let name = unique(entry.name(), names);
     let data = config.data.clone().unwrap_or_else(|| DATA_FOLDER.into());
     let data = std::path::absolute(data.join(&name)).map_err(Failure::usage)?;
@@ -399,14 +411,6 @@ fn marked_folder(
     Ok(Some(folder))
 }
 
-fn source(path: &Path) -> Result<Vec<u8>, Failure> {
-    read_source(path).map_err(|error| {
-        Failure::usage(format_args!(
-            "cannot read the behaviour {}: {error}",
-            path.display()
-        ))
-        .help("ready-made behaviours are in behaviours/")
-    })
 }
 
 /// Two behaviours of one name would share a data folder.

@@ -15,6 +15,7 @@
 mod api;
 mod arguments;
 mod budget;
+pub mod check;
 mod damage;
 mod declaration;
 mod ending;
@@ -57,6 +58,7 @@ use events::EventName;
 use state::State;
 use task::{Answer, Kind};
 
+pub use api::definition;
 pub(crate) use api::write_privately;
 pub use failure::{Ending, Failure};
 pub use modules::{ModuleFile, ModuleName};
@@ -107,7 +109,9 @@ impl Script {
     fn start(source: &str, options: Options, now: Instant) -> LuaResult<Script> {
         let lua = sandbox::open()?;
         let (chunk, seed) = (options.chunk.clone(), options.seed);
+        let text = source.to_owned();
         let state = Rc::new(RefCell::new(State::new(options, now)));
+        state.borrow_mut().source = text;
         sandbox::seed(&lua, seed)?;
         api::install(&lua, &state)?;
         let main = lua.create_thread(sandbox::compile(&lua, source, &chunk)?)?;
@@ -238,6 +242,11 @@ impl Script {
             Life::Ended(ending) => Some(ending.clone()),
             _ => None,
         }
+    }
+
+    /// Every path that its VM knows: globals such as `print`, and fields such as `robot.move`.
+    pub(crate) fn known_names(&self) -> std::collections::BTreeSet<String> {
+        api::every_path(&self.lua)
     }
 
     /// What the script has used so far.

@@ -155,9 +155,11 @@ impl State {
                 subscription.failures += 1;
                 if subscription.failures >= MAX_FAILURES {
                     let name = subscription.event.name();
-                    return self.fail(format!(
-                        "{text} (the '{name}' handler failed {MAX_FAILURES} times in a row)"
-                    ));
+                    let text = self.explained(text);
+                    let text = format!(
+                        "{text}\n(the '{name}' handler failed {MAX_FAILURES} times in a row)"
+                    );
+                    return self.begin_stop(EndReason::Error, Some(text));
                 }
             }
             Outcome::Done(_) | Outcome::Cancelled => subscription.failures = 0,
@@ -199,7 +201,7 @@ impl State {
 
     /// The script as a whole has failed.
     fn fail(&mut self, text: String) {
-        let text = super::failure::with_hint(&text);
+        let text = self.explained(&text);
         self.begin_stop(EndReason::Error, Some(text));
     }
 

@@ -2,7 +2,10 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, unreachable_pub)]
 
 mod behaviours;
+mod check;
+mod calibrate;
 mod cli;
+mod doctor;
 mod eyes;
 mod fast;
 mod faults;
@@ -19,4 +22,5 @@ mod secrets;
 mod sim;
 mod supervision;
 mod stdlib;
+mod tools;
 mod vision;

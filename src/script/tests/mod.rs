@@ -1,5 +1,7 @@
 //! Scripts in a rig: the time is passed, the output collected, the robot's answers given by hand.
 
+mod checking;
+mod definitions;
 mod events;
 mod hostile;
 mod language;
