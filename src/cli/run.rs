@@ -21,9 +21,7 @@ use super::source::read_source;
 use super::status::StatusLine;
 use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
-use crate::behaviour::{
-    Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure,
-};
+use crate::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure};
 use crate::config::{Config, Entry};
 use crate::lab;
 use crate::link::{self, Target};
@@ -409,8 +407,6 @@ fn marked_folder(
         .create(&folder);
     made.map_err(|error| refused(&error))?;
     Ok(Some(folder))
-}
-
 }
 
 /// Two behaviours of one name would share a data folder.
