@@ -1,13 +1,16 @@
 //! The config file: one YAML document, composed of each module's own options. Unknown keys and
 //! wrong values are refused with line and column.
 
+mod behaviours;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Deserializer};
 
+pub use self::behaviours::Entry;
 use crate::link::{self, Target};
-use crate::robot::{Priority, float_within};
+use crate::robot::float_within;
 use crate::safety;
 use crate::script::{self, Calibration};
 use crate::vision::{Camera, Colour};
@@ -26,6 +29,7 @@ pub struct Config {
     /// The file whose first line is the password.
     pub password_file: Option<PathBuf>,
     /// What to run, if the command line names nothing.
+    #[serde(deserialize_with = "behaviours::entries")]
     pub behaviours: Vec<Entry>,
     /// The safety rules' numbers.
     pub watchdog: safety::Limits,
@@ -56,17 +60,6 @@ fn camera<'de, D: Deserializer<'de>>(from: D) -> Result<Camera, D::Error> {
         float_within(from, "an angle of view from 0.1 to 3 radians", 0.1..=3.0)
     }
     Written::deserialize(from).map(|Written { hfov }| Camera { hfov })
-}
-
-/// One behaviour.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Entry {
-    /// The script, relative to the config.
-    pub file: PathBuf,
-    /// Who wins when several want to drive; 0 unless given.
-    #[serde(default)]
-    pub priority: Priority,
 }
 
 /// Why a config cannot be used.
@@ -144,6 +137,7 @@ impl Config {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::robot::Priority;
     use proptest::prelude::*;
 
     fn error(text: &str) -> String {

@@ -10,11 +10,15 @@ mod keeper;
 mod library;
 mod message;
 mod pipe;
+mod policy;
 mod process;
 mod supervisor;
+mod watch;
 
 pub use host::{STACK, host, host_main};
 pub use library::Library;
 pub use message::{FromHost, Launch, ToHost};
+pub use policy::{Patience, RestartPolicy, Restarts, Verdict, is_failure};
 pub use process::{HOST_ARGUMENT, HostProcess, Launcher};
 pub use supervisor::{Handle, Prepared, Supervisor};
+pub use watch::{Reload, Watched, read_source};

@@ -97,6 +97,8 @@ fn start_child(
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .kill_on_drop(true)
+        // Ctrl-C in a terminal is for the agent: it has the script say its last words.
+        .process_group(0)
         .spawn()?;
     let (reader, writer) = UnixStream::from_std(ours)?.into_split();
     let process = HostProcess {

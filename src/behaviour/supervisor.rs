@@ -198,6 +198,7 @@ impl Supervisor {
         let (outbox, inbox) = events();
         let join = Request::Join {
             by: host.by,
+            name: host.name.clone(),
             priority: host.priority,
             outbox,
         };
@@ -219,6 +220,11 @@ impl Supervisor {
         let mut stop = handle.stop.subscribe();
         let ending = self.serve(&mut stop).await;
         let _ = self.requests.send(Request::Gone(self.host.by)).await;
+        let ending = match ending {
+            Some(ending) => ending,
+            // Why it broke takes time to find out; its motion has stopped by then.
+            None => self.host.broken().await,
+        };
         self.bury().await;
         if self.dropped > 0 {
             warn!(behaviour = %self.host.name, dropped = self.dropped, "events did not reach it");
@@ -226,8 +232,10 @@ impl Supervisor {
         ending
     }
 
-    async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Ending {
+    /// Until it has ended; `None` if its host has, without a word.
+    async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Option<Ending> {
         let (mut last_moment, mut running) = (None, false);
+        let picture = self.inbox.picture();
         loop {
             tokio::select! {
                 biased;
@@ -235,12 +243,12 @@ impl Supervisor {
                     Told::Event(event) => {
                         let (answer, go) = (event.is_answer(), event.is_welcome() && !running);
                         if !self.pass_on(ToHost::Event(event)) && answer {
-                            return self.deaf();
+                            return Some(self.deaf());
                         }
                         running |= go && self.pass_on(ToHost::Go);
                     }
-                    Told::Kill(reason) => return self.killed(reason),
-                    Told::Closed => return self.killed(EndReason::Shutdown),
+                    Told::Kill(reason) => return Some(self.killed(reason)),
+                    Told::Closed => return Some(self.killed(EndReason::Shutdown)),
                 },
                 Ok(()) = stop.changed(), if last_moment.is_none() => {
                     let reason = stop.borrow_and_update().unwrap_or(EndReason::Shutdown);
@@ -248,17 +256,17 @@ impl Supervisor {
                     running = running || self.pass_on(ToHost::Go);
                     last_moment = Some((Instant::now() + STOP_TIME, reason));
                 }
-                Some(reason) = at(last_moment) => return self.killed(reason),
+                Some(reason) = at(last_moment) => return Some(self.killed(reason)),
                 message = self.host.from_host.next() => match message {
-                    Ok(Some(FromHost::Ended(ending))) => return ending,
+                    Ok(Some(FromHost::Ended(ending))) => return Some(ending),
                     Ok(Some(message)) => self.heard(message).await,
-                    Ok(None) => return self.host.broken().await,
+                    Ok(None) => return None,
                     Err(error) => {
                         debug!("a host broke the pipe: {error}");
-                        return self.host.broken().await;
+                        return None;
                     }
                 },
-                Ok(()) = self.frames.changed(), if self.frame_wanted => self.pass_frame(),
+                () = picture.notified(), if self.frame_wanted => self.pass_frame(),
             }
         }
     }
@@ -285,7 +293,7 @@ impl Supervisor {
 
     /// The newest frame, if it is newer than the last one that was passed on.
     fn pass_frame(&mut self) {
-        let newest = self.frames.borrow_and_update().clone();
+        let newest = self.frames.borrow().clone();
         let Some(frame) = newest.filter(|frame| frame.seq > self.last_frame) else {
             return;
         };

@@ -1,8 +1,13 @@
 //! Logs: what `tracing` records, as text for people or JSON for programs, through the console.
 
+use std::fmt;
+
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::fmt::format::Writer;
+use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
 
 use super::{Console, LogFormat};
+use crate::lab;
 
 /// Without `RUST_LOG`: our own doings, and what worries others.
 const DEFAULT_FILTER: &str = "warn,spykee=info";
@@ -21,6 +26,7 @@ pub(super) fn start(console: &Console, format: LogFormat) {
         .unwrap_or_else(|| EnvFilter::new(DEFAULT_FILTER));
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
+        .with_timer(Clock)
         .with_writer(console.clone())
         .with_ansi(console.colour());
     let started = match format {
@@ -33,5 +39,17 @@ pub(super) fn start(console: &Console, format: LogFormat) {
     };
     if let (Ok(()), Some(complaint)) = (started, complaint) {
         tracing::warn!("RUST_LOG is ignored: {complaint}; try RUST_LOG=debug or {DEFAULT_FILTER}");
+    }
+}
+
+/// Virtual time where there is any: `+3725.040s`.
+struct Clock;
+
+impl FormatTime for Clock {
+    fn format_time(&self, writer: &mut Writer<'_>) -> fmt::Result {
+        match lab::now() {
+            Some(time) => write!(writer, "+{:.3}s", time.as_secs_f64()),
+            None => SystemTime.format_time(writer),
+        }
     }
 }

@@ -5,10 +5,14 @@ mod album;
 mod api;
 mod blobs;
 mod check;
+mod calibrate;
 mod colours;
+mod completions;
 mod connection;
 mod console;
 mod discover;
+mod doctor;
+mod driver;
 mod embedded;
 mod failure;
 mod fast;
@@ -17,6 +21,7 @@ mod learn;
 mod logging;
 mod params;
 mod picture;
+mod robot;
 mod run;
 mod screen;
 mod sim;
@@ -31,7 +36,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use crate::behaviour::{HOST_ARGUMENT, host_main};
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 
 pub use connection::{ConnectionArgs, LoginArgs, Place};
 pub use console::Console;
@@ -72,6 +77,10 @@ enum Command {
     Sim(sim::SimArgs),
     Blobs(blobs::BlobsArgs),
     Learn(learn::LearnArgs),
+    Robot(robot::RobotArgs),
+    Calibrate(calibrate::CalibrateArgs),
+    Doctor(doctor::DoctorArgs),
+    Completions(completions::CompletionsArgs),
 }
 
 impl Command {
@@ -84,6 +93,10 @@ impl Command {
             Command::Sim(args) => sim::run(&args, console),
             Command::Blobs(args) => blobs::run(&args, console),
             Command::Learn(args) => learn::run(&args, console),
+            Command::Robot(args) => robot::run(&args, console),
+            Command::Calibrate(args) => calibrate::run(&args),
+            Command::Doctor(args) => doctor::run(&args),
+            Command::Completions(args) => completions::run(&args, Cli::command()),
         }
     }
 }

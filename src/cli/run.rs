@@ -1,5 +1,6 @@
 //! `spykee run`: behaviours on a robot, or on a simulated one inside this program.
 
+use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::fmt::Display;
 use std::fs::DirBuilder;
@@ -7,7 +8,8 @@ use std::os::unix::fs::DirBuilderExt as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use tokio::sync::watch;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use tokio::sync::{mpsc, watch};
 use tokio::time::{MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
 
@@ -19,13 +21,15 @@ use super::source::read_source;
 use super::status::StatusLine;
 use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
-use crate::behaviour::{Launch, Launcher, Library};
+use crate::behaviour::{
+    Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure,
+};
 use crate::config::{Config, Entry};
 use crate::lab;
 use crate::link::{self, Target};
 use crate::pilot::{Dial, Settings, Status};
-use crate::robot::{EndReason, Priority};
-use crate::script;
+use crate::robot::EndReason;
+use crate::script::{self, GivenParam, ParamOrigin, ParamValue};
 use crate::sim;
 use crate::wire::Login;
 
@@ -60,6 +64,15 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "DIR")]
     annotate: Option<PathBuf>,
 
+    /// Start a behaviour that failed again, after growing pauses and not too often: never or
+    /// on-failure. For all behaviours, whatever the config says
+    #[arg(long, value_name = "POLICY", value_parser = restart_words())]
+    restart: Option<RestartPolicy>,
+
+    /// Load a behaviour anew whenever its file is saved; Ctrl-C ends the run
+    #[arg(long, conflicts_with = "fast")]
+    watch: bool,
+
     /// Run without looking for mistakes first
     #[arg(long)]
     no_check: bool,
@@ -78,6 +91,12 @@ pub(super) struct RunArgs {
 
     #[command(flatten)]
     connection: ConnectionArgs,
+}
+
+/// As the config has them; the numbers of a table are its usual ones.
+fn restart_words() -> impl TypedValueParser<Value = RestartPolicy> {
+    PossibleValuesParser::new(RestartPolicy::WORDS)
+        .try_map(|word| word.parse::<RestartPolicy>().map_err(std::io::Error::other))
 }
 
 fn parse_seconds(text: &str) -> Result<Duration, String> {
@@ -102,7 +121,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         None => Config::default(),
     };
     let seed = args.seed.unwrap_or_else(rand::random);
-    let behaviours = behaviours(&args, &config, seed)?;
+    let (behaviours, watches) = behaviours(&args, &config, seed)?;
     if !args.no_check {
         check::before_run(&behaviours, console)?;
     }
@@ -136,7 +155,12 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         limit: args.limit,
     };
     let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle));
-    let outcome = runtime.block_on(drive(plan, line, console));
+    let outcome = runtime.block_on(async {
+        for (watched, reloads) in watches {
+            tokio::spawn(watched.run(reloads));
+        }
+        drive(plan, line, console).await
+    });
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
     drop(sim);
     outcome
@@ -209,17 +233,15 @@ fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
         Err(AgentError::Link(error)) => return Err(error.into()),
         Err(error @ AgentError::Broken(_)) => return Err(Failure::new(Exit::Script, error)),
     };
-    let ended_by = |reasons: &[EndReason]| {
-        outcome
-            .endings
-            .iter()
-            .any(|(_, ending)| reasons.contains(&ending.reason))
+    let ended_by = |is: fn(EndReason) -> bool| {
+        let mut endings = outcome.endings.iter();
+        endings.any(|(_, ending)| is(ending.reason))
     };
     Ok(if outcome.interrupted {
         Exit::Interrupted
-    } else if ended_by(&[EndReason::Error, EndReason::Cpu, EndReason::Memory]) {
+    } else if ended_by(is_failure) {
         Exit::Script
-    } else if outcome.safety || ended_by(&[EndReason::Safety]) {
+    } else if outcome.safety || ended_by(|reason| reason == EndReason::Safety) {
         Exit::Safety
     } else {
         Exit::Done
@@ -244,7 +266,7 @@ async fn show(
     }
 }
 
-fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure> {
+pub(super) fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure> {
     let from_config = || config.robot.clone().map(Place::Robot);
     connection.place().or_else(from_config).ok_or_else(|| {
         Failure::usage("which robot? neither --robot nor --sim was given").help(
@@ -254,7 +276,11 @@ fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure>
     })
 }
 
-fn reach(place: Place, login: &Login, seed: u64) -> Result<(Target, Option<EmbeddedSim>), Failure> {
+pub(super) fn reach(
+    place: Place,
+    login: &Login,
+    seed: u64,
+) -> Result<(Target, Option<EmbeddedSim>), Failure> {
     match place {
         Place::Robot(target) => Ok((target, None)),
         Place::Sim(world) => {
@@ -269,18 +295,22 @@ fn reach(place: Place, login: &Login, seed: u64) -> Result<(Target, Option<Embed
     }
 }
 
-fn dial(target: Target, login: Login, options: link::Options) -> Dial {
+pub(super) fn dial(target: Target, login: Login, options: link::Options) -> Dial {
     Box::new(move || {
         let (target, login, options) = (target.clone(), login.clone(), options.clone());
         Box::pin(async move { link::connect(&target, &login, &options).await })
     })
 }
 
-fn behaviours(args: &RunArgs, config: &Config, seed: u64) -> Result<Vec<Behaviour>, Failure> {
-    let named = |file: &PathBuf| Entry {
-        file: file.clone(),
-        priority: Priority(0),
-    };
+/// A behaviour's file under watch, and who is told.
+type Watch = (Watched, mpsc::Sender<Reload>);
+
+fn behaviours(
+    args: &RunArgs,
+    config: &Config,
+    seed: u64,
+) -> Result<(Vec<Behaviour>, Vec<Watch>), Failure> {
+    let named = |file: &PathBuf| Entry::of(file.clone());
     let entries: Vec<Entry> = match args.files.is_empty() {
         true => config.behaviours.clone(),
         false => args.files.iter().map(named).collect(),
@@ -289,14 +319,21 @@ fn behaviours(args: &RunArgs, config: &Config, seed: u64) -> Result<Vec<Behaviou
         let failure = Failure::usage("what to run? no behaviour was named");
         return Err(failure.help("spykee run behaviours/patrol.lua --sim"));
     }
-    let mut names = Vec::new();
-    let numbered = entries.iter().zip(seed..);
-    let mut behaviours = numbered
-        .map(|(entry, seed)| behaviour(entry, args, config, seed, &mut names))
-        .collect::<Result<Vec<_>, _>>()?;
+    let (mut names, mut watches, mut behaviours) = (Vec::new(), Vec::new(), Vec::new());
+    for (entry, seed) in entries.iter().zip(seed..) {
+        // Before the file is read, so that no save is missed.
+        let watched = args.watch.then(|| Watched::new(entry.file.clone()));
+        let mut behaviour = behaviour(entry, args, config, seed, &mut names)?;
+        if let Some(watched) = watched {
+            let (reloads, received) = mpsc::channel(1);
+            behaviour.reloads = Some(received);
+            watches.push((watched, reloads));
+        }
+        behaviours.push(behaviour);
+    }
     let options = behaviours.iter_mut().map(|one| &mut one.launch.options);
     params::give(&args.params, options.collect())?;
-    Ok(behaviours)
+    Ok((behaviours, watches))
 }
 
 fn behaviour(
@@ -307,7 +344,7 @@ fn behaviour(
     names: &mut Vec<String>,
 ) -> Result<Behaviour, Failure> {
     let source = read_source(&entry.file)?;
-    let name = unique(stem(&entry.file), names);
+    let name = unique(entry.name(), names);
     let data = config.data.clone().unwrap_or_else(|| DATA_FOLDER.into());
     let data = std::path::absolute(data.join(&name)).map_err(Failure::usage)?;
     let options = script::Options {
@@ -316,6 +353,7 @@ fn behaviour(
         calibration: config.calibration,
         camera: config.camera,
         colours: config.colours.clone(),
+        params: params(entry, args),
         annotate_dir: marked_folder(args.annotate.as_deref(), &name, &data)?,
         data_dir: Some(data),
         ..script::Options::new(name, entry.file.display().to_string())
@@ -329,7 +367,19 @@ fn behaviour(
             options,
             library,
         },
+        restart: args.restart.unwrap_or(entry.restart),
+        reloads: None,
     })
+}
+
+fn params(entry: &Entry, args: &RunArgs) -> BTreeMap<String, GivenParam> {
+    let config = args.config.as_ref();
+    let origin = config.map_or_else(String::new, |config| config.display().to_string());
+    let given = |(name, value): (&String, &ParamValue)| {
+        let (value, origin) = (value.clone(), ParamOrigin::Config(origin.clone()));
+        (name.clone(), GivenParam { value, origin })
+    };
+    entry.params.iter().map(given).collect()
 }
 
 /// The private folder for a behaviour's marked frames, made here so that a wrong one is told before
@@ -361,11 +411,6 @@ fn marked_folder(
     Ok(Some(folder))
 }
 
-fn stem(path: &Path) -> String {
-    path.file_stem().map_or_else(
-        || "script".to_owned(),
-        |stem| stem.to_string_lossy().into_owned(),
-    )
 }
 
 /// Two behaviours of one name would share a data folder.

@@ -58,7 +58,8 @@ impl Pilot {
         for report in early {
             lost = self.report(report).await.or(lost);
         }
-        self.apply_streams(true).await.or(lost)
+        lost = self.apply_streams(true).await.or(lost);
+        self.sound_alarm().await.or(lost)
     }
 
     /// What a behaviour must know of a robot that is connected.
@@ -124,6 +125,7 @@ impl Pilot {
             let seq = newest.as_ref().map_or(0, |frame| frame.seq) + 1;
             *newest = Some(Frame { seq, at, jpeg });
         });
+        self.seats.show_all();
         self.status.send_if_modified(|status| status.count_frame());
     }
 

@@ -180,9 +180,10 @@ impl Script {
             && (state.streams.contains(&Stream::Video) || state.is_heard(EventName::Frame))
     }
 
-    /// Whether a setpoint of this script turns a track, as far as it knows.
+    /// Whether a setpoint of this script is on, as far as it knows, be it one of standing still: it
+    /// too needs signs of life.
     pub fn has_motion(&self) -> bool {
-        self.state.borrow().motion.is_on()
+        self.state.borrow().motion.current().is_some()
     }
 
     /// What the script wants said and done since the last call, in order. Bounded: a script that

@@ -3,18 +3,24 @@
 
 mod behaviours;
 mod check;
+mod calibrate;
 mod cli;
+mod doctor;
 mod eyes;
+mod fast;
 mod faults;
 mod floors;
 mod frames;
 mod hostile;
 mod link;
 mod pilot;
+mod priorities;
 mod rig;
 mod run;
 mod safety;
 mod secrets;
 mod sim;
+mod supervision;
 mod stdlib;
+mod tools;
 mod vision;
