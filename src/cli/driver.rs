@@ -86,6 +86,7 @@ impl Driver {
         let (by, priority) = (ME, Priority(0));
         self.ask(Request::Join {
             by,
+            name: "spykee".to_owned(),
             priority,
             outbox,
         })

@@ -4,8 +4,8 @@
 mod album;
 mod api;
 mod blobs;
-mod check;
 mod calibrate;
+mod check;
 mod colours;
 mod completions;
 mod connection;

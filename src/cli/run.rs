@@ -21,9 +21,7 @@ use super::source::read_source;
 use super::status::StatusLine;
 use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
-use crate::behaviour::{
-    Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure,
-};
+use crate::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure};
 use crate::config::{Config, Entry};
 use crate::lab;
 use crate::link::{self, Target};
@@ -353,7 +351,7 @@ fn behaviour(
         calibration: config.calibration,
         camera: config.camera,
         colours: config.colours.clone(),
-        params: params(entry, args),
+        params: params(entry, args.config.as_deref()),
         annotate_dir: marked_folder(args.annotate.as_deref(), &name, &data)?,
         data_dir: Some(data),
         ..script::Options::new(name, entry.file.display().to_string())
@@ -372,8 +370,8 @@ fn behaviour(
     })
 }
 
-fn params(entry: &Entry, args: &RunArgs) -> BTreeMap<String, GivenParam> {
-    let config = args.config.as_ref();
+/// What the config says for what the script declares.
+pub(super) fn params(entry: &Entry, config: Option<&Path>) -> BTreeMap<String, GivenParam> {
     let origin = config.map_or_else(String::new, |config| config.display().to_string());
     let given = |(name, value): (&String, &ParamValue)| {
         let (value, origin) = (value.clone(), ParamOrigin::Config(origin.clone()));
@@ -409,8 +407,6 @@ fn marked_folder(
         .create(&folder);
     made.map_err(|error| refused(&error))?;
     Ok(Some(folder))
-}
-
 }
 
 /// Two behaviours of one name would share a data folder.

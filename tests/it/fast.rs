@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use rustix::process::Signal;
 use spykee::agent::Behaviour;
-use spykee::behaviour::Launch;
+use spykee::behaviour::{Launch, Library, RestartPolicy};
 use spykee::lab::{self, Event, Kind, Lab, Recorder};
 use spykee::robot::{EndReason, Priority};
 use spykee::script;
@@ -39,10 +39,13 @@ fn behaviour(name: &str, source: &str, priority: i16, seed: u64) -> Behaviour {
     let launch = Launch {
         source: source.into(),
         options,
+        library: Library::default(),
     };
     Behaviour {
         priority: Priority(priority),
         launch,
+        restart: RestartPolicy::Never,
+        reloads: None,
     }
 }
 

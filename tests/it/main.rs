@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, unreachable_pub)]
 
 mod behaviours;
-mod check;
 mod calibrate;
+mod check;
 mod cli;
 mod doctor;
 mod eyes;
@@ -20,7 +20,7 @@ mod run;
 mod safety;
 mod secrets;
 mod sim;
-mod supervision;
 mod stdlib;
+mod supervision;
 mod tools;
 mod vision;

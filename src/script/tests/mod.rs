@@ -20,7 +20,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::{Ending, Level, LogLine, ModuleName, Options, Output, Script};
+use super::{Ending, Level, LogLine, ModuleFile, ModuleName, Options, Output, Script};
 use crate::robot::{EndReason, Event, Intent, MotionEnd, RobotInfo};
 
 /// A script and what it has sent.
