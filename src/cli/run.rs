@@ -348,7 +348,7 @@ fn behaviour(
         calibration: config.calibration,
         camera: config.camera,
         colours: config.colours.clone(),
-        params: params(entry, args),
+        params: params(entry, args.config.as_deref()),
         annotate_dir: marked_folder(args.annotate.as_deref(), &name, &data)?,
         data_dir: Some(data),
         ..script::Options::new(name, entry.file.display().to_string())
@@ -367,8 +367,8 @@ fn behaviour(
     })
 }
 
-fn params(entry: &Entry, args: &RunArgs) -> BTreeMap<String, GivenParam> {
-    let config = args.config.as_ref();
+/// What the config says for what the script declares.
+pub(super) fn params(entry: &Entry, config: Option<&Path>) -> BTreeMap<String, GivenParam> {
     let origin = config.map_or_else(String::new, |config| config.display().to_string());
     let given = |(name, value): (&String, &ParamValue)| {
         let (value, origin) = (value.clone(), ParamOrigin::Config(origin.clone()));
