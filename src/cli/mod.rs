@@ -18,6 +18,7 @@ mod screen;
 mod sim;
 mod status;
 mod table;
+mod world;
 
 use std::future::Future;
 use std::io::Write;
@@ -65,6 +66,7 @@ enum Command {
     Sim(sim::SimArgs),
     Blobs(blobs::BlobsArgs),
     Learn(learn::LearnArgs),
+    World(world::WorldArgs),
 }
 
 impl Command {
@@ -75,6 +77,7 @@ impl Command {
             Command::Sim(args) => sim::run(&args, console),
             Command::Blobs(args) => blobs::run(&args, console),
             Command::Learn(args) => learn::run(&args, console),
+            Command::World(args) => world::run(&args),
         }
     }
 }

@@ -23,6 +23,7 @@ use crate::link::{self, Target};
 use crate::pilot::{Dial, Settings, Status};
 use crate::robot::{EndReason, Priority};
 use crate::script::{self, MAX_SOURCE};
+use crate::sim::Handle;
 use crate::wire::Login;
 
 /// Where pictures are saved unless the config says something else.
@@ -55,6 +56,10 @@ pub(super) struct RunArgs {
     /// DIR/BEHAVIOUR/00.jpg to 99.jpg, at most two a second, the newest hundred
     #[arg(long, value_name = "DIR")]
     annotate: Option<PathBuf>,
+
+    /// With --sim: draw the way that the robot went, and what happened, onto the map of its world
+    #[arg(long, value_name = "FILE.png", value_parser = super::world::parse_png)]
+    trace: Option<PathBuf>,
 
     #[command(flatten)]
     connection: ConnectionArgs,
@@ -91,6 +96,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         .build();
     let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
     let (target, sim) = reach(place, &login, seed)?;
+    let tracing = traced(args.trace.as_deref(), sim.as_ref())?;
     let settings = Settings {
         limits: config.watchdog.clone(),
         simulated: sim.is_some(),
@@ -116,7 +122,30 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let outcome = runtime.block_on(drive(plan, line, console));
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
     drop(sim);
+    // Also of a run that failed or was interrupted: then people want to see it most.
+    if let Some((handle, path)) = tracing {
+        super::world::save(&handle.trace().draw(handle.world()), &path)?;
+        tracing::info!("the way that the robot went is drawn in {}", path.display());
+    }
     outcome
+}
+
+/// Whose way is drawn into which file; the file is made now, so that a wrong name is told before
+/// the robot moves.
+fn traced(
+    trace: Option<&Path>,
+    sim: Option<&EmbeddedSim>,
+) -> Result<Option<(Handle, PathBuf)>, Failure> {
+    let Some(path) = trace else {
+        return Ok(None);
+    };
+    let Some(sim) = sim else {
+        let failure = Failure::usage("--trace draws what happens in a simulation only");
+        return Err(failure.help("--sim [WORLD.yaml] runs on a simulated robot"));
+    };
+    let made = std::fs::File::create(path);
+    made.map_err(|error| Failure::usage(format_args!("cannot write {}: {error}", path.display())))?;
+    Ok(Some((sim.handle(), path.to_owned())))
 }
 
 async fn drive(plan: Plan, line: StatusLine, console: &Console) -> Result<Exit, Failure> {
