@@ -9,15 +9,18 @@ mod console;
 mod discover;
 mod embedded;
 mod failure;
+mod fast;
 mod interrupt;
 mod learn;
 mod logging;
+mod params;
 mod picture;
 mod run;
 mod screen;
 mod sim;
 mod status;
 mod table;
+mod trace;
 mod world;
 
 use std::future::Future;

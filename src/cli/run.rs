@@ -13,23 +13,27 @@ use tokio::time::{MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
 
 use super::embedded::EmbeddedSim;
+use super::fast::{EventFile, Fast};
 use super::interrupt::interruption;
+use super::params::{self, Param};
 use super::status::StatusLine;
+use super::trace::TraceFile;
 use super::{ConnectionArgs, Console, Exit, Failure, Place};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
-use crate::behaviour::{Launch, Launcher};
+use crate::behaviour::{Launch, Launcher, Library};
 use crate::config::{Config, Entry};
+use crate::lab;
 use crate::link::{self, Target};
 use crate::pilot::{Dial, Settings, Status};
 use crate::robot::{EndReason, Priority};
 use crate::script::{self, MAX_SOURCE};
-use crate::sim::Handle;
+use crate::sim;
 use crate::wire::Login;
 
 /// Where pictures are saved unless the config says something else.
 const DATA_FOLDER: &str = "spykee-data";
 /// How often the status line is drawn anew.
-const STATUS_PERIOD: Duration = Duration::from_millis(250);
+pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
 /// The longest `--for`: a year.
 const LONGEST_RUN: f64 = 366.0 * 86_400.0;
 
@@ -61,6 +65,18 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "FILE.png", value_parser = super::world::parse_png)]
     trace: Option<PathBuf>,
 
+    /// With --sim: in virtual time, as fast as it goes. The same seed gives the same run
+    #[arg(long)]
+    fast: bool,
+
+    /// With --fast: write all that happens to this file, one JSON object a line
+    #[arg(long, value_name = "FILE", requires = "fast")]
+    events: Option<PathBuf>,
+
+    /// Set a parameter that the script declares; with several behaviours BEHAVIOUR.NAME=VALUE
+    #[arg(long = "param", value_name = "NAME=VALUE", value_parser = Param::parse)]
+    params: Vec<Param>,
+
     #[command(flatten)]
     connection: ConnectionArgs,
 }
@@ -89,14 +105,25 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let seed = args.seed.unwrap_or_else(rand::random);
     let behaviours = behaviours(&args, &config, seed)?;
     let place = place(&args.connection, &config)?;
+    let trace = trace_file(&args, matches!(place, Place::Sim(_)))?;
     let login = args.connection.login.or_from(&config).login()?;
     tracing::info!(seed, "starting");
+    if args.fast {
+        return fast(
+            (&args, trace),
+            &config,
+            place,
+            behaviours,
+            login,
+            seed,
+            console,
+        );
+    }
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build();
     let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
     let (target, sim) = reach(place, &login, seed)?;
-    let tracing = traced(args.trace.as_deref(), sim.as_ref())?;
     let settings = Settings {
         limits: config.watchdog.clone(),
         simulated: sim.is_some(),
@@ -106,10 +133,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let launcher = Launcher::this_executable().map_err(|error| {
         Failure::usage(format_args!("cannot find this program's own file: {error}"))
     })?;
-    let names: Vec<String> = behaviours
-        .iter()
-        .map(|behaviour| behaviour.launch.options.name.clone())
-        .collect();
+    let names = names(&behaviours);
     let dial = dial(target, login, config.link.clone());
     let plan = Plan {
         behaviours,
@@ -118,34 +142,72 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         launcher,
         limit: args.limit,
     };
-    let line = StatusLine::new(names.join(" "), sim.as_ref().map(EmbeddedSim::handle));
+    let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle));
     let outcome = runtime.block_on(drive(plan, line, console));
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
-    drop(sim);
     // Also of a run that failed or was interrupted: then people want to see it most.
-    if let Some((handle, path)) = tracing {
-        super::world::save(&handle.trace().draw(handle.world()), &path)?;
-        tracing::info!("the way that the robot went is drawn in {}", path.display());
-    }
-    outcome
+    let drawn = match (trace, &sim) {
+        (Some(trace), Some(sim)) => trace.write(&sim.handle()),
+        _ => Ok(()),
+    };
+    drop(sim);
+    outcome.and_then(|exit| drawn.map(|()| exit))
 }
 
-/// Whose way is drawn into which file; the file is made now, so that a wrong name is told before
-/// the robot moves.
-fn traced(
-    trace: Option<&Path>,
-    sim: Option<&EmbeddedSim>,
-) -> Result<Option<(Handle, PathBuf)>, Failure> {
-    let Some(path) = trace else {
-        return Ok(None);
+fn trace_file(args: &RunArgs, simulated: bool) -> Result<Option<TraceFile>, Failure> {
+    match args.trace.as_deref() {
+        Some(_) if !simulated => {
+            let failure = Failure::usage("--trace draws what happens in a simulation only");
+            Err(failure.help("--sim [WORLD.yaml] runs on a simulated robot"))
+        }
+        path => path.map(TraceFile::create).transpose(),
+    }
+}
+
+fn names(behaviours: &[Behaviour]) -> String {
+    let names = behaviours
+        .iter()
+        .map(|behaviour| behaviour.launch.options.name.as_str());
+    names.collect::<Vec<_>>().join(" ")
+}
+
+/// The whole run in virtual time, in this process.
+fn fast(
+    (args, trace): (&RunArgs, Option<TraceFile>),
+    config: &Config,
+    place: Place,
+    behaviours: Vec<Behaviour>,
+    login: Login,
+    seed: u64,
+    console: &Console,
+) -> Result<Exit, Failure> {
+    let Place::Sim(world) = place else {
+        let why = "--fast goes with --sim only: a real robot's time cannot be hurried";
+        return Err(Failure::usage(why).help("spykee run FILE.lua --sim --fast"));
     };
-    let Some(sim) = sim else {
-        let failure = Failure::usage("--trace draws what happens in a simulation only");
-        return Err(failure.help("--sim [WORLD.yaml] runs on a simulated robot"));
+    let events = args.events.as_deref().map(EventFile::create).transpose()?;
+    let options = lab::Options {
+        seed,
+        sim: sim::Options {
+            login,
+            ..sim::Options::default()
+        },
+        limits: config.watchdog.clone(),
+        link: config.link.clone(),
+        events: events.as_ref().map(EventFile::recorder),
+        ..lab::Options::default()
     };
-    let made = std::fs::File::create(path);
-    made.map_err(|error| Failure::usage(format_args!("cannot write {}: {error}", path.display())))?;
-    Ok(Some((sim.handle(), path.to_owned())))
+    let names = names(&behaviours);
+    let fast = Fast {
+        world: super::embedded::load(world.as_deref())?,
+        behaviours,
+        options,
+        limit: args.limit,
+        trace,
+    };
+    let outcome = fast.run(names, console)?;
+    events.map_or(Ok(()), EventFile::finish)?;
+    exit(outcome)
 }
 
 async fn drive(plan: Plan, line: StatusLine, console: &Console) -> Result<Exit, Failure> {
@@ -252,9 +314,12 @@ fn behaviours(args: &RunArgs, config: &Config, seed: u64) -> Result<Vec<Behaviou
     }
     let mut names = Vec::new();
     let numbered = entries.iter().zip(seed..);
-    numbered
+    let mut behaviours = numbered
         .map(|(entry, seed)| behaviour(entry, args, config, seed, &mut names))
-        .collect()
+        .collect::<Result<Vec<_>, _>>()?;
+    let options = behaviours.iter_mut().map(|one| &mut one.launch.options);
+    params::give(&args.params, options.collect())?;
+    Ok(behaviours)
 }
 
 fn behaviour(
@@ -278,9 +343,15 @@ fn behaviour(
         data_dir: Some(data),
         ..script::Options::new(name, entry.file.display().to_string())
     };
+    let folder = entry.file.parent().unwrap_or(Path::new(""));
+    let library = Library::new(folder.to_owned());
     Ok(Behaviour {
         priority: entry.priority,
-        launch: Launch { source, options },
+        launch: Launch {
+            source,
+            options,
+            library,
+        },
     })
 }
 

@@ -169,7 +169,7 @@ fn bend(
     after: kurbo::Point,
     radius: f64,
 ) {
-    let start = |path: &mut BezPath, to| match path.is_empty() {
+    let start = |path: &mut BezPath, to| match path.elements().is_empty() {
         true => path.move_to(to),
         false => path.line_to(to),
     };

@@ -63,4 +63,13 @@ mod tests {
         }
         assert!(World::ready("nowhere").is_none());
     }
+
+    #[test]
+    fn the_page_about_worlds_shows_a_valid_one() {
+        let page = include_str!("../../behaviours/worlds/README.md");
+        let (_, yaml) = page.split_once("```yaml\n").unwrap();
+        let yaml = yaml.split("```").next().unwrap();
+        let world = World::from_yaml(yaml, "README.md").unwrap();
+        assert!(!world.lamps.is_empty() && !world.walkers.is_empty() && !world.sounds.is_empty());
+    }
 }

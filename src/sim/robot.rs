@@ -502,7 +502,7 @@ fn lock(trace: &Mutex<Trace>) -> MutexGuard<'_, Trace> {
 }
 
 /// A command in a few words: payloads may be long, and secret.
-fn describe(command: &Command) -> String {
+pub(super) fn describe(command: &Command) -> String {
     match command {
         Command::File(chunk) => {
             format!(

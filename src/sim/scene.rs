@@ -190,7 +190,7 @@ impl Scene {
         let (a, b) = (view.relative(line.from), view.relative(line.to));
         let (da, dr) = (b.0 - a.0, b.1 - a.1);
         // A sign has a front only.
-        let back = a.0 * dr - a.1 * da > 0.0;
+        let back = a.0 * dr - a.1 * da < 0.0;
         if matches!(self.panels[index].surface, Surface::Sign(_)) && back {
             return;
         }

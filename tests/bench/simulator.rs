@@ -55,6 +55,29 @@ fn render_and_encode_a_frame(bencher: Bencher<'_, '_>, turning: bool) {
     eprintln!("{} bytes a frame", bytes / usize::try_from(count).unwrap());
 }
 
+/// The JPEG alone, of a picture that the camera took.
+#[divan::bench]
+fn encode_a_frame(bencher: Bencher<'_, '_>) {
+    let mut robot = watching();
+    robot.step(STEP);
+    let frame = robot
+        .take_reports()
+        .into_iter()
+        .find_map(|report| match report {
+            Report::Video(jpeg) => Some(jpeg),
+            _ => None,
+        });
+    let picture = image::load_from_memory(&frame.unwrap()).unwrap().to_rgba8();
+    let mut jpeg = Vec::new();
+    bencher.bench_local(|| {
+        jpeg.clear();
+        let mut encoder = jpeg_encoder::Encoder::new(&mut jpeg, 75);
+        encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::F_2_1);
+        let kind = jpeg_encoder::ColorType::Rgba;
+        encoder.encode(&picture, 320, 240, kind).unwrap();
+    });
+}
+
 /// One step of the physics, driving in circles, nobody looking.
 #[divan::bench]
 fn step(bencher: Bencher<'_, '_>) {

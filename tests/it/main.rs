@@ -16,3 +16,4 @@ mod safety;
 mod secrets;
 mod sim;
 mod vision;
+mod world;
