@@ -263,7 +263,8 @@ impl Keeper {
         let (launcher, by, priority) = (self.around.launcher.clone(), self.by, self.priority);
         let launch = Launch {
             source: source.clone(),
-            ..self.launch.clone()
+            options: self.launch.options.clone(),
+            library: self.launch.library.clone(),
         };
         Box::pin(async move {
             let host = Prepared::start(&launcher, by, priority, launch).await?;

@@ -247,6 +247,7 @@ impl Supervisor {
     /// Until it has ended; `None` if its host has, without a word.
     async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Option<Ending> {
         let (mut last_moment, mut running) = (None, false);
+        let picture = self.inbox.picture();
         loop {
             tokio::select! {
                 biased;
@@ -282,7 +283,7 @@ impl Supervisor {
                         return None;
                     }
                 },
-                Ok(()) = self.frames.changed(), if self.frame_wanted => self.pass_frame(),
+                () = picture.notified(), if self.frame_wanted => self.pass_frame(),
             }
         }
     }
@@ -318,7 +319,7 @@ impl Supervisor {
 
     /// The newest frame, if it is newer than the last one that was passed on.
     fn pass_frame(&mut self) {
-        let newest = self.frames.borrow_and_update().clone();
+        let newest = self.frames.borrow().clone();
         let Some(frame) = newest.filter(|frame| frame.seq > self.last_frame) else {
             return;
         };

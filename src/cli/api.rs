@@ -154,7 +154,7 @@ fn value_json(value: &Value) -> Json {
     if let Need::Default(usual) = value.need {
         json["default"] = json!(usual);
     }
-    if let Type::Options(keys) = value.kind {
+    if let Type::Options(keys) | Type::Named(keys) = value.kind {
         json["keys"] = json!(values_json(keys));
     }
     json

@@ -8,8 +8,8 @@ use super::{Console, Exit, Failure, print};
 use crate::agent::Behaviour;
 use crate::behaviour::Launch;
 use crate::config::Config;
+use crate::script::Options;
 use crate::script::check::{Finding, Severity, Surroundings, check};
-use crate::script::{self, Options};
 
 /// Look for mistakes in behaviours without running them
 #[derive(Debug, Clone, clap::Args)]
@@ -58,30 +58,26 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
 /// Of one script with the settings of a config.
 fn of_file(file: &Path, config: &Config) -> Result<Vec<Finding>, Failure> {
     let source = read_source(file)?;
-    Ok(of_source(&source, file, config))
-}
-
-fn of_source(source: &[u8], file: &Path, config: &Config) -> Vec<Finding> {
-    let chunk = file.display().to_string();
     let options = Options {
         colours: config.colours.clone(),
-        ..script::Options::new("check", &chunk)
+        ..Options::new("check", file.display().to_string())
     };
-    check(source, &chunk, &Surroundings::new(&options, Some(file)))
+    Ok(of_source(&source, &options))
+}
+
+fn of_source(source: &[u8], options: &Options) -> Vec<Finding> {
+    let surroundings = Surroundings::new(options, Some(Path::new(&options.chunk)));
+    check(source, &options.chunk, &surroundings)
 }
 
 /// Refuses to run what cannot work; warnings are only shown.
-pub(super) fn before_run(
-    behaviours: &[Behaviour],
-    config: &Config,
-    console: &Console,
-) -> Result<(), Failure> {
+pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<(), Failure> {
     let mut findings = Vec::new();
     for behaviour in behaviours {
         let Launch {
             source, options, ..
         } = &behaviour.launch;
-        findings.extend(of_source(source, Path::new(&options.chunk), config));
+        findings.extend(of_source(source, options));
     }
     let (errors, warnings): (Vec<_>, Vec<_>) = findings
         .into_iter()

@@ -1,9 +1,14 @@
 //! Logs: what `tracing` records, as text for people or JSON for programs, through the console.
 
+use std::fmt;
+
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::fmt::format::Writer;
+use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
 
 use super::{Console, LogFormat};
 use crate::config::Level;
+use crate::lab;
 
 /// Without `RUST_LOG`: our own doings from the config's level on, and what worries others.
 fn usual(level: Level) -> &'static str {
@@ -29,6 +34,7 @@ pub(super) fn start(console: &Console, format: LogFormat, level: Level) {
         .unwrap_or_else(|| EnvFilter::new(usual(level)));
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
+        .with_timer(Clock)
         .with_writer(console.clone())
         .with_ansi(console.colour());
     let started = match format {
@@ -44,5 +50,17 @@ pub(super) fn start(console: &Console, format: LogFormat, level: Level) {
             "RUST_LOG is ignored: {complaint}; try RUST_LOG=debug or {}",
             usual(level)
         );
+    }
+}
+
+/// Virtual time where there is any: `+3725.040s`.
+struct Clock;
+
+impl FormatTime for Clock {
+    fn format_time(&self, writer: &mut Writer<'_>) -> fmt::Result {
+        match lab::now() {
+            Some(time) => write!(writer, "+{:.3}s", time.as_secs_f64()),
+            None => SystemTime.format_time(writer),
+        }
     }
 }

@@ -4,12 +4,16 @@
 mod album;
 mod api;
 mod blobs;
+mod calibrate;
 mod check;
 mod colours;
+mod completions;
 mod config;
 mod connection;
 mod console;
 mod discover;
+mod doctor;
+mod driver;
 mod embedded;
 mod failure;
 mod fast;
@@ -20,6 +24,7 @@ mod new;
 mod params;
 mod picture;
 mod repl;
+mod robot;
 mod run;
 mod screen;
 mod sim;
@@ -35,7 +40,7 @@ use std::time::Duration;
 
 use crate::behaviour::{HOST_ARGUMENT, host_main};
 use crate::config::{Effective, Format, Logging};
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 
 pub use connection::{ConnectionArgs, LoginArgs, Place};
 pub use console::Console;
@@ -88,6 +93,10 @@ enum Command {
     Sim(sim::SimArgs),
     Blobs(blobs::BlobsArgs),
     Learn(learn::LearnArgs),
+    Robot(robot::RobotArgs),
+    Calibrate(calibrate::CalibrateArgs),
+    Doctor(doctor::DoctorArgs),
+    Completions(completions::CompletionsArgs),
 }
 
 impl Command {
@@ -113,6 +122,10 @@ impl Command {
             Command::Sim(args) => sim::run(&args, console),
             Command::Blobs(args) => blobs::run(&args, console),
             Command::Learn(args) => learn::run(&args, console),
+            Command::Robot(args) => robot::run(&args, console),
+            Command::Calibrate(args) => calibrate::run(&args),
+            Command::Doctor(args) => doctor::run(&args),
+            Command::Completions(args) => completions::run(&args, Cli::command()),
         }
     }
 }

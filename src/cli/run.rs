@@ -17,12 +17,11 @@ use super::embedded::EmbeddedSim;
 use super::fast::{EventFile, Fast};
 use super::interrupt::interruption;
 use super::params::{self, Param};
+use super::source::read_source;
 use super::status::StatusLine;
 use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
-use crate::behaviour::{
-    Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure, read_source,
-};
+use crate::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure};
 use crate::config::{Config, Entry};
 use crate::lab;
 use crate::link::{self, Target};
@@ -72,6 +71,10 @@ pub(super) struct RunArgs {
     #[arg(long, conflicts_with = "fast")]
     watch: bool,
 
+    /// Run without looking for mistakes first
+    #[arg(long)]
+    no_check: bool,
+
     /// With --sim: in virtual time, as fast as it goes. The same seed gives the same run
     #[arg(long)]
     fast: bool,
@@ -79,10 +82,6 @@ pub(super) struct RunArgs {
     /// With --fast: write all that happens to this file, one JSON object a line
     #[arg(long, value_name = "FILE", requires = "fast")]
     events: Option<PathBuf>,
-
-    /// Run without looking for mistakes first
-    #[arg(long)]
-    no_check: bool,
 
     /// Set a parameter that the script declares; with several behaviours BEHAVIOUR.NAME=VALUE
     #[arg(long = "param", value_name = "NAME=VALUE", value_parser = Param::parse)]
@@ -119,7 +118,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let seed = args.seed.unwrap_or_else(rand::random);
     let (behaviours, watches) = behaviours(&args, &config, seed)?;
     if !args.no_check {
-        check::before_run(&behaviours, &config, console)?;
+        check::before_run(&behaviours, console)?;
     }
     let place = place(&args.connection, &config)?;
     let login = args.connection.login.or_from(&config).login()?;
@@ -339,7 +338,7 @@ fn behaviour(
     seed: u64,
     names: &mut Vec<String>,
 ) -> Result<Behaviour, Failure> {
-    let source = source(&entry.file)?;
+    let source = read_source(&entry.file)?;
     let name = unique(entry.name(), names);
     let data = config.data.clone().unwrap_or_else(|| DATA_FOLDER.into());
     let data = std::path::absolute(data.join(&name)).map_err(Failure::usage)?;
@@ -405,16 +404,6 @@ fn marked_folder(
         .create(&folder);
     made.map_err(|error| refused(&error))?;
     Ok(Some(folder))
-}
-
-fn source(path: &Path) -> Result<Vec<u8>, Failure> {
-    read_source(path).map_err(|error| {
-        Failure::usage(format_args!(
-            "cannot read the behaviour {}: {error}",
-            path.display()
-        ))
-        .help("ready-made behaviours are in behaviours/")
-    })
 }
 
 /// Two behaviours of one name would share a data folder.

@@ -125,6 +125,7 @@ impl Pilot {
             let seq = newest.as_ref().map_or(0, |frame| frame.seq) + 1;
             *newest = Some(Frame { seq, at, jpeg });
         });
+        self.seats.show_all();
         self.status.send_if_modified(|status| status.count_frame());
     }
 

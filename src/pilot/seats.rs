@@ -89,6 +89,11 @@ impl Seats {
         }
     }
 
+    /// Tells every behaviour that there is a newer picture.
+    pub(super) fn show_all(&self) {
+        self.seats.values().for_each(|seat| seat.outbox.show());
+    }
+
     /// Tells every behaviour.
     pub(super) fn tell_all(&mut self, event: &Event) {
         self.seats

@@ -111,7 +111,9 @@ impl Script {
     fn start(source: &str, options: Options, now: Instant) -> LuaResult<Script> {
         let lua = sandbox::open()?;
         let (chunk, seed) = (options.chunk.clone(), options.seed);
+        let text = source.to_owned();
         let state = Rc::new(RefCell::new(State::new(options, now)));
+        state.borrow_mut().source = text;
         sandbox::seed(&lua, seed)?;
         api::install(&lua, &state)?;
         let main = lua.create_thread(sandbox::compile(&lua, source, &chunk)?)?;

@@ -22,6 +22,7 @@ mod handle;
 mod journal;
 mod locate;
 mod mangle;
+mod memory;
 mod microphone;
 mod number;
 mod obstacles;

@@ -14,6 +14,7 @@ use super::camera::Camera;
 use super::docking::{Docking, Order, Senses};
 use super::firmware::Firmware;
 use super::geometry::Pose;
+use super::memory::Memory;
 use super::microphone::Microphone;
 use super::obstacles::Obstacles;
 use super::speaker::Speaker;
@@ -51,6 +52,7 @@ pub struct Robot {
     frame_due: f64,
     frames: u64,
     log: VecDeque<String>,
+    memory: Memory,
     reports: Vec<Report>,
 }
 
@@ -82,6 +84,7 @@ impl Robot {
             frame_due: 0.0,
             frames: 0,
             log: VecDeque::new(),
+            memory: Memory::new(&firmware.version),
             reports: Vec::new(),
             world,
             firmware,
@@ -154,6 +157,14 @@ impl Robot {
             }
             Command::PowerQuery => self.say_power(),
             Command::ConfigQuery => self.say_config(),
+            Command::ConfigSet(text) => {
+                let line = self.memory.configure(text);
+                self.note(line);
+            }
+            Command::File(chunk) => {
+                let line = self.memory.store(chunk);
+                line.into_iter().for_each(|line| self.note(line));
+            }
             Command::NetworksQuery => {
                 self.reports
                     .push(Report::Networks(Bytes::from_static(NETWORKS)));
@@ -364,15 +375,9 @@ impl Robot {
         self.reports.push(Report::Engine(news));
     }
 
-    /// In two messages: clients must put them together.
     fn say_config(&mut self) {
-        let first = format!("name=Spykee&version={}&", self.firmware.version);
-        let second = format!(
-            "volume={}&motor-speed=90&wifi-mode=adhoc",
-            self.speaker.volume()
-        );
-        self.reports
-            .extend([first, second].map(|text| Report::Config(Bytes::from(text))));
+        let messages = self.memory.settings(self.speaker.volume());
+        self.reports.extend(messages.map(Report::Config));
     }
 
     fn say_log(&mut self) {
@@ -394,15 +399,6 @@ impl Robot {
 /// A command in a few words: payloads may be long, and secret.
 pub(super) fn describe(command: &Command) -> String {
     match command {
-        Command::File(chunk) => {
-            format!(
-                "file {} flags {} ({} bytes)",
-                chunk.id(),
-                chunk.flags(),
-                chunk.content().len()
-            )
-        }
-        Command::ConfigSet(text) => format!("config ({} bytes)", text.len()),
         Command::MotorSpeed(payload) => format!("motor speed ({} bytes)", payload.len()),
         Command::Mute(payload) => format!("mute ({} bytes)", payload.len()),
         Command::Unknown(packet) => {

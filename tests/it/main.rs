@@ -2,9 +2,13 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, unreachable_pub)]
 
 mod behaviours;
+mod calibrate;
+mod check;
 mod cli;
 mod config;
+mod doctor;
 mod eyes;
+mod fast;
 mod faults;
 mod floors;
 mod frames;
@@ -19,5 +23,7 @@ mod run;
 mod safety;
 mod secrets;
 mod sim;
+mod stdlib;
 mod supervision;
+mod tools;
 mod vision;

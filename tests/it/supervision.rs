@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use rustix::process::{Pid, Signal};
 use spykee::agent::{Agent, Behaviour, Plan};
-use spykee::behaviour::{Launch, Launcher, Reload, RestartPolicy};
+use spykee::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy};
 use spykee::link;
 use spykee::pilot::Settings;
 use spykee::robot::Priority;
@@ -245,6 +245,7 @@ fn agent_that_is_told_to_reload() {
         let launch = Launch {
             source: b"robot.volume(100) task.wait(600)".to_vec(),
             options: script::Options::new("script", "script.lua"),
+            library: Library::default(),
         };
         let behaviour = Behaviour {
             priority: Priority(0),

@@ -112,6 +112,18 @@ impl<'a> Walk<'a> {
             (Type::Colour | Type::Colours, _) => self.colour(call, value, argument, kind),
             (Type::Options(keys), Kind::Table(table)) => self.options(call, keys, table),
             (Type::Options(_), Kind::Object(_) | Kind::List(_)) => {}
+            (Type::Named(keys), Kind::Table(table)) => {
+                let ExprKind::Table(entries) = &table.kind else {
+                    return;
+                };
+                for entry in entries {
+                    if let (Entry::Named(..), Kind::Table(one)) =
+                        (entry, self.kinds.of(entry.value()))
+                    {
+                        self.options(call, keys, one);
+                    }
+                }
+            }
             (Type::Object(wanted), Kind::Object(object)) if object.name == *wanted => {}
             (Type::Object(_), Kind::Table(_) | Kind::Object(_)) if !is_strict(&value.kind) => {}
             (Type::List(_), Kind::Table(_) | Kind::List(_)) => {}

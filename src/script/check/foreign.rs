@@ -60,6 +60,13 @@ pub(super) fn meant(name: &str) -> Option<&'static str> {
 
 /// Where a function of this name lives.
 pub(super) fn belongs_to(name: &str) -> Option<String> {
+    let text = definition::choices().find(|choice| (choice.names)().contains(&name));
+    if let Some(choice) = text {
+        return Some(format!(
+            "the name of a {} stands in quotes: \"{name}\"",
+            choice.what
+        ));
+    }
     let found = definition::functions().find(|function| function.key() == name)?;
     Some(match found.is_method() {
         true => format!("{} is a function of a {}", name, found.owner()),

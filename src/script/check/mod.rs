@@ -5,25 +5,30 @@
 //! bounded whatever the file holds, and nothing of it runs.
 
 mod calls;
+mod explain;
 mod finding;
 mod foreign;
 mod kinds;
 mod lexer;
 mod loops;
+mod parameters;
 mod parser;
 mod syntax;
 mod tree;
 mod walk;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use tokio::time::Instant;
 
+use super::modules;
 use super::options::Options;
+use super::params::GivenParam;
 use super::{Script, failure, sandbox};
 use crate::vision::Colour;
 
+pub(super) use explain::explain;
 pub use finding::{Finding, Severity};
 use lexer::Span;
 
@@ -36,8 +41,10 @@ pub struct Surroundings {
     colours: Vec<String>,
     /// The script's file, beside which its modules are.
     file: Option<PathBuf>,
-    /// Globals may come from elsewhere: the script loads modules.
+    /// No global is unknown: there is no VM to ask.
     open_globals: bool,
+    /// Values from outside for what the script declares.
+    params: BTreeMap<String, GivenParam>,
 }
 
 impl Surroundings {
@@ -51,6 +58,23 @@ impl Surroundings {
             colours: options.colours.keys().cloned().collect(),
             file: file.map(Path::to_path_buf),
             open_globals: false,
+            params: options.params.clone(),
+        }
+    }
+
+    /// Only what is defined, without a VM.
+    fn defined() -> Surroundings {
+        let functions = super::definition::functions().filter(|one| !one.is_method());
+        let constants = super::definition::constants().map(|one| one.path.to_owned());
+        Surroundings {
+            paths: functions
+                .map(|one| one.path.to_owned())
+                .chain(constants)
+                .collect(),
+            colours: Vec::new(),
+            file: None,
+            open_globals: true,
+            params: BTreeMap::new(),
         }
     }
 
@@ -60,9 +84,17 @@ impl Surroundings {
     }
 
     /// Why there is no such module.
-    fn missing_module(&self, _path: &str) -> Option<String> {
-        let _ = &self.file;
-        None
+    fn missing_module(&self, path: &str) -> Option<String> {
+        let beside = path.starts_with("./") || path.starts_with("../");
+        if !beside {
+            return modules::resolve("", path).err();
+        }
+        let folder = self.file.as_ref()?.parent()?;
+        let path = path.trim_end_matches(".luau").trim_end_matches(".lua");
+        let found = ["lua", "luau"]
+            .iter()
+            .any(|ending| folder.join(format!("{path}.{ending}")).is_file());
+        (!found).then(|| format!("there is no module '{path}': no file {path}.lua beside this one"))
     }
 }
 
@@ -79,6 +111,12 @@ pub fn check(source: &[u8], chunk: &str, surroundings: &Surroundings) -> Vec<Fin
         Ok(tree) => walk::walk(&tree, (chunk, text), surroundings),
         Err(_) => Vec::new(),
     }
+}
+
+/// Whether a source is read into a tree.
+#[cfg(test)]
+pub(super) fn reads(source: &str) -> bool {
+    parser::parse(source).is_ok()
 }
 
 /// The compiler's complaint.

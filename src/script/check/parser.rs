@@ -137,6 +137,13 @@ impl<'a> Parser<'a> {
         token.kind == Kind::Name && token.span.of(self.source) == text
     }
 
+    /// Whether an interpolated string begins there, and does not go on.
+    fn begins_pieces(&self, by: usize) -> bool {
+        let token = self.ahead(by);
+        let piece = matches!(token.kind, Kind::PieceBefore | Kind::PieceLast);
+        piece && token.span.of(self.source).starts_with('`')
+    }
+
     fn deeper<T>(&mut self, parse: impl FnOnce(&mut Self) -> Parsed<T>) -> Parsed<T> {
         if self.depth >= MAX_DEPTH {
             return Err(self.lost());
@@ -259,10 +266,8 @@ impl<'a> Parser<'a> {
             return self.type_statement();
         }
         let alone = !matches!(self.word_ahead(1), "." | "[" | ":" | "(" | "=" | "{" | ",")
-            && !matches!(
-                self.ahead(1).kind,
-                Kind::Text | Kind::PieceLast | Kind::PieceBefore
-            )
+            && self.ahead(1).kind != Kind::Text
+            && !self.begins_pieces(1)
             && !self.word_ahead(1).ends_with('=');
         if self.is_name(0, "continue") && alone {
             self.advance();
@@ -629,7 +634,7 @@ impl<'a> Parser<'a> {
                 self.made(start.span, ExprKind::Function(Box::new(body)))
             }
             "if" => self.choose(),
-            _ if matches!(start.kind, Kind::PieceBefore | Kind::PieceLast) => self.pieces(),
+            _ if self.begins_pieces(0) => self.pieces(),
             _ => self.suffixed(),
         }
     }
@@ -755,7 +760,7 @@ impl<'a> Parser<'a> {
             let text = ExprKind::Text(contents(token.span.of(self.source)));
             return Ok(Some(vec![self.made(token.span, text)?]));
         }
-        if matches!(token.kind, Kind::PieceBefore | Kind::PieceLast) {
+        if self.begins_pieces(0) {
             return Ok(Some(vec![self.pieces()?]));
         }
         if self.word() == "{" {

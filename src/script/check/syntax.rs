@@ -11,6 +11,8 @@ struct Scene<'a> {
     tokens: Vec<Token>,
     line: usize,
     words: &'a str,
+    /// Where lines end.
+    ends: Vec<usize>,
 }
 
 /// What is wrong, and what to do.
@@ -34,6 +36,7 @@ pub(super) fn finding((chunk, source): (&str, &str), complaint: &str) -> Finding
         tokens: tokens(source),
         line,
         words,
+        ends: source.match_indices('\n').map(|(at, _)| at).collect(),
     };
     let remark = scene.remark();
     Finding::new((chunk, source), remark.at, Severity::Error, remark.message).help(remark.help)
@@ -42,7 +45,7 @@ pub(super) fn finding((chunk, source): (&str, &str), complaint: &str) -> Finding
 impl Scene<'_> {
     fn remark(&self) -> Remark {
         // The most certain first.
-        let rules: [fn(&Self) -> Option<Remark>; 15] = [
+        let rules: [fn(&Self) -> Option<Remark>; 16] = [
             Self::quotes,
             Self::unfinished,
             Self::strangers,
@@ -51,6 +54,7 @@ impl Scene<'_> {
             Self::other_languages,
             Self::single_equals,
             Self::else_if,
+            Self::braces,
             Self::blocks,
             Self::missing_end,
             Self::extra_end,
@@ -72,7 +76,7 @@ impl Scene<'_> {
     }
 
     fn line_of(&self, token: &Token) -> usize {
-        self.source[..token.span.start].matches('\n').count() + 1
+        self.ends.partition_point(|end| *end < token.span.start) + 1
     }
 
     /// The tokens of the line where the compiler gave up.
@@ -106,7 +110,7 @@ impl Scene<'_> {
     /// Where it is: where our own parser was lost, if that is the line; else the line's first word.
     fn place(&self) -> Span {
         if let Err(lost) = parser::parse(self.source)
-            && self.source[..lost.at.start].matches('\n').count() + 1 == self.line
+            && self.ends.partition_point(|end| *end < lost.at.start) + 1 == self.line
         {
             return lost.at;
         }
@@ -336,6 +340,36 @@ impl Scene<'_> {
             at: pair[0].span.to(pair[1].span),
             message: "`else if` begins a second if, which needs an end of its own".to_owned(),
             help: "write elseif, in one word".to_owned(),
+        })
+    }
+
+    /// A block in braces is noticed at its end only, for `f() {` calls `f` with a table.
+    fn braces(&self) -> Option<Remark> {
+        let lines = self
+            .tokens
+            .chunk_by(|a, b| self.line_of(a) == self.line_of(b));
+        let mut above = lines.filter(|line| {
+            line.first()
+                .is_some_and(|first| self.line_of(first) <= self.line)
+        });
+        let (keyword, brace) = above.find_map(|line| {
+            let first = line.iter().find(|token| self.text(token) != "}")?;
+            let opens = matches!(self.text(first), "if" | "elseif" | "else" | "while" | "for");
+            let closed = line
+                .iter()
+                .any(|token| matches!(self.text(token), "then" | "do"));
+            let last = line.iter().rfind(|token| token.kind != Kind::End)?;
+            (opens && !closed && self.text(last) == "{").then_some((first, last))
+        })?;
+        let begin = match self.text(keyword) {
+            "if" | "elseif" => "`then` here, and ",
+            "else" => "",
+            _ => "`do` here, and ",
+        };
+        Some(Remark {
+            at: brace.span,
+            message: "'{' does not begin a block".to_owned(),
+            help: format!("write {begin}`end` where the block ends"),
         })
     }
 
@@ -584,7 +618,14 @@ impl Scene<'_> {
             .split(" (")
             .next()?;
         let got = rest.split(';').next()?.trim();
+        let value = got.starts_with(['"', '\''])
+            && got
+                .trim_matches('\'')
+                .starts_with(|c: char| c.is_alphanumeric() || c == '"');
         let message = match (expected, got) {
+            ("')'" | "'}'" | "']'", got) if value => {
+                format!("a comma is missing before {}", word(got))
+            }
             ("<eof>", got) => format!("{} cannot stand here", word(got)),
             (expected, "<eof>") => format!("{} is missing at the end", word(expected)),
             (expected, got) => format!("expected {} here, found {}", word(expected), word(got)),

@@ -10,6 +10,7 @@ use super::foreign;
 use super::kinds::{Kind, Kinds, of_type};
 use super::lexer::Span;
 use super::loops;
+use super::parameters;
 use super::tree::{Block, Body, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
 
 pub(super) struct Walk<'a> {
@@ -26,6 +27,15 @@ pub(super) fn walk<'a>(
     text: (&'a str, &'a str),
     surroundings: &'a Surroundings,
 ) -> Vec<Finding> {
+    walked(tree, text, surroundings).0
+}
+
+/// The same, with what is known of the names afterwards.
+pub(super) fn walked<'a>(
+    tree: &'a Tree,
+    text: (&'a str, &'a str),
+    surroundings: &'a Surroundings,
+) -> (Vec<Finding>, Kinds<'a>) {
     let mut walk = Walk {
         kinds: Kinds::new(tree, &surroundings.paths),
         surroundings,
@@ -36,7 +46,7 @@ pub(super) fn walk<'a>(
     let mut findings = walk.findings;
     findings.sort_by_key(|finding| (finding.line, finding.column));
     findings.dedup();
-    findings
+    (findings, walk.kinds)
 }
 
 impl<'a> Walk<'a> {
@@ -156,7 +166,9 @@ impl<'a> Walk<'a> {
         let tree = self.kinds.tree;
         let local = &tree.locals[id.0];
         let ours = definition::functions().any(|one| one.owner() == local.name && !one.is_method());
-        if ours && self.kinds.namespace(&local.name) {
+        // `local params = params.declare{...}` is how it is meant.
+        let usual = local.name == "params";
+        if ours && !usual && self.kinds.namespace(&local.name) {
             let message = format!(
                 "this variable hides {0}: from here on {0}.* cannot be called",
                 local.name
@@ -383,11 +395,14 @@ impl<'a> Walk<'a> {
         }
         self.exprs(arguments);
         match kind {
-            Kind::Native(function) => self.call(Site {
-                function,
-                arguments,
-                span: call.span,
-            }),
+            Kind::Native(function) => {
+                self.call(Site {
+                    function,
+                    arguments,
+                    span: call.span,
+                });
+                self.special(function, arguments);
+            }
             Kind::Namespace(name) => {
                 self.error(callee.span, format!("{name} is no function"))
                     .help = Some(format!("its functions are called as {name}.NAME()"));
@@ -425,17 +440,22 @@ impl<'a> Walk<'a> {
                 }
                 _ => {}
             },
-            ExprKind::Global(name)
-                if name == "require" && self.surroundings.paths.contains("require") =>
-            {
-                if let [path] = arguments
-                    && let Kind::Text(Some(text)) = self.kinds.of(path)
-                    && let Some(why) = self.surroundings.missing_module(text)
-                {
-                    self.error(path.span, why);
-                }
-            }
             _ => {}
+        }
+    }
+
+    /// Calls whose arguments depend on what is around the script.
+    fn special(&mut self, function: &'static Function, arguments: &'a [Expr]) {
+        let [argument] = arguments else { return };
+        let wrong = match (function.path, self.kinds.of(argument)) {
+            ("require", Kind::Text(Some(path))) => self.surroundings.missing_module(path),
+            ("params.declare", Kind::Table(table)) => {
+                parameters::refused(&self.kinds, table, &self.surroundings.params)
+            }
+            _ => None,
+        };
+        if let Some(wrong) = wrong {
+            self.error(argument.span, wrong);
         }
     }
 

@@ -58,6 +58,7 @@ const PROMISED: &str = "
     vision.lab vision.hsv Frame:find_blobs vision.tracker Tracker:update Tracker:best Tracker:reset
     vision.learn vision.motion Detector:update Frame:find_line Frame:find_qrcodes Frame:brightness
     Frame:sharpness Frame:get_pixel Frame:save Track.id Track.age Track.lost Track.vx Track.vy
+    params.declare store.get store.set store.delete store.keys require
     Blob.x Blob.y Blob.w Blob.h Blob.cx Blob.cy Blob.pixels Blob.area Blob.density Blob.rotation
     Blob.elongation Blob.roundness Blob.perimeter Blob.code Blob.count Blob.colour Blob.bearing Blob.edge";
 
@@ -155,7 +156,7 @@ fn the_waiting_calls_are_those_that_wait() {
         .collect();
     let expected =
         "robot.move robot.drive robot.forward robot.turn robot.dock robot.undock robot.wait_for
-        robot.wait_frame task.wait task.all task.race task.timeout Task:join";
+        robot.wait_frame require task.wait task.all task.race task.timeout Task:join";
     assert_eq!(waits, expected.split_whitespace().collect());
 }
 
@@ -175,7 +176,7 @@ fn sample(kind: &Type) -> Option<String> {
         Type::Colour | Type::Colours => "'red'".to_owned(),
         Type::Roi => "{1, 1, 9, 9}".to_owned(),
         Type::Range => "{0, 1}".to_owned(),
-        Type::Options(_) | Type::Fields => "{}".to_owned(),
+        Type::Options(_) | Type::Fields | Type::Named(_) => "{}".to_owned(),
         Type::Any | Type::Object(_) | Type::List(_) | Type::OneOrMore(_) | Type::Payload => {
             return None;
         }

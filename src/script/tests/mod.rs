@@ -1,13 +1,18 @@
 //! Scripts in a rig: the time is passed, the output collected, the robot's answers given by hand.
 
+mod checking;
 mod definitions;
 mod events;
 mod hostile;
 mod language;
 mod life;
+mod modules;
 mod motion;
+mod params;
 mod properties;
 mod sounds_and_lights;
+mod stdlib;
+mod store;
 mod tasks;
 mod typed;
 mod vision;
@@ -90,6 +95,24 @@ impl Rig {
         }
         self.now = end;
         self.run();
+    }
+
+    /// Answers what was required so far, from these files, until nothing more is asked for.
+    fn serve(&mut self, files: &[(&str, &str)]) {
+        while !self.modules.is_empty() {
+            let name = self.modules.remove(0);
+            let known = files.iter().find(|(file, _)| {
+                let stem = file.trim_end_matches(".luau").trim_end_matches(".lua");
+                stem == name.as_str()
+            });
+            let file = known.map(|(file, source)| ModuleFile {
+                file: (*file).to_owned(),
+                source: source.as_bytes().to_vec(),
+            });
+            let file = file.ok_or_else(|| format!("module '{}' was not found", name.as_str()));
+            self.script.deliver_module(&name, file, self.now);
+            self.run();
+        }
     }
 
     fn deliver(&mut self, event: Event) {

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::terms::{Function, Need, Object, Type, Value};
 
 /// What each namespace is for.
-const SECTIONS: [(&str, &str); 5] = [
+const SECTIONS: [(&str, &str); 8] = [
     (
         "robot",
         "the robot: motion, lights, sounds, docking, events, pictures",
@@ -17,6 +17,9 @@ const SECTIONS: [(&str, &str); 5] = [
     ),
     ("log", "what the script has to say"),
     ("script", "the script's own life"),
+    ("params", "what a person may set from outside"),
+    ("store", "what is kept from run to run"),
+    ("", ""),
 ];
 
 /// The text between the two markers.
@@ -90,8 +93,15 @@ fn result(value: &Value) -> String {
 
 fn values(text: &mut String, values: &[Value]) {
     for value in values {
-        if let Type::Options(keys) = value.kind {
-            text.push_str("- options, a table:\n");
+        if let Type::Options(keys) | Type::Named(keys) = value.kind {
+            let _ = match value.kind {
+                Type::Options(_) => writeln!(text, "- options, a table:"),
+                _ => writeln!(
+                    text,
+                    "- `{}`, {}: a table for each, with",
+                    value.name, value.doc
+                ),
+            };
             for key in keys {
                 let optional = if key.need == Need::Required {
                     " (needed)"

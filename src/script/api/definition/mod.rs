@@ -6,6 +6,7 @@
 //! that is added, renamed or removed without its definition fails loudly.
 
 mod event;
+mod keeping;
 mod log;
 mod luau;
 mod markdown;
@@ -25,12 +26,13 @@ pub use text::full;
 
 /// Every function and method, by namespace.
 pub fn functions() -> impl Iterator<Item = &'static Function> {
-    let parts: [&'static [Function]; 6] = [
+    let parts: [&'static [Function]; 7] = [
         script::FUNCTIONS,
         log::FUNCTIONS,
         robot::FUNCTIONS,
         task::FUNCTIONS,
         vision::FUNCTIONS,
+        keeping::FUNCTIONS,
         object::METHODS,
     ];
     parts.into_iter().flatten()

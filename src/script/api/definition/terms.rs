@@ -89,6 +89,8 @@ pub enum Type {
     Payload,
     /// A function that takes the payload of the event that the first argument names.
     Handler,
+    /// A table of tables, each with these keys and no others.
+    Named(&'static [Value]),
     /// A table with these keys and no others.
     Options(&'static [Value]),
 }

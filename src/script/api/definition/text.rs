@@ -25,6 +25,7 @@ impl Type {
             Type::OneOrMore(of) => format!("({} | {{ {} }})", of.luau(), of.luau()),
             Type::Payload => "any".to_owned(),
             Type::Handler => "((payload: any) -> ...any)".to_owned(),
+            Type::Named(keys) => format!("{{ [string]: {} }}", Type::Options(keys).luau()),
             Type::Options(keys) => {
                 let keys: Vec<_> = keys
                     .iter()
@@ -57,6 +58,7 @@ impl Type {
             Type::List(of) => format!("a list, each {}", of.words()),
             Type::OneOrMore(of) => format!("{}, or a list of them", of.words()),
             Type::Payload => "the event's payload".to_owned(),
+            Type::Named(_) => "a table of tables".to_owned(),
             Type::Options(_) => "a table".to_owned(),
         }
     }
@@ -173,8 +175,8 @@ fn of_function(function: &Function) -> String {
         let _ = writeln!(text, "  ...  {rest}");
     }
     for parameter in function.parameters {
-        if let Type::Options(keys) = parameter.kind {
-            section(&mut text, "options", keys);
+        if let Type::Options(keys) | Type::Named(keys) = parameter.kind {
+            section(&mut text, "keys", keys);
         }
     }
     section(&mut text, "returns", function.returns);
