@@ -263,8 +263,7 @@ impl Keeper {
         let (launcher, by, priority) = (self.around.launcher.clone(), self.by, self.priority);
         let launch = Launch {
             source: source.clone(),
-            options: self.launch.options.clone(),
-            library: self.launch.library.clone(),
+            ..self.launch.clone()
         };
         Box::pin(async move {
             let host = Prepared::start(&launcher, by, priority, launch).await?;

@@ -17,7 +17,7 @@ use tokio::process::{Child, ChildStderr, Command};
 use tokio::task::JoinHandle;
 
 use super::confine::Walls;
-use super::host::host;
+use super::host::{Time, serve};
 
 /// The hidden argument by which the executable knows that it is to be a host.
 pub const HOST_ARGUMENT: &str = "__host";
@@ -60,6 +60,11 @@ impl Launcher {
     /// If the system does not tell where it is.
     pub fn this_executable() -> io::Result<Launcher> {
         std::env::current_exe().map(Launcher::new)
+    }
+
+    /// Whether hosts are tasks of this thread: then no other thread may be waited for.
+    pub(super) fn is_in_this_thread(&self) -> bool {
+        self.executable.is_none()
     }
 
     /// Starts a host that can open no files but those in `folders`, which are made if need be; also
@@ -110,7 +115,7 @@ fn start_child(
 fn start_task() -> (HostProcess, PipeReader, PipeWriter) {
     let (to_host, host_reader) = tokio::io::duplex(PIPE_LEN);
     let (host_writer, from_host) = tokio::io::duplex(PIPE_LEN);
-    let task = tokio::task::spawn_local(host(host_reader, host_writer));
+    let task = tokio::task::spawn_local(serve(host_reader, host_writer, Time::Virtual));
     let process = HostProcess {
         life: Life::Task(task),
     };

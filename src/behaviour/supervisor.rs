@@ -99,7 +99,11 @@ impl Prepared {
         let started = launcher.start(&launch.options.folders());
         let (process, reader, writer) = started.map_err(broken)?;
         let (from_host, to_host, pump) = connect(reader, writer);
-        let modules = librarian(launch.library.clone(), to_host.clone());
+        let modules = librarian(
+            launch.library.clone(),
+            to_host.clone(),
+            launcher.is_in_this_thread(),
+        );
         let mut prepared = Prepared {
             by,
             name: name.clone(),
@@ -168,9 +172,13 @@ async fn pump(mut waiting: mpsc::Receiver<ToHost>, mut sender: Sender<ToHost>) {
     }
 }
 
-/// Reads modules for a host, one after the other, on a thread that may wait for a disk. Ends with
-/// the behaviour.
-fn librarian(library: Library, to_host: mpsc::Sender<ToHost>) -> mpsc::Sender<ModuleName> {
+/// Reads modules for a host, one after the other, on a thread that may wait for a disk; or `here`,
+/// where virtual time waits for nothing else. Ends with the behaviour.
+fn librarian(
+    library: Library,
+    to_host: mpsc::Sender<ToHost>,
+    here: bool,
+) -> mpsc::Sender<ModuleName> {
     let (ask, mut asked) = mpsc::channel::<ModuleName>(MAX_MODULES);
     tokio::spawn(async move {
         let mut left = MAX_MODULES;
@@ -180,8 +188,12 @@ fn librarian(library: Library, to_host: mpsc::Sender<ToHost>) -> mpsc::Sender<Mo
                 None => return,
             };
             let (shelf, wanted) = (library.clone(), name.clone());
-            let fetched = tokio::task::spawn_blocking(move || shelf.fetch(&wanted)).await;
-            let file = fetched.unwrap_or_else(|error| Err(error.to_string()));
+            let file = if here {
+                shelf.fetch(&wanted)
+            } else {
+                let fetched = tokio::task::spawn_blocking(move || shelf.fetch(&wanted)).await;
+                fetched.unwrap_or_else(|error| Err(error.to_string()))
+            };
             if to_host.send(ToHost::Module(name, file)).await.is_err() {
                 return;
             }

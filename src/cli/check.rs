@@ -3,11 +3,12 @@
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
+use super::run::params;
 use super::source::read_source;
 use super::{Console, Exit, Failure, print};
 use crate::agent::Behaviour;
 use crate::behaviour::Launch;
-use crate::config::Config;
+use crate::config::{Config, Entry};
 use crate::script::Options;
 use crate::script::check::{Finding, Severity, Surroundings, check};
 
@@ -18,7 +19,7 @@ pub(super) struct CheckArgs {
     #[arg(value_name = "FILE.lua", required = true)]
     files: Vec<PathBuf>,
 
-    /// The config with which they are to run: its colours are known
+    /// The config with which they are to run: its colours are known, its params are checked
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
 
@@ -38,7 +39,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
     }
     let mut findings = Vec::new();
     for file in &files {
-        findings.extend(of_file(file, &config)?);
+        findings.extend(of_file(file, &config, args.config.as_deref())?);
     }
     let text = match args.json {
         true => format!(
@@ -56,10 +57,16 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
 }
 
 /// Of one script with the settings of a config.
-fn of_file(file: &Path, config: &Config) -> Result<Vec<Finding>, Failure> {
+fn of_file(file: &Path, config: &Config, path: Option<&Path>) -> Result<Vec<Finding>, Failure> {
     let source = read_source(file)?;
+    let is_this = |entry: &&Entry| match (entry.file.canonicalize(), file.canonicalize()) {
+        (Ok(one), Ok(other)) => one == other,
+        _ => false,
+    };
+    let entry = config.behaviours.iter().find(is_this);
     let options = Options {
         colours: config.colours.clone(),
+        params: entry.map(|entry| params(entry, path)).unwrap_or_default(),
         ..Options::new("check", file.display().to_string())
     };
     Ok(of_source(&source, &options))

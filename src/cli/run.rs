@@ -71,10 +71,6 @@ pub(super) struct RunArgs {
     #[arg(long, conflicts_with = "fast")]
     watch: bool,
 
-    /// Run without looking for mistakes first
-    #[arg(long)]
-    no_check: bool,
-
     /// With --sim: in virtual time, as fast as it goes. The same seed gives the same run
     #[arg(long)]
     fast: bool,
@@ -82,6 +78,10 @@ pub(super) struct RunArgs {
     /// With --fast: write all that happens to this file, one JSON object a line
     #[arg(long, value_name = "FILE", requires = "fast")]
     events: Option<PathBuf>,
+
+    /// Run without looking for mistakes first
+    #[arg(long)]
+    no_check: bool,
 
     /// Set a parameter that the script declares; with several behaviours BEHAVIOUR.NAME=VALUE
     #[arg(long = "param", value_name = "NAME=VALUE", value_parser = Param::parse)]
@@ -348,7 +348,7 @@ fn behaviour(
         calibration: config.calibration,
         camera: config.camera,
         colours: config.colours.clone(),
-        params: params(entry, args),
+        params: params(entry, args.config.as_deref()),
         annotate_dir: marked_folder(args.annotate.as_deref(), &name, &data)?,
         data_dir: Some(data),
         ..script::Options::new(name, entry.file.display().to_string())
@@ -367,8 +367,8 @@ fn behaviour(
     })
 }
 
-fn params(entry: &Entry, args: &RunArgs) -> BTreeMap<String, GivenParam> {
-    let config = args.config.as_ref();
+/// What the config says for what the script declares.
+pub(super) fn params(entry: &Entry, config: Option<&Path>) -> BTreeMap<String, GivenParam> {
     let origin = config.map_or_else(String::new, |config| config.display().to_string());
     let given = |(name, value): (&String, &ParamValue)| {
         let (value, origin) = (value.clone(), ParamOrigin::Config(origin.clone()));

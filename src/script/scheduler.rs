@@ -136,8 +136,8 @@ impl State {
             (Kind::Handler(subscription), outcome) => self.handled(subscription, &outcome),
             (Kind::Main, Outcome::Failed(text)) => self.fail(text),
             (Kind::Line, outcome) => {
-                let evaluated = self.evaluated(outcome);
-                self.outbox.answer(evaluated);
+                let answer = self.evaluated(outcome);
+                self.outbox.answer(answer);
             }
             (Kind::Spawned | Kind::Farewell, Outcome::Failed(text)) => self.complain(&text),
             _ => {}

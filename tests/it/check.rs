@@ -79,6 +79,37 @@ fn the_colours_of_the_config_are_known() {
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
 }
 
+#[test]
+fn params_of_the_config_are_held_against_what_the_script_declares() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let script = file(
+        "a.lua",
+        "local p = params.declare({ speed = { default = 40, max = 100 } })\nprint(p.speed)\n",
+    );
+    let good = file(
+        "good.yaml",
+        "behaviours: [ { file: a.lua, params: { speed: 50 } } ]",
+    );
+    let output = spykee(&["check", &script, "--config", &good]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+    let bad = file(
+        "bad.yaml",
+        "behaviours: [ { file: a.lua, params: { sped: 50 } } ]",
+    );
+    let output = spykee(&["check", &script, "--config", &bad]);
+    assert_eq!(output.status.code(), Some(4), "{}", text(&output.stdout));
+    assert!(
+        text(&output.stdout).contains("did you mean 'speed'?"),
+        "{}",
+        text(&output.stdout)
+    );
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_run_refuses_what_cannot_work_before_the_robot_hears_of_it() {
     let rig = Rig::quiet().await;

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use rustix::process::Signal;
 use spykee::agent::Behaviour;
-use spykee::behaviour::Launch;
+use spykee::behaviour::{Launch, Library, RestartPolicy};
 use spykee::lab::{self, Event, Kind, Lab, Recorder};
 use spykee::robot::{EndReason, Priority};
 use spykee::script;
@@ -39,10 +39,13 @@ fn behaviour(name: &str, source: &str, priority: i16, seed: u64) -> Behaviour {
     let launch = Launch {
         source: source.into(),
         options,
+        library: Library::default(),
     };
     Behaviour {
         priority: Priority(priority),
         launch,
+        restart: RestartPolicy::Never,
+        reloads: None,
     }
 }
 
@@ -192,7 +195,7 @@ async fn an_interruption_ends_a_fast_run_promptly() {
     let rig = Rig::quiet().await;
     let script = rig.file(
         "drives.lua",
-        "log.info('driving') robot.move(20, 30) task.wait(1e7)",
+        "log.info('driving') robot.move(20, 30) while true do task.wait(1) end",
     );
     let mut run = rig.spykee(&["run", script.to_str().unwrap(), "--sim", "--fast"]);
     run.says("driving").await;

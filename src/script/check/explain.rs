@@ -101,7 +101,7 @@ fn general(words: &str, at: Span) -> Option<Remark> {
     }
     if words.contains("readonly table") {
         return said(
-            "this cannot be changed",
+            "this is a readonly table, which cannot be changed",
             "keep your own values in a local variable",
         );
     }

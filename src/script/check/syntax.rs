@@ -411,7 +411,7 @@ impl Scene<'_> {
                 help,
             });
         }
-        let complains = word != "" && self.words.contains(&format!("'{word}'"));
+        let complains = !word.is_empty() && self.words.contains(&format!("'{word}'"));
         let missing = complains && !behind.iter().any(|token| self.text(token) == word);
         missing.then(|| Remark {
             at: Span {

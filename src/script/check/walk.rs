@@ -325,10 +325,8 @@ impl<'a> Walk<'a> {
 
     fn field(&mut self, object: &'a Expr, name: &str, at: Span) {
         match self.kinds.of(object) {
-            Kind::Namespace(owner) if self.is_ours(owner) => {
-                if !self.surroundings.paths.contains(&format!("{owner}.{name}")) {
-                    self.unknown_field(owner, name, at);
-                }
+            Kind::Namespace(owner) if self.is_ours(owner) && !self.has(owner, name) => {
+                self.unknown_field(owner, name, at);
             }
             Kind::Object(of) => self.member(of, name, at),
             Kind::List(_) if !self.kinds.fields.contains(name) => {
@@ -345,6 +343,11 @@ impl<'a> Walk<'a> {
             }
             _ => {}
         }
+    }
+
+    fn has(&self, owner: &str, name: &str) -> bool {
+        let paths = &self.surroundings.paths;
+        paths.contains(&format!("{owner}.{name}"))
     }
 
     /// Namespaces of our own are strict; those of the language give nil.
@@ -416,30 +419,26 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Calls of what is no native: functions of the language that do not exist, methods called with
-    /// a dot, and modules.
+    /// Calls of what is no native: functions of the language that do not exist, and methods called
+    /// with a dot.
     fn library(&mut self, callee: &'a Expr, arguments: &'a [Expr]) {
-        match &callee.kind {
-            ExprKind::Field(object, name, at) => match self.kinds.of(object) {
-                Kind::Namespace(owner)
-                    if owner != "_G"
-                        && !self.surroundings.paths.contains(&format!("{owner}.{name}")) =>
-                {
-                    if !self.is_ours(owner) {
-                        self.unknown_field(owner, name, *at);
-                    }
+        let ExprKind::Field(object, name, at) = &callee.kind else {
+            return;
+        };
+        match self.kinds.of(object) {
+            Kind::Namespace(owner)
+                if owner != "_G" && !self.is_ours(owner) && !self.has(owner, name) =>
+            {
+                self.unknown_field(owner, name, *at);
+            }
+            Kind::Object(of) if of.methods().any(|method| method.key() == name) => {
+                let again = arguments.first().map(|first| self.kinds.of(first));
+                if !matches!(again, Some(Kind::Object(_) | Kind::Unknown)) {
+                    let object = self.words(object.span);
+                    let message = format!("{name} is called with a colon: {object}:{name}(...)");
+                    self.error(*at, message);
                 }
-                Kind::Object(of) if of.methods().any(|method| method.key() == name) => {
-                    let again = arguments.first().map(|first| self.kinds.of(first));
-                    if !matches!(again, Some(Kind::Object(_) | Kind::Unknown)) {
-                        let object = self.words(object.span);
-                        let message =
-                            format!("{name} is called with a colon: {object}:{name}(...)");
-                        self.error(*at, message);
-                    }
-                }
-                _ => {}
-            },
+            }
             _ => {}
         }
     }

@@ -137,7 +137,7 @@ impl Function {
                 ", ..."
             };
         }
-        text.replace("( [", "([").replace(" [, ", " [, ") + ")"
+        text.replace("( [", "([") + ")"
     }
 }
 
