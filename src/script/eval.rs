@@ -9,15 +9,12 @@ use tokio::time::Instant;
 
 use super::Script;
 use super::arguments::describe;
-use super::check::explain;
 use super::failure::{Trouble, printable};
 use super::sandbox;
 use super::scheduler::Outcome;
 use super::state::State;
 use super::task::{Answer, Kind};
 
-/// What a typed line is called in messages.
-const CHUNK: &str = "input";
 /// Entries of a table that are shown.
 const MAX_ENTRIES: usize = 16;
 /// Values of one line that are shown.
@@ -39,16 +36,21 @@ pub enum Evaluated {
 }
 
 impl State {
-    /// How the line that was typed last has ended.
+    /// What became of the line that was typed last.
     pub(super) fn evaluated(&self, outcome: Outcome) -> Evaluated {
         match outcome {
             Outcome::Done(values) => Evaluated::Values(shown(&values)),
-            Outcome::Failed(text) => {
-                let explained = explain(&text, CHUNK, &self.line);
-                Evaluated::Failed(explained.unwrap_or(text))
-            }
+            Outcome::Failed(text) => Evaluated::Failed(self.explained(&text)),
             Outcome::Cancelled => Evaluated::Cancelled,
         }
+    }
+
+    /// Each input has a name of its own, so that no line is looked for in the wrong one.
+    fn next_input(&mut self, text: &str) -> String {
+        self.inputs += 1;
+        self.options.chunk = format!("input{}", self.inputs);
+        text.clone_into(&mut self.source);
+        self.options.chunk.clone()
     }
 }
 
@@ -59,21 +61,21 @@ impl Script {
     ///
     /// `more` allows the answer [`Evaluated::Incomplete`].
     pub fn evaluate(&mut self, text: &str, more: bool, now: Instant) {
-        {
+        let chunk = {
             let mut state = self.state.borrow_mut();
             state.tick(now);
             if !state.is_running() {
                 return;
             }
-        }
-        let begun = compile(&self.lua, text, more).and_then(|function| {
+            state.next_input(text)
+        };
+        let begun = compile(&self.lua, text, &chunk, more).and_then(|function| {
             let thread = self.lua.create_thread(function);
             thread.map_err(|error| refused(&error))
         });
         let mut state = self.state.borrow_mut();
         match begun {
             Ok(thread) => {
-                text.clone_into(&mut state.line);
                 let start = Answer::Start(LuaMultiValue::new());
                 state.tasks.add(thread, Kind::Line, start, None, now);
             }
@@ -98,12 +100,12 @@ impl Script {
 }
 
 /// As an expression if it is one, else as statements.
-fn compile(lua: &Lua, text: &str, more: bool) -> Result<LuaFunction, Evaluated> {
-    let text = sandbox::check_source(text.as_bytes(), CHUNK)
+fn compile(lua: &Lua, text: &str, chunk: &str, more: bool) -> Result<LuaFunction, Evaluated> {
+    let text = sandbox::check_source(text.as_bytes(), chunk)
         .map_err(|failure| Evaluated::Failed(failure.to_string()))?;
-    let expression = sandbox::compile(lua, &format!("return {text}"), CHUNK);
+    let expression = sandbox::compile(lua, &format!("return {text}"), chunk);
     let error = match expression.or_else(|first| {
-        let statements = sandbox::compile(lua, text, CHUNK);
+        let statements = sandbox::compile(lua, text, chunk);
         statements.map_err(|second| (first, second))
     }) {
         Ok(function) => return Ok(function),

@@ -75,8 +75,8 @@ pub(super) struct State {
     pub(super) options: Options,
     /// The script's text, to show its lines in messages.
     pub(super) source: String,
-    /// What a person typed last.
-    pub(super) line: String,
+    /// Typed lines so far.
+    pub(super) inputs: u64,
     pub(super) start: Instant,
     pub(super) now: Instant,
     pub(super) tasks: Tasks,
@@ -126,7 +126,7 @@ impl State {
         State {
             options,
             source: String::new(),
-            line: String::new(),
+            inputs: 0,
             start: now,
             now,
             tasks: Tasks::default(),

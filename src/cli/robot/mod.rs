@@ -104,10 +104,7 @@ impl AimArgs {
     /// # Errors
     /// A config, login or world that cannot be used; no robot named.
     pub(super) fn aim(&self, seed: u64) -> Result<Aim, Failure> {
-        let config = match &self.config {
-            Some(path) => Config::load(path).map_err(Failure::usage)?,
-            None => Config::default(),
-        };
+        let config = Config::effective(self.config.as_deref()).map_err(Failure::usage)?;
         let place = place(&self.connection, &config)?;
         let login = self.connection.login.or_from(&config).login()?;
         let (target, sim) = reach(place, &login, seed)?;
