@@ -4,6 +4,8 @@
 //! through the [`Arbiter`], then through [`Watchdog::refusal`]; what is left goes to [`Tracks`].
 
 mod asks;
+#[cfg(test)]
+mod histories;
 mod homing;
 mod rules;
 #[cfg(test)]
