@@ -15,7 +15,6 @@
 mod api;
 mod arguments;
 mod budget;
-mod damage;
 mod ending;
 mod events;
 mod failure;

@@ -262,6 +262,41 @@ fn a_search_without_end_is_cancelled_after_180_seconds() {
 }
 
 #[test]
+fn the_state_says_at_a_glance_how_things_stand() {
+    use WatchdogState::{Alarm, Docked, Docking, Free, LowGoingHome, Offline};
+    let mut rig = Rig::with(Limits::default());
+    assert_eq!(rig.dog.state(), Offline);
+    rig.take(Fact::LinkUp {
+        docked: false,
+        power: power(60),
+    });
+    assert_eq!(rig.dog.state(), Free);
+    rig.ask(Ask::Dock(CallId(1), DockPlan::default()));
+    assert_eq!(rig.dog.state(), Docking);
+    rig.take(Fact::Power(power(10)));
+    assert_eq!(rig.dog.state(), LowGoingHome);
+    rig.take(Fact::Engine(EngineNews::Docked));
+    assert_eq!(rig.dog.state(), Docked);
+    rig.pass(40 * SECOND, false);
+    assert_eq!(rig.dog.state(), Alarm);
+    rig.take(Fact::LinkDown);
+    assert_eq!(rig.dog.state(), Offline);
+    let words =
+        [Offline, Free, Docked, Docking, LowGoingHome, Alarm].map(|state| state.to_string());
+    assert_eq!(
+        words,
+        [
+            "offline",
+            "free",
+            "docked",
+            "docking",
+            "battery low, going home",
+            "battery low, ALARM"
+        ]
+    );
+}
+
+#[test]
 fn on_the_station_a_low_battery_never_searches_and_without_charge_sounds_the_alarm() {
     let mut rig = Rig::with(Limits::default());
     let acts = rig.take(Fact::LinkUp {
@@ -440,6 +475,24 @@ fn a_silent_stream_while_moving_stops_and_reconnects() {
         .unwrap();
     assert!(stop < close, "{acts:?}");
     assert_eq!(told(&acts), [ended(1, MotionEnd::Disconnected)]);
+}
+
+fn reconnects(acts: &[Act]) -> bool {
+    acts.iter().any(|act| matches!(act, Act::Reconnect(_)))
+}
+
+#[test]
+fn a_stream_that_begins_late_has_its_time_and_no_more() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    rig.pass(10 * SECOND, true);
+    rig.take(Fact::Listening(true));
+    assert!(!reconnects(&rig.pass(2900 * MS, true)));
+    rig.take(Fact::Listening(true));
+    assert!(
+        reconnects(&rig.pass(200 * MS, true)),
+        "said twice, heard never"
+    );
 }
 
 #[test]
