@@ -135,7 +135,9 @@ pub(super) const CANCEL: Command = Command::Engine(Engage::CancelDock);
 fn a_low_report_stops_and_sends_home_in_one_batch() {
     let mut rig = Rig::online(60);
     assert_eq!(sent(&rig.drive(1, None)), [FORWARD]);
+    assert!(rig.dog.moving());
     let acts = rig.take(Fact::Power(power(20)));
+    assert!(!rig.dog.moving());
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
     assert_eq!(told(&acts), [ended(1, MotionEnd::Safety)]);
     assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
