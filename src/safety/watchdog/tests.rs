@@ -498,6 +498,41 @@ fn a_stream_that_begins_late_has_its_time_and_no_more() {
 }
 
 #[test]
+fn a_robot_that_is_heard_drives_on() {
+    let mut rig = Rig::online(60);
+    rig.take(Fact::Listening(true));
+    rig.drive(1, None);
+    for _ in 0..10 {
+        let acts = rig.pass(SECOND, true);
+        assert!(!reconnects(&acts) && !sent(&acts).contains(&Command::STOP));
+        rig.take(Fact::Heard);
+    }
+}
+
+#[test]
+fn a_good_level_disturbs_no_motion() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    assert_eq!(rig.take(Fact::Power(power(59))), []);
+    assert!(rig.dog.moving());
+}
+
+#[test]
+fn that_the_level_is_critical_is_said_once() {
+    let mut rig = Rig::online(60);
+    let said = |acts: Vec<Act>| {
+        let mut reasons = acts.into_iter().filter_map(|act| match act {
+            Act::Announce(Event::Safety { reason, .. }) => Some(reason),
+            _ => None,
+        });
+        reasons.any(|reason| reason.contains("nothing moves but the docking"))
+    };
+    assert!(!said(rig.take(Fact::Power(power(9)))));
+    assert!(said(rig.take(Fact::Power(power(8)))));
+    assert!(!said(rig.take(Fact::Power(power(7)))));
+}
+
+#[test]
 fn a_silent_robot_without_a_stream_is_normal() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
@@ -645,6 +680,31 @@ fn undocking_waits_for_the_robots_word() {
         }]
     );
     assert_eq!(sent(&rig.drive(1, None)), [FORWARD]);
+}
+
+#[test]
+fn only_the_end_of_the_one_who_asked_ends_a_docking() {
+    let mut rig = Rig::online(60);
+    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    assert_eq!(rig.take(Fact::Gone(BehaviourId(1))), []);
+    assert_eq!(rig.dog.state(), WatchdogState::Docking);
+    assert_eq!(sent(&rig.take(Fact::Gone(WHO))), [CANCEL, Command::STOP]);
+    assert_eq!(rig.dog.state(), WatchdogState::Free);
+}
+
+#[test]
+fn only_the_one_who_asked_is_told_how_an_undocking_ends() {
+    for (gone, told_at_the_end) in [(BehaviourId(1), 1), (WHO, 0)] {
+        let mut rig = Rig::with(Limits::default());
+        rig.take(Fact::LinkUp {
+            docked: true,
+            power: charging(80),
+        });
+        rig.ask(Ask::Undock(CallId(1), 20 * SECOND));
+        rig.take(Fact::Gone(gone));
+        let acts = rig.take(Fact::Engine(EngineNews::Undocked));
+        assert_eq!(told(&acts).len(), told_at_the_end);
+    }
 }
 
 #[test]
