@@ -17,7 +17,8 @@
 //! | 3 | `behaviour` | a behaviour's host process and its supervisor |
 //! | 4 | `agent` | wiring and lifetimes |
 //! | 4 | `config` | the YAML file, composed of each module's own options |
-//! | 5 | `cli` | one file per subcommand |
+//! | 5 | `lab` | a whole run in virtual time: agent, hosts and simulator on one thread |
+//! | 6 | `cli` | one file per subcommand |
 //! | side | `sim` | the simulated robot and its world; imports `wire` only |
 //!
 //! `tests/it/floors.rs` holds every `use crate::` line against this table.
@@ -27,6 +28,7 @@ pub mod agent;
 pub mod behaviour;
 pub mod cli;
 pub mod config;
+pub mod lab;
 pub mod link;
 pub mod pilot;
 pub mod robot;

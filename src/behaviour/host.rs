@@ -12,6 +12,7 @@ use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until};
 
 use super::confine::confine;
 use super::gallery::Gallery;
+use super::keeper::Keeper;
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
 use crate::robot::{EndReason, Frame};
@@ -20,8 +21,9 @@ use crate::script::{Ending, Level, LogLine, Output, Script};
 /// While a setpoint of the script is on, the agent hears from the host at least this often; a
 /// quarter of what the watchdog allows.
 const BEAT: Duration = Duration::from_millis(50);
-/// Luau's deepest legal recursion needs 2.1 MiB of stack in a debug build.
-const STACK: usize = 8 << 20;
+/// Stack of a thread that runs a VM, bytes: Luau's deepest legal recursion needs 2.1 MiB of it in a
+/// debug build.
+pub const STACK: usize = 8 << 20;
 
 /// The life of a host process, from its confinement to its exit code. `folders` are the
 /// only ones whose files it can open.
@@ -71,21 +73,28 @@ pub async fn host(
     let Some(ToHost::Load(launch)) = inbox.next().await? else {
         return Ok(());
     };
-    let Launch { source, options } = *launch;
+    let Launch {
+        source, options, ..
+    } = *launch;
     let gallery = options
         .annotate_dir
         .clone()
         .map(Gallery::open)
         .transpose()?;
+    let keeper = options.data_dir.clone().map(Keeper::new);
     match Script::load(&source, options, Instant::now()) {
-        Ok(script) => {
+        Ok(mut script) => {
             outbox.send(&FromHost::Ready).await?;
+            if let Some(damage) = keeper.as_ref().and_then(|one| restore(&mut script, one)) {
+                outbox.send(&warning(damage)).await?;
+            }
             let mut host = Host {
                 script,
                 inbox,
                 outbox,
                 frame_asked: false,
                 gallery,
+                keeper,
             };
             if host.prepare().await? {
                 host.run().await
@@ -110,6 +119,28 @@ struct Host {
     frame_asked: bool,
     /// Where a person can see what the script sees.
     gallery: Option<Gallery>,
+    /// Where the script's store is kept.
+    keeper: Option<Keeper>,
+}
+
+/// Gives the script what its store held; a warning if that is damaged.
+fn restore(script: &mut Script, keeper: &Keeper) -> Option<String> {
+    let restored = match keeper.read() {
+        Ok(Some(file)) => script.restore(&file),
+        Ok(None) => Ok(()),
+        Err(error) => Err(error.to_string()),
+    };
+    restored.err().map(|why| keeper.set_aside(&why))
+}
+
+/// A line of ours in the script's log.
+fn warning(text: String) -> FromHost {
+    FromHost::Log(LogLine {
+        level: Level::Warn,
+        text,
+        fields: Vec::new(),
+        line: None,
+    })
 }
 
 impl Host {
@@ -131,10 +162,12 @@ impl Host {
         let ending = loop {
             self.send_output().await?;
             self.show().await?;
+            self.keep().await?;
             if let Some(ending) = self.script.ended() {
                 break ending;
             }
             let (ready, moving) = (self.script.is_ready(), self.script.has_motion());
+            let keeps_at = self.keeps_at();
             tokio::select! {
                 biased;
                 message = self.inbox.next() => match message? {
@@ -143,11 +176,38 @@ impl Host {
                 },
                 () = std::future::ready(()), if ready => {}
                 () = until(self.script.next_deadline()) => {}
+                () = until(keeps_at) => {}
                 _ = beat.tick(), if moving => self.outbox.send(&FromHost::Alive).await?,
             }
             self.script.run_ready(Instant::now());
         };
+        // Its motion has ended already: nothing is held up by the disk.
+        let last = self.script.take_store();
+        if let Some(trouble) = self.keeper.as_mut().and_then(|one| one.finish(last)) {
+            self.outbox.send(&unwritten(&trouble)).await?;
+        }
         self.outbox.send(&FromHost::Ended(ending)).await
+    }
+
+    /// When the store can be written, if it has changed.
+    fn keeps_at(&self) -> Option<Instant> {
+        let keeper = self.keeper.as_ref()?;
+        let waits = self.script.has_store_changed() || keeper.is_behind();
+        waits.then(|| keeper.next().unwrap_or_else(Instant::now))
+    }
+
+    async fn keep(&mut self) -> io::Result<()> {
+        let Some(keeper) = &mut self.keeper else {
+            return Ok(());
+        };
+        let now = Instant::now();
+        if keeper.is_due(now) {
+            keeper.offer(self.script.take_store(), now);
+        }
+        match keeper.trouble() {
+            Some(trouble) => self.outbox.send(&unwritten(&trouble)).await,
+            None => Ok(()),
+        }
     }
 
     fn take(&mut self, message: ToHost) {
@@ -159,6 +219,7 @@ impl Host {
                 let at = now.checked_sub(age).unwrap_or(now);
                 self.script.deliver_frame(Frame { seq, at, jpeg }, now);
             }
+            ToHost::Module(name, file) => self.script.deliver_module(&name, file, now),
             ToHost::Stop(reason) => self.script.stop(reason, now),
             ToHost::Load(_) | ToHost::Go => {}
         }
@@ -175,13 +236,8 @@ impl Host {
         let Some(trouble) = gallery.trouble() else {
             return Ok(());
         };
-        let line = LogLine {
-            level: Level::Warn,
-            text: format!("a marked frame is not kept: {trouble}"),
-            fields: Vec::new(),
-            line: None,
-        };
-        self.outbox.send(&FromHost::Log(line)).await
+        let text = format!("a marked frame is not kept: {trouble}");
+        self.outbox.send(&warning(text)).await
     }
 
     async fn send_output(&mut self) -> io::Result<()> {
@@ -189,6 +245,7 @@ impl Host {
             let message = match output {
                 Output::Intent(intent) => FromHost::Intent(intent),
                 Output::Log(line) => FromHost::Log(line),
+                Output::Module(name) => FromHost::Module(name),
             };
             self.outbox.feed(&message).await?;
         }
@@ -198,6 +255,12 @@ impl Host {
         }
         self.outbox.flush().await
     }
+}
+
+fn unwritten(trouble: &str) -> FromHost {
+    warning(format!(
+        "the store cannot be written and will be lost: {trouble}"
+    ))
 }
 
 async fn until(deadline: Option<Instant>) {

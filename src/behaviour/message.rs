@@ -6,8 +6,9 @@ use std::time::Duration;
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
+use super::library::Library;
 use crate::robot::{EndReason, Event, Intent};
-use crate::script::{Ending, LogLine, Options};
+use crate::script::{Ending, LogLine, ModuleFile, ModuleName, Options};
 
 /// A script and all it needs; no secrets.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -16,6 +17,9 @@ pub struct Launch {
     pub source: Vec<u8>,
     /// The VM's options.
     pub options: Options,
+    /// Where `require` finds files. Stays with the agent.
+    #[serde(skip)]
+    pub library: Library,
 }
 
 /// From the agent to the host.
@@ -36,6 +40,8 @@ pub enum ToHost {
         /// The JPEG.
         jpeg: Bytes,
     },
+    /// In answer to [`FromHost::Module`]: its file, or why there is none.
+    Module(ModuleName, Result<ModuleFile, String>),
     /// Come to an end within half a second.
     Stop(EndReason),
 }
@@ -51,6 +57,8 @@ pub enum FromHost {
     Alive,
     /// One frame, newer than the last, as soon as there is one.
     WantFrame,
+    /// The file of a module, please.
+    Module(ModuleName),
     /// The script wrote a line.
     Log(LogLine),
     /// The script has ended; the host exits.

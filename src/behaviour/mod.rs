@@ -6,12 +6,15 @@ mod calls;
 mod confine;
 mod gallery;
 mod host;
+mod keeper;
+mod library;
 mod message;
 mod pipe;
 mod process;
 mod supervisor;
 
-pub use host::{host, host_main};
+pub use host::{STACK, host, host_main};
+pub use library::Library;
 pub use message::{FromHost, Launch, ToHost};
 pub use process::{HOST_ARGUMENT, HostProcess, Launcher};
 pub use supervisor::{Handle, Prepared, Supervisor};

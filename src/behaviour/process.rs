@@ -1,6 +1,9 @@
-//! Starts and ends host processes: this very executable with a hidden argument and the folders it may
-//! use, a socket pair as its standard input, an empty environment, and nothing else open.
+//! Starts and ends hosts. A host is a process: this very executable with a hidden argument and the
+//! folders it may use, a socket pair as its standard input, an empty environment, and nothing else
+//! open. In a simulation with virtual time it is a task of this process, on this thread, over pipes
+//! in memory: the same code and messages, but without a process's walls.
 
+use std::fmt;
 use std::fs::DirBuilder;
 use std::io;
 use std::os::fd::OwnedFd;
@@ -8,27 +11,47 @@ use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::process::{ExitStatus, Stdio};
 
-use tokio::io::AsyncReadExt;
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite};
 use tokio::net::UnixStream;
 use tokio::process::{Child, ChildStderr, Command};
+use tokio::task::JoinHandle;
 
 use super::confine::Walls;
+use super::host::host;
 
 /// The hidden argument by which the executable knows that it is to be a host.
 pub const HOST_ARGUMENT: &str = "__host";
 /// The most of a dying host's last words that is kept.
 const MAX_LAST_WORDS: u64 = 4096;
 
+/// Bytes that may wait in a pipe in memory: some frames. More is written as it is read.
+const PIPE_LEN: usize = 64 * 1024;
+
+/// The agent's reading end of a host's pipe.
+pub(super) type PipeReader = Box<dyn AsyncRead + Send + Unpin>;
+/// The agent's writing end of a host's pipe.
+pub(super) type PipeWriter = Box<dyn AsyncWrite + Send + Unpin>;
+
 /// How to start a host.
 #[derive(Debug, Clone)]
 pub struct Launcher {
-    executable: PathBuf,
+    /// `None`: in this process.
+    executable: Option<PathBuf>,
 }
 
 impl Launcher {
     /// Hosts are started from this executable, which must be `spykee`.
     pub fn new(executable: PathBuf) -> Launcher {
-        Launcher { executable }
+        Launcher {
+            executable: Some(executable),
+        }
+    }
+
+    /// Hosts are tasks of this thread, for virtual time. Only within a
+    /// [`tokio::runtime::LocalRuntime`], on a thread with [`super::STACK`] of stack. Nothing but
+    /// the VM's own limits holds such a script: no landlock, no seccomp, no limits of the kernel.
+    pub fn in_this_thread() -> Launcher {
+        Launcher { executable: None }
     }
 
     /// Hosts are started from the running executable.
@@ -39,30 +62,57 @@ impl Launcher {
         std::env::current_exe().map(Launcher::new)
     }
 
-    /// Starts a host that can open no files but those in `folders`, which are made if need be; the
-    /// stream is the agent's end of its pipe. To be called from a thread that lives as long as the
-    /// agent: the host dies with the thread that started it.
+    /// Starts a host that can open no files but those in `folders`, which are made if need be; also
+    /// the agent's ends of its pipe. To be called from a thread that lives as long as the agent: the
+    /// host dies with the thread that started it.
     ///
     /// # Errors
     /// Whatever the system says.
-    pub fn start(&self, folders: &[&Path]) -> io::Result<(HostProcess, UnixStream)> {
-        Walls::say_what_is_missing();
+    pub(super) fn start(
+        &self,
+        folders: &[&Path],
+    ) -> io::Result<(HostProcess, PipeReader, PipeWriter)> {
         folders.iter().for_each(|folder| make_private(folder));
-        let (ours, theirs) = std::os::unix::net::UnixStream::pair()?;
-        ours.set_nonblocking(true)?;
-        let child = Command::new(&self.executable)
-            .arg(HOST_ARGUMENT)
-            .args(folders)
-            .env_clear()
-            // Every thread of glibc reserves 64 MiB of address space for its own heap otherwise.
-            .env("MALLOC_ARENA_MAX", "1")
-            .stdin(Stdio::from(OwnedFd::from(theirs)))
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .kill_on_drop(true)
-            .spawn()?;
-        Ok((HostProcess { child }, UnixStream::from_std(ours)?))
+        match &self.executable {
+            Some(executable) => start_child(executable, folders),
+            None => Ok(start_task()),
+        }
     }
+}
+
+fn start_child(
+    executable: &Path,
+    folders: &[&Path],
+) -> io::Result<(HostProcess, PipeReader, PipeWriter)> {
+    Walls::say_what_is_missing();
+    let (ours, theirs) = std::os::unix::net::UnixStream::pair()?;
+    ours.set_nonblocking(true)?;
+    let child = Command::new(executable)
+        .arg(HOST_ARGUMENT)
+        .args(folders)
+        .env_clear()
+        // Every thread of glibc reserves 64 MiB of address space for its own heap otherwise.
+        .env("MALLOC_ARENA_MAX", "1")
+        .stdin(Stdio::from(OwnedFd::from(theirs)))
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .kill_on_drop(true)
+        .spawn()?;
+    let (reader, writer) = UnixStream::from_std(ours)?.into_split();
+    let process = HostProcess {
+        life: Life::Child(child),
+    };
+    Ok((process, Box::new(reader), Box::new(writer)))
+}
+
+fn start_task() -> (HostProcess, PipeReader, PipeWriter) {
+    let (to_host, host_reader) = tokio::io::duplex(PIPE_LEN);
+    let (host_writer, from_host) = tokio::io::duplex(PIPE_LEN);
+    let task = tokio::task::spawn_local(host(host_reader, host_writer));
+    let process = HostProcess {
+        life: Life::Task(task),
+    };
+    (process, Box::new(from_host), Box::new(to_host))
 }
 
 /// Makes a folder that only its user can look into; one that is there stays as it is. Without one
@@ -77,29 +127,81 @@ fn make_private(folder: &Path) {
 /// A running host. Dropping it kills it.
 #[derive(Debug)]
 pub struct HostProcess {
-    child: Child,
+    life: Life,
+}
+
+#[derive(Debug)]
+enum Life {
+    Child(Child),
+    Task(JoinHandle<io::Result<()>>),
+    /// A task that has answered.
+    Over,
+}
+
+/// How a host came to its end, in words.
+#[derive(Debug)]
+pub(super) enum Exit {
+    Process(ExitStatus),
+    /// Empty: nothing was wrong.
+    Task(String),
+}
+
+impl fmt::Display for Exit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Exit::Process(status) => status.fmt(f),
+            Exit::Task(words) if words.is_empty() => f.write_str("returned"),
+            Exit::Task(words) => f.write_str(words),
+        }
+    }
 }
 
 impl HostProcess {
-    /// SIGKILL, and waits until the process is reaped.
-    pub async fn kill(&mut self) -> io::Result<ExitStatus> {
-        self.child.start_kill()?;
-        self.child.wait().await
+    /// SIGKILL, and waits until the process is reaped; a task is dropped where it waits.
+    pub(super) async fn kill(&mut self) -> io::Result<Exit> {
+        match &mut self.life {
+            Life::Child(child) => child.start_kill()?,
+            Life::Task(task) => task.abort(),
+            Life::Over => {}
+        }
+        self.wait().await
     }
 
-    /// Waits until the process has ended by itself. Cancel-safe.
-    pub async fn wait(&mut self) -> io::Result<ExitStatus> {
-        self.child.wait().await
+    /// Waits until it has ended by itself. Cancel-safe.
+    pub(super) async fn wait(&mut self) -> io::Result<Exit> {
+        let ended = match &mut self.life {
+            Life::Child(child) => return child.wait().await.map(Exit::Process),
+            Life::Task(task) => task.await,
+            Life::Over => return Ok(Exit::Task(String::new())),
+        };
+        self.life = Life::Over;
+        Ok(Exit::Task(match ended {
+            Ok(Ok(())) => String::new(),
+            Ok(Err(error)) => error.to_string(),
+            Err(error) if error.is_cancelled() => "killed".to_owned(),
+            Err(_) => "it panicked".to_owned(),
+        }))
     }
 
     /// What a host that has ended wrote to its standard error: nothing, unless it broke.
-    pub async fn last_words(&mut self) -> String {
+    pub(super) async fn last_words(&mut self) -> String {
+        let Life::Child(child) = &mut self.life else {
+            return String::new();
+        };
         let mut words = Vec::new();
-        if let Some(stderr) = self.child.stderr.take() {
+        if let Some(stderr) = child.stderr.take() {
             let _ = <ChildStderr as AsyncReadExt>::take(stderr, MAX_LAST_WORDS)
                 .read_to_end(&mut words)
                 .await;
         }
         String::from_utf8_lossy(&words).trim().to_owned()
+    }
+}
+
+impl Drop for HostProcess {
+    fn drop(&mut self) {
+        if let Life::Task(task) = &self.life {
+            task.abort();
+        }
     }
 }

@@ -4,22 +4,23 @@
 use std::io;
 use std::time::Duration;
 
-use tokio::net::UnixStream;
-use tokio::net::unix::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::sync::{mpsc, watch};
 use tokio::task::AbortHandle;
 use tokio::time::{Instant, sleep_until, timeout};
 use tracing::{debug, warn};
 
+use super::library::Library;
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
-use super::process::{HostProcess, Launcher};
+use super::process::{HostProcess, Launcher, PipeReader, PipeWriter};
 use crate::robot::channel::{Inbox, Request, Told, events};
 use crate::robot::{BehaviourId, EndReason, Frame, Priority};
-use crate::script::{Ending, Level, LogLine};
+use crate::script::{Ending, Level, LogLine, ModuleName};
 
 /// Messages that may wait for a host that does not read.
 const MAX_WAITING: usize = 128;
+/// Modules that a host may ask for in its life; an honest one asks for fewer.
+const MAX_MODULES: usize = 256;
 /// How long a host may take to load its script.
 const LOAD_TIME: Duration = Duration::from_secs(5);
 /// How long a script's last words may take (`API.md`, `script.on_stop`), and the host's way out.
@@ -36,6 +37,7 @@ pub struct Prepared {
     process: HostProcess,
     from_host: Receiver<FromHost>,
     to_host: mpsc::Sender<ToHost>,
+    modules: mpsc::Sender<ModuleName>,
     pump: AbortHandle,
 }
 
@@ -92,8 +94,10 @@ impl Prepared {
                 &format!("{name}: its host cannot be started: {error}"),
             )
         };
-        let (process, stream) = launcher.start(&launch.options.folders()).map_err(broken)?;
-        let (from_host, to_host, pump) = connect(stream);
+        let started = launcher.start(&launch.options.folders());
+        let (process, reader, writer) = started.map_err(broken)?;
+        let (from_host, to_host, pump) = connect(reader, writer);
+        let modules = librarian(launch.library.clone(), to_host.clone());
         let mut prepared = Prepared {
             by,
             name: name.clone(),
@@ -101,6 +105,7 @@ impl Prepared {
             process,
             from_host,
             to_host,
+            modules,
             pump,
         };
         let _ = prepared.to_host.try_send(ToHost::Load(Box::new(launch)));
@@ -142,8 +147,10 @@ impl Drop for Prepared {
     }
 }
 
-fn connect(stream: UnixStream) -> (Receiver<FromHost>, mpsc::Sender<ToHost>, AbortHandle) {
-    let (reader, writer): (OwnedReadHalf, OwnedWriteHalf) = stream.into_split();
+fn connect(
+    reader: PipeReader,
+    writer: PipeWriter,
+) -> (Receiver<FromHost>, mpsc::Sender<ToHost>, AbortHandle) {
     let (to_host, waiting) = mpsc::channel(MAX_WAITING);
     let pump = tokio::spawn(pump(waiting, Sender::new(writer))).abort_handle();
     (Receiver::new(reader), to_host, pump)
@@ -157,6 +164,28 @@ async fn pump(mut waiting: mpsc::Receiver<ToHost>, mut sender: Sender<ToHost>) {
             return;
         }
     }
+}
+
+/// Reads modules for a host, one after the other, on a thread that may wait for a disk. Ends with
+/// the behaviour.
+fn librarian(library: Library, to_host: mpsc::Sender<ToHost>) -> mpsc::Sender<ModuleName> {
+    let (ask, mut asked) = mpsc::channel::<ModuleName>(MAX_MODULES);
+    tokio::spawn(async move {
+        let mut left = MAX_MODULES;
+        while let Some(name) = asked.recv().await {
+            left = match left.checked_sub(1) {
+                Some(left) => left,
+                None => return,
+            };
+            let (shelf, wanted) = (library.clone(), name.clone());
+            let fetched = tokio::task::spawn_blocking(move || shelf.fetch(&wanted)).await;
+            let file = fetched.unwrap_or_else(|error| Err(error.to_string()));
+            if to_host.send(ToHost::Module(name, file)).await.is_err() {
+                return;
+            }
+        }
+    });
+    ask
 }
 
 impl Supervisor {
@@ -244,6 +273,11 @@ impl Supervisor {
                 return self.pass_frame();
             }
             FromHost::Log(line) => return log(&self.host.name, &line),
+            FromHost::Module(name) => {
+                // One that asks for more than there is room for is not honest, and gets nothing.
+                let _ = self.host.modules.try_send(name);
+                return;
+            }
             FromHost::Ready | FromHost::Ended(_) => return,
         };
         let _ = self.requests.send(request).await;

@@ -13,22 +13,26 @@ use tokio::time::{MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
 
 use super::embedded::EmbeddedSim;
+use super::fast::{EventFile, Fast};
 use super::interrupt::interruption;
+use super::params::{self, Param};
 use super::status::StatusLine;
 use super::{ConnectionArgs, Console, Exit, Failure, Place};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
-use crate::behaviour::{Launch, Launcher};
+use crate::behaviour::{Launch, Launcher, Library};
 use crate::config::{Config, Entry};
+use crate::lab;
 use crate::link::{self, Target};
 use crate::pilot::{Dial, Settings, Status};
 use crate::robot::{EndReason, Priority};
 use crate::script::{self, MAX_SOURCE};
+use crate::sim;
 use crate::wire::Login;
 
 /// Where pictures are saved unless the config says something else.
 const DATA_FOLDER: &str = "spykee-data";
 /// How often the status line is drawn anew.
-const STATUS_PERIOD: Duration = Duration::from_millis(250);
+pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
 /// The longest `--for`: a year.
 const LONGEST_RUN: f64 = 366.0 * 86_400.0;
 
@@ -55,6 +59,18 @@ pub(super) struct RunArgs {
     /// DIR/BEHAVIOUR/00.jpg to 99.jpg, at most two a second, the newest hundred
     #[arg(long, value_name = "DIR")]
     annotate: Option<PathBuf>,
+
+    /// With --sim: in virtual time, as fast as it goes. The same seed gives the same run
+    #[arg(long)]
+    fast: bool,
+
+    /// With --fast: write all that happens to this file, one JSON object a line
+    #[arg(long, value_name = "FILE", requires = "fast")]
+    events: Option<PathBuf>,
+
+    /// Set a parameter that the script declares; with several behaviours BEHAVIOUR.NAME=VALUE
+    #[arg(long = "param", value_name = "NAME=VALUE", value_parser = Param::parse)]
+    params: Vec<Param>,
 
     #[command(flatten)]
     connection: ConnectionArgs,
@@ -86,6 +102,9 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let place = place(&args.connection, &config)?;
     let login = args.connection.login.or_from(&config).login()?;
     tracing::info!(seed, "starting");
+    if args.fast {
+        return fast(&args, &config, place, behaviours, login, seed, console);
+    }
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build();
@@ -100,10 +119,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let launcher = Launcher::this_executable().map_err(|error| {
         Failure::usage(format_args!("cannot find this program's own file: {error}"))
     })?;
-    let names: Vec<String> = behaviours
-        .iter()
-        .map(|behaviour| behaviour.launch.options.name.clone())
-        .collect();
+    let names = names(&behaviours);
     let dial = dial(target, login, config.link.clone());
     let plan = Plan {
         behaviours,
@@ -112,11 +128,56 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         launcher,
         limit: args.limit,
     };
-    let line = StatusLine::new(names.join(" "), sim.as_ref().map(EmbeddedSim::handle));
+    let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle));
     let outcome = runtime.block_on(drive(plan, line, console));
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
     drop(sim);
     outcome
+}
+
+fn names(behaviours: &[Behaviour]) -> String {
+    let names = behaviours
+        .iter()
+        .map(|behaviour| behaviour.launch.options.name.as_str());
+    names.collect::<Vec<_>>().join(" ")
+}
+
+/// The whole run in virtual time, in this process.
+fn fast(
+    args: &RunArgs,
+    config: &Config,
+    place: Place,
+    behaviours: Vec<Behaviour>,
+    login: Login,
+    seed: u64,
+    console: &Console,
+) -> Result<Exit, Failure> {
+    let Place::Sim(world) = place else {
+        let why = "--fast goes with --sim only: a real robot's time cannot be hurried";
+        return Err(Failure::usage(why).help("spykee run FILE.lua --sim --fast"));
+    };
+    let events = args.events.as_deref().map(EventFile::create).transpose()?;
+    let options = lab::Options {
+        seed,
+        sim: sim::Options {
+            login,
+            ..sim::Options::default()
+        },
+        limits: config.watchdog.clone(),
+        link: config.link.clone(),
+        events: events.as_ref().map(EventFile::recorder),
+        ..lab::Options::default()
+    };
+    let names = names(&behaviours);
+    let fast = Fast {
+        world: super::embedded::load(world.as_deref())?,
+        behaviours,
+        options,
+        limit: args.limit,
+    };
+    let outcome = fast.run(names, console)?;
+    events.map_or(Ok(()), EventFile::finish)?;
+    exit(outcome)
 }
 
 async fn drive(plan: Plan, line: StatusLine, console: &Console) -> Result<Exit, Failure> {
@@ -223,9 +284,12 @@ fn behaviours(args: &RunArgs, config: &Config, seed: u64) -> Result<Vec<Behaviou
     }
     let mut names = Vec::new();
     let numbered = entries.iter().zip(seed..);
-    numbered
+    let mut behaviours = numbered
         .map(|(entry, seed)| behaviour(entry, args, config, seed, &mut names))
-        .collect()
+        .collect::<Result<Vec<_>, _>>()?;
+    let options = behaviours.iter_mut().map(|one| &mut one.launch.options);
+    params::give(&args.params, options.collect())?;
+    Ok(behaviours)
 }
 
 fn behaviour(
@@ -249,9 +313,15 @@ fn behaviour(
         data_dir: Some(data),
         ..script::Options::new(name, entry.file.display().to_string())
     };
+    let folder = entry.file.parent().unwrap_or(Path::new(""));
+    let library = Library::new(folder.to_owned());
     Ok(Behaviour {
         priority: entry.priority,
-        launch: Launch { source, options },
+        launch: Launch {
+            source,
+            options,
+            library,
+        },
     })
 }
 

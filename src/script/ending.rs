@@ -145,6 +145,7 @@ impl State {
         self.groups.clear();
         self.subscriptions.clear();
         self.farewells.clear();
+        self.modules.clear();
         self.newest = None;
         if let Some(text) = self.damage.rest() {
             self.log(Level::Warn, &text);

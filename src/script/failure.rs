@@ -118,9 +118,9 @@ fn from_traceback(text: &str) -> String {
         .split_once("\nstack traceback:\n")
         .unwrap_or((text, ""));
     let inside = message
-        .strip_prefix(super::sandbox::PRELUDE)
-        .and_then(|rest| rest.strip_prefix(':'))
-        .and_then(|rest| rest.split_once(": "));
+        .split_once(':')
+        .filter(|(file, _)| super::sandbox::is_ours(file))
+        .and_then(|(_, rest)| rest.split_once(": "));
     let message = match (inside, first_place(trace)) {
         (Some((_, words)), Some(place)) => format!("{place}: {words}"),
         (Some((_, words)), None) => words.to_owned(),

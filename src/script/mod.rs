@@ -15,15 +15,19 @@
 mod api;
 mod arguments;
 mod budget;
+mod declaration;
 mod ending;
 mod events;
 mod failure;
 mod group;
 mod interrupt;
+mod modules;
 mod motion;
 mod nearest;
 mod options;
 mod output;
+mod params;
+mod plain;
 mod queue;
 mod sandbox;
 mod scheduler;
@@ -31,6 +35,8 @@ mod sighting;
 mod slice;
 mod sound;
 mod state;
+pub mod stdlib;
+mod store;
 mod task;
 #[cfg(test)]
 mod tests;
@@ -52,9 +58,11 @@ use task::{Answer, Kind};
 
 pub(crate) use api::write_privately;
 pub use failure::{Ending, Failure};
+pub use modules::{ModuleFile, ModuleName};
 pub use nearest::suggestion;
 pub use options::{Calibration, Limits, Options};
 pub use output::{Level, LogLine, Output};
+pub use params::{GivenParam, ParamOrigin, ParamValue};
 pub use sandbox::MAX_SOURCE;
 pub use sighting::{Seen, Sighting};
 pub use state::Usage;
@@ -176,6 +184,24 @@ impl Script {
     /// floods gets errors, and its log lines are folded.
     pub fn take_output(&mut self) -> Vec<Output> {
         self.state.borrow_mut().outbox.take()
+    }
+
+    /// Takes up what an earlier run of the script kept in its store.
+    ///
+    /// # Errors
+    /// If that is not the content of a store: in words. The store stays as it was.
+    pub fn restore(&mut self, file: &[u8]) -> Result<(), String> {
+        self.state.borrow_mut().store.restore(file)
+    }
+
+    /// Whether the store holds something else than when its file was last taken.
+    pub fn has_store_changed(&self) -> bool {
+        self.state.borrow().store.has_changed()
+    }
+
+    /// The content of the store's file, at most 1 MiB, if it has changed since it was last taken.
+    pub fn take_store(&mut self) -> Option<Vec<u8>> {
+        self.state.borrow_mut().store.take_file()
     }
 
     /// A frame that the script has looked at and what was found in it, at most two a second, once

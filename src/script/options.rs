@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use super::params::GivenParam;
 use crate::vision::{Camera, Colour};
 
 /// One mebibyte.
@@ -28,6 +29,8 @@ pub struct Options {
     pub camera: Camera,
     /// Colours of the config, by name.
     pub colours: BTreeMap<String, Colour>,
+    /// Values for what the script declares with `params.declare`, by name.
+    pub params: BTreeMap<String, GivenParam>,
     /// Where `frame:save` writes; `None`: nowhere, it answers `io`.
     pub data_dir: Option<PathBuf>,
     /// The most that the data folder may hold, in bytes.
@@ -47,6 +50,7 @@ impl Options {
             calibration: Calibration::default(),
             camera: Camera::default(),
             colours: BTreeMap::new(),
+            params: BTreeMap::new(),
             data_dir: None,
             data_quota: 64 * MIB,
             annotate_dir: None,

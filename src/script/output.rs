@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
 use super::failure::printable;
+use super::modules::ModuleName;
 use crate::robot::Intent;
 
 /// Intents that may wait to be taken.
@@ -26,6 +27,8 @@ pub enum Output {
     Intent(Intent),
     /// A line for the log.
     Log(LogLine),
+    /// The file of this module is wanted: see [`Script::deliver_module`](super::Script::deliver_module).
+    Module(ModuleName),
 }
 
 /// How much a log line matters.
@@ -112,6 +115,11 @@ impl Outbox {
         if self.waiting.last() != Some(&Output::Intent(Intent::Stop)) {
             self.send(Intent::Stop);
         }
+    }
+
+    /// Asks for a module; of those there are few.
+    pub(super) fn ask(&mut self, name: ModuleName) {
+        self.waiting.push(Output::Module(name));
     }
 
     /// Logs, or counts if there were too many lines this second.

@@ -19,9 +19,10 @@ pub const MAX_SOURCE: usize = 256 * 1024;
 /// The prelude's name in stack frames.
 pub(super) const PRELUDE: &str = "spykee";
 
-/// Whether a stack frame is not the script's own: the prelude's, or of the VM's binding.
+/// Whether a stack frame is not the script's own: the prelude's, of the VM's binding, or of a module
+/// that comes with the runtime.
 pub(super) fn is_ours(source: &str) -> bool {
-    source == PRELUDE || source.starts_with("__mlua")
+    source == PRELUDE || source.starts_with("__mlua") || source.starts_with("@spykee/")
 }
 
 /// The most work of one pattern search: length of the text times length of the pattern.
@@ -75,6 +76,21 @@ pub(super) fn compile(lua: &Lua, source: &str, chunk: &str) -> LuaResult<LuaFunc
         .set_name(format!("={chunk}"))
         .set_mode(ChunkMode::Text)
         .set_compiler(compiler())
+        .into_function()
+}
+
+/// The same for a module, with globals of its own.
+pub(super) fn compile_module(
+    lua: &Lua,
+    source: &str,
+    chunk: &str,
+    globals: LuaTable,
+) -> LuaResult<LuaFunction> {
+    lua.load(source)
+        .set_name(format!("={chunk}"))
+        .set_mode(ChunkMode::Text)
+        .set_compiler(compiler())
+        .set_environment(globals)
         .into_function()
 }
 

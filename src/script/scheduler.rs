@@ -75,6 +75,7 @@ impl State {
                 self.dissolve(group);
                 Answer::Refused("timeout")
             }
+            Wait::Module(_) => Answer::Again,
             Wait::Join(_) | Wait::Motion(_) | Wait::Dock(_) | Wait::Undock(_) => {
                 Answer::Refused("timeout")
             }

@@ -6,13 +6,14 @@ use mlua::thread::ThreadStatus;
 use super::Script;
 use super::api::resume_values;
 use super::budget::{self, Spent};
+use super::declaration::undeclared;
 use super::ending::{Before, Life};
 use super::events::Busy;
 use super::failure::Trouble;
 use super::queue::Ready;
 use super::sandbox;
 use super::scheduler::Outcome;
-use super::task::{Answer, Cancel, Kind, Phase, SubscriptionId, TaskId};
+use super::task::{Answer, Cancel, Kind, Phase, SubscriptionId, TaskId, Wait};
 use crate::robot::EndReason;
 
 /// How a slice ended.
@@ -74,6 +75,11 @@ impl Script {
         self.account(&spent);
         if self.state.borrow().broken {
             self.broken(before);
+            return Ok(());
+        }
+        if let Some(words) = self.refused_params(id, &slice) {
+            let mut state = self.state.borrow_mut();
+            state.kill(EndReason::Error, Some(words), before);
             return Ok(());
         }
         if spent.over {
@@ -170,6 +176,23 @@ impl Script {
         };
         state.begin_stop(EndReason::Done, reason);
         true
+    }
+
+    /// Values were given to the script that it cannot take: told before anything of its first slice
+    /// leaves.
+    fn refused_params(&self, id: TaskId, slice: &Slice) -> Option<String> {
+        let mut state = self.state.borrow_mut();
+        if let Some(words) = state.refused.take() {
+            return Some(words);
+        }
+        let loads = |wait: &Phase| matches!(wait, Phase::Waiting(Wait::Module(_)));
+        let loading = matches!(slice, Slice::Waits)
+            && state.tasks.get(id).is_some_and(|task| loads(&task.phase));
+        let fails = matches!(slice, Slice::Over(Outcome::Failed(_)));
+        if state.declared.is_some() || loading || fails {
+            return None;
+        }
+        undeclared(&state.options.params)
     }
 
     fn broken(&self, before: Before) {

@@ -13,12 +13,14 @@ use super::ending::Life;
 use super::events::{EventName, Payload, Subscriptions, is_round};
 use super::failure::with_hint;
 use super::group::Group;
+use super::modules::Modules;
 use super::motion::{Motion, Owner};
 use super::options::Options;
 use super::output::{Level, LogLine, Outbox};
 use super::queue::Tasks;
 use super::sighting::{Seen, Sighting, Witness};
 use super::sound::Loudness;
+use super::store::Store;
 use super::task::{Answer, GroupId, Kind, SubscriptionId, Wait};
 use crate::robot::{Battery, Event, Frame, Intent, RobotInfo};
 use crate::vision::{Damage, Eyes, FrameError, judge};
@@ -86,6 +88,12 @@ pub(super) struct State {
     /// Trackers and motion detectors that live.
     pub(super) watchers: Rc<Cell<u32>>,
     pub(super) album: Album,
+    pub(super) store: Store,
+    pub(super) modules: Modules,
+    /// Names of `params.declare`, once it was called.
+    pub(super) declared: Option<Vec<String>>,
+    /// What is wrong with the values that were given to it.
+    pub(super) refused: Option<String>,
     /// Only where someone wants to see what the script sees.
     witness: Option<Witness>,
     pub(super) outbox: Outbox,
@@ -108,6 +116,7 @@ pub(super) struct State {
 impl State {
     pub(super) fn new(options: Options, now: Instant) -> State {
         let album = Album::new(options.data_dir.clone(), options.data_quota);
+        let modules = Modules::new(&options.chunk);
         let eyes = Eyes::new(options.camera);
         let witness = options.annotate_dir.as_ref().map(|_| Witness::default());
         State {
@@ -125,6 +134,10 @@ impl State {
             eyes,
             watchers: Rc::default(),
             album,
+            store: Store::default(),
+            modules,
+            declared: None,
+            refused: None,
             witness,
             outbox: Outbox::new(now),
             farewells: VecDeque::new(),
@@ -235,7 +248,7 @@ impl State {
     }
 
     /// Wakes those who wait for exactly this.
-    fn answer(&mut self, awaited: Wait, answer: impl Fn() -> Answer) {
+    pub(super) fn answer(&mut self, awaited: Wait, answer: impl Fn() -> Answer) {
         for id in self.tasks.waiting_for(|wait| *wait == awaited) {
             self.tasks.wake(id, answer(), self.now);
         }

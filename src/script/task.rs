@@ -8,6 +8,7 @@ use mlua::prelude::{LuaMultiValue, LuaThread};
 use tokio::time::Instant;
 
 use super::events::{EventName, Payload};
+use super::modules::ModuleId;
 use super::queue::{Pace, Timer};
 use crate::robot::{CallId, DockEnd, MotionEnd, MotionId};
 
@@ -86,14 +87,20 @@ pub(super) enum Cancel {
 /// What a task waits for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Wait {
-    Time { since: Instant },
-    Beat { missed: u64 },
+    Time {
+        since: Instant,
+    },
+    Beat {
+        missed: u64,
+    },
     Event(EventName),
     Motion(MotionId),
     Dock(CallId),
     Undock(CallId),
     Join(TaskId),
     Group(GroupId),
+    /// For a module's file, or for the task that runs it.
+    Module(ModuleId),
 }
 
 /// What a task is resumed with.
@@ -118,6 +125,8 @@ pub(super) enum Answer {
     Undock(DockEnd),
     Joined(Status, Option<String>),
     Values(LuaMultiValue),
+    /// What was waited for has changed: look again.
+    Again,
     /// An error to raise in the task, with its place.
     Failed(String),
     Cancelled,

@@ -52,6 +52,7 @@ pub(super) struct Line {
 pub(super) async fn serve(transport: impl Transport, line: Line) {
     let (mut reader, mut writer) = tokio::io::split(transport);
     let refused = tokio::select! {
+        biased;
         () = line.cut.cancelled() => false,
         end = read(&mut reader, &line) => {
             if let Err(error) = end {

@@ -52,6 +52,7 @@ pub(super) async fn carry(
     let mut to_robot = Box::pin(to_robot.run(client_reader, robot_writer));
     let mut to_client = Box::pin(to_client.run(robot_reader, client_writer));
     let end = tokio::select! {
+        biased;
         end = &mut to_robot => end.or(timeout(FAREWELL, &mut to_client)).await,
         end = &mut to_client => end.or(timeout(FAREWELL, &mut to_robot)).await,
     };
@@ -121,6 +122,7 @@ impl Lane {
         };
         let mut outlet = Box::pin(outlet.run(to, waiting));
         tokio::select! {
+            biased;
             end = &mut outlet => end,
             () = self.take_in(&mut from, queue) => outlet.await,
         }

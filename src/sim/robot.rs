@@ -392,7 +392,7 @@ impl Robot {
 }
 
 /// A command in a few words: payloads may be long, and secret.
-fn describe(command: &Command) -> String {
+pub(super) fn describe(command: &Command) -> String {
     match command {
         Command::File(chunk) => {
             format!(

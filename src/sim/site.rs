@@ -17,7 +17,7 @@ use super::faults::{Fault, Trouble};
 use super::geometry::Pose;
 use super::handle::{self, Ends, Order};
 use super::proxy::{self, Breaker};
-use super::robot::Robot;
+use super::robot::{Robot, describe};
 use super::server::Options;
 use super::timing::Turn;
 use super::troubles::Troubles;
@@ -52,6 +52,8 @@ pub(super) struct Site {
     refusing: Option<Refusal>,
     slides_after: Option<Duration>,
     docked_for: Duration,
+    /// The last MOVE; clients repeat it many times a second.
+    moved: Option<Command>,
 }
 
 impl Site {
@@ -80,6 +82,7 @@ impl Site {
             refusing: None,
             slides_after: None,
             docked_for: Duration::ZERO,
+            moved: None,
         }
     }
 
@@ -268,6 +271,7 @@ impl Site {
         }
         let at = self.started.elapsed();
         handle::lock(&self.ends.journal).write(at, write, client, command.clone());
+        self.log_heard(client, &command);
         match command {
             Command::Login(login) => self.log_in(client, &login),
             Command::Move { .. } if !self.clients.is_user(client) || !opened => {
@@ -278,6 +282,17 @@ impl Site {
             command => self.robot.obey(&command),
         }
         self.deliver();
+    }
+
+    /// For logs of all that was said; a setpoint that is only repeated is left out.
+    fn log_heard(&mut self, client: u64, command: &Command) {
+        if let Command::Move { .. } = command {
+            if self.moved.as_ref() == Some(command) {
+                return;
+            }
+            self.moved = Some(command.clone());
+        }
+        tracing::debug!(target: "spykee::sim::heard", client, "{}", describe(command));
     }
 
     fn log_in(&mut self, client: u64, login: &Login) {
@@ -320,6 +335,9 @@ impl Site {
     }
 
     fn tell(&mut self, report: &Report) {
+        if !matches!(report, Report::Video(_) | Report::Audio(_)) {
+            tracing::debug!(target: "spykee::sim::said", "{report:?}");
+        }
         if !self.clients.tell(report) {
             tracing::info!(target: "spykee::sim", "the client asks and never reads: cut off");
             self.clients

@@ -47,6 +47,7 @@ fn returned(lua: &Lua, answer: Answer) -> LuaResult<LuaMultiValue> {
             (status == Status::Done, status.name(), text).into_lua_multi(lua)
         }
         Answer::Joined(status, None) => (status == Status::Done, status.name()).into_lua_multi(lua),
+        Answer::Again => "again".into_lua_multi(lua),
         Answer::Values(values) => Ok(values),
         Answer::Start(_) | Answer::Deliver(_) | Answer::Failed(_) | Answer::Cancelled => {
             Ok(LuaMultiValue::new())

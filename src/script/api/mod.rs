@@ -13,9 +13,12 @@ mod events;
 mod frame;
 mod log;
 mod looking;
+mod modules;
 mod motion;
+mod params;
 mod robot;
 mod script;
+mod store;
 mod tasks;
 mod vision;
 
@@ -184,10 +187,13 @@ pub(super) fn install(lua: &Lua, shared: &Shared) -> LuaResult<()> {
         robot::namespace(&builder)?,
         tasks::namespace(&builder)?,
         vision::namespace(&builder)?,
+        params::namespace(&builder)?,
+        store::namespace(&builder)?,
     ];
     for (name, table) in tables {
         builder.close(name, table)?;
     }
+    modules::install(&builder)?;
     let memory = shared.borrow().options.limits.memory_bytes;
     let memory = usize::try_from(memory).unwrap_or(usize::MAX);
     sandbox::close(lua, builder.strict("")?, memory)

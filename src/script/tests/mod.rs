@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::{Ending, Level, LogLine, Options, Output, Script};
+use super::{Ending, Level, LogLine, ModuleFile, ModuleName, Options, Output, Script};
 use crate::robot::{EndReason, Event, Intent, MotionEnd, RobotInfo};
 
 /// A script and what it has sent.
@@ -23,6 +23,8 @@ struct Rig {
     now: Instant,
     intents: Vec<Intent>,
     log: Vec<LogLine>,
+    /// Modules that the script has asked for.
+    modules: Vec<ModuleName>,
 }
 
 impl Rig {
@@ -48,6 +50,7 @@ impl Rig {
             now,
             intents: Vec::new(),
             log: Vec::new(),
+            modules: Vec::new(),
         }
     }
 
@@ -67,6 +70,7 @@ impl Rig {
             match output {
                 Output::Intent(intent) => self.intents.push(intent),
                 Output::Log(line) => self.log.push(line),
+                Output::Module(name) => self.modules.push(name),
             }
         }
     }

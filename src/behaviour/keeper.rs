@@ -1,0 +1,274 @@
+//! The file of a script's store, in its data folder: read at the start, written by a thread of its
+//! own, so that neither the script nor a frame ever waits for a disk.
+//!
+//! A file is never half written: its new content is written beside it, brought to the disk and then
+//! given its name. One that is damaged all the same is kept aside as `.bad`.
+
+use std::fs::{self, DirBuilder, File, OpenOptions};
+use std::io::{self, Read as _, Write as _};
+use std::os::unix::fs::{DirBuilderExt as _, OpenOptionsExt as _};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use rustix::fs::OFlags;
+use tokio::time::Instant;
+
+/// The file's name.
+const NAME: &str = "store.json";
+/// What a damaged one is called.
+const BAD: &str = "store.json.bad";
+/// Unfinished ones begin so.
+const UNFINISHED: &str = ".store-";
+/// The longest file that is read: twice what is ever written.
+const LONGEST: u64 = 2 << 20;
+/// From one write to the next: with the write itself, what is on the disk is at most 1 s old.
+const PACE: Duration = Duration::from_millis(900);
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct Keeper {
+    folder: PathBuf,
+    /// `None` before the first write, and at the end.
+    writer: Option<Writer>,
+    /// Not before this.
+    next: Option<Instant>,
+    /// What the thread was too busy for.
+    held: Option<Vec<u8>>,
+    told: Option<String>,
+}
+
+#[derive(Debug)]
+struct Writer {
+    files: SyncSender<Vec<u8>>,
+    trouble: Receiver<String>,
+    thread: JoinHandle<()>,
+}
+
+impl Keeper {
+    /// Of the store in this folder.
+    pub(super) fn new(folder: PathBuf) -> Keeper {
+        Keeper {
+            folder,
+            writer: None,
+            next: None,
+            held: None,
+            told: None,
+        }
+    }
+
+    /// What an earlier run kept; `None` if there was none.
+    ///
+    /// # Errors
+    /// If there is something that cannot be read.
+    pub(super) fn read(&self) -> io::Result<Option<Vec<u8>>> {
+        let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
+        let opened = OpenOptions::new()
+            .read(true)
+            .custom_flags(flags.bits().cast_signed())
+            .open(self.folder.join(NAME));
+        let file = match opened {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            opened => opened?,
+        };
+        let about = file.metadata()?;
+        if !about.is_file() || about.len() > LONGEST {
+            let words = format!("it is no file of at most {LONGEST} bytes");
+            return Err(io::Error::other(words));
+        }
+        let mut content = Vec::new();
+        file.take(LONGEST).read_to_end(&mut content)?;
+        Ok(Some(content))
+    }
+
+    /// Keeps a damaged file aside; the warning for people.
+    pub(super) fn set_aside(&self, why: &str) -> String {
+        let (file, bad) = (self.folder.join(NAME), self.folder.join(BAD));
+        let kept = match fs::rename(&file, &bad) {
+            Ok(()) => format!("kept aside as {BAD}"),
+            Err(error) => format!("it cannot be kept aside either: {error}"),
+        };
+        let file = file.display();
+        format!(
+            "the store {file} is damaged ({why}): {kept}; the script begins with an empty store"
+        )
+    }
+
+    /// When the next content may be offered.
+    pub(super) fn next(&self) -> Option<Instant> {
+        self.next
+    }
+
+    /// Whether something waits for its time.
+    pub(super) fn is_behind(&self) -> bool {
+        self.held.is_some()
+    }
+
+    /// Whether it may be given something now.
+    pub(super) fn is_due(&self, now: Instant) -> bool {
+        self.next.is_none_or(|next| now >= next)
+    }
+
+    /// Writes the newest content, soon. Never waits.
+    pub(super) fn offer(&mut self, newest: Option<Vec<u8>>, now: Instant) {
+        let Some(content) = newest.or_else(|| self.held.take()) else {
+            return;
+        };
+        self.held = None;
+        self.next = Some(now + PACE);
+        match self.writer().map(|writer| writer.files.try_send(content)) {
+            Ok(Ok(())) => {}
+            Ok(Err(TrySendError::Full(content) | TrySendError::Disconnected(content))) => {
+                self.held = Some(content);
+            }
+            Err(error) => self.told = Some(error.to_string()),
+        }
+    }
+
+    fn writer(&mut self) -> io::Result<&Writer> {
+        let writer = match self.writer.take() {
+            Some(writer) => writer,
+            None => Writer::start(self.folder.clone())?,
+        };
+        Ok(self.writer.insert(writer))
+    }
+
+    /// Why something was not written, once for each reason.
+    pub(super) fn trouble(&mut self) -> Option<String> {
+        let heard = self.writer.as_ref()?.trouble.try_recv().ok()?;
+        let new = self.told.as_ref() != Some(&heard);
+        self.told = Some(heard.clone());
+        new.then_some(heard)
+    }
+
+    /// Writes what is left, and waits for it.
+    pub(super) fn finish(&mut self, last: Option<Vec<u8>>) -> Option<String> {
+        if let Some(content) = last.or_else(|| self.held.take())
+            && let Ok(writer) = self.writer()
+        {
+            let _ = writer.files.send(content);
+        }
+        let Writer {
+            files,
+            trouble,
+            thread,
+        } = self.writer.take()?;
+        drop(files);
+        let _ = thread.join();
+        trouble.try_iter().last()
+    }
+}
+
+impl Writer {
+    fn start(folder: PathBuf) -> io::Result<Writer> {
+        let (files, waiting) = sync_channel::<Vec<u8>>(1);
+        let (complaints, trouble) = sync_channel(8);
+        let thread = std::thread::Builder::new()
+            .name("store".into())
+            .spawn(move || {
+                for content in waiting {
+                    if let Err(error) = replace(&folder, &content) {
+                        let _ = complaints.try_send(error.to_string());
+                    }
+                }
+            })?;
+        Ok(Writer {
+            files,
+            trouble,
+            thread,
+        })
+    }
+}
+
+/// All of the new content under the file's name, or still all of the old.
+fn replace(folder: &Path, content: &[u8]) -> io::Result<()> {
+    DirBuilder::new()
+        .recursive(true)
+        .mode(0o700)
+        .create(folder)?;
+    sweep(folder)?;
+    let unfinished = folder.join(format!("{UNFINISHED}{}", std::process::id()));
+    let mut file = OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .mode(0o600)
+        .open(&unfinished)?;
+    file.write_all(content)?;
+    file.sync_all()?;
+    fs::rename(unfinished, folder.join(NAME))?;
+    File::open(folder)?.sync_all()
+}
+
+/// Removes what runs that were killed have left behind.
+fn sweep(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry
+            .file_name()
+            .as_encoded_bytes()
+            .starts_with(UNFINISHED.as_bytes())
+        {
+            fs::remove_file(entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::PermissionsExt as _;
+
+    #[test]
+    fn the_last_content_is_there_at_the_end_and_private() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = root.path().join("data");
+        let mut keeper = Keeper::new(folder.clone());
+        assert!(keeper.read().unwrap().is_none());
+        let now = Instant::now();
+        for number in 0..20 {
+            keeper.offer(Some(format!("{number}").into_bytes()), now);
+        }
+        assert!(!keeper.is_due(now) && keeper.is_due(now + PACE));
+        assert_eq!(keeper.finish(None), None);
+        assert_eq!(keeper.read().unwrap().unwrap(), b"19");
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        assert_eq!((mode(&folder), mode(&folder.join(NAME))), (0o700, 0o600));
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn what_a_killed_run_left_unfinished_harms_nobody() {
+        let root = tempfile::tempdir().unwrap();
+        fs::write(root.path().join(".store-77"), "{\"a\": ").unwrap();
+        fs::write(root.path().join(NAME), "{}").unwrap();
+        let mut keeper = Keeper::new(root.path().to_owned());
+        assert_eq!(keeper.read().unwrap().unwrap(), b"{}");
+        assert_eq!(keeper.finish(Some(b"new".to_vec())), None);
+        assert_eq!(keeper.read().unwrap().unwrap(), b"new");
+        assert_eq!(fs::read_dir(root.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_damaged_file_is_kept_aside() {
+        let root = tempfile::tempdir().unwrap();
+        fs::write(root.path().join(NAME), "{ torn").unwrap();
+        let said = Keeper::new(root.path().to_owned()).set_aside("torn");
+        assert!(
+            said.contains("store.json.bad") && said.contains("torn"),
+            "{said}"
+        );
+        assert_eq!(fs::read(root.path().join(BAD)).unwrap(), b"{ torn");
+        assert!(!root.path().join(NAME).exists());
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_to_is_told() {
+        let root = tempfile::tempdir().unwrap();
+        let file = root.path().join("file");
+        fs::write(&file, "").unwrap();
+        let mut keeper = Keeper::new(file.join("data"));
+        assert!(keeper.finish(Some(b"1".to_vec())).is_some());
+    }
+}

@@ -1,0 +1,251 @@
+//! `run --sim --fast`: the run happens in a laboratory on a thread of its own, in virtual time; this
+//! thread shows how far it is and hears interruptions, in real time.
+
+use std::convert::Infallible;
+use std::fmt;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use tokio::sync::{oneshot, watch};
+use tokio::time::{MissedTickBehavior, interval};
+
+use super::interrupt::interruption;
+use super::run::STATUS_PERIOD;
+use super::status::StatusLine;
+use super::{Console, Failure};
+use crate::agent::{AgentError, Behaviour, Outcome};
+use crate::lab::{self, Lab, Recorder};
+use crate::pilot::Status;
+use crate::sim::{Handle, World};
+
+/// What is to run, and where.
+pub(super) struct Fast {
+    pub(super) world: World,
+    pub(super) behaviours: Vec<Behaviour>,
+    pub(super) options: lab::Options,
+    pub(super) limit: Option<Duration>,
+}
+
+/// What can be seen of a laboratory from outside.
+type View = (watch::Receiver<Status>, Handle);
+
+/// How the agent ended and how much virtual time had passed.
+type Run = (Result<Outcome, AgentError>, Duration);
+
+impl Fast {
+    /// Runs it to its end.
+    ///
+    /// # Errors
+    /// No thread, no runtime, no signals.
+    pub(super) fn run(
+        self,
+        names: String,
+        console: &Console,
+    ) -> Result<Result<Outcome, AgentError>, Failure> {
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
+        let began = Instant::now();
+        let (outcome, simulated) = runtime.block_on(self.watched(names, began, console))?;
+        tracing::info!("{}", Pace::new(simulated, began.elapsed()).summary());
+        Ok(outcome)
+    }
+
+    async fn watched(
+        self,
+        names: String,
+        began: Instant,
+        console: &Console,
+    ) -> Result<Run, Failure> {
+        let (interrupted, stop) = (interruption()?, self.options.stop.clone());
+        let (opened, view) = oneshot::channel();
+        let (ended, mut end) = oneshot::channel();
+        let life = move || {
+            let _ = ended.send(self.live(opened));
+        };
+        let thread = std::thread::Builder::new()
+            .name("fast".into())
+            .spawn(life)
+            .map_err(no_lab)?;
+        let watching = async {
+            interrupted.await;
+            stop.cancel();
+            std::future::pending::<Infallible>().await
+        };
+        let result = tokio::select! {
+            biased;
+            result = &mut end => result,
+            never = show(names, view, began, console) => match never {},
+            never = watching => match never {},
+        };
+        let joined = thread.join();
+        match (result, joined) {
+            (Ok(result), Ok(())) => result.map_err(no_lab),
+            _ => Err(Failure::new(
+                super::Exit::Script,
+                AgentError::Broken("the laboratory"),
+            )),
+        }
+    }
+
+    /// On a thread without any runtime.
+    fn live(self, opened: oneshot::Sender<View>) -> std::io::Result<Run> {
+        let (behaviours, limit) = (self.behaviours, self.limit);
+        lab::run(self.world, self.options, async |lab: &Lab| {
+            let run = lab.start(behaviours, limit);
+            let _ = opened.send((run.status(), lab.sim().clone()));
+            let outcome = run.outcome().await;
+            (outcome, lab.now())
+        })
+    }
+}
+
+async fn show(
+    names: String,
+    view: oneshot::Receiver<View>,
+    began: Instant,
+    console: &Console,
+) -> Infallible {
+    let Ok((status, sim)) = view.await else {
+        return std::future::pending().await;
+    };
+    let mut line = StatusLine::new(names, Some(sim.clone()));
+    let mut beat = interval(STATUS_PERIOD);
+    beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        beat.tick().await;
+        let newest = *status.borrow();
+        let pace = Pace::new(sim.state().time, began.elapsed());
+        if console.has_status_line() {
+            console.status(format!("{pace} · {}", line.draw(&newest)));
+        } else if let Some(text) = line.news(&newest) {
+            console.status_line_plain(&format!("{pace} · {text}"));
+        }
+    }
+}
+
+fn no_lab(error: std::io::Error) -> Failure {
+    Failure::usage(format_args!("cannot start the simulation: {error}"))
+}
+
+/// How much virtual time has passed, and how fast.
+struct Pace {
+    simulated: Duration,
+    real: Duration,
+}
+
+impl Pace {
+    fn new(simulated: Duration, real: Duration) -> Pace {
+        Pace { simulated, real }
+    }
+
+    fn factor(&self) -> f64 {
+        self.simulated.as_secs_f64() / self.real.as_secs_f64().max(1e-6)
+    }
+
+    fn summary(&self) -> String {
+        format!(
+            "{} simulated in {:.1} s ({:.0}x)",
+            clock(self.simulated),
+            self.real.as_secs_f64(),
+            self.factor()
+        )
+    }
+}
+
+/// As the status line begins.
+impl fmt::Display for Pace {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} ({:.0}x)", clock(self.simulated), self.factor())
+    }
+}
+
+/// Hours, minutes and whole seconds: `1:00:00`.
+pub(super) fn clock(time: Duration) -> String {
+    let seconds = time.as_secs();
+    format!(
+        "{}:{:02}:{:02}",
+        seconds / 3600,
+        seconds / 60 % 60,
+        seconds % 60
+    )
+}
+
+/// An event log as a file: one JSON object a line. The first trouble in writing is kept.
+pub(super) struct EventFile {
+    shown: String,
+    writing: Arc<Mutex<Writing>>,
+}
+
+struct Writing {
+    file: BufWriter<File>,
+    trouble: Option<std::io::Error>,
+}
+
+impl EventFile {
+    /// Makes the file, or empties it.
+    ///
+    /// # Errors
+    /// If the system does not let us.
+    pub(super) fn create(path: &Path) -> Result<EventFile, Failure> {
+        let shown = path.display().to_string();
+        let file = File::create(path).map_err(|error| {
+            Failure::usage(format_args!("cannot write the event log {shown}: {error}"))
+        })?;
+        let writing = Writing {
+            file: BufWriter::new(file),
+            trouble: None,
+        };
+        Ok(EventFile {
+            shown,
+            writing: Arc::new(Mutex::new(writing)),
+        })
+    }
+
+    /// Writes what it is given to the file.
+    pub(super) fn recorder(&self) -> Recorder {
+        let writing = self.writing.clone();
+        Recorder::new(move |event| {
+            let mut writing = writing.lock().unwrap_or_else(PoisonError::into_inner);
+            if writing.trouble.is_some() {
+                return;
+            }
+            let written = serde_json::to_writer(&mut writing.file, &event)
+                .map_err(std::io::Error::from)
+                .and_then(|()| writing.file.write_all(b"\n"));
+            writing.trouble = written.err();
+        })
+    }
+
+    /// Writes what still waits.
+    ///
+    /// # Errors
+    /// The first trouble there was: the log is not whole.
+    pub(super) fn finish(self) -> Result<(), Failure> {
+        let mut writing = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        let flushed = writing.file.flush();
+        match writing.trouble.take().map_or(flushed, Err) {
+            Ok(()) => Ok(()),
+            Err(error) => Err(Failure::usage(format_args!(
+                "the event log {} is not whole: {error}",
+                self.shown
+            ))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_summary_says_how_long_and_how_fast() {
+        let pace = Pace::new(Duration::from_secs(3600), Duration::from_millis(1100));
+        assert_eq!(pace.summary(), "1:00:00 simulated in 1.1 s (3273x)");
+        assert_eq!(clock(Duration::from_secs(90_061)), "25:01:01");
+    }
+}

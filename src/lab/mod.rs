@@ -1,0 +1,161 @@
+//! A laboratory: a whole run in virtual time. Agent, behaviour hosts, watchdog and simulated robot
+//! live on one thread, on one runtime whose clock jumps when everything waits, over pipes in memory;
+//! codec, pilot, messages and script code are those of a run with a robot. The same world,
+//! behaviours, options and seed give the same run, event by event, in every build.
+//!
+//! ```no_run
+//! # fn main() -> std::io::Result<()> {
+//! use spykee::{lab, sim::World};
+//! # let behaviours = vec![];
+//! let options = lab::Options { seed: 7, ..lab::Options::default() };
+//! let docked = lab::run(World::default_world(), options, async |lab: &lab::Lab| {
+//!     let run = lab.start(behaviours, None);
+//!     lab.sim().set_battery(15.0);
+//!     let home = lab.sim().wait_state(|state| state.docked && state.charging);
+//!     let home = tokio::time::timeout(std::time::Duration::from_secs(300), home).await;
+//!     run.stop();
+//!     let outcome = run.outcome().await; // how each behaviour ended
+//!     home.is_ok()
+//! })?;
+//! # Ok(()) }
+//! ```
+//!
+//! [`run`] works on any thread, many at a time. It takes a thread of its own for the VMs' stack and
+//! returns when the closure has. Within the closure `tokio::time` is virtual: sleep, timeout and
+//! interval as you like, and always set limits, for a simulated robot waits for ever in no time.
+//! Wait for nothing outside: time would not stand still meanwhile.
+//!
+//! What is real: a script's budget, so that one that never waits is ended as on a robot, while the
+//! virtual time stands still. What is missing: a host's walls. Scripts are held by their VM alone,
+//! not by landlock, seccomp and limits of the kernel; run only scripts that you would run so.
+
+mod event;
+mod recorder;
+mod running;
+
+use std::io;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::panic::resume_unwind;
+use std::time::Duration;
+
+use tokio::runtime::{Builder, LocalOptions};
+use tokio::time::Instant;
+use tokio_util::sync::CancellationToken;
+
+use crate::agent::Behaviour;
+use crate::behaviour::STACK;
+use crate::link;
+use crate::safety::Limits;
+use crate::sim::{self, World};
+
+pub use event::{Event, Kind};
+pub use recorder::{Recorder, now};
+pub use running::Running;
+
+/// What simulated robots have for an address.
+const ADDRESS: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 9000);
+
+/// How a laboratory is set up.
+#[derive(Default)]
+pub struct Options {
+    /// Of the simulator's noise and the link's pauses; behaviours bring their own.
+    pub seed: u64,
+    /// The simulated robot: its login, firmware, frames a second, faults. Its `seed`, `listen` and
+    /// `discovery` are not used.
+    pub sim: sim::Options,
+    /// The numbers of the safety rules.
+    pub limits: Limits,
+    /// Times of the link.
+    pub link: link::Options,
+    /// Ends every run of this laboratory when cancelled, from whatever thread.
+    pub stop: CancellationToken,
+    /// Is given all that happens.
+    pub events: Option<Recorder>,
+}
+
+/// A running laboratory.
+pub struct Lab {
+    sim: sim::Handle,
+    began: Instant,
+    options: Options,
+}
+
+/// Sets up a laboratory in this world and lets `work` work in it, in virtual time.
+///
+/// # Errors
+/// If the system gives no thread or no runtime.
+pub fn run<T: Send>(
+    world: World,
+    options: Options,
+    work: impl AsyncFnOnce(&Lab) -> T + Send,
+) -> io::Result<T> {
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new()
+            .name("lab".into())
+            .stack_size(STACK)
+            .spawn_scoped(scope, {
+                let parent = tracing::dispatcher::get_default(Clone::clone);
+                move || recorder::under(parent, options, |options| live(world, options, work))
+            })?;
+        thread.join().unwrap_or_else(|panic| resume_unwind(panic))
+    })
+}
+
+/// No I/O driver: nothing here waits for the world outside, and time jumps faster without.
+fn live<T>(world: World, options: Options, work: impl AsyncFnOnce(&Lab) -> T) -> io::Result<T> {
+    let runtime = Builder::new_current_thread()
+        .enable_time()
+        .start_paused(true)
+        .build_local(LocalOptions::default())?;
+    runtime.block_on(async {
+        let began = recorder::begin();
+        let sim_options = sim::Options {
+            seed: options.seed,
+            ..options.sim.clone()
+        };
+        let server = sim::Server::detached(world, sim_options);
+        let lab = Lab {
+            sim: server.handle(),
+            began,
+            options,
+        };
+        let server = tokio::spawn(server.run());
+        let result = work(&lab).await;
+        lab.record_end();
+        server.abort();
+        Ok(result)
+    })
+}
+
+impl Lab {
+    /// The simulated robot: its state, what it has heard, and all trouble one can make for it.
+    pub fn sim(&self) -> &sim::Handle {
+        &self.sim
+    }
+
+    /// Virtual time since the laboratory was set up.
+    pub fn now(&self) -> Duration {
+        self.began.elapsed()
+    }
+
+    /// The seed it was set up with.
+    pub fn seed(&self) -> u64 {
+        self.options.seed
+    }
+
+    /// Starts an agent with these behaviours, which ends when they have, after `limit`, by
+    /// [`Running::stop`] or [`Options::stop`]. It does not move before the next wait. There may be
+    /// one after the other: they find the robot as the last one left it.
+    pub fn start(&self, behaviours: Vec<Behaviour>, limit: Option<Duration>) -> Running {
+        Running::start(self, behaviours, limit)
+    }
+
+    fn record_end(&self) {
+        let state = self.sim.state();
+        let (pose, battery) = (state.pose, state.power.percent);
+        tracing::debug!(
+            target: "spykee::lab::end", x = pose.x, y = pose.y, heading = pose.heading, battery,
+            docked = state.docked, collisions = state.collisions, "the end"
+        );
+    }
+}

@@ -1,0 +1,124 @@
+//! Takes down what the program's own log says on one thread, whatever of it is shown elsewhere.
+
+use std::cell::Cell;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use tokio::time::Instant;
+use tracing::level_filters::LevelFilter;
+use tracing::span::{Attributes, Id, Record};
+use tracing::subscriber::Interest;
+use tracing::{Dispatch, Metadata, Subscriber};
+
+use super::Options;
+use super::event::Event;
+
+thread_local! {
+    /// When this thread's laboratory was set up.
+    static BEGAN: Cell<Option<Instant>> = const { Cell::new(None) };
+}
+
+/// Virtual time on the thread of a laboratory; `None` on any other.
+pub fn now() -> Option<Duration> {
+    BEGAN.get().map(|began| began.elapsed())
+}
+
+/// The time on this thread counts from now on.
+pub(super) fn begin() -> Instant {
+    let began = Instant::now();
+    BEGAN.set(Some(began));
+    began
+}
+
+/// Is given each event as it happens, on the laboratory's thread. Cheap to clone.
+#[derive(Clone)]
+pub struct Recorder {
+    take: Arc<Mutex<dyn FnMut(Event) + Send>>,
+}
+
+impl Recorder {
+    /// Calls this with each event. It must not wait, nor write to the program's log.
+    pub fn new(take: impl FnMut(Event) + Send + 'static) -> Recorder {
+        Recorder {
+            take: Arc::new(Mutex::new(take)),
+        }
+    }
+
+    /// Keeps all events, to be read when the run is over.
+    pub fn keeping() -> (Recorder, Arc<Mutex<Vec<Event>>>) {
+        let kept = Arc::new(Mutex::new(Vec::new()));
+        let keep = kept.clone();
+        let recorder = Recorder::new(move |event| {
+            keep.lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .push(event);
+        });
+        (recorder, kept)
+    }
+
+    fn take(&self, event: Event) {
+        let mut take = self.take.lock().unwrap_or_else(PoisonError::into_inner);
+        take(event);
+    }
+}
+
+/// Runs `work` on this thread with its log going to `parent` and to the options' recorder.
+pub(super) fn under<T>(parent: Dispatch, options: Options, work: impl FnOnce(Options) -> T) -> T {
+    let dispatch = match options.events.clone() {
+        Some(recorder) => Dispatch::new(Tee { recorder, parent }),
+        None => parent,
+    };
+    tracing::dispatcher::with_default(&dispatch, || work(options))
+}
+
+/// Both the log as it is, and the recorder.
+struct Tee {
+    recorder: Recorder,
+    parent: Dispatch,
+}
+
+impl Subscriber for Tee {
+    fn register_callsite(&self, _: &'static Metadata<'static>) -> Interest {
+        // What the parent wants may change.
+        Interest::sometimes()
+    }
+
+    fn max_level_hint(&self) -> Option<LevelFilter> {
+        // The parent's own is not known here, and is at most asked in vain.
+        Some(LevelFilter::TRACE)
+    }
+
+    fn enabled(&self, metadata: &Metadata<'_>) -> bool {
+        Event::is_wanted(metadata) || self.parent.enabled(metadata)
+    }
+
+    fn event(&self, event: &tracing::Event<'_>) {
+        if Event::is_wanted(event.metadata()) {
+            self.recorder
+                .take(Event::of(now().unwrap_or_default(), event));
+        }
+        if self.parent.enabled(event.metadata()) {
+            self.parent.event(event);
+        }
+    }
+
+    fn new_span(&self, span: &Attributes<'_>) -> Id {
+        self.parent.new_span(span)
+    }
+
+    fn record(&self, span: &Id, values: &Record<'_>) {
+        self.parent.record(span, values);
+    }
+
+    fn record_follows_from(&self, span: &Id, follows: &Id) {
+        self.parent.record_follows_from(span, follows);
+    }
+
+    fn enter(&self, span: &Id) {
+        self.parent.enter(span);
+    }
+
+    fn exit(&self, span: &Id) {
+        self.parent.exit(span);
+    }
+}

@@ -1,0 +1,97 @@
+//! An agent at work in a laboratory.
+
+use std::time::Duration;
+
+use tokio::sync::watch;
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+
+use super::{ADDRESS, Lab};
+use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
+use crate::behaviour::Launcher;
+use crate::link::{self, Options};
+use crate::pilot::{Dial, Settings, Status};
+use crate::sim::Handle;
+use crate::wire::Login;
+
+/// Bytes that may wait between robot and agent, each way.
+const LINK_LEN: usize = 64 * 1024;
+
+/// An agent at work. Dropping it ends it without a word: its hosts are gone, its robot is told to
+/// stop by the link's own end.
+pub struct Running {
+    stop: CancellationToken,
+    status: watch::Receiver<Status>,
+    agent: JoinHandle<Result<Outcome, AgentError>>,
+}
+
+impl Running {
+    pub(super) fn start(lab: &Lab, behaviours: Vec<Behaviour>, limit: Option<Duration>) -> Running {
+        let options = &lab.options;
+        let plan = Plan {
+            behaviours,
+            settings: Settings {
+                limits: options.limits.clone(),
+                simulated: true,
+                seed: options.seed,
+                link: options.link.clone(),
+            },
+            dial: dial(
+                lab.sim.clone(),
+                options.sim.login.clone(),
+                options.link.clone(),
+            ),
+            launcher: Launcher::in_this_thread(),
+            limit,
+        };
+        let stop = options.stop.child_token();
+        let (agent, status) = Agent::new(plan);
+        let agent = tokio::task::spawn_local(agent.run(stop.clone()));
+        Running {
+            stop,
+            status,
+            agent,
+        }
+    }
+
+    /// Asks it to end: scripts say their last words, the link is closed.
+    pub fn stop(&self) {
+        self.stop.cancel();
+    }
+
+    /// The newest status of robot and watchdog, as on the status line.
+    pub fn status(&self) -> watch::Receiver<Status> {
+        self.status.clone()
+    }
+
+    /// Waits until it has ended. Without a limit, a call to [`Running::stop`] or a behaviour that
+    /// ends, that is never.
+    ///
+    /// # Errors
+    /// As of [`Agent::run`].
+    pub async fn outcome(mut self) -> Result<Outcome, AgentError> {
+        match (&mut self.agent).await {
+            Ok(outcome) => outcome,
+            Err(_) => Err(AgentError::Broken("the agent")),
+        }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.agent.abort();
+    }
+}
+
+/// A pipe to the simulator for each try to connect.
+fn dial(sim: Handle, login: Login, options: Options) -> Dial {
+    Box::new(move || {
+        let (sim, login, options) = (sim.clone(), login.clone(), options.clone());
+        Box::pin(async move {
+            let (ours, theirs) = tokio::io::duplex(LINK_LEN);
+            sim.connect(theirs);
+            let (reader, writer) = tokio::io::split(ours);
+            link::open(reader, writer, ADDRESS, &login, &options).await
+        })
+    })
+}

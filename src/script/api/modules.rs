@@ -1,0 +1,245 @@
+//! `require`.
+
+use mlua::prelude::{Lua, LuaFunction, LuaResult, LuaTable, LuaValue};
+
+use super::super::Script;
+use super::super::arguments::Refusal;
+use super::super::failure::{Trouble, printable};
+use super::super::modules::{ModuleFile, ModuleId, ModuleName, Progress, Target, resolve};
+use super::super::sandbox;
+use super::super::task::{Answer, Cancel, TaskId, Wait};
+use super::{Answered, Builder, Call, Entry, plain, waiting};
+
+/// What the script calls; the rest of it is the prelude's.
+const REQUIRE: Entry = waiting("require", open);
+/// Told by the prelude when a module's file has run.
+const DONE: Entry = plain("require", done);
+
+/// Adds the global.
+pub(super) fn install(builder: &Builder<'_>) -> LuaResult<()> {
+    let (open, done) = (builder.function(&REQUIRE)?, builder.function(&DONE)?);
+    let nearest = builder.lua.create_function(|_, (owner, key, table)| {
+        let (owner, key, table): (String, LuaValue, LuaTable) = (owner, key, table);
+        let mut names = Vec::new();
+        table.for_each(|key: LuaValue, _: LuaValue| {
+            names.extend(key.as_string().map(|name| name.to_string_lossy()));
+            Ok(())
+        })?;
+        names.sort();
+        let key = match &key {
+            LuaValue::String(text) => printable(&text.to_string_lossy(), 40),
+            other => super::describe(other),
+        };
+        Ok(sandbox::unknown(&owner, &key, &names))
+    })?;
+    let require: LuaFunction = builder
+        .prelude
+        .function("requirer")?
+        .call((open, done, nearest))?;
+    builder.lua.globals().raw_set("require", require)
+}
+
+/// The chunk of the innermost line that is the script's own.
+fn importer(lua: &Lua) -> Option<String> {
+    let source = |level| {
+        lua.inspect_stack(level, |frame| {
+            let source = frame.source().source?.into_owned();
+            let name = source.strip_prefix('=')?.to_owned();
+            (frame.current_line().is_some() && !sandbox::is_ours(&name)).then_some(name)
+        })
+    };
+    (0..64).map_while(source).flatten().next()
+}
+
+fn from(call: &Call<'_>) -> ModuleId {
+    let chunk = importer(call.lua).unwrap_or_default();
+    call.state.modules.of_chunk(&chunk)
+}
+
+/// The first half of `require(path)`. Answers `"loaded", key`; `"run", key, function`; `"failed",
+/// text`; or `"again"` after a wait.
+fn open(call: &mut Call<'_>) -> Answered {
+    let LuaValue::String(path) = call.args.value(0) else {
+        let words = "the path must be a text, such as require(\"./lib/pid\")";
+        return Err(call.args.misuse(words));
+    };
+    let bytes = path.as_bytes();
+    let path = match std::str::from_utf8(&bytes[..bytes.len().min(1000)]) {
+        Ok(path) => path.to_owned(),
+        Err(_) => return Err(call.args.misuse("the path must be UTF-8")),
+    };
+    drop(bytes);
+    let from = from(call);
+    let target = resolve(call.state.modules.folder(from), &path);
+    let target = target.map_err(|words| call.args.misuse(&printable(&words, 400)))?;
+    let Some(task) = call.state.tasks.current else {
+        return Err(call.args.misuse("nothing can be loaded here"));
+    };
+    let to = match find(call, &target) {
+        Some(known) => known,
+        None => add(call, target)?,
+    };
+    want(call, from, to, task)?;
+    let answered = go_on(call, to, task);
+    let waits = matches!(call.state.modules.progress(to), Progress::Asked)
+        || matches!(call.state.modules.progress(to), Progress::Running(..));
+    if !waits {
+        call.state.modules.served(from, to, task);
+    }
+    answered
+}
+
+fn find(call: &Call<'_>, target: &Target) -> Option<ModuleId> {
+    match target {
+        Target::Library(name, _) => call.state.modules.find(name),
+        Target::File(name) => call.state.modules.find(name.as_str()),
+    }
+}
+
+fn want(call: &mut Call<'_>, from: ModuleId, to: ModuleId, task: TaskId) -> Result<(), Refusal> {
+    let (tasks, modules) = (&call.state.tasks, &mut call.state.modules);
+    let wanted = modules.want(from, to, task, |id| tasks.get(id).is_some());
+    wanted.map_err(|words| call.args.misuse(&words))
+}
+
+/// A module that nobody has asked for before.
+fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
+    let added = match target {
+        Target::Library(name, source) => {
+            let env = environment(call.lua)?;
+            let function = sandbox::compile_module(call.lua, source, name, env)?;
+            call.state.modules.add(name, Progress::Ready(function))
+        }
+        Target::File(name) => {
+            call.may_wait()?;
+            let added = call.state.modules.add(name.as_str(), Progress::Asked);
+            if added.is_ok() {
+                call.state.outbox.ask(name);
+            }
+            added
+        }
+    };
+    added.map_err(|words| call.args.misuse(&words))
+}
+
+/// What the prelude does next.
+fn go_on(call: &mut Call<'_>, id: ModuleId, task: TaskId) -> Answered {
+    let key = call.state.modules.key(id).to_owned();
+    match call.state.modules.progress(id) {
+        Progress::Loaded => call.reply(("loaded", key)),
+        Progress::Failed(text) => call.reply(("failed", text)),
+        Progress::Missing(words) => Err(call.args.misuse(&words)),
+        Progress::Ready(function) => run(call, id, key, task, function),
+        Progress::Running(by, _) if by == task => Err(call.args.misuse(&format!(
+            "'{key}' is still being loaded by this very task; its file must not wait in coroutine.yield"
+        ))),
+        Progress::Running(by, function) if call.state.tasks.get(by).is_none() => {
+            // Whoever ran it was ended in the middle.
+            run(call, id, key, task, function)
+        }
+        Progress::Asked | Progress::Running(..) => {
+            call.may_wait()?;
+            call.wait(Wait::Module(id), None)
+        }
+    }
+}
+
+fn run(
+    call: &mut Call<'_>,
+    id: ModuleId,
+    key: String,
+    task: TaskId,
+    function: LuaFunction,
+) -> Answered {
+    let running = Progress::Running(task, function.clone());
+    call.state.modules.set(id, running);
+    call.reply(("run", key, function))
+}
+
+/// `done(key, failed)`: the file has run, or failed with this text.
+fn done(call: &mut Call<'_>) -> Answered {
+    let key = call.args.text(0, "key", 1000)?;
+    let failed = match call.args.value(1) {
+        LuaValue::String(text) => Some(printable(&text.to_string_lossy(), 1000)),
+        _ => None,
+    };
+    let Some(id) = call.state.modules.find(&key) else {
+        return call.reply(());
+    };
+    let is_cancelled = |task: &mut super::super::task::Task| task.cancel != Cancel::No;
+    let cancelled = call.state.tasks.running().is_some_and(is_cancelled);
+    let progress = match (failed, call.state.modules.progress(id)) {
+        (None, _) => Progress::Loaded,
+        // The next who wants it begins anew.
+        (Some(_), Progress::Running(_, function)) if cancelled => Progress::Ready(function),
+        (Some(text), _) => Progress::Failed(text),
+    };
+    call.state.modules.set(id, progress);
+    if let Some(task) = call.state.tasks.current {
+        let from = from(call);
+        call.state.modules.served(from, id, task);
+    }
+    wake(call.state, id);
+    call.reply(())
+}
+
+fn wake(state: &mut super::super::state::State, id: ModuleId) {
+    state.answer(Wait::Module(id), || Answer::Again);
+}
+
+/// Globals of its own, above those that all have.
+fn environment(lua: &Lua) -> LuaResult<LuaTable> {
+    let (own, meta) = (lua.create_table()?, lua.create_table()?);
+    let builtins: Option<LuaTable> = match lua.globals().metatable() {
+        Some(shared) => shared.raw_get("__index")?,
+        None => None,
+    };
+    meta.raw_set("__index", builtins)?;
+    meta.raw_set("__metatable", false)?;
+    own.raw_set("_G", own.clone())?;
+    own.set_metatable(Some(meta))?;
+    Ok(own)
+}
+
+impl Script {
+    /// Gives the script a module that it has asked for, or says why it cannot have it.
+    pub fn deliver_module(
+        &mut self,
+        name: &ModuleName,
+        file: Result<ModuleFile, String>,
+        now: tokio::time::Instant,
+    ) {
+        let mut state = self.state.borrow_mut();
+        state.tick(now);
+        let Some(id) = state.modules.find(name.as_str()) else {
+            return;
+        };
+        if state.has_ended() || !matches!(state.modules.progress(id), Progress::Asked) {
+            return;
+        }
+        let progress = match file {
+            Err(words) => Progress::Missing(printable(&words, 400)),
+            Ok(file) => match state.modules.arrived(id, &file) {
+                Err(words) => Progress::Missing(words),
+                Ok(chunk) => compile(&self.lua, &file.source, &chunk),
+            },
+        };
+        state.modules.set(id, progress);
+        wake(&mut state, id);
+    }
+}
+
+fn compile(lua: &Lua, source: &[u8], chunk: &str) -> Progress {
+    let text = match sandbox::check_source(source, chunk) {
+        Ok(text) => text,
+        Err(failure) => return Progress::Failed(failure.to_string()),
+    };
+    let compiled = environment(lua).and_then(|own| sandbox::compile_module(lua, text, chunk, own));
+    match compiled {
+        Ok(function) => Progress::Ready(function),
+        Err(error) => Progress::Failed(match Trouble::of(&error) {
+            Trouble::Memory => format!("{chunk}: not enough memory for this module"),
+            Trouble::Text(text) => text,
+        }),
+    }
+}

@@ -1,0 +1,261 @@
+//! `params.*`: what a person may set from outside.
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use mlua::prelude::{Lua, LuaError, LuaFunction, LuaResult, LuaTable, LuaValue};
+
+use super::super::arguments::Refusal;
+use super::super::budget;
+use super::super::declaration::{self, Declaration};
+use super::super::failure::printable;
+use super::super::nearest::suggestion;
+use super::super::params::ParamValue;
+use super::{Answered, Builder, Call, Entry, describe, plain};
+
+const CALLS: [Entry; 1] = [plain("params.declare", declare)];
+
+/// What can be said of one parameter.
+const KEYS: [&str; 6] = ["default", "min", "max", "unit", "choices", "doc"];
+/// Parameters of one script, and choices of one parameter.
+const MAX_PARAMS: usize = 64;
+/// Bytes of a text.
+const LONGEST: usize = 1000;
+/// Where the error for unknown names is kept.
+const STRICT: &str = "spykee.params";
+
+pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<(&'static str, LuaTable)> {
+    let shared = Rc::clone(builder.shared);
+    let names = move |_: &Lua, _: &str| shared.borrow().declared.clone().unwrap_or_default();
+    let strict = builder.strict_with("params", names)?;
+    builder.lua.set_named_registry_value(STRICT, strict)?;
+    Ok(("params", builder.table(&CALLS)?))
+}
+
+/// `params.declare{ speed = {default=40, min=10, max=100, unit="%", doc="..."} }` returns the values.
+fn declare(call: &mut Call<'_>) -> Answered {
+    if call.state.declared.is_some() {
+        let words = "it was called before; declare all parameters in one call";
+        return Err(call.args.misuse(words));
+    }
+    let LuaValue::Table(table) = call.args.value(0).clone() else {
+        let words = "it needs a table, such as {speed = {default = 40, min = 10, max = 100}}";
+        return Err(call.args.misuse(words));
+    };
+    let declared = declarations(call, &table)?;
+    call.state.declared = Some(declared.keys().cloned().collect());
+    let given = &call.state.options.params;
+    match declaration::settle(&declared, given) {
+        Ok(values) => {
+            let values = to_lua(call.lua, values)?;
+            call.reply(values)
+        }
+        Err(words) => {
+            // No pcall may go on with a value that nobody wanted.
+            call.state.refused = Some(words);
+            budget::latch_stopped();
+            call.reply(())
+        }
+    }
+}
+
+/// A read-only table that knows its names.
+fn to_lua(lua: &Lua, values: BTreeMap<String, ParamValue>) -> LuaResult<LuaTable> {
+    let table = lua.create_table()?;
+    for (name, value) in values {
+        match value {
+            ParamValue::Boolean(value) => table.raw_set(name, value)?,
+            ParamValue::Number(value) => table.raw_set(name, value)?,
+            ParamValue::Text(value) => table.raw_set(name, value)?,
+        }
+    }
+    let meta = lua.create_table()?;
+    let strict: LuaFunction = lua.named_registry_value(STRICT)?;
+    meta.raw_set("__index", strict)?;
+    meta.raw_set("__metatable", false)?;
+    table.set_metatable(Some(meta))?;
+    table.set_readonly(true);
+    Ok(table)
+}
+
+/// Tables are read raw: no metamethod of the script runs here.
+fn declarations(
+    call: &Call<'_>,
+    table: &LuaTable,
+) -> Result<BTreeMap<String, Declaration>, Refusal> {
+    let mut declared = BTreeMap::new();
+    for (key, value) in pairs(call, table, "the table")? {
+        let LuaValue::String(key) = &key else {
+            let words = format!("names are texts, got {}", describe(&key));
+            return Err(call.args.misuse(&words));
+        };
+        let name = printable(&key.to_string_lossy(), 60);
+        if !is_name(&name) {
+            let words = format!("'{name}' is not a name; use letters, digits and _");
+            return Err(call.args.misuse(&words));
+        }
+        let LuaValue::Table(about) = value else {
+            let words = format!("{name} must be a table, such as {{default = 40}}");
+            return Err(call.args.misuse(&words));
+        };
+        let one = One { call, name: &name };
+        let declaration = one.read(&about)?;
+        declared.insert(name, declaration);
+    }
+    Ok(declared)
+}
+
+/// All that is in a table, at most [`MAX_PARAMS`].
+fn pairs(
+    call: &Call<'_>,
+    table: &LuaTable,
+    what: &str,
+) -> Result<Vec<(LuaValue, LuaValue)>, Refusal> {
+    let mut pairs = Vec::new();
+    let _ = table.for_each(|key: LuaValue, value: LuaValue| {
+        pairs.push((key, value));
+        match pairs.len() > MAX_PARAMS {
+            true => Err(LuaError::runtime("enough")),
+            false => Ok(()),
+        }
+    });
+    match pairs.len() > MAX_PARAMS {
+        true => {
+            let words = format!("{what} may have at most {MAX_PARAMS} entries");
+            Err(call.args.misuse(&words))
+        }
+        false => Ok(pairs),
+    }
+}
+
+fn is_name(text: &str) -> bool {
+    let is_start = |c: char| c.is_ascii_alphabetic() || c == '_';
+    text.starts_with(is_start) && text.chars().all(|c| is_start(c) || c.is_ascii_digit())
+}
+
+/// One parameter's own table.
+struct One<'a> {
+    call: &'a Call<'a>,
+    name: &'a str,
+}
+
+impl One<'_> {
+    fn wrong(&self, words: &str) -> Refusal {
+        self.call.args.misuse(&format!("{}: {words}", self.name))
+    }
+
+    fn read(&self, table: &LuaTable) -> Result<Declaration, Refusal> {
+        self.check_keys(table)?;
+        let default = match table.raw_get("default")? {
+            LuaValue::Boolean(value) => ParamValue::Boolean(value),
+            LuaValue::String(_) => {
+                ParamValue::Text(self.text(table, "default")?.unwrap_or_default())
+            }
+            LuaValue::Nil => return Err(self.wrong("default is missing")),
+            _ => ParamValue::Number(self.number(table, "default")?.unwrap_or_default()),
+        };
+        let declaration = Declaration {
+            min: self.number(table, "min")?,
+            max: self.number(table, "max")?,
+            unit: self.text(table, "unit")?,
+            choices: self.choices(table)?,
+            default,
+        };
+        self.text(table, "doc")?;
+        self.check(&declaration)?;
+        Ok(declaration)
+    }
+
+    /// What is said must make sense for the default's type, and hold for the default itself.
+    fn check(&self, declaration: &Declaration) -> Result<(), Refusal> {
+        let is_number = matches!(declaration.default, ParamValue::Number(_));
+        let is_text = matches!(declaration.default, ParamValue::Text(_));
+        if !is_number && (declaration.min.is_some() || declaration.max.is_some()) {
+            return Err(self.wrong("min and max are for numbers only"));
+        }
+        if !is_text && !declaration.choices.is_empty() {
+            return Err(self.wrong("choices are for texts only"));
+        }
+        if let (Some(min), Some(max)) = (declaration.min, declaration.max)
+            && min > max
+        {
+            return Err(self.wrong(&format!("min {min} is above max {max}")));
+        }
+        if !declaration.allows(&declaration.default) {
+            let expected = declaration.expected();
+            return Err(self.wrong(&format!("default must be {expected}")));
+        }
+        Ok(())
+    }
+
+    fn check_keys(&self, table: &LuaTable) -> Result<(), Refusal> {
+        for (key, _) in pairs(self.call, table, self.name)? {
+            let text = match &key {
+                LuaValue::String(text) => printable(&text.to_string_lossy(), 40),
+                other => describe(other),
+            };
+            if !KEYS.contains(&text.as_str()) {
+                let near = suggestion(&text, KEYS);
+                let known = KEYS.join(", ");
+                return Err(self.wrong(&format!("unknown key '{text}'{near} (known: {known})")));
+            }
+        }
+        Ok(())
+    }
+
+    fn number(&self, table: &LuaTable, key: &str) -> Result<Option<f64>, Refusal> {
+        let number = match table.raw_get(key)? {
+            LuaValue::Nil => return Ok(None),
+            LuaValue::Integer(number) => number as f64,
+            LuaValue::Number(number) => number,
+            other => {
+                let words = format!("{key} must be a number, got {}", describe(&other));
+                return Err(self.wrong(&words));
+            }
+        };
+        if number.is_finite() {
+            return Ok(Some(number));
+        }
+        Err(self.wrong(&format!("{key} must be a finite number, got {number}")))
+    }
+
+    fn text(&self, table: &LuaTable, key: &str) -> Result<Option<String>, Refusal> {
+        match table.raw_get(key)? {
+            LuaValue::Nil => Ok(None),
+            value => self.as_text(&value, key).map(Some),
+        }
+    }
+
+    fn as_text(&self, value: &LuaValue, key: &str) -> Result<String, Refusal> {
+        let text = match value {
+            LuaValue::String(text) if text.as_bytes().len() <= LONGEST => text,
+            LuaValue::String(_) => {
+                return Err(self.wrong(&format!("{key} is too long: at most {LONGEST} bytes")));
+            }
+            other => {
+                let words = format!("{key} must be a text, got {}", describe(other));
+                return Err(self.wrong(&words));
+            }
+        };
+        Ok(printable(&text.to_string_lossy(), LONGEST))
+    }
+
+    fn choices(&self, table: &LuaTable) -> Result<Vec<String>, Refusal> {
+        let list = match table.raw_get("choices")? {
+            LuaValue::Nil => return Ok(Vec::new()),
+            LuaValue::Table(list) => list,
+            other => {
+                let words = format!("choices must be a list of texts, got {}", describe(&other));
+                return Err(self.wrong(&words));
+            }
+        };
+        let choices = pairs(self.call, &list, "choices")?;
+        if choices.is_empty() {
+            return Err(self.wrong("choices must have at least one text"));
+        }
+        let texts = choices
+            .iter()
+            .map(|(_, value)| self.as_text(value, "a choice"));
+        texts.collect()
+    }
+}

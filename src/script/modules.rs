@@ -1,0 +1,387 @@
+//! What `require` has loaded and is loading: names, states, and who waits for whom. Reads no file:
+//! the agent does, and only in the folder of the behaviour.
+
+use mlua::prelude::LuaFunction;
+use serde::{Deserialize, Serialize};
+
+use super::nearest::suggestion;
+use super::stdlib;
+use super::task::TaskId;
+
+/// Bytes of a module's name.
+const LONGEST: usize = 200;
+/// Modules of one script, whether they were found or not.
+const MAX_MODULES: usize = 128;
+/// Bytes of all modules' sources together.
+const MAX_BYTES: usize = 1 << 20;
+/// The modules that come with the runtime.
+const LIBRARY: &str = "@spykee/";
+
+/// A module's file within the behaviour's folder, without its ending, such as `lib/pid`. Cannot
+/// name anything outside the folder.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct ModuleName(String);
+
+impl ModuleName {
+    /// The names of folders, and of the file.
+    pub fn segments(&self) -> impl DoubleEndedIterator<Item = &str> {
+        self.0.split('/')
+    }
+
+    /// All of it.
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl From<ModuleName> for String {
+    fn from(name: ModuleName) -> String {
+        name.0
+    }
+}
+
+impl TryFrom<String> for ModuleName {
+    type Error = &'static str;
+
+    fn try_from(name: String) -> Result<ModuleName, &'static str> {
+        let plain = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-' | '.' | ' ');
+        let is_segment =
+            |one: &str| !one.is_empty() && !one.starts_with('.') && one.chars().all(plain);
+        match name.len() <= LONGEST && name.split('/').all(is_segment) {
+            true => Ok(ModuleName(name)),
+            false => Err("not a module's name"),
+        }
+    }
+}
+
+/// A module as its file holds it.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ModuleFile {
+    /// With its ending, such as `lib/pid.lua`.
+    pub file: String,
+    /// Not checked yet.
+    pub source: Vec<u8>,
+}
+
+/// What a path leads to.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Target {
+    Library(&'static str, &'static str),
+    File(ModuleName),
+}
+
+/// Finds out what a path means in a file of this folder, which is relative to the behaviour's.
+pub(super) fn resolve(folder: &str, path: &str) -> Result<Target, String> {
+    if path.len() > LONGEST {
+        return Err(format!("the path is too long: at most {LONGEST} bytes"));
+    }
+    if path.starts_with('@') {
+        return library(path);
+    }
+    if !path.starts_with("./") && !path.starts_with("../") {
+        let words = "a path begins with ./ or ../, such as require(\"./lib/pid\"), or is one of";
+        let known = names().collect::<Vec<_>>().join(", ");
+        return Err(format!("'{path}': {words} {known}"));
+    }
+    let mut segments: Vec<&str> = folder.split('/').filter(|one| !one.is_empty()).collect();
+    for segment in path.split('/') {
+        match segment {
+            "." => {}
+            ".." if segments.pop().is_none() => {
+                return Err(format!(
+                    "'{path}' leaves the behaviour's folder; modules must be in it"
+                ));
+            }
+            ".." => {}
+            segment => segments.push(segment),
+        }
+    }
+    let name = segments.join("/");
+    let name = [".luau", ".lua"]
+        .iter()
+        .find_map(|ending| name.strip_suffix(ending))
+        .unwrap_or(&name);
+    let refused = |_| format!("'{path}' is not a path to a module; use letters, digits, _ and -");
+    Ok(Target::File(name.to_owned().try_into().map_err(refused)?))
+}
+
+fn names() -> impl Iterator<Item = &'static str> {
+    stdlib::modules().iter().map(|(name, _)| *name)
+}
+
+fn library(path: &str) -> Result<Target, String> {
+    let found = stdlib::modules().iter().find(|(name, _)| *name == path);
+    found
+        .map(|(name, source)| Target::Library(name, source))
+        .ok_or_else(|| {
+            let near = suggestion(path, names());
+            let known = names().collect::<Vec<_>>().join(", ");
+            format!("there is no module '{path}'{near} (known: {known})")
+        })
+}
+
+/// Names a module; counts up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct ModuleId(usize);
+
+/// How far a module is.
+#[derive(Debug, Clone)]
+pub(super) enum Progress {
+    /// The file is being read.
+    Asked,
+    /// Compiled.
+    Ready(LuaFunction),
+    /// Run by this task.
+    Running(TaskId, LuaFunction),
+    /// The VM has its value.
+    Loaded,
+    /// There is no such file.
+    Missing(String),
+    /// Does not compile, or failed: with its place.
+    Failed(String),
+}
+
+struct Module {
+    /// Unique: `lib/pid` or `@spykee/pid`.
+    key: String,
+    /// What messages call it.
+    chunk: String,
+    progress: Progress,
+}
+
+/// Somebody in the first wants the second.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Want {
+    from: ModuleId,
+    to: ModuleId,
+    task: TaskId,
+}
+
+/// See the module. The behaviour's own file is the first.
+pub(super) struct Modules {
+    all: Vec<Module>,
+    wants: Vec<Want>,
+    bytes: usize,
+    /// What stands before file names in messages: `behaviours/`.
+    shown: String,
+}
+
+/// The behaviour's own file.
+pub(super) const MAIN: ModuleId = ModuleId(0);
+
+impl Modules {
+    /// For the behaviour that messages call `chunk`.
+    pub(super) fn new(chunk: &str) -> Modules {
+        let (shown, file) = match chunk.rfind('/') {
+            Some(at) => chunk.split_at(at + 1),
+            None => ("", chunk),
+        };
+        let key = file.strip_suffix(".lua").or(file.strip_suffix(".luau"));
+        let main = Module {
+            key: key.unwrap_or(file).to_owned(),
+            chunk: chunk.to_owned(),
+            progress: Progress::Loaded,
+        };
+        Modules {
+            all: vec![main],
+            wants: Vec::new(),
+            bytes: 0,
+            shown: shown.to_owned(),
+        }
+    }
+
+    /// The module with this file; the behaviour itself if there is none.
+    pub(super) fn of_chunk(&self, chunk: &str) -> ModuleId {
+        let at = self.all.iter().position(|module| module.chunk == chunk);
+        at.map_or(MAIN, ModuleId)
+    }
+
+    /// The folder of a module, relative to the behaviour's.
+    pub(super) fn folder(&self, id: ModuleId) -> &str {
+        self.key(id)
+            .rsplit_once('/')
+            .map_or("", |(folder, _)| folder)
+    }
+
+    pub(super) fn key(&self, id: ModuleId) -> &str {
+        self.all.get(id.0).map_or("", |module| &module.key)
+    }
+
+    pub(super) fn find(&self, key: &str) -> Option<ModuleId> {
+        self.all
+            .iter()
+            .position(|module| module.key == key)
+            .map(ModuleId)
+    }
+
+    /// A module of this name, not loaded yet.
+    pub(super) fn add(&mut self, key: &str, progress: Progress) -> Result<ModuleId, String> {
+        if self.all.len() > MAX_MODULES {
+            return Err(format!("a script may load at most {MAX_MODULES} modules"));
+        }
+        let chunk = match key.starts_with(LIBRARY) {
+            true => key.to_owned(),
+            false => format!("{}{key}", self.shown),
+        };
+        self.all.push(Module {
+            key: key.to_owned(),
+            chunk,
+            progress,
+        });
+        Ok(ModuleId(self.all.len() - 1))
+    }
+
+    /// Takes note of a file's name and size; what messages will call it.
+    pub(super) fn arrived(&mut self, id: ModuleId, file: &ModuleFile) -> Result<String, String> {
+        self.bytes += file.source.len();
+        let chunk = format!("{}{}", self.shown, file.file);
+        if let Some(module) = self.all.get_mut(id.0) {
+            module.chunk.clone_from(&chunk);
+        }
+        match self.bytes > MAX_BYTES {
+            true => Err(format!(
+                "{chunk}: the modules of a script may have {MAX_BYTES} bytes (1 MiB) together, and have more"
+            )),
+            false => Ok(chunk),
+        }
+    }
+
+    pub(super) fn progress(&self, id: ModuleId) -> Progress {
+        let module = self.all.get(id.0);
+        module.map_or(Progress::Loaded, |module| module.progress.clone())
+    }
+
+    pub(super) fn set(&mut self, id: ModuleId, progress: Progress) {
+        if let Some(module) = self.all.get_mut(id.0) {
+            module.progress = progress;
+        }
+    }
+
+    /// Takes note that a task in `from` wants `to`; `lives` tells whether a task does. If that can
+    /// never come to an end: the chain, in words.
+    pub(super) fn want(
+        &mut self,
+        from: ModuleId,
+        to: ModuleId,
+        task: TaskId,
+        lives: impl Fn(TaskId) -> bool,
+    ) -> Result<(), String> {
+        self.wants.retain(|want| lives(want.task));
+        if let Some(chain) = self.chain(to, from, &mut Vec::new()) {
+            let names: Vec<&str> = chain
+                .iter()
+                .chain([&to])
+                .map(|id| self.chunk(*id))
+                .collect();
+            let words = "modules that need each other: take what both need into a third";
+            return Err(format!("{}: {words}", names.join(" -> ")));
+        }
+        if to == MAIN {
+            let main = self.chunk(MAIN);
+            return Err(format!("{main} is the behaviour itself, and not a module"));
+        }
+        let want = Want { from, to, task };
+        if !self.wants.contains(&want) {
+            self.wants.push(want);
+        }
+        Ok(())
+    }
+
+    /// What was wanted is there, or will never be.
+    pub(super) fn served(&mut self, from: ModuleId, to: ModuleId, task: TaskId) {
+        self.wants.retain(|want| *want != Want { from, to, task });
+    }
+
+    fn chunk(&self, id: ModuleId) -> &str {
+        self.all.get(id.0).map_or("", |module| &module.chunk)
+    }
+
+    /// From one to the other along what is wanted and not there yet.
+    fn chain(
+        &self,
+        from: ModuleId,
+        to: ModuleId,
+        seen: &mut Vec<ModuleId>,
+    ) -> Option<Vec<ModuleId>> {
+        if from == to {
+            return Some(vec![from]);
+        }
+        if seen.contains(&from) {
+            return None;
+        }
+        seen.push(from);
+        let mut next = self.wants.iter().filter(|want| want.from == from);
+        let mut rest = next.find_map(|want| self.chain(want.to, to, seen))?;
+        rest.insert(0, from);
+        Some(rest)
+    }
+
+    /// Forgets the values of the VM.
+    pub(super) fn clear(&mut self) {
+        for module in &mut self.all {
+            module.progress = Progress::Loaded;
+        }
+        self.wants.clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn file(folder: &str, path: &str) -> Result<String, String> {
+        resolve(folder, path).map(|target| match target {
+            Target::File(name) => name.into(),
+            Target::Library(name, _) => name.to_owned(),
+        })
+    }
+
+    #[test]
+    fn paths_are_relative_to_the_file_that_requires() {
+        assert_eq!(file("", "./lib/pid").unwrap(), "lib/pid");
+        assert_eq!(file("lib", "./pid.lua").unwrap(), "lib/pid");
+        assert_eq!(file("lib/a", "../../b.luau").unwrap(), "b");
+        assert_eq!(file("lib", "@spykee/pid").unwrap(), "@spykee/pid");
+    }
+
+    #[test]
+    fn no_path_leaves_the_folder() {
+        for (folder, path) in [
+            ("", "../x"),
+            ("lib", "../../x"),
+            ("", "./lib/../../x"),
+            ("", "/etc/passwd"),
+            ("", "./lib//x"),
+            ("", "./.hidden"),
+            ("", "./.."),
+            ("", "./lib/..\\..\\x"),
+            ("", "./x\0"),
+            ("", "lib/pid"),
+            ("", "@spykee/../x"),
+            ("", "@spikee/pid"),
+            ("", ""),
+            ("", "./"),
+        ] {
+            assert!(file(folder, path).is_err(), "{path:?}");
+        }
+        assert!(
+            file("", "@spykee/pidd")
+                .unwrap_err()
+                .contains("did you mean '@spykee/pid'")
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn whatever_is_resolved_stays_inside(folder in "([a-z]{1,3}/){0,3}", path in "[./a-z@\\\\]{0,30}") {
+            if let Ok(Target::File(name)) = resolve(&folder, &path) {
+                for segment in name.segments() {
+                    prop_assert!(!segment.is_empty() && !segment.starts_with('.'));
+                }
+                prop_assert!(ModuleName::try_from(String::from(name.clone())).is_ok());
+            }
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! The modules that come with the runtime, written in Lua: `@spykee/...`. Each opens with a comment
+//! that says what it is for and how it is used.
+
+/// Name and source of each.
+pub fn modules() -> &'static [(&'static str, &'static str)] {
+    &[
+        ("@spykee/bt", include_str!("bt.luau")),
+        ("@spykee/easy", include_str!("easy.luau")),
+        ("@spykee/fsm", include_str!("fsm.luau")),
+        ("@spykee/pid", include_str!("pid.luau")),
+    ]
+}

@@ -1,0 +1,174 @@
+//! What a script keeps from run to run: JSON texts by key, at most 1 MiB of them. In memory only;
+//! the host reads and writes the file.
+
+use std::collections::BTreeMap;
+
+use serde_json::value::RawValue;
+
+/// The most that one script may keep, in bytes of its file.
+pub(super) const QUOTA: usize = 1 << 20;
+/// What a key and a value cost in the file besides themselves: quotes, colon, comma, line feed.
+const AROUND: usize = 6;
+/// What the file has besides: braces and line feeds.
+const FRAME: usize = 4;
+
+/// Beyond the quota.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "the store is full: it may hold 1 MiB (1048576 bytes), and would hold {wanted}; delete what is not needed any more"
+)]
+pub(super) struct Full {
+    wanted: usize,
+}
+
+/// See the module.
+#[derive(Debug, Default)]
+pub(super) struct Store {
+    values: BTreeMap<String, Box<RawValue>>,
+    bytes: usize,
+    changed: bool,
+}
+
+impl Store {
+    /// Takes up what an earlier run kept.
+    pub(super) fn restore(&mut self, file: &[u8]) -> Result<(), String> {
+        let values: BTreeMap<String, Box<RawValue>> =
+            serde_json::from_slice(file).map_err(|error| error.to_string())?;
+        self.bytes = values
+            .iter()
+            .map(|(key, value)| cost(key, value.get()))
+            .sum();
+        self.values = values;
+        Ok(())
+    }
+
+    pub(super) fn get(&self, key: &str) -> Option<&str> {
+        self.values.get(key).map(|value| value.get())
+    }
+
+    /// Keeps a JSON text.
+    pub(super) fn set(&mut self, key: String, json: String) -> Result<(), Full> {
+        let before = self.values.get(&key);
+        if before.is_some_and(|before| before.get() == json) {
+            return Ok(());
+        }
+        let before = before.map_or(0, |value| cost(&key, value.get()));
+        let after = self.bytes - before + cost(&key, &json);
+        if after + FRAME > QUOTA {
+            return Err(Full {
+                wanted: after + FRAME,
+            });
+        }
+        // Always JSON: it was just made.
+        if let Ok(value) = RawValue::from_string(json) {
+            self.values.insert(key, value);
+            (self.bytes, self.changed) = (after, true);
+        }
+        Ok(())
+    }
+
+    /// Whether there was such a key.
+    pub(super) fn delete(&mut self, key: &str) -> bool {
+        let Some(value) = self.values.remove(key) else {
+            return false;
+        };
+        self.bytes -= cost(key, value.get());
+        self.changed = true;
+        true
+    }
+
+    pub(super) fn keys(&self) -> impl Iterator<Item = &str> {
+        self.values.keys().map(String::as_str)
+    }
+
+    pub(super) fn has_changed(&self) -> bool {
+        self.changed
+    }
+
+    /// The file's new content, if it is not the old one.
+    pub(super) fn take_file(&mut self) -> Option<Vec<u8>> {
+        if !std::mem::take(&mut self.changed) {
+            return None;
+        }
+        let mut file = String::with_capacity(self.bytes + FRAME);
+        let mut before = "{\n";
+        for (key, value) in &self.values {
+            file += before;
+            file += &quoted(key);
+            file += ": ";
+            file += value.get();
+            before = ",\n";
+        }
+        file += if self.values.is_empty() {
+            "{}\n"
+        } else {
+            "\n}\n"
+        };
+        Some(file.into_bytes())
+    }
+}
+
+fn cost(key: &str, json: &str) -> usize {
+    quoted(key).len() + json.len() + AROUND - 2
+}
+
+fn quoted(key: &str) -> String {
+    // A text is always JSON.
+    serde_json::to_string(key).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_full_store_keeps_what_it_has_and_its_file_is_within_the_quota() {
+        let mut store = Store::default();
+        let value = format!("\"{}\"", "x".repeat(1000));
+        let full = (0..2000).find_map(|n| store.set(format!("k{n}"), value.clone()).err());
+        assert!(full.unwrap().to_string().contains("1 MiB"));
+        let file = store.take_file().unwrap();
+        assert!(
+            file.len() <= QUOTA && file.len() > QUOTA - 1100,
+            "{}",
+            file.len()
+        );
+        assert!(store.delete("k3"));
+        store.set("k4".into(), "1".into()).unwrap();
+        store.set("k3".into(), value).unwrap();
+    }
+
+    #[test]
+    fn a_value_set_anew_as_it_was_is_no_change() {
+        let mut store = Store::default();
+        store.set("a".into(), "1".into()).unwrap();
+        assert!(store.take_file().is_some());
+        store.set("a".into(), "1".into()).unwrap();
+        assert_eq!(store.take_file(), None);
+    }
+
+    proptest! {
+        #[test]
+        fn what_was_kept_comes_back(values in prop::collection::btree_map(".{0,20}", -1e9..1e9, 0..20)) {
+            let mut store = Store::default();
+            for (key, value) in &values {
+                store.set(key.clone(), format!("{value}")).unwrap();
+            }
+            let Some(file) = store.take_file() else { return Ok(()) };
+            let mut again = Store::default();
+            again.restore(&file).unwrap();
+            prop_assert_eq!(again.bytes, store.bytes);
+            prop_assert!(file.len() <= store.bytes + FRAME);
+            let same = |(key, value): (&String, &f64)| again.get(key) == Some(format!("{value}").as_str());
+            prop_assert!(values.iter().all(same));
+        }
+
+        #[test]
+        fn a_damaged_file_never_panics(mut file in Just(b"{\n\"a\": [1, 2],\n\"b\": {}\n}\n".to_vec()), at in 0..25_usize, byte: u8) {
+            file[at] = byte;
+            let _ = Store::default().restore(&file);
+            prop_assert!(Store::default().restore(&file[..at]).is_err());
+        }
+    }
+}
