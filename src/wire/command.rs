@@ -467,6 +467,7 @@ mod tests {
     fn a_password_never_shows() {
         let shown = format!("{:?}", Command::Login(Login::new("admin", "hunter2")));
         assert!(!shown.contains("hunter2"), "{shown}");
+        assert!(shown.contains("password: ***"), "{shown}");
     }
 
     #[test]

@@ -428,6 +428,28 @@ fn no_time_that_a_host_may_send_breaks_the_clock() {
 }
 
 #[test]
+fn the_longest_move_takes_thirty_days() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, Some(Duration::MAX));
+    let end = rig.now + Duration::from_secs(2_592_000);
+    assert_eq!(rig.dog.arbiter.next_deadline(), Some(end));
+}
+
+#[test]
+fn a_robot_that_is_low_stays_on_its_station_though_it_charges() {
+    let mut rig = Rig::with(Limits::default());
+    rig.take(Fact::LinkUp {
+        docked: true,
+        power: charging(20),
+    });
+    let acts = rig.ask(Ask::Undock(CallId(1), SECOND));
+    assert_eq!(sent(&acts), []);
+    let end = DockEnd::Safety;
+    let call = CallId(1);
+    assert_eq!(told(&acts), [Event::UndockEnded { call, end }]);
+}
+
+#[test]
 fn a_host_that_docks_without_end_fills_no_memory() {
     let mut rig = Rig::online(60);
     rig.ask(Ask::Dock(CallId(0), DockPlan::default()));
