@@ -666,6 +666,16 @@ fn low_battery_takes_a_docking_over_and_its_caller_is_served() {
 }
 
 #[test]
+fn a_docking_that_was_taken_over_is_given_back_at_the_ok_level() {
+    let mut rig = Rig::online(60);
+    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    rig.take(Fact::Power(power(20)));
+    assert_eq!(sent(&rig.take(Fact::Power(power(50)))), []);
+    assert_eq!(rig.dog.state(), WatchdogState::Docking);
+    assert_eq!(sent(&rig.ask(Ask::CancelDock)), [CANCEL, Command::STOP]);
+}
+
+#[test]
 fn no_behaviour_can_end_the_watchdogs_own_docking() {
     let mut rig = Rig::online(20);
     assert_eq!(sent(&rig.ask(Ask::CancelDock)), []);
