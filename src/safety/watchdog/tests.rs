@@ -224,6 +224,7 @@ fn the_alarm_is_repeated_and_nothing_moves() {
         rig.take(Fact::Engine(EngineNews::BaseNotFound));
         rig.pass(30 * SECOND, false);
     }
+    assert_eq!(sent(&rig.take(Fact::Heard)), [], "not at every occasion");
     let sent = sent(&rig.pass(60 * SECOND, false));
     let alarms = sent
         .iter()
@@ -349,6 +350,10 @@ fn a_silent_host_is_stopped_first_and_then_ended() {
         .unwrap();
     assert!(stop < kill, "{acts:?}");
     assert!(!sent(&acts).contains(&FORWARD));
+    assert!(acts.contains(&Act::Announce(Event::Safety {
+        action: SafetyAction::Kill,
+        reason: "a script showed no life for 500 ms".into()
+    })));
 }
 
 #[test]
