@@ -22,6 +22,7 @@ use crate::link::{LinkError, Writer};
 use crate::robot::channel::{MAX_REQUESTS, Request};
 use crate::robot::{Event, Frame, RobotInfo};
 use crate::safety::{Act, Fact, Limits, Watchdog};
+use crate::vision::Damage;
 use crate::wire::{Command, Power};
 
 use self::lights::Lights;
@@ -66,6 +67,7 @@ pub struct Pilot {
     seats: Seats,
     lights: Lights,
     frames: watch::Sender<Option<Frame>>,
+    damage: Damage,
     status: watch::Sender<Status>,
     battery: Option<Power>,
     info: Option<RobotInfo>,
@@ -95,6 +97,7 @@ impl Pilot {
             seats: Seats::default(),
             lights: Lights::default(),
             frames,
+            damage: Damage::default(),
             status,
             battery: None,
             info: None,
@@ -252,6 +255,9 @@ impl Pilot {
         let off = self.seats.streams_off();
         if !off.is_empty() && parting.is_none() {
             self.write(&off).await;
+        }
+        if let Some(words) = self.damage.rest() {
+            warn!("{words}");
         }
         if let Some(writer) = self.writer.take() {
             writer.close().await;

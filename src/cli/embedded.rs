@@ -95,7 +95,7 @@ fn no_sim(error: std::io::Error) -> Failure {
     Failure::usage(format_args!("cannot start the simulator: {error}"))
 }
 
-/// The world of a file, or the built-in one.
+/// The world of a file, the one of that name that comes along, or the built-in one.
 ///
 /// # Errors
 /// What is wrong with the file, and where.
@@ -103,7 +103,13 @@ pub(super) fn load(world: Option<&Path>) -> Result<World, Failure> {
     let Some(path) = world else {
         return Ok(World::default_world());
     };
+    let ready = path.to_str().and_then(World::ready);
+    if let Some(world) = ready.filter(|_| !path.exists()) {
+        return Ok(world);
+    }
     World::load(path).map_err(|error| {
-        Failure::usage(error).help("worlds to start from are in behaviours/worlds/")
+        let names: Vec<&str> = World::ready_names().collect();
+        let names = names.join(", ");
+        Failure::usage(error).help(format!("a file, or one of {names}"))
     })
 }

@@ -15,6 +15,7 @@ use tokio::time::{MissedTickBehavior, interval};
 use super::interrupt::interruption;
 use super::run::STATUS_PERIOD;
 use super::status::StatusLine;
+use super::trace::TraceFile;
 use super::{Console, Failure};
 use crate::agent::{AgentError, Behaviour, Outcome};
 use crate::lab::{self, Lab, Recorder};
@@ -27,6 +28,8 @@ pub(super) struct Fast {
     pub(super) behaviours: Vec<Behaviour>,
     pub(super) options: lab::Options,
     pub(super) limit: Option<Duration>,
+    /// Where the way of the robot is drawn at the end.
+    pub(super) trace: Option<TraceFile>,
 }
 
 /// What can be seen of a laboratory from outside.
@@ -94,11 +97,14 @@ impl Fast {
 
     /// On a thread without any runtime.
     fn live(self, opened: oneshot::Sender<View>) -> std::io::Result<Run> {
-        let (behaviours, limit) = (self.behaviours, self.limit);
+        let (behaviours, limit, trace) = (self.behaviours, self.limit, self.trace);
         lab::run(self.world, self.options, async |lab: &Lab| {
             let run = lab.start(behaviours, limit);
             let _ = opened.send((run.status(), lab.sim().clone()));
             let outcome = run.outcome().await;
+            if let Some(Err(failure)) = trace.map(|trace| trace.write(lab.sim())) {
+                tracing::error!("{}", failure.report());
+            }
             (outcome, lab.now())
         })
     }

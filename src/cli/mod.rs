@@ -31,6 +31,8 @@ mod sim;
 mod source;
 mod status;
 mod table;
+mod trace;
+mod world;
 
 use std::future::Future;
 use std::io::Write;
@@ -97,6 +99,7 @@ enum Command {
     Calibrate(calibrate::CalibrateArgs),
     Doctor(doctor::DoctorArgs),
     Completions(completions::CompletionsArgs),
+    World(world::WorldArgs),
 }
 
 impl Command {
@@ -126,6 +129,7 @@ impl Command {
             Command::Calibrate(args) => calibrate::run(&args),
             Command::Doctor(args) => doctor::run(&args),
             Command::Completions(args) => completions::run(&args, Cli::command()),
+            Command::World(args) => world::run(&args),
         }
     }
 }

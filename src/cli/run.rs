@@ -19,6 +19,7 @@ use super::interrupt::interruption;
 use super::params::{self, Param};
 use super::source::read_source;
 use super::status::StatusLine;
+use super::trace::TraceFile;
 use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
 use crate::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure};
@@ -71,6 +72,10 @@ pub(super) struct RunArgs {
     #[arg(long, conflicts_with = "fast")]
     watch: bool,
 
+    /// With --sim: draw the way that the robot went, and what happened, onto the map of its world
+    #[arg(long, value_name = "FILE.png", value_parser = super::world::parse_png)]
+    trace: Option<PathBuf>,
+
     /// With --sim: in virtual time, as fast as it goes. The same seed gives the same run
     #[arg(long)]
     fast: bool,
@@ -121,10 +126,19 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         check::before_run(&behaviours, console)?;
     }
     let place = place(&args.connection, &config)?;
+    let trace = trace_file(&args, matches!(place, Place::Sim(_)))?;
     let login = args.connection.login.or_from(&config).login()?;
     tracing::info!(seed, "starting");
     if args.fast {
-        return fast(&args, &config, place, behaviours, login, seed, console);
+        return fast(
+            (&args, trace),
+            &config,
+            place,
+            behaviours,
+            login,
+            seed,
+            console,
+        );
     }
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -157,8 +171,23 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         drive(plan, line, console).await
     });
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
+    // Also of a run that failed or was interrupted: then people want to see it most.
+    let drawn = match (trace, &sim) {
+        (Some(trace), Some(sim)) => trace.write(&sim.handle()),
+        _ => Ok(()),
+    };
     drop(sim);
-    outcome
+    outcome.and_then(|exit| drawn.map(|()| exit))
+}
+
+fn trace_file(args: &RunArgs, simulated: bool) -> Result<Option<TraceFile>, Failure> {
+    match args.trace.as_deref() {
+        Some(_) if !simulated => {
+            let failure = Failure::usage("--trace draws what happens in a simulation only");
+            Err(failure.help("--sim [WORLD.yaml] runs on a simulated robot"))
+        }
+        path => path.map(TraceFile::create).transpose(),
+    }
 }
 
 fn names(behaviours: &[Behaviour]) -> String {
@@ -170,7 +199,7 @@ fn names(behaviours: &[Behaviour]) -> String {
 
 /// The whole run in virtual time, in this process.
 fn fast(
-    args: &RunArgs,
+    (args, trace): (&RunArgs, Option<TraceFile>),
     config: &Config,
     place: Place,
     behaviours: Vec<Behaviour>,
@@ -200,6 +229,7 @@ fn fast(
         behaviours,
         options,
         limit: args.limit,
+        trace,
     };
     let outcome = fast.run(names, console)?;
     events.map_or(Ok(()), EventFile::finish)?;

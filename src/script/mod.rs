@@ -16,7 +16,6 @@ mod api;
 mod arguments;
 mod budget;
 pub mod check;
-mod damage;
 mod declaration;
 mod ending;
 mod eval;

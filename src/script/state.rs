@@ -9,7 +9,6 @@ use mlua::prelude::LuaFunction;
 use tokio::time::Instant;
 
 use super::api::{Album, HeldFrame};
-use super::damage::Damage;
 use super::ending::Life;
 use super::events::{EventName, Payload, Subscriptions, is_round};
 use super::group::Group;
@@ -23,7 +22,7 @@ use super::sound::Loudness;
 use super::store::Store;
 use super::task::{Answer, GroupId, Kind, SubscriptionId, Wait};
 use crate::robot::{Battery, Event, Frame, Intent, RobotInfo};
-use crate::vision::{Eyes, FrameError, judge};
+use crate::vision::{Damage, Eyes, FrameError, judge};
 use crate::wire::Stream;
 
 /// Places whose complaints are counted; those of further places are logged each time.

@@ -1,17 +1,20 @@
-//! The camera: the world as the robot sees it from its pose, as a JPEG. Casts one ray for each
-//! column of the picture and paints what it meets from far to near.
+//! The camera: the world as the robot sees it from its pose, as a JPEG. Upright things column by
+//! column, the floor row by row; first what there is and how much light falls on it, then both
+//! together, smeared and with noise.
+
+use std::time::Duration;
 
 use bytes::Bytes;
-use image::ExtendedColorType;
-use image::codecs::jpeg::JpegEncoder;
+use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 
 use super::geometry::{Point, Pose};
 use super::grain::Grain;
-use super::ground::Ground;
-use super::obstacles::Obstacles;
-use super::scene::{Hit, Panel, Round, Scene, What};
-use super::surface::{Place, Rgb, scaled};
-use super::view::{Column, EYE, HORIZON, Row, View};
+use super::ground;
+use super::light::{Light, Lighting};
+use super::scene::{Hit, Kind, Round, Scene, What};
+use super::surface::{Rgb, Surface, scaled};
+use super::texture::{Pixel, Texture};
+use super::view::{CameraSettings, Column, EYE, HORIZON, Row, Subsampling, View, lamps};
 use super::world::World;
 
 /// Width of a frame, pixels (`PROTOCOL.md`, VIDEO).
@@ -19,20 +22,40 @@ pub const WIDTH: usize = 320;
 /// Height of a frame, pixels (`PROTOCOL.md`, VIDEO).
 pub const HEIGHT: usize = 240;
 
-const QUALITY: u8 = 75;
-const CEILING: Rgb = [224.0, 223.0, 218.0];
+const CEILING: Pixel = [224, 223, 218, 0];
+/// The number that stands for full light.
+const FULL: f32 = 128.0;
+/// Columns that share one look at the lamps' light on the floor.
+const PATCH: usize = 16;
+/// What the automatic exposure wants of the mean of a frame, 0..=255, and how far it goes.
+const MIDDLE_GREY: f32 = 105.0;
+const EXPOSURES: std::ops::RangeInclusive<f32> = 0.5..=2.5;
+/// Longest smear, pixels.
+const LONGEST_SMEAR: usize = 24;
 
 /// Renders frames.
 pub(super) struct Camera {
     scene: Scene,
-    ground: Ground,
+    settings: CameraSettings,
+    /// Painted for the first frame: most robots of a test never look.
+    floor: Option<Texture>,
+    world: World,
+    lighting: Lighting,
     focal: f32,
-    light: f32,
     lamp: Lamp,
     rows: Vec<Row>,
     grain: Grain,
-    pixels: Vec<[u8; 3]>,
-    hits: Vec<Hit>,
+    exposure: f32,
+    exposed: Option<Duration>,
+    /// What is seen in each pixel under full light.
+    albedo: Vec<Pixel>,
+    /// How much light is there: 128 is full.
+    light: Vec<Pixel>,
+    frame: Vec<Pixel>,
+    standing: Vec<Vec<Hit>>,
+    hanging: Vec<Vec<Hit>>,
+    /// The row at which each column's floor begins.
+    shores: Vec<usize>,
 }
 
 /// The lamp that shades balls and posts.
@@ -42,169 +65,321 @@ struct Lamp {
     height: f32,
 }
 
+/// What one frame is taken of.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shot {
+    pub(super) pose: Pose,
+    /// The headlight is on.
+    pub(super) flash: bool,
+    /// How fast the robot turns, radians a second.
+    pub(super) turning: f64,
+    /// Simulated time.
+    pub(super) time: Duration,
+}
+
 impl Camera {
     /// The camera of a robot in a world; `seed` gives the grain of its pictures.
     pub(super) fn new(world: &World, seed: u64) -> Camera {
         let room = &world.room;
         let hfov = world.camera.hfov_degrees.to_radians() as f32;
-        let (focal, light) = (WIDTH as f32 / 2.0 / (hfov / 2.0).tan(), world.light as f32);
-        let rows = (0..HEIGHT / 2).map(|row| Row::below_horizon(row, focal, light));
+        let focal = WIDTH as f32 / 2.0 / (hfov / 2.0).tan();
+        let rows = (0..HEIGHT / 2).map(|row| Row::below_horizon(row, focal));
         Camera {
             scene: Scene::of(world),
-            ground: Ground::of(world, &Obstacles::of(world)),
+            settings: world.camera,
+            floor: None,
+            lighting: Lighting::of(world),
             focal,
-            light,
             rows: rows.collect(),
             lamp: Lamp {
                 at: Point::new(room.width * 0.45, room.depth * 0.6),
                 height: room.height as f32,
             },
             grain: Grain::new(world.camera.noise, seed),
-            pixels: vec![[0; 3]; WIDTH * HEIGHT],
-            hits: Vec::new(),
+            exposure: 1.0,
+            exposed: None,
+            albedo: vec![[0; 4]; WIDTH * HEIGHT],
+            light: vec![[0; 4]; WIDTH * HEIGHT],
+            frame: vec![[0; 4]; WIDTH * HEIGHT],
+            standing: vec![Vec::new(); WIDTH],
+            hanging: vec![Vec::new(); WIDTH],
+            shores: vec![HEIGHT; WIDTH],
+            world: world.clone(),
         }
     }
 
-    /// One frame, with or without the headlight.
-    pub(super) fn frame(&mut self, pose: Pose, flash: bool) -> Bytes {
-        self.render(pose, flash);
+    /// Balls and people are somewhere else now.
+    pub(super) fn move_rounds(&mut self, places: impl Iterator<Item = Point>) {
+        self.scene.move_rounds(places);
+    }
+
+    /// One frame.
+    pub(super) fn frame(&mut self, shot: Shot) -> Bytes {
+        self.render(shot);
         let mut jpeg = Vec::with_capacity(16 * 1024);
-        let mut encoder = JpegEncoder::new_with_quality(&mut jpeg, QUALITY);
-        let (width, height) = (WIDTH as u32, HEIGHT as u32);
-        if let Err(error) = encoder.encode(
-            self.pixels.as_flattened(),
-            width,
-            height,
-            ExtendedColorType::Rgb8,
-        ) {
+        let mut encoder = Encoder::new(&mut jpeg, self.settings.quality as u8);
+        encoder.set_sampling_factor(match self.settings.subsampling {
+            Subsampling::None => SamplingFactor::F_1_1,
+            Subsampling::Half => SamplingFactor::F_2_1,
+            Subsampling::Quarter => SamplingFactor::F_2_2,
+        });
+        let (width, height) = (WIDTH as u16, HEIGHT as u16);
+        let pixels = self.frame.as_flattened();
+        if let Err(error) = encoder.encode(pixels, width, height, ColorType::Rgba) {
             // Into memory and with a size that is right, it does not fail.
             tracing::error!(target: "spykee::sim", %error, "cannot encode a frame");
         }
         Bytes::from(jpeg)
     }
 
-    fn render(&mut self, pose: Pose, flash: bool) {
-        let view = View::of(pose, self.focal, self.light, flash);
-        let mut hits = std::mem::take(&mut self.hits);
+    fn render(&mut self, shot: Shot) {
+        self.lighting.pass_to(shot.time.as_secs_f64());
+        let view = View::of(shot.pose, self.focal, shot.flash);
+        self.survey(&view);
         for index in 0..WIDTH {
-            let column = view.column(index);
-            let (dx, dy) = view.direction(column);
-            self.scene.hits(view.eye, dx, dy, &mut hits);
-            self.paint_column(&view, column, &hits);
+            self.paint_column(&view, view.column(index));
         }
-        self.hits = hits;
-        self.grain.add_to(self.pixels.as_flattened_mut());
+        self.paint_floor(&view);
+        for index in 0..WIDTH {
+            self.paint_hanging(&view, view.column(index));
+        }
+        let smear = shot.turning.abs() * self.settings.shutter * f64::from(self.focal);
+        self.develop((smear.round() as usize).min(LONGEST_SMEAR));
+        self.expose(shot.time);
+        self.grain.add_to(self.frame.as_flattened_mut());
     }
 
-    fn paint_column(&mut self, view: &View, column: Column, hits: &[Hit]) {
-        let far = hits.first().map_or(50.0, |hit| hit.depth);
-        self.paint_ceiling(view, column, far);
-        self.paint_ground(view, column, far);
-        for hit in hits {
-            match hit.what {
-                What::Panel { index, share } => {
-                    self.paint_panel(view, column, hit.depth, index, share);
-                }
-                What::Round { index, aside } => {
-                    let round = &self.scene.rounds[index];
-                    let middle = view.relative(round.middle);
-                    match round.top {
-                        Some(_) => self.paint_post(view, column, hit.depth, index, aside),
-                        None => self.paint_ball(view, column, index, middle),
-                    }
-                }
+    /// Finds what is in each column, nearest first.
+    fn survey(&mut self, view: &View) {
+        let (standing, hanging) = (&mut self.standing, &mut self.hanging);
+        standing
+            .iter_mut()
+            .chain(hanging.iter_mut())
+            .for_each(Vec::clear);
+        let scene = &self.scene;
+        for (index, panel) in scene.panels.iter().enumerate() {
+            let stands = !matches!(panel.surface, Surface::Sign(_));
+            let columns = if stands {
+                &mut *standing
+            } else {
+                &mut *hanging
+            };
+            scene.columns_of_panel(index, view, |column, hit| columns[column].push(hit));
+        }
+        for (index, round) in scene.rounds.iter().enumerate() {
+            let stands = round.kind != Kind::Ball;
+            let columns = if stands {
+                &mut *standing
+            } else {
+                &mut *hanging
+            };
+            scene.columns_of_round(index, view, |column, hit| columns[column].push(hit));
+        }
+        for hits in standing.iter_mut().chain(hanging.iter_mut()) {
+            hits.sort_by(|a, b| a.depth.total_cmp(&b.depth));
+        }
+    }
+
+    /// From near to far, each as far down as what stands before it lets it be seen.
+    fn paint_column(&mut self, view: &View, column: Column) {
+        let standing = std::mem::take(&mut self.standing[column.index]);
+        let mut limit = HEIGHT;
+        let mut shore = HEIGHT / 2;
+        for (number, hit) in standing.iter().enumerate() {
+            let top = view.row(self.top_of(hit.what), hit.depth);
+            let foot = view.row(0.0, hit.depth).min(limit);
+            if number == 0 {
+                shore = foot;
+            }
+            if top < foot {
+                self.paint_standing(view, column, *hit, top..foot);
+            }
+            limit = limit.min(top);
+            if limit == 0 || self.is_wall(hit.what) {
+                break;
+            }
+        }
+        self.shores[column.index] = shore.max(HEIGHT / 2);
+        self.paint_ceiling(
+            column,
+            if standing.is_empty() {
+                HEIGHT / 2
+            } else {
+                limit
+            },
+        );
+        self.standing[column.index] = standing;
+    }
+
+    fn top_of(&self, what: What) -> f32 {
+        match what {
+            What::Panel { index, .. } => self.scene.panels[index].top,
+            What::Round { index, .. } => match self.scene.rounds[index].kind {
+                Kind::Post { top } | Kind::Person { top } => top,
+                Kind::Ball => 2.0 * self.scene.rounds[index].radius,
+            },
+        }
+    }
+
+    fn is_wall(&self, what: What) -> bool {
+        let panel = match what {
+            What::Panel { index, .. } => self.scene.panels.get(index),
+            What::Round { .. } => None,
+        };
+        panel.is_some_and(|panel| matches!(panel.surface, Surface::Wall { .. }))
+    }
+
+    fn paint_ceiling(&mut self, column: Column, rows: usize) {
+        let [r, g, b] = self
+            .lighting
+            .at(self.lamp.at.x as f32, self.lamp.at.y as f32);
+        for row in 0..rows {
+            let shade = (0.80 + 0.20 * (row as f32 / HORIZON)) * self.exposure;
+            let index = row * WIDTH + column.index;
+            self.albedo[index] = CEILING;
+            self.light[index] = light([r * shade, g * shade, b * shade]);
+        }
+    }
+
+    fn paint_standing(
+        &mut self,
+        view: &View,
+        column: Column,
+        hit: Hit,
+        rows: std::ops::Range<usize>,
+    ) {
+        let light = self.light_on(view, column, hit.depth);
+        match hit.what {
+            What::Panel { index, share } => {
+                self.paint_panel(view, column, (hit.depth, light), (index, share), rows);
+            }
+            What::Round { index, aside } => {
+                self.paint_pillar(view, column, (hit.depth, light), (index, aside), rows);
             }
         }
     }
 
-    fn paint_ceiling(&mut self, view: &View, column: Column, far: f32) {
-        for row in 0..view.row(self.lamp.height, far) {
-            let shade = 0.80 + 0.20 * (row as f32 / HORIZON);
-            self.put(column.index, row, scaled(CEILING, shade * view.light));
+    /// The light that comes back from a depth in a column, exposure included.
+    fn light_on(&self, view: &View, column: Column, depth: f32) -> Light {
+        let (x, y) = view.place(column, depth);
+        let (fade, flash) = (lamps(depth), view.headlight(column, depth));
+        let room = self.lighting.at(x, y);
+        room.map(|channel| (channel * fade + flash) * self.exposure)
+    }
+
+    fn paint_panel(
+        &mut self,
+        view: &View,
+        column: Column,
+        (depth, room): (f32, Light),
+        (index, share): (usize, f32),
+        rows: std::ops::Range<usize>,
+    ) {
+        let panel = &self.scene.panels[index];
+        let (length, bottom) = (panel.length, panel.bottom);
+        let light = light(room.map(|channel| channel * panel.light));
+        let size = depth / view.focal;
+        let level = self.scene.picture(index).level(size);
+        let strip = level.strip(share * length);
+        let step = size * level.scale[1];
+        let first = (view.height(rows.start, depth) - bottom) * level.scale[1];
+        let last = strip.len() - 1;
+        for (count, row) in rows.enumerate() {
+            let place = (first - count as f32 * step) as usize;
+            let index = row * WIDTH + column.index;
+            self.albedo[index] = strip[place.min(last)];
+            self.light[index] = light;
         }
     }
 
-    fn paint_ground(&mut self, view: &View, column: Column, far: f32) {
-        let (dx, dy) = view.direction(column);
-        let (x, y) = (view.eye.x as f32, view.eye.y as f32);
-        let (dx, dy) = (dx as f32, dy as f32);
-        let beam = view.beam(column);
-        for row in view.row(0.0, far).max(HEIGHT / 2)..HEIGHT {
-            let Row {
-                depth,
-                detail,
-                lamps,
-                flash,
-            } = self.rows[row - HEIGHT / 2];
-            let colour = self.ground.colour(x + dx * depth, y + dy * depth, detail);
-            self.put(column.index, row, scaled(colour, lamps + flash * beam));
-        }
-    }
-
-    fn paint_panel(&mut self, view: &View, column: Column, depth: f32, index: usize, share: f32) {
-        let Panel {
-            length,
-            top,
-            surface,
-            light,
-            ..
-        } = self.scene.panels[index];
-        let gain = view.gain(column, depth) * light;
-        let strip = surface.strip(Place {
-            along: share * length,
-            length,
-            top,
-        });
-        let scale = depth / view.focal;
-        for row in view.row(top, depth)..view.row(0.0, depth) {
-            let height = EYE - (row as f32 + 0.5 - HORIZON) * scale;
-            self.put(column.index, row, scaled(strip.colour(height), gain));
-        }
-    }
-
-    fn paint_post(&mut self, view: &View, column: Column, depth: f32, index: usize, aside: f32) {
+    fn paint_pillar(
+        &mut self,
+        view: &View,
+        column: Column,
+        (depth, room): (f32, Light),
+        (index, aside): (usize, f32),
+        rows: std::ops::Range<usize>,
+    ) {
         let Round {
-            top, paint, middle, ..
+            kind,
+            paint,
+            middle,
+            ..
         } = self.scene.rounds[index];
-        let top = top.unwrap_or(0.0);
         let (ahead, right) = view.relative(self.lamp.at);
-        let (post_ahead, post_right) = view.relative(middle);
-        let lamp = (right - post_right).atan2(post_ahead - ahead);
-        let facing = (aside.asin() - lamp).cos().max(0.0);
-        let shine = ((aside.asin() - lamp) / 0.25).powi(2);
-        let gain = view.gain(column, depth) * (0.62 + 0.38 * facing);
-        let colour = scaled(paint, gain).map(|channel| channel + 40.0 * (-shine).exp());
-        for row in view.row(top, depth)..view.row(0.0, depth) {
+        let (own_ahead, own_right) = view.relative(middle);
+        let lamp = (right - own_right).atan2(own_ahead - ahead);
+        let off = aside.asin() - lamp;
+        let facing = off.cos().max(0.0);
+        let light = light(room.map(|channel| channel * (0.62 + 0.38 * facing)));
+        let shine = (off / 0.25) * (off / 0.25);
+        let shine = 40.0 * (-shine).exp();
+        for row in rows {
             let height = view.height(row, depth);
-            let foot = 0.7 + 0.3 * (height / 0.06).clamp(0.0, 1.0);
-            let cap = if top - height < 0.02 { 1.15 } else { 1.0 };
-            self.put(column.index, row, scaled(colour, foot * cap));
+            let colour = match kind {
+                Kind::Person { top } => clothes(paint, height / top, aside),
+                Kind::Post { top } => {
+                    let foot = 0.7 + 0.3 * (height / 0.06).clamp(0.0, 1.0);
+                    let cap = if top - height < 0.02 { 1.15 } else { 1.0 };
+                    scaled(paint, foot * cap).map(|channel| channel + shine)
+                }
+                Kind::Ball => paint,
+            };
+            self.put(column.index, row, colour, light);
         }
     }
 
-    fn paint_ball(&mut self, view: &View, column: Column, index: usize, middle: (f32, f32)) {
-        let Round { radius, paint, .. } = self.scene.rounds[index];
-        let (ahead, right) = middle;
-        let nearest = (ahead - radius).max(0.02);
-        let lamp = self.lamp_from(view, middle, radius);
-        let gain = view.gain(column, ahead);
-        for row in view.row(2.0 * radius, nearest)..view.row(-radius, nearest) {
+    /// Balls and signs from far to near, no lower than where something nearer stands.
+    fn paint_hanging(&mut self, view: &View, column: Column) {
+        let hanging = std::mem::take(&mut self.hanging[column.index]);
+        for hit in hanging.iter().rev() {
+            let standing = self.standing[column.index].iter();
+            let nearer = standing.take_while(|other| other.depth < hit.depth);
+            let limit = nearer.map(|other| view.row(self.top_of(other.what), other.depth));
+            let limit = limit.min().unwrap_or(HEIGHT);
+            match hit.what {
+                What::Panel { index, share } => {
+                    let panel = &self.scene.panels[index];
+                    let (top, bottom) = (panel.top, panel.bottom);
+                    let rows = view.row(top, hit.depth)..view.row(bottom, hit.depth).min(limit);
+                    let light = self.light_on(view, column, hit.depth);
+                    self.paint_panel(view, column, (hit.depth, light), (index, share), rows);
+                }
+                What::Round { index, .. } => self.paint_ball(view, column, index, limit),
+            }
+        }
+        self.hanging[column.index] = hanging;
+    }
+
+    fn paint_ball(&mut self, view: &View, column: Column, index: usize, limit: usize) {
+        let Round {
+            radius,
+            paint,
+            middle,
+            ..
+        } = self.scene.rounds[index];
+        let (ahead, right) = view.relative(middle);
+        let nearest = ahead - radius;
+        if nearest < 0.02 {
+            return;
+        }
+        let lamp = self.lamp_from(view, (ahead, right), radius);
+        let room = light(self.light_on(view, column, ahead));
+        for row in view.row(2.0 * radius, nearest)..view.row(-radius, nearest).min(limit) {
             let down = (row as f32 + 0.5 - HORIZON) / view.focal;
             let ray = [1.0, column.slope, down];
             let Some(normal) = sphere_normal(ray, [ahead, right, EYE - radius], radius) else {
                 continue;
             };
             let facing = dot(normal, lamp);
-            let shine = facing.max(0.0).powi(24) * 90.0;
-            let body = scaled(
-                paint,
-                gain * (0.50 + 0.28 * (facing + 1.0) * 0.5 + 0.34 * facing.max(0.0)),
+            let lit = facing.max(0.0);
+            let (lit4, lit8) = (
+                lit * lit * lit * lit,
+                lit * lit * lit * lit * lit * lit * lit * lit,
             );
-            self.put(
-                column.index,
-                row,
-                body.map(|channel| channel + shine * view.light),
-            );
+            let shine = lit4 * lit4 * lit8 * lit8 * 90.0;
+            let body = scaled(paint, 0.50 + 0.28 * (facing + 1.0) * 0.5 + 0.34 * lit);
+            self.put(column.index, row, body.map(|channel| channel + shine), room);
         }
     }
 
@@ -219,12 +394,121 @@ impl Camera {
         scaled(way, 1.0 / dot(way, way).sqrt().max(1e-3))
     }
 
-    fn put(&mut self, column: usize, row: usize, colour: Rgb) {
+    fn paint_floor(&mut self, view: &View) {
+        let floor = self
+            .floor
+            .get_or_insert_with(|| ground::picture(&self.world));
+        let even = self.lighting.even() && !view.flash;
+        let edges = [view.column(0), view.column(1)];
+        for row in HEIGHT / 2..HEIGHT {
+            let Row {
+                depth,
+                lamps,
+                flash,
+            } = self.rows[row - HEIGHT / 2];
+            let level = floor.level(depth / view.focal);
+            let [x, y] = level.scale.map(|scale| scale * 256.0);
+            let (x, y) = (y, x);
+            let (start, next) = (view.place(edges[0], depth), view.place(edges[1], depth));
+            let step = ((next.0 - start.0) * x, (next.1 - start.1) * y);
+            let start = (start.0 * x - 128.0, start.1 * y - 128.0);
+            let line = row * WIDTH;
+            for patch in (0..WIDTH).step_by(PATCH) {
+                let middle = view.column(if even { WIDTH / 2 } else { patch + PATCH / 2 });
+                let (px, py) = view.place(middle, depth);
+                let (room, flash) = (self.lighting.at(px, py), flash * view.beam(middle));
+                let light = light(room.map(|channel| (channel * lamps + flash) * self.exposure));
+                for column in patch..patch + PATCH {
+                    if row < self.shores[column] {
+                        continue;
+                    }
+                    let right = column as f32;
+                    let (x, y) = (start.0 + right * step.0, start.1 + right * step.1);
+                    self.albedo[line + column] = level.smooth(y as i32, x as i32);
+                    self.light[line + column] = light;
+                }
+            }
+        }
+    }
+
+    fn put(&mut self, column: usize, row: usize, [r, g, b]: Rgb, light: Pixel) {
         // A float becomes a byte by cutting off what does not fit.
-        let pixel = &mut self.pixels[row * WIDTH + column];
-        pixel[0] = colour[0] as u8;
-        pixel[1] = colour[1] as u8;
-        pixel[2] = colour[2] as u8;
+        let index = row * WIDTH + column;
+        self.albedo[index] = [r as u8, g as u8, b as u8, 0];
+        self.light[index] = light;
+    }
+
+    /// Lays light on what is seen, and smears it over so many pixels of a row.
+    fn develop(&mut self, smear: usize) {
+        let (albedo, light) = (self.albedo.as_flattened(), self.light.as_flattened());
+        let frame = self.frame.as_flattened_mut();
+        for ((lit, albedo), light) in frame.iter_mut().zip(albedo).zip(light) {
+            *lit = ((u16::from(*albedo) * u16::from(*light)) >> 7).min(255) as u8;
+        }
+        if smear > 1 {
+            self.frame
+                .chunks_exact_mut(WIDTH)
+                .for_each(|row| smear_row(row, smear));
+        }
+    }
+
+    /// Lets the automatic exposure follow the light.
+    fn expose(&mut self, time: Duration) {
+        if self.settings.exposure <= 0.0 {
+            return;
+        }
+        const EVERY: usize = 37;
+        let some = self.frame.iter().step_by(EVERY);
+        let sum: u32 = some.map(|pixel| u32::from(pixel[1])).sum();
+        let mean = (sum as f32 * EVERY as f32 / (WIDTH * HEIGHT) as f32).max(1.0);
+        let wanted = self.exposure * MIDDLE_GREY / mean;
+        let wanted = wanted.clamp(*EXPOSURES.start(), *EXPOSURES.end());
+        let passed = self
+            .exposed
+            .map(|before| time.saturating_sub(before).as_secs_f64());
+        let share = passed.map_or(1.0, |passed| passed / (passed + self.settings.exposure));
+        self.exposure += (wanted - self.exposure) * share as f32;
+        self.exposed = Some(time);
+    }
+}
+
+/// A moving mean of a row.
+fn smear_row(row: &mut [Pixel], length: usize) {
+    let before = length / 2;
+    let copy: [Pixel; WIDTH] = std::array::from_fn(|i| row[i]);
+    let at = |index: i32| copy[index.clamp(0, WIDTH as i32 - 1) as usize].map(u32::from);
+    let mut sum = [0u32; 4];
+    let offset = before as i32;
+    for index in -offset..length as i32 - offset {
+        let pixel = at(index);
+        (0..4).for_each(|c| sum[c] += pixel[c]);
+    }
+    let share = 65_536 / length as u32;
+    for (index, pixel) in row.iter_mut().enumerate() {
+        *pixel = sum.map(|channel| ((channel * share + 32_768) >> 16).min(255) as u8);
+        let (old, new) = (
+            at(index as i32 - offset),
+            at(index as i32 - offset + length as i32),
+        );
+        (0..4).for_each(|c| sum[c] = sum[c] + new[c] - old[c]);
+    }
+}
+
+/// Light as it is kept for a pixel.
+fn light(light: Light) -> Pixel {
+    let [r, g, b] = light.map(|channel| (channel * FULL) as u8);
+    [r, g, b, 0]
+}
+
+/// What a person wears at a share of their height.
+fn clothes(paint: Rgb, share: f32, aside: f32) -> Rgb {
+    match share {
+        _ if share < 0.05 => [40.0, 36.0, 34.0],
+        _ if share < 0.45 && aside.abs() < 0.08 => [38.0, 40.0, 46.0],
+        _ if share < 0.45 => scaled(paint, 0.62),
+        _ if share < 0.82 => paint,
+        _ if share > 0.95 => [70.0, 56.0, 44.0],
+        _ => [186.0, 158.0, 140.0],
     }
 }
 
@@ -252,8 +536,17 @@ mod tests {
 
     const RED: fn([u8; 3]) -> bool = |[r, g, b]| r > 110 && g < 80 && b < 80;
 
+    fn still(pose: Pose, flash: bool) -> Shot {
+        Shot {
+            pose,
+            flash,
+            turning: 0.0,
+            time: Duration::ZERO,
+        }
+    }
+
     fn shot(world: &World, pose: Pose, flash: bool) -> image::RgbImage {
-        let jpeg = Camera::new(world, 1).frame(pose, flash);
+        let jpeg = Camera::new(world, 1).frame(still(pose, flash));
         image::load_from_memory(&jpeg).unwrap().to_rgb8()
     }
 
@@ -342,7 +635,7 @@ mod tests {
     #[test]
     fn frames_are_small_and_the_same_for_the_same_seed() {
         let world = World::default_world();
-        let frame = |seed| Camera::new(&world, seed).frame(world.start_pose(), false);
+        let frame = |seed| Camera::new(&world, seed).frame(still(world.start_pose(), false));
         assert_eq!(frame(1), frame(1));
         assert_ne!(frame(1), frame(2));
         assert!(
@@ -358,7 +651,7 @@ mod tests {
         let mut camera = Camera::new(&world, 1);
         for i in 0..120 {
             let (x, y) = (f64::from(i % 12) * 0.7 - 0.5, f64::from(i / 12) * 0.6 - 0.3);
-            let jpeg = camera.frame(Pose::new(x, y, f64::from(i)), i % 2 == 0);
+            let jpeg = camera.frame(still(Pose::new(x, y, f64::from(i)), i % 2 == 0));
             assert!(jpeg.starts_with(&[0xFF, 0xD8]) && jpeg.ends_with(&[0xFF, 0xD9]));
         }
     }

@@ -3,6 +3,8 @@
 
 use std::f64::consts::{PI, TAU};
 
+use kurbo::{Line, ParamCurveNearest, PathSeg};
+
 /// A place on the floor, in metres.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct Point {
@@ -92,37 +94,48 @@ pub(super) struct Segment {
 }
 
 impl Segment {
-    /// Metres from a point to the nearest point of the line.
-    pub(super) fn distance(self, point: Point) -> f64 {
-        let (dx, dy) = (self.to.x - self.from.x, self.to.y - self.from.y);
-        let length_squared = dx * dx + dy * dy;
-        if length_squared == 0.0 {
-            return self.from.distance(point);
-        }
-        let along = ((point.x - self.from.x) * dx + (point.y - self.from.y) * dy) / length_squared;
-        self.from
-            .towards(self.to, along.clamp(0.0, 1.0))
-            .distance(point)
+    fn line(self) -> Line {
+        Line::new((self.from.x, self.from.y), (self.to.x, self.to.y))
     }
 
-    /// Where a ray from `origin` along (`dx`, `dy`) meets the line: the ray's parameter (in
-    /// lengths of its direction) and the share 0..=1 of the line.
-    pub(super) fn meets_ray(self, origin: Point, dx: f64, dy: f64) -> Option<(f64, f64)> {
-        let (sx, sy) = (self.to.x - self.from.x, self.to.y - self.from.y);
-        let cross = dx * sy - dy * sx;
-        if cross.abs() < 1e-12 {
-            return None;
+    /// Metres from a point to the nearest point of the line.
+    pub(super) fn distance(self, point: Point) -> f64 {
+        self.distance_squared(point).sqrt()
+    }
+
+    /// The square of the metres from a point to the nearest point of the line.
+    fn distance_squared(self, point: Point) -> f64 {
+        let point = kurbo::Point::new(point.x, point.y);
+        if self.from == self.to {
+            return point.distance_squared(self.line().p0);
         }
-        let (ox, oy) = (self.from.x - origin.x, self.from.y - origin.y);
-        let ray = (ox * sy - oy * sx) / cross;
-        let share = (ox * dy - oy * dx) / cross;
-        (ray > 0.0 && (0.0..=1.0).contains(&share)).then_some((ray, share))
+        self.line().nearest(point, 0.0).distance_sq
+    }
+
+    /// Metres between the two lines; 0 if they cross.
+    pub(super) fn gap(self, other: Segment) -> f64 {
+        if self.crosses(other.from, other.to) {
+            return 0.0;
+        }
+        let ends = [
+            self.distance_squared(other.from),
+            self.distance_squared(other.to),
+            other.distance_squared(self.from),
+            other.distance_squared(self.to),
+        ];
+        ends.into_iter().fold(f64::MAX, f64::min).sqrt()
+    }
+
+    /// Where on the straight way from `a` to `b` the line is met, as a share of the way.
+    pub(super) fn met_between(self, a: Point, b: Point) -> Option<f64> {
+        let way = Segment { from: a, to: b };
+        let met = PathSeg::Line(self.line()).intersect_line(way.line());
+        met.first().map(|met| met.line_t)
     }
 
     /// Whether the straight way from `a` to `b` touches the line.
     pub(super) fn crosses(self, a: Point, b: Point) -> bool {
-        self.meets_ray(a, b.x - a.x, b.y - a.y)
-            .is_some_and(|(ray, _)| ray <= 1.0)
+        self.met_between(a, b).is_some()
     }
 }
 
@@ -145,6 +158,20 @@ pub(super) fn rectangle(centre: Point, length: f64, width: f64, heading: f64) ->
     })
 }
 
+/// Whether a point is in such a rectangle.
+pub(super) fn in_rectangle(
+    point: Point,
+    centre: Point,
+    length: f64,
+    width: f64,
+    heading: f64,
+) -> bool {
+    let (dx, dy) = (point.x - centre.x, point.y - centre.y);
+    let (sin, cos) = heading.sin_cos();
+    let (ahead, left) = (dx * cos + dy * sin, dy * cos - dx * sin);
+    ahead.abs() < length / 2.0 && left.abs() < width / 2.0
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -164,16 +191,30 @@ mod tests {
     }
 
     #[test]
-    fn a_ray_meets_only_what_is_before_it() {
+    fn a_way_meets_only_what_is_on_it() {
         let wall = Segment {
             from: Point::new(2.0, -1.0),
             to: Point::new(2.0, 1.0),
         };
-        let (ray, share) = wall.meets_ray(Point::new(0.0, 0.0), 1.0, 0.0).unwrap();
-        assert!((ray - 2.0).abs() < 1e-9 && (share - 0.5).abs() < 1e-9);
-        assert_eq!(wall.meets_ray(Point::new(0.0, 0.0), -1.0, 0.0), None);
+        let (here, there) = (Point::new(0.0, 0.0), Point::new(4.0, 0.0));
+        assert!((wall.met_between(here, there).unwrap() - 0.5).abs() < 1e-9);
+        assert_eq!(wall.met_between(here, Point::new(-4.0, 0.0)), None);
         assert!(wall.crosses(Point::new(1.0, 0.0), Point::new(3.0, 0.0)));
         assert!(!wall.crosses(Point::new(0.0, 0.0), Point::new(1.0, 0.0)));
+    }
+
+    #[test]
+    fn the_gap_between_two_lines_is_that_of_their_nearest_points() {
+        let line = |from: (f64, f64), to: (f64, f64)| Segment {
+            from: Point::new(from.0, from.1),
+            to: Point::new(to.0, to.1),
+        };
+        let wall = line((2.0, -1.0), (2.0, 1.0));
+        assert!((wall.gap(line((0.0, 0.0), (1.5, 0.5))) - 0.5).abs() < 1e-9);
+        assert!((line((0.0, 1.25), (4.0, 1.25)).gap(wall) - 0.25).abs() < 1e-9);
+        assert_eq!(wall.gap(line((0.0, 0.0), (4.0, 0.0))), 0.0);
+        let point = line((1.0, 0.0), (1.0, 0.0));
+        assert!((wall.gap(point) - 1.0).abs() < 1e-9);
     }
 
     #[test]

@@ -5,7 +5,8 @@ use rand::{Rng, RngExt, SeedableRng};
 
 use super::camera::{HEIGHT, WIDTH};
 
-const LEN: usize = WIDTH * HEIGHT * 3;
+/// Bytes of a frame before it is encoded.
+const LEN: usize = WIDTH * HEIGHT * 4;
 /// Pixels by which the noise of one frame may be shifted against that of another.
 const SHIFTS: usize = 4096;
 /// The noise of a world that asks for 1, in steps of 255.
@@ -13,7 +14,7 @@ const LOUDEST: f64 = 32.0;
 
 /// Noise for frames: drawn once, and laid over each frame at another place.
 pub(super) struct Grain {
-    /// 0..=`middle` * 2 for each byte of a frame, the same for the three of a pixel.
+    /// 0..=`middle` * 2 for each byte of a frame, the same for all of a pixel.
     noise: Vec<u8>,
     middle: u8,
     random: StdRng,
@@ -24,12 +25,12 @@ impl Grain {
     pub(super) fn new(strength: f64, seed: u64) -> Grain {
         let mut random = StdRng::seed_from_u64(seed);
         let middle = (strength.clamp(0.0, 1.0) * LOUDEST / 2.0).round() as u8;
-        let mut bytes = vec![0; LEN / 3 + SHIFTS];
+        let mut bytes = vec![0; LEN / 4 + SHIFTS];
         random.fill_bytes(&mut bytes);
         let level = |byte: u8| (u16::from(byte) * (2 * u16::from(middle) + 1) / 256) as u8;
         let noise = bytes
             .into_iter()
-            .flat_map(|byte| [level(byte); 3])
+            .flat_map(|byte| [level(byte); 4])
             .collect();
         Grain {
             noise,
@@ -43,7 +44,7 @@ impl Grain {
         if self.middle == 0 {
             return;
         }
-        let noise = &self.noise[self.random.random_range(0..SHIFTS) * 3..];
+        let noise = &self.noise[self.random.random_range(0..SHIFTS) * 4..];
         for (channel, noise) in pixels.iter_mut().zip(noise) {
             *channel = channel.saturating_add(*noise).saturating_sub(self.middle);
         }

@@ -1,9 +1,14 @@
-//! What the floor looks like: planks, tiles or concrete, the rugs on it, and the soft shadows of
-//! what stands there.
+//! What the floor looks like: planks, tiles or concrete, the rugs and lines on it, and the soft
+//! shadows of what stands there.
 
+use kurbo::{BezPath, PathEl};
+use tiny_skia::{Path, PathBuilder, PixmapMut, Stroke, Transform};
+
+use super::fittings::Tape;
 use super::geometry::Point;
 use super::obstacles::Obstacles;
 use super::surface::{Rgb, rgb, scaled, scatter};
+use super::texture::Texture;
 use super::things::{Floor, Rug};
 use super::world::World;
 
@@ -12,12 +17,84 @@ const CELL: f32 = 0.05;
 /// How far from a thing its shadow ends, metres.
 const SHADOW: f32 = 0.16;
 
-/// The floor of a room.
-#[derive(Debug)]
-pub(super) struct Ground {
-    floor: Floor,
-    rugs: Vec<Carpet>,
-    shadows: Shadows,
+/// Side of a pixel of the floor's picture, metres, in rooms of usual size.
+const PIXEL: f32 = 0.01;
+/// Pixels of the floor's picture, about, at most.
+const MOST_PIXELS: f32 = 2e6;
+
+/// The picture of a room's floor, with rugs, lines and soft shadows of what stands there. Its
+/// first axis is y.
+pub(super) fn picture(world: &World) -> Texture {
+    let (width, depth) = (world.room.width as f32, world.room.depth as f32);
+    let size = PIXEL.max((width * depth / MOST_PIXELS).sqrt());
+    let count = [depth, width].map(|side| ((side / size).ceil() as usize).max(1));
+    let scale = [count[0] as f32 / depth, count[1] as f32 / width];
+    let rugs: Vec<Carpet> = world.rugs.iter().map(Carpet::of).collect();
+    let floor = |x: f32, y: f32| {
+        let rug = rugs.iter().rev().find_map(|rug| rug.colour(x, y));
+        rug.unwrap_or_else(|| match world.room.floor {
+            Floor::Wood => wood(x, y),
+            Floor::Tiles => tiles(x, y),
+            Floor::Concrete => concrete(x, y),
+        })
+    };
+    let mut pixels = Vec::with_capacity(count[0] * count[1]);
+    for row in 0..count[0] {
+        let y = (row as f32 + 0.5) / scale[0];
+        let colours = (0..count[1]).map(|column| floor((column as f32 + 0.5) / scale[1], y));
+        pixels.extend(colours.map(|[r, g, b]| [r as u8, g as u8, b as u8, 255]));
+    }
+    stick(&world.lines, pixels.as_flattened_mut(), count, scale);
+    let shadows = Shadows::of(world, &Obstacles::fixed(world));
+    for (row, line) in pixels.chunks_mut(count[1]).enumerate() {
+        let y = (row as f32 + 0.5) / scale[0];
+        for (column, pixel) in line.iter_mut().enumerate() {
+            let light = shadows.at((column as f32 + 0.5) / scale[1], y);
+            *pixel = pixel.map(|channel| (f32::from(channel) * light) as u8);
+        }
+    }
+    Texture::of(pixels, count, scale)
+}
+
+/// Sticks tapes onto a floor of that many rows and columns, so many a metre.
+fn stick(tapes: &[Tape], pixels: &mut [u8], count: [usize; 2], scale: [f32; 2]) {
+    let size = (count[1] as u32, count[0] as u32);
+    let Some(mut floor) = PixmapMut::from_bytes(pixels, size.0, size.1) else {
+        return;
+    };
+    for tape in tapes {
+        let Some(path) = outline(&tape.path()) else {
+            continue;
+        };
+        let mut paint = tiny_skia::Paint::default();
+        let [r, g, b] = tape.colour.0;
+        paint.set_color_rgba8(r, g, b, 255);
+        let stroke = Stroke {
+            width: tape.width as f32,
+            ..Stroke::default()
+        };
+        let scaled = Transform::from_scale(scale[1], scale[0]);
+        floor.stroke_path(&path, &paint, &stroke, scaled, None);
+    }
+}
+
+/// The same path for painting.
+pub(super) fn outline(path: &BezPath) -> Option<Path> {
+    let mut builder = PathBuilder::new();
+    for element in path.elements() {
+        let xy = |point: kurbo::Point| (point.x as f32, point.y as f32);
+        match *element {
+            PathEl::MoveTo(to) => builder.move_to(xy(to).0, xy(to).1),
+            PathEl::LineTo(to) => builder.line_to(xy(to).0, xy(to).1),
+            PathEl::QuadTo(a, to) => builder.quad_to(xy(a).0, xy(a).1, xy(to).0, xy(to).1),
+            PathEl::CurveTo(a, b, to) => {
+                let ((ax, ay), (bx, by), (x, y)) = (xy(a), xy(b), xy(to));
+                builder.cubic_to(ax, ay, bx, by, x, y);
+            }
+            PathEl::ClosePath => builder.close(),
+        }
+    }
+    builder.finish()
 }
 
 #[derive(Debug)]
@@ -25,30 +102,6 @@ struct Carpet {
     middle: (f32, f32),
     half: (f32, f32),
     paint: Rgb,
-}
-
-impl Ground {
-    /// The floor of a world.
-    pub(super) fn of(world: &World, obstacles: &Obstacles) -> Ground {
-        Ground {
-            floor: world.room.floor,
-            rugs: world.rugs.iter().map(Carpet::of).collect(),
-            shadows: Shadows::of(world, obstacles),
-        }
-    }
-
-    /// The colour at a place; `detail` fades fine lines, 1 near and 0 far.
-    pub(super) fn colour(&self, x: f32, y: f32, detail: f32) -> Rgb {
-        // Cutting a number off is its floor only above 0, and far cheaper.
-        let (x, y) = (x.max(0.0), y.max(0.0));
-        let rug = self.rugs.iter().rev().find_map(|rug| rug.colour(x, y));
-        let colour = rug.unwrap_or_else(|| match self.floor {
-            Floor::Wood => wood(x, y, detail),
-            Floor::Tiles => tiles(x, y, detail),
-            Floor::Concrete => concrete(x, y),
-        });
-        scaled(colour, self.shadows.at(x, y))
-    }
 }
 
 impl Carpet {
@@ -75,23 +128,23 @@ impl Carpet {
     }
 }
 
-fn wood(x: f32, y: f32, detail: f32) -> Rgb {
+fn wood(x: f32, y: f32) -> Rgb {
     const PLANK: (f32, f32) = (1.3, 0.13);
     let (row, across) = cut(y * (1.0 / PLANK.1));
     let (board, along) = cut(x * (1.0 / PLANK.0) + scatter(row, 11));
     let tone = 0.86 + 0.22 * scatter(row, board);
     let streak = scatter((x * 14.0) as i32, (y * 160.0) as i32);
-    let grain = 1.0 + detail * 0.10 * (streak - 0.5);
+    let grain = 1.0 + 0.10 * (streak - 0.5);
     let seam = across < 0.035 || along < 0.004;
-    let line = if seam { 1.0 - 0.38 * detail } else { 1.0 };
+    let line = if seam { 1.0 - 0.38 } else { 1.0 };
     scaled([154.0, 137.0, 118.0], tone * grain * line)
 }
 
-fn tiles(x: f32, y: f32, detail: f32) -> Rgb {
+fn tiles(x: f32, y: f32) -> Rgb {
     const TILE: f32 = 0.25;
     let ((column, along), (row, across)) = (cut(x * (1.0 / TILE)), cut(y * (1.0 / TILE)));
     let joint = if along.min(across) < 0.02 {
-        1.0 - 0.25 * detail
+        1.0 - 0.25
     } else {
         1.0
     };

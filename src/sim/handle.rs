@@ -8,9 +8,12 @@ use crate::wire::{Command, Report};
 
 use super::connection::Transport;
 use super::faults::Fault;
-use super::geometry::Pose;
+use super::geometry::{Point, Pose};
 use super::journal::{Heard, Journal};
+use super::robot::Robot;
 use super::state::State;
+use super::trace::{Trace, What};
+use super::world::World;
 
 /// Orders that may wait for the server; more are dropped with a warning.
 const MAX_ORDERS: usize = 256;
@@ -26,6 +29,7 @@ pub(super) enum Order {
     Begin(Fault),
     ClearFaults,
     Connect(Box<dyn Transport>),
+    Alter(Box<dyn FnOnce(&mut Robot) + Send>),
 }
 
 /// Talks to a running simulator. Cheap to clone; no call blocks.
@@ -36,6 +40,8 @@ pub struct Handle {
     state: watch::Receiver<State>,
     journal: Arc<Mutex<Journal>>,
     heard: watch::Receiver<usize>,
+    trace: Arc<Mutex<Trace>>,
+    world: Arc<World>,
 }
 
 /// The server's ends of a handle.
@@ -47,10 +53,10 @@ pub(super) struct Ends {
 }
 
 /// A handle, the orders that come through it, and the server's other ends of it.
-pub(super) fn open(state: State) -> (Handle, mpsc::Receiver<Order>, Ends) {
+pub(super) fn open(robot: &Robot) -> (Handle, mpsc::Receiver<Order>, Ends) {
     let (orders, orders_end) = mpsc::channel(MAX_ORDERS);
     let (muted, muted_end) = watch::channel(false);
-    let (state_end, state) = watch::channel(state);
+    let (state_end, state) = watch::channel(robot.state());
     let (heard_end, heard) = watch::channel(0);
     let journal = Arc::new(Mutex::new(Journal::default()));
     let handle = Handle {
@@ -59,6 +65,8 @@ pub(super) fn open(state: State) -> (Handle, mpsc::Receiver<Order>, Ends) {
         state,
         journal: journal.clone(),
         heard,
+        trace: robot.trace_cell(),
+        world: Arc::new(robot.world().clone()),
     };
     let ends = Ends {
         muted: muted_end,
@@ -125,6 +133,34 @@ impl Handle {
                 std::future::pending::<()>().await;
             }
         }
+    }
+
+    /// The place that the robot lives in, as it was at first.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// What the robot did so far, for its picture and for tests.
+    pub fn trace(&self) -> Trace {
+        self.look_back(Trace::clone)
+    }
+
+    /// Looks at what the robot did so far, without a copy of it. The robot waits meanwhile.
+    pub fn look_back<T>(&self, look: impl FnOnce(&Trace) -> T) -> T {
+        look(&self.trace.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Writes something down for the picture of the run, here and now.
+    pub fn note(&self, text: impl Into<String>) {
+        let mut trace = self.trace.lock().unwrap_or_else(PoisonError::into_inner);
+        trace.note(What::Note(text.into()));
+    }
+
+    /// Puts a ball somewhere, at rest; the number is its place in the world's list.
+    pub fn put_ball(&self, index: usize, place: Point) {
+        self.order(Order::Alter(Box::new(move |robot| {
+            robot.put_ball(index, place)
+        })));
     }
 
     /// Sets the battery's level, percent; the change is reported at once.

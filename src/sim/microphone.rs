@@ -1,4 +1,4 @@
-//! The microphone: a quiet room, the hum of the own motors and the own speaker, as raw samples
+//! The microphone: a quiet room, what sounds in it, the hum of the own motors and the own speaker, as raw samples
 //! (`PROTOCOL.md`, AUDIO: signed 16-bit little-endian, 16,000 Hz, mono).
 
 use std::f64::consts::TAU;
@@ -8,6 +8,9 @@ use bytes::{BufMut, Bytes, BytesMut};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
+use super::fittings::{Noise, NoiseKind};
+use super::geometry::Point;
+use super::obstacles::Obstacles;
 use super::speaker::Speaker;
 
 /// Samples a second.
@@ -18,6 +21,12 @@ pub(super) const CHUNK: usize = 800;
 const ROOM_NOISE: f64 = 40.0;
 const HUM_LOUDNESS: f64 = 1800.0;
 const SPEAKER_LOUDNESS: f64 = 12_000.0;
+/// Of a source of loudness 1 at 1 m.
+const SOURCE_LOUDNESS: f64 = 20_000.0;
+/// Nearer than this, metres, a source is no louder.
+const NEAREST: f64 = 0.3;
+/// What gets through walls.
+const THROUGH_WALLS: f64 = 0.25;
 
 /// Listens while its stream is on.
 #[derive(Debug)]
@@ -26,17 +35,50 @@ pub(super) struct Microphone {
     chunk: BytesMut,
     owed: f64,
     phase: f64,
+    sources: Vec<Source>,
+}
+
+/// One source of sound, as it is heard now.
+#[derive(Debug)]
+struct Source {
+    noise: Noise,
+    loudness: f64,
+    phase: f64,
 }
 
 impl Microphone {
-    /// With noise of a seed.
-    pub(super) fn new(seed: u64) -> Microphone {
+    /// With noise of a seed, in a world with these sources.
+    pub(super) fn new(seed: u64, sources: &[Noise]) -> Microphone {
+        let source = |noise: &Noise| Source {
+            noise: noise.clone(),
+            loudness: 0.0,
+            phase: 0.0,
+        };
         let random = StdRng::seed_from_u64(seed);
         Microphone {
             random,
             chunk: BytesMut::new(),
             owed: 0.0,
             phase: 0.0,
+            sources: sources.iter().map(source).collect(),
+        }
+    }
+
+    /// Where it is now, and what sounds at this time.
+    pub(super) fn turn_to(&mut self, time: Duration, here: Point, obstacles: &Obstacles) {
+        for source in &mut self.sources {
+            let (noise, at) = (&source.noise, source.noise.at.point());
+            let wall = if obstacles.walled_off(at, here) {
+                THROUGH_WALLS
+            } else {
+                1.0
+            };
+            let near = noise.loudness * wall / at.distance(here).max(NEAREST);
+            source.loudness = if noise.sounds(time.as_secs_f64()) {
+                near
+            } else {
+                0.0
+            };
         }
     }
 
@@ -72,7 +114,30 @@ impl Microphone {
             0.0
         };
         let own = speaker.sample(seconds) * SPEAKER_LOUDNESS;
-        (noise + hum + own) as i16
+        let others = self.others(seconds);
+        (noise + hum + own + others) as i16
+    }
+
+    fn others(&mut self, seconds: f64) -> f64 {
+        let mut sum = 0.0;
+        for source in self
+            .sources
+            .iter_mut()
+            .filter(|source| source.loudness > 0.0)
+        {
+            let tone = match source.noise.kind {
+                NoiseKind::Knock => 0.01,
+                _ => 1.0,
+            };
+            source.phase = (source.phase + TAU * tone * source.noise.hertz * seconds) % TAU;
+            let wave = match source.noise.kind {
+                NoiseKind::Tone => source.phase.sin(),
+                NoiseKind::Hiss => self.random.random_range(-1.0..1.0),
+                NoiseKind::Knock => (40.0 * source.phase).sin() * (-6.0 * source.phase).exp(),
+            };
+            sum += wave * source.loudness * SOURCE_LOUDNESS;
+        }
+        sum
     }
 
     fn hum(&mut self, effort: f64, seconds: f64) -> f64 {
@@ -91,7 +156,7 @@ mod tests {
     const TICK: Duration = Duration::from_millis(20);
 
     fn loudness(effort: f64, sound: Option<Sound>) -> f64 {
-        let mut microphone = Microphone::new(7);
+        let mut microphone = Microphone::new(7, &[]);
         let mut speaker = Speaker::new(Duration::ZERO);
         sound.into_iter().for_each(|sound| speaker.play(sound));
         let chunk = (0..10)
@@ -112,7 +177,7 @@ mod tests {
 
     #[test]
     fn a_second_is_sixteen_thousand_samples() {
-        let mut microphone = Microphone::new(1);
+        let mut microphone = Microphone::new(1, &[]);
         let mut speaker = Speaker::new(Duration::ZERO);
         let heard: usize = (0..50)
             .filter_map(|_| microphone.listen(TICK, 0.0, &mut speaker))
@@ -125,7 +190,7 @@ mod tests {
     fn the_same_seed_hears_the_same() {
         let listen = |seed| {
             let mut speaker = Speaker::new(Duration::ZERO);
-            let mut microphone = Microphone::new(seed);
+            let mut microphone = Microphone::new(seed, &[]);
             (0..10)
                 .find_map(|_| microphone.listen(TICK, 0.5, &mut speaker))
                 .unwrap()

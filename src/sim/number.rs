@@ -77,7 +77,27 @@ ranges! {
     frames = 1.0..=60.0, "frames a second";
     /// How far the station's beacon reaches.
     reach = 0.0..=50.0, "metres";
-    /// A time of a fault.
+    /// How wide a line on the floor is.
+    tape = 0.005..=0.3, "metres";
+    /// Radius of a line's rounded corners.
+    rounding = 0.0..=15.0, "metres";
+    /// How fast something goes.
+    speed = 0.0..=2.0, "metres a second";
+    /// How high up a sign's middle is.
+    sign_height = 0.05..=4.0, "metres";
+    /// Side of a sign.
+    sign_side = 0.05..=2.0, "metres";
+    /// How far a lamp's light reaches.
+    lamp_reach = 0.2..=30.0, "metres";
+    /// A tone.
+    hertz = 40.0..=7000.0, "hertz";
+    /// Quality of a JPEG.
+    quality = 1.0..=100.0, "100 is best";
+    /// A short time.
+    moment = 0.0..=2.0, "seconds";
+    /// How much tracks differ or slip.
+    slip = 0.0..=0.5, "1 is all";
+    /// A time of a fault or of a schedule.
     span = 0.0..=86_400.0, "seconds";
     /// How probable something is.
     chance = 0.0..=1.0, "1 is always";

@@ -3,17 +3,49 @@
 use super::geometry::{Point, Segment};
 use super::world::World;
 
+/// A round thing, seen from above.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Circle {
+    pub(super) middle: Point,
+    pub(super) radius: f64,
+}
+
+impl Circle {
+    /// Of a radius in metres.
+    pub(super) fn new(middle: Point, radius: f64) -> Circle {
+        Circle { middle, radius }
+    }
+
+    /// Metres between two round things; below 0 if they overlap.
+    pub(super) fn gap(self, other: Circle) -> f64 {
+        self.middle.distance(other.middle) - self.radius - other.radius
+    }
+}
+
+/// Something that a robot can run into; the number is its place in the world's list.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Obstacle {
+    Wall,
+    Furniture(usize),
+    Station,
+    Post(usize),
+    Ball(usize),
+    Walker(usize),
+}
+
 /// Everything that a robot can run into.
 #[derive(Debug, Clone)]
 pub(super) struct Obstacles {
-    /// Walls and furniture: high, so they also hide the station.
+    /// Walls and furniture: high, so they also hide the station. Walls come first.
     high: Vec<Segment>,
+    walls: usize,
     /// The station's body.
     station: [Segment; 4],
-    /// Middle and radius of posts, which hide the station.
-    posts: Vec<(Point, f64)>,
-    /// Middle and radius of balls, which do not.
-    balls: Vec<(Point, f64)>,
+    /// Posts, which hide the station.
+    posts: Vec<Circle>,
+    /// Balls, which do not, and then people.
+    round: Vec<Circle>,
+    balls: usize,
 }
 
 impl Obstacles {
@@ -21,60 +53,133 @@ impl Obstacles {
     pub(super) fn of(world: &World) -> Obstacles {
         let mut high = world.room.sides().to_vec();
         high.extend(world.walls.iter().flat_map(|wall| wall.sides()));
+        let walls = high.len();
         high.extend(world.furniture.iter().flat_map(|item| item.sides()));
+        let posts = world.posts.iter();
+        let balls = world.balls.iter();
+        let people = world.walkers.iter();
+        let people = people.map(|walker| Circle::new(walker.at.point(), walker.radius));
+        let round = balls.map(|ball| Circle::new(ball.at.point(), ball.radius));
         Obstacles {
             high,
+            walls,
             station: world.station.sides(),
-            posts: world
-                .posts
-                .iter()
-                .map(|post| (post.at.point(), post.radius))
+            posts: posts
+                .map(|post| Circle::new(post.at.point(), post.radius))
                 .collect(),
-            balls: world
-                .balls
-                .iter()
-                .map(|ball| (ball.at.point(), ball.radius))
-                .collect(),
+            round: round.chain(people).collect(),
+            balls: world.balls.len(),
         }
+    }
+
+    /// The same without all that moves.
+    pub(super) fn fixed(world: &World) -> Obstacles {
+        let mut fixed = Obstacles::of(world);
+        fixed.round.clear();
+        fixed.balls = 0;
+        fixed
+    }
+
+    /// A ball, or a person after all balls, is somewhere else now.
+    pub(super) fn move_round(&mut self, index: usize, place: Point) {
+        self.round[index].middle = place;
     }
 
     /// Metres from a point to the nearest obstacle; below 0 inside a round one.
     pub(super) fn clearance(&self, point: Point) -> f64 {
-        let lines = self
-            .high
-            .iter()
-            .chain(&self.station)
-            .map(|line| line.distance(point));
-        let round = self.posts.iter().chain(&self.balls);
-        let circles = round.map(|(middle, radius)| middle.distance(point) - radius);
+        let lines = self.lines().map(|line| line.distance(point));
+        let circles = self
+            .circles()
+            .map(|circle| circle.gap(Circle::new(point, 0.0)));
         lines.chain(circles).fold(f64::MAX, f64::min)
+    }
+
+    /// Whether nothing but itself is where the ball or person `index` wants to be.
+    pub(super) fn has_room(&self, wanted: Circle, index: usize) -> bool {
+        let others = self
+            .round
+            .iter()
+            .enumerate()
+            .filter(|(other, _)| *other != index);
+        let mut circles = self.posts.iter().chain(others.map(|(_, circle)| circle));
+        self.lines()
+            .all(|line| line.distance(wanted.middle) >= wanted.radius)
+            && circles.all(|circle| circle.gap(wanted) >= 0.0)
+    }
+
+    /// What is nearest to a point.
+    pub(super) fn nearest(&self, point: Point) -> Obstacle {
+        let here = Circle::new(point, 0.0);
+        let lines = self.high.iter().enumerate().map(|(index, line)| {
+            let what = match index.checked_sub(self.walls) {
+                Some(side) => Obstacle::Furniture(side / 4),
+                None => Obstacle::Wall,
+            };
+            (line.distance(point), what)
+        });
+        let station = self.station.iter();
+        let station = station.map(|line| (line.distance(point), Obstacle::Station));
+        let posts = self.posts.iter().enumerate();
+        let posts = posts.map(|(index, post)| (post.gap(here), Obstacle::Post(index)));
+        let round = self.round.iter().enumerate().map(|(index, circle)| {
+            let what = match index.checked_sub(self.balls) {
+                Some(walker) => Obstacle::Walker(walker),
+                None => Obstacle::Ball(index),
+            };
+            (circle.gap(here), what)
+        });
+        let all = lines.chain(station).chain(posts).chain(round);
+        let nearest = all.min_by(|a, b| a.0.total_cmp(&b.0));
+        nearest.map_or(Obstacle::Wall, |(_, what)| what)
     }
 
     /// Whether light gets from `a` to `b`.
     pub(super) fn sight(&self, a: Point, b: Point) -> bool {
         let way = Segment { from: a, to: b };
+        let people = &self.round[self.balls..];
         !self.high.iter().any(|line| line.crosses(a, b))
             && !self
                 .posts
                 .iter()
-                .any(|(middle, radius)| way.distance(*middle) < *radius)
+                .chain(people)
+                .any(|circle| way.distance(circle.middle) < circle.radius)
+    }
+
+    /// Whether walls, which reach up to the ceiling, are between `a` and `b`.
+    pub(super) fn walled_off(&self, a: Point, b: Point) -> bool {
+        self.high[..self.walls]
+            .iter()
+            .any(|line| line.crosses(a, b))
+    }
+
+    /// The first side of a wall or piece of furniture on the way from `a` to `b`, as a share of it.
+    pub(super) fn first_side(&self, a: Point, b: Point) -> Option<f64> {
+        let sides = self.high.iter().filter_map(|line| line.met_between(a, b));
+        sides.min_by(f64::total_cmp)
     }
 
     /// Whether a body of `radius` gets from `a` to `b` in a straight line. A body that already
     /// stands too near to something may leave it.
     pub(super) fn way_free(&self, a: Point, b: Point, radius: f64) -> bool {
-        const STRIDE: f64 = 0.06;
-        // The first step must not lead nearer to what is touched, not even round its corner.
-        const FIRST: f64 = 0.01;
-        let length = a.distance(b);
-        let enough = radius.min(self.clearance(a));
-        let steps = (length / STRIDE).ceil().max(1.0);
-        let strides = (1..=steps as usize).map(|i| i as f64 / steps);
-        let first = (FIRST < length).then(|| FIRST / length);
-        first
-            .into_iter()
-            .chain(strides)
-            .all(|share| self.clearance(a.towards(b, share)) >= enough)
+        // Between rounding errors, the start itself must not seem nearer than it is.
+        const ROUNDING: f64 = 1e-9;
+        let way = Segment { from: a, to: b };
+        let here = Circle::new(a, 0.0);
+        let free = |gap: f64, before: &dyn Fn() -> f64| gap >= radius || gap >= before() - ROUNDING;
+        self.lines()
+            .all(|line| free(line.gap(way), &|| line.distance(a)))
+            && self.circles().all(|circle| {
+                let gap = way.distance(circle.middle) - circle.radius;
+                free(gap, &|| circle.gap(here))
+            })
+    }
+
+    fn lines(&self) -> impl Iterator<Item = &Segment> {
+        self.high.iter().chain(&self.station)
+    }
+
+    fn circles(&self) -> impl Iterator<Item = &Circle> {
+        self.posts.iter().chain(&self.round)
     }
 }
 
@@ -111,5 +216,13 @@ mod tests {
         let obstacles = Obstacles::of(&world());
         assert!((obstacles.clearance(Point::new(2.0, 3.5)) - 0.2).abs() < 1e-9);
         assert!((obstacles.clearance(Point::new(4.0, 0.3)) - 0.3).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_nearest_obstacle_has_its_kind_and_number() {
+        let obstacles = Obstacles::of(&world());
+        assert_eq!(obstacles.nearest(Point::new(2.0, 3.0)), Obstacle::Ball(0));
+        assert_eq!(obstacles.nearest(Point::new(5.9, 1.0)), Obstacle::Wall);
+        assert_eq!(obstacles.nearest(Point::new(0.3, 2.0)), Obstacle::Station);
     }
 }

@@ -2,6 +2,7 @@
 //! and no login; who may talk to it is decided in `server`.
 
 use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -9,16 +10,19 @@ use bytes::Bytes;
 use crate::wire::{Command, Engage, EngineNews, Power, Report, Sound};
 
 use super::battery::Battery;
-use super::body::{Body, Tracks};
-use super::camera::Camera;
+use super::body::{Body, RADIUS, TRACK_WIDTH, Tracks};
+use super::camera::{Camera, Shot};
 use super::docking::{Docking, Order, Senses};
 use super::firmware::Firmware;
-use super::geometry::Pose;
+use super::geometry::{Point, Pose};
 use super::memory::Memory;
 use super::microphone::Microphone;
-use super::obstacles::Obstacles;
+use super::movers::Movers;
+use super::obstacles::{Circle, Obstacles};
+use super::slip::Grip;
 use super::speaker::Speaker;
 use super::state::{Leds, State, Streams};
+use super::trace::{Trace, What};
 use super::world::World;
 
 /// Lines that the robot's own log keeps.
@@ -31,6 +35,8 @@ pub struct Robot {
     world: World,
     firmware: Firmware,
     obstacles: Obstacles,
+    movers: Movers,
+    grip: Grip,
     body: Body,
     battery: Battery,
     docking: Docking,
@@ -51,6 +57,9 @@ pub struct Robot {
     until_told: Duration,
     frame_due: f64,
     frames: u64,
+    /// Frames that are still on their way, with the time at which they come.
+    developing: VecDeque<(Duration, Bytes)>,
+    trace: Arc<Mutex<Trace>>,
     log: VecDeque<String>,
     memory: Memory,
     reports: Vec<Report>,
@@ -63,11 +72,13 @@ impl Robot {
         let contact = world.station.touched(pose, true);
         let mut robot = Robot {
             obstacles: Obstacles::of(&world),
+            movers: Movers::of(&world),
+            grip: Grip::new(world.tracks, seed),
             body: Body::new(pose),
             battery: Battery::new(world.battery),
             docking: Docking::new(firmware.search_limit),
             speaker: Speaker::new(firmware.music),
-            microphone: Microphone::new(seed),
+            microphone: Microphone::new(seed, &world.sounds),
             camera: Camera::new(&world, seed),
             leds: Leds::default(),
             streams: Streams::default(),
@@ -83,6 +94,8 @@ impl Robot {
             until_told: Duration::ZERO,
             frame_due: 0.0,
             frames: 0,
+            developing: VecDeque::new(),
+            trace: Arc::new(Mutex::new(Trace::from(pose))),
             log: VecDeque::new(),
             memory: Memory::new(&firmware.version),
             reports: Vec::new(),
@@ -96,6 +109,29 @@ impl Robot {
     /// What the robot has said since the last time, oldest first.
     pub fn take_reports(&mut self) -> Vec<Report> {
         std::mem::take(&mut self.reports)
+    }
+
+    /// What it did so far; shared with whoever looks on.
+    pub(super) fn trace_cell(&self) -> Arc<Mutex<Trace>> {
+        self.trace.clone()
+    }
+
+    /// What it did so far.
+    pub fn trace(&self) -> Trace {
+        lock(&self.trace).clone()
+    }
+
+    /// The place that it lives in, as it was at first.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// Puts a ball somewhere, at rest; the number is its place in the world's list.
+    pub fn put_ball(&mut self, index: usize, place: Point) {
+        if index < self.world.balls.len() && place.x.is_finite() && place.y.is_finite() {
+            self.movers.put_ball(index, place);
+            self.obstacles.move_round(index, place);
+        }
     }
 
     /// On the station; AUTH_REPLY says so too.
@@ -142,6 +178,7 @@ impl Robot {
             Command::Move { left, right } => self.obey_move(*left, *right),
             Command::Engine(engage) => self.obey_engine(*engage),
             Command::Led { led, on } => {
+                self.mark(What::Light { led: *led, on: *on });
                 if !self.leds.switch(*led, *on) {
                     self.note(format!("no such light: {}", led.to_byte()));
                 }
@@ -180,6 +217,8 @@ impl Robot {
         self.time += dt;
         self.drive(dt);
         self.touch();
+        let balls = self.movers.places().take(self.world.balls.len());
+        lock(&self.trace).follow(self.time, self.body.pose, balls);
         self.battery.step(dt, self.body.effort());
         if self.battery.take_full() {
             self.say_engine(EngineNews::Charged);
@@ -208,6 +247,7 @@ impl Robot {
             speeds: self.body.speeds(),
             blocked: self.body.blocked(),
             collisions: self.body.collisions(),
+            distance: lock(&self.trace).distance(),
             leds: self.leds,
             sound: self.speaker.playing(),
             volume: self.speaker.volume(),
@@ -261,6 +301,7 @@ impl Robot {
         match engage {
             Engage::Dock if self.contact => self.say_engine(EngineNews::Docked),
             Engage::Dock => {
+                self.mark(What::FindBase);
                 self.commanded = Tracks::default();
                 self.docking.find_base();
             }
@@ -274,6 +315,10 @@ impl Robot {
     }
 
     fn obey_play(&mut self, sound: Sound) {
+        self.mark(match sound {
+            Sound::Snapshot => What::Photo,
+            sound => What::Sound(sound),
+        });
         self.speaker.play(sound);
         if self.speaker.playing().is_none() {
             self.note(format!("no such sound: {}", sound.to_byte()));
@@ -307,9 +352,35 @@ impl Robot {
         self.body.want(if self.battery.empty() {
             Tracks::default()
         } else {
-            wanted
+            self.grip.step(wanted, dt)
         });
+        self.move_on(dt);
+    }
+
+    /// The robot and all that moves besides it, after `dt`.
+    fn move_on(&mut self, dt: Duration) {
+        let seconds = dt.as_secs_f64();
+        let here = Circle::new(self.body.pose.point(), RADIUS);
+        self.movers.step(seconds, here, &mut self.obstacles);
+        let Tracks { left, right } = self.body.speeds();
+        let speed = (left + right) / 2.0;
+        if speed != 0.0 {
+            // A little farther than it gets: who is touched makes way first.
+            let next = here
+                .middle
+                .ahead(self.body.pose.heading, 1.5 * speed * seconds);
+            let next = Circle::new(next, RADIUS);
+            self.movers.make_way(next, speed, &mut self.obstacles);
+        }
+        let before = self.body.collisions();
         self.body.step(dt, &self.obstacles);
+        if self.body.collisions() != before {
+            let way = if speed < 0.0 { -RADIUS } else { RADIUS };
+            let bumper = self.body.pose.point().ahead(self.body.pose.heading, way);
+            let name = self.world.name_of(self.obstacles.nearest(bumper));
+            self.note(format!("ran into: {name}"));
+            self.mark(What::Collision(name));
+        }
     }
 
     /// Notices what the contacts of the station do.
@@ -336,6 +407,8 @@ impl Robot {
         if !self.streams.audio_in {
             return;
         }
+        let here = self.body.pose.point();
+        self.microphone.turn_to(self.time, here, &self.obstacles);
         let chunk = self
             .microphone
             .listen(dt, self.body.effort(), &mut self.speaker);
@@ -344,15 +417,37 @@ impl Robot {
 
     fn look(&mut self, dt: Duration) {
         if !self.streams.video {
+            self.developing.clear();
             return;
         }
         self.frame_due += dt.as_secs_f64() * self.world.camera.fps;
         if self.frame_due >= 1.0 {
             self.frame_due = (self.frame_due - 1.0).min(1.0);
             self.frames += 1;
-            let jpeg = self.camera.frame(self.body.pose, self.leds.flash);
-            self.reports.push(Report::Video(jpeg));
+            let due = self.time + Duration::from_secs_f64(self.world.camera.latency);
+            let jpeg = self.take_frame();
+            self.developing.push_back((due, jpeg));
         }
+        while self
+            .developing
+            .front()
+            .is_some_and(|(due, _)| *due <= self.time)
+        {
+            let ready = self.developing.pop_front();
+            self.reports
+                .extend(ready.map(|(_, jpeg)| Report::Video(jpeg)));
+        }
+    }
+
+    fn take_frame(&mut self) -> Bytes {
+        let Tracks { left, right } = self.body.speeds();
+        self.camera.move_rounds(self.movers.places());
+        self.camera.frame(Shot {
+            pose: self.body.pose,
+            flash: self.leds.flash,
+            turning: (right - left) / TRACK_WIDTH,
+            time: self.time,
+        })
     }
 
     /// POWER: first when due after the login, then on every change and when the period is over.
@@ -372,6 +467,12 @@ impl Robot {
 
     fn say_engine(&mut self, news: EngineNews) {
         self.note(format!("engine says {news:?}"));
+        match news {
+            EngineNews::Docked => self.mark(What::Docked),
+            EngineNews::Undocked => self.mark(What::Undocked),
+            EngineNews::BaseNotFound => self.mark(What::BaseNotFound),
+            _ => {}
+        }
         self.reports.push(Report::Engine(news));
     }
 
@@ -386,6 +487,11 @@ impl Robot {
             .push(Report::Log(Bytes::from(lines.join("\n"))));
     }
 
+    /// Writes down what whoever looks on has seen, for the picture of the run.
+    pub fn mark(&self, what: What) {
+        lock(&self.trace).note(what);
+    }
+
     fn note(&mut self, line: String) {
         tracing::debug!(target: "spykee::sim", seconds = self.time.as_secs_f64(), "{line}");
         if self.log.len() == LOG_LINES {
@@ -394,6 +500,10 @@ impl Robot {
         self.log
             .push_back(format!("[{:.1}] {line}", self.time.as_secs_f64()));
     }
+}
+
+fn lock(trace: &Mutex<Trace>) -> MutexGuard<'_, Trace> {
+    trace.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A command in a few words: payloads may be long, and secret.

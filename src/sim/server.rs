@@ -108,7 +108,7 @@ impl Server {
     fn with(sockets: Sockets, mut world: World, options: Options) -> Server {
         world.camera.fps = options.fps.unwrap_or(world.camera.fps).clamp(0.1, 60.0);
         let robot = Robot::new(world, options.firmware.clone(), options.seed);
-        let (handle, orders, ends) = handle::open(robot.state());
+        let (handle, orders, ends) = handle::open(&robot);
         let (events, events_end) = mpsc::channel(MAX_EVENTS);
         let site = Site::new(robot, &options, ends, events);
         let faults = options.faults.unwrap_or_default();

@@ -152,6 +152,7 @@ impl Site {
                 self.turn(turns.unwrap_or_default());
             }
             Order::Connect(transport) => self.admit(transport, None),
+            Order::Alter(alter) => alter(&mut self.robot),
         }
         self.deliver();
         self.publish();

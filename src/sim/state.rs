@@ -82,6 +82,8 @@ pub struct State {
     pub blocked: bool,
     /// How often it ran into something.
     pub collisions: u64,
+    /// Metres driven.
+    pub distance: f64,
     /// The lights.
     pub leds: Leds,
     /// What plays now.

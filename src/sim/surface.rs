@@ -23,6 +23,8 @@ pub(super) enum Surface {
     StationFront,
     /// The other sides of the station.
     StationSide,
+    /// A sign; the number is that of its code.
+    Sign(usize),
 }
 
 /// Where on a surface an upright strip runs, metres.
@@ -77,7 +79,8 @@ impl Surface {
                 aside: (place.along - place.length / 2.0).abs(),
                 top: place.top,
             },
-            Surface::StationSide => Strip::Plain([46.0, 48.0, 54.0]),
+            // Its code is painted by `sign`; this is its back.
+            Surface::StationSide | Surface::Sign(_) => Strip::Plain([46.0, 48.0, 54.0]),
         }
     }
 }

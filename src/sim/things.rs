@@ -2,9 +2,10 @@
 
 use serde::Deserialize;
 
-use super::geometry::{Point, Pose, Segment, rectangle};
+use super::geometry::{Point, Pose, Segment, in_rectangle, rectangle};
 use super::number;
 use super::paint::Paint;
+use super::route::Route;
 
 /// The outer walls, from (0, 0) to (`width`, `depth`), and the floor between them.
 #[derive(Debug, Clone, Deserialize)]
@@ -73,6 +74,9 @@ pub struct Furniture {
     pub heading_degrees: f64,
     /// Its colour.
     pub colour: Paint,
+    /// What people call it.
+    #[serde(default)]
+    pub name: String,
 }
 
 /// A carpet.
@@ -102,6 +106,9 @@ pub struct Ball {
     pub radius: f64,
     /// Its colour.
     pub colour: Paint,
+    /// Where it rolls by itself.
+    #[serde(default)]
+    pub path: Option<Route>,
 }
 
 /// A round post.
@@ -166,6 +173,14 @@ impl Room {
 }
 
 impl Wall {
+    /// Whether a place is inside of it.
+    pub(super) fn covers(&self, place: Point) -> bool {
+        let (from, to) = (self.from.point(), self.to.point());
+        let length = from.distance(to) + self.thickness;
+        let (middle, heading) = (from.towards(to, 0.5), from.direction_of(to));
+        in_rectangle(place, middle, length, self.thickness, heading)
+    }
+
     /// Its four sides, as they stand on the floor.
     pub(super) fn sides(&self) -> [Segment; 4] {
         let (from, to) = (self.from.point(), self.to.point());
@@ -180,6 +195,12 @@ impl Wall {
 }
 
 impl Furniture {
+    /// Whether a place is inside of it.
+    pub(super) fn covers(&self, place: Point) -> bool {
+        let (middle, heading) = (self.at.point(), self.heading_degrees.to_radians());
+        in_rectangle(place, middle, self.length, self.width, heading)
+    }
+
     /// Its four sides, as they stand on the floor.
     pub(super) fn sides(&self) -> [Segment; 4] {
         rectangle(

@@ -27,6 +27,35 @@ pub struct CameraSettings {
     /// Grain of the picture, 0..=1.
     #[serde(deserialize_with = "number::share")]
     pub noise: f64,
+    /// How long the shutter is open, seconds: what turns meanwhile is smeared.
+    #[serde(deserialize_with = "number::moment")]
+    pub shutter: f64,
+    /// How slowly the automatic exposure follows a change of the light, seconds; 0 switches it off.
+    #[serde(deserialize_with = "number::moment")]
+    pub exposure: f64,
+    /// From the moment that a frame shows to its sending, seconds.
+    #[serde(deserialize_with = "number::moment")]
+    pub latency: f64,
+    /// Quality of the JPEG, 1..=100.
+    #[serde(deserialize_with = "number::quality")]
+    pub quality: f64,
+    /// How much of the colour is left out in the JPEG.
+    pub subsampling: Subsampling,
+}
+
+/// How much of the colour is left out in a JPEG.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+pub enum Subsampling {
+    /// Nothing.
+    #[serde(rename = "4:4:4")]
+    None,
+    /// Every other pixel of a row.
+    #[default]
+    #[serde(rename = "4:2:2")]
+    Half,
+    /// Every other pixel of a row, and every other row.
+    #[serde(rename = "4:2:0")]
+    Quarter,
 }
 
 impl Default for CameraSettings {
@@ -35,6 +64,11 @@ impl Default for CameraSettings {
             fps: 15.0,
             hfov_degrees: 60.0,
             noise: 0.25,
+            shutter: 0.015,
+            exposure: 0.0,
+            latency: 0.0,
+            quality: 75.0,
+            subsampling: Subsampling::default(),
         }
     }
 }
@@ -46,7 +80,6 @@ pub(super) struct View {
     sin: f64,
     cos: f64,
     pub(super) focal: f32,
-    pub(super) light: f32,
     pub(super) flash: bool,
 }
 
@@ -54,9 +87,9 @@ pub(super) struct View {
 #[derive(Clone, Copy)]
 pub(super) struct Row {
     pub(super) depth: f32,
-    /// Fine lines fade with the distance: 1 near and 0 far.
-    pub(super) detail: f32,
+    /// How much of the room's light comes back from there.
     pub(super) lamps: f32,
+    /// The same for the headlight, in the middle of its beam.
     pub(super) flash: f32,
 }
 
@@ -69,8 +102,8 @@ pub(super) struct Column {
 }
 
 impl View {
-    /// Of a robot at `pose`; `focal` in pixels, `light` 0..=1.
-    pub(super) fn of(pose: Pose, focal: f32, light: f32, flash: bool) -> View {
+    /// Of a robot at `pose`; `focal` in pixels.
+    pub(super) fn of(pose: Pose, focal: f32, flash: bool) -> View {
         let (sin, cos) = pose.heading.sin_cos();
         let eye = pose.point().ahead(pose.heading, AHEAD);
         View {
@@ -78,7 +111,6 @@ impl View {
             sin,
             cos,
             focal,
-            light,
             flash,
         }
     }
@@ -89,6 +121,17 @@ impl View {
             index,
             slope: (index as f32 + 0.5 - WIDTH as f32 / 2.0) / self.focal,
         }
+    }
+
+    /// The columns between two slopes, one more to each side for what rounding takes away.
+    pub(super) fn columns(&self, left: f32, right: f32) -> std::ops::Range<usize> {
+        let column = |slope: f32| slope * self.focal + WIDTH as f32 / 2.0;
+        // A float below 0 becomes 0.
+        let (from, to) = (
+            (column(left) - 1.0) as usize,
+            (column(right) + 2.0) as usize,
+        );
+        from.min(WIDTH)..to.min(WIDTH)
     }
 
     /// The direction of a column's ray; one length of it is one metre ahead.
@@ -117,9 +160,18 @@ impl View {
         EYE - (row as f32 + 0.5 - HORIZON) * depth / self.focal
     }
 
-    /// How bright things at a depth are: the room's lamps and the headlight's beam.
-    pub(super) fn gain(&self, column: Column, depth: f32) -> f32 {
-        lamps(self.light, depth) + flash(depth) * self.beam(column)
+    /// The place on the floor at a depth in a column.
+    pub(super) fn place(&self, column: Column, depth: f32) -> (f32, f32) {
+        let (dx, dy) = self.direction(column);
+        (
+            self.eye.x as f32 + dx as f32 * depth,
+            self.eye.y as f32 + dy as f32 * depth,
+        )
+    }
+
+    /// The headlight's light on things at a depth.
+    pub(super) fn headlight(&self, column: Column, depth: f32) -> f32 {
+        flash(depth) * self.beam(column)
     }
 
     /// How much of the headlight falls on a column.
@@ -131,21 +183,19 @@ impl View {
 
 impl Row {
     /// The row that many rows below the horizon.
-    pub(super) fn below_horizon(row: usize, focal: f32, light: f32) -> Row {
+    pub(super) fn below_horizon(row: usize, focal: f32) -> Row {
         let depth = EYE * focal / (row as f32 + 0.5);
-        let detail = (1.2 / depth).min(1.0);
         Row {
             depth,
-            detail,
-            lamps: lamps(light, depth),
+            lamps: lamps(depth),
             flash: flash(depth),
         }
     }
 }
 
-/// The light of the room's lamps that comes from a depth.
-fn lamps(light: f32, depth: f32) -> f32 {
-    light / (1.0 + 0.012 * depth * depth)
+/// How much of the room's light comes back from a depth.
+pub(super) fn lamps(depth: f32) -> f32 {
+    1.0 / (1.0 + 0.012 * depth * depth)
 }
 
 /// The headlight's light that comes back from a depth, in the middle of its beam.

@@ -7,9 +7,14 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::battery::BatterySettings;
+use super::fittings::{Lamp, Noise, Sign, Tape};
 use super::geometry::{Point, Pose};
 use super::locate::{self, Step};
 use super::number;
+use super::obstacles::Obstacle;
+use super::route::{Route, Walker};
+use super::sign;
+use super::slip::TrackSettings;
 use super::station::Station;
 use super::things::{Ball, Furniture, Place, Post, Room, Rug, Spot, Wall};
 use super::view::CameraSettings;
@@ -17,8 +22,10 @@ use super::view::CameraSettings;
 const DEFAULT_WORLD: &str = include_str!("../../behaviours/worlds/living_room.yaml");
 /// A longer file is no world: nothing needs that many things.
 const MAX_FILE_LEN: u64 = 256 * 1024;
-/// Things of one kind in a world; each costs time in every frame.
+/// Things of one kind in a world, and corners of one line or path; each costs time in every frame.
 const MAX_THINGS: usize = 200;
+/// Lamps in a world: each has a map of its light.
+const MAX_LAMPS: usize = 16;
 
 /// A simulated place.
 #[derive(Debug, Clone, Deserialize)]
@@ -44,12 +51,27 @@ pub struct World {
     /// Round posts.
     #[serde(default)]
     pub posts: Vec<Post>,
+    /// Lines of tape on the floor.
+    #[serde(default)]
+    pub lines: Vec<Tape>,
+    /// People who stand or walk about.
+    #[serde(default)]
+    pub walkers: Vec<Walker>,
+    /// Lamps, besides the daylight that `light` is.
+    #[serde(default)]
+    pub lamps: Vec<Lamp>,
+    /// QR codes on boards.
+    #[serde(default)]
+    pub signs: Vec<Sign>,
+    /// What the microphone hears besides the robot.
+    #[serde(default)]
+    pub sounds: Vec<Noise>,
     /// The charging station.
     pub station: Station,
     /// Where the robot stands first; left out, it stands on the station.
     #[serde(default)]
     pub start: Option<Place>,
-    /// Brightness of the lamps, 0..=1.
+    /// Brightness of the light that is everywhere, 0..=1.
     #[serde(default = "full", deserialize_with = "number::share")]
     pub light: f64,
     /// How the battery empties and fills.
@@ -58,6 +80,9 @@ pub struct World {
     /// How the robot sees.
     #[serde(default)]
     pub camera: CameraSettings,
+    /// How unlike each other the tracks are, and how they slip.
+    #[serde(default)]
+    pub tracks: TrackSettings,
 }
 
 /// A world that cannot be used.
@@ -144,8 +169,74 @@ impl World {
     /// The first thing that no single value shows: where it is in the document, and what is wrong.
     fn first_fault(&self) -> Option<(Vec<Step>, String)> {
         self.first_crowd()
+            .or_else(|| self.first_misfit())
             .or_else(|| self.first_outsider())
             .or_else(|| self.blocked_start())
+    }
+
+    /// Whether a place is inside of a wall or a piece of furniture.
+    pub(super) fn solid(&self, place: Point) -> bool {
+        self.walls.iter().any(|wall| wall.covers(place))
+            || self.furniture.iter().any(|item| item.covers(place))
+    }
+
+    /// What people call something that the robot ran into.
+    pub(super) fn name_of(&self, obstacle: Obstacle) -> String {
+        let named = |kind: &str, name: Option<&String>| match name.filter(|name| !name.is_empty()) {
+            Some(name) => name.clone(),
+            None => kind.to_owned(),
+        };
+        match obstacle {
+            Obstacle::Wall => "wall".to_owned(),
+            Obstacle::Station => "station".to_owned(),
+            Obstacle::Furniture(index) => named(
+                "furniture",
+                self.furniture.get(index).map(|item| &item.name),
+            ),
+            Obstacle::Post(_) => "post".to_owned(),
+            Obstacle::Ball(_) => "ball".to_owned(),
+            Obstacle::Walker(index) => {
+                named("walker", self.walkers.get(index).map(|walker| &walker.name))
+            }
+        }
+    }
+
+    /// Metres from a place to the middle of the nearest line on the floor; `None` without lines.
+    pub fn line_distance(&self, place: Point) -> Option<f64> {
+        let distances = self.lines.iter().map(|line| line.distance(place));
+        distances.min_by(f64::total_cmp)
+    }
+
+    /// All ways of balls and walkers, and where the document names them.
+    fn routes(&self) -> impl Iterator<Item = (&'static str, usize, &Route)> {
+        let balls = self.balls.iter().enumerate();
+        let balls = balls.filter_map(|(i, ball)| Some(("balls", i, ball.path.as_ref()?)));
+        let walkers = self.walkers.iter().enumerate();
+        balls.chain(walkers.filter_map(|(i, who)| Some(("walkers", i, who.path.as_ref()?))))
+    }
+
+    /// Lines and paths that lead nowhere, signs that say too much.
+    fn first_misfit(&self) -> Option<(Vec<Step>, String)> {
+        let misfit = |kind, index, key, message: String| {
+            let path = vec![Step::Key(kind), Step::Index(index), Step::Key(key)];
+            (path, message)
+        };
+        let lines = self.lines.iter().enumerate();
+        let lines = lines.map(|(i, line)| ("lines", i, "through", line.through.len(), 2));
+        let routes = self.routes();
+        let routes = routes.map(|(kind, i, route)| (kind, i, "path", route.through.len(), 1));
+        let short = lines
+            .chain(routes)
+            .find(|(.., count, least)| !(*least..=MAX_THINGS).contains(count));
+        if let Some((kind, index, key, count, least)) = short {
+            let message = format!("{count} corners; expected {least} to {MAX_THINGS}");
+            return Some(misfit(kind, index, key, message));
+        }
+        let mut signs = self.signs.iter().enumerate();
+        let (index, sign) = signs.find(|(_, sign)| sign::Code::of(&sign.text).is_none())?;
+        let (long, most) = (sign.text.len(), sign::MAX_TEXT);
+        let message = format!("{long} bytes are too many for a sign: at most {most}");
+        Some(misfit("signs", index, "text", message))
     }
 
     fn first_crowd(&self) -> Option<(Vec<Step>, String)> {
@@ -155,9 +246,22 @@ impl World {
             ("rugs", self.rugs.len()),
             ("balls", self.balls.len()),
             ("posts", self.posts.len()),
+            ("lines", self.lines.len()),
+            ("walkers", self.walkers.len()),
+            ("signs", self.signs.len()),
+            ("sounds", self.sounds.len()),
+            ("lamps", self.lamps.len()),
         ];
-        let (kind, count) = counts.into_iter().find(|(_, count)| *count > MAX_THINGS)?;
-        let message = format!("{count} {kind} are too many: at most {MAX_THINGS}");
+        let most = |kind: &str| {
+            if kind == "lamps" {
+                MAX_LAMPS
+            } else {
+                MAX_THINGS
+            }
+        };
+        let mut counts = counts.into_iter();
+        let (kind, count) = counts.find(|(kind, count)| *count > most(kind))?;
+        let message = format!("{count} {kind} are too many: at most {}", most(kind));
         Some((vec![Step::Key(kind)], message))
     }
 
@@ -193,22 +297,48 @@ impl World {
             add("walls", index, "from", wall.from);
             add("walls", index, "to", wall.to);
         }
-        self.furniture
-            .iter()
-            .enumerate()
-            .for_each(|(i, item)| add("furniture", i, "at", item.at));
-        self.rugs
-            .iter()
-            .enumerate()
-            .for_each(|(i, rug)| add("rugs", i, "at", rug.at));
-        self.balls
-            .iter()
-            .enumerate()
-            .for_each(|(i, ball)| add("balls", i, "at", ball.at));
-        self.posts
-            .iter()
-            .enumerate()
-            .for_each(|(i, post)| add("posts", i, "at", post.at));
+        let lists: [(&'static str, Vec<Spot>); 8] = [
+            (
+                "furniture",
+                self.furniture.iter().map(|item| item.at).collect(),
+            ),
+            ("rugs", self.rugs.iter().map(|rug| rug.at).collect()),
+            ("balls", self.balls.iter().map(|ball| ball.at).collect()),
+            ("posts", self.posts.iter().map(|post| post.at).collect()),
+            (
+                "walkers",
+                self.walkers.iter().map(|walker| walker.at).collect(),
+            ),
+            ("lamps", self.lamps.iter().map(|lamp| lamp.at).collect()),
+            ("signs", self.signs.iter().map(|sign| sign.at).collect()),
+            ("sounds", self.sounds.iter().map(|sound| sound.at).collect()),
+        ];
+        for (kind, places) in lists {
+            let places = places.into_iter().enumerate();
+            places.for_each(|(index, spot)| add(kind, index, "at", spot));
+        }
+        for (index, line) in self.lines.iter().enumerate() {
+            for (corner, spot) in line.through.iter().enumerate() {
+                let [kind, key] = [Step::Key("lines"), Step::Key("through")];
+                spots.push((
+                    vec![kind, Step::Index(index), key, Step::Index(corner)],
+                    spot.point(),
+                ));
+            }
+        }
+        for (kind, index, route) in self.routes() {
+            for (corner, spot) in route.through.iter().enumerate() {
+                let [path, through] = [Step::Key("path"), Step::Key("through")];
+                let steps = [
+                    Step::Key(kind),
+                    Step::Index(index),
+                    path,
+                    through,
+                    Step::Index(corner),
+                ];
+                spots.push((steps.to_vec(), spot.point()));
+            }
+        }
         spots
     }
 

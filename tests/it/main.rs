@@ -27,3 +27,4 @@ mod stdlib;
 mod supervision;
 mod tools;
 mod vision;
+mod world;

@@ -6,6 +6,8 @@
 mod asks;
 #[cfg(test)]
 mod handover;
+#[cfg(test)]
+mod histories;
 mod homing;
 mod rules;
 #[cfg(test)]

@@ -1,0 +1,110 @@
+//! `spykee world`: simulated places as pictures, as a list, and checked.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use super::embedded::load;
+use super::{Exit, Failure, print};
+use crate::sim::World;
+
+/// Look at simulated worlds: draw a map, list those that come along, check files
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct WorldArgs {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Clone, clap::Subcommand)]
+enum Action {
+    /// Draw the map of a world
+    Show {
+        /// A world file, or the name of a world that comes along; without it the built-in one
+        #[arg(value_name = "WORLD")]
+        world: Option<PathBuf>,
+
+        /// The picture, a file that ends in .png
+        #[arg(short, long, value_name = "FILE.png", default_value = "map.png", value_parser = parse_png)]
+        output: PathBuf,
+    },
+    /// List the worlds that come along
+    List,
+    /// Check world files: what is wrong, and in which line
+    Check {
+        /// World files
+        #[arg(value_name = "WORLD.yaml", required = true)]
+        worlds: Vec<PathBuf>,
+    },
+}
+
+/// A file that ends in `.png`.
+///
+/// # Errors
+/// What was expected.
+pub(super) fn parse_png(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    let ending = path.extension().unwrap_or_default();
+    if ending.eq_ignore_ascii_case("png") {
+        return Ok(path);
+    }
+    Err("expected a file that ends in .png".to_owned())
+}
+
+/// Shows, lists or checks worlds.
+///
+/// # Errors
+/// A world that cannot be used, a picture that cannot be written.
+pub(super) fn run(args: &WorldArgs) -> Result<Exit, Failure> {
+    match &args.action {
+        Action::Show { world, output } => show(world.as_deref(), output),
+        Action::List => list(),
+        Action::Check { worlds } => check(worlds),
+    }
+}
+
+fn show(world: Option<&Path>, output: &Path) -> Result<Exit, Failure> {
+    let world = load(world)?;
+    save(&world.draw(), output)?;
+    print(&format!(
+        "The map of {} is in {}.\n",
+        world.name,
+        output.display()
+    ))?;
+    Ok(Exit::Done)
+}
+
+/// Writes a picture.
+///
+/// # Errors
+/// Names the file and what the system says.
+pub(super) fn save(picture: &image::RgbImage, path: &Path) -> Result<(), Failure> {
+    picture
+        .save(path)
+        .map_err(|error| Failure::usage(format_args!("cannot write {}: {error}", path.display())))
+}
+
+fn list() -> Result<Exit, Failure> {
+    let mut text = String::new();
+    for name in World::ready_names() {
+        let about = World::ready_about(name).unwrap_or_default();
+        // Writing into a string does not fail.
+        let _ = writeln!(text, "{name}\n    {about}");
+    }
+    text.push_str("Use one with: spykee run FILE.lua --sim NAME\n");
+    print(&text)?;
+    Ok(Exit::Done)
+}
+
+fn check(worlds: &[PathBuf]) -> Result<Exit, Failure> {
+    let mut wrong = Vec::new();
+    for path in worlds {
+        match World::load(path) {
+            Ok(world) => print(&format!("{}: {} is a world\n", path.display(), world.name))?,
+            Err(error) => wrong.push(error.to_string()),
+        }
+    }
+    if wrong.is_empty() {
+        return Ok(Exit::Done);
+    }
+    Err(Failure::usage(wrong.join("\nerror: "))
+        .help("worlds to start from are in behaviours/worlds/"))
+}

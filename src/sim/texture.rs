@@ -1,0 +1,156 @@
+//! Pictures of surfaces, painted once when first seen, in several sizes: far things are shown by
+//! small ones, so that they do not flicker.
+
+use super::surface::Rgb;
+
+/// Red, green, blue and nothing, 0..=255.
+pub(super) type Pixel = [u8; 4];
+
+/// A picture in full size and in halves of it.
+#[derive(Debug)]
+pub(super) struct Texture {
+    levels: Vec<Level>,
+}
+
+/// One size. Pixels that are neighbours along the second axis are neighbours in memory.
+#[derive(Debug)]
+pub(super) struct Level {
+    first: usize,
+    second: usize,
+    /// Pixels a metre along both axes.
+    pub(super) scale: [f32; 2],
+    pixels: Vec<Pixel>,
+}
+
+impl Texture {
+    /// Of a surface so many metres long along two axes, with pixels of about `size` metres, from
+    /// the colours along the second axis for each place on the first.
+    pub(super) fn paint<C: Fn(f32) -> Rgb>(
+        sides: [f32; 2],
+        size: f32,
+        strip: impl Fn(f32) -> C,
+    ) -> Texture {
+        let count = sides.map(|side| ((side / size).ceil() as usize).max(1));
+        let scale = [count[0] as f32 / sides[0], count[1] as f32 / sides[1]];
+        let place = |i: usize, axis: usize| (i as f32 + 0.5) / scale[axis];
+        let mut pixels = Vec::with_capacity(count[0] * count[1]);
+        for first in 0..count[0] {
+            let colour = strip(place(first, 0));
+            let colours = (0..count[1]).map(|second| colour(place(second, 1)));
+            pixels.extend(colours.map(|[r, g, b]| [r as u8, g as u8, b as u8, 0]));
+        }
+        Texture::of(pixels, count, scale)
+    }
+
+    /// Of pixels that are there already.
+    pub(super) fn of(pixels: Vec<Pixel>, [first, second]: [usize; 2], scale: [f32; 2]) -> Texture {
+        let full = Level {
+            first,
+            second,
+            scale,
+            pixels,
+        };
+        let halves = std::iter::successors(Some(full), |level| {
+            (level.first > 8 && level.second > 8).then(|| level.half())
+        });
+        Texture {
+            levels: halves.take(6).collect(),
+        }
+    }
+
+    /// The size whose pixels are about as large as those of the camera are there, in metres.
+    pub(super) fn level(&self, size: f32) -> &Level {
+        let mut level = &self.levels[0];
+        for smaller in &self.levels[1..] {
+            if size * smaller.scale[1] < 1.0 {
+                break;
+            }
+            level = smaller;
+        }
+        level
+    }
+}
+
+impl Level {
+    fn half(&self) -> Level {
+        let (first, second) = (self.first / 2, self.second / 2);
+        let at = |i: usize, j: usize| self.pixels[i * self.second + j];
+        let mean = |index: usize| {
+            let (i, j) = (index / second * 2, index % second * 2);
+            let four = [at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)];
+            std::array::from_fn(|c| (four.iter().map(|p| u16::from(p[c])).sum::<u16>() / 4) as u8)
+        };
+        Level {
+            first,
+            second,
+            scale: [
+                self.scale[0] * first as f32 / self.first as f32,
+                self.scale[1] * second as f32 / self.second as f32,
+            ],
+            pixels: (0..first * second).map(mean).collect(),
+        }
+    }
+
+    /// The pixels along the second axis at a place on the first.
+    pub(super) fn strip(&self, place: f32) -> &[Pixel] {
+        let first = ((place * self.scale[0]) as usize).min(self.first - 1);
+        &self.pixels[first * self.second..][..self.second]
+    }
+
+    /// The smooth colour at a place, in pixels times 256; beyond the edge, that of the edge.
+    pub(super) fn smooth(&self, first: i32, second: i32) -> Pixel {
+        let (first, second) = (first.max(0), second.max(0));
+        let i = ((first >> 8) as usize).min(self.first.saturating_sub(2));
+        let j = ((second >> 8) as usize).min(self.second.saturating_sub(2));
+        let (di, dj) = ((first & 255) as u32, (second & 255) as u32);
+        let near = &self.pixels[i * self.second + j..];
+        let far = near.get(self.second..).unwrap_or(near);
+        let row = |pixels: &[Pixel]| {
+            let after = pixels.get(1).copied().unwrap_or(pixels[0]);
+            mix(u32::from_le_bytes(pixels[0]), u32::from_le_bytes(after), dj)
+        };
+        let far = if far.is_empty() { near } else { far };
+        mix(row(near), row(far), di).to_le_bytes()
+    }
+}
+
+/// Between two pixels, `share` of 256 of the second; two channels at once.
+fn mix(a: u32, b: u32, share: u32) -> u32 {
+    const EVEN: u32 = 0x00FF_00FF;
+    let rest = 256 - share;
+    let even = ((a & EVEN) * rest + (b & EVEN) * share) >> 8;
+    let odd = ((a >> 8) & EVEN) * rest + ((b >> 8) & EVEN) * share;
+    (even & EVEN) | (odd & !EVEN)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_are_smooth_between_pixels_and_stop_at_the_edge() {
+        let texture = Texture::paint([2.0, 2.0], 0.1, |_| {
+            |y| [if y < 1.0 { 0.0 } else { 200.0 }; 3]
+        });
+        let level = texture.level(0.0);
+        assert_eq!(level.smooth(5 * 256, 3 * 256)[0], 0);
+        assert_eq!(level.smooth(5 * 256, 9 * 256 + 128)[0], 100);
+        assert_eq!(level.smooth(5 * 256, 15 * 256)[..3], [200; 3]);
+        assert_eq!(level.smooth(i32::MAX, i32::MAX)[0], 200);
+        assert_eq!(level.smooth(i32::MIN, i32::MIN)[0], 0);
+    }
+
+    #[test]
+    fn from_afar_fine_lines_are_their_mean() {
+        let texture = Texture::paint([1.0, 1.0], 0.01, |x: f32| {
+            let shade = if (x * 100.0) as i32 % 2 == 0 {
+                0.0
+            } else {
+                200.0
+            };
+            move |_| [shade; 3]
+        });
+        assert_eq!(texture.level(0.02).strip(0.5)[10][0], 100);
+        assert_ne!(texture.level(0.005).strip(0.5)[10][0], 100);
+    }
+}

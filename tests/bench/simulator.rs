@@ -1,0 +1,93 @@
+//! How long the simulator takes for a frame and for a step: `cargo bench --bench simulator`.
+#![allow(clippy::unwrap_used, clippy::expect_used, missing_docs)]
+
+use std::time::Duration;
+
+use divan::{Bencher, black_box};
+use spykee::sim::{Firmware, Pose, Robot, World};
+use spykee::wire::{Command, Report, Stream};
+
+const STEP: Duration = Duration::from_millis(20);
+
+fn main() {
+    divan::main();
+}
+
+/// A robot in the built-in world that sends a frame with every step.
+fn watching() -> Robot {
+    let mut world = World::default_world();
+    world.camera.fps = 50.0;
+    let mut robot = Robot::new(world, Firmware::default(), 1);
+    robot.begin_session();
+    let stream = Stream::Video;
+    robot.obey(&Command::Stream { stream, on: true });
+    robot
+}
+
+fn frame_len(robot: &mut Robot) -> usize {
+    robot.step(STEP);
+    let len = |report: &Report| match report {
+        Report::Video(jpeg) => jpeg.len(),
+        _ => 0,
+    };
+    robot.take_reports().iter().map(len).sum()
+}
+
+/// One step with one frame of it, looked at from another place each time.
+#[divan::bench(args = [false, true])]
+fn render_and_encode_a_frame(bencher: Bencher<'_, '_>, turning: bool) {
+    let mut robot = watching();
+    if turning {
+        robot.obey(&Command::Move {
+            left: -40,
+            right: 40,
+        });
+    }
+    let (mut count, mut bytes) = (0, 0);
+    bencher.bench_local(|| {
+        count += 1;
+        if !turning {
+            let angle = f64::from(count) * 0.1;
+            robot.place(Pose::new(2.4, 2.2, angle));
+        }
+        bytes += frame_len(&mut robot);
+    });
+    eprintln!("{} bytes a frame", bytes / usize::try_from(count).unwrap());
+}
+
+/// The JPEG alone, of a picture that the camera took.
+#[divan::bench]
+fn encode_a_frame(bencher: Bencher<'_, '_>) {
+    let mut robot = watching();
+    robot.step(STEP);
+    let frame = robot
+        .take_reports()
+        .into_iter()
+        .find_map(|report| match report {
+            Report::Video(jpeg) => Some(jpeg),
+            _ => None,
+        });
+    let picture = image::load_from_memory(&frame.unwrap()).unwrap().to_rgba8();
+    let mut jpeg = Vec::new();
+    bencher.bench_local(|| {
+        jpeg.clear();
+        let mut encoder = jpeg_encoder::Encoder::new(&mut jpeg, 75);
+        encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::F_2_1);
+        let kind = jpeg_encoder::ColorType::Rgba;
+        encoder.encode(&picture, 320, 240, kind).unwrap();
+    });
+}
+
+/// One step of the physics, driving in circles, nobody looking.
+#[divan::bench]
+fn step(bencher: Bencher<'_, '_>) {
+    let mut robot = Robot::new(World::default_world(), Firmware::default(), 1);
+    robot.obey(&Command::Move {
+        left: 30,
+        right: 45,
+    });
+    bencher.bench_local(|| {
+        robot.step(STEP);
+        black_box(robot.take_reports())
+    });
+}

@@ -1,0 +1,218 @@
+//! `spykee world` and `run --trace` as people call them, and what the worlds that come along promise.
+
+use std::path::Path;
+use std::process::{Command as Process, Output, Stdio};
+use std::time::Duration;
+
+use spykee::sim::{Firmware, Pose, Robot, What, World};
+use spykee::vision::{Camera, Colour, Decoder, Eyes, brightness, find_qrcodes};
+use spykee::wire::{Command, Report, Stream};
+
+const STEP: Duration = Duration::from_millis(20);
+
+fn spykee(folder: &Path, args: &[&str]) -> (Option<i32>, String, String) {
+    let mut process = Process::new(env!("CARGO_BIN_EXE_spykee"));
+    for variable in ["RUST_LOG", "NO_COLOR", "RUST_BACKTRACE"] {
+        process.env_remove(variable);
+    }
+    let process = process.args(args).current_dir(folder).stdin(Stdio::null());
+    let Output {
+        status,
+        stdout,
+        stderr,
+    } = process.output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (status.code(), text(stdout), text(stderr))
+}
+
+fn robot(world: &str, seed: u64) -> Robot {
+    let mut robot = Robot::new(World::ready(world).unwrap(), Firmware::default(), seed);
+    robot.begin_session();
+    let stream = Stream::Video;
+    robot.obey(&Command::Stream { stream, on: true });
+    robot
+}
+
+/// Steps until so many seconds have passed; the newest frame.
+fn frame_after(robot: &mut Robot, seconds: f64) -> Vec<u8> {
+    let mut frame = Vec::new();
+    for _ in 0..(seconds * 50.0) as u32 {
+        robot.step(STEP);
+        for report in robot.take_reports() {
+            if let Report::Video(jpeg) = report {
+                frame = jpeg.to_vec();
+            }
+        }
+    }
+    frame
+}
+
+#[test]
+fn every_ready_world_is_drawn_to_a_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in World::ready_names() {
+        let file = format!("{name}.png");
+        let (code, said, error) = spykee(folder.path(), &["world", "show", name, "-o", &file]);
+        assert_eq!((code, error.as_str()), (Some(0), ""), "{name}");
+        assert!(said.contains(&file), "{said}");
+        let map = image::open(folder.path().join(&file)).unwrap().to_rgb8();
+        let room = World::ready(name).unwrap().room;
+        let ratio = |width: f64, height: f64| width / height;
+        // To scale, but for title, numbers and margins.
+        let (drawn, real) = (
+            ratio(f64::from(map.width() - 112), f64::from(map.height() - 148)),
+            ratio(room.width, room.depth),
+        );
+        assert!((drawn / real - 1.0).abs() < 0.02, "{name}: {drawn} {real}");
+    }
+}
+
+#[test]
+fn worlds_are_listed_and_checked() {
+    let folder = tempfile::tempdir().unwrap();
+    let (code, list, _) = spykee(folder.path(), &["world", "list"]);
+    assert_eq!(code, Some(0));
+    assert!(
+        World::ready_names().all(|name| list.contains(name)),
+        "{list}"
+    );
+    std::fs::write(
+        folder.path().join("bad.yaml"),
+        "room: {width: 4, dept: 3}\n",
+    )
+    .unwrap();
+    let (code, _, error) = spykee(folder.path(), &["world", "check", "bad.yaml"]);
+    assert_eq!(code, Some(2));
+    assert!(
+        error.contains("bad.yaml:1:") && error.contains("`depth`"),
+        "{error}"
+    );
+    let (code, _, error) = spykee(folder.path(), &["world", "show", "nowhere"]);
+    assert_eq!(code, Some(2));
+    assert!(
+        error.contains("nowhere") && error.contains("line_loop"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_run_is_drawn_with_its_way() {
+    let folder = tempfile::tempdir().unwrap();
+    let script = "robot.play(\"bomb\")\nrobot.move(50, 40, 3)\n";
+    std::fs::write(folder.path().join("drive.lua"), script).unwrap();
+    let args = [
+        "run",
+        "drive.lua",
+        "--sim",
+        "playpen",
+        "--fast",
+        "--seed",
+        "1",
+        "--trace",
+        "run.png",
+    ];
+    let (code, _, error) = spykee(folder.path(), &args);
+    assert_eq!(code, Some(0), "{error}");
+    let run = image::open(folder.path().join("run.png"))
+        .unwrap()
+        .to_rgb8();
+    let map = World::ready("playpen").unwrap().draw();
+    assert!(run.width() > map.width() && run.height() == map.height());
+    let (code, _, error) = spykee(
+        folder.path(),
+        &[
+            "run",
+            "drive.lua",
+            "--robot",
+            "127.0.0.1:9",
+            "--trace",
+            "x.png",
+        ],
+    );
+    assert_eq!(code, Some(2));
+    assert!(
+        error.contains("--trace") && error.contains("--sim"),
+        "{error}"
+    );
+}
+
+#[test]
+fn the_same_seed_and_commands_give_the_same_run_and_another_seed_another() {
+    let run = |seed| {
+        let mut robot = robot("hall", seed);
+        robot.obey(&Command::Move {
+            left: 40,
+            right: 34,
+        });
+        let frame = frame_after(&mut robot, 6.0);
+        (frame, robot.state(), robot.trace().balls().to_vec())
+    };
+    assert!(run(3) == run(3));
+    assert!(run(3).1.pose != run(4).1.pose);
+}
+
+#[test]
+fn the_line_is_followed_by_the_eye() {
+    let mut robot = robot("line_loop", 1);
+    let frame = frame_after(&mut robot, 0.2);
+    let mut eyes = Eyes::new(Camera::default());
+    let black = [Colour::named("black").unwrap()];
+    let line = eyes.find_line(1, &frame, &black, None).unwrap().unwrap();
+    assert!(line.offset.abs() < 0.3, "{line:?}");
+}
+
+#[test]
+fn signs_are_read() {
+    let mut robot = robot("gallery", 1);
+    robot.place(Pose::new(6.0, 1.4, 0.0));
+    let frame = frame_after(&mut robot, 0.2);
+    let mut decoder = Decoder::default();
+    let codes = find_qrcodes(decoder.decode(&frame).unwrap());
+    assert_eq!(codes.first().map(|code| code.text.as_str()), Some("hello"));
+}
+
+#[test]
+fn the_lamp_goes_out_at_night_and_the_camera_gets_used_to_it() {
+    let mut robot = robot("night", 1);
+    let mut decoder = Decoder::default();
+    let mut bright = |robot: &mut Robot, seconds| {
+        let frame = frame_after(robot, seconds);
+        brightness(decoder.decode(&frame).unwrap(), None)
+    };
+    let lit = bright(&mut robot, 19.0);
+    let dark = bright(&mut robot, 1.2);
+    let used_to_it = bright(&mut robot, 8.0);
+    assert!(dark < lit / 2.0, "{lit} {dark}");
+    assert!(used_to_it > dark * 1.3, "{dark} {used_to_it}");
+}
+
+#[test]
+fn a_ball_rolls_when_it_is_pushed_and_a_walker_is_run_into_by_name() {
+    let mut robot = robot("hall", 1);
+    robot.place(Pose::new(7.0, 4.9, 0.0));
+    let ball = |robot: &Robot| robot.trace().balls()[0];
+    robot.step(STEP);
+    let before = ball(&robot);
+    robot.obey(&Command::Move {
+        left: 60,
+        right: 60,
+    });
+    frame_after(&mut robot, 3.0);
+    assert!(ball(&robot).x > before.x + 0.2, "{:?}", ball(&robot));
+    // Ada rests for four seconds where she starts.
+    let mut robot = self::robot("hall", 1);
+    robot.place(Pose::new(4.5, 1.6, -std::f64::consts::FRAC_PI_2));
+    robot.obey(&Command::Move {
+        left: 90,
+        right: 90,
+    });
+    frame_after(&mut robot, 3.0);
+    let trace = robot.trace();
+    assert_eq!(trace.collisions().next(), Some("Ada"));
+    assert!(
+        trace
+            .events()
+            .iter()
+            .any(|e| matches!(e.what, What::Collision(_)))
+    );
+}
