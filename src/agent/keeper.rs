@@ -16,7 +16,7 @@ use crate::behaviour::{
 use crate::robot::channel::Request;
 use crate::robot::{BehaviourId, EndReason, Frame, Priority};
 use crate::script::Ending;
-use crate::script::check::{Severity, Surroundings, check};
+use crate::script::check::{self, Severity};
 
 /// Why the run ends, once it does.
 type Stop = watch::Receiver<Option<EndReason>>;
@@ -284,8 +284,8 @@ impl Keeper {
 /// Refuses a text in which the check finds an error.
 fn look_over(launch: &Launch) -> Result<(), Ending> {
     let (chunk, options) = (&launch.options.chunk, &launch.options);
-    let surroundings = Surroundings::new(options, Some(Path::new(chunk)));
-    let findings = check(&launch.source, chunk, &surroundings);
+    let surroundings = check::Surroundings::new(options, Some(Path::new(chunk)));
+    let findings = check::check(&launch.source, chunk, &surroundings);
     let error = findings
         .iter()
         .find(|finding| finding.severity == Severity::Error);
