@@ -1,6 +1,5 @@
 //! The camera: the world as the robot sees it from its pose, as a JPEG. Upright things column by
-//! column, the floor row by row; first what there is and how much light falls on it, then both
-//! together, smeared and with noise.
+//! column, the floor row by row; then smeared and with noise.
 
 use std::time::Duration;
 
@@ -13,7 +12,7 @@ use super::ground;
 use super::light::{Light, Lighting};
 use super::scene::{Hit, Kind, Round, Scene, What};
 use super::surface::{Rgb, Surface, scaled};
-use super::texture::{Pixel, Texture};
+use super::texture::{Pixel, Texture, lit, smear};
 use super::view::{CameraSettings, Column, EYE, HORIZON, Row, Subsampling, View, lamps};
 use super::world::World;
 
@@ -47,11 +46,9 @@ pub(super) struct Camera {
     grain: Grain,
     exposure: f32,
     exposed: Option<Duration>,
-    /// What is seen in each pixel under full light.
-    albedo: Vec<Pixel>,
-    /// How much light is there: 128 is full.
-    light: Vec<Pixel>,
     frame: Vec<Pixel>,
+    /// Room for smearing.
+    sums: Vec<u64>,
     standing: Vec<Vec<Hit>>,
     hanging: Vec<Vec<Hit>>,
     /// The row at which each column's floor begins.
@@ -98,8 +95,7 @@ impl Camera {
             grain: Grain::new(world.camera.noise, seed),
             exposure: 1.0,
             exposed: None,
-            albedo: vec![[0; 4]; WIDTH * HEIGHT],
-            light: vec![[0; 4]; WIDTH * HEIGHT],
+            sums: Vec::new(),
             frame: vec![[0; 4]; WIDTH * HEIGHT],
             standing: vec![Vec::new(); WIDTH],
             hanging: vec![Vec::new(); WIDTH],
@@ -143,8 +139,13 @@ impl Camera {
         for index in 0..WIDTH {
             self.paint_hanging(&view, view.column(index));
         }
-        let smear = shot.turning.abs() * self.settings.shutter * f64::from(self.focal);
-        self.develop((smear.round() as usize).min(LONGEST_SMEAR));
+        let turned = shot.turning.abs() * self.settings.shutter * f64::from(self.focal);
+        let length = (turned.round() as usize).min(LONGEST_SMEAR);
+        if length > 1 {
+            for row in self.frame.chunks_exact_mut(WIDTH) {
+                smear(row, length, &mut self.sums);
+            }
+        }
         self.expose(shot.time);
         self.grain.add_to(self.frame.as_flattened_mut());
     }
@@ -236,8 +237,7 @@ impl Camera {
         for row in 0..rows {
             let shade = (0.80 + 0.20 * (row as f32 / HORIZON)) * self.exposure;
             let index = row * WIDTH + column.index;
-            self.albedo[index] = CEILING;
-            self.light[index] = light([r * shade, g * shade, b * shade]);
+            self.frame[index] = lit(CEILING, light([r * shade, g * shade, b * shade]));
         }
     }
 
@@ -287,8 +287,7 @@ impl Camera {
         for (count, row) in rows.enumerate() {
             let place = (first - count as f32 * step) as usize;
             let index = row * WIDTH + column.index;
-            self.albedo[index] = strip[place.min(last)];
-            self.light[index] = light;
+            self.frame[index] = lit(strip[place.min(last)], light);
         }
     }
 
@@ -424,8 +423,7 @@ impl Camera {
                     }
                     let right = column as f32;
                     let (x, y) = (start.0 + right * step.0, start.1 + right * step.1);
-                    self.albedo[line + column] = level.smooth(y as i32, x as i32);
-                    self.light[line + column] = light;
+                    self.frame[line + column] = lit(level.smooth(y as i32, x as i32), light);
                 }
             }
         }
@@ -434,22 +432,7 @@ impl Camera {
     fn put(&mut self, column: usize, row: usize, [r, g, b]: Rgb, light: Pixel) {
         // A float becomes a byte by cutting off what does not fit.
         let index = row * WIDTH + column;
-        self.albedo[index] = [r as u8, g as u8, b as u8, 0];
-        self.light[index] = light;
-    }
-
-    /// Lays light on what is seen, and smears it over so many pixels of a row.
-    fn develop(&mut self, smear: usize) {
-        let (albedo, light) = (self.albedo.as_flattened(), self.light.as_flattened());
-        let frame = self.frame.as_flattened_mut();
-        for ((lit, albedo), light) in frame.iter_mut().zip(albedo).zip(light) {
-            *lit = ((u16::from(*albedo) * u16::from(*light)) >> 7).min(255) as u8;
-        }
-        if smear > 1 {
-            self.frame
-                .chunks_exact_mut(WIDTH)
-                .for_each(|row| smear_row(row, smear));
-        }
+        self.frame[index] = lit([r as u8, g as u8, b as u8, 0], light);
     }
 
     /// Lets the automatic exposure follow the light.
@@ -469,28 +452,6 @@ impl Camera {
         let share = passed.map_or(1.0, |passed| passed / (passed + self.settings.exposure));
         self.exposure += (wanted - self.exposure) * share as f32;
         self.exposed = Some(time);
-    }
-}
-
-/// A moving mean of a row.
-fn smear_row(row: &mut [Pixel], length: usize) {
-    let before = length / 2;
-    let copy: [Pixel; WIDTH] = std::array::from_fn(|i| row[i]);
-    let at = |index: i32| copy[index.clamp(0, WIDTH as i32 - 1) as usize].map(u32::from);
-    let mut sum = [0u32; 4];
-    let offset = before as i32;
-    for index in -offset..length as i32 - offset {
-        let pixel = at(index);
-        (0..4).for_each(|c| sum[c] += pixel[c]);
-    }
-    let share = 65_536 / length as u32;
-    for (index, pixel) in row.iter_mut().enumerate() {
-        *pixel = sum.map(|channel| ((channel * share + 32_768) >> 16).min(255) as u8);
-        let (old, new) = (
-            at(index as i32 - offset),
-            at(index as i32 - offset + length as i32),
-        );
-        (0..4).for_each(|c| sum[c] = sum[c] + new[c] - old[c]);
     }
 }
 
