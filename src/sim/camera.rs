@@ -12,7 +12,7 @@ use super::ground;
 use super::light::{Light, Lighting};
 use super::scene::{Hit, Kind, Round, Scene, What};
 use super::surface::{Rgb, Surface, scaled};
-use super::texture::{Pixel, Texture, lit, smear};
+use super::texture::{Pixel, Texture, between, lit, smear};
 use super::view::{CameraSettings, Column, EYE, HORIZON, Row, Subsampling, View, lamps};
 use super::world::World;
 
@@ -47,6 +47,7 @@ pub(super) struct Camera {
     exposure: f32,
     exposed: Option<Duration>,
     frame: Vec<Pixel>,
+    ceiling: Vec<Pixel>,
     /// Room for smearing.
     sums: Vec<u64>,
     standing: Vec<Vec<Hit>>,
@@ -95,6 +96,7 @@ impl Camera {
             grain: Grain::new(world.camera.noise, seed),
             exposure: 1.0,
             exposed: None,
+            ceiling: vec![[0; 4]; HEIGHT],
             sums: Vec::new(),
             frame: vec![[0; 4]; WIDTH * HEIGHT],
             standing: vec![Vec::new(); WIDTH],
@@ -132,6 +134,7 @@ impl Camera {
         self.lighting.pass_to(shot.time.as_secs_f64());
         let view = View::of(shot.pose, self.focal, shot.flash);
         self.survey(&view);
+        self.light_ceiling();
         for index in 0..WIDTH {
             self.paint_column(&view, view.column(index));
         }
@@ -230,14 +233,19 @@ impl Camera {
         panel.is_some_and(|panel| matches!(panel.surface, Surface::Wall { .. }))
     }
 
-    fn paint_ceiling(&mut self, column: Column, rows: usize) {
-        let [r, g, b] = self
-            .lighting
-            .at(self.lamp.at.x as f32, self.lamp.at.y as f32);
-        for row in 0..rows {
+    /// What the ceiling looks like in each row.
+    fn light_ceiling(&mut self) {
+        let (x, y) = (self.lamp.at.x as f32, self.lamp.at.y as f32);
+        let room = self.lighting.at(x, y);
+        for (row, colour) in self.ceiling.iter_mut().enumerate() {
             let shade = (0.80 + 0.20 * (row as f32 / HORIZON)) * self.exposure;
-            let index = row * WIDTH + column.index;
-            self.frame[index] = lit(CEILING, light([r * shade, g * shade, b * shade]));
+            *colour = lit(CEILING, light(room.map(|channel| channel * shade)));
+        }
+    }
+
+    fn paint_ceiling(&mut self, column: Column, rows: usize) {
+        for (row, colour) in self.ceiling[..rows].iter().enumerate() {
+            self.frame[row * WIDTH + column.index] = *colour;
         }
     }
 
@@ -281,11 +289,14 @@ impl Camera {
         let size = depth / view.focal;
         let level = self.scene.picture(index).level(size);
         let strip = level.strip(share * length);
-        let step = size * level.scale[1];
-        let first = (view.height(rows.start, depth) - bottom) * level.scale[1];
+        // In 65,536ths of the strip's pixels.
+        let fixed = level.scale[1] * 65_536.0;
+        let step = (size * fixed) as i64;
+        let mut place = ((view.height(rows.start, depth) - bottom) * fixed) as i64 + step;
         let last = strip.len() - 1;
-        for (count, row) in rows.enumerate() {
-            let place = (first - count as f32 * step) as usize;
+        for row in rows {
+            place -= step;
+            let place = (place.max(0) >> 16) as usize;
             let index = row * WIDTH + column.index;
             self.frame[index] = lit(strip[place.min(last)], light);
         }
@@ -411,19 +422,31 @@ impl Camera {
             let (start, next) = (view.place(edges[0], depth), view.place(edges[1], depth));
             let step = ((next.0 - start.0) * x, (next.1 - start.1) * y);
             let start = (start.0 * x - 128.0, start.1 * y - 128.0);
-            let line = row * WIDTH;
-            for patch in (0..WIDTH).step_by(PATCH) {
+            let line = &mut self.frame[row * WIDTH..][..WIDTH];
+            let stride = stride(depth / view.focal * level.scale[1]);
+            for (patch, shores) in (0..WIDTH).step_by(PATCH).zip(self.shores.chunks(PATCH)) {
+                if shores.iter().all(|shore| row < *shore) {
+                    continue;
+                }
                 let middle = view.column(if even { WIDTH / 2 } else { patch + PATCH / 2 });
                 let (px, py) = view.place(middle, depth);
                 let (room, flash) = (self.lighting.at(px, py), flash * view.beam(middle));
                 let light = light(room.map(|channel| (channel * lamps + flash) * self.exposure));
-                for column in patch..patch + PATCH {
-                    if row < self.shores[column] {
-                        continue;
-                    }
+                let colour = |column: usize| {
                     let right = column as f32;
                     let (x, y) = (start.0 + right * step.0, start.1 + right * step.1);
-                    self.frame[line + column] = lit(level.smooth(y as i32, x as i32), light);
+                    lit(level.smooth(y as i32, x as i32), light)
+                };
+                let mut left = colour(patch);
+                for part in (0..PATCH).step_by(stride) {
+                    let right = colour(patch + part + stride);
+                    for off in 0..stride {
+                        if row >= shores[part + off] {
+                            let share = (off * 256 / stride) as u32;
+                            line[patch + part + off] = between(left, right, share);
+                        }
+                    }
+                    left = right;
                 }
             }
         }
@@ -452,6 +475,16 @@ impl Camera {
         let share = passed.map_or(1.0, |passed| passed / (passed + self.settings.exposure));
         self.exposure += (wanted - self.exposure) * share as f32;
         self.exposed = Some(time);
+    }
+}
+
+/// How many columns may share one look at the floor, when one of them is so many of the floor's
+/// pixels wide: what is between looks is smooth.
+fn stride(pixels: f32) -> usize {
+    match pixels {
+        _ if pixels < 0.25 => 4,
+        _ if pixels < 0.6 => 2,
+        _ => 1,
     }
 }
 

@@ -115,12 +115,17 @@ impl Level {
 /// Every other byte: two channels are reckoned with at once.
 const EVEN: u32 = 0x00FF_00FF;
 
-/// Between two pixels, `share` of 256 of the second.
+/// As [`between`], of packed pixels.
 fn mix(a: u32, b: u32, share: u32) -> u32 {
     let rest = 256 - share;
     let even = ((a & EVEN) * rest + (b & EVEN) * share) >> 8;
     let odd = ((a >> 8) & EVEN) * rest + ((b >> 8) & EVEN) * share;
     (even & EVEN) | (odd & !EVEN)
+}
+
+/// Between two pixels, `share` of 256 of the second.
+pub(super) fn between(a: Pixel, b: Pixel, share: u32) -> Pixel {
+    mix(u32::from_le_bytes(a), u32::from_le_bytes(b), share).to_le_bytes()
 }
 
 /// A pixel in a light of which 128 is full; what is brighter than white is white.
