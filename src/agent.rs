@@ -1,6 +1,9 @@
 //! Wiring and lifetimes of a run: load the scripts, connect, run them side by side, and bring
 //! everything to an end within two seconds, whoever asks for it and whatever hangs.
 
+mod keeper;
+mod talk;
+
 use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
@@ -9,7 +12,9 @@ use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
 
-use crate::behaviour::{Handle, Launch, Launcher, Prepared, Supervisor};
+use self::keeper::{Keeper, Surroundings};
+pub use self::talk::{Talk, TalkError};
+use crate::behaviour::{Launch, Launcher, Prepared, Reload, RestartPolicy};
 use crate::link::LinkError;
 use crate::pilot::{self, Dial, LinkState, Pilot, Settings, Status};
 use crate::robot::channel::{MAX_REQUESTS, Request};
@@ -22,13 +27,19 @@ const SCRIPTS_END: Duration = Duration::from_millis(1100);
 /// How long the last writes and the closing of the link may take.
 const LINK_END: Duration = Duration::from_millis(500);
 
-/// A script and its priority.
+/// A script and what is to be made of it.
 #[derive(Debug)]
 pub struct Behaviour {
     /// Who wins when several want to drive.
     pub priority: Priority,
     /// The script and its VM's options.
     pub launch: Launch,
+    /// What is done when it fails.
+    pub restart: RestartPolicy,
+    /// Where new texts of the script come from, if it is watched. It is stopped for each that can be
+    /// loaded, and when it has ended it waits for the next: then only the token or the time limit
+    /// ends the run.
+    pub reloads: Option<mpsc::Receiver<Reload>>,
 }
 
 /// Everything a run needs.
@@ -48,7 +59,7 @@ pub struct Plan {
 /// How a run went.
 #[derive(Debug)]
 pub struct Outcome {
-    /// Each behaviour by name and how it ended, in the order in which they ended.
+    /// Each behaviour by name and how it ended for the last time, in the order in which they ended.
     pub endings: Vec<(String, Ending)>,
     /// At the end the watchdog had the robot: low battery.
     pub safety: bool,
@@ -94,7 +105,7 @@ impl Agent {
     }
 
     /// Runs until every behaviour has ended, the time is over, or `stop` is cancelled. Scripts that
-    /// cannot be loaded end the run before the robot is connected to.
+    /// cannot be loaded and are not watched end the run before the robot is connected to.
     ///
     /// # Errors
     /// See [`AgentError`].
@@ -106,24 +117,28 @@ impl Agent {
             frames,
             status,
         } = self;
-        let prepared = match prepare(&plan.launcher, plan.behaviours).await {
+        let ended = watch::Sender::new(None);
+        let around = Surroundings {
+            launcher: plan.launcher,
+            requests,
+            frames,
+            stop: ended.subscribe(),
+        };
+        let prepared = match prepare(around, plan.behaviours).await {
             Ok(prepared) => prepared,
-            Err(ending) => return Ok(refused(ending)),
+            Err(refused) => return Ok(refused),
         };
         let ending = pilot::Ending::default();
         let flight = pilot.run(plan.dial, plan.settings, received, ending.clone());
         let mut run = Run {
             flight: tokio::spawn(flight),
             scripts: JoinSet::new(),
-            handles: Vec::new(),
             endings: Vec::new(),
+            ended,
             status,
             ending,
         };
-        match run
-            .live(prepared, requests, frames, plan.limit, &stop)
-            .await
-        {
+        match run.live(prepared, plan.limit, &stop).await {
             Ok(reason) => run.end(reason, stop.is_cancelled()).await,
             Err(error) => {
                 run.abandon().await;
@@ -133,25 +148,28 @@ impl Agent {
     }
 }
 
-/// Loads all scripts, side by side; the first that fails ends it.
-async fn prepare(
-    launcher: &Launcher,
-    behaviours: Vec<Behaviour>,
-) -> Result<Vec<Prepared>, (String, Ending)> {
+/// A behaviour with its first host, or why there is none.
+type Kept = (Keeper, Result<Prepared, Ending>);
+
+/// Loads all scripts; the first that cannot be, and that nobody can mend while the run goes on, ends
+/// it.
+async fn prepare(around: Surroundings, behaviours: Vec<Behaviour>) -> Result<Vec<Kept>, Outcome> {
     let mut prepared = Vec::new();
-    for (number, Behaviour { priority, launch }) in behaviours.into_iter().enumerate() {
-        let name = launch.options.name.clone();
+    for (number, behaviour) in behaviours.into_iter().enumerate() {
         let by = BehaviourId(u16::try_from(number).unwrap_or(u16::MAX));
-        let host = Prepared::start(launcher, by, priority, launch).await;
-        prepared.push(host.map_err(|ending| (name, ending))?);
+        let keeper = Keeper::new(around.clone(), by, behaviour);
+        match keeper.prepare().await {
+            Err(ending) if !keeper.is_watched() => return Err(refused(keeper.name(), ending)),
+            first => prepared.push((keeper, first)),
+        }
     }
     Ok(prepared)
 }
 
-fn refused((name, ending): (String, Ending)) -> Outcome {
-    report(&name, &ending);
+fn refused(name: &str, ending: Ending) -> Outcome {
+    report(name, &ending);
     Outcome {
-        endings: vec![(name, ending)],
+        endings: vec![(name.to_owned(), ending)],
         safety: false,
         interrupted: false,
     }
@@ -163,8 +181,9 @@ type Flight = JoinHandle<Result<(), LinkError>>;
 struct Run {
     flight: Flight,
     scripts: JoinSet<(String, Ending)>,
-    handles: Vec<Handle>,
     endings: Vec<(String, Ending)>,
+    /// Tells the behaviours why the run ends.
+    ended: watch::Sender<Option<EndReason>>,
     status: watch::Receiver<Status>,
     ending: pilot::Ending,
 }
@@ -173,9 +192,7 @@ impl Run {
     /// From the first connection to the reason to end.
     async fn live(
         &mut self,
-        prepared: Vec<Prepared>,
-        requests: mpsc::Sender<Request>,
-        frames: watch::Receiver<Option<crate::robot::Frame>>,
+        prepared: Vec<Kept>,
         limit: Option<Duration>,
         stop: &CancellationToken,
     ) -> Result<EndReason, AgentError> {
@@ -185,10 +202,9 @@ impl Run {
             ended = &mut self.flight => return Err(broken_flight(ended)),
             _ = self.status.wait_for(|status| status.link == LinkState::Up) => {}
         }
-        for host in prepared {
-            self.launch(host, requests.clone(), frames.clone()).await;
+        for (keeper, first) in prepared {
+            self.scripts.spawn(keeper.keep(first));
         }
-        drop(requests);
         tokio::select! {
             biased;
             () = stop.cancelled() => Ok(EndReason::Shutdown),
@@ -198,26 +214,12 @@ impl Run {
         }
     }
 
-    async fn launch(
-        &mut self,
-        host: Prepared,
-        requests: mpsc::Sender<Request>,
-        frames: watch::Receiver<Option<crate::robot::Frame>>,
-    ) {
-        let (name, handle) = (host.name().to_owned(), Handle::default());
-        self.handles.push(handle.clone());
-        let supervisor = Supervisor::board(host, requests, frames).await;
-        self.scripts
-            .spawn(async move { (name, supervisor.run(handle).await) });
-    }
-
     /// First the tracks, then the scripts' last words, then the link.
     async fn end(mut self, reason: EndReason, interrupted: bool) -> Result<Outcome, AgentError> {
         self.ending.parting.cancel();
-        self.handles.iter().for_each(|handle| handle.stop(reason));
+        self.ended.send_replace(Some(reason));
         let scripts = async {
             while let Some(Ok(ended)) = self.scripts.join_next().await {
-                report(&ended.0, &ended.1);
                 self.endings.push(ended);
             }
         };
@@ -254,9 +256,7 @@ async fn run_out(
     mut status: watch::Receiver<Status>,
 ) -> Result<EndReason, AgentError> {
     while let Some(ended) = scripts.join_next().await {
-        let (name, ending) = ended.map_err(|_| AgentError::Broken("a supervisor"))?;
-        report(&name, &ending);
-        endings.push((name, ending));
+        endings.push(ended.map_err(|_| AgentError::Broken("a supervisor"))?);
     }
     let going_home = |status: &Status| status.safety == WatchdogState::LowGoingHome;
     if going_home(&status.borrow_and_update()) {

@@ -1,13 +1,24 @@
 //! The config file: one YAML document, composed of each module's own options. Unknown keys and
 //! wrong values are refused with line and column.
 
+mod behaviours;
+mod effective;
+mod logging;
+mod place;
+mod schema;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Deserializer};
+use schemars::JsonSchema;
+use serde::{Deserialize, Deserializer, Serialize};
 
+pub use self::behaviours::Entry;
+pub use self::effective::{Effective, Origin, Setting};
+pub use self::logging::{Format, Level, Logging, When};
+pub use self::schema::schema;
 use crate::link::{self, Target};
-use crate::robot::{Priority, float_within};
+use crate::robot::float_within;
 use crate::safety;
 use crate::script::{self, Calibration};
 use crate::vision::{Camera, Colour};
@@ -16,16 +27,19 @@ use crate::vision::{Camera, Colour};
 const MAX_LEN: u64 = 1 << 20;
 
 /// What the file may say; everything has a default.
-#[derive(Debug, Clone, Default, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
     /// The robot's address, `HOST` or `HOST:PORT`.
+    #[schemars(with = "Option<String>")]
     pub robot: Option<Target>,
     /// Log in as this user.
     pub user: Option<String>,
     /// The file whose first line is the password.
     pub password_file: Option<PathBuf>,
     /// What to run, if the command line names nothing.
+    #[serde(deserialize_with = "behaviours::entries", skip_serializing)]
+    #[schemars(with = "Vec<schema::Behaviour>")]
     pub behaviours: Vec<Entry>,
     /// The safety rules' numbers.
     pub watchdog: safety::Limits,
@@ -38,10 +52,14 @@ pub struct Config {
     /// The camera's field of view.
     #[serde(deserialize_with = "camera")]
     pub camera: Camera,
-    /// Colours by name, besides the built-in ones.
+    /// Colours by name, besides the built-in ones: spans `h`, `s` and `v` (degrees, percent), or
+    /// `l`, `a` and `b`.
+    #[schemars(with = "BTreeMap<String, BTreeMap<String, [f64; 2]>>")]
     pub colours: BTreeMap<String, Colour>,
     /// Where scripts save pictures, a folder for each.
     pub data: Option<PathBuf>,
+    /// How logs are written.
+    pub logging: Logging,
 }
 
 /// The camera's numbers, checked where they stand: the eyes know no config.
@@ -56,17 +74,6 @@ fn camera<'de, D: Deserializer<'de>>(from: D) -> Result<Camera, D::Error> {
         float_within(from, "an angle of view from 0.1 to 3 radians", 0.1..=3.0)
     }
     Written::deserialize(from).map(|Written { hfov }| Camera { hfov })
-}
-
-/// One behaviour.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Entry {
-    /// The script, relative to the config.
-    pub file: PathBuf,
-    /// Who wins when several want to drive; 0 unless given.
-    #[serde(default)]
-    pub priority: Priority,
 }
 
 /// Why a config cannot be used.
@@ -96,6 +103,22 @@ impl Config {
     /// # Errors
     /// See [`ConfigError`].
     pub fn load(path: &Path) -> Result<Config, ConfigError> {
+        Config::of_text(&Config::read(path)?, path)
+    }
+
+    /// The settings of a run: see [`Effective::load`]. Says in the log which file they come from.
+    ///
+    /// # Errors
+    /// See [`ConfigError`].
+    pub fn effective(named: Option<&Path>) -> Result<Config, ConfigError> {
+        let Effective { config, file, .. } = Effective::load(named)?;
+        if let Some((path, _)) = file {
+            tracing::info!("settings from {}", path.display());
+        }
+        Ok(config)
+    }
+
+    fn read(path: &Path) -> Result<String, ConfigError> {
         let name = path.display().to_string();
         let read = |source| ConfigError::Read {
             path: name.clone(),
@@ -106,8 +129,11 @@ impl Config {
             let reason = format!("a config of {length} bytes; at most {MAX_LEN} are read");
             return Err(ConfigError::Invalid { path: name, reason });
         }
-        let text = std::fs::read_to_string(path).map_err(read)?;
-        let mut config = Config::parse(&text, &name)?;
+        std::fs::read_to_string(path).map_err(read)
+    }
+
+    fn of_text(text: &str, path: &Path) -> Result<Config, ConfigError> {
+        let mut config = Config::parse(text, &path.display().to_string())?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let paths = config.behaviours.iter_mut().map(|entry| &mut entry.file);
         for path in paths
@@ -135,15 +161,38 @@ impl Config {
             return Ok(Config::default());
         }
         let config: Config =
-            serde_yaml::from_str(text).map_err(|error| invalid(error.to_string()))?;
+            serde_yaml::from_str(text).map_err(|error| invalid(in_words(&error.to_string())))?;
         config.watchdog.check().map_err(invalid)?;
         Ok(config)
     }
 }
 
+/// An unknown key with the nearest valid one; other complaints as they are.
+fn in_words(complaint: &str) -> String {
+    let parts = complaint
+        .split_once("unknown field `")
+        .and_then(|(before, rest)| {
+            let (key, rest) = rest.split_once("`, expected ")?;
+            let (valid, place) = rest.rsplit_once(" at line ")?;
+            Some((before, key, valid, place))
+        });
+    let Some((before, key, valid, place)) = parts else {
+        return complaint.to_owned();
+    };
+    let names: Vec<&str> = valid.split('`').skip(1).step_by(2).collect();
+    let near = script::suggestion(key, names.iter().copied());
+    let near = if near.is_empty() {
+        format!("; valid are {}", names.join(", "))
+    } else {
+        near
+    };
+    format!("{before}unknown key `{key}` at line {place}{near}")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::robot::Priority;
     use proptest::prelude::*;
 
     fn error(text: &str) -> String {

@@ -19,9 +19,10 @@ use tokio_util::sync::CancellationToken;
 use tracing::warn;
 
 use crate::link::{LinkError, Writer};
-use crate::robot::channel::Request;
+use crate::robot::channel::{MAX_REQUESTS, Request};
 use crate::robot::{Event, Frame, RobotInfo};
 use crate::safety::{Act, Fact, Limits, Watchdog};
+use crate::vision::Damage;
 use crate::wire::{Command, Power};
 
 use self::lights::Lights;
@@ -66,12 +67,17 @@ pub struct Pilot {
     seats: Seats,
     lights: Lights,
     frames: watch::Sender<Option<Frame>>,
+    damage: Damage,
     status: watch::Sender<Status>,
     battery: Option<Power>,
     info: Option<RobotInfo>,
     simulated: bool,
     unknown_kinds: Vec<u8>,
     streams_due: Option<Instant>,
+    /// The watchdog knows something that it has not acted upon yet.
+    unsettled: bool,
+    /// A behaviour was given up, and the robot has not heard of it yet.
+    alarm_due: bool,
 }
 
 impl Pilot {
@@ -91,12 +97,15 @@ impl Pilot {
             seats: Seats::default(),
             lights: Lights::default(),
             frames,
+            damage: Damage::default(),
             status,
             battery: None,
             info: None,
             simulated: settings.simulated,
             unknown_kinds: Vec::new(),
             streams_due: None,
+            unsettled: false,
+            alarm_due: false,
         };
         (pilot, newest_frame, newest_status)
     }
@@ -136,8 +145,19 @@ impl Pilot {
             }
             self.publish();
         }
+        self.serve_last(&mut requests).await;
         self.close().await;
         Ok(())
+    }
+
+    /// What the behaviours asked for with their last words has come before the order to close.
+    async fn serve_last(&mut self, requests: &mut mpsc::Receiver<Request>) {
+        let rounds = MAX_REQUESTS / REQUESTS_IN_A_ROW;
+        for _ in 0..rounds {
+            if requests.is_empty() || self.serve_waiting(requests).await.is_some() {
+                return;
+            }
+        }
     }
 
     /// What has come while this task, or the whole machine, slept is heard before anybody is judged
@@ -162,7 +182,7 @@ impl Pilot {
                 return Some(reason);
             }
         }
-        None
+        self.settle().await
     }
 
     /// Takes a fact to the watchdog and does what it wants. Like all below it returns why the link is
@@ -235,6 +255,9 @@ impl Pilot {
         let off = self.seats.streams_off();
         if !off.is_empty() && parting.is_none() {
             self.write(&off).await;
+        }
+        if let Some(words) = self.damage.rest() {
+            warn!("{words}");
         }
         if let Some(writer) = self.writer.take() {
             writer.close().await;

@@ -31,6 +31,8 @@ pub(super) struct Gallery {
     /// `None` once it has been told.
     trouble: Option<Receiver<String>>,
     thread: Option<JoinHandle<()>>,
+    /// In virtual time: waits rather than leave one out.
+    patient: bool,
 }
 
 impl Gallery {
@@ -56,12 +58,25 @@ impl Gallery {
             sightings: Some(sightings),
             trouble: Some(trouble),
             thread: Some(thread),
+            patient: false,
         })
     }
 
-    /// Keeps it, unless the one before is not written yet. Never waits.
+    /// For virtual time, in which every thread is slow: [`Gallery::offer`] waits for the one before.
+    pub(super) fn patient(self) -> Gallery {
+        let mut patient = self;
+        patient.patient = true;
+        patient
+    }
+
+    /// Keeps it, unless the one before is not written yet. Never waits, if it is not patient.
     pub(super) fn offer(&self, sighting: Sighting) {
-        if let Some(sightings) = &self.sightings {
+        let Some(sightings) = &self.sightings else {
+            return;
+        };
+        if self.patient {
+            let _ = sightings.send(sighting);
+        } else {
             let _ = sightings.try_send(sighting);
         }
     }

@@ -68,6 +68,22 @@ pub async fn host(
     reader: impl AsyncRead + Send + Unpin + 'static,
     writer: impl AsyncWrite + Send + Unpin + 'static,
 ) -> io::Result<()> {
+    serve(reader, writer, Time::Real).await
+}
+
+/// Whether time waits for a disk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Time {
+    Real,
+    Virtual,
+}
+
+/// As [`host`]. In virtual time no thread's pace may change what happens.
+pub(super) async fn serve(
+    reader: impl AsyncRead + Send + Unpin + 'static,
+    writer: impl AsyncWrite + Send + Unpin + 'static,
+    time: Time,
+) -> io::Result<()> {
     let mut inbox = Receiver::<ToHost>::new(reader);
     let mut outbox = Sender::<FromHost>::new(writer);
     let Some(ToHost::Load(launch)) = inbox.next().await? else {
@@ -79,9 +95,15 @@ pub async fn host(
     let gallery = options
         .annotate_dir
         .clone()
-        .map(Gallery::open)
+        .map(|folder| match time {
+            Time::Real => Gallery::open(folder),
+            Time::Virtual => Gallery::open(folder).map(Gallery::patient),
+        })
         .transpose()?;
-    let keeper = options.data_dir.clone().map(Keeper::new);
+    let keeper = options.data_dir.clone().map(|folder| match time {
+        Time::Real => Keeper::new(folder),
+        Time::Virtual => Keeper::at_the_end(folder),
+    });
     match Script::load(&source, options, Instant::now()) {
         Ok(mut script) => {
             outbox.send(&FromHost::Ready).await?;
@@ -219,6 +241,8 @@ impl Host {
                 let at = now.checked_sub(age).unwrap_or(now);
                 self.script.deliver_frame(Frame { seq, at, jpeg }, now);
             }
+            ToHost::Evaluate { text, more } => self.script.evaluate(&text, more, now),
+            ToHost::Interrupt => self.script.interrupt(now),
             ToHost::Module(name, file) => self.script.deliver_module(&name, file, now),
             ToHost::Stop(reason) => self.script.stop(reason, now),
             ToHost::Load(_) | ToHost::Go => {}
@@ -245,6 +269,7 @@ impl Host {
             let message = match output {
                 Output::Intent(intent) => FromHost::Intent(intent),
                 Output::Log(line) => FromHost::Log(line),
+                Output::Evaluated(evaluated) => FromHost::Evaluated(evaluated),
                 Output::Module(name) => FromHost::Module(name),
             };
             self.outbox.feed(&message).await?;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::library::Library;
 use crate::robot::{EndReason, Event, Intent};
-use crate::script::{Ending, LogLine, ModuleFile, ModuleName, Options};
+use crate::script::{Ending, Evaluated, LogLine, ModuleFile, ModuleName, Options};
 
 /// A script and all it needs; no secrets.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -40,6 +40,15 @@ pub enum ToHost {
         /// The JPEG.
         jpeg: Bytes,
     },
+    /// Run what a person typed; answered by [`FromHost::Evaluated`].
+    Evaluate {
+        /// Luau.
+        text: String,
+        /// Whether further lines may follow.
+        more: bool,
+    },
+    /// Bring to rest what typed lines have begun.
+    Interrupt,
     /// In answer to [`FromHost::Module`]: its file, or why there is none.
     Module(ModuleName, Result<ModuleFile, String>),
     /// Come to an end within half a second.
@@ -61,6 +70,8 @@ pub enum FromHost {
     Module(ModuleName),
     /// The script wrote a line.
     Log(LogLine),
+    /// What became of the line that was typed.
+    Evaluated(Evaluated),
     /// The script has ended; the host exits.
     Ended(Ending),
 }

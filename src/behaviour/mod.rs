@@ -4,17 +4,23 @@
 
 mod calls;
 mod confine;
+mod dialogue;
 mod gallery;
 mod host;
 mod keeper;
 mod library;
 mod message;
 mod pipe;
+mod policy;
 mod process;
 mod supervisor;
+mod watch;
 
+pub use dialogue::{Dialogue, Order, Said};
 pub use host::{STACK, host, host_main};
 pub use library::Library;
 pub use message::{FromHost, Launch, ToHost};
+pub use policy::{Patience, RestartPolicy, Restarts, Verdict, is_failure};
 pub use process::{HOST_ARGUMENT, HostProcess, Launcher};
 pub use supervisor::{Handle, Prepared, Supervisor};
+pub use watch::{Reload, Watched, read_source};

@@ -17,7 +17,7 @@ use tokio::process::{Child, ChildStderr, Command};
 use tokio::task::JoinHandle;
 
 use super::confine::Walls;
-use super::host::host;
+use super::host::{Time, serve};
 
 /// The hidden argument by which the executable knows that it is to be a host.
 pub const HOST_ARGUMENT: &str = "__host";
@@ -62,6 +62,11 @@ impl Launcher {
         std::env::current_exe().map(Launcher::new)
     }
 
+    /// Whether hosts are tasks of this thread: then no other thread may be waited for.
+    pub(super) fn is_in_this_thread(&self) -> bool {
+        self.executable.is_none()
+    }
+
     /// Starts a host that can open no files but those in `folders`, which are made if need be; also
     /// the agent's ends of its pipe. To be called from a thread that lives as long as the agent: the
     /// host dies with the thread that started it.
@@ -97,6 +102,8 @@ fn start_child(
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .kill_on_drop(true)
+        // Ctrl-C in a terminal is for the agent: it has the script say its last words.
+        .process_group(0)
         .spawn()?;
     let (reader, writer) = UnixStream::from_std(ours)?.into_split();
     let process = HostProcess {
@@ -108,7 +115,7 @@ fn start_child(
 fn start_task() -> (HostProcess, PipeReader, PipeWriter) {
     let (to_host, host_reader) = tokio::io::duplex(PIPE_LEN);
     let (host_writer, from_host) = tokio::io::duplex(PIPE_LEN);
-    let task = tokio::task::spawn_local(host(host_reader, host_writer));
+    let task = tokio::task::spawn_local(serve(host_reader, host_writer, Time::Virtual));
     let process = HostProcess {
         life: Life::Task(task),
     };

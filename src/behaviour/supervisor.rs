@@ -9,6 +9,7 @@ use tokio::task::AbortHandle;
 use tokio::time::{Instant, sleep_until, timeout};
 use tracing::{debug, warn};
 
+use super::dialogue::{self, Dialogue, Said};
 use super::library::Library;
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
@@ -73,6 +74,7 @@ pub struct Supervisor {
     last_frame: u64,
     frame_wanted: bool,
     dropped: u64,
+    dialogue: Option<Dialogue>,
 }
 
 impl Prepared {
@@ -97,7 +99,11 @@ impl Prepared {
         let started = launcher.start(&launch.options.folders());
         let (process, reader, writer) = started.map_err(broken)?;
         let (from_host, to_host, pump) = connect(reader, writer);
-        let modules = librarian(launch.library.clone(), to_host.clone());
+        let modules = librarian(
+            launch.library.clone(),
+            to_host.clone(),
+            launcher.is_in_this_thread(),
+        );
         let mut prepared = Prepared {
             by,
             name: name.clone(),
@@ -166,9 +172,13 @@ async fn pump(mut waiting: mpsc::Receiver<ToHost>, mut sender: Sender<ToHost>) {
     }
 }
 
-/// Reads modules for a host, one after the other, on a thread that may wait for a disk. Ends with
-/// the behaviour.
-fn librarian(library: Library, to_host: mpsc::Sender<ToHost>) -> mpsc::Sender<ModuleName> {
+/// Reads modules for a host, one after the other, on a thread that may wait for a disk; or `here`,
+/// where virtual time waits for nothing else. Ends with the behaviour.
+fn librarian(
+    library: Library,
+    to_host: mpsc::Sender<ToHost>,
+    here: bool,
+) -> mpsc::Sender<ModuleName> {
     let (ask, mut asked) = mpsc::channel::<ModuleName>(MAX_MODULES);
     tokio::spawn(async move {
         let mut left = MAX_MODULES;
@@ -178,8 +188,12 @@ fn librarian(library: Library, to_host: mpsc::Sender<ToHost>) -> mpsc::Sender<Mo
                 None => return,
             };
             let (shelf, wanted) = (library.clone(), name.clone());
-            let fetched = tokio::task::spawn_blocking(move || shelf.fetch(&wanted)).await;
-            let file = fetched.unwrap_or_else(|error| Err(error.to_string()));
+            let file = if here {
+                shelf.fetch(&wanted)
+            } else {
+                let fetched = tokio::task::spawn_blocking(move || shelf.fetch(&wanted)).await;
+                fetched.unwrap_or_else(|error| Err(error.to_string()))
+            };
             if to_host.send(ToHost::Module(name, file)).await.is_err() {
                 return;
             }
@@ -198,6 +212,7 @@ impl Supervisor {
         let (outbox, inbox) = events();
         let join = Request::Join {
             by: host.by,
+            name: host.name.clone(),
             priority: host.priority,
             outbox,
         };
@@ -211,6 +226,16 @@ impl Supervisor {
             last_frame,
             frame_wanted,
             dropped,
+            dialogue: None,
+        }
+    }
+
+    /// Somebody types lines for the script and hears what it says.
+    #[must_use]
+    pub fn with_dialogue(self, dialogue: Dialogue) -> Supervisor {
+        Supervisor {
+            dialogue: Some(dialogue),
+            ..self
         }
     }
 
@@ -219,6 +244,11 @@ impl Supervisor {
         let mut stop = handle.stop.subscribe();
         let ending = self.serve(&mut stop).await;
         let _ = self.requests.send(Request::Gone(self.host.by)).await;
+        let ending = match ending {
+            Some(ending) => ending,
+            // Why it broke takes time to find out; its motion has stopped by then.
+            None => self.host.broken().await,
+        };
         self.bury().await;
         if self.dropped > 0 {
             warn!(behaviour = %self.host.name, dropped = self.dropped, "events did not reach it");
@@ -226,8 +256,10 @@ impl Supervisor {
         ending
     }
 
-    async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Ending {
+    /// Until it has ended; `None` if its host has, without a word.
+    async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Option<Ending> {
         let (mut last_moment, mut running) = (None, false);
+        let picture = self.inbox.picture();
         loop {
             tokio::select! {
                 biased;
@@ -235,12 +267,12 @@ impl Supervisor {
                     Told::Event(event) => {
                         let (answer, go) = (event.is_answer(), event.is_welcome() && !running);
                         if !self.pass_on(ToHost::Event(event)) && answer {
-                            return self.deaf();
+                            return Some(self.deaf());
                         }
                         running |= go && self.pass_on(ToHost::Go);
                     }
-                    Told::Kill(reason) => return self.killed(reason),
-                    Told::Closed => return self.killed(EndReason::Shutdown),
+                    Told::Kill(reason) => return Some(self.killed(reason)),
+                    Told::Closed => return Some(self.killed(EndReason::Shutdown)),
                 },
                 Ok(()) = stop.changed(), if last_moment.is_none() => {
                     let reason = stop.borrow_and_update().unwrap_or(EndReason::Shutdown);
@@ -248,17 +280,22 @@ impl Supervisor {
                     running = running || self.pass_on(ToHost::Go);
                     last_moment = Some((Instant::now() + STOP_TIME, reason));
                 }
-                Some(reason) = at(last_moment) => return self.killed(reason),
+                Some(reason) = at(last_moment) => return Some(self.killed(reason)),
+                order = dialogue::next(&mut self.dialogue) => {
+                    if !self.pass_on(order.into()) {
+                        return Some(self.deaf());
+                    }
+                }
                 message = self.host.from_host.next() => match message {
-                    Ok(Some(FromHost::Ended(ending))) => return ending,
+                    Ok(Some(FromHost::Ended(ending))) => return Some(ending),
                     Ok(Some(message)) => self.heard(message).await,
-                    Ok(None) => return self.host.broken().await,
+                    Ok(None) => return None,
                     Err(error) => {
                         debug!("a host broke the pipe: {error}");
-                        return self.host.broken().await;
+                        return None;
                     }
                 },
-                Ok(()) = self.frames.changed(), if self.frame_wanted => self.pass_frame(),
+                () = picture.notified(), if self.frame_wanted => self.pass_frame(),
             }
         }
     }
@@ -272,7 +309,16 @@ impl Supervisor {
                 self.frame_wanted = true;
                 return self.pass_frame();
             }
-            FromHost::Log(line) => return log(&self.host.name, &line),
+            FromHost::Log(line) => match &self.dialogue {
+                Some(dialogue) => return dialogue.say(Said::Line(line)),
+                None => return log(&self.host.name, &line),
+            },
+            FromHost::Evaluated(evaluated) => {
+                if let Some(dialogue) = &self.dialogue {
+                    dialogue.say(Said::Evaluated(evaluated));
+                }
+                return;
+            }
             FromHost::Module(name) => {
                 // One that asks for more than there is room for is not honest, and gets nothing.
                 let _ = self.host.modules.try_send(name);
@@ -285,7 +331,7 @@ impl Supervisor {
 
     /// The newest frame, if it is newer than the last one that was passed on.
     fn pass_frame(&mut self) {
-        let newest = self.frames.borrow_and_update().clone();
+        let newest = self.frames.borrow().clone();
         let Some(frame) = newest.filter(|frame| frame.seq > self.last_frame) else {
             return;
         };

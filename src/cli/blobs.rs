@@ -140,10 +140,7 @@ fn more_may_be_there(found: &Found) -> String {
 
 impl<'a> Search<'a> {
     fn new(args: &'a BlobsArgs) -> Result<Search<'a>, Failure> {
-        let config = match &args.config {
-            Some(path) => Config::load(path).map_err(Failure::usage)?,
-            None => Config::default(),
-        };
+        let config = Config::effective(args.config.as_deref()).map_err(Failure::usage)?;
         let colours = colours::of_names(&args.colours, &config)?;
         let album = args.annotate.as_deref();
         let album = album.map(|out| Album::open(out, &args.images));

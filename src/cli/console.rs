@@ -12,6 +12,7 @@ use tracing_subscriber::fmt::MakeWriter;
 
 use super::LogFormat;
 use super::screen::{Features, Screen};
+use crate::config::When;
 
 /// Records that wait; what comes while so many wait is dropped and counted.
 const MAX_WAITING: usize = 512;
@@ -21,6 +22,8 @@ const MAX_RECORD_LEN: usize = 8 * 1024;
 const TOO_LONG: &str = "a log line was dropped: it was too long";
 /// A window whose width nobody tells.
 const DEFAULT_COLUMNS: usize = 80;
+/// The longest wait to divert what is written.
+const DIVERT_LIMIT: Duration = Duration::from_millis(500);
 /// Between two tries to leave a note when ending.
 const END_PAUSE: Duration = Duration::from_millis(5);
 
@@ -38,6 +41,8 @@ enum Note {
     Record(Vec<u8>),
     /// The newest status line stands in [`Shared`].
     Status,
+    /// From now on everything goes there; `None`: to stderr again.
+    Divert(Option<Box<dyn Write + Send>>),
     End(SyncSender<()>),
 }
 
@@ -53,8 +58,8 @@ impl Console {
     ///
     /// # Errors
     /// When the system has no thread to give.
-    pub fn start(format: LogFormat) -> io::Result<Console> {
-        let features = features_of_stderr(format);
+    pub fn start(format: LogFormat, colour: When) -> io::Result<Console> {
+        let features = features_of_stderr(format, colour);
         Console::over(io::stderr(), features, stderr_columns, format)
     }
 
@@ -68,6 +73,7 @@ impl Console {
         let shared = Arc::new(Shared::default());
         let desk = Desk {
             out,
+            diverted: None,
             screen: Screen::new(features),
             columns,
             shared: Arc::clone(&shared),
@@ -121,6 +127,12 @@ impl Console {
         self.record(said(self.format, level, text).into_bytes());
     }
 
+    /// Writes elsewhere from now on, such as above a prompt; `None`: to stderr again.
+    pub fn divert(&self, to: Option<Box<dyn Write + Send>>) {
+        let mut left = DIVERT_LIMIT;
+        self.insist(Note::Divert(to), &mut left);
+    }
+
     fn record(&self, mut record: Vec<u8>) {
         if record.len() > MAX_RECORD_LEN {
             match self.format {
@@ -168,6 +180,7 @@ fn said(format: LogFormat, level: &str, text: &str) -> String {
 /// The writing thread's side.
 struct Desk<W> {
     out: W,
+    diverted: Option<Box<dyn Write + Send>>,
     screen: Screen,
     columns: fn() -> usize,
     shared: Arc<Shared>,
@@ -184,6 +197,7 @@ impl<W: Write> Desk<W> {
                     self.put(self.screen.record(&text, (self.columns)()));
                 }
                 Note::Status => {}
+                Note::Divert(to) => self.diverted = to,
                 Note::End(done) => {
                     self.confess();
                     let last = self.screen.end();
@@ -224,19 +238,28 @@ impl<W: Write> Desk<W> {
 
     fn put(&mut self, text: String) {
         if !text.is_empty() {
-            let _ = self.out.write_all(text.as_bytes());
-            let _ = self.out.flush();
+            let out: &mut dyn Write = match &mut self.diverted {
+                Some(out) => out,
+                None => &mut self.out,
+            };
+            let _ = out.write_all(text.as_bytes());
+            let _ = out.flush();
         }
     }
 }
 
-fn features_of_stderr(format: LogFormat) -> Features {
+fn features_of_stderr(format: LogFormat, colour: When) -> Features {
     let dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
     let no_colour = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     let redraw = io::stderr().is_terminal() && !dumb && format == LogFormat::Text;
     Features {
         redraw,
-        colour: redraw && !no_colour,
+        colour: format == LogFormat::Text
+            && match colour {
+                When::Auto => redraw && !no_colour,
+                When::Always => true,
+                When::Never => false,
+            },
     }
 }
 

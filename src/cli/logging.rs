@@ -1,15 +1,28 @@
 //! Logs: what `tracing` records, as text for people or JSON for programs, through the console.
 
+use std::fmt;
+
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::fmt::format::Writer;
+use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
 
 use super::{Console, LogFormat};
+use crate::config::Level;
+use crate::lab;
 
-/// Without `RUST_LOG`: our own doings, and what worries others.
-const DEFAULT_FILTER: &str = "warn,spykee=info";
+/// Without `RUST_LOG`: our own doings from the config's level on, and what worries others.
+fn usual(level: Level) -> &'static str {
+    match level {
+        Level::Error => "error",
+        Level::Warn => "warn",
+        Level::Info => "warn,spykee=info",
+        Level::Debug => "warn,spykee=debug",
+    }
+}
 
 /// Logs from now on. `RUST_LOG` chooses what is logged; one that cannot be read is named and the
 /// default taken. A second call changes nothing.
-pub(super) fn start(console: &Console, format: LogFormat) {
+pub(super) fn start(console: &Console, format: LogFormat, level: Level) {
     let wanted = std::env::var("RUST_LOG")
         .ok()
         .filter(|text| !text.is_empty());
@@ -18,9 +31,10 @@ pub(super) fn start(console: &Console, format: LogFormat) {
     let filter = parsed
         .ok()
         .flatten()
-        .unwrap_or_else(|| EnvFilter::new(DEFAULT_FILTER));
+        .unwrap_or_else(|| EnvFilter::new(usual(level)));
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
+        .with_timer(Clock)
         .with_writer(console.clone())
         .with_ansi(console.colour());
     let started = match format {
@@ -32,6 +46,21 @@ pub(super) fn start(console: &Console, format: LogFormat) {
         }
     };
     if let (Ok(()), Some(complaint)) = (started, complaint) {
-        tracing::warn!("RUST_LOG is ignored: {complaint}; try RUST_LOG=debug or {DEFAULT_FILTER}");
+        tracing::warn!(
+            "RUST_LOG is ignored: {complaint}; try RUST_LOG=debug or {}",
+            usual(level)
+        );
+    }
+}
+
+/// Virtual time where there is any: `+3725.040s`.
+struct Clock;
+
+impl FormatTime for Clock {
+    fn format_time(&self, writer: &mut Writer<'_>) -> fmt::Result {
+        match lab::now() {
+            Some(time) => write!(writer, "+{:.3}s", time.as_secs_f64()),
+            None => SystemTime.format_time(writer),
+        }
     }
 }

@@ -2,22 +2,33 @@
 //! does lives on lower floors.
 
 mod album;
+mod api;
 mod blobs;
+mod calibrate;
+mod check;
 mod colours;
+mod completions;
+mod config;
 mod connection;
 mod console;
 mod discover;
+mod doctor;
+mod driver;
 mod embedded;
 mod failure;
 mod fast;
 mod interrupt;
 mod learn;
 mod logging;
+mod new;
 mod params;
 mod picture;
+mod repl;
+mod robot;
 mod run;
 mod screen;
 mod sim;
+mod source;
 mod status;
 mod table;
 mod trace;
@@ -25,12 +36,13 @@ mod world;
 
 use std::future::Future;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
 use crate::behaviour::{HOST_ARGUMENT, host_main};
-use clap::{Parser, Subcommand, ValueEnum};
+use crate::config::{Effective, Format, Logging};
+use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 
 pub use connection::{ConnectionArgs, LoginArgs, Place};
 pub use console::Console;
@@ -48,9 +60,18 @@ struct Cli {
     #[command(subcommand)]
     command: Command,
 
-    /// How logs are written on stderr; $RUST_LOG chooses what is logged
-    #[arg(long, value_enum, default_value = "text", global = true)]
-    log_format: LogFormat,
+    /// How logs are written on stderr [default: text]; $RUST_LOG chooses what is logged
+    #[arg(long, value_enum, global = true)]
+    log_format: Option<LogFormat>,
+}
+
+impl From<Format> for LogFormat {
+    fn from(format: Format) -> LogFormat {
+        match format {
+            Format::Text => LogFormat::Text,
+            Format::Json => LogFormat::Json,
+        }
+    }
 }
 
 /// How logs are written.
@@ -65,21 +86,49 @@ pub enum LogFormat {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(run::RunArgs),
+    New(new::NewArgs),
+    Repl(repl::ReplArgs),
+    Config(config::ConfigArgs),
+    Check(check::CheckArgs),
+    Api(api::ApiArgs),
     Discover(discover::DiscoverArgs),
     Sim(sim::SimArgs),
     Blobs(blobs::BlobsArgs),
     Learn(learn::LearnArgs),
+    Robot(robot::RobotArgs),
+    Calibrate(calibrate::CalibrateArgs),
+    Doctor(doctor::DoctorArgs),
+    Completions(completions::CompletionsArgs),
     World(world::WorldArgs),
 }
 
 impl Command {
+    /// The config file that was named, for a command that reads one.
+    fn config_file(&self) -> Option<&Path> {
+        match self {
+            Command::Run(args) => args.config.as_deref(),
+            Command::Repl(args) => args.config.as_deref(),
+            Command::Config(args) => args.file(),
+            _ => None,
+        }
+    }
+
     fn run(self, console: &Console) -> Result<Exit, Failure> {
         match self {
             Command::Run(args) => run::run(&args, console),
+            Command::New(args) => new::run(&args),
+            Command::Repl(args) => repl::run(&args, console),
+            Command::Config(args) => config::run(&args),
+            Command::Check(args) => check::run(&args),
+            Command::Api(args) => api::run(&args),
             Command::Discover(args) => discover::run(&args, console),
             Command::Sim(args) => sim::run(&args, console),
             Command::Blobs(args) => blobs::run(&args, console),
             Command::Learn(args) => learn::run(&args, console),
+            Command::Robot(args) => robot::run(&args, console),
+            Command::Calibrate(args) => calibrate::run(&args),
+            Command::Doctor(args) => doctor::run(&args),
+            Command::Completions(args) => completions::run(&args, Cli::command()),
             Command::World(args) => world::run(&args),
         }
     }
@@ -104,11 +153,15 @@ pub fn main() -> ExitCode {
             .into();
         }
     };
-    let Ok(console) = Console::start(cli.log_format) else {
+    // A config that is wrong is told by the command that needs it.
+    let logs = Effective::load(cli.command.config_file());
+    let logs = logs.map_or_else(|_| Logging::default(), |all| all.config.logging);
+    let format = cli.log_format.unwrap_or(logs.format.into());
+    let Ok(console) = Console::start(format, logs.colour) else {
         return Exit::Usage.into();
     };
     report_panics(console.clone());
-    logging::start(&console, cli.log_format);
+    logging::start(&console, format, logs.level);
     let (exit, last_words) = match cli.command.run(&console) {
         Ok(exit) => (exit, None),
         Err(failure) => (failure.exit, Some(failure.report())),

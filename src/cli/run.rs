@@ -1,14 +1,15 @@
 //! `spykee run`: behaviours on a robot, or on a simulated one inside this program.
 
+use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::fmt::Display;
 use std::fs::DirBuilder;
-use std::io::Read;
 use std::os::unix::fs::DirBuilderExt as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use tokio::sync::watch;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use tokio::sync::{mpsc, watch};
 use tokio::time::{MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
 
@@ -16,22 +17,23 @@ use super::embedded::EmbeddedSim;
 use super::fast::{EventFile, Fast};
 use super::interrupt::interruption;
 use super::params::{self, Param};
+use super::source::read_source;
 use super::status::StatusLine;
 use super::trace::TraceFile;
-use super::{ConnectionArgs, Console, Exit, Failure, Place};
+use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
-use crate::behaviour::{Launch, Launcher, Library};
+use crate::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure};
 use crate::config::{Config, Entry};
 use crate::lab;
 use crate::link::{self, Target};
 use crate::pilot::{Dial, Settings, Status};
-use crate::robot::{EndReason, Priority};
-use crate::script::{self, MAX_SOURCE};
+use crate::robot::EndReason;
+use crate::script::{self, GivenParam, ParamOrigin, ParamValue};
 use crate::sim;
 use crate::wire::Login;
 
 /// Where pictures are saved unless the config says something else.
-const DATA_FOLDER: &str = "spykee-data";
+pub(super) const DATA_FOLDER: &str = "spykee-data";
 /// How often the status line is drawn anew.
 pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
 /// The longest `--for`: a year.
@@ -46,7 +48,7 @@ pub(super) struct RunArgs {
 
     /// Read the settings from this YAML file
     #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
+    pub(super) config: Option<PathBuf>,
 
     /// End after so many seconds
     #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
@@ -61,6 +63,15 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "DIR")]
     annotate: Option<PathBuf>,
 
+    /// Start a behaviour that failed again, after growing pauses and not too often: never or
+    /// on-failure. For all behaviours, whatever the config says
+    #[arg(long, value_name = "POLICY", value_parser = restart_words())]
+    restart: Option<RestartPolicy>,
+
+    /// Load a behaviour anew whenever its file is saved; Ctrl-C ends the run
+    #[arg(long, conflicts_with = "fast")]
+    watch: bool,
+
     /// With --sim: draw the way that the robot went, and what happened, onto the map of its world
     #[arg(long, value_name = "FILE.png", value_parser = super::world::parse_png)]
     trace: Option<PathBuf>,
@@ -73,12 +84,22 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "FILE", requires = "fast")]
     events: Option<PathBuf>,
 
+    /// Run without looking for mistakes first
+    #[arg(long)]
+    no_check: bool,
+
     /// Set a parameter that the script declares; with several behaviours BEHAVIOUR.NAME=VALUE
     #[arg(long = "param", value_name = "NAME=VALUE", value_parser = Param::parse)]
     params: Vec<Param>,
 
     #[command(flatten)]
     connection: ConnectionArgs,
+}
+
+/// As the config has them; the numbers of a table are its usual ones.
+fn restart_words() -> impl TypedValueParser<Value = RestartPolicy> {
+    PossibleValuesParser::new(RestartPolicy::WORDS)
+        .try_map(|word| word.parse::<RestartPolicy>().map_err(std::io::Error::other))
 }
 
 fn parse_seconds(text: &str) -> Result<Duration, String> {
@@ -98,12 +119,12 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let mut args = args.clone();
     args.files
         .extend(args.connection.take_misplaced_behaviour());
-    let config = match &args.config {
-        Some(path) => Config::load(path).map_err(Failure::usage)?,
-        None => Config::default(),
-    };
+    let config = Config::effective(args.config.as_deref()).map_err(Failure::usage)?;
     let seed = args.seed.unwrap_or_else(rand::random);
-    let behaviours = behaviours(&args, &config, seed)?;
+    let (behaviours, watches) = behaviours(&args, &config, seed)?;
+    if !args.no_check {
+        check::before_run(&behaviours, console)?;
+    }
     let place = place(&args.connection, &config)?;
     let trace = trace_file(&args, matches!(place, Place::Sim(_)))?;
     let login = args.connection.login.or_from(&config).login()?;
@@ -143,7 +164,12 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         limit: args.limit,
     };
     let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle));
-    let outcome = runtime.block_on(drive(plan, line, console));
+    let outcome = runtime.block_on(async {
+        for (watched, reloads) in watches {
+            tokio::spawn(watched.run(reloads));
+        }
+        drive(plan, line, console).await
+    });
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
     // Also of a run that failed or was interrupted: then people want to see it most.
     let drawn = match (trace, &sim) {
@@ -232,17 +258,15 @@ fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
         Err(AgentError::Link(error)) => return Err(error.into()),
         Err(error @ AgentError::Broken(_)) => return Err(Failure::new(Exit::Script, error)),
     };
-    let ended_by = |reasons: &[EndReason]| {
-        outcome
-            .endings
-            .iter()
-            .any(|(_, ending)| reasons.contains(&ending.reason))
+    let ended_by = |is: fn(EndReason) -> bool| {
+        let mut endings = outcome.endings.iter();
+        endings.any(|(_, ending)| is(ending.reason))
     };
     Ok(if outcome.interrupted {
         Exit::Interrupted
-    } else if ended_by(&[EndReason::Error, EndReason::Cpu, EndReason::Memory]) {
+    } else if ended_by(is_failure) {
         Exit::Script
-    } else if outcome.safety || ended_by(&[EndReason::Safety]) {
+    } else if outcome.safety || ended_by(|reason| reason == EndReason::Safety) {
         Exit::Safety
     } else {
         Exit::Done
@@ -267,7 +291,7 @@ async fn show(
     }
 }
 
-fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure> {
+pub(super) fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure> {
     let from_config = || config.robot.clone().map(Place::Robot);
     connection.place().or_else(from_config).ok_or_else(|| {
         Failure::usage("which robot? neither --robot nor --sim was given").help(
@@ -277,7 +301,11 @@ fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure>
     })
 }
 
-fn reach(place: Place, login: &Login, seed: u64) -> Result<(Target, Option<EmbeddedSim>), Failure> {
+pub(super) fn reach(
+    place: Place,
+    login: &Login,
+    seed: u64,
+) -> Result<(Target, Option<EmbeddedSim>), Failure> {
     match place {
         Place::Robot(target) => Ok((target, None)),
         Place::Sim(world) => {
@@ -292,18 +320,22 @@ fn reach(place: Place, login: &Login, seed: u64) -> Result<(Target, Option<Embed
     }
 }
 
-fn dial(target: Target, login: Login, options: link::Options) -> Dial {
+pub(super) fn dial(target: Target, login: Login, options: link::Options) -> Dial {
     Box::new(move || {
         let (target, login, options) = (target.clone(), login.clone(), options.clone());
         Box::pin(async move { link::connect(&target, &login, &options).await })
     })
 }
 
-fn behaviours(args: &RunArgs, config: &Config, seed: u64) -> Result<Vec<Behaviour>, Failure> {
-    let named = |file: &PathBuf| Entry {
-        file: file.clone(),
-        priority: Priority(0),
-    };
+/// A behaviour's file under watch, and who is told.
+type Watch = (Watched, mpsc::Sender<Reload>);
+
+fn behaviours(
+    args: &RunArgs,
+    config: &Config,
+    seed: u64,
+) -> Result<(Vec<Behaviour>, Vec<Watch>), Failure> {
+    let named = |file: &PathBuf| Entry::of(file.clone());
     let entries: Vec<Entry> = match args.files.is_empty() {
         true => config.behaviours.clone(),
         false => args.files.iter().map(named).collect(),
@@ -312,14 +344,21 @@ fn behaviours(args: &RunArgs, config: &Config, seed: u64) -> Result<Vec<Behaviou
         let failure = Failure::usage("what to run? no behaviour was named");
         return Err(failure.help("spykee run behaviours/patrol.lua --sim"));
     }
-    let mut names = Vec::new();
-    let numbered = entries.iter().zip(seed..);
-    let mut behaviours = numbered
-        .map(|(entry, seed)| behaviour(entry, args, config, seed, &mut names))
-        .collect::<Result<Vec<_>, _>>()?;
+    let (mut names, mut watches, mut behaviours) = (Vec::new(), Vec::new(), Vec::new());
+    for (entry, seed) in entries.iter().zip(seed..) {
+        // Before the file is read, so that no save is missed.
+        let watched = args.watch.then(|| Watched::new(entry.file.clone()));
+        let mut behaviour = behaviour(entry, args, config, seed, &mut names)?;
+        if let Some(watched) = watched {
+            let (reloads, received) = mpsc::channel(1);
+            behaviour.reloads = Some(received);
+            watches.push((watched, reloads));
+        }
+        behaviours.push(behaviour);
+    }
     let options = behaviours.iter_mut().map(|one| &mut one.launch.options);
     params::give(&args.params, options.collect())?;
-    Ok(behaviours)
+    Ok((behaviours, watches))
 }
 
 fn behaviour(
@@ -330,7 +369,7 @@ fn behaviour(
     names: &mut Vec<String>,
 ) -> Result<Behaviour, Failure> {
     let source = read_source(&entry.file)?;
-    let name = unique(stem(&entry.file), names);
+    let name = unique(entry.name(), names);
     let data = config.data.clone().unwrap_or_else(|| DATA_FOLDER.into());
     let data = std::path::absolute(data.join(&name)).map_err(Failure::usage)?;
     let options = script::Options {
@@ -339,6 +378,7 @@ fn behaviour(
         calibration: config.calibration,
         camera: config.camera,
         colours: config.colours.clone(),
+        params: params(entry, args.config.as_deref()),
         annotate_dir: marked_folder(args.annotate.as_deref(), &name, &data)?,
         data_dir: Some(data),
         ..script::Options::new(name, entry.file.display().to_string())
@@ -352,7 +392,19 @@ fn behaviour(
             options,
             library,
         },
+        restart: args.restart.unwrap_or(entry.restart),
+        reloads: None,
     })
+}
+
+/// What the config says for what the script declares.
+pub(super) fn params(entry: &Entry, config: Option<&Path>) -> BTreeMap<String, GivenParam> {
+    let origin = config.map_or_else(String::new, |config| config.display().to_string());
+    let given = |(name, value): (&String, &ParamValue)| {
+        let (value, origin) = (value.clone(), ParamOrigin::Config(origin.clone()));
+        (name.clone(), GivenParam { value, origin })
+    };
+    entry.params.iter().map(given).collect()
 }
 
 /// The private folder for a behaviour's marked frames, made here so that a wrong one is told before
@@ -382,30 +434,6 @@ fn marked_folder(
         .create(&folder);
     made.map_err(|error| refused(&error))?;
     Ok(Some(folder))
-}
-
-/// One byte more than a script may have, so that a longer one is told as such.
-fn read_source(path: &Path) -> Result<Vec<u8>, Failure> {
-    let cannot = |error: std::io::Error| {
-        Failure::usage(format_args!(
-            "cannot read the behaviour {}: {error}",
-            path.display()
-        ))
-        .help("ready-made behaviours are in behaviours/")
-    };
-    let mut source = Vec::new();
-    let file = std::fs::File::open(path).map_err(cannot)?;
-    file.take(MAX_SOURCE as u64 + 1)
-        .read_to_end(&mut source)
-        .map_err(cannot)?;
-    Ok(source)
-}
-
-fn stem(path: &Path) -> String {
-    path.file_stem().map_or_else(
-        || "script".to_owned(),
-        |stem| stem.to_string_lossy().into_owned(),
-    )
 }
 
 /// Two behaviours of one name would share a data folder.

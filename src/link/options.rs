@@ -6,25 +6,31 @@ use serde::{Deserialize, Serialize};
 
 /// Time limits of connecting, logging in and giving up. In YAML each is a number of seconds; one
 /// out of its range is refused where it stands.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(rename = "Link")]
 pub struct Options {
     /// The longest wait for a TCP connection, name lookup included; 0.1 to 120 s, default 5 s.
     #[serde(with = "seconds::Between::<100, 120_000>")]
+    #[schemars(with = "f64")]
     pub connect_timeout: Duration,
     /// The longest wait, from the login on, for AUTH_REPLY and the first POWER; 0.1 to 600 s,
     /// default 10 s.
     #[serde(with = "seconds::Between::<100, 600_000>")]
+    #[schemars(with = "f64")]
     pub login_timeout: Duration,
     /// The pause before the first new try after a lost link; 0.05 to 60 s, default 0.5 s.
     #[serde(with = "seconds::Between::<50, 60_000>")]
+    #[schemars(with = "f64")]
     pub first_pause: Duration,
     /// Pauses grow up to this; 0.05 to 3600 s, default 30 s.
     #[serde(with = "seconds::Between::<50, 3_600_000>")]
+    #[schemars(with = "f64")]
     pub longest_pause: Duration,
     /// A write that the robot has not acknowledged for so long means a dead link; 0.5 to 60 s,
     /// default 3 s.
     #[serde(with = "seconds::Between::<500, 60_000>")]
+    #[schemars(with = "f64")]
     pub dead_after: Duration,
 }
 

@@ -12,6 +12,7 @@ use crate::wire::{Command, Stream};
 
 #[derive(Debug)]
 struct Seat {
+    name: String,
     priority: Priority,
     outbox: Outbox,
     streams: BTreeSet<Stream>,
@@ -30,6 +31,7 @@ impl Seats {
     pub(super) fn join(
         &mut self,
         by: BehaviourId,
+        name: String,
         priority: Priority,
         mut outbox: Outbox,
         welcome: &[Event],
@@ -38,6 +40,7 @@ impl Seats {
         self.seats.insert(
             by,
             Seat {
+                name,
                 priority,
                 outbox,
                 streams: BTreeSet::new(),
@@ -53,10 +56,10 @@ impl Seats {
         };
         let admitted = seat.throttle.admits(command, now);
         if !admitted && let Some(count) = seat.throttle.complaint() {
-            let number = by.0;
+            let behaviour = &seat.name;
             warn!(
-                number,
-                count, "a behaviour sends more than the robot can take; commands were dropped"
+                behaviour,
+                count, "sends more than the robot can take: commands were dropped"
             );
         }
         admitted
@@ -84,6 +87,11 @@ impl Seats {
         if let Some(seat) = self.seats.get_mut(&by) {
             seat.outbox.tell(event);
         }
+    }
+
+    /// Tells every behaviour that there is a newer picture.
+    pub(super) fn show_all(&self) {
+        self.seats.values().for_each(|seat| seat.outbox.show());
     }
 
     /// Tells every behaviour.
@@ -175,7 +183,7 @@ mod tests {
     fn a_stream_is_on_while_any_behaviour_wants_it() {
         let mut seats = Seats::default();
         for by in [ONE, TWO] {
-            seats.join(by, Priority(0), events().0, &[]);
+            seats.join(by, "one".to_owned(), Priority(0), events().0, &[]);
             seats.want(by, Stream::Video, true);
         }
         assert_eq!(seats.stream_changes(false), [video(true)]);
@@ -195,7 +203,7 @@ mod tests {
     async fn a_killed_behaviour_is_heard_no_more() {
         let mut seats = Seats::default();
         let (outbox, mut inbox) = events();
-        seats.join(ONE, Priority(3), outbox, &[]);
+        seats.join(ONE, "one".to_owned(), Priority(3), outbox, &[]);
         assert_eq!(seats.priority(ONE), Some(Priority(3)));
         seats.kill(ONE, EndReason::Cpu);
         assert_eq!(seats.priority(ONE), None);

@@ -10,7 +10,7 @@ use super::Pilot;
 use crate::robot::channel::Request;
 use crate::robot::{BehaviourId, Intent, Priority};
 use crate::safety::{Ask, Fact};
-use crate::wire::{Command, Stream};
+use crate::wire::{Command, Sound, Stream};
 
 /// When streams are switched that a behaviour switches faster than it may.
 const STREAMS_LATER: Duration = Duration::from_millis(100);
@@ -20,21 +20,27 @@ impl Pilot {
         match request {
             Request::Join {
                 by,
+                name,
                 priority,
                 outbox,
             } => {
-                self.seats.join(by, priority, outbox, &self.welcome());
+                let welcome = self.welcome();
+                self.seats.join(by, name, priority, outbox, &welcome);
                 None
             }
             Request::Intent(by, intent) => match self.seats.priority(by) {
                 Some(priority) => self.intent(by, priority, intent).await,
                 None => None,
             },
-            Request::Alive(by) => self.take(Fact::Alive(by)).await,
+            Request::Alive(by) => self.put_off(Fact::Alive(by)),
             Request::Gone(by) => {
                 self.seats.leave(by);
-                let lost = self.take(Fact::Gone(by)).await;
-                self.apply_streams(false).await.or(lost)
+                self.put_off(Fact::Gone(by));
+                self.apply_streams(false).await
+            }
+            Request::Alarm => {
+                self.alarm_due = true;
+                self.sound_alarm().await
             }
         }
     }
@@ -64,7 +70,8 @@ impl Pilot {
                     .await;
             }
             Intent::Release { motion } => {
-                return self.ask(by, priority, Ask::Release(motion)).await;
+                let ask = Ask::Release(motion);
+                return self.put_off(Fact::Asked { by, priority, ask });
             }
             Intent::Stop => return self.ask(by, priority, Ask::Stop).await,
             Intent::Dock { call, plan } => {
@@ -94,7 +101,38 @@ impl Pilot {
             return None;
         }
         self.lights.note(&command);
-        self.write(&[command]).await
+        let lost = self.settle().await;
+        self.write(&[command]).await.or(lost)
+    }
+
+    /// A behaviour that lets go of the tracks may take them again at once, and what waits below it
+    /// must not drive for that instant: what comes of it is seen when all that has come is served.
+    /// Nothing is written in between.
+    fn put_off(&mut self, fact: Fact) -> Option<String> {
+        self.watchdog.absorb(fact, Instant::now());
+        self.unsettled = true;
+        None
+    }
+
+    /// Does what was put off.
+    pub(super) async fn settle(&mut self) -> Option<String> {
+        if !std::mem::take(&mut self.unsettled) {
+            return None;
+        }
+        let acts = self.watchdog.tick(Instant::now());
+        self.perform(acts).await
+    }
+
+    /// The alarm of a behaviour that was given up, as soon as there is a robot to sound it.
+    pub(super) async fn sound_alarm(&mut self) -> Option<String> {
+        if !self.alarm_due || self.writer.is_none() {
+            return None;
+        }
+        self.alarm_due = false;
+        let alarm = Command::Play(Sound::Alarm);
+        self.lights.note(&alarm);
+        let lost = self.settle().await;
+        self.write(&[alarm]).await.or(lost)
     }
 
     async fn ask(&mut self, by: BehaviourId, priority: Priority, ask: Ask) -> Option<String> {
@@ -113,8 +151,9 @@ impl Pilot {
         if commands.is_empty() || self.writer.is_none() {
             return None;
         }
+        let settled = self.settle().await;
         let listening = self.seats.wants(Stream::Video) || self.seats.wants(Stream::AudioIn);
         let lost = self.take(Fact::Listening(listening)).await;
-        self.write(&commands).await.or(lost)
+        self.write(&commands).await.or(lost).or(settled)
     }
 }

@@ -26,7 +26,7 @@ pub struct Status {
     pub battery: Option<Battery>,
     /// The battery counts as low and the watchdog has the robot.
     pub low: bool,
-    /// Frames that have come so far. Counting alone wakes nobody who waits for a change.
+    /// Frames that have come so far, damaged ones included. Counting alone wakes nobody who waits for a change.
     pub frames: u64,
 }
 
@@ -62,9 +62,9 @@ impl Status {
         std::mem::replace(self, newest) != newest
     }
 
-    /// Counts a frame, which is no news.
-    pub(super) fn count_frame(&mut self) -> bool {
+    /// Counts a frame, which is no news, and gives its number.
+    pub(super) fn count_frame(&mut self) -> u64 {
         self.frames += 1;
-        false
+        self.frames
     }
 }

@@ -1,7 +1,9 @@
 //! The channels between the pilot and the behaviours' supervisors. Every queue is bounded; what
 //! does not fit is dropped and counted, but for answers, on which a waiting call hangs.
 
-use tokio::sync::{mpsc, watch};
+use std::sync::Arc;
+
+use tokio::sync::{Notify, mpsc, watch};
 
 use super::{BehaviourId, EndReason, Event, Intent, Priority};
 
@@ -17,6 +19,8 @@ pub enum Request {
     Join {
         /// Its number.
         by: BehaviourId,
+        /// What people call it.
+        name: String,
         /// Its priority.
         priority: Priority,
         /// Where it is told.
@@ -28,21 +32,26 @@ pub enum Request {
     Alive(BehaviourId),
     /// A behaviour is no more.
     Gone(BehaviourId),
+    /// Something went wrong for good that a person should know: sound the alarm, once.
+    Alarm,
 }
 
 /// Makes the two ends of a behaviour's line from the pilot.
 pub fn events() -> (Outbox, Inbox) {
     let (events, received) = mpsc::channel(MAX_EVENTS);
     let (kill, killed) = watch::channel(None);
+    let picture = Arc::new(Notify::new());
     (
         Outbox {
             events,
             kill,
+            picture: picture.clone(),
             dropped: 0,
         },
         Inbox {
             events: received,
             killed,
+            picture,
         },
     )
 }
@@ -52,6 +61,7 @@ pub fn events() -> (Outbox, Inbox) {
 pub struct Outbox {
     events: mpsc::Sender<Event>,
     kill: watch::Sender<Option<EndReason>>,
+    picture: Arc<Notify>,
     dropped: u64,
 }
 
@@ -65,6 +75,13 @@ impl Outbox {
                 self.kill(EndReason::Cpu);
             }
         }
+    }
+
+    /// Says that there is a newer picture. Each behaviour is told by itself, in the order of the
+    /// pilot's choice: those who wait for one `watch` are woken in an order of chance, and then no
+    /// simulation is like another.
+    pub fn show(&self) {
+        self.picture.notify_one();
     }
 
     /// Has the behaviour's host ended by SIGKILL.
@@ -84,6 +101,7 @@ impl Outbox {
 pub struct Inbox {
     events: mpsc::Receiver<Event>,
     killed: watch::Receiver<Option<EndReason>>,
+    picture: Arc<Notify>,
 }
 
 /// What the pilot tells a supervisor.
@@ -98,6 +116,11 @@ pub enum Told {
 }
 
 impl Inbox {
+    /// Notified when there is a newer picture.
+    pub fn picture(&self) -> Arc<Notify> {
+        self.picture.clone()
+    }
+
     /// The next word from the pilot; a kill overtakes every event. Cancel-safe.
     pub async fn next(&mut self) -> Told {
         if let Some(reason) = *self.killed.borrow_and_update() {

@@ -9,8 +9,9 @@ use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// A whole percentage, 0..=100.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Percent(u8);
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, schemars::JsonSchema)]
+#[schemars(inline)]
+pub struct Percent(#[schemars(range(max = 100))] u8);
 
 impl Percent {
     /// `None` beyond 100.
@@ -73,8 +74,9 @@ impl TrackPower {
 }
 
 /// A time that the config writes as a number of seconds, 0.05..=86,400.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Seconds(Duration);
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, schemars::JsonSchema)]
+#[schemars(inline)]
+pub struct Seconds(#[schemars(with = "f64", range(min = 0.05, max = 86_400))] Duration);
 
 impl Seconds {
     /// Of whole seconds.

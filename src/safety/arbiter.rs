@@ -148,6 +148,11 @@ impl Arbiter {
             .map_or(Setpoint::STOP, |wish| wish.setpoint)
     }
 
+    /// Whose wish the tracks follow, held or not.
+    pub fn driver(&self) -> Option<BehaviourId> {
+        self.wishes.first().map(|wish| wish.by)
+    }
+
     /// Behaviours that have a wish, driving or standing by.
     pub fn wishing(&self) -> impl Iterator<Item = BehaviourId> + '_ {
         self.wishes.iter().map(|wish| wish.by)
@@ -166,110 +171,4 @@ impl Arbiter {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const PATROL: (BehaviourId, Priority) = (BehaviourId(0), Priority(0));
-    const AVOID: (BehaviourId, Priority) = (BehaviourId(1), Priority(10));
-    const OTHER: (BehaviourId, Priority) = (BehaviourId(2), Priority(0));
-    const SECOND: Duration = Duration::from_secs(1);
-
-    fn at(percent: f64) -> Setpoint {
-        Setpoint::from_percent(percent, percent).unwrap()
-    }
-
-    fn ended(who: (BehaviourId, Priority), motion: u64, end: MotionEnd) -> Ended {
-        Ended {
-            by: who.0,
-            motion: MotionId(motion),
-            end,
-        }
-    }
-
-    #[test]
-    fn the_higher_priority_drives_and_the_lower_takes_over_again() {
-        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-        assert_eq!(arbiter.wish(PATROL, MotionId(1), at(40.0), None, now), []);
-        assert_eq!(arbiter.wish(AVOID, MotionId(1), at(-20.0), None, now), []);
-        assert_eq!(arbiter.setpoint(), at(-20.0));
-        arbiter.release(AVOID.0, MotionId(1));
-        assert_eq!(arbiter.setpoint(), at(40.0));
-    }
-
-    #[test]
-    fn a_timed_move_of_the_loser_is_preempted_when_the_winner_comes() {
-        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-        arbiter.wish(PATROL, MotionId(7), at(40.0), Some(SECOND), now);
-        let over = arbiter.wish(AVOID, MotionId(1), at(-20.0), Some(SECOND), now);
-        assert_eq!(over, [ended(PATROL, 7, MotionEnd::Preempted)]);
-    }
-
-    #[test]
-    fn a_timed_move_below_the_driver_is_preempted_at_once() {
-        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-        arbiter.wish(AVOID, MotionId(1), at(-20.0), None, now);
-        let over = arbiter.wish(PATROL, MotionId(2), at(40.0), Some(SECOND), now);
-        assert_eq!(over, [ended(PATROL, 2, MotionEnd::Preempted)]);
-        assert_eq!(arbiter.setpoint(), at(-20.0));
-    }
-
-    #[test]
-    fn among_equals_the_first_keeps_the_tracks() {
-        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-        arbiter.wish(PATROL, MotionId(1), at(40.0), None, now);
-        arbiter.wish(OTHER, MotionId(1), at(90.0), None, now);
-        assert_eq!(arbiter.setpoint(), at(40.0));
-        arbiter.wish(PATROL, MotionId(2), at(50.0), None, now);
-        assert_eq!(arbiter.setpoint(), at(50.0));
-    }
-
-    #[test]
-    fn a_newer_setpoint_of_the_same_behaviour_ends_the_older() {
-        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-        arbiter.wish(PATROL, MotionId(1), at(40.0), Some(SECOND), now);
-        let over = arbiter.wish(PATROL, MotionId(2), at(50.0), None, now);
-        assert_eq!(over, [ended(PATROL, 1, MotionEnd::Preempted)]);
-        assert_eq!(arbiter.release(PATROL.0, MotionId(1)), []);
-        assert_eq!(arbiter.setpoint(), at(50.0));
-    }
-
-    #[test]
-    fn time_ends_a_move() {
-        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-        arbiter.wish(PATROL, MotionId(1), at(40.0), Some(SECOND), now);
-        assert_eq!(arbiter.next_deadline(), Some(now + SECOND));
-        assert_eq!(arbiter.expire(now + SECOND / 2), []);
-        assert_eq!(
-            arbiter.expire(now + SECOND),
-            [ended(PATROL, 1, MotionEnd::Done)]
-        );
-        assert_eq!(arbiter.setpoint(), Setpoint::STOP);
-    }
-
-    #[test]
-    fn a_held_wish_moves_nothing_and_keeps_its_place() {
-        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-        arbiter.wish(PATROL, MotionId(1), at(40.0), None, now);
-        arbiter.wish(AVOID, MotionId(1), at(-20.0), None, now);
-        assert!(arbiter.hold(AVOID.0, true));
-        assert!(!arbiter.hold(AVOID.0, true), "held already");
-        assert_eq!(arbiter.setpoint(), Setpoint::STOP);
-        assert!(arbiter.hold(AVOID.0, false));
-        assert_eq!(arbiter.setpoint(), at(-20.0));
-    }
-
-    #[test]
-    fn stop_ends_equals_and_lower_but_not_a_higher_priority() {
-        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-        arbiter.wish(AVOID, MotionId(1), at(-20.0), None, now);
-        arbiter.wish(PATROL, MotionId(2), at(40.0), None, now);
-        arbiter.wish(OTHER, MotionId(3), at(60.0), None, now);
-        let over = arbiter.stop(OTHER.0, OTHER.1);
-        let expected = [
-            ended(OTHER, 3, MotionEnd::Cancelled),
-            ended(PATROL, 2, MotionEnd::Preempted),
-        ];
-        assert_eq!(over, expected);
-        assert_eq!(arbiter.setpoint(), at(-20.0));
-    }
-}
+mod tests;

@@ -151,6 +151,14 @@ mod tests {
     }
 
     #[test]
+    fn a_cause_is_told_in_words() {
+        let level = LowCause::Level(Percent::saturating(20));
+        assert_eq!(level.to_string(), "battery at 20 %");
+        let silence = LowCause::Silence(Duration::from_secs(600));
+        assert_eq!(silence.to_string(), "no battery level for 600 s");
+    }
+
+    #[test]
     fn released_at_the_ok_level_and_not_before() {
         let (mut guard, now) = guard();
         guard.report(power(20, false), now);

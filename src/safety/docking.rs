@@ -343,6 +343,26 @@ mod tests {
     }
 
     #[test]
+    fn without_charging_in_any_try_a_behaviour_hears_so() {
+        let (mut docking, now) = started(reversing(1));
+        for order in [vec![Order::Undock], vec![]] {
+            docking.engine(EngineNews::Docked, now);
+            assert_eq!(docking.poll(now + 5 * SECOND), order);
+            docking.engine(EngineNews::Undocked, now);
+        }
+        let outcome = docking.outcome().unwrap();
+        assert_eq!((outcome.end, outcome.attempts), (DockEnd::NotCharging, 2));
+    }
+
+    #[test]
+    fn a_station_that_lets_go_before_it_charges_is_a_failed_try() {
+        let (mut docking, now) = started(reversing(1));
+        docking.engine(EngineNews::Docked, now);
+        let orders = docking.engine(EngineNews::Undocked, now + SECOND);
+        assert_eq!(orders, [Order::Reverse]);
+    }
+
+    #[test]
     fn cancelling_ends_the_search_or_the_reversing() {
         let (mut docking, now) = started(reversing(1));
         assert_eq!(docking.cancel(DockEnd::Cancelled, now), [Order::Cancel]);

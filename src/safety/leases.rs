@@ -95,4 +95,13 @@ mod tests {
         leases.renew(WHO, now + 300 * MS);
         assert_eq!(leases.pulse(WHO, now + 350 * MS), Pulse::Alive);
     }
+
+    #[test]
+    fn a_host_that_is_no_more_is_waited_for_no_longer() {
+        let (mut leases, now) = (Leases::new(250 * MS, 100 * MS), Instant::now());
+        leases.renew(WHO, now);
+        leases.forget(WHO);
+        assert_eq!(leases.pulse(WHO, now), Pulse::Dead);
+        assert_eq!(leases.next_deadline([WHO].into_iter(), now), None);
+    }
 }

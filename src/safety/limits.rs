@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::robot::{Percent, Seconds};
 
 /// The numbers of the safety rules. Times are in seconds in the config.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Limits {
     /// At or below this level the robot is sent home, whatever the scripts do (20 %).

@@ -36,22 +36,25 @@ pub(super) struct Args {
 }
 
 /// A number's bounds, in words.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Bounds {
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Bounds {
+    /// From the first up to the second.
     Between(f64, f64),
     /// Above the first, up to the second.
     Above(f64, f64),
 }
 
 impl Bounds {
-    fn holds(self, number: f64) -> bool {
+    /// Whether a number is within them.
+    pub fn holds(self, number: f64) -> bool {
         match self {
             Bounds::Between(low, high) => (low..=high).contains(&number),
             Bounds::Above(low, high) => number > low && number <= high,
         }
     }
 
-    fn words(self) -> String {
+    /// Such as `between 0 and 100`.
+    pub fn words(self) -> String {
         match self {
             Bounds::Between(low, high) => format!("between {low} and {high}"),
             Bounds::Above(low, high) => format!("above {low} and at most {high}"),

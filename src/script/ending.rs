@@ -73,6 +73,11 @@ impl State {
             deadline: self.now + STOP_TIME,
             spent: Duration::ZERO,
         });
+        self.halt();
+    }
+
+    /// Its motion ends now, every task is cancelled and every subscription is off.
+    pub(super) fn halt(&mut self) {
         if let Some(motion) = self.motion.release_any() {
             self.outbox.send(Intent::Release { motion });
         }

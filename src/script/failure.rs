@@ -148,47 +148,6 @@ fn has_place(message: &str) -> bool {
     line.is_some_and(|line| line.parse::<u32>().is_ok())
 }
 
-/// Hints for errors that beginners meet: a piece of the VM's text, and what to do.
-const HINTS: [(&str, &str); 7] = [
-    (
-        "attempt to call a nil value",
-        "there is no function of that name here; check its spelling, and that it is defined above this line",
-    ),
-    (
-        "attempt to call missing method",
-        "check the spelling of the method's name",
-    ),
-    (
-        "attempt to index nil with",
-        "the value before the dot is nil; test it first, for example `if value then ... end`",
-    ),
-    (
-        "attempt to perform arithmetic",
-        "one of the two values is not a number; print them to see which",
-    ),
-    (
-        "attempt to compare",
-        "compare numbers with numbers; one of the two values is something else, perhaps nil",
-    ),
-    (
-        "attempt to concatenate",
-        "use tostring(value) for what is not text, and `..` only between texts and numbers",
-    ),
-    (
-        "attempt to yield across",
-        "nothing can wait inside a table.sort or gsub function or a metamethod",
-    ),
-];
-
-/// The text with what to do behind it, where that is known.
-pub(super) fn with_hint(text: &str) -> String {
-    let hint = HINTS.iter().find(|(piece, _)| text.contains(piece));
-    match hint {
-        Some((_, hint)) => format!("{text} ({hint})"),
-        None => text.to_owned(),
-    }
-}
-
 /// At most `longest` characters, without control characters other than line feed and tab, so that
 /// a script cannot write to the terminal what it likes.
 pub(super) fn printable(text: &str, longest: usize) -> String {

@@ -15,9 +15,10 @@
 mod api;
 mod arguments;
 mod budget;
-mod damage;
+pub mod check;
 mod declaration;
 mod ending;
+mod eval;
 mod events;
 mod failure;
 mod group;
@@ -57,7 +58,9 @@ use events::EventName;
 use state::State;
 use task::{Answer, Kind};
 
+pub use api::definition;
 pub(crate) use api::write_privately;
+pub use eval::Evaluated;
 pub use failure::{Ending, Failure};
 pub use modules::{ModuleFile, ModuleName};
 pub use nearest::suggestion;
@@ -107,7 +110,9 @@ impl Script {
     fn start(source: &str, options: Options, now: Instant) -> LuaResult<Script> {
         let lua = sandbox::open()?;
         let (chunk, seed) = (options.chunk.clone(), options.seed);
+        let text = source.to_owned();
         let state = Rc::new(RefCell::new(State::new(options, now)));
+        state.borrow_mut().source = text;
         sandbox::seed(&lua, seed)?;
         api::install(&lua, &state)?;
         let main = lua.create_thread(sandbox::compile(&lua, source, &chunk)?)?;
@@ -176,9 +181,10 @@ impl Script {
             && (state.streams.contains(&Stream::Video) || state.is_heard(EventName::Frame))
     }
 
-    /// Whether a setpoint of this script turns a track, as far as it knows.
+    /// Whether a setpoint of this script is on, as far as it knows, be it one of standing still: it
+    /// too needs signs of life.
     pub fn has_motion(&self) -> bool {
-        self.state.borrow().motion.is_on()
+        self.state.borrow().motion.current().is_some()
     }
 
     /// What the script wants said and done since the last call, in order. Bounded: a script that
@@ -237,6 +243,11 @@ impl Script {
             Life::Ended(ending) => Some(ending.clone()),
             _ => None,
         }
+    }
+
+    /// Every path that its VM knows: globals such as `print`, and fields such as `robot.move`.
+    pub(crate) fn known_names(&self) -> std::collections::BTreeSet<String> {
+        api::every_path(&self.lua)
     }
 
     /// What the script has used so far.

@@ -10,6 +10,8 @@ use super::task::{SubscriptionId, TaskId};
 pub(super) enum Owner {
     Task(TaskId),
     Subscription(SubscriptionId),
+    /// The lines that a person types: a setpoint holds from one to the next.
+    Lines,
 }
 
 #[derive(Debug, Clone, Copy)]

@@ -35,6 +35,8 @@ pub struct Options {
     pub data_dir: Option<PathBuf>,
     /// The most that the data folder may hold, in bytes.
     pub data_quota: u64,
+    /// Lives on when nothing is left to do: a person types what comes next.
+    pub interactive: bool,
     /// Where the host keeps marked copies of the frames that the script looked at; `None`: nowhere.
     pub annotate_dir: Option<PathBuf>,
 }
@@ -53,6 +55,7 @@ impl Options {
             params: BTreeMap::new(),
             data_dir: None,
             data_quota: 64 * MIB,
+            interactive: false,
             annotate_dir: None,
         }
     }
@@ -69,8 +72,9 @@ impl Options {
 }
 
 /// What one script may use.
-#[derive(Serialize, Deserialize, Clone, Debug, PartialEq)]
+#[derive(Serialize, Deserialize, Clone, Debug, PartialEq, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
+#[schemars(rename = "ScriptLimits")]
 pub struct Limits {
     /// The VM's own memory, in bytes: 8 MiB.
     #[serde(deserialize_with = "ranges::memory_bytes")]
@@ -150,7 +154,7 @@ mod ranges {
 }
 
 /// How percent of track power become metres per second: open loop, so a matter of the floor too.
-#[derive(Serialize, Deserialize, Clone, Copy, Debug, PartialEq)]
+#[derive(Serialize, Deserialize, Clone, Copy, Debug, PartialEq, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Calibration {
     /// Distance between the middles of the tracks, in metres: 0.24.

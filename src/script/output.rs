@@ -5,6 +5,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
+use super::eval::Evaluated;
 use super::failure::printable;
 use super::modules::ModuleName;
 use crate::robot::Intent;
@@ -27,6 +28,8 @@ pub enum Output {
     Intent(Intent),
     /// A line for the log.
     Log(LogLine),
+    /// What became of the line that a person typed.
+    Evaluated(Evaluated),
     /// The file of this module is wanted: see [`Script::deliver_module`](super::Script::deliver_module).
     Module(ModuleName),
 }
@@ -131,6 +134,11 @@ impl Outbox {
         } else {
             self.folded += 1;
         }
+    }
+
+    /// Tells what became of a person's line.
+    pub(super) fn answer(&mut self, evaluated: Evaluated) {
+        self.waiting.push(Output::Evaluated(evaluated));
     }
 
     /// Says how many lines were left out, once their second is over.

@@ -135,6 +135,10 @@ impl State {
             (Kind::Child(group, index), outcome) => self.child_ended(group, index, outcome),
             (Kind::Handler(subscription), outcome) => self.handled(subscription, &outcome),
             (Kind::Main, Outcome::Failed(text)) => self.fail(text),
+            (Kind::Line, outcome) => {
+                let answer = self.evaluated(outcome);
+                self.outbox.answer(answer);
+            }
             (Kind::Spawned | Kind::Farewell, Outcome::Failed(text)) => self.complain(&text),
             _ => {}
         }
@@ -155,9 +159,11 @@ impl State {
                 subscription.failures += 1;
                 if subscription.failures >= MAX_FAILURES {
                     let name = subscription.event.name();
-                    return self.fail(format!(
-                        "{text} (the '{name}' handler failed {MAX_FAILURES} times in a row)"
-                    ));
+                    let text = self.explained(text);
+                    let text = format!(
+                        "{text}\n(the '{name}' handler failed {MAX_FAILURES} times in a row)"
+                    );
+                    return self.begin_stop(EndReason::Error, Some(text));
                 }
             }
             Outcome::Done(_) | Outcome::Cancelled => subscription.failures = 0,
@@ -199,7 +205,7 @@ impl State {
 
     /// The script as a whole has failed.
     fn fail(&mut self, text: String) {
-        let text = super::failure::with_hint(&text);
+        let text = self.explained(&text);
         self.begin_stop(EndReason::Error, Some(text));
     }
 
@@ -212,6 +218,9 @@ impl State {
 
     /// Whether nothing is left that could ever run.
     pub(super) fn is_finished(&self) -> bool {
-        matches!(self.life, Life::Running) && self.tasks.is_empty() && self.subscriptions.is_empty()
+        matches!(self.life, Life::Running)
+            && !self.options.interactive
+            && self.tasks.is_empty()
+            && self.subscriptions.is_empty()
     }
 }

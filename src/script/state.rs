@@ -9,10 +9,8 @@ use mlua::prelude::LuaFunction;
 use tokio::time::Instant;
 
 use super::api::{Album, HeldFrame};
-use super::damage::Damage;
 use super::ending::Life;
 use super::events::{EventName, Payload, Subscriptions, is_round};
-use super::failure::with_hint;
 use super::group::Group;
 use super::modules::Modules;
 use super::motion::{Motion, Owner};
@@ -24,7 +22,7 @@ use super::sound::Loudness;
 use super::store::Store;
 use super::task::{Answer, GroupId, Kind, SubscriptionId, Wait};
 use crate::robot::{Battery, Event, Frame, Intent, RobotInfo};
-use crate::vision::{Eyes, FrameError, judge};
+use crate::vision::{Damage, Eyes, FrameError, judge};
 use crate::wire::Stream;
 
 /// Places whose complaints are counted; those of further places are logged each time.
@@ -74,6 +72,10 @@ pub struct Usage {
 /// Everything that natives and scheduler share.
 pub(super) struct State {
     pub(super) options: Options,
+    /// The script's text, to show its lines in messages.
+    pub(super) source: String,
+    /// Typed lines so far.
+    pub(super) inputs: u64,
     pub(super) start: Instant,
     pub(super) now: Instant,
     pub(super) tasks: Tasks,
@@ -122,6 +124,8 @@ impl State {
         let witness = options.annotate_dir.as_ref().map(|_| Witness::default());
         State {
             options,
+            source: String::new(),
+            inputs: 0,
             start: now,
             now,
             tasks: Tasks::default(),
@@ -296,16 +300,22 @@ impl State {
         let place = text.split(": ").next().unwrap_or(text);
         let known = self.complaints.contains_key(place);
         if !known && self.complaints.len() >= MAX_PLACES {
-            return self.log(Level::Error, &with_hint(text));
+            return self.log(Level::Error, text);
         }
         let count = self.complaints.entry(place.to_owned()).or_default();
         *count += 1;
         let count = *count;
         if count == 1 {
-            self.log(Level::Error, &with_hint(text));
+            self.log(Level::Error, &self.explained(text));
         } else if is_round(count) {
             self.log(Level::Error, &format!("{text} ({count} times)"));
         }
+    }
+
+    /// A failure in words for people, with the line where it happened.
+    pub(super) fn explained(&self, text: &str) -> String {
+        let explained = super::check::explain(text, &self.options.chunk, &self.source);
+        explained.unwrap_or_else(|| text.to_owned())
     }
 
     /// To whom the setpoints of the running task belong.
@@ -313,6 +323,7 @@ impl State {
         let task = self.tasks.running()?;
         Some(match task.kind {
             Kind::Handler(id) => Owner::Subscription(id),
+            Kind::Line => Owner::Lines,
             _ => Owner::Task(task.handle.id),
         })
     }

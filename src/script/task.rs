@@ -72,6 +72,8 @@ pub(super) enum Kind {
     Child(GroupId, usize),
     /// A function of `script.on_stop`.
     Farewell,
+    /// What a person typed.
+    Line,
 }
 
 /// How far a cancellation has come.

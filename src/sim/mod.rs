@@ -26,6 +26,7 @@ mod journey;
 mod light;
 mod locate;
 mod mangle;
+mod memory;
 mod map;
 mod microphone;
 mod movers;

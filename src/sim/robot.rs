@@ -15,6 +15,7 @@ use super::camera::{Camera, Shot};
 use super::docking::{Docking, Order, Senses};
 use super::firmware::Firmware;
 use super::geometry::{Point, Pose};
+use super::memory::Memory;
 use super::microphone::Microphone;
 use super::movers::Movers;
 use super::obstacles::{Circle, Obstacles};
@@ -60,6 +61,7 @@ pub struct Robot {
     developing: VecDeque<(Duration, Bytes)>,
     trace: Arc<Mutex<Trace>>,
     log: VecDeque<String>,
+    memory: Memory,
     reports: Vec<Report>,
 }
 
@@ -95,6 +97,7 @@ impl Robot {
             developing: VecDeque::new(),
             trace: Arc::new(Mutex::new(Trace::from(pose))),
             log: VecDeque::new(),
+            memory: Memory::new(&firmware.version),
             reports: Vec::new(),
             world,
             firmware,
@@ -191,6 +194,14 @@ impl Robot {
             }
             Command::PowerQuery => self.say_power(),
             Command::ConfigQuery => self.say_config(),
+            Command::ConfigSet(text) => {
+                let line = self.memory.configure(text);
+                self.note(line);
+            }
+            Command::File(chunk) => {
+                let line = self.memory.store(chunk);
+                line.into_iter().for_each(|line| self.note(line));
+            }
             Command::NetworksQuery => {
                 self.reports
                     .push(Report::Networks(Bytes::from_static(NETWORKS)));
@@ -465,15 +476,9 @@ impl Robot {
         self.reports.push(Report::Engine(news));
     }
 
-    /// In two messages: clients must put them together.
     fn say_config(&mut self) {
-        let first = format!("name=Spykee&version={}&", self.firmware.version);
-        let second = format!(
-            "volume={}&motor-speed=90&wifi-mode=adhoc",
-            self.speaker.volume()
-        );
-        self.reports
-            .extend([first, second].map(|text| Report::Config(Bytes::from(text))));
+        let messages = self.memory.settings(self.speaker.volume());
+        self.reports.extend(messages.map(Report::Config));
     }
 
     fn say_log(&mut self) {
@@ -504,15 +509,6 @@ fn lock(trace: &Mutex<Trace>) -> MutexGuard<'_, Trace> {
 /// A command in a few words: payloads may be long, and secret.
 pub(super) fn describe(command: &Command) -> String {
     match command {
-        Command::File(chunk) => {
-            format!(
-                "file {} flags {} ({} bytes)",
-                chunk.id(),
-                chunk.flags(),
-                chunk.content().len()
-            )
-        }
-        Command::ConfigSet(text) => format!("config ({} bytes)", text.len()),
         Command::MotorSpeed(payload) => format!("motor speed ({} bytes)", payload.len()),
         Command::Mute(payload) => format!("mute ({} bytes)", payload.len()),
         Command::Unknown(packet) => {

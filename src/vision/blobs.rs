@@ -46,7 +46,7 @@ impl Default for BlobOptions {
 }
 
 /// What turns a column of the picture into a direction.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Camera {
     /// Horizontal field of view in radians.

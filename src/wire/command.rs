@@ -371,6 +371,43 @@ mod tests {
         }
     }
 
+    /// `PROTOCOL.md`, *TCP messages*, column *to robot*.
+    #[test]
+    fn every_type_of_the_table_has_its_meaning() {
+        let bytes = Bytes::from_static(b"\x06\x03mp3");
+        let sound = FileChunk::of_sound(Sound::User0, 3, bytes.slice(2..)).unwrap();
+        assert_eq!((sound.id(), sound.flags()), (6, 3));
+        assert_eq!(sound.content(), &b"mp3"[..]);
+        let flash = Command::Led {
+            led: Led::Flash,
+            on: false,
+        };
+        let eyes = Command::Stream {
+            stream: Stream::Video,
+            on: false,
+        };
+        for (kind, payload, meaning) in [
+            (0, Bytes::new(), Command::None),
+            (1, bytes.clone(), Command::Audio(bytes.clone())),
+            (3, Bytes::new(), Command::PowerQuery),
+            (4, Bytes::from_static(&[0, 0]), flash),
+            (6, bytes.clone(), Command::File(sound)),
+            (8, Bytes::new(), Command::StopSound),
+            (12, bytes.clone(), Command::Mute(bytes.clone())),
+            (13, bytes.clone(), Command::ConfigSet(bytes.clone())),
+            (14, Bytes::new(), Command::NetworksQuery),
+            (15, Bytes::from_static(&[1, 0]), eyes),
+            (17, Bytes::new(), Command::LogQuery),
+            (18, bytes.clone(), Command::MotorSpeed(bytes.clone())),
+        ] {
+            let packet = Packet::new(kind, payload);
+            let mut said = BytesMut::new();
+            packet.emit(&mut said);
+            assert_eq!(meaning.to_bytes(), said, "{meaning:?}");
+            assert_eq!(Command::parse(packet), meaning);
+        }
+    }
+
     #[test]
     fn emit_leaves_what_stands_in_the_buffer_alone() {
         let mut out = BytesMut::from(&[0xA5, 0xA5][..]);
@@ -430,6 +467,7 @@ mod tests {
     fn a_password_never_shows() {
         let shown = format!("{:?}", Command::Login(Login::new("admin", "hunter2")));
         assert!(!shown.contains("hunter2"), "{shown}");
+        assert!(shown.contains("password: ***"), "{shown}");
     }
 
     #[test]

@@ -93,6 +93,25 @@ mod tests {
     }
 
     #[test]
+    fn a_text_that_is_too_long_is_cut_and_no_user_is_nobody() {
+        let reply = Reply {
+            uid: "SPYKEE0001".into(),
+            connected_user: Some("a".repeat(80)),
+        };
+        let said = reply.emit();
+        assert_eq!(said.len(), MAX_REPLY_LEN);
+        assert_eq!(usize::from(said[5]), MAX_REPLY_LEN - 6);
+        let empty = Reply::parse(b"DSCV\x02\x15uid=S,connected-user=").unwrap();
+        assert_eq!(empty.connected_user, None);
+    }
+
+    #[test]
+    fn only_a_question_is_a_request() {
+        assert!(!is_request(b"DSCV"));
+        assert!(!is_request(b"DSCV\x02\x05uid=S"));
+    }
+
+    #[test]
     fn the_own_request_is_no_reply() {
         assert_eq!(Reply::parse(&REQUEST), None);
     }

@@ -206,6 +206,22 @@ mod tests {
         assert_eq!(out[3..5], [0xFF, 0xFF]);
     }
 
+    #[test]
+    fn a_packet_shows_its_type_and_length_but_not_what_it_carries() {
+        let shown = format!("{:?}", Packet::new(10, &b"hunter2"[..]));
+        assert_eq!(shown, "Packet { kind: 10, 7 bytes }");
+    }
+
+    #[test]
+    fn a_length_over_255_is_read_with_both_bytes() {
+        let mut decoder = Decoder::new();
+        let mut input: &[u8] = &[0x50, 0x4B, 2, 1, 4];
+        assert_eq!(decoder.decode(&mut input), Ok(None));
+        let mut payload = &[7; 260][..];
+        let packet = decoder.decode(&mut payload).unwrap().unwrap();
+        assert_eq!(packet.payload.len(), 260);
+    }
+
     fn any_packet() -> impl Strategy<Value = Packet> {
         (any::<u8>(), prop::collection::vec(any::<u8>(), 0..300))
             .prop_map(|(kind, payload)| Packet::new(kind, payload))

@@ -293,6 +293,36 @@ mod tests {
         }
     }
 
+    /// `PROTOCOL.md`, *TCP messages*, column *from robot*.
+    #[test]
+    fn every_type_of_the_table_has_its_meaning() {
+        let bytes = Bytes::from_static(b"a=1&b=2");
+        for (kind, payload, meaning) in [
+            (1, bytes.clone(), Report::Audio(bytes.clone())),
+            (2, bytes.clone(), Report::Video(bytes.clone())),
+            (8, Bytes::new(), Report::SoundFinished),
+            (13, bytes.clone(), Report::Config(bytes.clone())),
+            (14, bytes.clone(), Report::Networks(bytes.clone())),
+            (
+                16,
+                Bytes::from_static(&[1]),
+                Report::Engine(EngineNews::Undocked),
+            ),
+            (
+                16,
+                Bytes::from_static(&[3]),
+                Report::Engine(EngineNews::Charged),
+            ),
+            (17, bytes.clone(), Report::Log(bytes.clone())),
+        ] {
+            let packet = Packet::new(kind, payload);
+            let mut said = BytesMut::new();
+            packet.emit(&mut said);
+            assert_eq!(meaning.to_bytes(), said, "{meaning:?}");
+            assert_eq!(Report::parse(packet), meaning);
+        }
+    }
+
     #[test]
     fn levels_beyond_a_hundred_count_as_a_hundred() {
         assert_eq!(

@@ -126,6 +126,7 @@ mod tests {
             assert_eq!(Sound::from_name(sound.name()), Some(sound));
         }
         assert_eq!(Sound::from_name("unknown"), None);
+        assert_eq!(Sound::Unknown(99).name(), "unknown");
         assert_eq!(Sound::from(64), Sound::Music);
         assert_eq!(Led::from_name("flash"), Some(Led::Flash));
     }

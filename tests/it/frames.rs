@@ -7,6 +7,7 @@ use std::time::Duration;
 use bytes::Bytes;
 use rustix::process::Signal;
 use spykee::sim::{Firmware, Handle};
+use spykee::vision::judge;
 use spykee::wire::Report;
 use tokio::time::{Instant, timeout};
 
@@ -69,6 +70,35 @@ async fn a_behaviour_goes_on_between_broken_frames_and_is_told_once_in_a_while()
     assert!(told.iter().all(|line| line.contains("WARN")), "{text}");
     assert!(told.last().unwrap().contains("damaged frames so far"));
     assert!(!text.contains("ERROR"), "{text}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_broken_frame_behind_a_good_one_in_the_same_write_takes_nothing_away() {
+    let rig = before_a_ball().await;
+    // The simulator's own frames are wider.
+    let script = "local seen = 0
+         robot.on('frame', function(f)
+             if f.width ~= 99 then return end
+             seen += 1
+             if seen == 10 then print('ten good ones') script.stop() end
+         end)";
+    let mut run = rig.run(script);
+    let pairs = async {
+        let mut pause = tokio::time::interval(Duration::from_millis(37));
+        for jpeg in broken().iter().filter(|jpeg| judge(jpeg).is_err()).cycle() {
+            pause.tick().await;
+            rig.sim.inject(Report::Video(Bytes::from_static(GOOD)));
+            rig.sim.inject(Report::Video(jpeg.clone()));
+        }
+    };
+    let code = tokio::select! {
+        code = run.code() => code,
+        () = pairs => None,
+    };
+    assert_eq!(code, Some(0), "{}", run.text());
+    let text = run.text();
+    assert!(text.contains("ten good ones"), "{text}");
+    assert!(text.contains("damaged frame"), "{text}");
 }
 
 /// Red, as far as a JPEG keeps the green of a box around it.

@@ -2,18 +2,29 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, unreachable_pub)]
 
 mod behaviours;
+mod calibrate;
+mod check;
 mod cli;
+mod config;
+mod doctor;
 mod eyes;
+mod fast;
 mod faults;
 mod floors;
 mod frames;
 mod hostile;
 mod link;
+mod new;
 mod pilot;
+mod priorities;
+mod repl;
 mod rig;
 mod run;
 mod safety;
 mod secrets;
 mod sim;
+mod stdlib;
+mod supervision;
+mod tools;
 mod vision;
 mod world;

@@ -55,6 +55,7 @@ impl Cockpit {
         let (outbox, inbox) = events();
         let join = Request::Join {
             by: WHO,
+            name: "script".to_owned(),
             priority: Priority(0),
             outbox,
         };

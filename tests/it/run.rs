@@ -38,7 +38,7 @@ async fn an_error_names_file_line_and_what_to_do() {
     ] {
         let rig = Rig::quiet().await;
         let mut run = rig.run(script);
-        assert_eq!(run.code().await, Some(1), "{script}: {}", run.text());
+        assert_eq!(run.code().await, Some(4), "{script}: {}", run.text());
         for word in words {
             assert!(
                 run.text().contains(word),
@@ -54,7 +54,7 @@ async fn an_error_names_file_line_and_what_to_do() {
 async fn a_script_that_cannot_be_loaded_never_connects() {
     let rig = Rig::quiet().await;
     let mut run = rig.run("x = = 1");
-    assert_eq!(run.code().await, Some(1), "{}", run.text());
+    assert_eq!(run.code().await, Some(4), "{}", run.text());
     assert_eq!(rig.commands(0), []);
 }
 
@@ -210,7 +210,7 @@ async fn a_wrong_config_is_refused_with_line_and_column() {
 async fn a_script_file_too_large_is_refused() {
     let rig = Rig::quiet().await;
     let mut run = rig.run(&"-- padding\n".repeat(30_000));
-    assert_eq!(run.code().await, Some(1), "{}", run.text());
+    assert_eq!(run.code().await, Some(4), "{}", run.text());
     assert!(run.text().contains("256 KiB"), "{}", run.text());
 }
 

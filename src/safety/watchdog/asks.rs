@@ -9,6 +9,16 @@ use crate::robot::{BehaviourId, CallId, DockEnd, DockPlan, MotionEnd, Priority};
 use crate::safety::{Approach, Ask, Ended, Retry};
 use crate::wire::{Command, Engage};
 
+/// The longest time that is heeded, thirty days. A host may send any, and the clock that they are
+/// added to ends somewhere.
+const LONGEST: Duration = Duration::from_secs(30 * 24 * 60 * 60);
+
+/// The shortest time of a docking: with none at all there is nothing to wait for.
+const SHORTEST: Duration = Duration::from_millis(1);
+
+/// Calls that wait for one docking; what a host asks beyond that is refused.
+const MOST_CALLERS: usize = 64;
+
 impl Watchdog {
     pub(super) fn asked(&mut self, by: BehaviourId, priority: Priority, ask: Ask, now: Instant) {
         self.leases.renew(by, now);
@@ -24,6 +34,7 @@ impl Watchdog {
                     self.tell_ended(vec![Ended { by, motion, end }]);
                 }
                 None => {
+                    let duration = duration.map(|duration| duration.min(LONGEST));
                     let over = self
                         .arbiter
                         .wish((by, priority), motion, setpoint, duration, now);
@@ -58,6 +69,9 @@ impl Watchdog {
         if !self.online {
             return self.answer_dock(caller, DockEnd::Disconnected, 0, Duration::ZERO);
         }
+        if self.parting {
+            return self.answer_dock(caller, DockEnd::Cancelled, 0, Duration::ZERO);
+        }
         if self.battery.is_some_and(|power| power.charging) {
             return self.answer_dock(caller, DockEnd::AlreadyDocked, 0, Duration::ZERO);
         }
@@ -65,8 +79,16 @@ impl Watchdog {
             return self.answer_dock(caller, DockEnd::Safety, 0, Duration::ZERO);
         }
         if let Some(homing) = &mut self.homing {
-            return homing.callers.push(caller);
+            if homing.callers.len() < MOST_CALLERS {
+                return homing.callers.push(caller);
+            }
+            return self.answer_dock(caller, DockEnd::Safety, 0, Duration::ZERO);
         }
+        let plan = DockPlan {
+            timeout: plan.timeout.clamp(SHORTEST, LONGEST),
+            charge_timeout: plan.charge_timeout.clamp(SHORTEST, LONGEST),
+            ..plan
+        };
         let approach = Approach {
             plan,
             retry: Retry::Reverse(Watchdog::BACK_OFF_TIME),
@@ -82,6 +104,8 @@ impl Watchdog {
     ) {
         let refused = if !self.online {
             Some(DockEnd::Disconnected)
+        } else if self.parting {
+            Some(DockEnd::Cancelled)
         } else if !self.docked() {
             Some(DockEnd::NotDocked)
         } else if self.guard.at_or_below_low() || self.guard.critical() {
@@ -97,7 +121,7 @@ impl Watchdog {
         }
         self.leaving = Some(Leaving {
             caller,
-            until: now + timeout,
+            until: now + timeout.min(LONGEST),
         });
         self.send(Command::Engine(Engage::Undock));
     }

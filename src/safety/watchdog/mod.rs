@@ -4,6 +4,10 @@
 //! through the [`Arbiter`], then through [`Watchdog::refusal`]; what is left goes to [`Tracks`].
 
 mod asks;
+#[cfg(test)]
+mod handover;
+#[cfg(test)]
+mod histories;
 mod homing;
 mod rules;
 #[cfg(test)]
@@ -105,6 +109,13 @@ impl Watchdog {
 
     /// Takes a fact in and returns what is to be done now.
     pub fn take(&mut self, fact: Fact, now: Instant) -> Vec<Act> {
+        self.absorb(fact, now);
+        self.tick(now)
+    }
+
+    /// Takes a fact in; what is to be done comes with the next [`Watchdog::tick`] or
+    /// [`Watchdog::take`], which must follow at once. For facts that come together.
+    pub fn absorb(&mut self, fact: Fact, now: Instant) {
         match fact {
             Fact::LinkUp { docked, power } => self.link_up(docked, power, now),
             Fact::LinkDown => self.link_down(now),
@@ -122,7 +133,6 @@ impl Watchdog {
             Fact::Gone(by) => self.gone(by, now),
             Fact::Parting => self.part(now),
         }
-        self.tick(now)
     }
 
     /// Lets time pass and returns what is to be done now.

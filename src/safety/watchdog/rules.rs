@@ -21,8 +21,9 @@ impl Watchdog {
         }
     }
 
+    /// One that stands by disturbs nobody: it just does not get the tracks.
     fn hold_silent(&mut self, by: BehaviourId, now: Instant) {
-        if self.arbiter.hold(by, true) {
+        if self.arbiter.hold(by, true) && self.arbiter.driver() == Some(by) {
             self.halt(now);
             let silence = self.limits.host_silence.get().as_millis();
             self.notice(
@@ -33,9 +34,11 @@ impl Watchdog {
     }
 
     fn end_silent(&mut self, by: BehaviourId, now: Instant) {
+        if self.arbiter.driver() == Some(by) {
+            self.halt(now);
+        }
         self.arbiter.forget(by);
         self.leases.forget(by);
-        self.halt(now);
         let silence = self.limits.host_silence.get() + self.limits.host_grace.get();
         let reason = format!("a script showed no life for {} ms", silence.as_millis());
         self.notice(SafetyAction::Kill, reason);

@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use proptest::prelude::*;
 use tokio::time::Instant;
 
 use super::*;
@@ -76,6 +75,8 @@ impl Rig {
                 acts.extend(self.take(Fact::Alive(WHO)));
             }
             acts.extend(self.dog.tick(self.now));
+            let due = self.dog.next_deadline();
+            assert!(due.is_none_or(|due| due > self.now), "would tick for ever");
             if self.now >= end {
                 return acts;
             }
@@ -97,11 +98,11 @@ fn charging(percent: u8) -> Power {
     }
 }
 
-fn sent(acts: &[Act]) -> Vec<Command> {
+pub(super) fn sent(acts: &[Act]) -> Vec<Command> {
     acts.iter().filter_map(Act::command).collect()
 }
 
-fn told(acts: &[Act]) -> Vec<Event> {
+pub(super) fn told(acts: &[Act]) -> Vec<Event> {
     let event = |act: &Act| match act {
         Act::Tell(_, event) => Some(event.clone()),
         _ => None,
@@ -127,14 +128,16 @@ const FORWARD: Command = Command::Move {
     left: 45,
     right: 45,
 };
-const FIND: Command = Command::Engine(Engage::Dock);
-const CANCEL: Command = Command::Engine(Engage::CancelDock);
+pub(super) const FIND: Command = Command::Engine(Engage::Dock);
+pub(super) const CANCEL: Command = Command::Engine(Engage::CancelDock);
 
 #[test]
 fn a_low_report_stops_and_sends_home_in_one_batch() {
     let mut rig = Rig::online(60);
     assert_eq!(sent(&rig.drive(1, None)), [FORWARD]);
+    assert!(rig.dog.moving());
     let acts = rig.take(Fact::Power(power(20)));
+    assert!(!rig.dog.moving());
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
     assert_eq!(told(&acts), [ended(1, MotionEnd::Safety)]);
     assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
@@ -221,6 +224,7 @@ fn the_alarm_is_repeated_and_nothing_moves() {
         rig.take(Fact::Engine(EngineNews::BaseNotFound));
         rig.pass(30 * SECOND, false);
     }
+    assert_eq!(sent(&rig.take(Fact::Heard)), [], "not at every occasion");
     let sent = sent(&rig.pass(60 * SECOND, false));
     let alarms = sent
         .iter()
@@ -258,6 +262,41 @@ fn a_search_without_end_is_cancelled_after_180_seconds() {
     assert_eq!(sent(&rig.pass(178 * SECOND, false)), []);
     assert_eq!(sent(&rig.pass(2 * SECOND, false)), [CANCEL, Command::STOP]);
     assert_eq!(sent(&rig.pass(6 * SECOND, false)), [Command::STOP, FIND]);
+}
+
+#[test]
+fn the_state_says_at_a_glance_how_things_stand() {
+    use WatchdogState::{Alarm, Docked, Docking, Free, LowGoingHome, Offline};
+    let mut rig = Rig::with(Limits::default());
+    assert_eq!(rig.dog.state(), Offline);
+    rig.take(Fact::LinkUp {
+        docked: false,
+        power: power(60),
+    });
+    assert_eq!(rig.dog.state(), Free);
+    rig.ask(Ask::Dock(CallId(1), DockPlan::default()));
+    assert_eq!(rig.dog.state(), Docking);
+    rig.take(Fact::Power(power(10)));
+    assert_eq!(rig.dog.state(), LowGoingHome);
+    rig.take(Fact::Engine(EngineNews::Docked));
+    assert_eq!(rig.dog.state(), Docked);
+    rig.pass(40 * SECOND, false);
+    assert_eq!(rig.dog.state(), Alarm);
+    rig.take(Fact::LinkDown);
+    assert_eq!(rig.dog.state(), Offline);
+    let words =
+        [Offline, Free, Docked, Docking, LowGoingHome, Alarm].map(|state| state.to_string());
+    assert_eq!(
+        words,
+        [
+            "offline",
+            "free",
+            "docked",
+            "docking",
+            "battery low, going home",
+            "battery low, ALARM"
+        ]
+    );
 }
 
 #[test]
@@ -311,6 +350,10 @@ fn a_silent_host_is_stopped_first_and_then_ended() {
         .unwrap();
     assert!(stop < kill, "{acts:?}");
     assert!(!sent(&acts).contains(&FORWARD));
+    assert!(acts.contains(&Act::Announce(Event::Safety {
+        action: SafetyAction::Kill,
+        reason: "a script showed no life for 500 ms".into()
+    })));
 }
 
 #[test]
@@ -353,6 +396,76 @@ fn at_the_end_of_a_run_everything_stops_and_nothing_moves_any_more() {
 }
 
 #[test]
+fn at_the_end_of_a_run_nobody_docks_or_undocks_any_more() {
+    let mut rig = Rig::online(60);
+    rig.take(Fact::Parting);
+    let acts = rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    assert_eq!(sent(&acts), []);
+    assert_eq!(dock_ended(&acts), Some((DockEnd::Cancelled, 0)));
+    rig.take(Fact::Engine(EngineNews::Docked));
+    let acts = rig.ask(Ask::Undock(CallId(8), SECOND));
+    assert_eq!(sent(&acts), []);
+    let end = DockEnd::Cancelled;
+    assert_eq!(
+        told(&acts),
+        [Event::UndockEnded {
+            call: CallId(8),
+            end
+        }]
+    );
+}
+
+#[test]
+fn no_time_that_a_host_may_send_breaks_the_clock() {
+    for time in [Duration::ZERO, Duration::MAX] {
+        let mut rig = Rig::online(60);
+        rig.drive(1, Some(time));
+        let plan = DockPlan {
+            timeout: time,
+            retries: u32::MAX,
+            charge_timeout: time,
+        };
+        rig.ask(Ask::Dock(CallId(1), plan));
+        rig.take(Fact::Engine(EngineNews::Docked));
+        rig.ask(Ask::Undock(CallId(2), time));
+        rig.pass(SECOND, true);
+    }
+}
+
+#[test]
+fn the_longest_move_takes_thirty_days() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, Some(Duration::MAX));
+    let end = rig.now + Duration::from_secs(2_592_000);
+    assert_eq!(rig.dog.arbiter.next_deadline(), Some(end));
+}
+
+#[test]
+fn a_robot_that_is_low_stays_on_its_station_though_it_charges() {
+    let mut rig = Rig::with(Limits::default());
+    rig.take(Fact::LinkUp {
+        docked: true,
+        power: charging(20),
+    });
+    let acts = rig.ask(Ask::Undock(CallId(1), SECOND));
+    assert_eq!(sent(&acts), []);
+    let end = DockEnd::Safety;
+    let call = CallId(1);
+    assert_eq!(told(&acts), [Event::UndockEnded { call, end }]);
+}
+
+#[test]
+fn a_host_that_docks_without_end_fills_no_memory() {
+    let mut rig = Rig::online(60);
+    rig.ask(Ask::Dock(CallId(0), DockPlan::default()));
+    for call in 1..64 {
+        assert_eq!(rig.ask(Ask::Dock(CallId(call), DockPlan::default())), []);
+    }
+    let acts = rig.ask(Ask::Dock(CallId(64), DockPlan::default()));
+    assert_eq!(dock_ended(&acts), Some((DockEnd::Safety, 0)));
+}
+
+#[test]
 fn at_the_end_of_a_run_a_behaviours_docking_ends_and_the_watchdogs_goes_on() {
     let mut rig = Rig::online(60);
     rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
@@ -391,6 +504,59 @@ fn a_silent_stream_while_moving_stops_and_reconnects() {
         .unwrap();
     assert!(stop < close, "{acts:?}");
     assert_eq!(told(&acts), [ended(1, MotionEnd::Disconnected)]);
+}
+
+fn reconnects(acts: &[Act]) -> bool {
+    acts.iter().any(|act| matches!(act, Act::Reconnect(_)))
+}
+
+#[test]
+fn a_stream_that_begins_late_has_its_time_and_no_more() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    rig.pass(10 * SECOND, true);
+    rig.take(Fact::Listening(true));
+    assert!(!reconnects(&rig.pass(2900 * MS, true)));
+    rig.take(Fact::Listening(true));
+    assert!(
+        reconnects(&rig.pass(200 * MS, true)),
+        "said twice, heard never"
+    );
+}
+
+#[test]
+fn a_robot_that_is_heard_drives_on() {
+    let mut rig = Rig::online(60);
+    rig.take(Fact::Listening(true));
+    rig.drive(1, None);
+    for _ in 0..10 {
+        let acts = rig.pass(SECOND, true);
+        assert!(!reconnects(&acts) && !sent(&acts).contains(&Command::STOP));
+        rig.take(Fact::Heard);
+    }
+}
+
+#[test]
+fn a_good_level_disturbs_no_motion() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    assert_eq!(rig.take(Fact::Power(power(59))), []);
+    assert!(rig.dog.moving());
+}
+
+#[test]
+fn that_the_level_is_critical_is_said_once() {
+    let mut rig = Rig::online(60);
+    let said = |acts: Vec<Act>| {
+        let mut reasons = acts.into_iter().filter_map(|act| match act {
+            Act::Announce(Event::Safety { reason, .. }) => Some(reason),
+            _ => None,
+        });
+        reasons.any(|reason| reason.contains("nothing moves but the docking"))
+    };
+    assert!(!said(rig.take(Fact::Power(power(9)))));
+    assert!(said(rig.take(Fact::Power(power(8)))));
+    assert!(!said(rig.take(Fact::Power(power(7)))));
 }
 
 #[test]
@@ -505,6 +671,16 @@ fn low_battery_takes_a_docking_over_and_its_caller_is_served() {
 }
 
 #[test]
+fn a_docking_that_was_taken_over_is_given_back_at_the_ok_level() {
+    let mut rig = Rig::online(60);
+    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    rig.take(Fact::Power(power(20)));
+    assert_eq!(sent(&rig.take(Fact::Power(power(50)))), []);
+    assert_eq!(rig.dog.state(), WatchdogState::Docking);
+    assert_eq!(sent(&rig.ask(Ask::CancelDock)), [CANCEL, Command::STOP]);
+}
+
+#[test]
 fn no_behaviour_can_end_the_watchdogs_own_docking() {
     let mut rig = Rig::online(20);
     assert_eq!(sent(&rig.ask(Ask::CancelDock)), []);
@@ -544,6 +720,31 @@ fn undocking_waits_for_the_robots_word() {
 }
 
 #[test]
+fn only_the_end_of_the_one_who_asked_ends_a_docking() {
+    let mut rig = Rig::online(60);
+    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    assert_eq!(rig.take(Fact::Gone(BehaviourId(1))), []);
+    assert_eq!(rig.dog.state(), WatchdogState::Docking);
+    assert_eq!(sent(&rig.take(Fact::Gone(WHO))), [CANCEL, Command::STOP]);
+    assert_eq!(rig.dog.state(), WatchdogState::Free);
+}
+
+#[test]
+fn only_the_one_who_asked_is_told_how_an_undocking_ends() {
+    for (gone, told_at_the_end) in [(BehaviourId(1), 1), (WHO, 0)] {
+        let mut rig = Rig::with(Limits::default());
+        rig.take(Fact::LinkUp {
+            docked: true,
+            power: charging(80),
+        });
+        rig.ask(Ask::Undock(CallId(1), 20 * SECOND));
+        rig.take(Fact::Gone(gone));
+        let acts = rig.take(Fact::Engine(EngineNews::Undocked));
+        assert_eq!(told(&acts).len(), told_at_the_end);
+    }
+}
+
+#[test]
 fn undocking_that_takes_too_long_says_so() {
     let mut rig = Rig::with(Limits::default());
     rig.take(Fact::LinkUp {
@@ -561,115 +762,4 @@ fn undocking_that_takes_too_long_says_so() {
     );
     let acts = rig.ask(Ask::Dock(CallId(2), DockPlan::default()));
     assert_eq!(dock_ended(&acts), Some((DockEnd::AlreadyDocked, 0)));
-}
-
-/// One step of a random history.
-#[derive(Debug, Clone)]
-enum Step {
-    Wait(u32),
-    Fact(Fact),
-}
-
-fn any_fact() -> impl Strategy<Value = Fact> {
-    let any_power = (0u8..=100, any::<bool>());
-    let power = any_power.prop_map(|(percent, charging)| Power { percent, charging });
-    let news = (0u8..10).prop_map(EngineNews::from);
-    let link = (any::<bool>(), power.clone());
-    prop_oneof![
-        1 => link.prop_map(|(docked, power)| Fact::LinkUp { docked, power }),
-        2 => Just(Fact::LinkDown),
-        1 => Just(Fact::Parting),
-        1 => any::<bool>().prop_map(Fact::Listening),
-        2 => Just(Fact::Heard),
-        4 => power.prop_map(Fact::Power),
-        4 => news.prop_map(Fact::Engine),
-        3 => (0u16..3).prop_map(|by| Fact::Alive(BehaviourId(by))),
-        1 => (0u16..3).prop_map(|by| Fact::Gone(BehaviourId(by))),
-        8 => (0u16..3, any_ask()).prop_map(|(by, ask)| Fact::Asked {
-            by: BehaviourId(by),
-            priority: Priority(by as i16),
-            ask,
-        }),
-    ]
-}
-
-fn any_ask() -> impl Strategy<Value = Ask> {
-    let drive = (
-        0u64..50,
-        -100.0..100.0f64,
-        -100.0..100.0f64,
-        prop::option::of(0u64..3000),
-    );
-    prop_oneof![
-        6 => drive.prop_map(|(motion, left, right, ms)| Ask::Move {
-            motion: MotionId(motion),
-            setpoint: Setpoint::from_percent(left, right).unwrap(),
-            duration: ms.map(Duration::from_millis),
-        }),
-        1 => (0u64..50).prop_map(|motion| Ask::Release(MotionId(motion))),
-        1 => Just(Ask::Stop),
-        2 => (0u64..50).prop_map(|call| Ask::Dock(CallId(call), DockPlan::default())),
-        2 => (0u64..50).prop_map(|call| Ask::Undock(CallId(call), 20 * SECOND)),
-        1 => Just(Ask::CancelDock),
-    ]
-}
-
-fn any_history() -> impl Strategy<Value = Vec<Step>> {
-    let step = prop_oneof![
-        1 => (0u32..200_000).prop_map(Step::Wait),
-        3 => (0u32..300).prop_map(Step::Wait),
-        6 => any_fact().prop_map(Step::Fact),
-    ];
-    prop::collection::vec(step, 1..80)
-}
-
-/// What must hold of every batch, whatever came before.
-fn check(
-    dog: &Watchdog,
-    was_docked: bool,
-    acts: &[Act],
-    now: Instant,
-) -> Result<(), TestCaseError> {
-    for command in sent(acts) {
-        if let Command::Move { left, right } = command {
-            let still = left == 0 && right == 0;
-            prop_assert!(still || dog.low().is_none(), "moves while low");
-            prop_assert!(still || !dog.docked(), "moves on the station");
-        }
-        let on_station = was_docked && dog.docked();
-        prop_assert!(!(command == FIND && on_station), "searches on the station");
-    }
-    prop_assert!(
-        dog.next_deadline().is_none_or(|due| due > now),
-        "a deadline in the past"
-    );
-    Ok(())
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(20_000))]
-
-    #[test]
-    fn no_history_breaks_the_rules(history in any_history()) {
-        let mut rig = Rig::with(Limits::default());
-        for step in history {
-            match step {
-                Step::Fact(fact) => {
-                    let was_docked = rig.dog.docked();
-                    let acts = rig.take(fact);
-                    check(&rig.dog, was_docked, &acts, rig.now)?;
-                }
-                Step::Wait(ms) => {
-                    let end = rig.now + ms * MS;
-                    while let Some(due) = rig.dog.next_deadline().filter(|due| *due <= end) {
-                        rig.now = due;
-                        let was_docked = rig.dog.docked();
-                        let acts = rig.dog.tick(rig.now);
-                        check(&rig.dog, was_docked, &acts, rig.now)?;
-                    }
-                    rig.now = end;
-                }
-            }
-        }
-    }
 }

@@ -1,5 +1,6 @@
 //! Tables of [`Entry`] to Lua tables: each native under its shim, unknown names as errors.
 
+use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
 
@@ -10,7 +11,7 @@ use super::super::budget;
 use super::super::failure::printable;
 use super::super::sandbox::{self, Prelude};
 use super::super::scheduler::CANCELLED;
-use super::{Answered, Call, Entry, Reply, Shared, events, frame, tasks, vision};
+use super::{Answered, Call, Entry, Reply, Shared, definition, events, frame, tasks, vision};
 
 /// Turns tables of [`Entry`] into Lua tables.
 pub(super) struct Builder<'a> {
@@ -99,13 +100,13 @@ impl Builder<'_> {
         self.strict_with(owner, known_names)
     }
 
-    /// The same for the fields of an object.
-    pub(super) fn strict_object(
-        &self,
-        owner: &'static str,
-        fields: &'static [&'static str],
-    ) -> LuaResult<LuaFunction> {
-        let names = move |_: &Lua, _: &str| fields.iter().map(|&name| name.to_owned()).collect();
+    /// The same for the members of an object, as its definition lists them.
+    pub(super) fn strict_object(&self, owner: &'static str) -> LuaResult<LuaFunction> {
+        let names = move |_: &Lua, _: &str| {
+            let members = definition::object(owner).map(definition::members);
+            let members = members.unwrap_or_default().into_iter();
+            members.map(str::to_owned).collect()
+        };
         self.strict_with(owner, names)
     }
 
@@ -156,6 +157,17 @@ fn to_shim(lua: &Lua, answered: Answered) -> LuaResult<LuaMultiValue> {
 
 fn failed(lua: &Lua, words: &str) -> LuaResult<LuaMultiValue> {
     (false, words).into_lua_multi(lua)
+}
+
+/// Every path that can be read: globals, and the fields of those that are tables.
+pub(in super::super) fn every_path(lua: &Lua) -> BTreeSet<String> {
+    let mut paths = BTreeSet::new();
+    for owner in known_names(lua, "") {
+        let fields = known_names(lua, &owner);
+        paths.extend(fields.into_iter().map(|field| format!("{owner}.{field}")));
+        paths.insert(owner);
+    }
+    paths
 }
 
 /// The names that exist in a namespace, or globally.

@@ -19,7 +19,7 @@ pub(super) struct Colours {
 }
 
 pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
-    let unknown = builder.strict_object("Colour", &[])?;
+    let unknown = builder.strict_object("Colour")?;
     builder
         .lua
         .register_userdata_type::<ColourObject>(|registry| {

@@ -15,7 +15,7 @@ pub(super) const CALLS: [Entry; 3] = [
 ];
 
 /// Limits of the times in the options, in seconds.
-const TIME: Bounds = Bounds::Between(1.0, 3600.0);
+pub(super) const TIME: Bounds = Bounds::Between(1.0, 3600.0);
 /// How long `robot.undock` waits unless it says, in seconds.
 const UNDOCK_TIME: f64 = 20.0;
 /// Tries after the first.

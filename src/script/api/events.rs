@@ -20,14 +20,14 @@ pub(super) const CALLS: [Entry; 3] = [
 const METHODS: [Entry; 1] = [plain("Subscription:off", off)];
 
 /// Runs of a handler a second, at most. A slower one would overrun the clock's numbers.
-const RATE: Bounds = Bounds::Between(0.001, 1000.0);
+pub(super) const RATE: Bounds = Bounds::Between(0.001, 1000.0);
 
 /// What the script holds of a subscription.
 struct SubscriptionObject(SubscriptionId);
 
 pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
     let methods = builder.methods(&[&METHODS])?;
-    let unknown = builder.strict_object("Subscription", &["off"])?;
+    let unknown = builder.strict_object("Subscription")?;
     builder
         .lua
         .register_userdata_type::<SubscriptionObject>(|registry| {

@@ -22,22 +22,6 @@ pub(super) const CALLS: [Entry; 2] = [
 
 const METHODS: [Entry; 1] = [plain("Frame:save", save)];
 
-/// What a Frame object has.
-const FIELDS: [&str; 12] = [
-    "seq",
-    "age",
-    "width",
-    "height",
-    "bytes",
-    "save",
-    "find_blobs",
-    "find_line",
-    "find_qrcodes",
-    "brightness",
-    "sharpness",
-    "get_pixel",
-];
-
 /// Older frames are not the newest any more: the stream has stopped.
 const STALE: Duration = Duration::from_secs(1);
 
@@ -93,7 +77,7 @@ pub(super) fn subject(call: &Call<'_>) -> Result<Rc<HeldFrame>, Refusal> {
 }
 
 pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
-    let unknown = builder.strict_object("Frame", &FIELDS)?;
+    let unknown = builder.strict_object("Frame")?;
     let methods = builder.methods(&[&METHODS, &looking::METHODS])?;
     let shared = Rc::clone(builder.shared);
     builder

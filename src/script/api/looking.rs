@@ -25,7 +25,7 @@ pub(super) const METHODS: [Entry; 6] = [
 ];
 
 /// Coordinates and sizes of a part of a frame, in pixels.
-const PIXELS: Bounds = Bounds::Between(-10_000.0, 10_000.0);
+pub(super) const PIXELS: Bounds = Bounds::Between(-10_000.0, 10_000.0);
 /// From a line's column to the sides of its box, in pixels.
 const LINE_MARGIN: f64 = 4.0;
 /// The most blobs of one call.

@@ -8,6 +8,7 @@ mod answer;
 mod builder;
 mod colours;
 mod convert;
+pub mod definition;
 mod dock;
 mod events;
 mod frame;
@@ -40,6 +41,7 @@ use builder::Builder;
 pub(super) use album::Album;
 pub(crate) use album::write_privately;
 pub(super) use answer::resume_values;
+pub(super) use builder::every_path;
 pub(super) use frame::{HeldFrame, to_lua as frame_to_lua};
 
 /// State that natives and the scheduler share. Borrowed only while no line of the script runs.

@@ -18,13 +18,17 @@ pub(super) const CALLS: [Entry; 5] = [
 
 /// A speed, in metres or radians per second: what is too fast is slowed, so this only keeps the
 /// arithmetic finite.
-const SPEED: Bounds = Bounds::Between(-1000.0, 1000.0);
+pub(super) const SPEED: Bounds = Bounds::Between(-1000.0, 1000.0);
 /// A way, in metres or radians.
-const WAY: Bounds = Bounds::Between(-1e6, 1e6);
+pub(super) const WAY: Bounds = Bounds::Between(-1e6, 1e6);
 /// Power of a track, in percent.
-const POWER: Bounds = Bounds::Between(-100.0, 100.0);
+pub(super) const POWER: Bounds = Bounds::Between(-100.0, 100.0);
 /// The longest drive of one call, in seconds.
 const LONGEST: f64 = 3600.0;
+/// How long a drive of one call lasts, in seconds.
+pub(super) const DURATION: Bounds = Bounds::Above(0.0, LONGEST);
+/// Speed of `forward` and `turn`, in metres or radians per second.
+pub(super) const WAY_SPEED: Bounds = Bounds::Above(0.0, 1000.0);
 /// Speed of `forward` and `turn` unless they say, as a part of full speed.
 const USUAL: f64 = 0.5;
 
@@ -77,8 +81,7 @@ fn drive(call: &mut Call<'_>) -> Answered {
 
 /// The optional third argument.
 fn duration(call: &Call<'_>) -> Result<Option<Duration>, Refusal> {
-    let bounds = Bounds::Above(0.0, LONGEST);
-    let seconds = call.args.optional_number(2, "seconds", bounds)?;
+    let seconds = call.args.optional_number(2, "seconds", DURATION)?;
     Ok(seconds.map(Duration::from_secs_f64))
 }
 
@@ -101,10 +104,9 @@ fn turn(call: &mut Call<'_>) -> Answered {
 }
 
 fn speed(call: &Call<'_>, usual: f64) -> Result<f64, Refusal> {
-    let bounds = Bounds::Above(0.0, 1000.0);
     Ok(call
         .args
-        .optional_number(1, "speed", bounds)?
+        .optional_number(1, "speed", WAY_SPEED)?
         .unwrap_or(usual))
 }
 

@@ -29,7 +29,10 @@ const CALLS: [Entry; 10] = [
 const MAX_SPEECH: usize = crate::wire::MAX_PAYLOAD_LEN;
 
 /// Times of `robot.blink`, in seconds.
-const BLINK: Bounds = Bounds::Between(0.02, 3600.0);
+pub(super) const BLINK: Bounds = Bounds::Between(0.02, 3600.0);
+
+/// In percent.
+pub(super) const VOLUME: Bounds = Bounds::Between(0.0, 100.0);
 
 /// Where the prelude's loop of `robot.blink` is kept.
 const BLINKER: &str = "spykee.blinker";
@@ -106,9 +109,7 @@ fn stop_sound(call: &mut Call<'_>) -> Answered {
 
 /// `robot.volume(percent)`
 fn volume(call: &mut Call<'_>) -> Answered {
-    let percent = call
-        .args
-        .number(0, "percent", Bounds::Between(0.0, 100.0))?;
+    let percent = call.args.number(0, "percent", VOLUME)?;
     // Inside 0..=100 by the check above.
     if let Some(percent) = Percent::new(percent.round() as u8) {
         call.send(Intent::Volume(percent))?;

@@ -29,7 +29,7 @@ pub(super) const WAIT: Entry = waiting("task.wait", wait);
 const METHODS: [Entry; 2] = [plain("Task:cancel", cancel), waiting("Task:join", join)];
 
 /// The shortest and the longest beat of `task.every`, in seconds.
-const BEAT: Bounds = Bounds::Between(0.001, 30.0 * 86_400.0);
+pub(super) const BEAT: Bounds = Bounds::Between(0.001, 30.0 * 86_400.0);
 
 /// What the script holds of a task.
 pub(super) struct TaskObject(Rc<Handle>);
@@ -48,7 +48,7 @@ const BEATS: &str = "spykee.beats";
 
 pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
     let methods = builder.methods(&[&METHODS])?;
-    let unknown = builder.strict_object("Task", &["status", "missed", "cancel", "join"])?;
+    let unknown = builder.strict_object("Task")?;
     builder
         .lua
         .register_userdata_type::<TaskObject>(|registry| {

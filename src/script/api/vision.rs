@@ -37,6 +37,8 @@ const DETECTOR: [Entry; 1] = [plain("Detector:update", detect)];
 const MAX_WATCHERS: u32 = 16;
 /// Frames of one `vision.learn`: each is decoded into memory of its own.
 const MAX_LESSONS: usize = 16;
+/// How far a blob may jump from frame to frame, in pixels.
+pub(super) const JUMP: Bounds = Bounds::Above(0.0, 10_000.0);
 /// The robot's own motion blurs frames for this long after it.
 const SETTLING: Duration = Duration::from_millis(400);
 
@@ -66,7 +68,7 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<(&'static str, LuaTa
 
 pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
     colours::register(builder)?;
-    let unknown = builder.strict_object("Tracker", &["update", "best", "reset"])?;
+    let unknown = builder.strict_object("Tracker")?;
     let methods = builder.methods(&[&TRACKER])?;
     builder
         .lua
@@ -76,7 +78,7 @@ pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
             registry.add_meta_field("__index", unknown);
             add_methods(registry, methods);
         })?;
-    let unknown = builder.strict_object("Detector", &["update"])?;
+    let unknown = builder.strict_object("Detector")?;
     let methods = builder.methods(&[&DETECTOR])?;
     builder
         .lua
@@ -113,7 +115,7 @@ fn tracker(call: &mut Call<'_>) -> Answered {
     let options = TrackerOptions {
         min_age: table.count("min_age", usual.min_age, 1000)?,
         max_lost: table.count("max_lost", usual.max_lost, 1000)?,
-        max_jump: table.number("max_jump", usual.max_jump, Bounds::Above(0.0, 10_000.0))?,
+        max_jump: table.number("max_jump", usual.max_jump, JUMP)?,
     };
     let object = TrackerObject {
         tracker: Tracker::new(options, call.state.options.camera),

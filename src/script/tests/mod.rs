@@ -1,20 +1,27 @@
 //! Scripts in a rig: the time is passed, the output collected, the robot's answers given by hand.
 
+mod checking;
+mod definitions;
 mod events;
 mod hostile;
 mod language;
 mod life;
+mod modules;
 mod motion;
+mod params;
 mod properties;
 mod sounds_and_lights;
+mod stdlib;
+mod store;
 mod tasks;
+mod typed;
 mod vision;
 
 use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::{Ending, Level, LogLine, ModuleFile, ModuleName, Options, Output, Script};
+use super::{Ending, Evaluated, Level, LogLine, ModuleFile, ModuleName, Options, Output, Script};
 use crate::robot::{EndReason, Event, Intent, MotionEnd, RobotInfo};
 
 /// A script and what it has sent.
@@ -25,6 +32,8 @@ struct Rig {
     log: Vec<LogLine>,
     /// Modules that the script has asked for.
     modules: Vec<ModuleName>,
+    /// What became of typed lines.
+    answers: Vec<Evaluated>,
 }
 
 impl Rig {
@@ -51,6 +60,7 @@ impl Rig {
             intents: Vec::new(),
             log: Vec::new(),
             modules: Vec::new(),
+            answers: Vec::new(),
         }
     }
 
@@ -71,6 +81,7 @@ impl Rig {
                 Output::Intent(intent) => self.intents.push(intent),
                 Output::Log(line) => self.log.push(line),
                 Output::Module(name) => self.modules.push(name),
+                Output::Evaluated(answer) => self.answers.push(answer),
             }
         }
     }
@@ -84,6 +95,24 @@ impl Rig {
         }
         self.now = end;
         self.run();
+    }
+
+    /// Answers what was required so far, from these files, until nothing more is asked for.
+    fn serve(&mut self, files: &[(&str, &str)]) {
+        while !self.modules.is_empty() {
+            let name = self.modules.remove(0);
+            let known = files.iter().find(|(file, _)| {
+                let stem = file.trim_end_matches(".luau").trim_end_matches(".lua");
+                stem == name.as_str()
+            });
+            let file = known.map(|(file, source)| ModuleFile {
+                file: (*file).to_owned(),
+                source: source.as_bytes().to_vec(),
+            });
+            let file = file.ok_or_else(|| format!("module '{}' was not found", name.as_str()));
+            self.script.deliver_module(&name, file, self.now);
+            self.run();
+        }
     }
 
     fn deliver(&mut self, event: Event) {

@@ -28,6 +28,14 @@ fn move_sets_a_setpoint_that_holds_until_its_task_ends() {
 }
 
 #[test]
+fn a_setpoint_of_standing_still_needs_signs_of_life_too() {
+    let mut rig = Rig::new("robot.move(0, 0) task.wait(1)");
+    assert!(rig.script.has_motion());
+    rig.pass(2.0);
+    assert!(!rig.script.has_motion());
+}
+
+#[test]
 fn move_with_seconds_waits_for_the_answer() {
     let mut rig = Rig::new("print(robot.move(50, 50, 2)) print(robot.move(10, 10, 1))");
     let intents = rig.take_intents();

@@ -295,7 +295,7 @@ fn a_failed_task_is_logged_and_the_script_goes_on() {
     rig.pass(2.0);
     let errors = rig.logged(Level::Error);
     assert_eq!(errors.len(), 2, "{errors:?}");
-    assert!(errors[0].starts_with("test.lua:1: attempt to index nil with 'x'"));
+    assert!(errors[0].starts_with("test.lua:1: ") && errors[0].contains("nil"));
     assert!(errors[1].ends_with("(10 times)"));
     rig.assert_ended(EndReason::Done, "");
 }

@@ -7,10 +7,10 @@ use image::{Rgb, RgbImage};
 const GREY: Rgb<u8> = Rgb([128, 128, 128]);
 
 /// A rectangle, x, y, w, h, and what fills it.
-type Part = ((u32, u32, u32, u32), [u8; 3]);
+pub(super) type Part = ((u32, u32, u32, u32), [u8; 3]);
 
 /// A grey picture of 320x240 with rectangles.
-fn picture(parts: &[Part]) -> Bytes {
+pub(super) fn picture(parts: &[Part]) -> Bytes {
     let mut pixels = RgbImage::from_pixel(320, 240, GREY);
     for &((left, top, w, h), colour) in parts {
         for (x, y) in (left..left + w).flat_map(|x| (top..top + h).map(move |y| (x, y))) {
@@ -24,7 +24,7 @@ fn picture(parts: &[Part]) -> Bytes {
     Bytes::from(jpeg)
 }
 
-const RED: [u8; 3] = [220, 20, 20];
+pub(super) const RED: [u8; 3] = [220, 20, 20];
 const BLUE: [u8; 3] = [20, 20, 220];
 
 /// A script whose `look(frame)` is called with each frame.
@@ -36,7 +36,7 @@ fn looking(body: &str, adjust: impl FnOnce(&mut Options)) -> Rig {
     })
 }
 
-fn show(rig: &mut Rig, seq: u64, jpeg: &Bytes) {
+pub(super) fn show(rig: &mut Rig, seq: u64, jpeg: &Bytes) {
     let frame = Frame {
         seq,
         at: rig.now,

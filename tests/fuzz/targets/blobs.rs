@@ -5,13 +5,7 @@
 use std::cell::RefCell;
 
 use libfuzzer_sys::fuzz_target;
-
-/// The eyes alone: the whole crate would bring a Lua VM to compile.
-#[path = "../../../src/vision/mod.rs"]
-#[allow(dead_code, unused_imports, unreachable_pub)]
-mod vision;
-
-use vision::{
+use spykee::vision::{
     Blob, BlobOptions, Camera, Colour, Decoder, Eyes, FrameError, MAX_HEIGHT, MAX_JPEG_LEN,
     MAX_WIDTH, Roi, Size, brightness, judge, sharpness,
 };

@@ -9,7 +9,7 @@ const PAUSE: Duration = Duration::from_secs(10);
 
 /// What has come that is no picture.
 #[derive(Debug, Default)]
-pub(super) struct Damage {
+pub struct Damage {
     count: u64,
     newest: Option<u64>,
     said: u64,
@@ -20,7 +20,7 @@ pub(super) struct Damage {
 impl Damage {
     /// Counts frame number `seq`, once however often it is looked at. What the log should say, if it
     /// is time.
-    pub(super) fn note(&mut self, seq: u64, why: &str, now: Instant) -> Option<String> {
+    pub fn note(&mut self, seq: u64, why: &str, now: Instant) -> Option<String> {
         if self.newest == Some(seq) {
             return None;
         }
@@ -36,7 +36,7 @@ impl Damage {
     }
 
     /// What has not been said yet.
-    pub(super) fn rest(&mut self) -> Option<String> {
+    pub fn rest(&mut self) -> Option<String> {
         if self.said == self.count {
             return None;
         }

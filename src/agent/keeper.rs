@@ -1,0 +1,297 @@
+//! Keeps one behaviour: runs it, starts it again when it has failed or its file was saved, and gives
+//! it up when it fails too often.
+
+use std::future::{Future, pending};
+use std::pin::{Pin, pin};
+
+use tokio::sync::{mpsc, watch};
+use tokio::time::{Instant, sleep};
+use tracing::{error, info, warn};
+
+use super::{Behaviour, report};
+use crate::behaviour::{
+    Handle, Launch, Launcher, Patience, Prepared, Reload, RestartPolicy, Supervisor, Verdict,
+};
+use crate::robot::channel::Request;
+use crate::robot::{BehaviourId, EndReason, Frame, Priority};
+use crate::script::Ending;
+
+/// Why the run ends, once it does.
+type Stop = watch::Receiver<Option<EndReason>>;
+
+/// What every behaviour of a run has to do with.
+#[derive(Clone)]
+pub(super) struct Surroundings {
+    pub(super) launcher: Launcher,
+    pub(super) requests: mpsc::Sender<Request>,
+    pub(super) frames: watch::Receiver<Option<Frame>>,
+    pub(super) stop: Stop,
+}
+
+/// A saved text that a host has loaded.
+struct Loaded {
+    host: Prepared,
+    source: Vec<u8>,
+}
+
+type Loading = Pin<Box<dyn Future<Output = Result<Loaded, Ending>> + Send>>;
+
+/// A behaviour and what is to be made of it.
+pub(super) struct Keeper {
+    around: Surroundings,
+    by: BehaviourId,
+    priority: Priority,
+    /// With the text that runs, or ran last.
+    launch: Launch,
+    policy: RestartPolicy,
+    patience: Patience,
+    reloads: Option<mpsc::Receiver<Reload>>,
+    /// The text as last saved cannot be loaded: what ran before is not started again.
+    outdated: bool,
+}
+
+impl Keeper {
+    pub(super) fn new(around: Surroundings, by: BehaviourId, plan: Behaviour) -> Keeper {
+        let Behaviour {
+            priority,
+            launch,
+            restart: policy,
+            reloads,
+        } = plan;
+        Keeper {
+            around,
+            by,
+            priority,
+            patience: Patience::new(policy, launch.options.seed),
+            launch,
+            policy,
+            reloads,
+            outdated: false,
+        }
+    }
+
+    pub(super) fn name(&self) -> &str {
+        &self.launch.options.name
+    }
+
+    /// Whether a text that cannot be loaded may be mended while the run goes on.
+    pub(super) fn is_watched(&self) -> bool {
+        self.reloads.is_some()
+    }
+
+    /// Has a host load the text; it does not run yet.
+    pub(super) async fn prepare(&self) -> Result<Prepared, Ending> {
+        let source = self.launch.source.clone();
+        self.load(source).await.map(|loaded| loaded.host)
+    }
+
+    /// Runs until nothing is left to do. Returns the name and the last ending.
+    pub(super) async fn keep(mut self, first: Result<Prepared, Ending>) -> (String, Ending) {
+        self.outdated = first.is_err();
+        let mut next = first;
+        loop {
+            let (ending, successor) = match next {
+                Ok(host) => self.live(host).await,
+                Err(ending) => (ending, None),
+            };
+            report(self.name(), &ending);
+            next = match successor {
+                Some(loaded) => Ok(self.succeed(loaded)),
+                None => match self.come_back(&ending).await {
+                    Some(next) => next,
+                    None => return (self.launch.options.name, ending),
+                },
+            };
+        }
+    }
+
+    /// From its first line to its last; with what a save in the meantime has brought. The old text
+    /// runs until the new one is loaded.
+    async fn live(&mut self, host: Prepared) -> (Ending, Option<Loaded>) {
+        let Surroundings {
+            requests, frames, ..
+        } = self.around.clone();
+        let handle = Handle::default();
+        let supervisor = Supervisor::board(host, requests, frames).await;
+        let mut life = pin!(supervisor.run(handle.clone()));
+        let (mut loading, mut successor, mut parting) = (None, None, false);
+        let ending = loop {
+            tokio::select! {
+                biased;
+                reason = stopped(&mut self.around.stop), if !parting => {
+                    parting = true;
+                    handle.stop(reason);
+                }
+                ending = &mut life => break ending,
+                Some(reload) = saved(&mut self.reloads) => loading = Some(self.load(reload.source)),
+                loaded = done(&mut loading) => {
+                    loading = None;
+                    if let Some(loaded) = self.judge(loaded, "the old script still runs") {
+                        successor = Some(loaded);
+                        handle.stop(EndReason::Reload);
+                    }
+                }
+            }
+        };
+        if parting {
+            return (ending, None);
+        }
+        if let Some(loading) = loading {
+            successor = self.finish(loading).await.or(successor);
+        }
+        (ending, successor)
+    }
+
+    /// What comes after an ending that no save has brought about; `None`: nothing.
+    async fn come_back(&mut self, ending: &Ending) -> Option<Result<Prepared, Ending>> {
+        let verdict = match self.outdated {
+            true => Verdict::Over,
+            false => self.patience.ended(ending.reason, Instant::now()),
+        };
+        let Verdict::Again { pause, number } = verdict else {
+            if verdict == Verdict::GivenUp {
+                self.give_up(ending).await;
+            }
+            return self.mended(None).await.map(Ok);
+        };
+        let (behaviour, of) = (self.name(), self.limits());
+        warn!(
+            behaviour,
+            "starts again in {:.1} s: restart {number} {of}",
+            pause.as_secs_f64()
+        );
+        tokio::select! {
+            biased;
+            _ = stopped(&mut self.around.stop) => return None,
+            Some(reload) = saved(&mut self.reloads) => return self.mended(Some(reload)).await.map(Ok),
+            () = sleep(pause) => {}
+        }
+        let mut stop = self.around.stop.clone();
+        tokio::select! {
+            biased;
+            _ = stopped(&mut stop) => None,
+            prepared = self.prepare() => Some(prepared),
+        }
+    }
+
+    /// For a person to hear and to read.
+    async fn give_up(&self, ending: &Ending) {
+        let (behaviour, reason) = (self.name(), ending.reason);
+        let message = ending.message.as_deref().unwrap_or(reason.sentence());
+        let of = self.limits();
+        error!(behaviour, %reason, "given up, no restart is left {of}: {message}");
+        let _ = self.around.requests.send(Request::Alarm).await;
+    }
+
+    /// Such as `of 5 within 600 s`.
+    fn limits(&self) -> String {
+        match self.policy {
+            RestartPolicy::Never => String::new(),
+            RestartPolicy::OnFailure(restarts) => format!(
+                "of {} within {} s",
+                restarts.max_restarts,
+                restarts.within.as_secs_f64()
+            ),
+        }
+    }
+
+    /// Waits for a save that can be loaded; `None`: nobody watches, or the run ends.
+    async fn mended(&mut self, mut reload: Option<Reload>) -> Option<Prepared> {
+        if !self.is_watched() {
+            return None;
+        }
+        loop {
+            let behaviour = self.name();
+            if reload.is_none() {
+                info!(behaviour, "stands still and waits for the next save");
+            }
+            let Reload { source } = match reload.take() {
+                Some(reload) => reload,
+                None => tokio::select! {
+                    biased;
+                    _ = stopped(&mut self.around.stop) => return None,
+                    reload = saved(&mut self.reloads) => reload?,
+                },
+            };
+            let loading = self.load(source);
+            match self.finish(loading).await {
+                Some(loaded) => return Some(self.succeed(loaded)),
+                None if self.around.stop.borrow().is_some() => return None,
+                None => {}
+            }
+        }
+    }
+
+    /// Waits for a text that is being loaded while nothing runs; `None`: it cannot be, or the run
+    /// ends.
+    async fn finish(&mut self, loading: Loading) -> Option<Loaded> {
+        tokio::select! {
+            biased;
+            _ = stopped(&mut self.around.stop) => None,
+            loaded = loading => self.judge(loaded, "nothing runs in its place"),
+        }
+    }
+
+    /// A saved text is good, or said to be not.
+    fn judge(&mut self, loaded: Result<Loaded, Ending>, meanwhile: &str) -> Option<Loaded> {
+        let behaviour = &self.launch.options.name;
+        self.outdated = loaded.is_err();
+        match loaded {
+            Ok(loaded) => {
+                info!(behaviour, "saved: the new script takes over");
+                Some(loaded)
+            }
+            Err(Ending { message, reason }) => {
+                let why = message.as_deref().unwrap_or(reason.sentence());
+                error!(
+                    behaviour,
+                    "saved, but cannot be loaded ({meanwhile}): {why}"
+                );
+                None
+            }
+        }
+    }
+
+    /// A new text begins with a clean record.
+    fn succeed(&mut self, loaded: Loaded) -> Prepared {
+        self.launch.source = loaded.source;
+        self.patience.forget();
+        loaded.host
+    }
+
+    fn load(&self, source: Vec<u8>) -> Loading {
+        let (launcher, by, priority) = (self.around.launcher.clone(), self.by, self.priority);
+        let launch = Launch {
+            source: source.clone(),
+            ..self.launch.clone()
+        };
+        Box::pin(async move {
+            let host = Prepared::start(&launcher, by, priority, launch).await?;
+            Ok(Loaded { host, source })
+        })
+    }
+}
+
+/// Waits until the run ends.
+async fn stopped(stop: &mut Stop) -> EndReason {
+    let reason = stop.wait_for(Option::is_some).await;
+    reason
+        .ok()
+        .and_then(|reason| *reason)
+        .unwrap_or(EndReason::Shutdown)
+}
+
+/// Waits for the next save; `None`: there will be none.
+async fn saved(reloads: &mut Option<mpsc::Receiver<Reload>>) -> Option<Reload> {
+    match reloads {
+        Some(reloads) => reloads.recv().await,
+        None => pending().await,
+    }
+}
+
+async fn done(loading: &mut Option<Loading>) -> Result<Loaded, Ending> {
+    match loading {
+        Some(loading) => loading.await,
+        None => pending().await,
+    }
+}

@@ -1,0 +1,82 @@
+//! What a person at a prompt and a behaviour say to each other. Bounded in both directions: neither
+//! ever waits for the other.
+
+use tokio::sync::mpsc;
+
+use super::message::ToHost;
+use crate::script::{Ending, Evaluated, LogLine};
+
+/// Orders that may wait for the behaviour.
+const MAX_ORDERS: usize = 16;
+/// What may wait for the person; the last place is kept for answers.
+const MAX_SAID: usize = 512;
+
+/// What the person wants.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Order {
+    /// Run this; answered by [`Said::Evaluated`].
+    Evaluate {
+        /// Luau.
+        text: String,
+        /// Whether further lines may follow.
+        more: bool,
+    },
+    /// Tracks, tasks and handlers come to rest.
+    Interrupt,
+}
+
+impl From<Order> for ToHost {
+    fn from(order: Order) -> ToHost {
+        match order {
+            Order::Evaluate { text, more } => ToHost::Evaluate { text, more },
+            Order::Interrupt => ToHost::Interrupt,
+        }
+    }
+}
+
+/// What the behaviour answers.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Said {
+    /// It may be spoken to from now on.
+    Ready,
+    /// A log line of it.
+    Line(LogLine),
+    /// What became of the last [`Order::Evaluate`].
+    Evaluated(Evaluated),
+    /// It has ended, and a new one begins.
+    Ended(Ending),
+}
+
+/// The behaviour's side.
+#[derive(Debug)]
+pub struct Dialogue {
+    orders: mpsc::Receiver<Order>,
+    said: mpsc::Sender<Said>,
+}
+
+impl Dialogue {
+    /// With the ends of the person's side.
+    pub fn new() -> (mpsc::Sender<Order>, mpsc::Receiver<Said>, Dialogue) {
+        let (order, orders) = mpsc::channel(MAX_ORDERS);
+        let (said, hear) = mpsc::channel(MAX_SAID);
+        (order, hear, Dialogue { orders, said })
+    }
+
+    /// A line is dropped when the person's side does not keep up.
+    pub(super) fn say(&self, said: Said) {
+        let room = self.said.capacity() > 1 || !matches!(said, Said::Line(_));
+        if room {
+            let _ = self.said.try_send(said);
+        }
+    }
+}
+
+/// The next order; none ever comes where nobody speaks.
+pub(super) async fn next(dialogue: &mut Option<Dialogue>) -> Order {
+    if let Some(dialogue) = dialogue
+        && let Some(order) = dialogue.orders.recv().await
+    {
+        return order;
+    }
+    std::future::pending().await
+}

@@ -1,0 +1,365 @@
+//! Whether a behaviour that has failed is started again, and when. Pure: the time is an argument.
+
+use std::collections::VecDeque;
+use std::fmt;
+use std::str::FromStr;
+use std::time::Duration;
+
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+use tokio::time::Instant;
+
+use crate::robot::{EndReason, Seconds, whole_within};
+
+/// What is done about a behaviour that has failed.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub enum RestartPolicy {
+    /// It stays away.
+    #[default]
+    Never,
+    /// It is started again, as long as that does not happen too often.
+    OnFailure(Restarts),
+}
+
+/// How a behaviour that has failed is started again.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Restarts {
+    /// The longest pause before the first restart; each further one within the window doubles it.
+    pub first_pause: Duration,
+    /// No pause is longer.
+    pub max_pause: Duration,
+    /// So many restarts within the window, and the next failure is the last.
+    pub max_restarts: u32,
+    /// The window. A run this long makes all failures before it forgotten.
+    pub within: Duration,
+}
+
+impl Default for Restarts {
+    fn default() -> Restarts {
+        Restarts {
+            first_pause: Duration::from_secs(1),
+            max_pause: Duration::from_secs(60),
+            max_restarts: 5,
+            within: Duration::from_secs(600),
+        }
+    }
+}
+
+impl RestartPolicy {
+    /// What a command line and a config may say.
+    pub const WORDS: [&str; 2] = ["never", "on-failure"];
+}
+
+impl FromStr for RestartPolicy {
+    type Err = String;
+
+    fn from_str(word: &str) -> Result<RestartPolicy, String> {
+        match word {
+            "never" => Ok(RestartPolicy::Never),
+            "on-failure" => Ok(RestartPolicy::OnFailure(Restarts::default())),
+            other => Err(format!("`{other}` is neither `never` nor `on-failure`")),
+        }
+    }
+}
+
+/// A word, or a table such as `{ policy: on-failure, max_restarts: 3 }`.
+impl<'de> Deserialize<'de> for RestartPolicy {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<RestartPolicy, D::Error> {
+        from.deserialize_any(Written)
+    }
+}
+
+struct Written;
+
+impl<'de> Visitor<'de> for Written {
+    type Value = RestartPolicy;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(
+            "`never`, `on-failure` or a table such as { policy: on-failure, max_restarts: 5 }",
+        )
+    }
+
+    fn visit_str<E: Error>(self, word: &str) -> Result<RestartPolicy, E> {
+        word.parse().map_err(E::custom)
+    }
+
+    fn visit_map<M: MapAccess<'de>>(self, map: M) -> Result<RestartPolicy, M::Error> {
+        let table = Table::deserialize(MapAccessDeserializer::new(map))?;
+        let usual = Restarts::default();
+        let time = |seconds: Option<Seconds>, usual| seconds.map_or(usual, Seconds::get);
+        let restarts = Restarts {
+            first_pause: time(table.first_pause, usual.first_pause),
+            max_pause: time(table.max_pause, usual.max_pause),
+            max_restarts: table.max_restarts.0,
+            within: time(table.within, usual.within),
+        };
+        Ok(match table.policy {
+            Word::Never => RestartPolicy::Never,
+            Word::OnFailure => RestartPolicy::OnFailure(restarts),
+        })
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Table {
+    policy: Word,
+    first_pause: Option<Seconds>,
+    max_pause: Option<Seconds>,
+    #[serde(default)]
+    max_restarts: Count,
+    within: Option<Seconds>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Word {
+    Never,
+    OnFailure,
+}
+
+struct Count(u32);
+
+impl Default for Count {
+    fn default() -> Count {
+        Count(Restarts::default().max_restarts)
+    }
+}
+
+impl<'de> Deserialize<'de> for Count {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Count, D::Error> {
+        let count = whole_within(from, "a whole number from 0 to 1000", 0..=1000)?;
+        Ok(Count(u32::try_from(count).map_err(Error::custom)?))
+    }
+}
+
+/// What is to be done about a behaviour that has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// Nothing: it has not failed, or nobody wants it back.
+    Over,
+    /// Start it again after a pause.
+    Again {
+        /// The pause.
+        pause: Duration,
+        /// Which restart within the window this is, from 1.
+        number: u32,
+    },
+    /// It has failed too often.
+    GivenUp,
+}
+
+/// Counts the restarts of one behaviour.
+#[derive(Debug)]
+pub struct Patience {
+    policy: RestartPolicy,
+    /// When it was last started again, the oldest first; at most `max_restarts`, all within the
+    /// window.
+    restarts: VecDeque<Instant>,
+    rng: StdRng,
+}
+
+impl Patience {
+    /// The seed is that of the pauses' jitter.
+    pub fn new(policy: RestartPolicy, seed: u64) -> Patience {
+        Patience {
+            policy,
+            restarts: VecDeque::new(),
+            rng: StdRng::seed_from_u64(seed),
+        }
+    }
+
+    /// The behaviour has ended: what is to be done. A restart counts from when it is due.
+    pub fn ended(&mut self, reason: EndReason, now: Instant) -> Verdict {
+        let restarts = match self.policy {
+            RestartPolicy::OnFailure(restarts) if is_failure(reason) => restarts,
+            _ => return Verdict::Over,
+        };
+        let forgotten = |at: &Instant| *at + restarts.within <= now;
+        let over = self.restarts.iter().take_while(|at| forgotten(at)).count();
+        self.restarts.drain(..over);
+        let count = u32::try_from(self.restarts.len()).unwrap_or(u32::MAX);
+        if count >= restarts.max_restarts {
+            return Verdict::GivenUp;
+        }
+        let step = restarts
+            .first_pause
+            .saturating_mul(2_u32.saturating_pow(count))
+            .min(restarts.max_pause);
+        // Drawn from the upper half, so that several do not come back in the same instant.
+        let pause = step.mul_f64(self.rng.random_range(0.5..=1.0));
+        self.restarts.push_back(now + pause);
+        let number = count + 1;
+        Verdict::Again { pause, number }
+    }
+
+    /// The script is another one: what the old one did is forgotten.
+    pub fn forget(&mut self) {
+        self.restarts.clear();
+    }
+}
+
+/// Whether a behaviour that ended so has failed. The watchdog's word, a person's and the script's
+/// own are no failures.
+pub fn is_failure(reason: EndReason) -> bool {
+    matches!(
+        reason,
+        EndReason::Error | EndReason::Cpu | EndReason::Memory
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    fn patience(seed: u64) -> Patience {
+        Patience::new(RestartPolicy::OnFailure(Restarts::default()), seed)
+    }
+
+    /// Fails again and again after runs of this length: the pauses until it is given up.
+    fn pauses(patience: &mut Patience, run: Duration, most: usize) -> Vec<Duration> {
+        let (mut now, mut pauses) = (Instant::now(), Vec::new());
+        while pauses.len() < most {
+            now += run;
+            match patience.ended(EndReason::Error, now) {
+                Verdict::Again { pause, number } => {
+                    assert!((1..=5).contains(&number), "{number}");
+                    now += pause;
+                    pauses.push(pause);
+                }
+                Verdict::GivenUp => break,
+                Verdict::Over => panic!("a failure is not over"),
+            }
+        }
+        pauses
+    }
+
+    #[test]
+    fn pauses_double_and_then_it_is_given_up() {
+        for seed in 0..50 {
+            let pauses = pauses(&mut patience(seed), SECOND, 100);
+            assert_eq!(pauses.len(), 5);
+            for (pause, step) in pauses.iter().zip([1, 2, 4, 8, 16]) {
+                let step = step * SECOND;
+                assert!(*pause >= step / 2 && *pause <= step, "{pauses:?}");
+            }
+        }
+    }
+
+    fn read(text: &str) -> Result<RestartPolicy, String> {
+        serde_yaml::from_str(text).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_config_says_a_word_or_a_table() {
+        assert_eq!(read("never"), Ok(RestartPolicy::Never));
+        let usual = Restarts::default();
+        assert_eq!(read("on-failure"), Ok(RestartPolicy::OnFailure(usual)));
+        let table = "{ policy: on-failure, first_pause: 0.5, max_restarts: 2, within: 60 }";
+        let own = Restarts {
+            first_pause: SECOND / 2,
+            max_restarts: 2,
+            within: 60 * SECOND,
+            ..usual
+        };
+        assert_eq!(read(table), Ok(RestartPolicy::OnFailure(own)));
+        for (wrong, words) in [
+            ("always", "neither `never` nor `on-failure`"),
+            ("7", "expected `never`, `on-failure` or a table"),
+            ("{ policy: always }", "expected `never` or `on-failure`"),
+            ("{ policy: on-failure, pause: 3 }", "unknown field `pause`"),
+            ("{ policy: on-failure, max_restarts: -1 }", "from 0 to 1000"),
+            ("{ policy: on-failure, within: 0 }", "seconds"),
+        ] {
+            let error = read(wrong).unwrap_err();
+            assert!(error.contains(words), "{wrong}: {error}");
+        }
+    }
+
+    #[test]
+    fn one_seed_pauses_alike_and_two_do_not() {
+        let of = |seed| pauses(&mut patience(seed), SECOND, 5);
+        assert_eq!(of(3), of(3));
+        assert_ne!(of(3), of(4));
+    }
+
+    #[test]
+    fn a_run_as_long_as_the_window_makes_failures_forgotten() {
+        let pauses = pauses(&mut patience(1), Restarts::default().within, 100);
+        assert_eq!(pauses.len(), 100, "never given up");
+        assert!(pauses.iter().all(|&pause| pause <= SECOND), "{pauses:?}");
+    }
+
+    #[test]
+    fn another_script_begins_anew() {
+        let mut patience = patience(1);
+        pauses(&mut patience, SECOND, 100);
+        patience.forget();
+        assert!(pauses(&mut patience, SECOND, 1)[0] <= SECOND);
+    }
+
+    #[test]
+    fn only_failures_are_restarted_and_only_if_wanted() {
+        let now = Instant::now();
+        for &reason in EndReason::ALL {
+            let wanted = patience(1).ended(reason, now);
+            let failed = matches!(wanted, Verdict::Again { .. });
+            assert_eq!(failed, is_failure(reason), "{reason}: {wanted:?}");
+            let mut never = Patience::new(RestartPolicy::Never, 1);
+            assert_eq!(never.ended(reason, now), Verdict::Over);
+        }
+    }
+
+    #[test]
+    fn no_restart_allowed_is_given_up_at_once() {
+        let restarts = Restarts {
+            max_restarts: 0,
+            ..Restarts::default()
+        };
+        let mut patience = Patience::new(RestartPolicy::OnFailure(restarts), 1);
+        let verdict = patience.ended(EndReason::Cpu, Instant::now());
+        assert_eq!(verdict, Verdict::GivenUp);
+    }
+
+    proptest! {
+        #[test]
+        fn never_more_restarts_in_any_window_than_allowed_and_no_pause_too_long(
+            seed: u64,
+            (first, longest) in (1u64..5_000, 1u64..20_000),
+            max_restarts in 0u32..8,
+            within in 1u64..100_000,
+            runs in prop::collection::vec(0u64..60_000, 1..200),
+        ) {
+            let ms = Duration::from_millis;
+            let restarts = Restarts {
+                first_pause: ms(first),
+                max_pause: ms(longest),
+                max_restarts,
+                within: ms(within),
+            };
+            let mut patience = Patience::new(RestartPolicy::OnFailure(restarts), seed);
+            let (mut now, mut started) = (Instant::now(), Vec::new());
+            for run in runs {
+                now += ms(run);
+                let Verdict::Again { pause, number } = patience.ended(EndReason::Memory, now) else {
+                    continue;
+                };
+                prop_assert!(pause <= restarts.max_pause);
+                prop_assert!((1..=max_restarts).contains(&number));
+                now += pause;
+                started.push(now);
+            }
+            for window in started.windows(max_restarts as usize + 1) {
+                let span = window[max_restarts as usize] - window[0];
+                prop_assert!(span >= restarts.within, "{span:?}");
+            }
+        }
+    }
+}

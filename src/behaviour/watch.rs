@@ -1,0 +1,223 @@
+//! Sees that a script's file has been saved, and reads it.
+//!
+//! Looks at the file four times a second instead of asking the kernel for news of it: that costs
+//! next to nothing, and works on network folders and for every way in which editors save, be it in
+//! several writes or by renaming over.
+
+use std::fs::Metadata;
+use std::io::{self, Read};
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use tokio::sync::mpsc;
+use tokio::task::spawn_blocking;
+use tokio::time::{Instant, sleep};
+use tracing::warn;
+
+use crate::script::MAX_SOURCE;
+
+/// How often a file is looked at.
+const PERIOD: Duration = Duration::from_millis(250);
+/// A save is over when the file has stayed the same for so long.
+const SETTLED: Duration = Duration::from_millis(200);
+
+/// A script's new text.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Reload {
+    /// As it stands in the file.
+    pub source: Vec<u8>,
+}
+
+/// Reads a script: at most one byte more than it may have, so that a longer one is told as such.
+///
+/// # Errors
+/// Whatever the system says.
+pub fn read_source(file: &Path) -> io::Result<Vec<u8>> {
+    let mut source = Vec::new();
+    let file = std::fs::File::open(file)?;
+    file.take(MAX_SOURCE as u64 + 1).read_to_end(&mut source)?;
+    Ok(source)
+}
+
+/// A script's file under watch.
+#[derive(Debug)]
+pub struct Watched {
+    file: PathBuf,
+    saves: Saves<Mark>,
+}
+
+impl Watched {
+    /// From how the file is now: to be called before it is read for the first time, so that no save
+    /// is missed.
+    pub fn new(file: PathBuf) -> Watched {
+        let saves = Saves::new(mark(&file));
+        Watched { file, saves }
+    }
+
+    /// Sends the text after every save, until nobody listens any more. A save of the same text
+    /// counts: so a script that has ended is started again.
+    pub async fn run(mut self, reloads: mpsc::Sender<Reload>) {
+        loop {
+            tokio::select! {
+                () = reloads.closed() => return,
+                () = sleep(PERIOD) => {}
+            }
+            let file = self.file.clone();
+            let Ok(mark) = spawn_blocking(move || mark(&file)).await else {
+                return;
+            };
+            if self.saves.is_over(mark, Instant::now())
+                && let Some(source) = self.read(mark).await
+                && reloads.send(Reload { source }).await.is_err()
+            {
+                return;
+            }
+        }
+    }
+
+    /// The text, unless it changes under our hands: then the save was not over.
+    async fn read(&mut self, before: Option<Mark>) -> Option<Vec<u8>> {
+        let file = self.file.clone();
+        let read = spawn_blocking(move || (read_source(&file), mark(&file)));
+        let (source, after) = read.await.ok()?;
+        if after != before {
+            return None;
+        }
+        self.saves.taken(after);
+        source
+            .inspect_err(|error| {
+                let file = self.file.display();
+                warn!("{file} has changed and cannot be read: {error}");
+            })
+            .ok()
+    }
+}
+
+/// What tells a saved file from the one before, without reading it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Mark {
+    inode: (u64, u64),
+    length: u64,
+    modified: (i64, i64),
+}
+
+impl From<Metadata> for Mark {
+    fn from(data: Metadata) -> Mark {
+        Mark {
+            inode: (data.dev(), data.ino()),
+            length: data.len(),
+            modified: (data.mtime(), data.mtime_nsec()),
+        }
+    }
+}
+
+/// `None` while there is no such file.
+fn mark(file: &Path) -> Option<Mark> {
+    std::fs::metadata(file).ok().map(Mark::from)
+}
+
+/// Tells when a save is over: a debounce. Pure: the time is an argument.
+#[derive(Debug)]
+struct Saves<M> {
+    taken: Option<M>,
+    seen: Option<(M, Instant)>,
+}
+
+impl<M: Copy + PartialEq> Saves<M> {
+    fn new(taken: Option<M>) -> Saves<M> {
+        Saves { taken, seen: None }
+    }
+
+    /// Whether there is a file that differs from the one that was taken last, and has stayed as it is
+    /// for a while.
+    fn is_over(&mut self, mark: Option<M>, now: Instant) -> bool {
+        let Some(mark) = mark.filter(|mark| Some(*mark) != self.taken) else {
+            self.seen = None;
+            return false;
+        };
+        let since = match self.seen {
+            Some((seen, since)) if seen == mark => since,
+            _ => now,
+        };
+        self.seen = Some((mark, since));
+        now >= since + SETTLED
+    }
+
+    /// The file was read in this state.
+    fn taken(&mut self, mark: Option<M>) {
+        (self.taken, self.seen) = (mark, None);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    #[test]
+    fn a_save_in_several_writes_is_one() {
+        let (mut saves, now) = (Saves::new(Some(1)), Instant::now());
+        assert!(!saves.is_over(Some(1), now), "as it was");
+        assert!(!saves.is_over(Some(2), now + 250 * MS), "just written");
+        assert!(!saves.is_over(None, now + 500 * MS), "renamed away");
+        assert!(!saves.is_over(Some(3), now + 750 * MS), "written again");
+        assert!(saves.is_over(Some(3), now + 1000 * MS));
+        saves.taken(Some(3));
+        assert!(!saves.is_over(Some(3), now + 1250 * MS), "taken");
+    }
+
+    #[test]
+    fn a_file_that_comes_later_is_a_save() {
+        let (mut saves, now) = (Saves::new(None), Instant::now());
+        assert!(!saves.is_over(None, now));
+        assert!(!saves.is_over(Some(1), now));
+        assert!(saves.is_over(Some(1), now + SETTLED));
+    }
+
+    proptest! {
+        #[test]
+        fn only_what_is_new_and_has_settled_is_taken_and_the_last_save_always(
+            looks in prop::collection::vec((prop::option::of(0u8..4), 1u32..400), 0..100),
+            last in 0u8..4,
+        ) {
+            let (mut now, mut taken, mut since) = (Instant::now(), Some(0), None);
+            let mut saves = Saves::new(taken);
+            let ends = [(Some(last), 1), (Some(last), 300), (Some(last), 300)];
+            for (mark, pause) in looks.into_iter().chain(ends) {
+                now += pause * MS;
+                since = match since {
+                    Some((same, since)) if same == mark => Some((same, since)),
+                    _ => Some((mark, now)),
+                };
+                if saves.is_over(mark, now) {
+                    prop_assert!(mark.is_some() && mark != taken);
+                    prop_assert!(since.is_some_and(|(_, since)| now >= since + SETTLED));
+                    saves.taken(mark);
+                    taken = mark;
+                }
+            }
+            prop_assert_eq!(taken, Some(last));
+        }
+    }
+
+    #[tokio::test]
+    async fn a_saved_file_is_read_and_a_rename_over_it_too() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("script.lua");
+        std::fs::write(&file, "one").unwrap();
+        let watched = Watched::new(file.clone());
+        let (reloads, mut received) = mpsc::channel(1);
+        let watching = tokio::spawn(watched.run(reloads));
+        std::fs::write(&file, "two, longer").unwrap();
+        assert_eq!(received.recv().await.unwrap().source, b"two, longer");
+        let other = folder.path().join("script.lua~");
+        std::fs::write(&other, "three").unwrap();
+        std::fs::rename(&other, &file).unwrap();
+        assert_eq!(received.recv().await.unwrap().source, b"three");
+        drop(received);
+        watching.await.unwrap();
+    }
+}

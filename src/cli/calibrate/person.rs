@@ -1,0 +1,112 @@
+//! A person with a tape measure.
+
+use std::io::{BufRead, Read, Write};
+
+use super::measure::{Measured, Plan};
+use super::{ready, step};
+use crate::cli::driver::Driver;
+use crate::cli::{Failure, print};
+
+/// Milliseconds of the three steps.
+const SHORT: u64 = 1000;
+const LONG: u64 = 3000;
+const TURN: u64 = 2000;
+/// No answer is longer.
+const MAX_ANSWER: u64 = 256;
+
+const WELCOME: &str = "\
+Put the robot on the floor that it will drive on, off its station, two metres free ahead of it and
+half a metre around it. No stairs, no table, no cables; people and animals stay away while it moves.
+Ctrl-C stops it at any time. Lay a tape measure beside it.
+";
+
+/// Two moves and a turn, asked for and typed in.
+pub(super) async fn round(driver: &mut Driver, json: bool) -> Result<Measured, Failure> {
+    ready(driver.status())?;
+    say(json, WELCOME)?;
+    let ahead = |millis| Plan::straight(1.0, millis);
+    let how_far = "How far did it go, in centimetres? (r: once more) ";
+    let short = ask(
+        driver,
+        json,
+        "1/3  It drives ahead for one second.",
+        ahead(SHORT),
+        how_far,
+    );
+    let short = short.await? / 100.0;
+    let next = "2/3  Bring it back to its mark. It drives ahead for three seconds.";
+    let long = ask(driver, json, next, ahead(LONG), how_far).await? / 100.0;
+    let next = "3/3  Mark where it looks. It turns left on the spot for two seconds.";
+    let how_much = "How many degrees did it turn? A full turn counts 360. (r: once more) ";
+    let degrees = ask(driver, json, next, Plan::turn(1.0, TURN), how_much).await?;
+    let seconds = |millis: u64| millis as f64 / 1000.0;
+    Ok(Measured::from_tape(
+        ((short, seconds(SHORT)), (long, seconds(LONG))),
+        (degrees.to_radians(), seconds(TURN)),
+    ))
+}
+
+/// One step, repeated as often as the person likes; what was measured.
+async fn ask(
+    driver: &mut Driver,
+    json: bool,
+    what: &str,
+    plan: Plan,
+    question: &str,
+) -> Result<f64, Failure> {
+    loop {
+        say(
+            json,
+            &format!("\n{what}\n     Is the way free? Enter starts it. "),
+        )?;
+        answer().await?;
+        step(driver, plan).await?;
+        loop {
+            say(json, &format!("     {question}"))?;
+            let typed = answer().await?.replace(',', ".");
+            match typed.parse::<f64>() {
+                Ok(number) if number.is_finite() && number > 0.0 => return Ok(number),
+                _ if typed == "r" => break,
+                _ => say(json, "     A number, such as 27.5, or r.\n")?,
+            }
+        }
+    }
+}
+
+/// To the person; where stdout is for JSON, on stderr.
+pub(super) fn say(json: bool, text: &str) -> Result<(), Failure> {
+    if !json {
+        return print(text);
+    }
+    let mut err = std::io::stderr().lock();
+    err.write_all(text.as_bytes())
+        .map_err(|error| Failure::usage(format_args!("cannot write to stderr: {error}")))
+}
+
+/// Waits for a line on a thread of its own: the pilot goes on, and Ctrl-C is heard.
+async fn answer() -> Result<String, Failure> {
+    let typed = tokio::task::spawn_blocking(line).await;
+    typed.unwrap_or_else(|error| Err(Failure::usage(format_args!("no answer: {error}"))))
+}
+
+/// One line of stdin, without blanks around it.
+///
+/// # Errors
+/// Its end.
+pub(super) fn line() -> Result<String, Failure> {
+    let mut line = String::new();
+    let read = std::io::stdin()
+        .lock()
+        .take(MAX_ANSWER)
+        .read_line(&mut line);
+    match read {
+        Ok(1..) => Ok(line.trim().to_owned()),
+        Ok(0) => Err(
+            Failure::usage("nobody answers: the calibration needs a person")
+                .help("--sim measures by itself"),
+        ),
+        Err(error) => Err(Failure::usage(format_args!(
+            "cannot read the answer: {error}"
+        ))),
+    }
+}

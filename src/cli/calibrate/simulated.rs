@@ -1,0 +1,98 @@
+//! The simulator measures itself: true places and times in the place of tape and watch.
+
+use std::f64::consts::{PI, TAU};
+use std::time::Duration;
+
+use super::measure::{Measured, Plan};
+use super::{ready, step};
+use crate::cli::driver::Driver;
+use crate::cli::{Exit, Failure};
+use crate::safety::WatchdogState;
+use crate::sim::{Handle, State};
+
+/// Milliseconds of the steps.
+const SHORT: u64 = 1000;
+const LONG: u64 = 1800;
+const TURN: u64 = 1500;
+/// Until the tracks have their speed.
+const RAMP: Duration = Duration::from_millis(500);
+/// Until they rest again.
+const REST: Duration = Duration::from_millis(500);
+/// The longest wait for the simulator's word that it has left its station.
+const LEAVING: Duration = Duration::from_secs(20);
+
+/// Back and forth, short and long, and a turn each way: the robot ends where it began.
+pub(super) async fn round(driver: &mut Driver, sim: &Handle) -> Result<Measured, Failure> {
+    if driver.status().safety == WatchdogState::Docked && !driver.status().low {
+        driver.undock(LEAVING).await?;
+    }
+    ready(driver.status())?;
+    let mut speeds = Vec::new();
+    for (direction, millis) in [(-1.0, SHORT), (1.0, SHORT), (-1.0, LONG), (1.0, LONG)] {
+        let seen = watch(driver, sim, Plan::straight(direction, millis)).await?;
+        speeds.push(rate(&seen, |a, b| a.pose.point().distance(b.pose.point()))?);
+    }
+    let mut turnings = Vec::new();
+    for direction in [1.0, -1.0] {
+        let seen = watch(driver, sim, Plan::turn(direction, TURN)).await?;
+        turnings.push(rate(&seen, |a, b| turned(a, b).abs())?);
+    }
+    let mean = |all: &[f64]| all.iter().sum::<f64>() / all.len() as f64;
+    Ok(Measured {
+        speed: mean(&speeds),
+        turning: mean(&turnings),
+    })
+}
+
+/// Drives a step and keeps what is seen while the tracks have their speed.
+async fn watch(driver: &mut Driver, sim: &Handle, plan: Plan) -> Result<Vec<State>, Failure> {
+    let (before, mut seen) = (sim.state().collisions, Vec::<State>::new());
+    let driving = step(driver, plan);
+    tokio::pin!(driving);
+    let mut last = sim.state().time;
+    loop {
+        tokio::select! {
+            biased;
+            ended = &mut driving => {
+                ended?;
+                break;
+            }
+            state = sim.wait_state(|state| state.time > last) => {
+                last = state.time;
+                seen.push(state);
+            }
+        }
+    }
+    tokio::time::sleep(REST).await;
+    if sim.state().collisions > before {
+        let failure = Failure::new(Exit::Script, "the simulated robot ran into something");
+        return Err(failure.help("choose a world with a metre free around the robot"));
+    }
+    seen.retain(|state| state.commanded.left != 0);
+    let begin = seen.first().map_or(last, |state| state.time) + RAMP;
+    seen.retain(|state| state.time >= begin);
+    Ok(seen)
+}
+
+/// How fast, from the first to the last that was seen.
+fn rate(seen: &[State], between: impl Fn(&State, &State) -> f64) -> Result<f64, Failure> {
+    let way: f64 = seen
+        .windows(2)
+        .map(|pair| between(&pair[0], &pair[1]))
+        .sum();
+    let time = match seen {
+        [first, .., last] => (last.time - first.time).as_secs_f64(),
+        _ => 0.0,
+    };
+    // Less is what a machine that stood still for a while has seen.
+    if time < 0.2 {
+        let failure = Failure::new(Exit::Script, "the simulator was seen too rarely");
+        return Err(failure.help("is this computer overloaded? Try again"));
+    }
+    Ok(way / time)
+}
+
+/// Radians from one to the next, less than half a turn.
+fn turned(before: &State, after: &State) -> f64 {
+    (after.pose.heading - before.pose.heading + PI).rem_euclid(TAU) - PI
+}

@@ -1,0 +1,213 @@
+//! `spykee check`: what is wrong in scripts, without running them.
+
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+
+use super::run::params;
+use super::source::read_source;
+use super::{Console, Exit, Failure, print};
+use crate::agent::Behaviour;
+use crate::behaviour::Launch;
+use crate::config::{Config, Entry};
+use crate::script::Options;
+use crate::script::check::{Finding, Severity, Surroundings, check};
+
+/// Look for mistakes in behaviours without running them
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct CheckArgs {
+    /// Scripts, or folders of them
+    #[arg(value_name = "FILE.lua", required = true)]
+    files: Vec<PathBuf>,
+
+    /// The config with which they are to run: its colours are known, its params are checked
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+
+    /// Print the findings as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Folders are not followed deeper.
+const MAX_DEPTH: u32 = 16;
+
+pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
+    let config = Config::effective(args.config.as_deref()).map_err(Failure::usage)?;
+    let mut files = Vec::new();
+    for path in &args.files {
+        collect(path, 0, &mut files)?;
+    }
+    let mut findings = Vec::new();
+    for file in &files {
+        findings.extend(of_file(file, &config, args.config.as_deref())?);
+    }
+    let text = match args.json {
+        true => format!(
+            "{}\n",
+            serde_json::to_string_pretty(&findings).map_err(Failure::usage)?
+        ),
+        false => report(&findings, files.len()),
+    };
+    print(&text)?;
+    Ok(if has_errors(&findings) {
+        Exit::Check
+    } else {
+        Exit::Done
+    })
+}
+
+/// Of one script with the settings of a config.
+fn of_file(file: &Path, config: &Config, path: Option<&Path>) -> Result<Vec<Finding>, Failure> {
+    let source = read_source(file)?;
+    let is_this = |entry: &&Entry| match (entry.file.canonicalize(), file.canonicalize()) {
+        (Ok(one), Ok(other)) => one == other,
+        _ => false,
+    };
+    let entry = config.behaviours.iter().find(is_this);
+    let options = Options {
+        colours: config.colours.clone(),
+        params: entry.map(|entry| params(entry, path)).unwrap_or_default(),
+        ..Options::new("check", file.display().to_string())
+    };
+    Ok(of_source(&source, &options))
+}
+
+fn of_source(source: &[u8], options: &Options) -> Vec<Finding> {
+    let surroundings = Surroundings::new(options, Some(Path::new(&options.chunk)));
+    check(source, &options.chunk, &surroundings)
+}
+
+/// Refuses to run what cannot work; warnings are only shown.
+pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<(), Failure> {
+    let mut findings = Vec::new();
+    for behaviour in behaviours {
+        let Launch {
+            source, options, ..
+        } = &behaviour.launch;
+        findings.extend(of_source(source, options));
+    }
+    let (errors, warnings): (Vec<_>, Vec<_>) = findings
+        .into_iter()
+        .partition(|finding| finding.severity == Severity::Error);
+    for warning in warnings {
+        let place = warning.place();
+        console.say(
+            "WARN",
+            &format!("{place}: {}\n{}", warning.message, warning.excerpt()),
+        );
+    }
+    let texts: Vec<_> = errors.iter().map(after_error).collect();
+    match texts.is_empty() {
+        true => Ok(()),
+        false => Err(Failure::new(Exit::Check, texts.join("\n\nerror: "))
+            .help("nothing was run; --no-check runs it all the same")),
+    }
+}
+
+/// A finding behind the word `error: `.
+fn after_error(finding: &Finding) -> String {
+    format!(
+        "{}: {}\n{}",
+        finding.place(),
+        finding.message,
+        finding.excerpt()
+    )
+}
+
+fn has_errors(findings: &[Finding]) -> bool {
+    findings
+        .iter()
+        .any(|finding| finding.severity == Severity::Error)
+}
+
+/// The scripts of a folder, in the order of their names; a file as it is.
+fn collect(path: &Path, depth: u32, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
+    if !path.is_dir() {
+        files.push(path.to_path_buf());
+        return Ok(());
+    }
+    let cannot = |error| {
+        Failure::usage(format_args!(
+            "cannot read the folder {}: {error}",
+            path.display()
+        ))
+    };
+    let mut entries = Vec::new();
+    for entry in std::fs::read_dir(path).map_err(cannot)? {
+        entries.push(entry.map_err(cannot)?.path());
+    }
+    entries.sort();
+    for entry in entries {
+        let script = entry
+            .extension()
+            .is_some_and(|extension| extension == "lua");
+        let folder = entry.is_dir() && !entry.is_symlink() && depth < MAX_DEPTH;
+        if script || folder {
+            collect(&entry, depth + 1, files)?;
+        }
+    }
+    Ok(())
+}
+
+fn report(findings: &[Finding], files: usize) -> String {
+    let mut text = shown(findings, colours());
+    let errors = findings
+        .iter()
+        .filter(|one| one.severity == Severity::Error)
+        .count();
+    let warnings = findings.len() - errors;
+    let plural =
+        |count: usize, word: &str| format!("{count} {word}{}", if count == 1 { "" } else { "s" });
+    text += &match (errors, warnings) {
+        (0, 0) => format!("{}: nothing to complain about\n", plural(files, "script")),
+        (_, 0) => format!("{}\n", plural(errors, "error")),
+        (0, _) => format!("{}\n", plural(warnings, "warning")),
+        _ => format!(
+            "{}, {}\n",
+            plural(errors, "error"),
+            plural(warnings, "warning")
+        ),
+    };
+    text
+}
+
+/// Findings for people, a blank line between two.
+fn shown(findings: &[Finding], colours: bool) -> String {
+    let one = |finding: &Finding| match colours {
+        true => coloured(finding),
+        false => finding.to_string(),
+    };
+    findings
+        .iter()
+        .map(|finding| one(finding) + "\n\n")
+        .collect()
+}
+
+fn coloured(finding: &Finding) -> String {
+    let colour = match finding.severity {
+        Severity::Error => "\x1b[1;31m",
+        Severity::Warning => "\x1b[1;33m",
+    };
+    let text = finding.to_string();
+    let text = super::screen::clean(&text, false);
+    let carets = finding.carets();
+    let marked = carets.replacen('^', &format!("{colour}^"), 1) + "\x1b[0m";
+    let word = match finding.severity {
+        Severity::Error => "error:",
+        Severity::Warning => "warning:",
+    };
+    let text = text.replacen(word, &format!("{colour}{word}\x1b[0m"), 1);
+    match text.rfind(&format!("| {carets}")) {
+        Some(at) => format!(
+            "{}| {marked}{}",
+            &text[..at],
+            &text[at + 2 + carets.len()..]
+        ),
+        None => text,
+    }
+}
+
+fn colours() -> bool {
+    let refused = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    !refused && std::io::stdout().is_terminal()
+}

@@ -1,0 +1,31 @@
+//! `spykee completions`: for the shell, made from the definition of the command line.
+
+use clap_complete::{Shell, generate};
+
+use super::{Exit, Failure, print};
+
+/// Print completions for a shell
+#[derive(Debug, Clone, clap::Args)]
+#[command(after_help = "\
+Install them, then open a new shell:
+  bash        spykee completions bash > ~/.local/share/bash-completion/completions/spykee
+  zsh         spykee completions zsh > ~/.zfunc/_spykee
+              (~/.zshrc: fpath+=~/.zfunc; autoload -Uz compinit && compinit)
+  fish        spykee completions fish > ~/.config/fish/completions/spykee.fish
+  elvish      spykee completions elvish >> ~/.config/elvish/rc.elv
+  powershell  spykee completions powershell >> $PROFILE")]
+pub(super) struct CompletionsArgs {
+    /// For which shell
+    shell: Shell,
+}
+
+/// Prints them to stdout.
+///
+/// # Errors
+/// A stdout that cannot be written to.
+pub(super) fn run(args: &CompletionsArgs, mut command: clap::Command) -> Result<Exit, Failure> {
+    let (name, mut text) = (command.get_name().to_owned(), Vec::new());
+    generate(args.shell, &mut command, name, &mut text);
+    print(&String::from_utf8_lossy(&text))?;
+    Ok(Exit::Done)
+}

@@ -1,0 +1,153 @@
+//! `spykee config`: what the settings are, where they come from, whether a file is right.
+
+use std::path::{Path, PathBuf};
+
+use clap::Subcommand;
+use serde_json::{Value as Json, json};
+
+use super::{Exit, Failure, print};
+use crate::config::{self, Config, Effective, Origin, Setting};
+use crate::link::Target;
+
+/// Show the settings and where they come from, check a config file, or print its JSON Schema
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct ConfigArgs {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Clone, Subcommand)]
+enum Action {
+    /// Print the settings that count: flags over $SPYKEE_... over the file over defaults
+    Show(ShowArgs),
+    /// Check a config file
+    Check {
+        /// The file
+        #[arg(value_name = "FILE", default_value = "spykee.yaml")]
+        file: PathBuf,
+    },
+    /// Print the JSON Schema of the config, for editors
+    Schema,
+}
+
+#[derive(Debug, Clone, clap::Args)]
+struct ShowArgs {
+    /// This YAML file, instead of $SPYKEE_CONFIG or spykee.yaml in the current folder
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+
+    /// Say where each value comes from
+    #[arg(long)]
+    origin: bool,
+
+    /// Print JSON, with origins
+    #[arg(long)]
+    json: bool,
+
+    /// As for `spykee run`
+    #[arg(long, value_name = "HOST[:PORT]")]
+    robot: Option<Target>,
+
+    /// As for `spykee run`
+    #[arg(long, value_name = "NAME")]
+    user: Option<String>,
+
+    /// As for `spykee run`
+    #[arg(long, value_name = "FILE")]
+    password_file: Option<PathBuf>,
+}
+
+impl ConfigArgs {
+    /// The file that was named.
+    pub(super) fn file(&self) -> Option<&Path> {
+        match &self.action {
+            Action::Show(args) => args.config.as_deref(),
+            _ => None,
+        }
+    }
+}
+
+/// Shows or checks; secrets are never read, so never shown.
+pub(super) fn run(args: &ConfigArgs) -> Result<Exit, Failure> {
+    match &args.action {
+        Action::Show(args) => show(args),
+        Action::Check { file } => check(file),
+        Action::Schema => {
+            print(&format!("{:#}\n", config::schema()))?;
+            Ok(Exit::Done)
+        }
+    }
+}
+
+fn check(file: &Path) -> Result<Exit, Failure> {
+    let config = Config::load(file).map_err(|error| Failure::new(Exit::Check, error))?;
+    let missing = config.behaviours.iter().find(|entry| !entry.file.is_file());
+    if let Some(entry) = missing {
+        let (file, script) = (file.display(), entry.file.display());
+        let what = format_args!("{file}: there is no behaviour {script}");
+        return Err(
+            Failure::new(Exit::Check, what).help("paths are relative to the config's folder")
+        );
+    }
+    print(&format!("{}: all right\n", file.display()))?;
+    Ok(Exit::Done)
+}
+
+fn show(args: &ShowArgs) -> Result<Exit, Failure> {
+    let effective = Effective::load(args.config.as_deref()).map_err(Failure::usage)?;
+    let flags = [
+        (
+            "robot",
+            "--robot",
+            args.robot.as_ref().map(Target::to_string),
+        ),
+        ("user", "--user", args.user.clone()),
+        (
+            "password_file",
+            "--password-file",
+            args.password_file
+                .as_ref()
+                .map(|path| path.display().to_string()),
+        ),
+    ];
+    let mut settings = effective.settings();
+    for (key, flag, value) in flags {
+        let slot = settings.iter_mut().find(|setting| setting.key == key);
+        if let (Some(slot), Some(value)) = (slot, value) {
+            (slot.value, slot.origin) = (value.into(), Origin::Flag(flag));
+        }
+    }
+    print(&if args.json {
+        format!(
+            "{:#}\n",
+            Json::Array(settings.iter().map(as_json).collect())
+        )
+    } else {
+        settings
+            .iter()
+            .map(|setting| line(setting, args.origin))
+            .collect()
+    })?;
+    Ok(Exit::Done)
+}
+
+fn as_json(setting: &Setting) -> Json {
+    json!({
+        "key": setting.key,
+        "value": serde_json::to_value(&setting.value).unwrap_or(Json::Null),
+        "origin": setting.origin.to_string(),
+    })
+}
+
+fn line(setting: &Setting, origin: bool) -> String {
+    let value = serde_json::to_value(&setting.value).unwrap_or(Json::Null);
+    let value = match value {
+        Json::Null => "-".to_owned(),
+        Json::String(text) => text,
+        other => other.to_string(),
+    };
+    match origin {
+        true => format!("{:<28} {value:<16} {}\n", setting.key, setting.origin),
+        false => format!("{:<28} {value}\n", setting.key),
+    }
+}

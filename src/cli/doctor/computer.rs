@@ -1,0 +1,182 @@
+//! Checks of this computer: clock, disk, kernel, terminal.
+
+use std::io::IsTerminal;
+use std::path::Path;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use super::Finding;
+
+/// Where pictures go unless the config says something else.
+const DATA_FOLDER: &str = "spykee-data";
+/// Seconds from 1970 to the beginning of 2025: no clock that is right shows less.
+const EARLIEST: u64 = 1_735_689_600;
+/// Seconds from 1970 to the beginning of 2100.
+const LATEST: u64 = 4_102_444_800;
+/// Free space below which pictures will soon not fit, and below which nothing does, MiB.
+const LITTLE: u64 = 200;
+const NOTHING: u64 = 10;
+
+pub(super) fn clock() -> Finding {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH);
+    judge_clock(now.map_or(0, |now| now.as_secs()))
+}
+
+fn judge_clock(now: u64) -> Finding {
+    match now {
+        EARLIEST..LATEST => Finding::ok("clock", "its date can be right"),
+        _ => Finding::warn(
+            "clock",
+            format!("{now} seconds after 1970 is no date of today"),
+            "set the date, or the times in logs and file names will be wrong",
+        ),
+    }
+}
+
+/// Writes and removes a small file where pictures would go, or where their folder would be made.
+pub(super) fn disk(data: Option<&Path>) -> Finding {
+    let data = data.unwrap_or(Path::new(DATA_FOLDER));
+    let shown = data.display();
+    let absolute = std::path::absolute(data).unwrap_or_else(|_| data.to_owned());
+    let Some(there) = absolute.ancestors().find(|folder| folder.exists()) else {
+        return Finding::fail(
+            "disk",
+            format!("{shown}: no such place"),
+            "choose another `data`",
+        );
+    };
+    if let Err(error) = try_to_write(there) {
+        let found = format!("cannot write into {}: {error}", there.display());
+        return Finding::fail("disk", found, "choose another `data` in the config");
+    }
+    match rustix::fs::statvfs(there) {
+        Ok(space) => judge_space(&shown.to_string(), (space.f_bavail * space.f_frsize) >> 20),
+        Err(error) => Finding::warn("disk", format!("{shown}: {error}"), "is the disk mounted?"),
+    }
+}
+
+fn try_to_write(folder: &Path) -> std::io::Result<()> {
+    let name = format!(".spykee-doctor-{}", std::process::id());
+    let path = folder.join(name);
+    let mut new = std::fs::OpenOptions::new();
+    new.write(true).create_new(true).open(&path)?;
+    std::fs::remove_file(path)
+}
+
+fn judge_space(folder: &str, mebibytes: u64) -> Finding {
+    let found = format!("{folder} can be written, {mebibytes} MiB are free");
+    match mebibytes {
+        ..NOTHING => Finding::fail("disk", found, "free some space"),
+        NOTHING..LITTLE => Finding::warn("disk", found, "free some space: pictures need it"),
+        _ => Finding::ok("disk", found),
+    }
+}
+
+/// The list of the kernel's security modules, or, where that cannot be read, the version.
+pub(super) fn landlock() -> Finding {
+    let modules = std::fs::read_to_string("/sys/kernel/security/lsm").ok();
+    let release = std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
+    judge_landlock(modules.as_deref(), release.trim())
+}
+
+fn judge_landlock(modules: Option<&str>, release: &str) -> Finding {
+    let without = "hosts of scripts could open any file of yours: run only your own, or enable \
+                   landlock (kernel 5.13 or newer, `lsm=landlock,...`)";
+    match modules {
+        Some(modules) if modules.trim().split(',').any(|name| name == "landlock") => Finding::ok(
+            "landlock",
+            "on: a script's host opens files in its own folder only",
+        ),
+        Some(_) => Finding::warn("landlock", format!("off in kernel {release}"), without),
+        None => Finding::warn(
+            "landlock",
+            format!("cannot tell for kernel {release}: /sys/kernel/security is not readable"),
+            "`RUST_LOG=debug spykee run ...` says so if it is missing",
+        ),
+    }
+}
+
+pub(super) fn seccomp() -> Finding {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    judge_seccomp(&status)
+}
+
+/// A kernel that has it tells so in every process's status.
+fn judge_seccomp(status: &str) -> Finding {
+    if status
+        .lines()
+        .any(|line| line.starts_with("Seccomp_filters:") || line.starts_with("Seccomp:"))
+    {
+        return Finding::ok("seccomp", "there: a script's host has few system calls");
+    }
+    Finding::warn(
+        "seccomp",
+        "this kernel does not tell of it",
+        "run only scripts that you trust",
+    )
+}
+
+pub(super) fn terminal() -> Finding {
+    let on = |yes: bool| if yes { "a terminal" } else { "a file or pipe" };
+    let (out, err) = (std::io::stdout(), std::io::stderr());
+    let columns = rustix::termios::tcgetwinsize(&err).map_or(0, |size| size.ws_col);
+    let width = match columns {
+        0 => String::new(),
+        columns => format!(", {columns} columns"),
+    };
+    let found = format!(
+        "stdout is {}, stderr is {}{width}",
+        on(out.is_terminal()),
+        on(err.is_terminal())
+    );
+    let dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
+    match (err.is_terminal(), dumb, columns) {
+        (true, true, _) => Finding::warn("terminal", found, "TERM=dumb: no status line"),
+        (true, _, 1..60) => Finding::warn("terminal", found, "make it wider for the status line"),
+        _ => Finding::ok("terminal", found),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Verdict;
+    use super::*;
+
+    #[test]
+    fn a_clock_that_was_never_set_is_told() {
+        assert_eq!(judge_clock(1000).verdict, Verdict::Warn);
+        assert_eq!(judge_clock(EARLIEST + 1).verdict, Verdict::Ok);
+        assert_eq!(judge_clock(LATEST).verdict, Verdict::Warn);
+    }
+
+    #[test]
+    fn a_full_disk_fails_and_a_nearly_full_one_warns() {
+        let verdict = |mebibytes| judge_space("x", mebibytes).verdict;
+        assert_eq!(
+            (verdict(0), verdict(50), verdict(5000)),
+            (Verdict::Fail, Verdict::Warn, Verdict::Ok)
+        );
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_fails() {
+        assert_eq!(disk(Some(Path::new("/proc/spykee"))).verdict, Verdict::Fail);
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("a/b");
+        assert_ne!(disk(Some(&data)).verdict, Verdict::Fail);
+        assert_eq!(
+            folder.path().read_dir().unwrap().count(),
+            0,
+            "nothing is left behind"
+        );
+    }
+
+    #[test]
+    fn kernel_features_are_read_from_what_the_kernel_tells() {
+        let landlock = |modules| judge_landlock(modules, "6.1").verdict;
+        assert_eq!(landlock(Some("capability,landlock,yama\n")), Verdict::Ok);
+        assert_eq!(landlock(Some("capability")), Verdict::Warn);
+        assert_eq!(landlock(None), Verdict::Warn);
+        assert_eq!(judge_seccomp("Name: x\nSeccomp:\t0\n").verdict, Verdict::Ok);
+        assert_eq!(judge_seccomp("").verdict, Verdict::Warn);
+    }
+}

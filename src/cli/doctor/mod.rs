@@ -1,0 +1,171 @@
+//! `spykee doctor`: what stands between this computer and a robot that runs behaviours.
+
+mod computer;
+mod network;
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::screen::clean;
+use super::{ConnectionArgs, Exit, Failure, Place, block_on, print};
+use crate::config::Config;
+
+/// Check network, robot, clock, disk, config, kernel and terminal
+///
+/// Ends with 0 if nothing failed, warnings included, and with 3 otherwise. With a robot it logs in
+/// for some seconds: its tracks are stopped.
+#[derive(Debug, Clone, clap::Args)]
+#[command(
+    after_help = "Examples:\n  spykee doctor\n  spykee doctor --robot 172.17.6.1\n  \
+                        spykee doctor --config spykee.yaml --json"
+)]
+pub(super) struct DoctorArgs {
+    /// Check this config, and use the robot that it names
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+
+    /// Print a JSON array in place of the lines
+    #[arg(long)]
+    json: bool,
+
+    #[command(flatten)]
+    connection: ConnectionArgs,
+}
+
+/// How a check went.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Verdict {
+    Ok,
+    Warn,
+    Fail,
+}
+
+/// One line of the diagnosis.
+#[derive(Debug, Clone, Serialize)]
+struct Finding {
+    check: &'static str,
+    verdict: Verdict,
+    found: String,
+    /// What to do; nothing if all is well.
+    help: Option<String>,
+}
+
+impl Finding {
+    fn ok(check: &'static str, found: impl Into<String>) -> Finding {
+        let (verdict, found, help) = (Verdict::Ok, found.into(), None);
+        Finding {
+            check,
+            verdict,
+            found,
+            help,
+        }
+    }
+
+    fn warn(check: &'static str, found: impl Into<String>, help: &str) -> Finding {
+        let (verdict, help) = (Verdict::Warn, Some(help.to_owned()));
+        Finding {
+            verdict,
+            help,
+            ..Finding::ok(check, found)
+        }
+    }
+
+    fn fail(check: &'static str, found: impl Into<String>, help: &str) -> Finding {
+        let verdict = Verdict::Fail;
+        Finding {
+            verdict,
+            ..Finding::warn(check, found, help)
+        }
+    }
+
+    fn line(&self) -> String {
+        let verdict = match self.verdict {
+            Verdict::Ok => "ok  ",
+            Verdict::Warn => "warn",
+            Verdict::Fail => "FAIL",
+        };
+        let help = self.help.as_ref();
+        let help = help.map_or_else(String::new, |help| format!("\n{:18}-> {help}", ""));
+        let found = clean(&self.found, false).replace('\n', " ");
+        format!("{verdict}  {:10}  {found}{help}\n", self.check)
+    }
+}
+
+/// Checks everything, and prints a line for each.
+///
+/// # Errors
+/// No runtime, or a stdout that cannot be written to. What is found wrong is no error, but an exit
+/// code.
+pub(super) fn run(args: &DoctorArgs) -> Result<Exit, Failure> {
+    let mut diagnosis = Diagnosis {
+        json: args.json,
+        findings: Vec::new(),
+    };
+    let config = config(args, &mut diagnosis)?;
+    for finding in [
+        computer::clock(),
+        computer::disk(config.data.as_deref()),
+        computer::landlock(),
+        computer::seccomp(),
+        computer::terminal(),
+    ] {
+        diagnosis.tell(finding)?;
+    }
+    let place = args.connection.place();
+    let place = place.or_else(|| config.robot.clone().map(Place::Robot));
+    block_on(network::examine(
+        place,
+        &args.connection,
+        &config,
+        &mut diagnosis,
+    ))??;
+    diagnosis.end()
+}
+
+fn config(args: &DoctorArgs, diagnosis: &mut Diagnosis) -> Result<Config, Failure> {
+    let Some(path) = &args.config else {
+        diagnosis.tell(Finding::ok("config", "none named: defaults"))?;
+        return Ok(Config::default());
+    };
+    let shown = path.display();
+    match Config::load(path) {
+        Ok(config) => {
+            diagnosis.tell(Finding::ok("config", format!("{shown} is valid")))?;
+            Ok(config)
+        }
+        Err(error) => {
+            let help = "correct it there; the README lists the keys";
+            diagnosis.tell(Finding::fail("config", error.to_string(), help))?;
+            Ok(Config::default())
+        }
+    }
+}
+
+/// What was found so far; lines are printed as they come.
+struct Diagnosis {
+    json: bool,
+    findings: Vec<Finding>,
+}
+
+impl Diagnosis {
+    fn tell(&mut self, finding: Finding) -> Result<(), Failure> {
+        if !self.json {
+            print(&finding.line())?;
+        }
+        self.findings.push(finding);
+        Ok(())
+    }
+
+    fn end(self) -> Result<Exit, Failure> {
+        if self.json {
+            print(&format!("{}\n", serde_json::json!(self.findings)))?;
+        }
+        let failed = |finding: &Finding| finding.verdict == Verdict::Fail;
+        Ok(match self.findings.iter().any(failed) {
+            true => Exit::Unreachable,
+            false => Exit::Done,
+        })
+    }
+}

@@ -1,0 +1,256 @@
+//! Checks of the network and of the robot on it.
+
+use std::time::Duration;
+
+use tokio::net::TcpStream;
+use tokio::time::{Instant, timeout, timeout_at};
+
+use super::{Diagnosis, Finding};
+use crate::cli::interrupt::interruption;
+use crate::cli::robot::farewell;
+use crate::cli::run::reach;
+use crate::cli::{ConnectionArgs, Exit, Failure, Place};
+use crate::config::Config;
+use crate::link::{self, LinkError, Session, Target, discover};
+use crate::vision::judge;
+use crate::wire::{Command, Report, Stream};
+
+/// How long discovery listens.
+const DISCOVERY: Duration = Duration::from_secs(1);
+/// How long frames are counted.
+const WATCHING: Duration = Duration::from_secs(3);
+/// The longest wait for an answer to a question of ours.
+const ANSWER: Duration = Duration::from_secs(2);
+/// Above this a behaviour that steers by pictures gets into trouble.
+const SLOW: Duration = Duration::from_millis(150);
+/// Fewer frames a second are too few to follow anything.
+const FEW_FRAMES: f64 = 5.0;
+
+/// All checks that need a network; the robot's only if one is named. Ctrl-C ends them.
+pub(super) async fn examine(
+    place: Option<Place>,
+    connection: &ConnectionArgs,
+    config: &Config,
+    diagnosis: &mut Diagnosis,
+) -> Result<(), Failure> {
+    let interrupted = interruption()?;
+    let checks = async {
+        diagnosis.tell(interfaces())?;
+        diagnosis.tell(discovery().await)?;
+        match place {
+            None => {
+                let help = "name it with --robot HOST[:PORT] or in --config; --sim checks a \
+                            simulated one";
+                diagnosis.tell(Finding::warn("robot", "no robot named: not checked", help))
+            }
+            Some(place) => robot(place, connection, config, diagnosis).await,
+        }
+    };
+    tokio::select! {
+        biased;
+        () = interrupted => Err(Failure::new(Exit::Interrupted, "interrupted")),
+        done = checks => done,
+    }
+}
+
+fn interfaces() -> Finding {
+    let all = if_addrs::get_if_addrs().unwrap_or_default();
+    let shown: Vec<String> = all
+        .iter()
+        .filter(|interface| !interface.is_loopback() && interface.ip().is_ipv4())
+        .map(|interface| format!("{} {}", interface.name, interface.ip()))
+        .collect();
+    if shown.is_empty() {
+        let help = "join the robot's Wi-Fi (SPYKEE...), or the network that it is in";
+        return Finding::warn("network", "no interface has an IPv4 address", help);
+    }
+    Finding::ok("network", shown.join(", "))
+}
+
+async fn discovery() -> Finding {
+    match discover::discover(DISCOVERY, &[]).await {
+        Err(error) => Finding::fail(
+            "discovery",
+            format!("cannot broadcast: {error}"),
+            "may this user open UDP sockets?",
+        ),
+        Ok(found) if found.is_empty() => Finding::warn(
+            "discovery",
+            "asked every network; no robot answered",
+            "is the robot on, and is this computer in its Wi-Fi (SPYKEE...)? A firewall must let \
+             UDP port 9000 through",
+        ),
+        Ok(found) => {
+            let robot = |robot: &discover::Found| {
+                let user = robot.connected_user.as_deref();
+                let user = user.map_or_else(String::new, |user| format!(" (used by {user})"));
+                format!("{} at {}{user}", robot.uid, robot.addr)
+            };
+            let robots: Vec<String> = found.iter().map(robot).collect();
+            Finding::ok("discovery", robots.join(", "))
+        }
+    }
+}
+
+async fn robot(
+    place: Place,
+    connection: &ConnectionArgs,
+    config: &Config,
+    diagnosis: &mut Diagnosis,
+) -> Result<(), Failure> {
+    let login = connection.login.or_from(config).login()?;
+    let (target, _sim) = reach(place, &login, 0)?;
+    let reachable = knock(&target, config.link.connect_timeout).await;
+    let open = reachable.verdict != super::Verdict::Fail;
+    diagnosis.tell(reachable)?;
+    if !open {
+        return Ok(());
+    }
+    let mut session = match link::connect(&target, &login, &config.link).await {
+        Ok(session) => session,
+        Err(error) => {
+            return diagnosis.tell(Finding::fail("login", error.to_string(), error.help()));
+        }
+    };
+    let who = &session.accepted;
+    let docked = if who.docked { "on" } else { "off" };
+    let found = format!(
+        "{} lets us in, firmware {}, {docked} its station",
+        who.uid, who.firmware
+    );
+    diagnosis.tell(Finding::ok("login", found))?;
+    diagnosis.tell(battery(&session, config))?;
+    match further(&mut session, diagnosis).await {
+        Ok(result) => result?,
+        Err(error) => {
+            return diagnosis.tell(Finding::fail("link", error.to_string(), error.help()));
+        }
+    }
+    farewell(session).await;
+    Ok(())
+}
+
+/// What only an open link tells.
+async fn further(
+    session: &mut Session,
+    diagnosis: &mut Diagnosis,
+) -> Result<Result<(), Failure>, LinkError> {
+    let latency = latency(session).await?;
+    if let Err(failure) = diagnosis.tell(latency) {
+        return Ok(Err(failure));
+    }
+    let video = video(session).await?;
+    Ok(diagnosis.tell(video))
+}
+
+/// One TCP connection, closed at once: its time is that of one way there and back.
+async fn knock(target: &Target, limit: Duration) -> Finding {
+    let began = Instant::now();
+    let help = "is the robot on, and is this computer in its Wi-Fi? `spykee discover` lists robots";
+    match timeout(
+        limit,
+        TcpStream::connect((target.host.as_str(), target.port)),
+    )
+    .await
+    {
+        Ok(Ok(_)) => {
+            let took = began.elapsed().as_secs_f64() * 1000.0;
+            Finding::ok("robot", format!("{target} can be reached, in {took:.1} ms"))
+        }
+        Ok(Err(error)) => Finding::fail("robot", format!("cannot reach {target}: {error}"), help),
+        Err(_) => {
+            let found = format!("{target} did not answer within {} s", limit.as_secs());
+            Finding::fail("robot", found, help)
+        }
+    }
+}
+
+fn battery(session: &Session, config: &Config) -> Finding {
+    let power = session.power;
+    let charging = if power.charging { ", charging" } else { "" };
+    let found = format!("{} %{charging}", power.percent);
+    if power.charging || power.percent > config.watchdog.low.get() {
+        return Finding::ok("battery", found);
+    }
+    let help = "too low to drive: put the robot on its station";
+    Finding::warn("battery", found, help)
+}
+
+/// From a question to its answer, the robot's own time included.
+async fn latency(session: &mut Session) -> Result<Finding, LinkError> {
+    let began = Instant::now();
+    session.writer.write(&[Command::PowerQuery]).await?;
+    loop {
+        let Ok(report) = timeout_at(began + ANSWER, session.reader.next()).await else {
+            let found = "the robot does not answer when asked for its battery";
+            let help = "not all may; see whether frames come";
+            return Ok(Finding::warn("latency", found, help));
+        };
+        if let Report::Power(_) = report? {
+            break;
+        }
+    }
+    let took = began.elapsed();
+    let found = format!(
+        "{:.1} ms from a question to its answer",
+        took.as_secs_f64() * 1000.0
+    );
+    Ok(if took > SLOW {
+        Finding::warn("latency", found, "bring robot and computer closer together")
+    } else {
+        Finding::ok("latency", found)
+    })
+}
+
+async fn video(session: &mut Session) -> Result<Finding, LinkError> {
+    let stream = |on| Command::Stream {
+        stream: Stream::Video,
+        on,
+    };
+    session.writer.write(&[stream(true)]).await?;
+    let (mut frames, mut damaged, mut first) = (0_u32, 0_u32, None);
+    let until = Instant::now() + WATCHING;
+    while let Ok(report) = timeout_at(until, session.reader.next()).await {
+        if let Report::Video(jpeg) = report? {
+            first.get_or_insert_with(Instant::now);
+            frames += 1;
+            damaged += u32::from(judge(&jpeg).is_err());
+        }
+    }
+    session.writer.write(&[stream(false)]).await?;
+    let seconds = first
+        .map_or(WATCHING, |first| first.elapsed())
+        .as_secs_f64();
+    Ok(judge_video(
+        frames,
+        damaged,
+        f64::from(frames) / seconds.max(0.1),
+    ))
+}
+
+fn judge_video(frames: u32, damaged: u32, rate: f64) -> Finding {
+    let found = format!("{rate:.0} frames a second, {damaged} of {frames} damaged");
+    if frames == 0 {
+        let help = "scripts that look will see nothing: switch the robot off and on again";
+        return Finding::fail("video", "no frame came within 3 s", help);
+    }
+    if rate < FEW_FRAMES || damaged * 10 > frames {
+        return Finding::warn("video", found, "bring robot and computer closer together");
+    }
+    Finding::ok("video", found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Verdict;
+    use super::*;
+
+    #[test]
+    fn few_or_damaged_frames_are_told() {
+        let verdict = |frames, damaged, rate| judge_video(frames, damaged, rate).verdict;
+        assert_eq!(verdict(45, 0, 15.0), Verdict::Ok);
+        assert_eq!(verdict(45, 9, 15.0), Verdict::Warn);
+        assert_eq!(verdict(6, 0, 2.0), Verdict::Warn);
+        assert_eq!(verdict(0, 0, 0.0), Verdict::Fail);
+    }
+}

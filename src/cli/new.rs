@@ -1,0 +1,179 @@
+//! `spykee new`: a folder to begin in, with a behaviour, its config, its test and what an editor
+//! needs.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+
+use super::{Exit, Failure, print};
+use crate::config;
+use crate::script::definition;
+
+/// The longest name.
+const MAX_NAME: usize = 64;
+
+/// Make a folder for a new behaviour
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct NewArgs {
+    /// What it is called: letters, digits, `_` and `-`, beginning with a letter
+    #[arg(value_name = "NAME", value_parser = parse_name)]
+    name: String,
+
+    /// What it does to begin with
+    #[arg(long, value_enum, default_value = "patrol")]
+    template: Template,
+
+    /// Make the folder in this one
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    into: PathBuf,
+}
+
+/// What the behaviour does to begin with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Template {
+    /// Drives a square again and again.
+    Patrol,
+    /// Follows something red.
+    Follow,
+    /// Says hello; all the rest is yours.
+    Empty,
+}
+
+impl Template {
+    /// The behaviour and its test.
+    fn texts(self) -> (&'static str, &'static str) {
+        match self {
+            Template::Patrol => (
+                include_str!("new/patrol.lua"),
+                include_str!("new/patrol_test.lua"),
+            ),
+            Template::Follow => (
+                include_str!("new/follow.lua"),
+                include_str!("new/follow_test.lua"),
+            ),
+            Template::Empty => (
+                include_str!("new/empty.lua"),
+                include_str!("new/empty_test.lua"),
+            ),
+        }
+    }
+}
+
+/// A name is a folder's, a file's and a behaviour's.
+fn parse_name(text: &str) -> Result<String, String> {
+    let usual = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
+    let right = text.starts_with(|c: char| c.is_ascii_alphabetic())
+        && text.chars().all(usual)
+        && text.len() <= MAX_NAME
+        && !text.ends_with("_test");
+    right.then(|| text.to_owned()).ok_or_else(|| {
+        format!(
+            "expected at most {MAX_NAME} letters, digits, `_` and `-`, beginning with a letter \
+             and not ending in `_test`"
+        )
+    })
+}
+
+/// Makes the folder; one that is there is left alone.
+///
+/// # Errors
+/// If it is there or cannot be made.
+pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
+    let folder = match args.into.as_os_str() == "." {
+        true => PathBuf::from(&args.name),
+        false => args.into.join(&args.name),
+    };
+    let shown = folder.display();
+    fs::create_dir_all(&args.into).map_err(|error| {
+        Failure::usage(format_args!("cannot make {}: {error}", args.into.display()))
+    })?;
+    fs::create_dir(&folder).map_err(|error| match error.kind() {
+        std::io::ErrorKind::AlreadyExists => {
+            Failure::usage(format_args!("{shown} is there already"))
+                .help("nothing was changed; choose another name")
+        }
+        _ => Failure::usage(format_args!("cannot make {shown}: {error}")),
+    })?;
+    for (name, text) in files(&args.name, args.template) {
+        write(&folder.join(name), &text)?;
+    }
+    print(&format!(
+        "made {shown}\n\nnext:\n  cd {shown}\n  spykee run {}.lua --sim\n",
+        args.name
+    ))?;
+    Ok(Exit::Done)
+}
+
+fn write(path: &Path, text: &str) -> Result<(), Failure> {
+    let folder = path.parent().map_or(Ok(()), fs::create_dir_all);
+    let written = folder.and_then(|()| fs::write(path, text));
+    written
+        .map_err(|error| Failure::usage(format_args!("cannot write {}: {error}", path.display())))
+}
+
+/// All files by name.
+fn files(name: &str, template: Template) -> Vec<(String, String)> {
+    let (behaviour, test) = template.texts();
+    let own = |text: &str| text.replace("{{NAME}}", name);
+    vec![
+        (format!("{name}.lua"), own(behaviour)),
+        (format!("{name}_test.lua"), own(test)),
+        (
+            "spykee.yaml".to_owned(),
+            own(include_str!("new/spykee.yaml")),
+        ),
+        ("README.md".to_owned(), own(include_str!("new/README.md"))),
+        (
+            ".gitignore".to_owned(),
+            include_str!("new/gitignore").to_owned(),
+        ),
+        (".luaurc".to_owned(), include_str!("new/luaurc").to_owned()),
+        (
+            ".vscode/settings.json".to_owned(),
+            include_str!("new/settings.json").to_owned(),
+        ),
+        (
+            ".vscode/extensions.json".to_owned(),
+            include_str!("new/extensions.json").to_owned(),
+        ),
+        ("spykee.d.luau".to_owned(), definition::luau()),
+        (
+            "spykee.schema.json".to_owned(),
+            format!("{:#}\n", config::schema()),
+        ),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_that_lead_elsewhere_or_mean_something_else_are_refused() {
+        for wrong in ["", "a/b", "../a", ".", "1st", "-v", "a b", "é", "x_test"] {
+            assert!(parse_name(wrong).is_err(), "{wrong}");
+        }
+        assert!(parse_name("night-guard_2").is_ok());
+        assert!(parse_name(&"a".repeat(65)).is_err());
+    }
+
+    #[test]
+    fn what_is_written_is_right() {
+        for template in Template::value_variants() {
+            let files = files("mine", *template);
+            for (name, text) in &files {
+                assert!(!text.contains("{{"), "{name}");
+            }
+            let text = |wanted: &str| &files.iter().find(|(name, _)| name == wanted).unwrap().1;
+            config::Config::parse(text("spykee.yaml"), "spykee.yaml").unwrap();
+            for json in [
+                ".luaurc",
+                ".vscode/settings.json",
+                ".vscode/extensions.json",
+            ] {
+                serde_json::from_str::<serde_json::Value>(text(json)).unwrap();
+            }
+        }
+    }
+}

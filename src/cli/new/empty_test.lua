@@ -1,0 +1,7 @@
+-- Run with:  spykee test
+-- Each scenario runs in a simulated world, much faster than real time, once for each seed.
+
+scenario("hits nothing", { battery = 80, seeds = 3, limit = 60 }, function(sim)
+	sim:run("{{NAME}}.lua")
+	expect(sim:collisions() == 0)
+end)

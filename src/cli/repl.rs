@@ -1,0 +1,336 @@
+//! `spykee repl`: type Lua and see what the robot does. Lines run in a behaviour host like any
+//! script, behind the same pilot and watchdog; the terminal has a thread of its own, and whatever
+//! it does, nothing here waits for it.
+
+mod editor;
+mod history;
+mod names;
+mod terminal;
+
+use std::io::IsTerminal as _;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::sync::mpsc;
+use tokio::time::{Instant, sleep_until};
+use tokio_util::sync::CancellationToken;
+
+use super::embedded::EmbeddedSim;
+use super::run::{DATA_FOLDER, dial, place, reach};
+use super::{ConnectionArgs, Console, Exit, Failure};
+use crate::agent::{AgentError, Talk, TalkError};
+use crate::behaviour::{Launch, Launcher, Library, Order, Said};
+use crate::config::Config;
+use crate::pilot::Settings;
+use crate::robot::EndReason;
+use crate::script::{self, Evaluated, Level, LogLine};
+use editor::{Next, Told, Typed};
+use terminal::Terminal;
+
+/// What the session is called in logs, and its data folder.
+const NAME: &str = "repl";
+/// How long the terminal may take to show a prompt before the tracks are stopped.
+const TERMINAL_LIMIT: Duration = Duration::from_secs(2);
+/// Texts that may wait for the terminal, and one place for what becomes of the line.
+const MAX_TOLD: usize = 257;
+
+/// Type Lua and see what the robot does
+///
+/// Ctrl-C stops the tracks, every task and every handler; Ctrl-D ends. Lines can also come from a
+/// pipe; then the exit code is 1 if one of them failed.
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct ReplArgs {
+    /// Read the settings from this YAML file
+    #[arg(long, value_name = "FILE")]
+    pub(super) config: Option<PathBuf>,
+
+    /// Of math.random and of the simulator's noise; without it a new one
+    #[arg(long, value_name = "NUMBER")]
+    seed: Option<u64>,
+
+    #[command(flatten)]
+    connection: ConnectionArgs,
+}
+
+/// Until a person has had enough.
+///
+/// # Errors
+/// Whatever keeps the session from beginning: files, config, the robot.
+pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
+    let config = Config::effective(args.config.as_deref()).map_err(Failure::usage)?;
+    let seed = args.seed.unwrap_or_else(rand::random);
+    let place = place(&args.connection, &config)?;
+    let login = args.connection.login.or_from(&config).login()?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build();
+    let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
+    let launcher = Launcher::this_executable().map_err(|error| {
+        Failure::usage(format_args!("cannot find this program's own file: {error}"))
+    })?;
+    let (target, sim) = reach(place, &login, seed)?;
+    let talk = Talk {
+        launch: launch(&config, seed)?,
+        settings: settings(&config, seed, sim.as_ref()),
+        dial: dial(target, login, config.link.clone()),
+        launcher,
+    };
+    let terminal = Terminal::remember();
+    let outcome = runtime.block_on(converse(talk, console));
+    console.divert(None);
+    terminal.restore();
+    runtime.shutdown_timeout(super::RUNTIME_LIMIT);
+    drop(sim);
+    outcome
+}
+
+fn settings(config: &Config, seed: u64, sim: Option<&EmbeddedSim>) -> Settings {
+    Settings {
+        limits: config.watchdog.clone(),
+        simulated: sim.is_some(),
+        seed,
+        link: config.link.clone(),
+    }
+}
+
+/// A script of no lines that lives on.
+fn launch(config: &Config, seed: u64) -> Result<Launch, Failure> {
+    let data = config.data.clone().unwrap_or_else(|| DATA_FOLDER.into());
+    let data = std::path::absolute(data.join(NAME)).map_err(Failure::usage)?;
+    let options = script::Options {
+        seed,
+        limits: config.limits.clone(),
+        calibration: config.calibration,
+        camera: config.camera,
+        colours: config.colours.clone(),
+        data_dir: Some(data),
+        interactive: true,
+        ..script::Options::new(NAME, NAME)
+    };
+    Ok(Launch {
+        source: Vec::new(),
+        options,
+        library: Library::new(PathBuf::from(".")),
+    })
+}
+
+async fn converse(talk: Talk, console: &Console) -> Result<Exit, Failure> {
+    let (order, orders) = mpsc::channel(16);
+    let (say, said) = mpsc::channel(64);
+    let (type_, typed) = mpsc::channel(1);
+    let (tell, told) = mpsc::channel(MAX_TOLD);
+    let stop = CancellationToken::new();
+    let mut signals = Signals::listen()?;
+    let mut repl = Repl {
+        order: Some(order),
+        tell,
+        console: console.clone(),
+        interactive: std::io::stdin().is_terminal(),
+        begun: false,
+        running: false,
+        failed: false,
+        patience: None,
+        exit: None,
+    };
+    let console = console.clone();
+    let thread = std::thread::Builder::new().name("editor".into());
+    thread
+        .spawn(move || editor::serve(&type_, told, &console))
+        .map_err(|error| Failure::usage(format_args!("no thread for the prompt: {error}")))?;
+    let mut session = std::pin::pin!(talk.run(orders, say, stop.clone()));
+    let (mut typed, mut said) = (typed, said);
+    loop {
+        tokio::select! {
+            biased;
+            ended = &mut session => return repl.exit(ended),
+            (exit, ends) = signals.next() => repl.signalled(exit, ends, &stop),
+            Some(said) = said.recv() => repl.hear(said),
+            () = at(repl.patience) => repl.give_up_on_terminal(),
+            typed = typed.recv() => match typed {
+                Some(typed) => repl.take(typed),
+                // A prompt that is gone: nobody can type any more.
+                None => drop(repl.order.take()),
+            },
+        }
+    }
+}
+
+async fn at(moment: Option<Instant>) {
+    match moment {
+        Some(moment) => sleep_until(moment).await,
+        None => std::future::pending().await,
+    }
+}
+
+/// SIGINT interrupts; SIGTERM and a terminal that is closed end.
+struct Signals {
+    interrupt: Signal,
+    terminate: Signal,
+    hangup: Signal,
+}
+
+impl Signals {
+    fn listen() -> Result<Signals, Failure> {
+        let listen = |kind| {
+            signal(kind)
+                .map_err(|error| Failure::usage(format_args!("cannot hear signals: {error}")))
+        };
+        Ok(Signals {
+            interrupt: listen(SignalKind::interrupt())?,
+            terminate: listen(SignalKind::terminate())?,
+            hangup: listen(SignalKind::hangup())?,
+        })
+    }
+
+    /// Whether it ends the session in any case.
+    async fn next(&mut self) -> (Exit, bool) {
+        tokio::select! {
+            _ = self.interrupt.recv() => (Exit::Interrupted, false),
+            _ = self.terminate.recv() => (Exit::Interrupted, true),
+            _ = self.hangup.recv() => (Exit::Interrupted, true),
+        }
+    }
+}
+
+/// What stands between the prompt and the behaviour.
+struct Repl {
+    /// `None`: no further orders, the session ends.
+    order: Option<mpsc::Sender<Order>>,
+    tell: mpsc::Sender<Told>,
+    console: Console,
+    /// A person types; otherwise lines come from a pipe.
+    interactive: bool,
+    /// The first behaviour is there.
+    begun: bool,
+    /// A line is being run, and the prompt waits.
+    running: bool,
+    /// A line has failed.
+    failed: bool,
+    /// When a terminal that shows no prompt has had its time.
+    patience: Option<Instant>,
+    exit: Option<Exit>,
+}
+
+impl Repl {
+    fn take(&mut self, typed: Typed) {
+        match typed {
+            Typed::Ready => self.patience = None,
+            Typed::Line { text, more } => {
+                self.running = true;
+                self.order(Order::Evaluate { text, more });
+            }
+            Typed::Interrupt => {
+                self.order(Order::Interrupt);
+                self.finish(Next::Prompt);
+            }
+            Typed::End => drop(self.order.take()),
+        }
+    }
+
+    /// One that finds no room ends the session: better than a robot that does not hear.
+    fn order(&mut self, order: Order) {
+        let sent = self.order.as_ref().map(|orders| orders.try_send(order));
+        if sent.is_some_and(|sent| sent.is_err()) {
+            self.order = None;
+        }
+    }
+
+    fn signalled(&mut self, exit: Exit, ends: bool, stop: &CancellationToken) {
+        if ends || !self.interactive {
+            self.exit = Some(exit);
+            stop.cancel();
+        } else {
+            self.order(Order::Interrupt);
+        }
+    }
+
+    fn hear(&mut self, said: Said) {
+        match said {
+            Said::Ready if !self.begun => {
+                self.begun = true;
+                self.finish(Next::Prompt);
+            }
+            Said::Ready => {}
+            Said::Line(line) => self.print(&written(&line)),
+            Said::Evaluated(evaluated) => self.evaluated(evaluated),
+            Said::Ended(ending) => {
+                let why = ending.message.unwrap_or_default();
+                let reason = ending.reason;
+                self.failed |= !matches!(reason, EndReason::Done);
+                self.print(&format!(
+                    "ended ({reason}): {why}\na new session begins; its variables are empty"
+                ));
+                if self.running {
+                    self.finish(Next::Prompt);
+                }
+            }
+        }
+    }
+
+    fn evaluated(&mut self, evaluated: Evaluated) {
+        match evaluated {
+            Evaluated::Incomplete => return self.finish(Next::Continue),
+            Evaluated::Values(values) if values.is_empty() => {}
+            Evaluated::Values(values) => self.print(&values.join("\t")),
+            Evaluated::Failed(text) => {
+                self.failed = true;
+                self.print(&format!("error: {text}"));
+            }
+            Evaluated::Cancelled => self.print("interrupted"),
+        }
+        self.finish(Next::Prompt);
+    }
+
+    /// While a line runs its output goes the way of its answer, in order; else above the prompt.
+    fn print(&self, text: &str) {
+        if !self.running {
+            return self.console.say("INFO", text);
+        }
+        // The last place is for what becomes of the line.
+        if self.tell.capacity() > 1 {
+            let _ = self.tell.try_send(Told::Print(text.to_owned()));
+        }
+    }
+
+    fn finish(&mut self, next: Next) {
+        self.running = false;
+        self.patience = Some(Instant::now() + TERMINAL_LIMIT);
+        let _ = self.tell.try_send(Told::Done(next));
+    }
+
+    fn give_up_on_terminal(&mut self) {
+        self.patience = None;
+        self.order(Order::Interrupt);
+        tracing::warn!("the terminal takes no output: everything was stopped");
+    }
+
+    fn exit(&self, ended: Result<(), TalkError>) -> Result<Exit, Failure> {
+        match ended {
+            Ok(()) => Ok(self.exit.unwrap_or({
+                if self.failed && !self.interactive {
+                    Exit::Script
+                } else {
+                    Exit::Done
+                }
+            })),
+            Err(TalkError::Agent(AgentError::Link(error))) => Err(error.into()),
+            Err(error) => Err(Failure::new(Exit::Script, error)),
+        }
+    }
+}
+
+/// A log line as a person at a prompt reads it.
+fn written(line: &LogLine) -> String {
+    let mut text = match line.level {
+        Level::Debug => "debug: ".to_owned(),
+        Level::Info => String::new(),
+        Level::Warn => "warning: ".to_owned(),
+        Level::Error => "error: ".to_owned(),
+    };
+    text += &line.text;
+    for (key, value) in &line.fields {
+        text += &format!(" {key}={value}");
+    }
+    text
+}

@@ -1,0 +1,248 @@
+//! The prompt, on a thread of its own: it may block for as long as the terminal likes.
+
+use std::io::{self, IsTerminal as _, Write};
+use std::path::PathBuf;
+
+use rustyline::error::ReadlineError;
+use rustyline::history::FileHistory;
+use rustyline::{CompletionType, Config, Editor, ExternalPrinter};
+use tokio::sync::mpsc;
+
+use super::super::Console;
+use super::super::screen::clean;
+use super::history;
+use super::names::Names;
+use crate::script::{MAX_SOURCE, definition};
+
+/// Where a new input begins, and where one goes on.
+const PROMPTS: (&str, &str) = ("spykee> ", "     .. ");
+/// Inputs that are kept from one session to the next.
+const MAX_HISTORY: usize = 1000;
+
+const HELP: &str = "\
+Type Lua: an expression shows its value, waiting calls wait.
+  robot.forward(0.5)      drive half a metre
+  robot.move(30, 30)      drive until something else is said
+  robot.battery().percent
+Tab completes. Ctrl-C stops the tracks, all tasks and handlers. Ctrl-D ends.
+A name made without `local` lives on; a local one ends with its line.
+  :api NAME   what a call does, such as :api robot.move
+  :help       this text
+  :quit       ends";
+
+/// From the prompt.
+#[derive(Debug)]
+pub(super) enum Typed {
+    /// All output is written and the prompt is about to be shown.
+    Ready,
+    Line {
+        text: String,
+        /// An empty line has not yet said that this is all.
+        more: bool,
+    },
+    Interrupt,
+    End,
+}
+
+/// To the prompt.
+#[derive(Debug)]
+pub(super) enum Told {
+    Print(String),
+    Done(Next),
+}
+
+/// What the prompt asks for next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Next {
+    Prompt,
+    Continue,
+}
+
+type Lines = Editor<Names, FileHistory>;
+
+/// Until there is nothing more to read, or nobody who listens.
+pub(super) fn serve(typed: &mpsc::Sender<Typed>, told: mpsc::Receiver<Told>, console: &Console) {
+    let mut prompt = match open() {
+        Ok(lines) => Prompt {
+            lines,
+            told,
+            history: None,
+            pending: String::new(),
+        },
+        Err(error) => {
+            tracing::error!("there is no prompt: {error}");
+            return;
+        }
+    };
+    if io::stdin().is_terminal() {
+        prompt.divert(console);
+        prompt.remember();
+        console.say("INFO", "Lua for the robot; :help helps, Ctrl-D ends");
+    }
+    while let Some(next) = prompt.wait() {
+        if typed.blocking_send(Typed::Ready).is_err() {
+            return;
+        }
+        let Some(what) = prompt.read(next) else {
+            return;
+        };
+        if typed.blocking_send(what).is_err() {
+            return;
+        }
+    }
+}
+
+fn open() -> rustyline::Result<Lines> {
+    let config = Config::builder()
+        .max_history_size(MAX_HISTORY)?
+        .completion_type(CompletionType::List)
+        .auto_add_history(false)
+        .build();
+    let mut lines = Lines::with_config(config)?;
+    lines.set_helper(Some(Names::new()));
+    Ok(lines)
+}
+
+struct Prompt {
+    lines: Lines,
+    told: mpsc::Receiver<Told>,
+    history: Option<PathBuf>,
+    /// The lines so far of an input that goes on.
+    pending: String,
+}
+
+impl Prompt {
+    /// What others write stands above the prompt.
+    fn divert(&mut self, console: &Console) {
+        match self.lines.create_external_printer() {
+            Ok(printer) => console.divert(Some(Box::new(Above(printer)))),
+            Err(error) => tracing::debug!("logs and the prompt share the terminal: {error}"),
+        }
+    }
+
+    fn remember(&mut self) {
+        let Some(path) = history::path() else {
+            return;
+        };
+        if let Err(error) = history::prepare(&path) {
+            tracing::warn!("lines are not kept in {}: {error}", path.display());
+            return;
+        }
+        // One that cannot be read is begun anew.
+        let _ = self.lines.load_history(&path);
+        self.history = Some(path);
+    }
+
+    /// Writes what comes until it is the person's turn again.
+    fn wait(&mut self) -> Option<Next> {
+        loop {
+            match self.told.blocking_recv()? {
+                Told::Print(text) => show(&text),
+                Told::Done(next) => return Some(next),
+            }
+        }
+    }
+
+    /// The next thing for the robot; what is for the prompt itself is done here. An interruption
+    /// leaves nothing pending.
+    fn read(&mut self, next: Next) -> Option<Typed> {
+        if next == Next::Prompt {
+            self.pending.clear();
+        }
+        loop {
+            let prompt = if self.pending.is_empty() {
+                PROMPTS.0
+            } else {
+                PROMPTS.1
+            };
+            match self.lines.readline(prompt) {
+                Ok(line) => {
+                    if let Some(typed) = self.line(&line) {
+                        return Some(typed);
+                    }
+                }
+                Err(ReadlineError::Interrupted) => {
+                    self.pending.clear();
+                    return Some(Typed::Interrupt);
+                }
+                Err(ReadlineError::Signal(_)) => {}
+                Err(_) if !self.pending.is_empty() => {
+                    let text = std::mem::take(&mut self.pending);
+                    return Some(Typed::Line { text, more: false });
+                }
+                Err(_) => return Some(Typed::End),
+            }
+        }
+    }
+
+    fn line(&mut self, line: &str) -> Option<Typed> {
+        let begins = self.pending.is_empty();
+        if begins && line.trim().is_empty() {
+            return None;
+        }
+        self.keep(line);
+        if begins && line.trim_start().starts_with(':') {
+            return self.command(line.trim());
+        }
+        if self.pending.len() + line.len() > MAX_SOURCE {
+            show("error: this input is too long");
+            self.pending.clear();
+            return None;
+        }
+        if !begins {
+            self.pending.push('\n');
+        }
+        self.pending.push_str(line);
+        let (text, more) = (self.pending.clone(), !line.trim().is_empty());
+        Some(Typed::Line { text, more })
+    }
+
+    fn keep(&mut self, line: &str) {
+        let Some(path) = &self.history else { return };
+        let added = self.lines.add_history_entry(line).unwrap_or(false);
+        if added && let Err(error) = self.lines.append_history(path) {
+            tracing::debug!("this line is not kept: {error}");
+        }
+    }
+
+    fn command(&self, line: &str) -> Option<Typed> {
+        match line
+            .split_once(' ')
+            .map_or((line, ""), |(a, b)| (a, b.trim()))
+        {
+            (":quit" | ":q", _) => return Some(Typed::End),
+            (":help" | ":h", _) => show(HELP),
+            (":api", "") => show("which? such as :api robot.move"),
+            (":api", name) => match definition::full(name) {
+                Some(text) => show(&text),
+                None => show(&format!(
+                    "nothing in the API is called '{name}'; Tab completes"
+                )),
+            },
+            (other, _) => show(&format!("there is no {other}; :help, :api NAME, :quit")),
+        }
+        None
+    }
+}
+
+/// Nothing can be done about a terminal that is gone.
+fn show(text: &str) {
+    let mut out = io::stdout().lock();
+    let _ = writeln!(out, "{}", clean(text.trim_end(), false));
+    let _ = out.flush();
+}
+
+/// Each record above the prompt.
+struct Above<P>(P);
+
+impl<P: ExternalPrinter> Write for Above<P> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let text = String::from_utf8_lossy(bytes).into_owned();
+        self.0.print(text).map_err(io::Error::other)?;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}

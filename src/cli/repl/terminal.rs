@@ -1,0 +1,20 @@
+//! The terminal's settings: whoever was editing a line when the session ended, they are as before.
+
+use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
+
+/// The settings of standard input, if it is a terminal.
+pub(super) struct Terminal(Option<Termios>);
+
+impl Terminal {
+    /// As they are now.
+    pub(super) fn remember() -> Terminal {
+        Terminal(tcgetattr(rustix::stdio::stdin()).ok())
+    }
+
+    /// As they were; an editor that still reads cannot be asked to do it.
+    pub(super) fn restore(self) {
+        if let Some(settings) = self.0 {
+            let _ = tcsetattr(rustix::stdio::stdin(), OptionalActions::Now, &settings);
+        }
+    }
+}

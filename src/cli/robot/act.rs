@@ -1,0 +1,83 @@
+//! `spykee robot led`, `play`, `volume`: said, and written before the program ends.
+
+use clap::builder::PossibleValuesParser;
+
+use super::AimArgs;
+use super::talk::talk;
+use crate::cli::{Exit, Failure};
+use crate::robot::Percent;
+use crate::wire::{Command, Led, Sound};
+
+/// Switch a light on or off
+#[derive(Debug, Clone, clap::Args)]
+#[command(after_help = "Example: spykee robot led flash on --robot 172.17.6.1")]
+pub(super) struct LedArgs {
+    /// Which light
+    #[arg(value_parser = PossibleValuesParser::new(Led::ALL.iter().map(|led| led.name())))]
+    led: String,
+    /// On or off
+    #[arg(value_name = "on|off", value_parser = ["on", "off"])]
+    state: String,
+    #[command(flatten)]
+    aim: AimArgs,
+}
+
+/// Play a sound, or stop the music
+#[derive(Debug, Clone, clap::Args)]
+#[command(
+    after_help = "Examples:\n  spykee robot play laser --robot 172.17.6.1\n  \
+                        spykee robot play --stop --robot 172.17.6.1\n\n\
+                        Some sounds switch lights too."
+)]
+pub(super) struct PlayArgs {
+    /// Which sound
+    #[arg(required_unless_present = "stop",
+          value_parser = PossibleValuesParser::new(Sound::ALL.iter().map(|sound| sound.name())))]
+    sound: Option<String>,
+    /// Stop the music now playing
+    #[arg(long, conflicts_with = "sound")]
+    stop: bool,
+    #[command(flatten)]
+    aim: AimArgs,
+}
+
+/// Set the volume of the speaker
+#[derive(Debug, Clone, clap::Args)]
+#[command(after_help = "Example: spykee robot volume 40 --robot 172.17.6.1\n\n\
+                        The volume that the robot has now may stand in `spykee robot config`.")]
+pub(super) struct VolumeArgs {
+    /// 0 to 100
+    #[arg(value_parser = clap::value_parser!(u8).range(0..=100))]
+    percent: u8,
+    #[command(flatten)]
+    aim: AimArgs,
+}
+
+pub(super) fn led(args: &LedArgs) -> Result<Exit, Failure> {
+    let led = Led::from_name(&args.led)
+        .ok_or_else(|| Failure::usage(format_args!("no such light: {}", args.led)))?;
+    let on = args.state == "on";
+    say(&args.aim, Command::Led { led, on })
+}
+
+pub(super) fn play(args: &PlayArgs) -> Result<Exit, Failure> {
+    let command = match &args.sound {
+        None => Command::StopSound,
+        Some(name) => Sound::from_name(name)
+            .map(Command::Play)
+            .ok_or_else(|| Failure::usage(format_args!("no such sound: {name}")))?,
+    };
+    say(&args.aim, command)
+}
+
+pub(super) fn volume(args: &VolumeArgs) -> Result<Exit, Failure> {
+    let percent = Percent::saturating(args.percent).get();
+    say(&args.aim, Command::Volume(percent))
+}
+
+fn say(aim: &AimArgs, command: Command) -> Result<Exit, Failure> {
+    talk(aim, async |talk| {
+        talk.say(&[command]).await?;
+        Ok(Exit::Done)
+    })
+}

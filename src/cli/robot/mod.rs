@@ -1,0 +1,141 @@
+//! `spykee robot`: one thing asked of the robot, from the shell. What moves it goes through the
+//! pilot and its watchdog; the rest is said over the same link.
+
+mod act;
+mod ask;
+mod mp3;
+mod settings;
+mod snapshot;
+mod station;
+mod stop;
+mod talk;
+mod upload;
+
+pub(super) use talk::farewell;
+
+use std::path::PathBuf;
+
+use clap::Subcommand;
+
+use super::embedded::EmbeddedSim;
+use super::run::{dial, place, reach};
+use super::{ConnectionArgs, Console, Exit, Failure};
+use crate::config::Config;
+use crate::link::{self, Target};
+use crate::pilot::{Dial, Settings};
+use crate::wire::Login;
+
+/// Ask the robot for one thing: battery, docking, lights, a picture, its settings
+///
+/// Low battery, the station and a dead link are watched over as in a run. The robot serves one
+/// user at a time: end other programs first.
+#[derive(Debug, Clone, clap::Args)]
+#[command(
+    subcommand_required = true,
+    arg_required_else_help = true,
+    after_help = "Examples:\n  spykee robot battery --robot 172.17.6.1\n  spykee robot stop --robot 172.17.6.1\n  spykee robot snapshot -o room.jpg --sim"
+)]
+pub(super) struct RobotArgs {
+    #[command(subcommand)]
+    command: RobotCommand,
+}
+
+#[derive(Debug, Clone, Subcommand)]
+enum RobotCommand {
+    Info(ask::InfoArgs),
+    Battery(ask::BatteryArgs),
+    Dock(station::DockArgs),
+    Undock(station::UndockArgs),
+    Stop(stop::StopArgs),
+    Led(act::LedArgs),
+    Play(act::PlayArgs),
+    Volume(act::VolumeArgs),
+    Snapshot(snapshot::SnapshotArgs),
+    Log(ask::LogArgs),
+    Config(settings::ConfigArgs),
+    Wifi(settings::WifiArgs),
+    UploadSound(upload::UploadArgs),
+}
+
+/// Does the one thing.
+///
+/// # Errors
+/// The command line, the robot, or what came of it.
+pub(super) fn run(args: &RobotArgs, console: &Console) -> Result<Exit, Failure> {
+    match &args.command {
+        RobotCommand::Info(args) => ask::info(args),
+        RobotCommand::Battery(args) => ask::battery(args),
+        RobotCommand::Dock(args) => station::dock(args),
+        RobotCommand::Undock(args) => station::undock(args),
+        RobotCommand::Stop(args) => stop::stop(args),
+        RobotCommand::Led(args) => act::led(args),
+        RobotCommand::Play(args) => act::play(args),
+        RobotCommand::Volume(args) => act::volume(args),
+        RobotCommand::Snapshot(args) => snapshot::snapshot(args),
+        RobotCommand::Log(args) => ask::log(args),
+        RobotCommand::Config(args) => settings::config(args),
+        RobotCommand::Wifi(args) => settings::wifi(args),
+        RobotCommand::UploadSound(args) => upload::upload(args, console),
+    }
+}
+
+/// Which robot, as whom, with whose numbers.
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct AimArgs {
+    /// Read robot, login and watchdog from this YAML file
+    #[arg(long, value_name = "FILE")]
+    pub(super) config: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub(super) connection: ConnectionArgs,
+}
+
+/// A robot that can be dialled. The simulator, if it is one, ends with this.
+pub(super) struct Aim {
+    pub(super) target: Target,
+    pub(super) login: Login,
+    pub(super) config: Config,
+    pub(super) sim: Option<EmbeddedSim>,
+}
+
+impl AimArgs {
+    /// Resolves flags and config, and starts the simulator if that is what was asked for.
+    ///
+    /// # Errors
+    /// A config, login or world that cannot be used; no robot named.
+    pub(super) fn aim(&self, seed: u64) -> Result<Aim, Failure> {
+        let config = Config::effective(self.config.as_deref()).map_err(Failure::usage)?;
+        let place = place(&self.connection, &config)?;
+        let login = self.connection.login.or_from(&config).login()?;
+        let (target, sim) = reach(place, &login, seed)?;
+        Ok(Aim {
+            target,
+            login,
+            config,
+            sim,
+        })
+    }
+}
+
+impl Aim {
+    /// Logs in once.
+    ///
+    /// # Errors
+    /// Every kind of [`link::LinkError`].
+    pub(super) async fn connect(&self) -> Result<link::Session, link::LinkError> {
+        link::connect(&self.target, &self.login, &self.config.link).await
+    }
+
+    /// For the pilot: how to dial, and the numbers of its rules.
+    pub(super) fn flight(&self, seed: u64) -> (Dial, Settings) {
+        let link = self.config.link.clone();
+        let dial = dial(self.target.clone(), self.login.clone(), link.clone());
+        let settings = Settings {
+            limits: self.config.watchdog.clone(),
+            simulated: self.sim.is_some(),
+            seed,
+            link,
+        };
+        (dial, settings)
+    }
+}

@@ -1,0 +1,321 @@
+//! `spykee robot config` and `wifi`: what the robot keeps, read; and, after a typed confirmation,
+//! changed. Keys and passwords are never shown.
+
+use std::io::{BufRead, IsTerminal, Read};
+use std::path::Path;
+
+use serde_json::{Map, Value, json};
+
+use super::AimArgs;
+use super::talk::{Talk, talk};
+use crate::cli::screen::clean;
+use crate::cli::table::{Side, aligned};
+use crate::cli::{Exit, Failure, print};
+use crate::wire::{Command, Network, Report, Setting, parse_networks, parse_settings};
+
+/// In place of a value that is nobody's business.
+const HIDDEN: &str = "***";
+/// A key with one of these in it is kept secret.
+const SECRETS: [&str; 7] = ["key", "pass", "psk", "pwd", "secret", "wep", "wpa"];
+/// A key with one of these in it concerns the network.
+const NETWORK: [&str; 7] = ["wifi", "wlan", "essid", "ssid", "wep", "wpa", "channel"];
+/// The longest value that is sent.
+const MAX_VALUE: usize = 255;
+
+/// Print the robot's settings, or change one with --set
+///
+/// Which settings there are and what they mean is not documented: only such as the robot lists
+/// itself can be changed, and a wrong one may leave it unreachable. Keys and passwords are shown as
+/// ***.
+#[derive(Debug, Clone, clap::Args)]
+#[command(
+    after_help = "Examples:\n  spykee robot config --robot 172.17.6.1 --json\n  \
+                        spykee robot config --set name=Anna --robot 172.17.6.1"
+)]
+pub(super) struct ConfigArgs {
+    #[command(flatten)]
+    change: ChangeArgs,
+}
+
+/// List the wireless networks that the robot sees, and its own network settings
+///
+/// How to make the robot join a network is not documented; --set changes network settings that the
+/// robot lists itself. A wrong one may leave it unreachable until it is reset.
+#[derive(Debug, Clone, clap::Args)]
+#[command(after_help = "Example: spykee robot wifi --robot 172.17.6.1")]
+pub(super) struct WifiArgs {
+    #[command(flatten)]
+    change: ChangeArgs,
+}
+
+/// How settings are changed.
+#[derive(Debug, Clone, clap::Args)]
+struct ChangeArgs {
+    /// Change a setting, after a typed confirmation; KEY=@FILE takes the first line of a file
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// The robot's id, in place of typing it: for scripts
+    #[arg(long, value_name = "ID", requires = "set")]
+    yes_i_mean: Option<String>,
+    /// Print a JSON object
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    aim: AimArgs,
+}
+
+pub(super) fn config(args: &ConfigArgs) -> Result<Exit, Failure> {
+    let args = &args.change;
+    let wanted = wanted(args)?;
+    talk(&args.aim, async |talk| {
+        let mut settings = settings(talk).await?;
+        if !wanted.is_empty() {
+            settings = change(talk, args, &settings, &wanted).await?;
+        }
+        match args.json {
+            true => print(&format!("{}\n", Value::Object(object(&settings))))?,
+            false => print(&table(&settings))?,
+        }
+        Ok(Exit::Done)
+    })
+}
+
+pub(super) fn wifi(args: &WifiArgs) -> Result<Exit, Failure> {
+    let args = &args.change;
+    let wanted = wanted(args)?;
+    if let Some(other) = wanted.iter().find(|wanted| !concerns_network(&wanted.key)) {
+        let what = format_args!("{} is no setting of the network", other.key);
+        return Err(Failure::usage(what).help("`spykee robot config --set` changes the others"));
+    }
+    talk(&args.aim, async |talk| {
+        let mut own = settings(talk).await?;
+        own.retain(|setting| concerns_network(&setting.key));
+        if !wanted.is_empty() {
+            own = change(talk, args, &own, &wanted).await?;
+            own.retain(|setting| concerns_network(&setting.key));
+        }
+        let pick = |report| match report {
+            Report::Networks(text) => Some(text),
+            _ => None,
+        };
+        let text = talk.text(Command::NetworksQuery, "networks", pick).await?;
+        show_networks(&parse_networks(&text), &own, args.json)?;
+        Ok(Exit::Done)
+    })
+}
+
+fn show_networks(networks: &[Network], own: &[Setting], json: bool) -> Result<(), Failure> {
+    if json {
+        let network = |network: &Network| {
+            json!({
+                "essid": network.essid, "encryption": network.encryption,
+                "strength": network.strength,
+            })
+        };
+        let networks: Vec<Value> = networks.iter().map(network).collect();
+        let object = json!({ "networks": networks, "settings": object(own) });
+        return print(&format!("{object}\n"));
+    }
+    let row = |network: &Network| {
+        let strength = network.strength.map_or("-".to_owned(), |s| s.to_string());
+        vec![network.essid.clone(), network.encryption.clone(), strength]
+    };
+    let rows: Vec<_> = networks.iter().map(row).collect();
+    let head = [
+        ("NETWORK", Side::Left),
+        ("ENCRYPTION", Side::Left),
+        ("STRENGTH", Side::Right),
+    ];
+    print(&format!("{}\n{}", aligned(&head, &rows), table(own)))
+}
+
+async fn settings(talk: &mut Talk) -> Result<Vec<Setting>, Failure> {
+    let pick = |report| match report {
+        Report::Config(text) => Some(text),
+        _ => None,
+    };
+    let text = talk
+        .text(Command::ConfigQuery, "its settings", pick)
+        .await?;
+    Ok(parse_settings(&text))
+}
+
+/// Checks, asks, sends, and reads back what the robot says now.
+async fn change(
+    talk: &mut Talk,
+    args: &ChangeArgs,
+    listed: &[Setting],
+    wanted: &[Setting],
+) -> Result<Vec<Setting>, Failure> {
+    if let Some(unknown) = wanted
+        .iter()
+        .find(|w| !listed.iter().any(|l| l.key == w.key))
+    {
+        let keys: Vec<&str> = listed.iter().map(|setting| setting.key.as_str()).collect();
+        let what = format!("the robot lists no such setting: {}", unknown.key);
+        let help = clean(&format!("it lists {}", keys.join(", ")), false);
+        return Err(Failure::usage(what).help(help));
+    }
+    confirm(&talk.session.accepted.uid, args, wanted)?;
+    let pairs: Vec<String> = wanted
+        .iter()
+        .map(|setting| format!("{}={}", setting.key, setting.value))
+        .collect();
+    // `wanted` lets nothing pass that has no byte.
+    let byte = |c| u8::try_from(u32::from(c)).unwrap_or(b'?');
+    let text = pairs.join("&").chars().map(byte).collect();
+    talk.say(&[Command::ConfigSet(text)]).await?;
+    let now = settings(talk).await?;
+    match wanted.iter().find(|wanted| !now.contains(wanted)) {
+        None => Ok(now),
+        Some(refused) => {
+            let what = format!("the robot did not take over {}", refused.key);
+            let help = "it may do so after it was switched off and on; `spykee robot config` tells";
+            Err(Failure::new(Exit::Script, what).help(help))
+        }
+    }
+}
+
+/// The robot's id, typed by a person at a terminal or named on purpose by a script.
+fn confirm(uid: &str, args: &ChangeArgs, wanted: &[Setting]) -> Result<(), Failure> {
+    let typed = match &args.yes_i_mean {
+        Some(typed) => typed.clone(),
+        None if !std::io::stdin().is_terminal() => {
+            let failure = Failure::usage("nobody is at a terminal to confirm the change");
+            return Err(failure.help("scripts name the robot: --yes-i-mean ID (`robot info`)"));
+        }
+        None => {
+            let changes = table(wanted);
+            print(&clean(
+                &format!(
+                    "This changes the robot {uid}:\n{changes}A wrong setting may leave it \
+                     unreachable. Type its id to go on: "
+                ),
+                false,
+            ))?;
+            let mut line = String::new();
+            std::io::stdin()
+                .lock()
+                .take(MAX_VALUE as u64)
+                .read_line(&mut line)
+                .map_err(|error| Failure::usage(format_args!("cannot read the answer: {error}")))?;
+            line.trim().to_owned()
+        }
+    };
+    if typed == uid {
+        return Ok(());
+    }
+    let what = format_args!("`{typed}` is not this robot: nothing was changed");
+    Err(Failure::usage(what).help("`spykee robot info` tells the robot's id"))
+}
+
+/// What `--set` says, before any robot is asked.
+fn wanted(args: &ChangeArgs) -> Result<Vec<Setting>, Failure> {
+    args.set.iter().map(|text| wish(text)).collect()
+}
+
+fn wish(text: &str) -> Result<Setting, Failure> {
+    let wrong = |what: &str| Failure::usage(format_args!("--set {what}"));
+    let (key, value) = text
+        .split_once('=')
+        .filter(|(key, _)| !key.is_empty())
+        .ok_or_else(|| wrong("expects KEY=VALUE"))?;
+    let value = match value.strip_prefix('@') {
+        Some(path) => first_line(Path::new(path))?,
+        None if is_secret(key) => {
+            let failure = wrong(&format!(
+                "{key}: a secret does not belong on a command line"
+            ));
+            return Err(failure.help(format!("write it into a file: --set {key}=@FILE")));
+        }
+        None => value.to_owned(),
+    };
+    let unsendable = |c: char| matches!(c, '&' | '=') || c.is_control() || u32::from(c) > 255;
+    if key.contains(unsendable) || value.contains(unsendable) {
+        return Err(
+            wrong(&format!("{key}: a character that the robot cannot be told"))
+                .help("&, = and letters outside of western European languages cannot be sent"),
+        );
+    }
+    if key.chars().count() + value.chars().count() > MAX_VALUE {
+        return Err(wrong(&format!("{key}: longer than {MAX_VALUE} characters")));
+    }
+    let key = key.to_owned();
+    Ok(Setting { key, value })
+}
+
+fn first_line(path: &Path) -> Result<String, Failure> {
+    let cannot = |error: std::io::Error| {
+        Failure::usage(format_args!("cannot read {}: {error}", path.display()))
+    };
+    let mut text = String::new();
+    let file = std::fs::File::open(path).map_err(cannot)?;
+    file.take(4096).read_to_string(&mut text).map_err(cannot)?;
+    Ok(text.lines().next().unwrap_or_default().to_owned())
+}
+
+fn is_secret(key: &str) -> bool {
+    let key = key.to_lowercase();
+    SECRETS.iter().any(|word| key.contains(word))
+}
+
+fn concerns_network(key: &str) -> bool {
+    let key = key.to_lowercase();
+    NETWORK.iter().any(|word| key.contains(word))
+}
+
+/// The value, or stars.
+fn shown(setting: &Setting) -> &str {
+    match is_secret(&setting.key) && !setting.value.is_empty() {
+        true => HIDDEN,
+        false => &setting.value,
+    }
+}
+
+fn table(settings: &[Setting]) -> String {
+    let row = |setting: &Setting| vec![setting.key.clone(), shown(setting).to_owned()];
+    let rows: Vec<_> = settings.iter().map(row).collect();
+    aligned(&[("SETTING", Side::Left), ("VALUE", Side::Left)], &rows)
+}
+
+fn object(settings: &[Setting]) -> Map<String, Value> {
+    let pair = |setting: &Setting| (setting.key.clone(), Value::from(shown(setting)));
+    settings.iter().map(pair).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn secrets_are_never_shown_and_never_on_the_command_line() {
+        let setting = Setting {
+            key: "wifi-Key".into(),
+            value: "hunter2".into(),
+        };
+        assert_eq!(shown(&setting), HIDDEN);
+        assert!(!table(std::slice::from_ref(&setting)).contains("hunter2"));
+        let refusal = wish("wifi-key=hunter2").unwrap_err();
+        assert!(
+            !refusal.report().contains("hunter2"),
+            "{}",
+            refusal.report()
+        );
+        assert!(refusal.report().contains("=@FILE"));
+    }
+
+    #[test]
+    fn what_could_be_taken_for_another_setting_is_refused() {
+        for text in [
+            "name",
+            "=x",
+            "name=a&b=c",
+            "name=a=b",
+            "name=a\nb",
+            "name=\u{20AC}",
+        ] {
+            assert!(wish(text).is_err(), "{text}");
+        }
+        assert_eq!(wish("name=Anna").unwrap().value, "Anna");
+    }
+}

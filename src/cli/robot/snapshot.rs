@@ -1,0 +1,106 @@
+//! `spykee robot snapshot`: one good picture.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use bytes::Bytes;
+use serde_json::json;
+use tokio::time::Instant;
+
+use super::AimArgs;
+use super::talk::{Talk, talk};
+use crate::cli::{Exit, Failure, print};
+use crate::vision::{Decoder, Size};
+use crate::wire::{Command, Report, Stream};
+
+/// Save what the camera sees
+///
+/// Waits for a frame that is whole; damaged ones are counted and thrown away.
+#[derive(Debug, Clone, clap::Args)]
+#[command(after_help = "Example: spykee robot snapshot -o room.jpg --robot 172.17.6.1")]
+pub(super) struct SnapshotArgs {
+    /// The picture's file; one that is there is replaced
+    #[arg(short, long, value_name = "FILE.jpg")]
+    output: PathBuf,
+    /// How long to wait for a good frame
+    #[arg(long, value_name = "SECONDS", default_value_t = 5,
+          value_parser = clap::value_parser!(u64).range(1..=600))]
+    timeout: u64,
+    /// Print a JSON object
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    aim: AimArgs,
+}
+
+/// A frame that is whole, and how many before it were not.
+struct Shot {
+    jpeg: Bytes,
+    size: Size,
+    damaged: u32,
+}
+
+pub(super) fn snapshot(args: &SnapshotArgs) -> Result<Exit, Failure> {
+    talk(&args.aim, async |talk| {
+        let shot = shoot(talk, Duration::from_secs(args.timeout)).await?;
+        save(&args.output, &shot.jpeg)?;
+        let (file, bytes) = (args.output.display().to_string(), shot.jpeg.len());
+        let Size { width, height } = shot.size;
+        if args.json {
+            let object = json!({
+                "file": file, "bytes": bytes, "width": width, "height": height,
+                "damaged_frames": shot.damaged,
+            });
+            print(&format!("{object}\n"))?;
+        } else {
+            print(&format!("{file}: {width}x{height}, {bytes} bytes\n"))?;
+        }
+        Ok(Exit::Done)
+    })
+}
+
+async fn shoot(talk: &mut Talk, limit: Duration) -> Result<Shot, Failure> {
+    let video = |on| Command::Stream {
+        stream: Stream::Video,
+        on,
+    };
+    let until = Instant::now() + limit;
+    let (mut decoder, mut damaged) = (Decoder::default(), 0);
+    talk.say(&[video(true)]).await?;
+    let shot = loop {
+        let left = until.saturating_duration_since(Instant::now());
+        let frame = talk.hear(left, |report| match report {
+            Report::Video(jpeg) => Some(jpeg),
+            _ => None,
+        });
+        let Some(jpeg) = frame.await? else {
+            return Err(none_in_time(limit, damaged));
+        };
+        match decoder.decode(&jpeg) {
+            Ok(image) => break (image.size(), jpeg),
+            Err(error) => {
+                tracing::debug!("a damaged frame: {error}");
+                damaged += 1;
+            }
+        }
+    };
+    talk.say(&[video(false)]).await?;
+    let (size, jpeg) = shot;
+    Ok(Shot {
+        jpeg,
+        size,
+        damaged,
+    })
+}
+
+fn none_in_time(limit: Duration, damaged: u32) -> Failure {
+    let seconds = limit.as_secs();
+    let what = format!("no good frame came within {seconds} s; damaged ones: {damaged}");
+    Failure::new(Exit::Unreachable, what)
+        .help("move the robot closer to this computer, or give it more --timeout")
+}
+
+fn save(path: &Path, jpeg: &[u8]) -> Result<(), Failure> {
+    std::fs::write(path, jpeg)
+        .map_err(|error| Failure::usage(format_args!("cannot write {}: {error}", path.display())))
+}

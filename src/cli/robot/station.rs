@@ -1,0 +1,122 @@
+//! `spykee robot dock` and `undock`: by the pilot, under the watchdog's rules.
+
+use std::time::Duration;
+
+use serde_json::json;
+
+use super::AimArgs;
+use crate::cli::driver::drive;
+use crate::cli::{Exit, Failure, block_on, print};
+use crate::robot::{DockEnd, DockPlan};
+
+/// Drive to the charging station, as `robot.dock` does
+///
+/// The robot searches its station by itself; between two tries it backs off a little. Ctrl-C ends
+/// the search and stops the robot.
+#[derive(Debug, Clone, clap::Args)]
+#[command(
+    after_help = "Example: spykee robot dock --robot 172.17.6.1 --timeout 60\n\n\
+                        From how far the robot finds its station is not documented."
+)]
+pub(super) struct DockArgs {
+    /// The longest search of one try
+    #[arg(long, value_name = "SECONDS", default_value_t = 180,
+          value_parser = clap::value_parser!(u64).range(1..=3600))]
+    timeout: u64,
+    /// Tries after the first
+    #[arg(long, value_name = "NUMBER", default_value_t = 2,
+          value_parser = clap::value_parser!(u32).range(0..=20))]
+    retries: u32,
+    /// Print a JSON object
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    aim: AimArgs,
+}
+
+/// Leave the charging station; refused while the battery is low
+#[derive(Debug, Clone, clap::Args)]
+#[command(after_help = "Example: spykee robot undock --robot 172.17.6.1")]
+pub(super) struct UndockArgs {
+    /// How long to wait for the robot's word that it has left
+    #[arg(long, value_name = "SECONDS", default_value_t = 15,
+          value_parser = clap::value_parser!(u64).range(1..=600))]
+    timeout: u64,
+    /// Print a JSON object
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    aim: AimArgs,
+}
+
+pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
+    let seed = rand::random();
+    let aim = args.aim.aim(seed)?;
+    let (dial, settings) = aim.flight(seed);
+    let plan = DockPlan {
+        timeout: Duration::from_secs(args.timeout),
+        retries: args.retries,
+        ..DockPlan::default()
+    };
+    let docking = drive(dial, settings, async |driver| {
+        let (end, attempts, took) = driver.dock(plan).await?;
+        let seconds = took.as_secs_f64();
+        if args.json {
+            let object = json!({ "end": end.name(), "attempts": attempts, "seconds": seconds });
+            print(&format!("{object}\n"))?;
+        } else if end == DockEnd::Done {
+            print(&format!(
+                "on its station and charging, after {seconds:.0} s\n"
+            ))?;
+        }
+        judge(end, driver.status().low)
+    });
+    block_on(docking)?
+}
+
+pub(super) fn undock(args: &UndockArgs) -> Result<Exit, Failure> {
+    let seed = rand::random();
+    let aim = args.aim.aim(seed)?;
+    let (dial, settings) = aim.flight(seed);
+    let undocking = drive(dial, settings, async |driver| {
+        let end = driver.undock(Duration::from_secs(args.timeout)).await?;
+        if args.json {
+            print(&format!("{}\n", json!({ "end": end.name() })))?;
+        } else if end == DockEnd::Done {
+            print("off its station\n")?;
+        }
+        judge(end, driver.status().low)
+    });
+    block_on(undocking)?
+}
+
+/// Where the robot was wanted is a success, also if it stood there before.
+fn judge(end: DockEnd, low: bool) -> Result<Exit, Failure> {
+    let (exit, what, help) = match end {
+        DockEnd::Done => return Ok(Exit::Done),
+        DockEnd::AlreadyDocked => {
+            tracing::info!("it stood on its station already");
+            return Ok(Exit::Done);
+        }
+        DockEnd::NotDocked => {
+            tracing::info!("it was not on its station");
+            return Ok(Exit::Done);
+        }
+        DockEnd::Safety => (
+            Exit::Safety,
+            "the watchdog does not allow it".to_owned(),
+            "is the battery low? `spykee robot battery` tells",
+        ),
+        DockEnd::Disconnected => (
+            Exit::Unreachable,
+            "the link was lost".to_owned(),
+            "is the robot still in reach of its Wi-Fi?",
+        ),
+        other => (
+            if low { Exit::Safety } else { Exit::Script },
+            format!("it did not work: {}", other.name().replace('_', " ")),
+            "put the robot in front of its station, some two metres away, and try again",
+        ),
+    };
+    Err(Failure::new(exit, what).help(help))
+}

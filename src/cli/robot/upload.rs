@@ -1,0 +1,156 @@
+//! `spykee robot upload-sound`: an MP3 into one of the robot's free places.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use bytes::Bytes;
+use serde_json::json;
+
+use super::AimArgs;
+use super::mp3::{self, Mp3};
+use super::talk::{Talk, talk};
+use crate::cli::{Console, Exit, Failure, print};
+use crate::wire::{Command, FileChunk, Report, Sound};
+
+/// The size of a chunk is not documented; the robot's own largest message is 32 KiB, and a small
+/// chunk passes a slow link before it counts as dead.
+const CHUNK: usize = 4096;
+/// What fits into the robot is not documented: a guard against the wrong file.
+const MAX_LEN: usize = 2 << 20;
+/// How long the robot may take to swallow the last bytes and answer.
+const ANSWER: Duration = Duration::from_secs(20);
+
+/// Upload an MP3 as one of the user's sounds, or as the music
+///
+/// The file is checked, sent in chunks, and then the robot is asked for its settings: an answer shows
+/// that it has read all of the file. The protocol has no word for "stored": listen with
+/// `spykee robot play SLOT`. How large a sound may be is not documented; this program refuses more
+/// than 2 MiB. Firmware cannot be uploaded.
+#[derive(Debug, Clone, clap::Args)]
+#[command(after_help = "Example: spykee robot upload-sound user0 hello.mp3 --robot 172.17.6.1")]
+pub(super) struct UploadArgs {
+    /// The place on the robot; what is there is replaced
+    #[arg(value_parser = ["user0", "user1", "music"])]
+    slot: String,
+    /// The sound
+    #[arg(value_name = "FILE.mp3")]
+    file: PathBuf,
+    /// Print a JSON object
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    aim: AimArgs,
+}
+
+pub(super) fn upload(args: &UploadArgs, console: &Console) -> Result<Exit, Failure> {
+    let (content, mp3) = load(&args.file)?;
+    let chunks = chunks(&args.slot, &content)?;
+    talk(&args.aim, async |talk| {
+        send(talk, &chunks, console).await?;
+        confirm(talk).await?;
+        report(args, content.len(), mp3)?;
+        Ok(Exit::Done)
+    })
+}
+
+fn load(path: &Path) -> Result<(Bytes, Mp3), Failure> {
+    let shown = path.display();
+    let mut content = Vec::new();
+    std::fs::File::open(path)
+        .and_then(|file| file.take(MAX_LEN as u64 + 1).read_to_end(&mut content))
+        .map_err(|error| Failure::usage(format_args!("cannot read {shown}: {error}")))?;
+    if content.len() > MAX_LEN {
+        let failure = Failure::usage(format_args!("{shown} is longer than 2 MiB"));
+        return Err(failure.help("make it shorter, or encode it with fewer kilobits a second"));
+    }
+    let mp3 = mp3::check(&content).map_err(|error| {
+        Failure::usage(format_args!("{shown} is no MP3 that can be sent: {error}"))
+            .help("the robot's own sounds are MP3 files (MPEG layer III, constant frames)")
+    })?;
+    Ok((content.into(), mp3))
+}
+
+/// The first chunk has the first flag, the last one the last.
+fn chunks(slot: &str, content: &Bytes) -> Result<Vec<Command>, Failure> {
+    let last = content.len().div_ceil(CHUNK).saturating_sub(1);
+    let chunk = |number: usize| {
+        let (from, to) = (number * CHUNK, content.len().min((number + 1) * CHUNK));
+        let mut flags = 0;
+        flags |= if number == 0 { FileChunk::FIRST } else { 0 };
+        flags |= if number == last { FileChunk::LAST } else { 0 };
+        let sound = Sound::from_name(slot)?;
+        FileChunk::of_sound(sound, flags, content.slice(from..to)).map(Command::File)
+    };
+    let chunks: Option<Vec<Command>> = (0..=last).map(chunk).collect();
+    chunks.ok_or_else(|| Failure::usage(format_args!("{slot} is no place for a sound")))
+}
+
+async fn send(talk: &mut Talk, chunks: &[Command], console: &Console) -> Result<(), Failure> {
+    for (sent, chunk) in chunks.iter().enumerate() {
+        console.status(format!("uploading · {} %", 100 * sent / chunks.len()));
+        talk.say(std::slice::from_ref(chunk)).await?;
+    }
+    console.status("");
+    Ok(())
+}
+
+/// The robot reads in order: whoever answers the last question has read all that came before it.
+/// CONFIG is only sent when asked for, so that no other news can pass for the answer.
+async fn confirm(talk: &mut Talk) -> Result<(), Failure> {
+    talk.say(&[Command::ConfigQuery]).await?;
+    let answer = |report| matches!(report, Report::Config(_)).then_some(());
+    if talk.hear(ANSWER, answer).await?.is_some() {
+        return Ok(());
+    }
+    let what = "all of the file was sent, but the robot did not answer afterwards";
+    Err(Failure::new(Exit::Unreachable, what).help("play the sound to hear whether it arrived"))
+}
+
+fn report(args: &UploadArgs, bytes: usize, mp3: Mp3) -> Result<(), Failure> {
+    let (slot, seconds) = (&args.slot, mp3.duration.as_secs_f64());
+    if args.json {
+        let object = json!({
+            "slot": slot, "bytes": bytes, "seconds": seconds, "frames": mp3.frames,
+        });
+        return print(&format!("{object}\n"));
+    }
+    print(&format!(
+        "{slot}: {bytes} bytes, {seconds:.1} s; the robot has read them. \
+         Hear it with: spykee robot play {slot}\n"
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chunks_are_flagged_and_lose_nothing() {
+        for length in [1, CHUNK - 1, CHUNK, CHUNK + 1, 3 * CHUNK] {
+            let content = Bytes::from(vec![7; length]);
+            let chunks = chunks("user1", &content).unwrap();
+            let parts: Vec<&FileChunk> = chunks
+                .iter()
+                .map(|command| match command {
+                    Command::File(chunk) => chunk,
+                    other => panic!("{other:?}"),
+                })
+                .collect();
+            let sent: usize = parts.iter().map(|part| part.content().len()).sum();
+            assert_eq!(sent, length);
+            let flags: u32 = parts.iter().map(|part| u32::from(part.flags())).sum();
+            assert_eq!(flags, 3, "one first, one last");
+            assert_eq!(
+                (parts[0].flags() & 1, parts[parts.len() - 1].flags() & 2),
+                (1, 2)
+            );
+        }
+    }
+
+    #[test]
+    fn no_other_place_can_be_filled() {
+        assert!(chunks("alarm", &Bytes::from_static(b"x")).is_err());
+        assert!(chunks("firmware", &Bytes::from_static(b"x")).is_err());
+    }
+}

@@ -1,0 +1,236 @@
+//! The `behaviours:` list of the config: what to run, and how.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+
+use crate::behaviour::RestartPolicy;
+use crate::robot::Priority;
+use crate::script::ParamValue;
+
+/// The longest name.
+const MAX_NAME: usize = 64;
+
+/// One behaviour.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Entry {
+    /// The script, relative to the config.
+    pub file: PathBuf,
+    /// What it is called, in the log and as a folder; the file's own name unless given.
+    #[serde(default, deserialize_with = "name")]
+    pub name: Option<String>,
+    /// Who wins when several want to drive; 0 unless given.
+    #[serde(default)]
+    pub priority: Priority,
+    /// What is done when it fails; `never` unless given.
+    #[serde(default)]
+    pub restart: RestartPolicy,
+    /// Values of its parameters, by name.
+    #[serde(default)]
+    pub params: BTreeMap<String, ParamValue>,
+}
+
+impl Entry {
+    /// A script without any wish.
+    pub fn of(file: PathBuf) -> Entry {
+        Entry {
+            file,
+            name: None,
+            priority: Priority::default(),
+            restart: RestartPolicy::default(),
+            params: BTreeMap::new(),
+        }
+    }
+
+    /// Its name, or else that of its file, without what follows the last dot.
+    pub fn name(&self) -> String {
+        let stem = || self.file.file_stem().map(|stem| stem.to_string_lossy());
+        match &self.name {
+            Some(name) => name.clone(),
+            None => stem().map_or_else(|| "script".to_owned(), Into::into),
+        }
+    }
+}
+
+/// A name is a folder's too: nothing in it may lead anywhere.
+fn name<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
+    struct Word;
+    impl Visitor<'_> for Word {
+        type Value = Option<String>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            write!(
+                f,
+                "a name of at most {MAX_NAME} letters, digits, `-` and `_`"
+            )
+        }
+
+        fn visit_str<E: Error>(self, name: &str) -> Result<Option<String>, E> {
+            let usual = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+            match name.chars().all(usual) && (1..=MAX_NAME).contains(&name.len()) {
+                true => Ok(Some(name.to_owned())),
+                false => Err(E::invalid_value(serde::de::Unexpected::Str(name), &self)),
+            }
+        }
+    }
+    from.deserialize_str(Word)
+}
+
+/// For `deserialize_with`: entries whose names differ. Two of one name would share a folder; the
+/// second is refused where it stands.
+pub(super) fn entries<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Entry>, D::Error> {
+    struct List;
+    impl<'de> Visitor<'de> for List {
+        type Value = Vec<Entry>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("a list of behaviours, such as `- file: patrol.lua`")
+        }
+
+        fn visit_seq<S: SeqAccess<'de>>(self, mut list: S) -> Result<Vec<Entry>, S::Error> {
+            let mut entries: Vec<Entry> = Vec::new();
+            while let Some(entry) = list.next_element_seed(Another(&entries))? {
+                entries.push(entry);
+            }
+            Ok(entries)
+        }
+    }
+    from.deserialize_seq(List)
+}
+
+/// One more entry beside these.
+struct Another<'a>(&'a [Entry]);
+
+impl<'de> DeserializeSeed<'de> for Another<'_> {
+    type Value = Entry;
+
+    fn deserialize<D: Deserializer<'de>>(self, from: D) -> Result<Entry, D::Error> {
+        from.deserialize_map(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Another<'_> {
+    type Value = Entry;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a behaviour, such as `file: patrol.lua`")
+    }
+
+    fn visit_map<M: MapAccess<'de>>(self, map: M) -> Result<Entry, M::Error> {
+        let entry = Entry::deserialize(MapAccessDeserializer::new(map))?;
+        let name = entry.name();
+        match self.0.iter().find(|other| other.name() == name) {
+            Some(other) => Err(M::Error::custom(twins(&name, &other.file, &entry.file))),
+            None => Ok(entry),
+        }
+    }
+}
+
+fn twins(name: &str, first: &Path, second: &Path) -> String {
+    format!(
+        "two behaviours are called `{name}` ({} and {}): give one of them another `name:`",
+        first.display(),
+        second.display()
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::behaviour::Restarts;
+    use crate::config::Config;
+    use std::time::Duration;
+
+    fn parse(text: &str) -> Result<Vec<Entry>, String> {
+        let config = Config::parse(text, "spykee.yaml");
+        let config = config.map_err(|error| error.to_string())?;
+        Ok(config.behaviours)
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let text = "behaviours:\n\
+                    - file: patrol.lua\n\
+                    - file: lib/avoid.lua\n  \
+                      name: bumper\n  \
+                      priority: 10\n  \
+                      restart: { policy: on-failure, max_restarts: 3 }\n  \
+                      params: { speed: 40, loud: true, colour: red }\n";
+        let read = parse(text).unwrap();
+        assert_eq!(read[0], Entry::of("patrol.lua".into()));
+        assert_eq!(read[0].name(), "patrol");
+        let restarts = Restarts {
+            max_restarts: 3,
+            ..Restarts::default()
+        };
+        assert_eq!(restarts.within, Duration::from_secs(600));
+        let params = [
+            ("speed", ParamValue::Number(40.0)),
+            ("loud", ParamValue::Boolean(true)),
+            ("colour", ParamValue::Text("red".into())),
+        ];
+        let bumper = Entry {
+            file: "lib/avoid.lua".into(),
+            name: Some("bumper".into()),
+            priority: Priority(10),
+            restart: RestartPolicy::OnFailure(restarts),
+            params: params.map(|(name, value)| (name.to_owned(), value)).into(),
+        };
+        assert_eq!(read[1], bumper);
+    }
+
+    #[test]
+    fn what_is_wrong_is_refused_with_its_place() {
+        for (text, place, words) in [
+            (
+                "behaviours:\n- file: a.lua\n- file: b.lua\n- file: other/a.lua\n",
+                "line 4 column 3",
+                "two behaviours are called `a` (a.lua and other/a.lua)",
+            ),
+            (
+                "behaviours:\n- { file: a.lua, name: b }\n- { name: b, file: c.lua }\n",
+                "line 3 column 3",
+                "called `b`",
+            ),
+            (
+                "behaviours:\n- file: a.lua\n  name: ../b\n",
+                "line 3 column 9",
+                "expected a name of at most 64 letters",
+            ),
+            (
+                "behaviours:\n- file: a.lua\n  restart: always\n",
+                "line 3 column 12",
+                "neither `never` nor `on-failure`",
+            ),
+            (
+                "behaviours:\n- file: a.lua\n  restart: { policy: on-failure, max_pause: 0 }\n",
+                "line 3 column 45",
+                "0.05 to 86400",
+            ),
+            (
+                "behaviours:\n- file: a.lua\n  params: { speed: [1] }\n",
+                "line 3 column 20",
+                "true, false, a number or a text",
+            ),
+            (
+                "behaviours:\n- file: a.lua\n  prio: 3\n",
+                "line 3 column 3",
+                "prio",
+            ),
+            ("behaviours:\n  file: a.lua\n", "line 2 column 3", "a list"),
+            (
+                "behaviours:\n- a.lua\n",
+                "line 2 column 3",
+                "such as `file: patrol.lua`",
+            ),
+        ] {
+            let error = parse(text).unwrap_err();
+            assert!(error.contains(place) && error.contains(words), "{error}");
+        }
+    }
+}

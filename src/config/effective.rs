@@ -1,0 +1,308 @@
+//! What the settings are in the end, and where each comes from: environment over file over default.
+//! Flags stand above all of them and are known to the command line only.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use serde_yaml::Value;
+
+use super::place::{self, Step};
+use super::{Config, ConfigError};
+
+/// Read by itself where it lies in the current folder.
+const FILE: &str = "spykee.yaml";
+/// Names another.
+const FILE_VARIABLE: &str = "SPYKEE_CONFIG";
+
+/// Where a value comes from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Origin {
+    /// The command line.
+    Flag(&'static str),
+    /// This variable.
+    Environment(String),
+    /// The config file.
+    File {
+        /// Which.
+        path: PathBuf,
+        /// From 1.
+        line: usize,
+    },
+    /// Nobody has said anything.
+    Default,
+}
+
+impl fmt::Display for Origin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Origin::Flag(flag) => f.write_str(flag),
+            Origin::Environment(variable) => write!(f, "${variable}"),
+            Origin::File { path, line } => write!(f, "{}:{line}", path.display()),
+            Origin::Default => f.write_str("default"),
+        }
+    }
+}
+
+/// One value with its key, such as `watchdog.low`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Setting {
+    /// Names joined by dots; elements of lists in brackets.
+    pub key: String,
+    /// What it is.
+    pub value: Value,
+    /// Where it comes from.
+    pub origin: Origin,
+}
+
+/// Settings with their origins.
+#[derive(Debug, Clone)]
+pub struct Effective {
+    /// The settings.
+    pub config: Config,
+    /// The file they were read from, and its text.
+    pub file: Option<(PathBuf, String)>,
+    variables: BTreeMap<String, String>,
+}
+
+impl Effective {
+    /// Of the file that is named, or of `$SPYKEE_CONFIG`, or of `spykee.yaml` in the current folder
+    /// if it is there; and of the `SPYKEE_...` variables.
+    ///
+    /// # Errors
+    /// See [`ConfigError`].
+    pub fn load(named: Option<&Path>) -> Result<Effective, ConfigError> {
+        let variable = |name: &str| std::env::var(name).ok().filter(|text| !text.is_empty());
+        Effective::of(named, Path::new(FILE), variable)
+    }
+
+    fn of(
+        named: Option<&Path>,
+        usual: &Path,
+        variable: impl Fn(&str) -> Option<String>,
+    ) -> Result<Effective, ConfigError> {
+        let path = named
+            .map(Path::to_owned)
+            .or_else(|| variable(FILE_VARIABLE).map(PathBuf::from))
+            .or_else(|| usual.is_file().then(|| usual.to_owned()));
+        let mut effective = Effective {
+            config: Config::default(),
+            file: None,
+            variables: BTreeMap::new(),
+        };
+        if let Some(path) = path {
+            let text = Config::read(&path)?;
+            effective.config = Config::of_text(&text, &path)?;
+            effective.file = Some((path, text));
+        }
+        for key in keys() {
+            let name = variable_of(&key);
+            if let Some(text) = variable(&name) {
+                effective.config = overridden(&effective.config, &key, &text, &name)?;
+                effective.variables.insert(key, name);
+            }
+        }
+        let levels = effective.config.watchdog.check();
+        levels.map_err(|reason| invalid("the environment", &reason))?;
+        Ok(effective)
+    }
+
+    /// Every value and where it comes from, in the order of the keys.
+    pub fn settings(&self) -> Vec<Setting> {
+        let mut settings = Vec::new();
+        if let Ok(mut tree) = serde_yaml::to_value(&self.config) {
+            if let (Some(map), Some(behaviours)) = (tree.as_mapping_mut(), self.behaviours()) {
+                map.insert("behaviours".into(), behaviours);
+            }
+            leaves(&tree, &mut Vec::new(), &mut |steps, value| {
+                let (key, value) = (written(steps), value.clone());
+                let origin = self.origin(&key, steps);
+                settings.push(Setting { key, value, origin });
+            });
+        }
+        settings
+    }
+
+    /// As they stand in the file.
+    fn behaviours(&self) -> Option<Value> {
+        let (_, text) = self.file.as_ref()?;
+        let tree: Value = serde_yaml::from_str(text).ok()?;
+        tree.get("behaviours").cloned()
+    }
+
+    fn origin(&self, key: &str, steps: &[Step]) -> Origin {
+        if let Some(variable) = self.variables.get(key) {
+            return Origin::Environment(variable.clone());
+        }
+        let in_file = self.file.as_ref().and_then(|(path, text)| {
+            let (line, _) = place::of(text, steps)?;
+            let path = path.clone();
+            Some(Origin::File { path, line })
+        });
+        in_file.unwrap_or(Origin::Default)
+    }
+}
+
+/// The variable that overrides a key.
+fn variable_of(key: &str) -> String {
+    format!("SPYKEE_{}", key.replace('.', "_").to_uppercase())
+}
+
+/// Every key that is one value, whatever a config says.
+pub(super) fn keys() -> Vec<String> {
+    let mut keys = Vec::new();
+    if let Ok(tree) = serde_yaml::to_value(Config::default()) {
+        leaves(&tree, &mut Vec::new(), &mut |steps, value| {
+            if !value.is_sequence() && !value.is_mapping() {
+                keys.push(written(steps));
+            }
+        });
+    }
+    keys
+}
+
+/// Calls `found` for every value that holds no others; pairs and empty collections are values too.
+fn leaves(tree: &Value, steps: &mut Vec<Step>, found: &mut impl FnMut(&[Step], &Value)) {
+    match tree {
+        Value::Mapping(map) if !map.is_empty() => {
+            for (key, value) in map {
+                steps.push(Step::Key(key.as_str().unwrap_or_default().to_owned()));
+                leaves(value, steps, found);
+                steps.pop();
+            }
+        }
+        Value::Sequence(list) if list.iter().any(|item| item.is_mapping()) => {
+            for (index, value) in list.iter().enumerate() {
+                steps.push(Step::Index(index));
+                leaves(value, steps, found);
+                steps.pop();
+            }
+        }
+        value => found(steps, value),
+    }
+}
+
+fn written(steps: &[Step]) -> String {
+    let mut key = String::new();
+    for step in steps {
+        match step {
+            Step::Key(name) if key.is_empty() => key.push_str(name),
+            Step::Key(name) => key.push_str(&format!(".{name}")),
+            Step::Index(index) => key.push_str(&format!("[{index}]")),
+        }
+    }
+    key
+}
+
+/// The config with one value from a text; refused in the words of the config's own types.
+fn overridden(
+    config: &Config,
+    key: &str,
+    text: &str,
+    variable: &str,
+) -> Result<Config, ConfigError> {
+    let whole = serde_yaml::to_value(config);
+    let mut tree = whole.map_err(|error| invalid(variable, &error.to_string()))?;
+    let as_yaml = serde_yaml::from_str(text).unwrap_or(Value::Null);
+    let as_text = Value::String(text.to_owned());
+    let mut refusal = String::new();
+    for value in [as_yaml, as_text] {
+        if let Some(place) = slot(&mut tree, key) {
+            *place = value;
+        }
+        match serde_yaml::from_value(tree.clone()) {
+            // Not written, so not read back: no variable speaks of them.
+            Ok(read) => {
+                let behaviours = config.behaviours.clone();
+                return Ok(Config { behaviours, ..read });
+            }
+            Err(error) if refusal.is_empty() => refusal = error.to_string(),
+            Err(_) => {}
+        }
+    }
+    Err(invalid(&format!("${variable}"), &refusal))
+}
+
+fn slot<'a>(tree: &'a mut Value, key: &str) -> Option<&'a mut Value> {
+    key.split('.')
+        .try_fold(tree, |tree, name| tree.as_mapping_mut()?.get_mut(name))
+}
+
+fn invalid(path: &str, reason: &str) -> ConfigError {
+    ConfigError::Invalid {
+        path: path.to_owned(),
+        reason: reason.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn load(file: &str, variables: &[(&str, &str)]) -> Result<Effective, ConfigError> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(FILE);
+        std::fs::write(&path, file).unwrap();
+        Effective::of(None, &path, |name| {
+            let found = variables.iter().find(|(known, _)| *known == name)?;
+            Some(found.1.to_owned())
+        })
+    }
+
+    fn setting(effective: &Effective, key: &str) -> Setting {
+        let mut all = effective.settings().into_iter();
+        all.find(|setting| setting.key == key).unwrap()
+    }
+
+    #[test]
+    fn environment_beats_file_beats_default_and_each_says_so() {
+        let file = "robot: 10.0.0.1\nwatchdog:\n  low: 25\n  ok: 60\nbehaviours:\n- file: a.lua\n";
+        let effective = load(file, &[("SPYKEE_WATCHDOG_LOW", "30"), ("SPYKEE_USER", "7")]).unwrap();
+        assert_eq!(effective.config.watchdog.low.get(), 30);
+        assert_eq!(effective.config.user.as_deref(), Some("7"));
+        assert_eq!(
+            setting(&effective, "watchdog.low").origin,
+            Origin::Environment("SPYKEE_WATCHDOG_LOW".to_owned())
+        );
+        let line = |key| match setting(&effective, key).origin {
+            Origin::File { line, .. } => line,
+            other => panic!("{other}"),
+        };
+        assert_eq!((line("robot"), line("watchdog.ok")), (1, 4));
+        assert_eq!(line("behaviours[0].file"), 6);
+        assert_eq!(
+            setting(&effective, "watchdog.critical").origin,
+            Origin::Default
+        );
+    }
+
+    #[test]
+    fn a_variable_with_a_wrong_value_is_named_with_what_was_expected() {
+        for (variable, value) in [
+            ("SPYKEE_WATCHDOG_LOW", "150"),
+            ("SPYKEE_CALIBRATION_FULL_SPEED", "fast"),
+            ("SPYKEE_ROBOT", "http://x"),
+            ("SPYKEE_LOGGING_LEVEL", "loud"),
+        ] {
+            let text = load("", &[(variable, value)]).unwrap_err().to_string();
+            assert!(
+                text.contains(variable) && text.contains("expected"),
+                "{text}"
+            );
+        }
+        let text = load("", &[("SPYKEE_WATCHDOG_LOW", "90")]).unwrap_err();
+        assert!(text.to_string().contains("must rise"), "{text}");
+    }
+
+    #[test]
+    fn every_setting_can_be_written_and_read_back() {
+        let effective = load(
+            "colours: { sock: { h: [270, 310], s: [30, 100], v: [20, 100] } }",
+            &[],
+        )
+        .unwrap();
+        let text = serde_yaml::to_string(&effective.config).unwrap();
+        let again = Config::parse(&text, "again").unwrap();
+        assert_eq!(serde_yaml::to_string(&again).unwrap(), text);
+    }
+}

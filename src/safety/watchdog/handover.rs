@@ -1,0 +1,219 @@
+//! The tracks go from one behaviour to another without a gap or a jump: by numbers.
+
+use std::time::Duration;
+
+use proptest::prelude::*;
+use tokio::time::Instant;
+
+use super::*;
+use crate::robot::{EndReason, MotionId, Priority};
+use crate::safety::Ask;
+
+const MS: Duration = Duration::from_millis(1);
+const PATROL: BehaviourId = BehaviourId(0);
+const AVOID: BehaviourId = BehaviourId(1);
+
+fn priority(by: BehaviourId) -> Priority {
+    match by {
+        AVOID => Priority(10),
+        BehaviourId(other) => Priority(i16::from(other > 2)),
+    }
+}
+
+/// Online, and a clock that only moves when told.
+struct Rig {
+    dog: Watchdog,
+    now: Instant,
+    motions: u64,
+}
+
+impl Rig {
+    fn new() -> Rig {
+        let now = Instant::now();
+        let mut dog = Watchdog::new(Limits::default(), now);
+        let power = Power {
+            percent: 90,
+            charging: false,
+        };
+        dog.take(
+            Fact::LinkUp {
+                docked: false,
+                power,
+            },
+            now,
+        );
+        let (now, motions) = (now + 100 * MS, 0);
+        Rig { dog, now, motions }
+    }
+
+    fn fact(&mut self, by: BehaviourId, ask: Ask) -> Fact {
+        let priority = priority(by);
+        Fact::Asked { by, priority, ask }
+    }
+
+    fn wish(&mut self, by: BehaviourId, percent: f64, duration: Option<Duration>) -> Fact {
+        self.motions += 1;
+        let ask = Ask::Move {
+            motion: MotionId(self.motions),
+            setpoint: Setpoint::from_percent(percent, percent).unwrap(),
+            duration,
+        };
+        self.fact(by, ask)
+    }
+
+    fn take(&mut self, fact: Fact) -> Vec<Act> {
+        self.dog.take(fact, self.now)
+    }
+
+    fn drive(&mut self, by: BehaviourId, percent: f64) -> Vec<Act> {
+        let wish = self.wish(by, percent, None);
+        self.take(wish)
+    }
+
+    /// Lets time pass as the pilot does, with these hosts alive.
+    fn pass(&mut self, span: Duration, alive: &[BehaviourId]) -> Vec<Act> {
+        let (end, mut acts) = (self.now + span, Vec::new());
+        while self.now < end {
+            let due = self.dog.next_deadline().unwrap_or(end).max(self.now);
+            self.now = due.min(self.now + 50 * MS).min(end);
+            for &by in alive {
+                self.dog.absorb(Fact::Alive(by), self.now);
+            }
+            acts.extend(self.dog.tick(self.now));
+            if due == self.now {
+                self.now += MS;
+            }
+        }
+        acts
+    }
+}
+
+/// The MOVEs, repetitions left out.
+fn moves(acts: &[Act]) -> Vec<i8> {
+    let left = |act: &Act| match act.command() {
+        Some(Command::Move { left, .. }) => Some(left),
+        _ => None,
+    };
+    let mut moves: Vec<i8> = acts.iter().filter_map(left).collect();
+    moves.dedup();
+    moves
+}
+
+#[test]
+fn who_lets_go_and_takes_the_tracks_again_at_once_never_lets_the_lower_drive() {
+    let mut rig = Rig::new();
+    rig.drive(PATROL, 40.0);
+    rig.now += 100 * MS;
+    let acts = rig.drive(AVOID, -50.0);
+    assert_eq!(moves(&acts), [-45]);
+    rig.now += 100 * MS;
+    let release = rig.fact(AVOID, Ask::Release(MotionId(2)));
+    rig.dog.absorb(release, rig.now);
+    let again = rig.wish(AVOID, -20.0, None);
+    let acts = rig.take(again);
+    assert_eq!(moves(&acts), [-18]);
+    assert_eq!(moves(&rig.pass(150 * MS, &[PATROL, AVOID])), [] as [i8; 0]);
+}
+
+#[test]
+fn a_silent_host_that_stands_by_is_ended_and_the_one_that_drives_is_not_disturbed() {
+    let mut rig = Rig::new();
+    let mut acts = rig.drive(PATROL, 40.0);
+    rig.now += 100 * MS;
+    acts.extend(rig.drive(AVOID, -50.0));
+    acts.extend(rig.pass(1000 * MS, &[AVOID]));
+    assert_eq!(moves(&acts), [36, -45]);
+    assert!(acts.contains(&Act::Kill(PATROL, EndReason::Cpu)));
+}
+
+#[test]
+fn a_silent_host_that_drives_stands_still_before_the_lower_goes_on() {
+    let mut rig = Rig::new();
+    let mut acts = rig.drive(PATROL, 40.0);
+    rig.now += 100 * MS;
+    acts.extend(rig.drive(AVOID, -50.0));
+    acts.extend(rig.pass(1000 * MS, &[PATROL]));
+    assert_eq!(moves(&acts), [36, -45, 0, 36]);
+    assert!(acts.contains(&Act::Kill(AVOID, EndReason::Cpu)));
+}
+
+#[test]
+fn a_silent_host_that_stands_by_does_not_get_the_tracks() {
+    let mut rig = Rig::new();
+    rig.drive(PATROL, 40.0);
+    rig.now += 100 * MS;
+    rig.drive(AVOID, -50.0);
+    rig.pass(300 * MS, &[AVOID]);
+    let release = rig.fact(AVOID, Ask::Release(MotionId(2)));
+    assert_eq!(moves(&rig.take(release)), [0]);
+    assert_eq!(moves(&rig.drive(PATROL, 30.0)), [] as [i8; 0], "too soon");
+    assert_eq!(moves(&rig.pass(50 * MS, &[PATROL])), [27], "alive again");
+}
+
+#[test]
+fn a_hand_over_to_the_same_setpoint_says_nothing_anew() {
+    let mut rig = Rig::new();
+    rig.drive(PATROL, 40.0);
+    rig.now += 100 * MS;
+    assert_eq!(rig.drive(AVOID, 40.0), []);
+    assert_eq!(rig.take(Fact::Gone(AVOID)), []);
+}
+
+/// What may happen to three behaviours.
+#[derive(Debug, Clone)]
+enum Step {
+    Wish(u16, i32, Option<u64>),
+    Release(u16, u64),
+    Gone(u16),
+    Pass(u64),
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    prop_oneof![
+        4 => (0u16..4, -4i32..=4, prop::option::weighted(0.4, 1u64..2_000))
+            .prop_map(|(by, power, ms)| Step::Wish(by, power, ms)),
+        2 => (0u16..4, 1u64..30).prop_map(|(by, motion)| Step::Release(by, motion)),
+        1 => (0u16..4).prop_map(Step::Gone),
+        2 => (0u64..700).prop_map(Step::Pass),
+    ]
+}
+
+proptest! {
+    #[test]
+    fn the_robot_hears_the_setpoint_of_whoever_drives_and_a_stop_only_if_nobody_wants_to(
+        steps in prop::collection::vec(step(), 1..60),
+    ) {
+        let mut rig = Rig::new();
+        let crew = [0, 1, 2, 3].map(BehaviourId);
+        for step in steps {
+            let acts = match step {
+                Step::Wish(by, power, ms) => {
+                    let duration = ms.map(Duration::from_millis);
+                    let wish = rig.wish(BehaviourId(by), f64::from(power) * 25.0, duration);
+                    rig.take(wish)
+                }
+                Step::Release(by, motion) => {
+                    let release = rig.fact(BehaviourId(by), Ask::Release(MotionId(motion)));
+                    rig.take(release)
+                }
+                Step::Gone(by) => rig.take(Fact::Gone(BehaviourId(by))),
+                Step::Pass(ms) => {
+                    let end = rig.now + Duration::from_millis(ms);
+                    while rig.now < end {
+                        rig.now += MS * 10;
+                        crew.iter().for_each(|&by| rig.dog.absorb(Fact::Alive(by), rig.now));
+                        let acts = rig.dog.tick(rig.now);
+                        let wanted = rig.dog.arbiter.setpoint().left.get();
+                        prop_assert!(moves(&acts).iter().all(|&sent| sent == wanted), "{:?}", acts);
+                    }
+                    vec![]
+                }
+            };
+            let wanted = rig.dog.arbiter.setpoint().left.get();
+            prop_assert!(moves(&acts).iter().all(|&sent| sent == wanted), "{:?}: {:?}", step, acts);
+        }
+        // Long enough for the pauses between two MOVE that have added up.
+        rig.pass(2000 * MS, &crew);
+        prop_assert_eq!(rig.dog.moving(), !rig.dog.arbiter.setpoint().is_stop());
+    }
+}

@@ -1,0 +1,541 @@
+//! The watchdog's promises over random histories of facts and times, held against a second, much
+//! simpler account of what the facts say; and a count of what the histories reach, so that no
+//! promise is kept for want of a temptation.
+//!
+//! `HISTORIES=1000000 cargo test histories` looks for longer.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::{Config, TestRunner};
+use tokio::time::Instant;
+
+use super::tests::{CANCEL, FIND, sent, told};
+use super::*;
+use crate::robot::{DockPlan, MotionId, Percent, Priority, Seconds};
+use crate::safety::Ask;
+use crate::wire::Sound;
+
+const SECOND: Duration = Duration::from_secs(1);
+
+/// One step of a random history.
+#[derive(Debug, Clone)]
+enum Step {
+    Fact(Fact),
+    /// Time passes and the watchdog is asked at each of its deadlines.
+    Pass(Duration),
+    /// The whole machine slept: the watchdog is asked once, when all is over.
+    Jump(Duration),
+    /// The watchdog is asked again though no time has passed.
+    Still,
+}
+
+/// What the facts say, without any of the watchdog's rules.
+#[derive(Debug, Default)]
+struct Known {
+    online: bool,
+    on_station: bool,
+    charging: bool,
+    low: bool,
+    /// From when on the battery's silence counts.
+    reported: Option<Instant>,
+}
+
+impl Known {
+    fn docked(&self) -> bool {
+        self.on_station || self.charging
+    }
+
+    fn note(&mut self, fact: &Fact, limits: &Limits, now: Instant) {
+        match fact {
+            Fact::LinkUp { docked, power } => {
+                (self.online, self.on_station) = (true, *docked);
+                self.power(*power, limits, now);
+            }
+            Fact::LinkDown => self.online = false,
+            Fact::Power(power) => self.power(*power, limits, now),
+            Fact::Engine(EngineNews::Docked) => self.on_station = true,
+            Fact::Engine(EngineNews::Undocked) => {
+                (self.on_station, self.charging) = (false, false);
+                self.reported = self.reported.map(|_| now);
+            }
+            _ => {}
+        }
+    }
+
+    fn power(&mut self, power: Power, limits: &Limits, now: Instant) {
+        (self.charging, self.reported) = (power.charging, Some(now));
+        if power.charging || power.percent >= limits.ok.get() {
+            self.low = false;
+        } else if power.percent <= limits.low.get() {
+            self.low = true;
+        }
+    }
+
+    fn pass(&mut self, limits: &Limits, now: Instant) {
+        match self.reported {
+            Some(_) if self.online && self.docked() => self.reported = Some(now),
+            Some(at) if self.online => self.low |= now >= at + limits.power_silence.get(),
+            _ => {}
+        }
+    }
+}
+
+/// A watchdog, what is known of its robot, and a clock.
+struct Play {
+    dog: Watchdog,
+    known: Known,
+    limits: Limits,
+    now: Instant,
+}
+
+/// What the watchdog wants at one moment of a history.
+struct Moment<'a> {
+    play: &'a Play,
+    /// `None`: time has passed.
+    fact: Option<&'a Fact>,
+    acts: Vec<Act>,
+}
+
+impl Moment<'_> {
+    fn moves(&self) -> bool {
+        let moves = |command: &Command| matches!(command, Command::Move { .. });
+        sent(&self.acts)
+            .iter()
+            .any(|command| moves(command) && *command != Command::STOP)
+    }
+
+    fn sends(&self, command: &Command) -> bool {
+        sent(&self.acts).contains(command)
+    }
+}
+
+type Kept = Result<(), TestCaseError>;
+
+impl Play {
+    fn new(limits: &Limits) -> Play {
+        let now = Instant::now();
+        Play {
+            dog: Watchdog::new(limits.clone(), now),
+            known: Known::default(),
+            limits: limits.clone(),
+            now,
+        }
+    }
+
+    fn steps(&mut self, steps: &[Step], see: &mut impl FnMut(Moment<'_>) -> Kept) -> Kept {
+        steps.iter().try_for_each(|step| match step {
+            Step::Fact(fact) => self.take(fact, see),
+            Step::Still => self.tick(see),
+            Step::Jump(span) => {
+                self.now += *span;
+                self.tick(see)
+            }
+            Step::Pass(span) => self.pass(*span, see),
+        })
+    }
+
+    fn take(&mut self, fact: &Fact, see: &mut impl FnMut(Moment<'_>) -> Kept) -> Kept {
+        self.known.note(fact, &self.limits, self.now);
+        self.known.pass(&self.limits, self.now);
+        let acts = self.dog.take(fact.clone(), self.now);
+        see(Moment {
+            play: self,
+            fact: Some(fact),
+            acts,
+        })
+    }
+
+    fn tick(&mut self, see: &mut impl FnMut(Moment<'_>) -> Kept) -> Kept {
+        self.known.pass(&self.limits, self.now);
+        let acts = self.dog.tick(self.now);
+        see(Moment {
+            play: self,
+            fact: None,
+            acts,
+        })
+    }
+
+    /// After very many deadlines the rest of the span is slept over.
+    fn pass(&mut self, span: Duration, see: &mut impl FnMut(Moment<'_>) -> Kept) -> Kept {
+        let end = self.now + span;
+        for _ in 0..100 {
+            let Some(due) = self.dog.next_deadline().filter(|due| *due <= end) else {
+                self.now = end;
+                return Ok(());
+            };
+            prop_assert!(due > self.now, "a deadline that has passed");
+            self.now = due;
+            self.tick(see)?;
+        }
+        self.now = end;
+        self.tick(see)
+    }
+}
+
+fn any_power() -> impl Strategy<Value = Power> {
+    // Beyond 100 as well: the type allows it.
+    let percent = prop_oneof![3 => 0..=100u8, 4 => 5..=25u8, 2 => 48..=52u8, 1 => any::<u8>()];
+    (percent, prop::bool::weighted(0.25))
+        .prop_map(|(percent, charging)| Power { percent, charging })
+}
+
+fn any_news() -> impl Strategy<Value = EngineNews> {
+    let byte =
+        prop_oneof![2 => Just(1), 2 => Just(2), 1 => Just(3), 4 => Just(8), 1 => any::<u8>()];
+    byte.prop_map(|byte: u8| EngineNews::from(byte))
+}
+
+/// From none at all to more than any clock can hold: a host may say what it likes.
+fn any_duration() -> impl Strategy<Value = Duration> {
+    prop_oneof![
+        1 => Just(Duration::ZERO),
+        1 => Just(Duration::from_nanos(1)),
+        1 => Just(Duration::MAX),
+        4 => (1..3000u64).prop_map(Duration::from_millis),
+        2 => (1..200u64).prop_map(Duration::from_secs),
+    ]
+}
+
+fn any_ask() -> impl Strategy<Value = Ask> {
+    let power = || prop_oneof![8 => -100.0..=100.0f64, 1 => Just(0.0), 1 => Just(-0.4)];
+    let drive = (0..50u64, power(), power(), prop::option::of(any_duration()));
+    let plan = (any_duration(), 0..3u32, any_duration());
+    prop_oneof![
+        8 => drive.prop_map(|(motion, left, right, duration)| Ask::Move {
+            motion: MotionId(motion),
+            setpoint: Setpoint::from_percent(left, right).unwrap(),
+            duration,
+        }),
+        1 => (0..50u64).prop_map(|motion| Ask::Release(MotionId(motion))),
+        1 => Just(Ask::Stop),
+        3 => (0..50u64, plan).prop_map(|(call, (timeout, retries, charge_timeout))| {
+            Ask::Dock(CallId(call), DockPlan { timeout, retries, charge_timeout })
+        }),
+        3 => (0..50u64, any_duration()).prop_map(|(call, timeout)| Ask::Undock(CallId(call), timeout)),
+        1 => Just(Ask::CancelDock),
+    ]
+}
+
+fn any_fact() -> impl Strategy<Value = Fact> {
+    let who = || (0..3u16).prop_map(BehaviourId);
+    let login = (prop::bool::weighted(0.2), any_power());
+    prop_oneof![
+        3 => login.prop_map(|(docked, power)| Fact::LinkUp { docked, power }),
+        2 => Just(Fact::LinkDown),
+        2 => any::<bool>().prop_map(Fact::Listening),
+        3 => Just(Fact::Heard),
+        10 => any_power().prop_map(Fact::Power),
+        12 => any_news().prop_map(Fact::Engine),
+        8 => who().prop_map(Fact::Alive),
+        2 => who().prop_map(Fact::Gone),
+        30 => (who(), any_ask()).prop_map(|(by, ask)| Fact::Asked {
+            by,
+            priority: Priority(by.0 as i16 / 2),
+            ask,
+        }),
+        1 => Just(Fact::Parting),
+    ]
+}
+
+fn any_step() -> impl Strategy<Value = Step> {
+    let jump = prop_oneof![3 => 0..400u64, 1 => 0..700_000u64].prop_map(Duration::from_millis);
+    prop_oneof![
+        30 => any_fact().prop_map(Step::Fact),
+        12 => (0..300u64).prop_map(|ms| Step::Pass(Duration::from_millis(ms))),
+        4 => (0..40u32).prop_map(|seconds| Step::Pass(seconds * SECOND)),
+        2 => (0..700u32).prop_map(|seconds| Step::Pass(seconds * SECOND)),
+        2 => jump.prop_map(Step::Jump),
+        2 => Just(Step::Still),
+    ]
+}
+
+/// The defaults mostly, or any that a config may hold.
+fn any_limits() -> impl Strategy<Value = Limits> {
+    let time = || prop_oneof![Just(0.05), 0.05..10.0, Just(86_400.0)];
+    let time = move || time().prop_map(|seconds| Seconds::new(seconds).unwrap());
+    let levels = (0..98u8, 1..99u8, 1..99u8).prop_map(|(critical, low, ok)| {
+        let low = critical.saturating_add(low).min(99);
+        let level = |percent| Percent::new(percent).unwrap();
+        (
+            level(critical),
+            level(low),
+            level(low.saturating_add(ok).min(100)),
+        )
+    });
+    let times = (
+        time(),
+        time(),
+        time(),
+        time(),
+        time(),
+        time(),
+        time(),
+        time(),
+    );
+    let odd = (levels, times, prop_oneof![0..3u32, Just(u32::MAX)]);
+    let odd = odd.prop_map(|((critical, low, ok), times, dock_retries)| Limits {
+        low,
+        ok,
+        critical,
+        dock_timeout: times.0,
+        charge_timeout: times.1,
+        dock_retries,
+        dock_pause: times.2,
+        power_silence: times.3,
+        host_silence: times.4,
+        host_grace: times.5,
+        stream_silence: times.6,
+        alarm_every: times.7,
+    });
+    prop_oneof![4 => Just(Limits::default()), 1 => odd]
+}
+
+/// Nearly always begins with a login: without one nothing can go wrong.
+fn any_history() -> impl Strategy<Value = Vec<Step>> {
+    let login = any_power().prop_map(|power| {
+        Step::Fact(Fact::LinkUp {
+            docked: false,
+            power,
+        })
+    });
+    let rest = prop::collection::vec(any_step(), 1..80);
+    (prop::option::weighted(0.95, login), rest)
+        .prop_map(|(login, rest)| login.into_iter().chain(rest).collect())
+}
+
+fn histories() -> Config {
+    let asked = std::env::var("HISTORIES").ok();
+    let cases = asked.and_then(|asked| asked.parse().ok());
+    Config::with_cases(cases.unwrap_or(5_000))
+}
+
+/// How a stop comes: by the behaviour that may do everything, or because the run ends.
+#[derive(Debug, Clone, Copy)]
+enum Stop {
+    Asked,
+    Parting,
+}
+
+impl Stop {
+    fn fact(self) -> Fact {
+        match self {
+            Stop::Parting => Fact::Parting,
+            Stop::Asked => Fact::Asked {
+                by: BehaviourId(9),
+                priority: Priority(i16::MAX),
+                ask: Ask::Stop,
+            },
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(histories())]
+
+    #[test]
+    fn nothing_moves_after_low_until_released(limits in any_limits(), history in any_history()) {
+        Play::new(&limits).steps(&history, &mut |moment| {
+            let Play { dog, known, .. } = moment.play;
+            prop_assert_eq!(dog.low().is_some(), known.low);
+            prop_assert!(!(known.low && moment.moves()), "{:?}", moment.acts);
+            prop_assert!(!(known.low && dog.moving()));
+            Ok(())
+        })?;
+    }
+
+    #[test]
+    fn the_station_is_never_searched_from_the_station(limits in any_limits(), history in any_history()) {
+        Play::new(&limits).steps(&history, &mut |moment| {
+            let Play { dog, known, .. } = moment.play;
+            prop_assert_eq!(dog.docked(), known.docked());
+            let wrong = moment.sends(&FIND) || moment.moves();
+            prop_assert!(!(known.docked() && wrong), "{:?}", moment.acts);
+            Ok(())
+        })?;
+    }
+
+    #[test]
+    fn a_stop_is_always_possible(
+        limits in any_limits(),
+        history in any_history(),
+        stop in prop_oneof![Just(Stop::Asked), Just(Stop::Parting)],
+        later in any_history(),
+    ) {
+        let mut play = Play::new(&limits);
+        play.steps(&history, &mut |_| Ok(()))?;
+        let (was_moving, online) = (play.dog.moving(), play.known.online);
+        let asked_home = play.dog.homing.as_ref().is_some_and(|homing| !homing.forced);
+        play.take(&stop.fact(), &mut |moment| {
+            let must = was_moving || (online && matches!(stop, Stop::Parting));
+            let drives = |command: &Command| matches!(command, Command::Move { .. });
+            let last = sent(&moment.acts).into_iter().rfind(drives);
+            prop_assert!(last == must.then_some(Command::STOP) || last == Some(Command::STOP));
+            prop_assert!(!moment.play.dog.moving());
+            prop_assert!(!asked_home || moment.play.dog.state() != WatchdogState::Docking);
+            Ok(())
+        })?;
+        play.pass(60 * SECOND, &mut |moment| {
+            prop_assert!(!moment.moves(), "moves on by itself: {:?}", moment.acts);
+            Ok(())
+        })?;
+        if let Stop::Parting = stop {
+            play.steps(&later, &mut |moment| {
+                let leaves = moment.sends(&Command::Engine(Engage::Undock));
+                let searches = moment.sends(&FIND) && !moment.play.known.low;
+                let drives = moment.moves() || leaves || searches;
+                prop_assert!(!drives, "drives after the end: {:?}", moment.acts);
+                Ok(())
+            })?;
+        }
+    }
+
+    #[test]
+    fn the_next_deadline_is_always_in_the_future(limits in any_limits(), history in any_history()) {
+        Play::new(&limits).steps(&history, &mut |moment| {
+            let Play { dog, now, known, .. } = moment.play;
+            let due = dog.next_deadline();
+            prop_assert!(due.is_none_or(|due| due > *now), "{:?} ago", due.map(|due| *now - due));
+            prop_assert!(!dog.moving() || due.is_some_and(|due| due <= *now + Tracks::RESEND));
+            prop_assert!(known.online || (due.is_none() && !dog.moving()));
+            Ok(())
+        })?;
+    }
+}
+
+/// Names what a moment shows.
+fn seen(moment: &Moment<'_>) -> Vec<String> {
+    let Play { dog, known, .. } = moment.play;
+    let mut seen = vec![format!("state {:?}", dog.state())];
+    let mut note = |name: &str, holds: bool| seen.extend(holds.then(|| name.to_owned()));
+    let homing = dog.homing.as_ref();
+    let forced = homing.is_some_and(|homing| homing.forced);
+    note("moves", moment.moves());
+    note("searches", moment.sends(&FIND));
+    note("gives the search up", moment.sends(&CANCEL));
+    note(
+        "sounds the alarm",
+        moment.sends(&Command::Play(Sound::Alarm)),
+    );
+    note(
+        "low by level",
+        matches!(dog.low(), Some(LowCause::Level(_))),
+    );
+    note(
+        "low by silence",
+        matches!(dog.low(), Some(LowCause::Silence(_))),
+    );
+    note("low on the station", dog.low().is_some() && known.docked());
+    note("critical", dog.guard.critical());
+    note("several wish to drive", dog.arbiter.wishing().count() > 1);
+    note("backs off", homing.is_some() && dog.moving());
+    note(
+        "asked to stop while it moves",
+        matches!(moment.fact, Some(Fact::Asked { ask: Ask::Stop, .. }))
+            && moment.sends(&Command::STOP),
+    );
+    note(
+        "a behaviour waits for the watchdog's docking",
+        forced && homing.is_some_and(|homing| !homing.callers.is_empty()),
+    );
+    note("the run ends while low", dog.parting && forced);
+    note(
+        "an engine code nobody knows",
+        matches!(moment.fact, Some(Fact::Engine(EngineNews::Unknown(_)))),
+    );
+    for act in &moment.acts {
+        match act {
+            Act::Kill(..) => seen.push("kill".into()),
+            Act::Reconnect(_) => seen.push("reconnect".into()),
+            Act::Announce(Event::Safety { action, .. }) => seen.push(format!("does {action:?}")),
+            _ => {}
+        }
+    }
+    seen.extend(told(&moment.acts).iter().filter_map(|event| match event {
+        Event::MotionEnded { end, .. } => Some(format!("motion {end:?}")),
+        Event::DockEnded { end, .. } => Some(format!("dock {end:?}")),
+        Event::UndockEnded { end, .. } => Some(format!("undock {end:?}")),
+        _ => None,
+    }));
+    seen
+}
+
+/// What [`seen`] must have named in the end.
+fn all_there_is() -> Vec<String> {
+    let ends = |what: &str, ends: &[DockEnd]| {
+        let named = ends.iter().map(|end| format!("{what} {end:?}"));
+        named.collect::<Vec<_>>()
+    };
+    let of_undocking = [
+        DockEnd::Done,
+        DockEnd::NotDocked,
+        DockEnd::Timeout,
+        DockEnd::Cancelled,
+        DockEnd::Disconnected,
+        DockEnd::Safety,
+    ];
+    let of_docking = DockEnd::ALL.iter().copied();
+    let of_docking: Vec<DockEnd> = of_docking
+        .filter(|end| *end != DockEnd::NotDocked)
+        .collect();
+    let mut all = [ends("dock", &of_docking), ends("undock", &of_undocking)].concat();
+    all.extend(MotionEnd::ALL.iter().map(|end| format!("motion {end:?}")));
+    all.extend(
+        SafetyAction::ALL
+            .iter()
+            .map(|action| format!("does {action:?}")),
+    );
+    let others = [
+        "state Offline",
+        "state Free",
+        "state Docked",
+        "state Docking",
+        "state LowGoingHome",
+        "state Alarm",
+        "moves",
+        "searches",
+        "gives the search up",
+        "backs off",
+        "low by level",
+        "low by silence",
+        "low on the station",
+        "critical",
+        "sounds the alarm",
+        "several wish to drive",
+        "asked to stop while it moves",
+        "a behaviour waits for the watchdog's docking",
+        "the run ends while low",
+        "an engine code nobody knows",
+        "kill",
+        "reconnect",
+    ];
+    all.extend(others.map(String::from));
+    all
+}
+
+#[test]
+fn histories_reach_all_there_is_to_reach() {
+    let mut runner = TestRunner::deterministic();
+    let mut reached = BTreeMap::<String, u32>::new();
+    for _ in 0..1000 {
+        let history = any_history().new_tree(&mut runner).unwrap().current();
+        let mut of_this = BTreeSet::new();
+        let mut see = |moment: Moment<'_>| {
+            of_this.extend(seen(&moment));
+            Ok(())
+        };
+        Play::new(&Limits::default())
+            .steps(&history, &mut see)
+            .unwrap();
+        for what in of_this {
+            *reached.entry(what).or_default() += 1;
+        }
+    }
+    let rare: Vec<String> = all_there_is()
+        .into_iter()
+        .filter(|what| reached.get(what).is_none_or(|&histories| histories < 10))
+        .collect();
+    assert!(rare.is_empty(), "{rare:?} hardly ever happen: {reached:#?}");
+}

@@ -1,0 +1,300 @@
+//! Calls of our API against its definition: how many arguments, of which types, within which
+//! bounds; and the keys of options.
+
+use super::super::api::definition::{Choice, Function, Need, Type, Value};
+use super::super::nearest::suggestion;
+use super::kinds::Kind;
+use super::lexer::Span;
+use super::tree::{Entry, Expr, ExprKind};
+use super::walk::Walk;
+
+/// A call that is looked at.
+#[derive(Clone, Copy)]
+pub(super) struct Site<'a> {
+    pub(super) function: &'static Function,
+    pub(super) arguments: &'a [Expr],
+    pub(super) span: Span,
+}
+
+impl<'a> Walk<'a> {
+    pub(super) fn call(&mut self, site: Site<'a>) {
+        let Site {
+            function,
+            arguments,
+            span,
+        } = site;
+        if arguments.len() > function.parameters.len() && function.rest.is_none() {
+            let most = function.parameters.len();
+            let extra = &arguments[most];
+            let message = format!(
+                "{}: takes {}, got {}",
+                function.path,
+                counted(most),
+                arguments.len()
+            );
+            let open = most + 1 == arguments.len() && is_open(extra);
+            if !open {
+                self.error(extra.span, message).help = Some(function.call());
+            }
+        }
+        for (parameter, argument) in function.parameters.iter().zip(arguments) {
+            self.argument(function.path, parameter, argument);
+        }
+        let open = arguments.last().is_some_and(is_open);
+        if arguments.len() < function.least() && !open {
+            let missing = &function.parameters[arguments.len()];
+            let missing_words = format!(
+                "{}: {} is missing; it must be {}",
+                function.path,
+                name_of(missing),
+                missing.kind.words()
+            );
+            self.error(span, missing_words).help = Some(function.call());
+        }
+    }
+
+    /// One argument or option against what is defined.
+    fn argument(&mut self, call: &str, value: &'static Value, argument: &'a Expr) {
+        let kind = self.kinds.of(argument);
+        if matches!(kind, Kind::Nothing) {
+            let call_without_result = matches!(
+                argument.bare().kind,
+                ExprKind::Call(..) | ExprKind::Method(..)
+            );
+            if value.need == Need::Required && !matches!(value.kind, Type::Any) {
+                let message = format!(
+                    "{call}: {} must be {}, got nothing",
+                    name_of(value),
+                    value.kind.words()
+                );
+                let function = matches!(value.kind, Type::Function(_) | Type::Handler);
+                let help = match function && call_without_result {
+                    true => {
+                        "without the () behind it the function itself is handed over, and called later"
+                    }
+                    false => "",
+                };
+                self.error(argument.span, message).help =
+                    (!help.is_empty()).then(|| help.to_owned());
+            }
+            return;
+        }
+        self.fits(call, value, argument, kind);
+    }
+
+    fn fits(&mut self, call: &str, value: &'static Value, argument: &'a Expr, kind: Kind<'a>) {
+        match (&value.kind, kind) {
+            (_, Kind::Unknown) | (Type::Any | Type::Payload, _) => {}
+            (Type::Number(bounds) | Type::Whole(bounds), Kind::Number(number)) => {
+                let Some(number) = number else { return };
+                if let Some(bounds) = bounds.filter(|bounds| !bounds.holds(number)) {
+                    let words = bounds.words();
+                    let message = format!("{call}: {} must be {words}, got {number}", value.name);
+                    self.error(argument.span, message);
+                } else if matches!(value.kind, Type::Whole(_)) && number.fract() != 0.0 {
+                    let message = format!(
+                        "{call}: {} must be a whole number, got {number}",
+                        value.name
+                    );
+                    self.error(argument.span, message);
+                }
+            }
+            (Type::Boolean, Kind::Boolean)
+            | (Type::Text, Kind::Text(_))
+            | (Type::Function(_) | Type::Handler, Kind::Function(_) | Kind::Native(_))
+            | (
+                Type::Roi | Type::Range | Type::Fields,
+                Kind::Table(_) | Kind::Object(_) | Kind::List(_),
+            ) => {}
+            (Type::Choice(choice), Kind::Text(text)) => {
+                self.name(call, choice, text, argument.span)
+            }
+            (Type::Colour | Type::Colours, _) => self.colour(call, value, argument, kind),
+            (Type::Options(keys), Kind::Table(table)) => self.options(call, keys, table),
+            (Type::Options(_), Kind::Object(_) | Kind::List(_)) => {}
+            (Type::Named(keys), Kind::Table(table)) => {
+                let ExprKind::Table(entries) = &table.kind else {
+                    return;
+                };
+                for entry in entries {
+                    if let (Entry::Named(..), Kind::Table(one)) =
+                        (entry, self.kinds.of(entry.value()))
+                    {
+                        self.options(call, keys, one);
+                    }
+                }
+            }
+            (Type::Object(wanted), Kind::Object(object)) if object.name == *wanted => {}
+            (Type::Object(_), Kind::Table(_) | Kind::Object(_)) if !is_strict(&value.kind) => {}
+            (Type::List(_), Kind::Table(_) | Kind::List(_)) => {}
+            (Type::OneOrMore(_), Kind::Table(_) | Kind::List(_) | Kind::Object(_)) => {}
+            (Type::Buffer, Kind::Object(_)) => {}
+            (_, kind) => {
+                let Some(got) = self.got(argument, kind) else {
+                    return;
+                };
+                let what = name_of(value);
+                let message = format!("{call}: {what} must be {}, got {got}", value.kind.words());
+                self.error(argument.span, message);
+            }
+        }
+    }
+
+    /// What stands there, in words; the word itself for `true` and `false`.
+    fn got(&self, argument: &Expr, kind: Kind<'_>) -> Option<String> {
+        match argument.bare().kind {
+            ExprKind::Boolean(on) => Some(on.to_string()),
+            _ => kind.words(),
+        }
+    }
+
+    fn name(&mut self, call: &str, choice: &Choice, text: Option<&str>, span: Span) {
+        let names = (choice.names)();
+        let Some(text) = text.filter(|text| !names.contains(text)) else {
+            return;
+        };
+        let near = suggestion(text, names.iter().copied());
+        let text = super::super::failure::printable(text, 40);
+        let message = format!("{call}: unknown {} '{text}'{near}", choice.what);
+        self.error(span, message).help = Some(format!("known: {}", names.join(", ")));
+    }
+
+    fn colour(&mut self, call: &str, value: &'static Value, argument: &'a Expr, kind: Kind<'a>) {
+        match kind {
+            Kind::Text(Some(text)) => {
+                let known: Vec<String> = self.surroundings.colour_names();
+                if known.iter().any(|name| name == text) {
+                    return;
+                }
+                let near = suggestion(text, known.iter().map(String::as_str));
+                let text = super::super::failure::printable(text, 40);
+                let message = format!("{call}: unknown colour '{text}'{near}");
+                self.error(argument.span, message).help =
+                    Some(format!("known: {}", known.join(", ")));
+            }
+            Kind::Table(table) => {
+                let ExprKind::Table(entries) = &table.kind else {
+                    return;
+                };
+                for entry in entries {
+                    if let Entry::Item(item) = entry {
+                        let kind = self.kinds.of(item);
+                        if !matches!(kind, Kind::Table(_) | Kind::Nothing) {
+                            self.colour(call, value, item, kind);
+                        }
+                    }
+                }
+            }
+            Kind::Number(_) | Kind::Boolean | Kind::Function(_) | Kind::Native(_) => {
+                let Some(got) = self.got(argument, kind) else {
+                    return;
+                };
+                let message = format!(
+                    "{call}: {} must be {}, got {got}",
+                    value.name,
+                    value.kind.words()
+                );
+                self.error(argument.span, message);
+            }
+            Kind::Object(object) if object.name != "Colour" => {
+                let message = format!(
+                    "{call}: {} must be {}, got a {}",
+                    value.name,
+                    value.kind.words(),
+                    object.name
+                );
+                self.error(argument.span, message);
+            }
+            _ => {}
+        }
+    }
+
+    fn options(&mut self, call: &str, keys: &'static [Value], table: &'a Expr) {
+        let ExprKind::Table(entries) = &table.kind else {
+            return;
+        };
+        let mut given = Vec::new();
+        let mut certain = true;
+        for entry in entries {
+            let (name, span) = match entry {
+                Entry::Named(name, span, _) => (name.as_str(), *span),
+                Entry::Item(item) => {
+                    let message = format!(
+                        "{call}: an option needs its name, such as {}",
+                        example(keys)
+                    );
+                    self.error(item.span, message);
+                    continue;
+                }
+                Entry::Keyed(key, _) => match self.kinds.of(key) {
+                    Kind::Text(Some(name)) => (name, key.span),
+                    _ => {
+                        certain = false;
+                        continue;
+                    }
+                },
+            };
+            given.push(name);
+            match keys.iter().find(|key| key.name == name) {
+                Some(key) => self.argument(call, key, entry.value()),
+                None => self.unknown_option(call, keys, name, span),
+            }
+        }
+        let missing = keys
+            .iter()
+            .find(|key| key.need == Need::Required && !given.contains(&key.name));
+        if let Some(missing) = missing.filter(|_| certain) {
+            let message = format!(
+                "{call}: {} is missing; it must be {}",
+                missing.name,
+                missing.kind.words()
+            );
+            self.error(table.span, message);
+        }
+    }
+
+    fn unknown_option(&mut self, call: &str, keys: &[Value], name: &str, span: Span) {
+        let known: Vec<_> = keys.iter().map(|key| key.name).collect();
+        let near = suggestion(name, known.iter().copied());
+        let message = format!("{call}: unknown option '{name}'{near}");
+        self.error(span, message).help = Some(format!("known: {}", known.join(", ")));
+    }
+}
+
+/// What messages call a value: natives call it the same.
+fn name_of(value: &Value) -> &'static str {
+    match value.kind {
+        Type::Choice(choice) => choice.what,
+        Type::Function(_) | Type::Handler => "the function",
+        Type::Options(_) => "the options",
+        _ => value.name,
+    }
+}
+
+fn is_strict(kind: &Type) -> bool {
+    let Type::Object(name) = kind else {
+        return false;
+    };
+    super::super::api::definition::object(name).is_some_and(|object| object.strict)
+}
+
+/// What may be several values, or none.
+fn is_open(argument: &Expr) -> bool {
+    matches!(
+        argument.kind,
+        ExprKind::Call(..) | ExprKind::Method(..) | ExprKind::Varargs
+    )
+}
+
+fn counted(count: usize) -> String {
+    match count {
+        0 => "no arguments".to_owned(),
+        1 => "1 argument".to_owned(),
+        many => format!("{many} arguments"),
+    }
+}
+
+fn example(keys: &[Value]) -> String {
+    let key = keys.first().map_or("name", |key| key.name);
+    format!("{{{key} = ...}}")
+}

@@ -1,0 +1,148 @@
+//! Looks at a script before it runs: syntax, names, calls of our API, modules.
+//!
+//! The compiler judges syntax; for the rest the script is read into a tree. A script that is right
+//! is never complained about: what the file alone cannot tell is left to the run. The work is
+//! bounded whatever the file holds, and nothing of it runs.
+
+mod calls;
+mod explain;
+mod finding;
+mod foreign;
+mod kinds;
+mod lexer;
+mod loops;
+mod parameters;
+mod parser;
+mod syntax;
+mod tree;
+mod walk;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use tokio::time::Instant;
+
+use super::modules;
+use super::options::Options;
+use super::params::GivenParam;
+use super::{Script, failure, sandbox};
+use crate::vision::Colour;
+
+pub(super) use explain::explain;
+pub use finding::{Finding, Severity};
+use lexer::Span;
+
+/// What a script finds around itself.
+#[derive(Debug, Clone)]
+pub struct Surroundings {
+    /// Every path that a live VM has.
+    paths: BTreeSet<String>,
+    /// Colours of the config.
+    colours: Vec<String>,
+    /// The script's file, beside which its modules are.
+    file: Option<PathBuf>,
+    /// No global is unknown: there is no VM to ask.
+    open_globals: bool,
+    /// Values from outside for what the script declares.
+    params: BTreeMap<String, GivenParam>,
+}
+
+impl Surroundings {
+    /// Of a script with these options, which is in this file.
+    pub fn new(options: &Options, file: Option<&Path>) -> Surroundings {
+        let script = Script::load(b"", options.clone(), Instant::now());
+        Surroundings {
+            paths: script
+                .map(|script| script.known_names())
+                .unwrap_or_default(),
+            colours: options.colours.keys().cloned().collect(),
+            file: file.map(Path::to_path_buf),
+            open_globals: false,
+            params: options.params.clone(),
+        }
+    }
+
+    /// Only what is defined, without a VM.
+    fn defined() -> Surroundings {
+        let functions = super::definition::functions().filter(|one| !one.is_method());
+        let constants = super::definition::constants().map(|one| one.path.to_owned());
+        Surroundings {
+            paths: functions
+                .map(|one| one.path.to_owned())
+                .chain(constants)
+                .collect(),
+            colours: Vec::new(),
+            file: None,
+            open_globals: true,
+            params: BTreeMap::new(),
+        }
+    }
+
+    fn colour_names(&self) -> Vec<String> {
+        let known = Colour::NAMES.iter().map(|name| (*name).to_owned());
+        self.colours.iter().cloned().chain(known).collect()
+    }
+
+    /// Why there is no such module.
+    fn missing_module(&self, path: &str) -> Option<String> {
+        let beside = path.starts_with("./") || path.starts_with("../");
+        if !beside {
+            return modules::resolve("", path).err();
+        }
+        let folder = self.file.as_ref()?.parent()?;
+        let path = path.trim_end_matches(".luau").trim_end_matches(".lua");
+        let found = ["lua", "luau"]
+            .iter()
+            .any(|ending| folder.join(format!("{path}.{ending}")).is_file());
+        (!found).then(|| format!("there is no module '{path}': no file {path}.lua beside this one"))
+    }
+}
+
+/// All that is wrong with a script, as far as can be told without running it.
+pub fn check(source: &[u8], chunk: &str, surroundings: &Surroundings) -> Vec<Finding> {
+    let text = match sandbox::check_source(source, chunk) {
+        Ok(text) => text,
+        Err(failure) => return vec![unreadable(source, chunk, &failure)],
+    };
+    if let Err(complaint) = compiles(text, chunk) {
+        return vec![syntax::finding((chunk, text), &complaint)];
+    }
+    match parser::parse(text) {
+        Ok(tree) => walk::walk(&tree, (chunk, text), surroundings),
+        Err(_) => Vec::new(),
+    }
+}
+
+/// Whether a source is read into a tree.
+#[cfg(test)]
+pub(super) fn reads(source: &str) -> bool {
+    parser::parse(source).is_ok()
+}
+
+/// The compiler's complaint.
+fn compiles(text: &str, chunk: &str) -> Result<(), String> {
+    let compiled = sandbox::open().and_then(|lua| sandbox::compile(&lua, text, chunk).map(|_| ()));
+    compiled.map_err(|error| match failure::Trouble::of(&error) {
+        failure::Trouble::Memory => "not enough memory to compile it".to_owned(),
+        failure::Trouble::Text(text) => text,
+    })
+}
+
+/// A file that is no script at all.
+fn unreadable(source: &[u8], chunk: &str, failure: &super::Failure) -> Finding {
+    let text = String::from_utf8_lossy(source);
+    let line = match failure {
+        super::Failure::NotUtf8 { line, .. } | super::Failure::Control { line, .. } => *line,
+        _ => 1,
+    };
+    let start: usize = text
+        .split_inclusive('\n')
+        .take(line - 1)
+        .map(str::len)
+        .sum();
+    let span = Span { start, end: start };
+    let words = failure.to_string();
+    let words = words.strip_prefix(chunk).unwrap_or(&words);
+    let words = words.trim_start_matches(|c: char| c == ':' || c == ' ' || c.is_ascii_digit());
+    Finding::new((chunk, &text), span, Severity::Error, words)
+}

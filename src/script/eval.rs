@@ -1,0 +1,203 @@
+//! Lines that a person types, run one at a time in a VM that lives on between them.
+//!
+//! Each line is a task like any other, under the same limits. Its setpoint belongs to all lines
+//! together, so that the robot moves on while the person types the next one.
+
+use mlua::prelude::{Lua, LuaError, LuaFunction, LuaMultiValue, LuaTable, LuaValue};
+use serde::{Deserialize, Serialize};
+use tokio::time::Instant;
+
+use super::Script;
+use super::arguments::describe;
+use super::failure::{Trouble, printable};
+use super::sandbox;
+use super::scheduler::Outcome;
+use super::state::State;
+use super::task::{Answer, Kind};
+
+/// Entries of a table that are shown.
+const MAX_ENTRIES: usize = 16;
+/// Values of one line that are shown.
+const MAX_VALUES: usize = 16;
+/// Characters of a text that are shown.
+const MAX_TEXT: usize = 200;
+
+/// What became of a line.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Evaluated {
+    /// It ran; its values in the order of Lua, as text for people. None for a statement.
+    Values(Vec<String>),
+    /// It is the beginning of something: the next line belongs to it.
+    Incomplete,
+    /// It is wrong, or it failed; in words.
+    Failed(String),
+    /// It was interrupted.
+    Cancelled,
+}
+
+impl State {
+    /// What became of the line that was typed last.
+    pub(super) fn evaluated(&self, outcome: Outcome) -> Evaluated {
+        match outcome {
+            Outcome::Done(values) => Evaluated::Values(shown(&values)),
+            Outcome::Failed(text) => Evaluated::Failed(self.explained(&text)),
+            Outcome::Cancelled => Evaluated::Cancelled,
+        }
+    }
+
+    /// Each input has a name of its own, so that no line is looked for in the wrong one.
+    fn next_input(&mut self, text: &str) -> String {
+        self.inputs += 1;
+        self.options.chunk = format!("input{}", self.inputs);
+        text.clone_into(&mut self.source);
+        self.options.chunk.clone()
+    }
+}
+
+impl Script {
+    /// Runs what a person typed: an expression, or statements. The answer is
+    /// [`Output::Evaluated`](super::Output::Evaluated), at once or when the line has waited for what
+    /// it waits for. Nothing happens once the script is ending.
+    ///
+    /// `more` allows the answer [`Evaluated::Incomplete`].
+    pub fn evaluate(&mut self, text: &str, more: bool, now: Instant) {
+        let chunk = {
+            let mut state = self.state.borrow_mut();
+            state.tick(now);
+            if !state.is_running() {
+                return;
+            }
+            state.next_input(text)
+        };
+        let begun = compile(&self.lua, text, &chunk, more).and_then(|function| {
+            let thread = self.lua.create_thread(function);
+            thread.map_err(|error| refused(&error))
+        });
+        let mut state = self.state.borrow_mut();
+        match begun {
+            Ok(thread) => {
+                let start = Answer::Start(LuaMultiValue::new());
+                state.tasks.add(thread, Kind::Line, start, None, now);
+            }
+            Err(answer) => state.outbox.answer(answer),
+        }
+    }
+
+    /// Everything that the lines have begun comes to rest: motion now, tasks as soon as they have
+    /// cleaned up, handlers are off. Variables and functions stay.
+    pub fn interrupt(&mut self, now: Instant) {
+        {
+            let mut state = self.state.borrow_mut();
+            state.tick(now);
+            if !state.is_running() {
+                return;
+            }
+            state.halt();
+            state.outbox.send_stop();
+        }
+        self.settle();
+    }
+}
+
+/// As an expression if it is one, else as statements.
+fn compile(lua: &Lua, text: &str, chunk: &str, more: bool) -> Result<LuaFunction, Evaluated> {
+    let text = sandbox::check_source(text.as_bytes(), chunk)
+        .map_err(|failure| Evaluated::Failed(failure.to_string()))?;
+    let expression = sandbox::compile(lua, &format!("return {text}"), chunk);
+    let error = match expression.or_else(|first| {
+        let statements = sandbox::compile(lua, text, chunk);
+        statements.map_err(|second| (first, second))
+    }) {
+        Ok(function) => return Ok(function),
+        Err((first, second)) if more && (lacks_more(&first) || lacks_more(&second)) => {
+            return Err(Evaluated::Incomplete);
+        }
+        // `1 +` is a poor statement, but the beginning of an expression.
+        Err((first, _)) if lacks_more(&first) => first,
+        Err((_, second)) => second,
+    };
+    Err(refused(&error))
+}
+
+fn lacks_more(error: &LuaError) -> bool {
+    matches!(
+        error,
+        LuaError::SyntaxError {
+            incomplete_input: true,
+            ..
+        }
+    )
+}
+
+fn refused(error: &LuaError) -> Evaluated {
+    Evaluated::Failed(match Trouble::of(error) {
+        Trouble::Memory => "not enough memory for this line".to_owned(),
+        Trouble::Text(text) => text,
+    })
+}
+
+/// Values for people: shallow, bounded, and without a line of the script's own.
+fn shown(values: &LuaMultiValue) -> Vec<String> {
+    let mut texts: Vec<String> = values.iter().take(MAX_VALUES).map(show).collect();
+    if values.len() > MAX_VALUES {
+        texts.push(format!("… and {} more", values.len() - MAX_VALUES));
+    }
+    texts
+}
+
+fn show(value: &LuaValue) -> String {
+    match value {
+        LuaValue::Table(table) => show_table(table),
+        other => show_inner(other),
+    }
+}
+
+/// A value inside a table: tables are not opened.
+fn show_inner(value: &LuaValue) -> String {
+    match value {
+        LuaValue::Nil => "nil".to_owned(),
+        LuaValue::Table(_) => "{…}".to_owned(),
+        LuaValue::String(text) => quote(&text.as_bytes()),
+        LuaValue::Function(_) => "function".to_owned(),
+        LuaValue::Vector(vector) => vector.to_string(),
+        other => describe(other),
+    }
+}
+
+/// Only the beginning is converted, however long it is.
+fn quote(bytes: &[u8]) -> String {
+    let start = &bytes[..bytes.len().min(4 * MAX_TEXT)];
+    let text = printable(&String::from_utf8_lossy(start), MAX_TEXT);
+    let text = text.replace('\\', "\\\\").replace('"', "\\\"");
+    format!("\"{}\"", text.replace('\n', "\\n").replace('\t', "\\t"))
+}
+
+fn show_table(table: &LuaTable) -> String {
+    let (mut entries, mut next) = (Vec::new(), 1_i64);
+    for pair in table.pairs::<LuaValue, LuaValue>() {
+        let Ok((key, value)) = pair else { break };
+        if entries.len() == MAX_ENTRIES {
+            entries.push("…".to_owned());
+            break;
+        }
+        let value = show_inner(&value);
+        let is_next = key.as_i64() == Some(next);
+        next += i64::from(is_next);
+        entries.push(match (is_next, name(&key)) {
+            (true, _) => value,
+            (false, Some(name)) => format!("{name} = {value}"),
+            (false, None) => format!("[{}] = {value}", show_inner(&key)),
+        });
+    }
+    format!("{{{}}}", entries.join(", "))
+}
+
+/// A key that can be written without brackets.
+fn name(key: &LuaValue) -> Option<String> {
+    let text = key.as_string()?.to_str().ok()?.to_owned();
+    let word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let is_name = text.len() <= MAX_TEXT
+        && text.chars().all(word)
+        && text.starts_with(|c: char| !c.is_ascii_digit());
+    is_name.then_some(text)
+}

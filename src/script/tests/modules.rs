@@ -1,0 +1,213 @@
+use super::*;
+
+fn run(source: &str, files: &[(&str, &str)]) -> Rig {
+    let mut rig = Rig::new(source);
+    rig.serve(files);
+    rig
+}
+
+#[test]
+fn a_module_runs_once_and_gives_its_value() {
+    let rig = run(
+        "local a = require('./lib/a') local b = require('./lib/a.lua') print(a == b, a.x)
+         local path = './' .. 'b' print(require(path), (function() return require('./b') end)())",
+        &[
+            (
+                "lib/a.luau",
+                "print('a runs') return { x = require('../b') }",
+            ),
+            ("b.lua", "task.wait(0) return 7"),
+        ],
+    );
+    let mut rig = rig;
+    rig.pass(1.0);
+    rig.serve(&[("b.lua", "task.wait(0) return 7")]);
+    rig.pass(1.0);
+    assert_eq!(rig.texts(), ["a runs", "true 7", "7 7"]);
+    rig.assert_ended(EndReason::Done, "");
+}
+
+#[test]
+fn globals_of_a_module_are_its_own_and_the_shared_ones_are_closed() {
+    let rig = run(
+        "x = 1 print(require('./a'), x, y == nil)",
+        &[(
+            "a.lua",
+            "y = 2 print(pcall(function() return x end)) print(pcall(function() robot.x = 1 end)) return _G.y",
+        )],
+    );
+    let texts = rig.texts();
+    assert!(
+        texts[0].contains("false a.lua:1: unknown name 'x'"),
+        "{texts:?}"
+    );
+    assert!(
+        texts[1].starts_with("false a.lua:1: robot.x cannot be set"),
+        "{texts:?}"
+    );
+    let ending = rig.ending();
+    assert!(ending.message.unwrap().contains("unknown name 'y'"));
+}
+
+#[test]
+fn an_error_in_a_module_has_its_file_and_line_and_stays() {
+    for (source, words) in [
+        ("\nerror('oops')", "lib/a.lua:2: oops"),
+        ("\nlocal = 3", "lib/a.lua:2: "),
+        (
+            "\nrobot.moev()",
+            "lib/a.lua:2: robot.moev does not exist; did you mean 'move'?",
+        ),
+        (
+            "local x = 1",
+            "test.lua:1: require: lib/a: a module must end with return",
+        ),
+        ("\u{1b}Lua", "lib/a.lua:1: control character 0x1b"),
+    ] {
+        let rig = run(
+            "local ok, e = pcall(require, './lib/a') print(e) print(select(2, pcall(require, './lib/a')))",
+            &[("lib/a.lua", source)],
+        );
+        let texts = rig.texts();
+        assert!(texts[0].starts_with(words), "{texts:?}");
+        assert!(
+            texts[1].ends_with(texts[0].trim_start_matches("test.lua:1: require: ")),
+            "{texts:?}"
+        );
+        assert!(rig.modules.is_empty());
+    }
+}
+
+#[test]
+fn a_cycle_names_its_chain() {
+    let rig = run(
+        "require('./a')",
+        &[
+            ("a.lua", "return require('./b')"),
+            ("b.lua", "return require('./c')"),
+            ("c.lua", "return require('./a')"),
+        ],
+    );
+    rig.assert_ended(EndReason::Error, "a.lua -> b.lua -> c.lua -> a.lua");
+    run("require('./test')", &[]).assert_ended(EndReason::Error, "test.lua -> test.lua");
+    run("require('./a')", &[("a.lua", "return require('./a')")])
+        .assert_ended(EndReason::Error, "a.lua -> a.lua");
+}
+
+#[test]
+fn two_tasks_that_want_each_others_modules_do_not_wait_for_ever() {
+    let mut rig = run(
+        "task.spawn(function() print(pcall(require, './a')) end)
+         task.spawn(function() print(pcall(require, './b')) end)",
+        &[
+            ("a.lua", "task.wait(0.1) return { require('./b') }"),
+            ("b.lua", "task.wait(0.1) return { require('./a') }"),
+        ],
+    );
+    rig.pass(1.0);
+    rig.assert_ended(EndReason::Done, "");
+    assert!(
+        rig.texts()
+            .iter()
+            .any(|text| text.contains("a.lua -> b.lua -> a.lua")
+                || text.contains("b.lua -> a.lua -> b.lua")),
+        "{:?}",
+        rig.texts()
+    );
+}
+
+#[test]
+fn a_module_that_is_being_loaded_is_waited_for() {
+    let mut rig = run(
+        "for _ = 1, 3 do task.spawn(function() print(require('./slow')) end) end",
+        &[("slow.lua", "print('once') task.wait(1) return 'slow'")],
+    );
+    rig.pass(2.0);
+    assert_eq!(rig.texts(), ["once", "slow", "slow", "slow"]);
+}
+
+#[test]
+fn a_load_that_was_cancelled_begins_anew() {
+    let files = [("slow.lua", "print('runs') task.wait(5) return 'slow'")];
+    let mut rig = run(
+        "local t = task.spawn(function() require('./slow') end)
+         task.wait(1) t:cancel() print(require('./slow'))",
+        &files,
+    );
+    rig.pass(1.0);
+    rig.pass(9.0);
+    assert_eq!(rig.texts(), ["runs", "runs", "slow"]);
+}
+
+#[test]
+fn what_is_no_path_is_told() {
+    for (source, words) in [
+        ("require('pid')", "a path begins with ./ or ../"),
+        ("require('../x')", "leaves the behaviour's folder"),
+        ("require('/etc/passwd')", "a path begins with"),
+        ("require(42)", "the path must be a text"),
+        (
+            "require('./' .. ('x'):rep(1e6))",
+            "too long: at most 200 bytes",
+        ),
+        ("require('./\\xff')", "must be UTF-8"),
+        ("require('@spykee/fms')", "did you mean '@spykee/fsm'?"),
+        (
+            "require('./nowhere')",
+            "test.lua:1: require: module 'nowhere' was not found",
+        ),
+    ] {
+        let rig = run(source, &[]);
+        rig.assert_ended(EndReason::Error, words);
+    }
+}
+
+#[test]
+fn modules_are_bounded_in_number_and_size() {
+    let mut rig = Rig::new("for i = 1, 200 do pcall(require, './m' .. i) end require('./last')");
+    for _ in 0..20 {
+        rig.serve(&[]);
+        rig.pass(0.01);
+    }
+    rig.assert_ended(EndReason::Error, "at most 128 modules");
+    let big = format!("return '{}'", "x".repeat(250_000));
+    let mut rig = Rig::new("for i = 1, 9 do require('./m' .. i) end");
+    let files: Vec<String> = (1..9).map(|at| format!("m{at}.lua")).collect();
+    let files: Vec<(&str, &str)> = files.iter().map(|file| (&**file, &*big)).collect();
+    rig.serve(&files);
+    rig.assert_ended(EndReason::Error, "(1 MiB) together");
+}
+
+#[test]
+fn a_module_that_never_ends_loading_ends_the_script() {
+    let mut rig = Rig::with(
+        "robot.move(50, 50) pcall(require, './loop') robot.move(90, 90)",
+        |_| {},
+    );
+    rig.serve(&[("loop.lua", "while true do pcall(function() end) end")]);
+    rig.assert_ended(EndReason::Cpu, "loop.lua:1: ran longer than 100 ms");
+    assert!(!rig.script.has_motion());
+}
+
+#[test]
+fn a_module_that_yields_to_nobody_gets_an_error_and_one_left_in_the_middle_is_told() {
+    let rig = run(
+        "print(pcall(require, './y'))",
+        &[("y.lua", "coroutine.yield(1) return 1")],
+    );
+    assert!(
+        rig.texts()[0].contains("there is nothing to yield to"),
+        "{:?}",
+        rig.texts()
+    );
+    let rig = run(
+        "local co = coroutine.create(function() return require('./y') end)
+         coroutine.resume(co) print(pcall(require, './y'))",
+        &[("y.lua", "coroutine.yield(1) return 1")],
+    );
+    assert!(
+        rig.texts()[0].contains("still being loaded by this very task"),
+        "{:?}",
+        rig.texts()
+    );
+}

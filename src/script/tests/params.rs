@@ -1,0 +1,108 @@
+use super::*;
+use crate::script::{GivenParam, ParamOrigin, ParamValue};
+
+const SPEED: &str = "local p = params.declare{ speed = {default = 40, min = 10, max = 100, unit = '%', doc = 'how fast'},
+    mode = {default = 'calm', choices = {'calm', 'wild'}}, loud = {default = false} } ";
+
+fn with(source: &str, given: &[(&str, &str)]) -> Rig {
+    Rig::with(source, |options| {
+        for (name, value) in given {
+            let value = ParamValue::Text((*value).to_owned());
+            let origin = ParamOrigin::CommandLine;
+            options
+                .params
+                .insert((*name).to_owned(), GivenParam { value, origin });
+        }
+    })
+}
+
+#[test]
+fn values_from_outside_take_the_place_of_defaults() {
+    let source = format!("{SPEED} print(p.speed, p.mode, p.loud)");
+    assert_eq!(with(&source, &[]).texts(), ["40 calm false"]);
+    let given = [("speed", "55.5"), ("mode", "wild"), ("loud", "true")];
+    assert_eq!(with(&source, &given).texts(), ["55.5 wild true"]);
+}
+
+#[test]
+fn a_bad_value_ends_the_script_before_anything_moves_whatever_it_catches() {
+    for (name, value, words) in [
+        (
+            "speed",
+            "500",
+            "--param speed=500: speed must be a number from 10 to 100 %",
+        ),
+        ("speed", "fast", "--param speed=fast: "),
+        ("mode", "crazy", "mode must be one of calm, wild"),
+        ("loud", "yes", "loud must be true or false"),
+        ("sped", "50", "did you mean 'speed'?"),
+    ] {
+        let rig = with(
+            &format!("robot.move(9, 9) pcall(function() {SPEED} end) robot.move(50, 50)"),
+            &[(name, value)],
+        );
+        rig.assert_ended(EndReason::Error, words);
+        assert_eq!(rig.intents, []);
+    }
+}
+
+#[test]
+fn values_for_a_script_that_declares_nothing_are_refused() {
+    for source in [
+        "robot.move(50, 50) task.wait(1)",
+        "print('done')",
+        "robot.move(9, 9, 1)",
+        "task.wait(1) params.declare{speed = {default = 1}}",
+    ] {
+        let rig = with(source, &[("speed", "50")]);
+        rig.assert_ended(EndReason::Error, "the script declares no parameters");
+        assert_eq!(rig.intents, []);
+    }
+}
+
+#[test]
+fn mistakes_of_a_declaration_are_named() {
+    for (source, words) in [
+        ("params.declare()", "it needs a table"),
+        ("params.declare{ speed = 40 }", "speed must be a table"),
+        ("params.declare{ speed = {} }", "speed: default is missing"),
+        (
+            "params.declare{ speed = {default = 5, min = 10} }",
+            "speed: default must be a number of at least 10",
+        ),
+        (
+            "params.declare{ speed = {defualt = 5} }",
+            "did you mean 'default'?",
+        ),
+        ("params.declare{ speed = {default = 0/0} }", "finite number"),
+        (
+            "params.declare{ speed = {default = true, max = 3} }",
+            "for numbers only",
+        ),
+        ("params.declare{ ['a b'] = {default = 1} }", "is not a name"),
+        ("params.declare{ {default = 1} }", "names are texts"),
+        ("params.declare{} params.declare{}", "called before"),
+        (
+            "local p = params.declare{ speed = {default = 1} } print(p.sped)",
+            "did you mean 'speed'?",
+        ),
+        (
+            "local p = params.declare{ speed = {default = 1} } p.speed = 2",
+            "readonly",
+        ),
+    ] {
+        let text = failure(source);
+        assert!(text.contains(words), "{source}: {text}");
+    }
+}
+
+#[test]
+fn no_metamethod_of_a_declaration_runs() {
+    assert_eq!(
+        printed(
+            "local evil = {__index = function() error('ran') end, __len = function() error('ran') end, __iter = function() error('ran') end}
+             local p = params.declare(setmetatable({ a = setmetatable({default = 1}, evil) }, evil)) print(p.a)"
+        ),
+        "1"
+    );
+}

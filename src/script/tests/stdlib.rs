@@ -1,0 +1,227 @@
+use super::*;
+
+/// Runs for so long, answering every motion as done after its time.
+fn lasting(seconds: f64, source: &str) -> Rig {
+    let mut rig = Rig::new(source);
+    rig.pass(seconds);
+    rig
+}
+
+#[test]
+fn every_module_loads_and_opens_with_its_description() {
+    for (name, source) in crate::script::stdlib::modules() {
+        assert!(source.starts_with(&format!("-- {name}: ")), "{name}");
+        assert_eq!(printed(&format!("print(type(require('{name}')))")), "table");
+        let text = failure(&format!("require('{name}').nothing()"));
+        assert!(
+            text.starts_with("test.lua:1: ") && text.contains("does not exist"),
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn pid_follows_its_formula_and_does_not_wind_up() {
+    let rig = lasting(
+        30.0,
+        "local pid = require('@spykee/pid')
+         local c = pid.new{ kp = 2, ki = 1, kd = 0.5, min = -10, max = 10, setpoint = 1 }
+         print(c:update(0)) task.wait(1) print(c:update(0)) task.wait(1) print(c:update(0.5))
+         c:reset() print(c:update(1))
+         -- A second at the limit does not pile up.
+         c:update(-100) for _ = 1, 5 do task.wait(1) c:update(-100) end
+         task.wait(1) c:reset() print(c:update(1))
+         local w = pid.new{ ki = 1, max = 2, setpoint = 1 }
+         for _ = 1, 10 do w:update(0) task.wait(1) end
+         print(w:update(0)) task.wait(1) print(w:update(1.5))",
+    );
+    // 2*1; + 1*1s; 2*0.5 + (1 + 0.5) - 0.5*0.5
+    assert_eq!(rig.texts(), ["2", "3", "2.25", "0", "0", "2", "1.5"]);
+    assert!(
+        failure("require('@spykee/pid').new{kp = 'x'}").contains("pid.new: kp must be a number")
+    );
+    assert!(failure("require('@spykee/pid').new{pk = 1}").contains("unknown option 'pk'"));
+}
+
+#[test]
+fn fsm_enters_works_exits_and_hears_events_and_timeouts() {
+    let mut rig = Rig::new(
+        "local fsm = require('@spykee/fsm')
+         local function noisy(name, more)
+             more.enter = function() print('enter', name) end
+             more.exit = function() print('exit', name) end
+             return more
+         end
+         print('end', fsm.new{ initial = 'a', states = {
+             a = noisy('a', { task = function() task.wait(1) return 'b' end }),
+             b = noisy('b', { timeout = {2, 'c'}, task = function() local _, e = pcall(task.wait, 99) print('cut', e) end }),
+             c = noisy('c', { on = { docked = function(m) return 'd' end } }),
+             d = noisy('d', { task = function(m) m:stop() task.wait(9) end }),
+         } }:run())",
+    );
+    rig.pass(5.0);
+    assert_eq!(
+        rig.texts(),
+        [
+            "enter a",
+            "exit a",
+            "enter b",
+            "cut test.lua:9: cancelled",
+            "exit b",
+            "enter c"
+        ]
+    );
+    rig.deliver(Event::Docked);
+    rig.pass(1.0);
+    assert_eq!(rig.texts()[6..], ["exit c", "enter d", "exit d", "end d"]);
+    rig.assert_ended(EndReason::Done, "");
+}
+
+#[test]
+fn exit_always_runs_and_nothing_is_entered_after_a_stop() {
+    let machine = "local fsm = require('@spykee/fsm')
+         local m = fsm.new{ initial = 'a', states = {
+             a = { enter = function() print('enter a') WHAT end, exit = function() print('exit a') end,
+                   task = function(m) MORE task.wait(50) return 'b' end },
+             b = { enter = function() print('enter b') end } } } ";
+    let with = |what: &str, more: &str, rest: &str| {
+        let source = machine.replace("WHAT", what).replace("MORE", more);
+        lasting(1.0, &format!("{source} {rest}"))
+    };
+    let rig = with("error('oops')", "", "m:run()");
+    assert_eq!(rig.texts(), ["enter a", "exit a"]);
+    rig.assert_ended(EndReason::Error, "test.lua:3: oops");
+    let rig = with("", "error('ouch')", "m:run()");
+    rig.assert_ended(EndReason::Error, "test.lua:4: ouch");
+    assert_eq!(rig.texts(), ["enter a", "exit a"]);
+    let rig = with(
+        "",
+        "",
+        "local t = task.spawn(function() m:run() end) task.wait(0.5) t:cancel()",
+    );
+    assert_eq!(rig.texts(), ["enter a", "exit a"]);
+    let mut rig = with("", "", "m:run()");
+    rig.script.stop(EndReason::Shutdown, rig.now);
+    rig.run();
+    assert_eq!(rig.texts(), ["enter a", "exit a"]);
+    rig.assert_ended(EndReason::Shutdown, "");
+    let rig = with("", "m:go('b') m:stop()", "m:run()");
+    assert_eq!(rig.texts(), ["enter a", "exit a"]);
+    rig.assert_ended(EndReason::Done, "");
+}
+
+#[test]
+fn fsm_names_states_that_do_not_exist() {
+    for (states, words) in [
+        (
+            "a = {timeout = {1, 'bb'}}, b = {}",
+            "there is no state 'bb' (states: a, b)",
+        ),
+        ("a = {on = {docked = 'c'}}", "there is no state 'c'"),
+        ("a = {entre = print}", "unknown key 'entre'"),
+        (
+            "a = {task = function() return 'x' end}",
+            "there is no state 'x'",
+        ),
+        ("b = {}", "initial: there is no state 'a'"),
+    ] {
+        let text = failure(&format!(
+            "require('@spykee/fsm').new({{initial = 'a', states = {{{states}}}}}):run()"
+        ));
+        assert!(text.contains(words), "{text}");
+    }
+}
+
+#[test]
+fn trees_answer_as_their_nodes_do() {
+    let text = lasting(
+        100.0,
+        "local bt = require('@spykee/bt')
+         local n = 0
+         local function yes() n += 1 return true end
+         local function no() n += 1 return false end
+         local function slow(ok) return function() task.wait(1) return ok end end
+         local function try(node) n = 0 local at = task.now() local ok = bt.run(node) print(ok, n, task.now() - at) end
+         try(bt.sequence(yes, yes, no, yes))
+         try(bt.fallback(no, no, yes, no))
+         try(bt.invert(no)) try(bt.succeed(no)) try(bt.fail(yes))
+         try(bt.retry(3, no)) try(bt.loop(3, yes))
+         try(bt.timeout(0.5, slow(true))) try(bt.timeout(5, slow(true)))
+         try(bt.parallel({}, slow(true), slow(true)))
+         try(bt.parallel({succeed = 1}, slow(true), function() task.wait(50) return true end))
+         try(bt.parallel({}, slow(false), function() task.wait(50) return true end))
+         try(bt.parallel({succeed = 2, fail = 3}, slow(true), slow(false), slow(false)))",
+    );
+    assert_eq!(
+        text.texts(),
+        [
+            "false 3 0",
+            "true 3 0",
+            "true 1 0",
+            "true 1 0",
+            "false 1 0",
+            "false 3 0",
+            "true 3 0",
+            "false 0 0.5",
+            "true 0 1",
+            "true 0 1",
+            "true 0 1",
+            "false 0 1",
+            "false 0 1"
+        ]
+    );
+    assert!(
+        failure("local bt = require('@spykee/bt') bt.run(function() end)")
+            .contains("must return true or false, got nothing")
+    );
+}
+
+#[test]
+fn halting_is_awaited_however_deep() {
+    let rig = lasting(
+        10.0,
+        "local bt = require('@spykee/bt')
+         local function leaf(name)
+             return bt.action{ run = function() task.wait(99) return true end, halt = function() print('halt', name) robot.led('left', false) end }
+         end
+         local tree = bt.timeout(1, bt.parallel({}, leaf('a'), bt.parallel({}, leaf('b'), bt.sequence(leaf('c')))))
+         print(bt.run(tree)) print('after')",
+    );
+    let mut halted = rig.texts()[..3].to_vec();
+    halted.sort_unstable();
+    assert_eq!(halted, ["halt a", "halt b", "halt c"]);
+    assert_eq!(rig.texts()[3..], ["false", "after"]);
+}
+
+#[test]
+fn easy_is_tolerant_and_its_errors_are_for_beginners() {
+    let mut rig = Rig::new(
+        "local easy = require('@spykee/easy') easy.light('on') easy.light('left', 'off') print(easy.forward('2', 40))",
+    );
+    let intents = rig.take_intents();
+    assert_eq!(intents.len(), 5, "{intents:?}");
+    rig.deliver(motion_ended(&intents[4], MotionEnd::Done));
+    assert_eq!(rig.texts(), ["true"]);
+    for (line, words) in [
+        (
+            "easy.forward('fast')",
+            "easy.forward: how many seconds? A number is needed, such as 1",
+        ),
+        (
+            "easy.forward(1, 500)",
+            "what speed must be from 1 to 100, got 500",
+        ),
+        ("easy.light('left', 'maybe')", "on or off?"),
+        ("easy.light('lfet')", "left"),
+        (
+            "easy.foward(1)",
+            "easy.foward does not exist; did you mean 'forward'?",
+        ),
+    ] {
+        let text = failure(&format!("local easy = require('@spykee/easy')\n{line}"));
+        assert!(
+            text.starts_with("test.lua:2: ") && text.contains(words),
+            "{text}"
+        );
+    }
+}

@@ -1,0 +1,74 @@
+use super::*;
+
+#[test]
+fn plain_data_comes_back_as_it_was() {
+    let source = "store.set('a', {list = {1, 2.5, -0.1}, text = 'ä\"\\n', on = true, deep = {{{}}}}) store.set('n', 0.1 + 0.2)
+                  print(store.get('b', 'none'), table.concat(store.keys(), ','))";
+    let mut rig = Rig::new(source);
+    assert_eq!(rig.texts(), ["none a,n"]);
+    let file = rig.script.take_store().unwrap();
+    assert!(!rig.script.has_store_changed());
+    let mut again = Rig::loaded(
+        "local a = store.get('a') print(a.list[3], #a.list, a.text == 'ä\"\\n', a.on, #a.deep, store.get('n') == 0.1 + 0.2)
+         print(store.delete('a'), store.delete('a'), store.get('a'), #store.keys())",
+        |_| {},
+    );
+    again.script.restore(&file).unwrap();
+    again.run();
+    assert_eq!(
+        again.texts(),
+        ["-0.1 3 true true 1 true", "true false nil 1"]
+    );
+}
+
+#[test]
+fn what_is_no_plain_data_is_refused_in_words() {
+    for (value, words) in [
+        ("print", "a function cannot be kept"),
+        ("0/0", "must be finite"),
+        ("math.huge", "must be finite"),
+        ("'\\xff'", "must be UTF-8"),
+        ("{1, nil, 3}", "without gaps"),
+        ("{1, a = 2}", "without gaps"),
+        ("{[2.5] = 1}", "texts as keys"),
+        (
+            "(function() local t = {} t.t = t return t end)()",
+            "contains itself",
+        ),
+        ("nil", "store.delete"),
+        ("('x'):rep(1.2e6)", "longer than 1048576 bytes"),
+        ("table.create(30000, 1)", "at most 20000 values"),
+        (
+            "(function() local t = {} for _ = 1, 6 do t = {t, t, t, t, t, t, t, t} end return t end)()",
+            "at most 20000 values",
+        ),
+    ] {
+        let text = failure(&format!("store.set('key', {value})"));
+        assert!(text.contains(words), "{value}: {text}");
+    }
+}
+
+#[test]
+fn a_full_store_is_a_clear_error_and_what_is_there_stays() {
+    let rig = Rig::new(
+        "local ok, e
+         for i = 1, 100 do ok, e = pcall(store.set, 'k' .. i, ('x'):rep(50000)) if not ok then print(i, e) break end end
+         print(#store.get('k1'), #store.keys()) store.delete('k1') store.set('small', 1) print(store.get('small'))",
+    );
+    let texts = rig.texts();
+    assert!(
+        texts[0].starts_with("21 test.lua:2: store.set: the store is full: it may hold 1 MiB"),
+        "{texts:?}"
+    );
+    assert_eq!(texts[1..], ["50000 20", "1"]);
+}
+
+#[test]
+fn a_damaged_file_is_refused_and_leaves_the_store_as_it_was() {
+    for wrong in [&b"{ \"a\": 1"[..], b"", b"[1]", b"\xff", b"{\"a\": 1} x"] {
+        let mut rig = Rig::loaded("print(#store.keys())", |_| {});
+        assert!(rig.script.restore(wrong).is_err());
+        rig.run();
+        assert_eq!(rig.texts(), ["0"]);
+    }
+}

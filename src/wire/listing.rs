@@ -1,0 +1,145 @@
+//! The texts that CONFIG and WIRELESS_NETWORKS carry (`PROTOCOL.md`, *TCP messages*): settings as
+//! `key=value&key=value`, networks as `essid:encryption:strength;...`. Nothing is known of escapes:
+//! what cannot be told apart is taken as it stands.
+
+use super::text::from_latin1;
+
+/// One setting of the robot's configuration.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Setting {
+    /// Its name.
+    pub key: String,
+    /// Its value; empty if the text has no `=`.
+    pub value: String,
+}
+
+/// One wireless network that the robot sees.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Network {
+    /// Its name; may be empty, and may hold colons.
+    pub essid: String,
+    /// In the robot's words; which there are is not known.
+    pub encryption: String,
+    /// Its strength in the robot's unit, which is not known; `None` if it is no number.
+    pub strength: Option<i32>,
+}
+
+/// The text of a payload; every byte is a character of ISO-8859-1.
+pub fn latin1(payload: &[u8]) -> String {
+    from_latin1(payload)
+}
+
+/// The settings of a CONFIG text, several messages put together. Parts without a key are left out.
+pub fn parse_settings(payload: &[u8]) -> Vec<Setting> {
+    let text = from_latin1(payload);
+    let parts = text.trim_end_matches(['\0', '\r', '\n']).split('&');
+    let setting = |part: &str| {
+        let (key, value) = part.split_once('=').unwrap_or((part, ""));
+        let (key, value) = (key.trim().to_owned(), value.to_owned());
+        (!key.is_empty()).then_some(Setting { key, value })
+    };
+    parts.filter_map(setting).collect()
+}
+
+/// The networks of a WIRELESS_NETWORKS text, several messages put together. Parts without both
+/// colons are left out.
+pub fn parse_networks(payload: &[u8]) -> Vec<Network> {
+    let text = from_latin1(payload);
+    let network = |part: &str| {
+        let mut fields = part.rsplitn(3, ':');
+        let (strength, encryption, essid) = (fields.next()?, fields.next()?, fields.next()?);
+        Some(Network {
+            essid: essid.to_owned(),
+            encryption: encryption.to_owned(),
+            strength: strength.trim().parse().ok(),
+        })
+    };
+    text.trim_end_matches(['\0', '\r', '\n'])
+        .split(';')
+        .filter_map(network)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Command, FileChunk, Packet, Report, Sound, kind};
+    use super::*;
+    use bytes::Bytes;
+    use proptest::prelude::*;
+
+    fn setting(key: &str, value: &str) -> Setting {
+        Setting {
+            key: key.into(),
+            value: value.into(),
+        }
+    }
+
+    /// From the rows of `PROTOCOL.md`, byte by byte: "PK", type, length big-endian, payload.
+    #[test]
+    fn asking_setting_and_uploading_are_these_bytes() {
+        let set = Command::ConfigSet(Bytes::from_static(b"a=1&b=2"));
+        assert_eq!(
+            set.to_bytes()[..],
+            [
+                0x50, 0x4B, 0x0D, 0x00, 0x07, 0x61, 0x3D, 0x31, 0x26, 0x62, 0x3D, 0x32
+            ]
+        );
+        for (ask, byte) in [
+            (Command::ConfigQuery, 0x0D),
+            (Command::NetworksQuery, 0x0E),
+            (Command::LogQuery, 0x11),
+            (Command::PowerQuery, 0x03),
+        ] {
+            assert_eq!(ask.to_bytes()[..], [0x50, 0x4B, byte, 0x00, 0x00]);
+        }
+        let chunk = |flags, content: &'static [u8]| {
+            FileChunk::of_sound(Sound::User1, flags, Bytes::from_static(content)).unwrap()
+        };
+        let first = Command::File(chunk(FileChunk::FIRST, b"\xFF\xFB"));
+        let last = Command::File(chunk(FileChunk::LAST, b""));
+        assert_eq!(
+            first.to_bytes()[..],
+            [0x50, 0x4B, 0x06, 0x00, 0x04, 0x07, 0x01, 0xFF, 0xFB]
+        );
+        assert_eq!(
+            last.to_bytes()[..],
+            [0x50, 0x4B, 0x06, 0x00, 0x02, 0x07, 0x02]
+        );
+    }
+
+    #[test]
+    fn answers_are_read_from_these_bytes() {
+        let packet = |kind, text: &'static [u8]| Report::parse(Packet::new(kind, text.to_vec()));
+        let Report::Config(text) = packet(kind::CONFIG, b"name=Sp\xFCkee&volume=80&flag&=x&")
+        else {
+            panic!("no configuration");
+        };
+        assert_eq!(
+            parse_settings(&text),
+            [
+                setting("name", "Spükee"),
+                setting("volume", "80"),
+                setting("flag", "")
+            ]
+        );
+        let Report::Networks(text) = packet(kind::WIRELESS_NETWORKS, b"a:b:wpa:82;;:none:x;odd")
+        else {
+            panic!("no networks");
+        };
+        let networks = parse_networks(&text);
+        assert_eq!((networks.len(), networks[0].essid.as_str()), (2, "a:b"));
+        assert_eq!(
+            (networks[0].strength, networks[1].strength),
+            (Some(82), None)
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn any_bytes_are_read_without_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+            prop_assert!(parse_settings(&bytes).iter().all(|setting| !setting.key.is_empty()));
+            let _ = parse_networks(&bytes);
+            prop_assert_eq!(latin1(&bytes).chars().count(), bytes.len());
+        }
+    }
+}

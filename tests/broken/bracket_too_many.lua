@@ -1,0 +1,3 @@
+-- A bracket that closes nothing.
+-- expect: check 3: this ')' closes nothing
+print("hello"))

@@ -1,0 +1,4 @@
+-- // of C.
+-- expect: check 3: this is no comment here
+// says hello
+print("hello")

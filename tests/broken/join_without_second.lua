@@ -1,0 +1,3 @@
+-- Nothing behind two dots.
+-- expect: check 3: a value is missing behind `..`
+print("x" ..)

@@ -1,0 +1,6 @@
+-- A function that calls itself without end.
+-- expect: run 4: a function calls itself again and again, without end
+local function patrol()
+	return 1 + patrol()
+end
+print(patrol())

@@ -1,0 +1,5 @@
+-- while without do.
+-- expect: check 3: `while` needs `do` behind it
+while not robot.docked()
+	task.wait(1)
+end

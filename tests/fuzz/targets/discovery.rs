@@ -1,0 +1,18 @@
+//! Any datagram as an answer to "who is there?": what it says, said again, means the same.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use spykee::wire::discovery::{MAX_REPLY_LEN, REQUEST, Reply, is_request};
+
+fuzz_target!(|datagram: &[u8]| {
+    assert_eq!(is_request(datagram), datagram.starts_with(&REQUEST));
+    let Some(reply) = Reply::parse(datagram) else {
+        return;
+    };
+    assert!(!is_request(datagram), "a question and its answer at once");
+    let said = reply.emit();
+    assert!(said.len() <= MAX_REPLY_LEN);
+    if said.len() < MAX_REPLY_LEN {
+        assert_eq!(Reply::parse(&said), Some(reply), "{said:?}");
+    }
+});

@@ -1,0 +1,62 @@
+//! Any text as a world: a robot drives and looks about in it, or the error names a place of the text.
+#![no_main]
+
+use std::time::Duration;
+
+use libfuzzer_sys::fuzz_target;
+use spykee::sim::{Firmware, Robot, World, WorldError};
+use spykee::vision::judge;
+use spykee::wire::{Command, Engage, Report, Stream};
+
+/// Steps of the physics: a second.
+const STEPS: u32 = 50;
+
+fuzz_target!(|text: &str| {
+    match World::from_yaml(text, "fuzz.yaml") {
+        Ok(world) => live_in(world),
+        Err(WorldError::Invalid {
+            line,
+            column,
+            message,
+            ..
+        }) => {
+            assert!(line >= 1 && column >= 1 && !message.is_empty());
+            assert!(line <= text.lines().count() + 1, "line {line} of {text:?}");
+        }
+        Err(other) => panic!("{other}"),
+    }
+});
+
+fn live_in(world: World) {
+    let mut robot = Robot::new(world, Firmware::default(), 1);
+    robot.begin_session();
+    robot.obey(&Command::Stream {
+        stream: Stream::Video,
+        on: true,
+    });
+    for step in 0..STEPS {
+        match step {
+            0 => robot.obey(&Command::Engine(Engage::Undock)),
+            10 => robot.obey(&Command::Move {
+                left: 90,
+                right: 60,
+            }),
+            30 => robot.obey(&Command::Engine(Engage::Dock)),
+            _ => {}
+        }
+        robot.step(Duration::from_millis(20));
+        check(robot.take_reports());
+    }
+    let pose = robot.state().pose;
+    assert!(pose.at.x.is_finite() && pose.at.y.is_finite() && pose.heading.is_finite());
+}
+
+fn check(reports: Vec<Report>) {
+    for report in reports {
+        match report {
+            Report::Power(power) => assert!(power.percent <= 100),
+            Report::Video(jpeg) => drop(judge(&jpeg).expect("the simulator's own frame")),
+            _ => {}
+        }
+    }
+}

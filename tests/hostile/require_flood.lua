@@ -1,0 +1,12 @@
+-- Asks for more modules than there can be.
+-- expect: done
+for number = 1, 5000 do
+	pcall(require, "./nothing" .. number)
+end
+for _ = 1, 50 do
+	task.spawn(function()
+		for number = 1, 100 do
+			pcall(require, "./nobody" .. number)
+		end
+	end)
+end

@@ -1,0 +1,177 @@
+//! `spykee check`, `spykee api`, and the check before a run, as people call them.
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use crate::rig::Rig;
+
+fn spykee(args: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_spykee"));
+    command.args(args).stdin(Stdio::null());
+    command.env_remove("NO_COLOR").env_remove("RUST_LOG");
+    command.current_dir(env!("CARGO_MANIFEST_DIR"));
+    command.output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+#[test]
+fn a_finding_has_place_words_line_and_caret() {
+    let output = spykee(&["check", "tests/broken/too_much_power.lua"]);
+    assert_eq!(output.status.code(), Some(4));
+    let expected = "tests/broken/too_much_power.lua:3:12: error: robot.move: left must be between -100 and 100, got 140\n\
+                    3 | robot.move(140, 100)\n  |            ^^^\n\n1 error\n";
+    assert_eq!(text(&output.stdout), expected);
+}
+
+#[test]
+fn ready_made_behaviours_and_the_scripts_of_the_readme_are_clean() {
+    let output = spykee(&["check", "behaviours"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+    let folder = tempfile::tempdir().unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let readme = std::fs::read_to_string(root.join("README.md")).unwrap();
+    let blocks: Vec<&str> = readme
+        .split("```lua\n")
+        .skip(1)
+        .filter_map(|rest| rest.split("```").next())
+        .collect();
+    assert!(!blocks.is_empty());
+    for (number, block) in blocks.iter().enumerate() {
+        std::fs::write(folder.path().join(format!("{number}.lua")), block).unwrap();
+    }
+    let output = spykee(&["check", folder.path().to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+}
+
+#[test]
+fn findings_come_as_json_too_and_files_that_cannot_be_read_end_in_2() {
+    let output = spykee(&["check", "--json", "tests/broken/typo_in_a_call.lua"]);
+    assert_eq!(output.status.code(), Some(4));
+    let findings: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let finding = &findings[0];
+    assert_eq!(finding["line"], 3);
+    assert_eq!(finding["column"], 7);
+    assert_eq!(finding["severity"], "error");
+    let output = spykee(&["check", "no/such/file.lua"]);
+    assert_eq!(output.status.code(), Some(2));
+    let output = spykee(&["check", "tests/hostile"]);
+    assert_eq!(output.status.code(), Some(4));
+}
+
+#[test]
+fn the_colours_of_the_config_are_known() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let script = file(
+        "a.lua",
+        "robot.on('frame', function(frame) print(#frame:find_blobs('sock')) end)",
+    );
+    let config = file("spykee.yaml", "colours: { sock: { h: [270, 310] } }");
+    assert_eq!(spykee(&["check", &script]).status.code(), Some(4));
+    let output = spykee(&["check", &script, "--config", &config]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+}
+
+#[test]
+fn params_of_the_config_are_held_against_what_the_script_declares() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let script = file(
+        "a.lua",
+        "local p = params.declare({ speed = { default = 40, max = 100 } })\nprint(p.speed)\n",
+    );
+    let good = file(
+        "good.yaml",
+        "behaviours: [ { file: a.lua, params: { speed: 50 } } ]",
+    );
+    let output = spykee(&["check", &script, "--config", &good]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+    let bad = file(
+        "bad.yaml",
+        "behaviours: [ { file: a.lua, params: { sped: 50 } } ]",
+    );
+    let output = spykee(&["check", &script, "--config", &bad]);
+    assert_eq!(output.status.code(), Some(4), "{}", text(&output.stdout));
+    assert!(
+        text(&output.stdout).contains("did you mean 'speed'?"),
+        "{}",
+        text(&output.stdout)
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_refuses_what_cannot_work_before_the_robot_hears_of_it() {
+    let rig = Rig::quiet().await;
+    let script = rig.file(
+        "broken.lua",
+        "robot.led('left', true)\nrobot.moev(50, 50)\n",
+    );
+    let script = script.to_str().unwrap();
+    let mut run = rig.spykee(&["run", script, "--robot", &rig.address]);
+    assert_eq!(run.code().await, Some(4), "{}", run.text());
+    let said = run.text();
+    for words in [
+        "broken.lua:2:7: robot.moev does not exist; did you mean 'move'?",
+        "2 | robot.moev(50, 50)",
+        "--no-check",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
+    assert!(rig.commands(0).is_empty(), "{:?}", rig.commands(0));
+    let mut run = rig.spykee(&["run", script, "--robot", &rig.address, "--no-check"]);
+    assert_eq!(run.code().await, Some(1), "{}", run.text());
+    assert!(
+        run.text().contains("robot.moev does not exist"),
+        "{}",
+        run.text()
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_failed_run_shows_the_line_with_a_caret() {
+    let rig = Rig::quiet().await;
+    let mut run = rig.run("local goals = {}\nlocal left = goals.left\nprint(left + 1)\n");
+    assert_eq!(run.code().await, Some(1), "{}", run.text());
+    let said = run.text();
+    for words in [
+        "script.lua:3: `left` is nil here",
+        "3 | print(left + 1)",
+        "^^^^",
+    ] {
+        assert!(said.contains(words), "{said}");
+    }
+    assert!(!said.contains("attempt to"), "{said}");
+}
+
+#[test]
+fn the_api_is_shown_whole_and_by_name() {
+    let whole = text(&spykee(&["api"]).stdout);
+    for words in [
+        "robot.move(left, right [, seconds])",
+        "Frame:find_blobs(colour [, options])",
+        "battery_low",
+    ] {
+        assert!(whole.contains(words), "{whole}");
+    }
+    let one = text(&spykee(&["api", "robot.move"]).stdout);
+    for words in ["power of the left track", "between -100 and 100", "example"] {
+        assert!(one.contains(words), "{one}");
+    }
+    let output = spykee(&["api", "robot.mvoe"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(text(&output.stderr).contains("did you mean 'robot.move'?"));
+    let all: serde_json::Value =
+        serde_json::from_slice(&spykee(&["api", "--json"]).stdout).unwrap();
+    assert!(all["functions"].as_array().unwrap().len() > 50);
+}

@@ -1,0 +1,72 @@
+//! `spykee config`, and which settings a run takes.
+
+use crate::rig::Rig;
+
+#[tokio::test]
+async fn a_config_in_the_current_folder_is_taken_and_named_in_the_log() {
+    let rig = Rig::quiet().await;
+    rig.file("say.lua", "print('from the config')");
+    rig.file(
+        "spykee.yaml",
+        &format!("robot: {}\nbehaviours:\n- file: say.lua\n", rig.address),
+    );
+    let mut run = rig.spykee(&["run"]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let text = run.text();
+    assert!(
+        text.contains("settings from spykee.yaml") && text.contains("from the config"),
+        "{text}"
+    );
+}
+
+#[tokio::test]
+async fn show_says_where_each_value_comes_from_and_no_secret() {
+    let rig = Rig::quiet().await;
+    rig.file("password.txt", "hunter2\n");
+    rig.file(
+        "other.yaml",
+        "user: ann\npassword_file: password.txt\nwatchdog:\n  low: 25\n",
+    );
+    let mut run = rig.spykee(&[
+        "config",
+        "show",
+        "--origin",
+        "--config",
+        "other.yaml",
+        "--robot",
+        "10.0.0.7",
+    ]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let text = run.text();
+    let row = |key: &str| {
+        let mut rows = text
+            .lines()
+            .map(|line| line.split_whitespace().collect::<Vec<_>>());
+        rows.find(|row| row[0] == key)
+            .unwrap_or_else(|| panic!("{text}"))
+    };
+    assert_eq!(row("robot"), ["robot", "10.0.0.7:9000", "--robot"]);
+    assert_eq!(row("user"), ["user", "ann", "other.yaml:1"]);
+    assert_eq!(row("watchdog.low"), ["watchdog.low", "25", "other.yaml:4"]);
+    assert_eq!(row("watchdog.ok")[2], "default");
+    assert!(!text.contains("hunter2"), "{text}");
+}
+
+#[tokio::test]
+async fn an_unknown_key_is_told_with_the_nearest_one_and_its_place() {
+    let rig = Rig::quiet().await;
+    rig.file("spykee.yaml", "watchdog:\n  lwo: 25\n");
+    let mut run = rig.spykee(&["config", "check"]);
+    assert_eq!(run.code().await, Some(4));
+    let text = run.text();
+    let told = [
+        "spykee.yaml",
+        "unknown key `lwo`",
+        "line 2 column 3",
+        "did you mean 'low'?",
+    ];
+    assert!(told.iter().all(|part| text.contains(part)), "{text}");
+    rig.file("good.yaml", "watchdog: { low: 25 }\n");
+    let mut run = rig.spykee(&["config", "check", "good.yaml"]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+}

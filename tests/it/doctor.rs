@@ -1,0 +1,52 @@
+//! `spykee doctor`: works with and without a robot, and its exit code tells.
+
+use crate::rig::{Rig, Run};
+
+async fn doctor(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
+    let mut run: Run = rig.spykee(&[&["doctor"], args].concat());
+    (run.code().await, run.text())
+}
+
+fn verdict(text: &str, check: &str) -> String {
+    let findings: serde_json::Value = serde_json::from_str(text).unwrap();
+    let found = findings
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|f| f["check"] == check);
+    found.unwrap_or_else(|| panic!("no {check}: {text}"))["verdict"]
+        .as_str()
+        .unwrap()
+        .to_owned()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_robot_that_answers_and_streams_is_well() {
+    let rig = Rig::quiet().await;
+    let (code, text) = doctor(&rig, &["--robot", &rig.address, "--json"]).await;
+    assert_eq!(code, Some(0), "{text}");
+    for check in ["robot", "login", "battery", "config"] {
+        assert_eq!(verdict(&text, check), "ok", "{check}: {text}");
+    }
+    assert_ne!(verdict(&text, "video"), "fail", "{text}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn without_a_robot_the_rest_is_checked_and_one_that_is_not_there_is_exit_code_3() {
+    let rig = Rig::quiet().await;
+    let (code, text) = doctor(&rig, &[]).await;
+    assert_eq!(
+        (code, text.contains("no robot named")),
+        (Some(0), true),
+        "{text}"
+    );
+    let (code, text) = doctor(&rig, &["--robot", "127.0.0.1:1", "--json"]).await;
+    assert_eq!(
+        (code, verdict(&text, "robot").as_str()),
+        (Some(3), "fail"),
+        "{text}"
+    );
+    rig.file("bad.yaml", "nonsense: 1\n");
+    let (code, text) = doctor(&rig, &["--config", "bad.yaml"]).await;
+    assert_eq!((code, text.contains("nonsense")), (Some(3), true), "{text}");
+}

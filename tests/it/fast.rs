@@ -1,0 +1,226 @@
+//! Runs in virtual time: the same run for the same seed, safety as with a robot, many at once.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use rustix::process::Signal;
+use spykee::agent::Behaviour;
+use spykee::behaviour::{Launch, Library, RestartPolicy};
+use spykee::lab::{self, Event, Kind, Lab, Recorder};
+use spykee::robot::{EndReason, Priority};
+use spykee::script;
+use spykee::sim::World;
+use tokio::time::timeout;
+
+use crate::rig::{QUIET_WORLD, Rig};
+
+const FOLLOWS: &str = "
+robot.on('frame', function(frame)
+    local ball = frame:find_blobs('red')[1]
+    if ball then log.info('ball', { x = math.round(ball.cx) }) end
+    robot.move(20 + math.random(0, 20), 30)
+end)
+";
+
+const WANDERS: &str = "
+while true do
+    robot.forward(0.2 + math.random() / 5)
+    robot.turn(math.random() * 3)
+    robot.play('laser')
+    task.wait(math.random())
+end
+";
+
+fn behaviour(name: &str, source: &str, priority: i16, seed: u64) -> Behaviour {
+    let options = script::Options {
+        seed,
+        ..script::Options::new(name.to_owned(), format!("{name}.lua"))
+    };
+    let launch = Launch {
+        source: source.into(),
+        options,
+        library: Library::default(),
+    };
+    Behaviour {
+        priority: Priority(priority),
+        launch,
+        restart: RestartPolicy::Never,
+        reloads: None,
+    }
+}
+
+fn quiet_world() -> World {
+    World::from_yaml(QUIET_WORLD, "test world").unwrap()
+}
+
+fn options(seed: u64) -> (lab::Options, impl FnOnce() -> Vec<Event>) {
+    let (recorder, events) = Recorder::keeping();
+    let options = lab::Options {
+        seed,
+        events: Some(recorder),
+        ..lab::Options::default()
+    };
+    (options, move || events.lock().unwrap().clone())
+}
+
+/// The event log of half a virtual minute with two behaviours that want to drive and see.
+fn log(seed: u64) -> Vec<String> {
+    let (options, events) = options(seed);
+    let limit = Some(Duration::from_secs(30));
+    let behaviours = vec![
+        behaviour("follows", FOLLOWS, 0, seed),
+        behaviour("follows too", FOLLOWS, 0, seed + 1),
+        behaviour("wanders", WANDERS, 0, seed + 2),
+    ];
+    lab::run(World::default_world(), options, async |lab: &Lab| {
+        lab.start(behaviours, limit).outcome().await.unwrap();
+    })
+    .unwrap();
+    let lines = events().into_iter();
+    lines
+        .map(|event| serde_json::to_string(&event).unwrap())
+        .collect()
+}
+
+#[test]
+fn the_same_seed_gives_the_same_run_also_beside_another_and_another_seed_another() {
+    let (first, second, other) = std::thread::scope(|scope| {
+        let first = scope.spawn(|| log(5));
+        let other = scope.spawn(|| log(6));
+        let first = first.join().unwrap();
+        (first, log(5), other.join().unwrap())
+    });
+    assert!(first.len() > 50, "hardly anything happened: {first:#?}");
+    let differs = first.iter().zip(&second).find(|(one, two)| one != two);
+    assert_eq!(differs, None);
+    assert_eq!(first.len(), second.len());
+    assert_ne!(first, other);
+}
+
+#[test]
+fn a_stuck_script_is_ended_with_reason_cpu_and_the_tracks_stop() {
+    let (options, events) = options(1);
+    let stuck = "robot.move(50, 50) task.wait(1) while true do end";
+    let (outcome, state) = lab::run(quiet_world(), options, async |lab: &Lab| {
+        let run = lab.start(vec![behaviour("stuck", stuck, 0, 1)], None);
+        let outcome = run.outcome().await.unwrap();
+        let rests = lab.sim().wait_state(|state| !state.moving());
+        (outcome, timeout(Duration::from_secs(5), rests).await)
+    })
+    .unwrap();
+    assert_eq!(outcome.endings[0].1.reason, EndReason::Cpu);
+    assert_eq!(state.unwrap().speeds.left, 0.0);
+    let events = events();
+    let ended = events
+        .iter()
+        .find(|event| event.kind == Kind::Ended)
+        .unwrap();
+    assert_eq!(ended.field("reason"), Some("cpu"));
+    assert!(ended.text.contains("stuck.lua:1"), "{ended:?}");
+    assert!(
+        ended.at < Duration::from_secs(2),
+        "time did not stand still: {ended:?}"
+    );
+}
+
+#[test]
+fn a_low_battery_goes_home_in_virtual_time() {
+    let (options, _) = options(2);
+    let began = Instant::now();
+    let (home, now) = lab::run(quiet_world(), options, async |lab: &Lab| {
+        let drives = "while true do robot.forward(0.5) robot.turn(math.pi) end";
+        let run = lab.start(vec![behaviour("drives", drives, 0, 2)], None);
+        tokio::time::sleep(Duration::from_secs(3600)).await;
+        lab.sim().set_battery(15.0);
+        let home = lab.sim().wait_state(|state| state.docked && state.charging);
+        let home = timeout(Duration::from_secs(300), home).await;
+        run.stop();
+        run.outcome().await.unwrap();
+        (home, lab.now())
+    })
+    .unwrap();
+    assert!(home.is_ok(), "it did not dock");
+    assert!(now > Duration::from_secs(3600) && now < Duration::from_secs(4000));
+    assert!(began.elapsed() < now / 10, "{:?}", began.elapsed());
+}
+
+#[test]
+fn one_robot_serves_one_run_after_the_other() {
+    let (options, _) = options(3);
+    lab::run(quiet_world(), options, async |lab: &Lab| {
+        for expected in [0.5, 1.0] {
+            let drives = "robot.forward(0.5)";
+            let run = lab.start(vec![behaviour("drives", drives, 0, 3)], None);
+            let outcome = run.outcome().await.unwrap();
+            assert_eq!(outcome.endings[0].1.reason, EndReason::Done);
+            let driven = lab.sim().state().pose.y - 4.0;
+            assert!((driven - expected).abs() < 0.15, "{driven}");
+        }
+    })
+    .unwrap();
+}
+
+async fn recorded(rig: &Rig, script: &Path, name: &str) -> String {
+    let file = rig.folder().join(name);
+    let (script, events) = (script.to_str().unwrap(), file.to_str().unwrap());
+    let mut run = rig.spykee(&[
+        "run", script, "--sim", "--fast", "--for", "120", "--seed", "4", "--events", events,
+    ]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert!(
+        run.text().contains("0:02:00 simulated in"),
+        "{}",
+        run.text()
+    );
+    std::fs::read_to_string(file).unwrap()
+}
+
+#[tokio::test]
+async fn the_command_writes_the_same_events_for_the_same_seed() {
+    let rig = Rig::quiet().await;
+    let script = rig.file("wanders.lua", WANDERS);
+    let first = recorded(&rig, &script, "first.jsonl").await;
+    assert!(first.lines().count() > 100, "{first}");
+    assert_eq!(first, recorded(&rig, &script, "second.jsonl").await);
+    let last: serde_json::Value = serde_json::from_str(first.lines().last().unwrap()).unwrap();
+    assert_eq!(last["kind"], "end");
+    assert!(
+        last["x"].is_number() && last["battery"].is_number(),
+        "{last}"
+    );
+}
+
+#[tokio::test]
+async fn an_interruption_ends_a_fast_run_promptly() {
+    let rig = Rig::quiet().await;
+    let script = rig.file(
+        "drives.lua",
+        "log.info('driving') robot.move(20, 30) while true do task.wait(1) end",
+    );
+    let mut run = rig.spykee(&["run", script.to_str().unwrap(), "--sim", "--fast"]);
+    run.says("driving").await;
+    let began = Instant::now();
+    run.signal(Signal::INT);
+    assert_eq!(run.code().await, Some(130), "{}", run.text());
+    assert!(began.elapsed() < Duration::from_secs(10));
+}
+
+#[tokio::test]
+async fn a_real_robots_time_cannot_be_hurried() {
+    let rig = Rig::quiet().await;
+    let script = rig.file("idle.lua", "task.wait(1)");
+    let args = [
+        "run",
+        script.to_str().unwrap(),
+        "--robot",
+        &rig.address,
+        "--fast",
+    ];
+    let mut run = rig.spykee(&args);
+    assert_eq!(run.code().await, Some(2), "{}", run.text());
+    assert!(
+        run.text().contains("--fast goes with --sim only"),
+        "{}",
+        run.text()
+    );
+}

@@ -1,0 +1,240 @@
+//! Who drives when several want to, as the robot hears it: the tracks go from hand to hand without
+//! a gap or a jump.
+
+use rustix::process::{Pid, Signal};
+use spykee::wire::{Command, Engage, EngineNews, Led, Report};
+
+use crate::rig::{Rig, Run, moves};
+
+/// What every script here begins with: it goes on when the test says so.
+const TURN: &str =
+    "local function turn(code) repeat until robot.wait_for('engine').code == code end\n";
+
+/// Behaviours at work: name, priority and script of each.
+struct Crew {
+    rig: Rig,
+    run: Run,
+}
+
+impl Crew {
+    async fn of(crew: &[(&str, i16, &str)]) -> Crew {
+        let rig = Rig::quiet().await;
+        let mut config = "behaviours:\n".to_owned();
+        for (name, priority, script) in crew {
+            rig.file(&format!("{name}.lua"), &format!("{TURN}{script}"));
+            config.push_str(&format!("- {{ file: {name}.lua, priority: {priority} }}\n"));
+        }
+        rig.file("spykee.yaml", &config);
+        let run = rig.spykee(&["run", "--config", "spykee.yaml", "--robot", &rig.address]);
+        Crew { rig, run }
+    }
+
+    /// It is somebody's turn.
+    fn turn(&self, code: u8) {
+        self.rig
+            .sim
+            .inject(Report::Engine(EngineNews::Unknown(code)));
+    }
+
+    /// Waits until the tracks are told this from a place in the journal on; the next place.
+    async fn hears(&self, from: usize, power: i8) -> usize {
+        let (left, right) = (power, power);
+        let wanted = Command::Move { left, right };
+        self.rig.heard(from, |command| *command == wanted).await + 1
+    }
+
+    async fn light(&self) {
+        let on = Command::Led {
+            led: Led::Left,
+            on: true,
+        };
+        self.rig.heard(0, |command| *command == on).await;
+    }
+
+    /// All that the tracks were told from the first motion on, repetitions left out.
+    fn tracks(&self) -> Vec<i8> {
+        let left = |command: &Command| match command {
+            Command::Move { left, right } => {
+                assert_eq!(left, right);
+                Some(*left)
+            }
+            _ => None,
+        };
+        let heard = self.rig.commands(0);
+        let mut tracks: Vec<i8> = heard.iter().filter_map(left).collect();
+        tracks.dedup();
+        let first = tracks.iter().position(|&power| power != 0).unwrap();
+        tracks.split_off(first)
+    }
+
+    fn host(&self, name: &str) -> Pid {
+        let is_its = |pid: &Pid| {
+            let line = std::fs::read(format!("/proc/{}/cmdline", pid.as_raw_nonzero()));
+            line.is_ok_and(|line| line.ends_with(format!("/{name}\0").as_bytes()))
+        };
+        self.run.hosts().into_iter().find(is_its).unwrap()
+    }
+
+    fn signal(&self, name: &str, signal: Signal) {
+        rustix::process::kill_process(self.host(name), signal).unwrap();
+    }
+}
+
+const PATROL: (&str, i16, &str) = ("patrol", 0, "robot.move(40, 40) turn(0)");
+
+/// Drives at its turn and lets go at the next.
+fn avoid(on: u8, off: u8, percent: i8) -> String {
+    format!(
+        "turn({on})\n\
+         local drives = task.spawn(function() robot.move({percent}, {percent}) task.wait(600) end)\n\
+         turn({off}) drives:cancel() turn(0)"
+    )
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_tracks_go_to_the_higher_and_back_to_the_newest_setpoint_of_the_lower() {
+    let patrol = "robot.move(40, 40) turn(101)\n\
+                  robot.move(60, 60) robot.led('left', true) turn(0)";
+    let crew = Crew::of(&[("patrol", 0, patrol), ("avoid", 10, &avoid(100, 102, -50))]).await;
+    let at = crew.hears(0, 36).await;
+    crew.turn(100);
+    let at = crew.hears(at, -45).await;
+    crew.turn(101);
+    crew.light().await;
+    crew.turn(102);
+    crew.hears(at, 54).await;
+    assert_eq!(crew.tracks(), [36, -45, 54]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_timed_move_is_preempted_by_a_timed_move_and_both_hear_how_it_ended() {
+    let patrol = "print('patrol', robot.move(40, 40, 600)) robot.move(60, 60) turn(0)";
+    let avoid = "turn(100) print('avoid', robot.move(-50, -50, 0.5)) turn(0)";
+    let crew = Crew::of(&[("patrol", 0, patrol), ("avoid", 10, avoid)]).await;
+    let at = crew.hears(0, 36).await;
+    crew.turn(100);
+    let at = crew.hears(at, -45).await;
+    crew.hears(at, 54).await;
+    crew.run.says("patrol false preempted").await;
+    crew.run.says("avoid true done").await;
+    assert_eq!(crew.tracks(), [36, -45, 54]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn however_the_higher_ends_while_it_drives_the_lower_goes_on_without_a_stop() {
+    for end in [
+        "return",
+        "error('boom')",
+        "while true do end",
+        "script.stop()",
+        "turn(0)",
+    ] {
+        let avoid = format!("turn(100) robot.move(-50, -50) turn(101) {end}");
+        let crew = Crew::of(&[PATROL, ("avoid", 10, &avoid)]).await;
+        let at = crew.hears(0, 36).await;
+        crew.turn(100);
+        let at = crew.hears(at, -45).await;
+        match end {
+            "turn(0)" => crew.signal("avoid", Signal::KILL),
+            _ => crew.turn(101),
+        }
+        crew.hears(at, 36).await;
+        assert_eq!(crew.tracks(), [36, -45, 36], "{end}: {}", crew.run.text());
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_frozen_higher_stands_still_before_the_lower_goes_on() {
+    let crew = Crew::of(&[PATROL, ("avoid", 10, &avoid(100, 101, -50))]).await;
+    let at = crew.hears(0, 36).await;
+    crew.turn(100);
+    let at = crew.hears(at, -45).await;
+    crew.signal("avoid", Signal::STOP);
+    crew.hears(at, 36).await;
+    assert_eq!(crew.tracks(), [36, -45, 0, 36], "{}", crew.run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_behaviour_that_holds_the_tracks_still_is_not_taken_for_dead() {
+    let rig = Rig::quiet().await;
+    let mut run = rig.run("robot.move(0, 0) task.wait(1) print('alive')");
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert!(run.text().contains("alive"), "{}", run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_frozen_lower_that_stands_by_does_not_disturb_the_higher() {
+    let crew = Crew::of(&[PATROL, ("avoid", 10, &avoid(100, 101, -50))]).await;
+    let at = crew.hears(0, 36).await;
+    crew.turn(100);
+    let at = crew.hears(at, -45).await;
+    crew.signal("patrol", Signal::STOP);
+    crew.run.says("showed no life").await;
+    assert_eq!(crew.tracks(), [36, -45], "{}", crew.run.text());
+    crew.turn(101);
+    crew.hears(at, 0).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn of_three_levels_the_highest_drives_and_a_middle_one_that_let_go_is_skipped() {
+    let crew = Crew::of(&[
+        PATROL,
+        ("middle", 5, &avoid(100, 102, 60)),
+        ("avoid", 10, &avoid(101, 103, -50)),
+    ])
+    .await;
+    let at = crew.hears(0, 36).await;
+    crew.turn(100);
+    let at = crew.hears(at, 54).await;
+    crew.turn(101);
+    let at = crew.hears(at, -45).await;
+    crew.turn(102);
+    crew.turn(103);
+    crew.hears(at, 36).await;
+    assert_eq!(crew.tracks(), [36, 54, -45, 36]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn among_equals_the_first_keeps_the_tracks_until_it_lets_go() {
+    let other = "turn(100) robot.move(70, 70) robot.led('left', true) turn(0)";
+    let crew = Crew::of(&[("first", 3, &avoid(99, 101, 40)), ("other", 3, other)]).await;
+    crew.run.says("connected").await;
+    let first = async {
+        // The scripts may not listen yet.
+        while !crew.rig.commands(0).iter().any(moves) {
+            crew.turn(99);
+            tokio::time::sleep(std::time::Duration::from_millis(50)).await;
+        }
+    };
+    first.await;
+    let at = crew.hears(0, 36).await;
+    crew.turn(100);
+    crew.light().await;
+    crew.turn(101);
+    crew.hears(at, 63).await;
+    assert_eq!(crew.tracks(), [36, 63]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn no_hand_over_moves_a_robot_that_the_watchdog_sends_home() {
+    let stubborn = "robot.move(40, 40) turn(101)\n\
+                    print('patrol', robot.move(40, 40, 1)) robot.move(40, 40) turn(0)";
+    let avoid = "turn(100)\n\
+                 local drives = task.spawn(function() robot.move(-50, -50) task.wait(600) end)\n\
+                 turn(101) drives:cancel() print('avoid', robot.move(-50, -50, 1)) turn(0)";
+    let crew = Crew::of(&[("patrol", 0, stubborn), ("avoid", 10, avoid)]).await;
+    let at = crew.hears(0, 36).await;
+    crew.turn(100);
+    crew.hears(at, -45).await;
+    crew.rig.sim.hide_station(true);
+    crew.rig.sim.set_battery(15.0);
+    let dock = crew
+        .rig
+        .heard(0, |command| *command == Command::Engine(Engage::Dock))
+        .await;
+    crew.turn(101);
+    crew.run.says("patrol false safety").await;
+    crew.run.says("avoid false safety").await;
+    assert!(!crew.rig.commands(dock).iter().any(moves));
+    assert_eq!(crew.tracks(), [36, -45, 0]);
+}

@@ -1,0 +1,151 @@
+//! `spykee repl`, with lines from a pipe: what a person would type, against a simulated robot.
+
+use std::process::Stdio;
+
+use rustix::process::Signal;
+use tokio::io::AsyncWriteExt as _;
+use tokio::process::{Child, ChildStdin, Command as Process};
+use tokio::time::timeout;
+
+use crate::rig::{PATIENCE, Rig};
+use spykee::wire::Command;
+
+/// A session whose prompt is a pipe.
+struct Session {
+    child: Child,
+    prompt: ChildStdin,
+}
+
+impl Session {
+    fn start(rig: &Rig) -> Session {
+        let mut child = Process::new(env!("CARGO_BIN_EXE_spykee"))
+            .args(["repl", "--robot", &rig.address, "--seed", "7"])
+            .current_dir(rig.folder())
+            .env_remove("RUST_LOG")
+            .env("XDG_STATE_HOME", rig.folder())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .kill_on_drop(true)
+            .spawn()
+            .unwrap();
+        let prompt = child.stdin.take().unwrap();
+        Session { child, prompt }
+    }
+
+    async fn types(&mut self, text: &str) {
+        self.prompt.write_all(text.as_bytes()).await.unwrap();
+        self.prompt.flush().await.unwrap();
+    }
+
+    /// After the last line: exit code, stdout, stderr.
+    async fn ends(self) -> (Option<i32>, String, String) {
+        drop(self.prompt);
+        let output = timeout(PATIENCE, self.child.wait_with_output()).await;
+        let output = output.expect("it does not end").unwrap();
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        (
+            output.status.code(),
+            text(output.stdout),
+            text(output.stderr),
+        )
+    }
+}
+
+async fn typed(lines: &str) -> (Option<i32>, String, String) {
+    let rig = Rig::quiet().await;
+    let mut session = Session::start(&rig);
+    session.types(lines).await;
+    session.ends().await
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn expressions_show_their_values_and_statements_are_kept() {
+    let lines = "1 + 1\n\
+                 x = { 1, 2, a = { 3 }, s = 'q\\n' }\n\
+                 x\n\
+                 nil, 'text'\n\
+                 function double(n)\n  return 2 * n\nend\n\
+                 double(21)\n\
+                 print('said')\n";
+    let (code, out, err) = typed(lines).await;
+    let shown: Vec<&str> = out.lines().collect();
+    assert_eq!(code, Some(0), "{out}{err}");
+    assert_eq!(shown[0], "2");
+    assert!(
+        shown[1].starts_with("{1, 2, ") && shown[1].contains("a = {…}"),
+        "{out}"
+    );
+    assert!(shown[1].contains("s = \"q\\n\""), "{out}");
+    assert_eq!(&shown[2..], ["nil\t\"text\"", "42", "said"], "{err}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn mistakes_are_told_in_words_and_the_session_goes_on() {
+    let lines = "robot.moev(1, 1)\nrobot.move(140, 0)\n1 +\n\nfor\n\n'still here'\n";
+    let (code, out, err) = typed(lines).await;
+    assert_eq!(code, Some(1), "{out}{err}");
+    for words in ["did you mean 'move'?", "-100", "still here"] {
+        assert!(out.contains(words), "{words}: {out}");
+    }
+    for word in ["panicked", "mlua", "traceback", "Error("] {
+        assert!(
+            !out.contains(word) && !err.contains(word),
+            "{word}: {out}{err}"
+        );
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_never_waits_ends_the_session_and_a_new_one_begins() {
+    let (code, out, err) = typed("x = 1\nwhile true do end\nx\n2 + 3\n").await;
+    assert_eq!(code, Some(1), "{out}{err}");
+    for words in ["cpu", "a new session begins", "unknown name 'x'", "5"] {
+        assert!(out.contains(words), "{words}: {out}{err}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn waiting_calls_wait_tasks_run_on_and_a_setpoint_holds_between_lines() {
+    let rig = Rig::quiet().await;
+    let mut session = Session::start(&rig);
+    session
+        .types("ok, code = robot.move(30, 30, 0.3)\ncode\n")
+        .await;
+    let moved = rig.heard_motion(0).await;
+    let stopped = rig.heard_stop(moved).await;
+    session
+        .types("beats = 0 task.every(0.05, function() beats += 1 end)\nrobot.move(40, 40)\n")
+        .await;
+    let wanted = Command::Move {
+        left: 36,
+        right: 36,
+    };
+    let first = rig.heard(stopped, |command| *command == wanted).await;
+    session.types("task.wait(0.5)\nbeats > 2\n").await;
+    let again = rig.heard(first + 1, |command| *command == wanted).await;
+    let (code, out, err) = session.ends().await;
+    rig.heard_stop(again).await;
+    assert_eq!(code, Some(0), "{out}{err}");
+    assert!(
+        out.contains("\"done\"") && out.contains("true"),
+        "{out}{err}"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_signal_ends_with_a_stop_even_while_a_line_waits() {
+    let rig = Rig::quiet().await;
+    let mut session = Session::start(&rig);
+    session.types("robot.move(30, 30) task.wait(100)\n").await;
+    let moved = rig.heard_motion(0).await;
+    let pid = i32::try_from(session.child.id().unwrap()).unwrap();
+    rustix::process::kill_process(rustix::process::Pid::from_raw(pid).unwrap(), Signal::TERM)
+        .unwrap();
+    rig.heard_stop(moved).await;
+    let status = timeout(PATIENCE, session.child.wait())
+        .await
+        .unwrap()
+        .unwrap();
+    assert_eq!(status.code(), Some(130));
+}

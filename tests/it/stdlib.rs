@@ -1,0 +1,268 @@
+//! Parameters, the store, modules and the built-in library as a person meets them: the real program
+//! and a simulated robot.
+
+use std::os::unix::fs::{PermissionsExt as _, symlink};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use rustix::process::Signal;
+use spykee::wire::{Command, Led};
+use tokio::time::{Instant, sleep};
+
+use crate::rig::{PATIENCE, Rig, Run, moves};
+
+const DECLARES: &str = "local p = params.declare{ speed = {default = 40, min = 10, max = 60, unit = '%'} }\n\
+                        print('speed is', p.speed) robot.move(p.speed, p.speed, 0.2)";
+
+fn run_with(rig: &Rig, script: &str, options: &[&str]) -> Run {
+    let path = rig.file("script.lua", script);
+    let start = ["run", path.to_str().unwrap(), "--robot", &rig.address];
+    rig.spykee(&[&start[..], options].concat())
+}
+
+fn store_file(rig: &Rig) -> PathBuf {
+    rig.folder().join("spykee-data/script/store.json")
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_parameter_comes_from_the_command_line() {
+    let rig = Rig::quiet().await;
+    let mut run = run_with(&rig, DECLARES, &["--param", "speed=50"]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert!(run.text().contains("speed is 50"), "{}", run.text());
+    let wire = Command::Move {
+        left: 45,
+        right: 45,
+    };
+    assert!(rig.commands(0).contains(&wire), "{:?}", rig.commands(0));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_bad_parameter_is_refused_before_the_robot_moves() {
+    for (param, script, words) in [
+        (
+            "speed=500",
+            DECLARES,
+            "--param speed=500: speed must be a number from 10 to 60 %",
+        ),
+        ("spede=50", DECLARES, "did you mean 'speed'?"),
+        (
+            "speed=50",
+            "robot.move(50, 50, 0.2)",
+            "declares no parameters",
+        ),
+    ] {
+        let rig = Rig::quiet().await;
+        let mut run = run_with(&rig, script, &["--param", param]);
+        assert_eq!(run.code().await, Some(1), "{}", run.text());
+        assert!(run.text().contains(words), "{}", run.text());
+        assert!(!rig.commands(0).iter().any(moves), "{:?}", rig.commands(0));
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn one_of_several_behaviours_is_named() {
+    let rig = Rig::quiet().await;
+    let (one, two) = (
+        rig.file("one.lua", DECLARES),
+        rig.file("two.lua", "print('two')"),
+    );
+    let files = [one.to_str().unwrap(), two.to_str().unwrap()];
+    let start = ["run", files[0], files[1], "--robot", &rig.address];
+    for (param, code, words) in [
+        ("one.speed=30", 0, "speed is 30"),
+        ("speed=30", 2, "for which behaviour?"),
+        ("oen.speed=30", 2, "did you mean 'one'?"),
+    ] {
+        let mut run = rig.spykee(&[&start[..], &["--param", param]].concat());
+        assert_eq!(run.code().await, Some(code), "{}", run.text());
+        assert!(run.text().contains(words), "{}", run.text());
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_store_survives_the_end_and_is_private() {
+    let rig = Rig::quiet().await;
+    let script = "store.set('runs', store.get('runs', 0) + 1) print('run', store.get('runs'))";
+    for number in 1..=3 {
+        let mut run = run_with(&rig, script, &[]);
+        assert_eq!(run.code().await, Some(0), "{}", run.text());
+        assert!(
+            run.text().contains(&format!("run {number}")),
+            "{}",
+            run.text()
+        );
+    }
+    let mode = std::fs::metadata(store_file(&rig))
+        .unwrap()
+        .permissions()
+        .mode();
+    assert_eq!(mode & 0o777, 0o600);
+}
+
+/// The number in the file.
+fn kept(rig: &Rig) -> f64 {
+    let file = std::fs::read(store_file(rig)).unwrap();
+    let values: serde_json::Value = serde_json::from_slice(&file).unwrap();
+    values["count"].as_f64().unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_store_survives_kill_9_of_the_host_and_of_the_agent() {
+    const COUNTS: &str = "print('begins with', store.get('count', 0))
+        local count = store.get('count', 0)
+        while true do
+            count += 1
+            store.set('count', count) store.set('ballast', ('x'):rep(100000 + count % 7))
+            robot.led('left', count % 20 == 0)
+            task.wait(0.01)
+        end";
+    let rig = Rig::quiet().await;
+    let mut before = 0.0;
+    for round in 0..4 {
+        let mut run = run_with(&rig, COUNTS, &[]);
+        run.says(&format!("begins with {before}")).await;
+        let begun = Instant::now();
+        while !store_file(&rig).exists() || kept(&rig) < before + 20.0 {
+            assert!(begun.elapsed() < PATIENCE, "{}", run.text());
+            sleep(Duration::from_millis(20)).await;
+        }
+        match round % 2 {
+            0 => run.signal(Signal::KILL),
+            _ => rustix::process::kill_process(run.hosts()[0], Signal::KILL).unwrap(),
+        }
+        assert_ne!(run.status().await.code(), Some(0));
+        // The host of a killed agent dies with it; until then it may still write.
+        sleep(Duration::from_millis(200)).await;
+        let after = kept(&rig);
+        assert!(after > before, "{after} after {before}");
+        before = after;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_torn_store_is_kept_aside_and_said() {
+    let rig = Rig::quiet().await;
+    let file = store_file(&rig);
+    std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+    std::fs::write(&file, "{\n\"runs\": 7").unwrap();
+    let mut run = run_with(&rig, "print('has', #store.keys()) store.set('a', 1)", &[]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    for words in ["has 0", "is damaged", "store.json.bad"] {
+        assert!(run.text().contains(words), "{words}: {}", run.text());
+    }
+    let bad = std::fs::read(file.with_extension("json.bad")).unwrap();
+    assert_eq!(bad, b"{\n\"runs\": 7");
+    assert!(std::fs::read_to_string(file).unwrap().contains("\"a\""));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn modules_come_from_the_folder_and_from_nowhere_else() {
+    let rig = Rig::quiet().await;
+    let folder = rig.folder().join("behaviours");
+    std::fs::create_dir_all(folder.join("lib")).unwrap();
+    rig.file("secret.lua", "return 'secret'");
+    symlink(rig.folder(), folder.join("up")).unwrap();
+    symlink(rig.folder().join("secret.lua"), folder.join("link.lua")).unwrap();
+    std::fs::write(
+        folder.join("lib/half.lua"),
+        "return function(x) return x / 2 end",
+    )
+    .unwrap();
+    std::fs::write(folder.join("code.lua"), b"\x1bLua\x00").unwrap();
+    let script = "print('half', require('./lib/half')(42))
+        for _, path in { '../secret', './up/secret', './link', '/etc/passwd', './Lib/half', './lib/HALF', './code' } do
+            print(path, pcall(require, path))
+        end
+        ";
+    let script = {
+        let path = folder.join("main.lua");
+        std::fs::write(&path, script).unwrap();
+        path
+    };
+    let mut run = rig.spykee(&["run", script.to_str().unwrap(), "--robot", &rig.address]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let text = run.text();
+    assert!(text.contains("half 21"), "{text}");
+    for words in [
+        "../secret false",
+        "leaves the behaviour's folder",
+        "./up/secret false",
+        "up is a symbolic link",
+        "./link false",
+        "link.lua is a symbolic link",
+        "/etc/passwd false",
+        "./Lib/half false",
+        "./lib/HALF false",
+        "did you mean 'half'?",
+        "./code false",
+        "control character",
+    ] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_first_program_of_a_beginner_drives() {
+    let rig = Rig::quiet().await;
+    let script = "local easy = require('@spykee/easy')
+        easy.light('left', 'on') print('forward', easy.forward(0.4)) print('left', easy.left(30)) easy.light('left', 'off')";
+    let mut run = run_with(&rig, script, &[]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let text = run.text();
+    assert!(
+        text.contains("forward true") && text.contains("left true"),
+        "{text}"
+    );
+    assert!(rig.commands(0).iter().any(moves));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_state_machine_leaves_its_state_in_order_when_it_is_interrupted() {
+    let rig = Rig::quiet().await;
+    let script = "local fsm = require('@spykee/fsm')
+        fsm.new{ initial = 'wait', states = {
+            wait = { task = function() task.wait(0.1) return 'drive' end },
+            drive = { task = function() robot.move(40, 40) task.wait(60) end,
+                      exit = function() print('leaves drive') robot.led('flash', true) end },
+        } }:run()";
+    let mut run = run_with(&rig, script, &[]);
+    rig.heard_motion(0).await;
+    run.signal(Signal::INT);
+    assert_eq!(run.code().await, Some(130), "{}", run.text());
+    assert!(run.text().contains("leaves drive"), "{}", run.text());
+    let flash = Command::Led {
+        led: Led::Flash,
+        on: true,
+    };
+    rig.heard(0, |command| *command == flash).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_controller_turns_the_robot_to_the_ball() {
+    const WORLD: &str = "
+name: test
+room: { width: 8, depth: 8 }
+station: { at: [0, 4], heading_degrees: 0 }
+start: { at: [4, 4], heading_degrees: 90 }
+battery: { level: 90, idle_drain_per_minute: 0.01, driving_drain_per_minute: 0.01 }
+balls:
+  - { at: [4.35, 5.2], colour: red }
+";
+    let rig = Rig::new(WORLD, spykee::sim::Firmware::default()).await;
+    let script = "local pid = require('@spykee/pid')
+        local steer = pid.new{ kp = 1.5, ki = 0.3, kd = 0.1, min = -1, max = 1 }
+        local good = 0
+        while good < 5 do
+            local frame = robot.wait_frame(5)
+            local ball = frame and frame:find_blobs('red', { pixels_threshold = 25 })[1]
+            if ball then
+                robot.drive(0, -steer:update(ball.bearing))
+                good = if math.abs(ball.bearing) < 0.03 then good + 1 else 0
+            end
+        end
+        print('ahead')";
+    let mut run = run_with(&rig, script, &["--for", "40"]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert!(run.text().contains("ahead"), "{}", run.text());
+}

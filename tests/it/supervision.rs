@@ -1,0 +1,376 @@
+//! Behaviours that fail are started again or given up; saved ones are loaded anew.
+
+use std::io::{BufRead, Write};
+use std::path::Path;
+use std::process::{Child, Command as Process, Stdio};
+use std::time::Duration;
+
+use rustix::process::{Pid, Signal};
+use spykee::agent::{Agent, Behaviour, Plan};
+use spykee::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy};
+use spykee::link;
+use spykee::pilot::Settings;
+use spykee::robot::Priority;
+use spykee::script;
+use spykee::wire::{Command, EngineNews, Led, Login, Report, Sound};
+use tokio::sync::mpsc;
+use tokio::time::{Instant, sleep, timeout};
+
+use crate::rig::{PATIENCE, Rig, Run, children_of};
+
+/// Beats until the robot says that a sound has ended.
+const WITNESS: &str = "
+    local on = false
+    local beat = task.every(0.05, function() on = not on robot.led('right', on) end)
+    robot.wait_for('sound_finished')
+    beat:cancel()";
+
+fn tracks(commands: &[Command]) -> Vec<i8> {
+    let left = |command: &Command| match command {
+        Command::Move { left, .. } => Some(*left),
+        _ => None,
+    };
+    let mut tracks: Vec<i8> = commands.iter().filter_map(left).collect();
+    tracks.dedup();
+    let first = tracks.iter().position(|&power| power != 0);
+    tracks.split_off(first.unwrap_or(tracks.len()))
+}
+
+async fn hears(rig: &Rig, from: usize, power: i8) -> usize {
+    let (left, right) = (power, power);
+    let wanted = Command::Move { left, right };
+    rig.heard(from, |command| *command == wanted).await + 1
+}
+
+/// Waits until a text was written so often.
+async fn says(run: &Run, text: &str, times: usize) {
+    let said = async {
+        while run.text().matches(text).count() < times {
+            sleep(Duration::from_millis(5)).await;
+        }
+    };
+    let waited = timeout(PATIENCE, said).await;
+    waited.unwrap_or_else(|_| panic!("`{text}` was not said {times} times:\n{}", run.text()));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_behaviour_that_fails_again_and_again_is_given_up_with_an_alarm_and_disturbs_nobody() {
+    let rig = Rig::quiet().await;
+    rig.file(
+        "crash.lua",
+        "robot.move(50, 50) task.wait(0.2) error('boom')",
+    );
+    rig.file("witness.lua", WITNESS);
+    rig.file(
+        "spykee.yaml",
+        "behaviours:\n\
+         - file: crash.lua\n  \
+           restart: { policy: on-failure, first_pause: 0.1, max_restarts: 2, within: 60 }\n\
+         - file: witness.lua\n",
+    );
+    let mut run = rig.spykee(&["run", "--config", "spykee.yaml", "--robot", &rig.address]);
+    let alarm = |command: &Command| *command == Command::Play(Sound::Alarm);
+    let alarmed = rig.heard(0, alarm).await;
+    let heard = rig.commands(0);
+    assert_eq!(tracks(&heard[..alarmed]), [45, 0, 45, 0, 45, 0]);
+    assert_eq!(heard.iter().filter(|one| alarm(one)).count(), 1);
+    run.says("restart 1 of 2 within 60 s").await;
+    run.says("restart 2 of 2 within 60 s").await;
+    run.says("given up").await;
+    let given_up = run.text();
+    let line = given_up
+        .lines()
+        .find(|line| line.contains("given up"))
+        .unwrap();
+    for word in ["ERROR", "crash", "error", "boom", "crash.lua:1"] {
+        assert!(line.contains(word), "{word}: {line}");
+    }
+    let beat = |command: &Command| {
+        matches!(
+            command,
+            Command::Led {
+                led: Led::Right,
+                ..
+            }
+        )
+    };
+    rig.heard(alarmed, beat).await;
+    rig.sim.inject(Report::SoundFinished);
+    assert_eq!(run.code().await, Some(1), "{}", run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_alarm_of_the_last_behaviour_is_heard_before_the_run_ends() {
+    let rig = Rig::quiet().await;
+    let script = "robot.move(50, 50) task.wait(0.1) error('boom')";
+    rig.file("script.lua", script);
+    rig.file(
+        "spykee.yaml",
+        "behaviours: [{ file: script.lua, restart: { policy: on-failure, max_restarts: 0 } }]",
+    );
+    let mut run = rig.spykee(&["run", "--config", "spykee.yaml", "--robot", &rig.address]);
+    assert_eq!(run.code().await, Some(1), "{}", run.text());
+    rig.heard(0, |command| *command == Command::Play(Sound::Alarm))
+        .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_killed_host_is_started_again_and_a_run_that_then_ends_well_is_0() {
+    let rig = Rig::quiet().await;
+    let script = rig.file(
+        "script.lua",
+        "robot.move(50, 50) robot.wait_for('engine') robot.stop() script.stop('enough')",
+    );
+    let script = script.to_str().unwrap();
+    let mut run = rig.spykee(&[
+        "run",
+        script,
+        "--robot",
+        &rig.address,
+        "--restart",
+        "on-failure",
+    ]);
+    let at = hears(&rig, 0, 45).await;
+    let host = run.hosts()[0];
+    rustix::process::kill_process(host, Signal::KILL).unwrap();
+    let at = hears(&rig, at, 0).await;
+    hears(&rig, at, 45).await;
+    assert_ne!(run.hosts(), [host]);
+    rig.sim.inject(Report::Engine(EngineNews::Unknown(100)));
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert_eq!(
+        run.text().matches("starts again").count(),
+        1,
+        "{}",
+        run.text()
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_saved_script_is_loaded_anew_and_a_broken_one_does_not_drive() {
+    let rig = Rig::quiet().await;
+    let save = |text: &str| {
+        // As editors do: beside it, then over it.
+        let other = rig.file("script.lua~", text);
+        std::fs::rename(other, rig.folder().join("script.lua")).unwrap();
+    };
+    save(
+        "script.on_stop(function(reason) print('bye', reason) end) robot.move(40, 40) task.wait(600)",
+    );
+    let mut run = rig.spykee(&["run", "script.lua", "--watch", "--robot", &rig.address]);
+    let at = hears(&rig, 0, 36).await;
+    save("robot.move(60, 60) task.wait(600)");
+    let at = hears(&rig, at, 54).await;
+    run.says("bye reload").await;
+    assert_eq!(tracks(&rig.commands(0)), [36, 0, 54]);
+    save("robot.move(80, 80)\nx = = 1");
+    run.says("script.lua:2").await;
+    run.says("the old script still runs").await;
+    hears(&rig, rig.sim.heard_count(), 54).await;
+    save("print('short')");
+    let at = hears(&rig, at, 0).await;
+    run.says("short").await;
+    says(&run, "waits for the next save", 1).await;
+    save("if true");
+    says(&run, "waits for the next save", 2).await;
+    assert!(run.lives());
+    let silent = rig.commands(at);
+    assert_eq!(tracks(&silent), [] as [i8; 0], "{silent:?}");
+    save("robot.move(30, 30) task.wait(0.2) error('boom')");
+    let at = hears(&rig, at, 27).await;
+    hears(&rig, at, 0).await;
+    says(&run, "waits for the next save", 3).await;
+    assert!(run.hosts().is_empty());
+    run.signal(Signal::INT);
+    assert_eq!(run.code().await, Some(130), "{}", run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn under_watch_a_script_may_be_broken_at_first() {
+    let rig = Rig::quiet().await;
+    let script = rig.file("script.lua", "x = = 1");
+    let run = rig.spykee(&["run", "script.lua", "--watch", "--robot", &rig.address]);
+    run.says("script.lua:1").await;
+    run.says("waits for the next save").await;
+    std::fs::write(script, "robot.move(60, 60) task.wait(600)").unwrap();
+    hears(&rig, 0, 54).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_ctrl_c_in_a_terminal_goes_to_the_agent_alone() {
+    let rig = Rig::quiet().await;
+    let run = rig.run("robot.move(50, 50) task.wait(600)");
+    hears(&rig, 0, 45).await;
+    // A terminal's signals go to the agent's process group.
+    let group = |pid| rustix::process::getpgid(Some(pid)).unwrap();
+    assert_ne!(group(run.hosts()[0]), group(run.pid()));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_policy_that_does_not_exist_is_refused() {
+    let rig = Rig::quiet().await;
+    let mut run = rig.spykee(&["run", "script.lua", "--restart", "always"]);
+    assert_eq!(run.code().await, Some(2), "{}", run.text());
+    for word in ["always", "never", "on-failure"] {
+        assert!(run.text().contains(word), "{}", run.text());
+    }
+}
+
+/// Where the test below tells its agent the robot's address.
+const ROBOT: &str = "SPYKEE_TEST_ROBOT";
+
+/// The agent of the test below, in a process of its own: every line of its input is a new text.
+#[test]
+#[ignore = "a part of five_hundred_reloads_leave_no_trace"]
+fn agent_that_is_told_to_reload() {
+    let Ok(address) = std::env::var(ROBOT) else {
+        return;
+    };
+    let (reloads, received) = mpsc::channel(1);
+    std::thread::spawn(move || {
+        for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+            let source = line.into_bytes();
+            if reloads.blocking_send(Reload { source }).is_err() {
+                return;
+            }
+        }
+    });
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build();
+    runtime.unwrap().block_on(async {
+        let target: link::Target = address.parse().unwrap();
+        let link = link::Options::default();
+        let (login, times) = (Login::new("admin", "admin"), link.clone());
+        let launch = Launch {
+            source: b"robot.volume(100) task.wait(600)".to_vec(),
+            options: script::Options::new("script", "script.lua"),
+            library: Library::default(),
+        };
+        let behaviour = Behaviour {
+            priority: Priority(0),
+            launch,
+            restart: RestartPolicy::Never,
+            reloads: Some(received),
+        };
+        let plan = Plan {
+            behaviours: vec![behaviour],
+            settings: Settings {
+                limits: spykee::safety::Limits::default(),
+                simulated: true,
+                seed: 1,
+                link,
+            },
+            dial: Box::new(move || {
+                let (target, login, times) = (target.clone(), login.clone(), times.clone());
+                Box::pin(async move { link::connect(&target, &login, &times).await })
+            }),
+            launcher: Launcher::new(env!("CARGO_BIN_EXE_spykee").into()),
+            limit: None,
+        };
+        let (agent, _status) = Agent::new(plan);
+        agent.run(Default::default()).await.unwrap();
+    });
+}
+
+/// That agent. Killed with the test.
+struct Reloader {
+    process: Child,
+}
+
+impl Drop for Reloader {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+/// What a process has at the moment.
+#[derive(Debug, Clone, Copy)]
+struct Footprint {
+    resident_kib: u64,
+    threads: usize,
+    descriptors: usize,
+    children: usize,
+}
+
+impl Reloader {
+    fn start(rig: &Rig) -> Reloader {
+        let mut process = Process::new(std::env::current_exe().unwrap());
+        let name = "supervision::agent_that_is_told_to_reload";
+        process.args(["--exact", name, "--ignored", "--nocapture"]);
+        process.env(ROBOT, &rig.address).stdin(Stdio::piped());
+        process.stdout(Stdio::null()).stderr(Stdio::null());
+        Reloader {
+            process: process.spawn().unwrap(),
+        }
+    }
+
+    /// Has it reload a script that sets a volume, and waits until it does.
+    async fn reload(&mut self, rig: &Rig, volume: u8) {
+        let from = rig.sim.heard_count();
+        let input = self.process.stdin.as_mut().unwrap();
+        writeln!(input, "robot.volume({volume}) task.wait(600)").unwrap();
+        rig.heard(from, |command| *command == Command::Volume(volume))
+            .await;
+    }
+
+    /// Once it has buried the host before.
+    async fn footprint(&self) -> Footprint {
+        let pid = Pid::from_child(&self.process);
+        let begun = Instant::now();
+        while children_of(pid).len() > 1 && begun.elapsed() < PATIENCE {
+            sleep(Duration::from_millis(5)).await;
+        }
+        let folder = format!("/proc/{}", pid.as_raw_nonzero());
+        let count = |name: &str| {
+            std::fs::read_dir(Path::new(&folder).join(name))
+                .unwrap()
+                .count()
+        };
+        let status = std::fs::read_to_string(format!("{folder}/status")).unwrap();
+        let resident = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+        let resident = resident.unwrap().split_whitespace().next().unwrap();
+        Footprint {
+            resident_kib: resident.parse().unwrap(),
+            threads: count("task"),
+            descriptors: count("fd"),
+            children: children_of(pid).len(),
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn five_hundred_reloads_leave_no_trace() {
+    const WARM_UP: usize = 20;
+    const RELOADS: usize = 500;
+    let rig = Rig::quiet().await;
+    let mut agent = Reloader::start(&rig);
+    rig.heard(0, |command| *command == Command::Volume(100))
+        .await;
+    let begun = Instant::now();
+    let (mut before, mut after) = (None, None);
+    for (reload, volume) in (1..=RELOADS).zip((0..100).cycle()) {
+        agent.reload(&rig, volume).await;
+        if reload == WARM_UP {
+            before = Some(agent.footprint().await);
+        } else if reload == RELOADS {
+            after = Some(agent.footprint().await);
+        }
+    }
+    let (before, after) = (before.unwrap(), after.unwrap());
+    eprintln!(
+        "{RELOADS} reloads in {:?}: {before:?}, then {after:?}",
+        begun.elapsed()
+    );
+    assert!(
+        after.resident_kib * 100 < before.resident_kib * 105,
+        "{before:?} {after:?}"
+    );
+    assert!(after.threads <= before.threads, "{before:?} {after:?}");
+    assert!(
+        after.descriptors <= before.descriptors,
+        "{before:?} {after:?}"
+    );
+    assert_eq!((before.children, after.children), (1, 1));
+}

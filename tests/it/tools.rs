@@ -1,0 +1,230 @@
+//! `spykee robot` and `spykee completions`, the real program against the simulated robot.
+
+use std::io::Write;
+use std::process::{Command as Process, Stdio};
+
+use spykee::sim::{Fault, Firmware, Options, World};
+use spykee::wire::{Command, Engage, FileChunk, Led, Sound};
+
+use crate::rig::{QUIET_WORLD, Rig};
+
+async fn tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
+    let mut run = rig.spykee(&[&["robot"], args, &["--robot", &rig.address]].concat());
+    let code = run.code().await;
+    (code, run.text())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn robot_tools_say_what_they_were_asked_to_say() {
+    let rig = Rig::quiet().await;
+    let (code, text) = tool(&rig, &["info", "--json"]).await;
+    let info: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert_eq!((code, info["uid"].as_str()), (Some(0), Some("SPYKEE0001")));
+    assert_eq!(
+        (info["battery"].as_u64(), info["docked"].as_bool()),
+        (Some(90), Some(false))
+    );
+    assert!(tool(&rig, &["battery"]).await.1.contains("90 %"));
+    for (args, wanted) in [
+        (
+            &["led", "flash", "on"][..],
+            Command::Led {
+                led: Led::Flash,
+                on: true,
+            },
+        ),
+        (&["play", "laser"], Command::Play(Sound::Laser)),
+        (&["play", "--stop"], Command::StopSound),
+        (&["volume", "30"], Command::Volume(30)),
+    ] {
+        let from = rig.sim.heard_count();
+        assert_eq!(tool(&rig, args).await.0, Some(0), "{args:?}");
+        rig.heard(from, |command| *command == wanted).await;
+    }
+    assert_eq!(tool(&rig, &["led", "nose", "on"]).await.0, Some(2));
+    assert!(tool(&rig, &["log"]).await.1.contains("user connected"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn stop_ends_motion_that_another_program_left_behind() {
+    let rig = Rig::quiet().await;
+    let mut run = rig.run("robot.move(50, 50)\ntask.wait(60)");
+    rig.heard_motion(0).await;
+    run.signal(rustix::process::Signal::KILL);
+    run.status().await;
+    let from = rig.sim.heard_count();
+    let (code, text) = tool(&rig, &["stop"]).await;
+    assert_eq!(code, Some(0), "{text}");
+    let cancel = |command: &Command| *command == Command::Engine(Engage::CancelDock);
+    let cancelled = rig.heard(from, cancel).await;
+    assert!(
+        rig.heard_stop(from).await < cancelled,
+        "the first word is a stop"
+    );
+    rig.heard_stop(cancelled).await;
+    rig.sim.wait_state(|state| !state.moving()).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn undock_and_dock_are_the_pilots_and_ctrl_c_ends_the_search_with_a_stop() {
+    let world = QUIET_WORLD.replace("start: { at: [4, 4], heading_degrees: 90 }", "");
+    let rig = Rig::new(&world, Firmware::default()).await;
+    let (code, text) = tool(&rig, &["undock"]).await;
+    assert_eq!(
+        (code, text.contains("off its station")),
+        (Some(0), true),
+        "{text}"
+    );
+    rig.sim
+        .wait_state(|state| !state.docked && !state.leaving)
+        .await;
+    rig.sim.hide_station(true);
+    let from = rig.sim.heard_count();
+    let mut run = rig.spykee(&["robot", "dock", "--robot", &rig.address]);
+    let asked = rig.heard_dock(from).await;
+    run.signal(rustix::process::Signal::INT);
+    assert_eq!(run.code().await, Some(130));
+    rig.heard_stop(asked).await;
+    rig.sim
+        .wait_state(|state| !state.searching && !state.moving())
+        .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_low_battery_does_not_leave_the_station() {
+    let world = QUIET_WORLD
+        .replace("start: { at: [4, 4], heading_degrees: 90 }", "")
+        .replace("level: 90", "level: 12");
+    let rig = Rig::new(&world, Firmware::default()).await;
+    assert_eq!(tool(&rig, &["undock"]).await.0, Some(5));
+    let undock = Command::Engine(Engage::Undock);
+    assert!(!rig.commands(0).contains(&undock));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn settings_change_only_when_the_robot_is_named_and_secrets_never_show() {
+    let rig = Rig::quiet().await;
+    let (_, text) = tool(&rig, &["config"]).await;
+    assert!(text.contains("wifi-key") && text.contains("***"), "{text}");
+    let (_, json) = tool(&rig, &["wifi", "--json"]).await;
+    assert!(!(text + &json).contains("made-up-key"));
+    assert!(json.contains("\"essid\":\"home\""), "{json}");
+    let set = ["config", "--set", "name=Anna"];
+    assert_eq!(
+        tool(&rig, &set).await.0,
+        Some(2),
+        "nobody typed a confirmation"
+    );
+    let wrong = [&set[..], &["--yes-i-mean", "SPYKEE9"]].concat();
+    assert_eq!(tool(&rig, &wrong).await.0, Some(2));
+    let unlisted = ["config", "--set", "nmae=x", "--yes-i-mean", "SPYKEE0001"];
+    assert_eq!(tool(&rig, &unlisted).await.0, Some(2));
+    let sets = |command: &Command| matches!(command, Command::ConfigSet(_));
+    assert!(!rig.commands(0).iter().any(sets), "nothing was sent");
+    let right = [&set[..], &["--yes-i-mean", "SPYKEE0001"]].concat();
+    let (code, text) = tool(&rig, &right).await;
+    assert_eq!(code, Some(0), "{text}");
+    rig.heard(0, |command| {
+        *command == Command::ConfigSet("name=Anna".into())
+    })
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_snapshot_is_a_whole_picture_or_exit_code_3() {
+    let rig = Rig::quiet().await;
+    let (code, text) = tool(&rig, &["snapshot", "-o", "a.jpg"]).await;
+    assert_eq!((code, text.contains("320x240")), (Some(0), true), "{text}");
+    let jpeg = std::fs::read(rig.folder().join("a.jpg")).unwrap();
+    spykee::vision::judge(&jpeg).unwrap();
+    rig.sim.wait_state(|state| state.user.is_none()).await;
+    let faults = rig.file("faults.yaml", "faults:\n  - { fault: truncated_frames }\n");
+    let options = Options {
+        faults: Some(Fault::load_list(&faults).unwrap()),
+        ..Options::default()
+    };
+    let world = World::from_yaml(QUIET_WORLD, "test world").unwrap();
+    let spoilt = Rig::with(world, options).await;
+    let short = ["snapshot", "-o", "b.jpg", "--timeout", "1"];
+    let (code, text) = tool(&spoilt, &short).await;
+    assert_eq!(
+        (code, text.contains("no good frame")),
+        (Some(3), true),
+        "{text}"
+    );
+    assert!(!spoilt.folder().join("b.jpg").exists());
+    let (code, text) = tool(&rig, &["snapshot", "-o", "/no/such/folder.jpg"]).await;
+    assert_eq!(code, Some(2), "{text}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_upload_arrives_whole_and_what_is_no_mp3_is_refused() {
+    let rig = Rig::quiet().await;
+    let mut frame = vec![0_u8; 417];
+    frame[..4].copy_from_slice(&[0xFF, 0xFB, 0x90, 0x00]);
+    let sound = frame.repeat(60);
+    std::fs::write(rig.folder().join("s.mp3"), &sound).unwrap();
+    rig.file("w.mp3", "RIFF no sound");
+    assert_eq!(
+        tool(&rig, &["upload-sound", "user0", "w.mp3"]).await.0,
+        Some(2)
+    );
+    let (code, text) = tool(&rig, &["upload-sound", "user0", "s.mp3", "--json"]).await;
+    assert_eq!(
+        (code, text.contains("\"bytes\":25020")),
+        (Some(0), true),
+        "{text}"
+    );
+    let chunks: Vec<FileChunk> = rig
+        .commands(0)
+        .into_iter()
+        .filter_map(|command| match command {
+            Command::File(chunk) => Some(chunk),
+            _ => None,
+        })
+        .collect();
+    let content: Vec<u8> = chunks
+        .iter()
+        .flat_map(|chunk| chunk.content().to_vec())
+        .collect();
+    assert!(content == sound && chunks.len() > 2);
+    assert!(
+        tool(&rig, &["log"])
+            .await
+            .1
+            .contains("file 6 stored, 25020 bytes")
+    );
+    assert_eq!(
+        tool(&rig, &["upload-sound", "firmware", "s.mp3"]).await.0,
+        Some(2)
+    );
+}
+
+#[test]
+fn completions_exist_for_every_shell_bash_can_read_them_and_the_host_is_no_command() {
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let out = Process::new(env!("CARGO_BIN_EXE_spykee"))
+            .args(["completions", shell])
+            .output()
+            .unwrap();
+        let text = String::from_utf8(out.stdout).unwrap();
+        assert!(
+            out.status.success() && text.contains("upload-sound"),
+            "{shell}"
+        );
+        assert!(!text.contains("__host"), "{shell}");
+        if shell == "bash" {
+            let mut bash = Process::new("bash")
+                .arg("-n")
+                .stdin(Stdio::piped())
+                .spawn()
+                .unwrap();
+            bash.stdin
+                .take()
+                .unwrap()
+                .write_all(text.as_bytes())
+                .unwrap();
+            assert!(bash.wait().unwrap().success());
+        }
+    }
+}
