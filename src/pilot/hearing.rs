@@ -121,7 +121,7 @@ impl Pilot {
     }
 
     /// One that its markers already give away as no picture takes no good one's place. Reading the
-    /// markers takes less than a microsecond, looking in vain for the end of 64 KiB some tens.
+    /// markers of a good one takes 0.1 us, looking in vain for the end of 64 KiB 0.1 ms.
     fn frame(&mut self, jpeg: bytes::Bytes) {
         let (at, mut seq) = (Instant::now(), 0);
         self.status.send_if_modified(|status| {

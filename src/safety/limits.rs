@@ -96,6 +96,20 @@ mod tests {
     }
 
     #[test]
+    fn levels_that_are_equal_are_refused() {
+        let usual = Limits::default();
+        for (critical, low, ok) in [(20, 20, 50), (8, 50, 50), (8, 20, 20)] {
+            let limits = Limits {
+                critical: percent(critical),
+                low: percent(low),
+                ok: percent(ok),
+                ..usual.clone()
+            };
+            assert!(limits.check().is_err(), "{critical} {low} {ok}");
+        }
+    }
+
+    #[test]
     fn levels_that_do_not_rise_are_refused() {
         let limits = Limits {
             critical: percent(30),

@@ -69,6 +69,16 @@ fn a_newer_setpoint_of_the_same_behaviour_ends_the_older() {
 }
 
 #[test]
+fn a_behaviour_that_is_forgotten_leaves_the_tracks_to_the_others() {
+    let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+    arbiter.wish(PATROL, MotionId(1), at(40.0), None, now);
+    arbiter.wish(AVOID, MotionId(1), at(-20.0), None, now);
+    arbiter.forget(AVOID.0);
+    assert_eq!(arbiter.setpoint(), at(40.0));
+    assert!(arbiter.wishing().eq([PATROL.0]));
+}
+
+#[test]
 fn time_ends_a_move() {
     let (mut arbiter, now) = (Arbiter::default(), Instant::now());
     arbiter.wish(PATROL, MotionId(1), at(40.0), Some(SECOND), now);

@@ -94,7 +94,7 @@ fn take_output(script: &mut Script) -> Vec<Event> {
     assert!(output.len() <= MOST_OUTPUT, "{} outputs", output.len());
     let answers = output.into_iter().filter_map(|output| match output {
         Output::Intent(intent) => answer(&intent),
-        Output::Log(_) | Output::Module(_) => None,
+        _ => None,
     });
     answers.collect()
 }

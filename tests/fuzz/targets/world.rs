@@ -48,7 +48,7 @@ fn live_in(world: World) {
         check(robot.take_reports());
     }
     let pose = robot.state().pose;
-    assert!(pose.at.x.is_finite() && pose.at.y.is_finite() && pose.heading.is_finite());
+    assert!(pose.x.is_finite() && pose.y.is_finite() && pose.heading.is_finite());
 }
 
 fn check(reports: Vec<Report>) {
