@@ -34,6 +34,9 @@ pub struct Behaviour {
     pub priority: Priority,
     /// The script and its VM's options.
     pub launch: Launch,
+    /// A text that comes later is looked over as [`check`](crate::script::check::check) does, and not
+    /// loaded if that finds an error. The first one is the caller's business.
+    pub checked: bool,
     /// What is done when it fails.
     pub restart: RestartPolicy,
     /// Where new texts of the script come from, if it is watched. It is stopped for each that can be

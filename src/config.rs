@@ -106,13 +106,14 @@ impl Config {
         Config::of_text(&Config::read(path)?, path)
     }
 
-    /// The settings of a run: see [`Effective::load`]. Says in the log which file they come from.
+    /// The settings of a run: see [`Effective::load`]. Says in the log which file
+    /// they come from, if nobody named it.
     ///
     /// # Errors
     /// See [`ConfigError`].
     pub fn effective(named: Option<&Path>) -> Result<Config, ConfigError> {
         let Effective { config, file, .. } = Effective::load(named)?;
-        if let Some((path, _)) = file {
+        if let (Some((path, _)), None) = (file, named) {
             tracing::info!("settings from {}", path.display());
         }
         Ok(config)

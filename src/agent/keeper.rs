@@ -2,6 +2,7 @@
 //! it up when it fails too often.
 
 use std::future::{Future, pending};
+use std::path::Path;
 use std::pin::{Pin, pin};
 
 use tokio::sync::{mpsc, watch};
@@ -15,6 +16,7 @@ use crate::behaviour::{
 use crate::robot::channel::Request;
 use crate::robot::{BehaviourId, EndReason, Frame, Priority};
 use crate::script::Ending;
+use crate::script::check::{self, Severity};
 
 /// Why the run ends, once it does.
 type Stop = watch::Receiver<Option<EndReason>>;
@@ -43,6 +45,7 @@ pub(super) struct Keeper {
     priority: Priority,
     /// With the text that runs, or ran last.
     launch: Launch,
+    checked: bool,
     policy: RestartPolicy,
     patience: Patience,
     reloads: Option<mpsc::Receiver<Reload>>,
@@ -55,6 +58,7 @@ impl Keeper {
         let Behaviour {
             priority,
             launch,
+            checked,
             restart: policy,
             reloads,
         } = plan;
@@ -64,6 +68,7 @@ impl Keeper {
             priority,
             patience: Patience::new(policy, launch.options.seed),
             launch,
+            checked,
             policy,
             reloads,
             outdated: false,
@@ -265,11 +270,32 @@ impl Keeper {
             source: source.clone(),
             ..self.launch.clone()
         };
+        let checked = self.checked;
         Box::pin(async move {
+            if checked {
+                look_over(&launch)?;
+            }
             let host = Prepared::start(&launcher, by, priority, launch).await?;
             Ok(Loaded { host, source })
         })
     }
+}
+
+/// Refuses a text in which the check finds an error.
+fn look_over(launch: &Launch) -> Result<(), Ending> {
+    let (chunk, options) = (&launch.options.chunk, &launch.options);
+    let surroundings = check::Surroundings::new(options, Some(Path::new(chunk)));
+    let findings = check::check(&launch.source, chunk, &surroundings);
+    let error = findings
+        .iter()
+        .find(|finding| finding.severity == Severity::Error);
+    error.map_or(Ok(()), |error| {
+        let (place, excerpt) = (error.place(), error.excerpt());
+        Err(Ending {
+            reason: EndReason::Error,
+            message: Some(format!("{place}: {}\n{excerpt}", error.message)),
+        })
+    })
 }
 
 /// Waits until the run ends.

@@ -122,7 +122,8 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let config = Config::effective(args.config.as_deref()).map_err(Failure::usage)?;
     let seed = args.seed.unwrap_or_else(rand::random);
     let (behaviours, watches) = behaviours(&args, &config, seed)?;
-    if !args.no_check {
+    // Under watch the keeper looks: a mistake does not end the run there.
+    if !args.no_check && !args.watch {
         check::before_run(&behaviours, console)?;
     }
     let place = place(&args.connection, &config)?;
@@ -393,6 +394,7 @@ fn behaviour(
             library,
         },
         restart: args.restart.unwrap_or(entry.restart),
+        checked: args.watch && !args.no_check,
         reloads: None,
     })
 }

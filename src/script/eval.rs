@@ -103,20 +103,20 @@ impl Script {
 fn compile(lua: &Lua, text: &str, chunk: &str, more: bool) -> Result<LuaFunction, Evaluated> {
     let text = sandbox::check_source(text.as_bytes(), chunk)
         .map_err(|failure| Evaluated::Failed(failure.to_string()))?;
-    let expression = sandbox::compile(lua, &format!("return {text}"), chunk);
-    let error = match expression.or_else(|first| {
-        let statements = sandbox::compile(lua, text, chunk);
-        statements.map_err(|second| (first, second))
-    }) {
-        Ok(function) => return Ok(function),
-        Err((first, second)) if more && (lacks_more(&first) || lacks_more(&second)) => {
-            return Err(Evaluated::Incomplete);
-        }
-        // `1 +` is a poor statement, but the beginning of an expression.
-        Err((first, _)) if lacks_more(&first) => first,
-        Err((_, second)) => second,
+    let first = match sandbox::compile(lua, &format!("return {text}"), chunk) {
+        Ok(expression) => return Ok(expression),
+        Err(error) => error,
     };
-    Err(refused(&error))
+    let second = match sandbox::compile(lua, text, chunk) {
+        Ok(statements) => return Ok(statements),
+        Err(error) => error,
+    };
+    // `1 +` is a poor statement, but the beginning of an expression.
+    let begins_one = lacks_more(&first);
+    if more && (begins_one || lacks_more(&second)) {
+        return Err(Evaluated::Incomplete);
+    }
+    Err(refused(if begins_one { &first } else { &second }))
 }
 
 fn lacks_more(error: &LuaError) -> bool {

@@ -1,6 +1,5 @@
 //! The camera: the world as the robot sees it from its pose, as a JPEG. Upright things column by
-//! column, the floor row by row; first what there is and how much light falls on it, then both
-//! together, smeared and with noise.
+//! column, the floor row by row; then smeared and with noise.
 
 use std::time::Duration;
 
@@ -13,7 +12,7 @@ use super::ground;
 use super::light::{Light, Lighting};
 use super::scene::{Hit, Kind, Round, Scene, What};
 use super::surface::{Rgb, Surface, scaled};
-use super::texture::{Pixel, Texture};
+use super::texture::{Pixel, Texture, between, lit, smear};
 use super::view::{CameraSettings, Column, EYE, HORIZON, Row, Subsampling, View, lamps};
 use super::world::World;
 
@@ -47,11 +46,10 @@ pub(super) struct Camera {
     grain: Grain,
     exposure: f32,
     exposed: Option<Duration>,
-    /// What is seen in each pixel under full light.
-    albedo: Vec<Pixel>,
-    /// How much light is there: 128 is full.
-    light: Vec<Pixel>,
     frame: Vec<Pixel>,
+    ceiling: Vec<Pixel>,
+    /// Room for smearing.
+    sums: Vec<u64>,
     standing: Vec<Vec<Hit>>,
     hanging: Vec<Vec<Hit>>,
     /// The row at which each column's floor begins.
@@ -98,8 +96,8 @@ impl Camera {
             grain: Grain::new(world.camera.noise, seed),
             exposure: 1.0,
             exposed: None,
-            albedo: vec![[0; 4]; WIDTH * HEIGHT],
-            light: vec![[0; 4]; WIDTH * HEIGHT],
+            ceiling: vec![[0; 4]; HEIGHT],
+            sums: Vec::new(),
             frame: vec![[0; 4]; WIDTH * HEIGHT],
             standing: vec![Vec::new(); WIDTH],
             hanging: vec![Vec::new(); WIDTH],
@@ -136,6 +134,7 @@ impl Camera {
         self.lighting.pass_to(shot.time.as_secs_f64());
         let view = View::of(shot.pose, self.focal, shot.flash);
         self.survey(&view);
+        self.light_ceiling();
         for index in 0..WIDTH {
             self.paint_column(&view, view.column(index));
         }
@@ -143,8 +142,13 @@ impl Camera {
         for index in 0..WIDTH {
             self.paint_hanging(&view, view.column(index));
         }
-        let smear = shot.turning.abs() * self.settings.shutter * f64::from(self.focal);
-        self.develop((smear.round() as usize).min(LONGEST_SMEAR));
+        let turned = shot.turning.abs() * self.settings.shutter * f64::from(self.focal);
+        let length = (turned.round() as usize).min(LONGEST_SMEAR);
+        if length > 1 {
+            for row in self.frame.chunks_exact_mut(WIDTH) {
+                smear(row, length, &mut self.sums);
+            }
+        }
         self.expose(shot.time);
         self.grain.add_to(self.frame.as_flattened_mut());
     }
@@ -229,15 +233,19 @@ impl Camera {
         panel.is_some_and(|panel| matches!(panel.surface, Surface::Wall { .. }))
     }
 
-    fn paint_ceiling(&mut self, column: Column, rows: usize) {
-        let [r, g, b] = self
-            .lighting
-            .at(self.lamp.at.x as f32, self.lamp.at.y as f32);
-        for row in 0..rows {
+    /// What the ceiling looks like in each row.
+    fn light_ceiling(&mut self) {
+        let (x, y) = (self.lamp.at.x as f32, self.lamp.at.y as f32);
+        let room = self.lighting.at(x, y);
+        for (row, colour) in self.ceiling.iter_mut().enumerate() {
             let shade = (0.80 + 0.20 * (row as f32 / HORIZON)) * self.exposure;
-            let index = row * WIDTH + column.index;
-            self.albedo[index] = CEILING;
-            self.light[index] = light([r * shade, g * shade, b * shade]);
+            *colour = lit(CEILING, light(room.map(|channel| channel * shade)));
+        }
+    }
+
+    fn paint_ceiling(&mut self, column: Column, rows: usize) {
+        for (row, colour) in self.ceiling[..rows].iter().enumerate() {
+            self.frame[row * WIDTH + column.index] = *colour;
         }
     }
 
@@ -281,14 +289,16 @@ impl Camera {
         let size = depth / view.focal;
         let level = self.scene.picture(index).level(size);
         let strip = level.strip(share * length);
-        let step = size * level.scale[1];
-        let first = (view.height(rows.start, depth) - bottom) * level.scale[1];
+        // In 65,536ths of the strip's pixels.
+        let fixed = level.scale[1] * 65_536.0;
+        let step = (size * fixed) as i64;
+        let mut place = ((view.height(rows.start, depth) - bottom) * fixed) as i64 + step;
         let last = strip.len() - 1;
-        for (count, row) in rows.enumerate() {
-            let place = (first - count as f32 * step) as usize;
+        for row in rows {
+            place -= step;
+            let place = (place.max(0) >> 16) as usize;
             let index = row * WIDTH + column.index;
-            self.albedo[index] = strip[place.min(last)];
-            self.light[index] = light;
+            self.frame[index] = lit(strip[place.min(last)], light);
         }
     }
 
@@ -412,20 +422,31 @@ impl Camera {
             let (start, next) = (view.place(edges[0], depth), view.place(edges[1], depth));
             let step = ((next.0 - start.0) * x, (next.1 - start.1) * y);
             let start = (start.0 * x - 128.0, start.1 * y - 128.0);
-            let line = row * WIDTH;
-            for patch in (0..WIDTH).step_by(PATCH) {
+            let line = &mut self.frame[row * WIDTH..][..WIDTH];
+            let stride = stride(depth / view.focal * level.scale[1]);
+            for (patch, shores) in (0..WIDTH).step_by(PATCH).zip(self.shores.chunks(PATCH)) {
+                if shores.iter().all(|shore| row < *shore) {
+                    continue;
+                }
                 let middle = view.column(if even { WIDTH / 2 } else { patch + PATCH / 2 });
                 let (px, py) = view.place(middle, depth);
                 let (room, flash) = (self.lighting.at(px, py), flash * view.beam(middle));
                 let light = light(room.map(|channel| (channel * lamps + flash) * self.exposure));
-                for column in patch..patch + PATCH {
-                    if row < self.shores[column] {
-                        continue;
-                    }
+                let colour = |column: usize| {
                     let right = column as f32;
                     let (x, y) = (start.0 + right * step.0, start.1 + right * step.1);
-                    self.albedo[line + column] = level.smooth(y as i32, x as i32);
-                    self.light[line + column] = light;
+                    lit(level.smooth(y as i32, x as i32), light)
+                };
+                let mut left = colour(patch);
+                for part in (0..PATCH).step_by(stride) {
+                    let right = colour(patch + part + stride);
+                    for off in 0..stride {
+                        if row >= shores[part + off] {
+                            let share = (off * 256 / stride) as u32;
+                            line[patch + part + off] = between(left, right, share);
+                        }
+                    }
+                    left = right;
                 }
             }
         }
@@ -434,22 +455,7 @@ impl Camera {
     fn put(&mut self, column: usize, row: usize, [r, g, b]: Rgb, light: Pixel) {
         // A float becomes a byte by cutting off what does not fit.
         let index = row * WIDTH + column;
-        self.albedo[index] = [r as u8, g as u8, b as u8, 0];
-        self.light[index] = light;
-    }
-
-    /// Lays light on what is seen, and smears it over so many pixels of a row.
-    fn develop(&mut self, smear: usize) {
-        let (albedo, light) = (self.albedo.as_flattened(), self.light.as_flattened());
-        let frame = self.frame.as_flattened_mut();
-        for ((lit, albedo), light) in frame.iter_mut().zip(albedo).zip(light) {
-            *lit = ((u16::from(*albedo) * u16::from(*light)) >> 7).min(255) as u8;
-        }
-        if smear > 1 {
-            self.frame
-                .chunks_exact_mut(WIDTH)
-                .for_each(|row| smear_row(row, smear));
-        }
+        self.frame[index] = lit([r as u8, g as u8, b as u8, 0], light);
     }
 
     /// Lets the automatic exposure follow the light.
@@ -472,25 +478,13 @@ impl Camera {
     }
 }
 
-/// A moving mean of a row.
-fn smear_row(row: &mut [Pixel], length: usize) {
-    let before = length / 2;
-    let copy: [Pixel; WIDTH] = std::array::from_fn(|i| row[i]);
-    let at = |index: i32| copy[index.clamp(0, WIDTH as i32 - 1) as usize].map(u32::from);
-    let mut sum = [0u32; 4];
-    let offset = before as i32;
-    for index in -offset..length as i32 - offset {
-        let pixel = at(index);
-        (0..4).for_each(|c| sum[c] += pixel[c]);
-    }
-    let share = 65_536 / length as u32;
-    for (index, pixel) in row.iter_mut().enumerate() {
-        *pixel = sum.map(|channel| ((channel * share + 32_768) >> 16).min(255) as u8);
-        let (old, new) = (
-            at(index as i32 - offset),
-            at(index as i32 - offset + length as i32),
-        );
-        (0..4).for_each(|c| sum[c] = sum[c] + new[c] - old[c]);
+/// How many columns may share one look at the floor, when one of them is so many of the floor's
+/// pixels wide: what is between looks is smooth.
+fn stride(pixels: f32) -> usize {
+    match pixels {
+        _ if pixels < 0.25 => 4,
+        _ if pixels < 0.6 => 2,
+        _ => 1,
     }
 }
 

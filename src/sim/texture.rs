@@ -99,28 +99,81 @@ impl Level {
 
     /// The smooth colour at a place, in pixels times 256; beyond the edge, that of the edge.
     pub(super) fn smooth(&self, first: i32, second: i32) -> Pixel {
-        let (first, second) = (first.max(0), second.max(0));
-        let i = ((first >> 8) as usize).min(self.first.saturating_sub(2));
-        let j = ((second >> 8) as usize).min(self.second.saturating_sub(2));
+        let (first, second) = (first.max(0) as usize, second.max(0) as usize);
+        let (last_i, last_j) = (self.first - 1, self.second - 1);
+        let (i, j) = ((first >> 8).min(last_i), (second >> 8).min(last_j));
+        let (near, far) = (i * self.second, (i + 1).min(last_i) * self.second);
+        let after = (j + 1).min(last_j);
+        let at = |index: usize| u32::from_le_bytes(self.pixels[index]);
         let (di, dj) = ((first & 255) as u32, (second & 255) as u32);
-        let near = &self.pixels[i * self.second + j..];
-        let far = near.get(self.second..).unwrap_or(near);
-        let row = |pixels: &[Pixel]| {
-            let after = pixels.get(1).copied().unwrap_or(pixels[0]);
-            mix(u32::from_le_bytes(pixels[0]), u32::from_le_bytes(after), dj)
-        };
-        let far = if far.is_empty() { near } else { far };
-        mix(row(near), row(far), di).to_le_bytes()
+        let near = mix(at(near + j), at(near + after), dj);
+        let far = mix(at(far + j), at(far + after), dj);
+        mix(near, far, di).to_le_bytes()
     }
 }
 
-/// Between two pixels, `share` of 256 of the second; two channels at once.
+/// Every other byte: two channels are reckoned with at once.
+const EVEN: u32 = 0x00FF_00FF;
+
+/// As [`between`], of packed pixels.
 fn mix(a: u32, b: u32, share: u32) -> u32 {
-    const EVEN: u32 = 0x00FF_00FF;
     let rest = 256 - share;
     let even = ((a & EVEN) * rest + (b & EVEN) * share) >> 8;
     let odd = ((a >> 8) & EVEN) * rest + ((b >> 8) & EVEN) * share;
     (even & EVEN) | (odd & !EVEN)
+}
+
+/// Between two pixels, `share` of 256 of the second.
+pub(super) fn between(a: Pixel, b: Pixel, share: u32) -> Pixel {
+    mix(u32::from_le_bytes(a), u32::from_le_bytes(b), share).to_le_bytes()
+}
+
+/// A pixel in a light of which 128 is full; what is brighter than white is white.
+pub(super) fn lit(pixel: Pixel, light: Pixel) -> Pixel {
+    let [r, g, b, _] = light;
+    if r != g || g != b {
+        return std::array::from_fn(|i| {
+            ((u16::from(pixel[i]) * u16::from(light[i])) >> 7).min(255) as u8
+        });
+    }
+    let (pixel, light) = (u32::from_le_bytes(pixel), u32::from(r));
+    let two = |channels: u32| {
+        let lit = ((channels * light) >> 7) & 0x01FF_01FF;
+        let over = (lit >> 8) & 0x0001_0001;
+        (lit | (over * 255)) & EVEN
+    };
+    (two(pixel & EVEN) | (two((pixel >> 8) & EVEN) << 8)).to_le_bytes()
+}
+
+/// A moving mean over so many pixels of a row.
+pub(super) fn smear(row: &mut [Pixel], length: usize, sums: &mut Vec<u64>) {
+    // Sixteen bits for each channel: enough for 256 pixels.
+    const EVEN_SUMS: u64 = 0x0000_FFFF_0000_FFFF;
+    const LOW_BYTES: u64 = 0x0000_00FF_0000_00FF;
+    const HALF: u64 = 0x0000_8000_0000_8000;
+    let length = length.clamp(1, 255);
+    let spread = |pixel: Pixel| {
+        let pixel = u64::from(u32::from_le_bytes(pixel));
+        let pairs = (pixel | (pixel << 16)) & EVEN_SUMS;
+        (pairs | (pairs << 8)) & 0x00FF_00FF_00FF_00FF
+    };
+    let (Some(first), Some(last)) = (row.first(), row.last()) else {
+        return;
+    };
+    let before = length / 2;
+    sums.clear();
+    sums.extend(std::iter::repeat_n(spread(*first), before));
+    sums.extend(row.iter().map(|pixel| spread(*pixel)));
+    sums.extend(std::iter::repeat_n(spread(*last), length - before));
+    let mut sum: u64 = sums[..length].iter().sum();
+    let share = 65_536 / length as u64;
+    for (index, pixel) in row.iter_mut().enumerate() {
+        let even = (((sum & EVEN_SUMS) * share + HALF) >> 16) & LOW_BYTES;
+        let odd = ((((sum >> 16) & EVEN_SUMS) * share + HALF) >> 16) & LOW_BYTES;
+        let together = even | (odd << 8);
+        *pixel = ((together | (together >> 16)) as u32).to_le_bytes();
+        sum = sum + sums[index + length] - sums[index];
+    }
 }
 
 #[cfg(test)]
@@ -138,6 +191,34 @@ mod tests {
         assert_eq!(level.smooth(5 * 256, 15 * 256)[..3], [200; 3]);
         assert_eq!(level.smooth(i32::MAX, i32::MAX)[0], 200);
         assert_eq!(level.smooth(i32::MIN, i32::MIN)[0], 0);
+    }
+
+    #[test]
+    fn light_of_one_colour_and_of_many_agree() {
+        for level in [0, 1, 77, 128, 200, 255] {
+            let pixel = [3, 128, 255, 0];
+            let expected = pixel
+                .map(|channel: u8| ((u32::from(channel) * u32::from(level)) >> 7).min(255) as u8);
+            assert_eq!(lit(pixel, [level; 4])[..3], expected[..3], "{level}");
+        }
+        assert_eq!(lit([100; 4], [128, 64, 255, 0])[..3], [100, 50, 199]);
+    }
+
+    #[test]
+    fn a_smeared_row_is_a_moving_mean_that_keeps_its_ends() {
+        let mut row = [[10, 20, 30, 0]; 40];
+        row[20] = [250, 20, 0, 0];
+        let mut smeared = row;
+        smear(&mut smeared, 4, &mut Vec::new());
+        assert_eq!((smeared[0], smeared[39]), (row[0], row[39]));
+        let changed = smeared
+            .iter()
+            .filter(|pixel| **pixel == [70, 20, 23, 0])
+            .count();
+        assert_eq!(changed, 4, "{smeared:?}");
+        let mut same = row;
+        smear(&mut same, 1, &mut Vec::new());
+        assert_eq!(same, row);
     }
 
     #[test]

@@ -472,6 +472,100 @@ mod tests {
         assert!(error.to_string().contains("no/such/world.yaml"), "{error}");
     }
 
+    #[test]
+    fn what_moves_shines_and_speaks_is_checked_with_its_place() {
+        for (more, wanted) in [
+            (
+                "lines: [{through: [[1, 1]], colour: red}]\n",
+                "w.yaml:3:19: 1 corners; expected 2 to 200",
+            ),
+            (
+                "lines: [{through: [[1, 1], [9, 1]], colour: red}]\n",
+                "w.yaml:3:28: [9, 1] is outside the room",
+            ),
+            (
+                "lines: [{trough: [[1, 1], [2, 1]], colour: red}]\n",
+                "did you mean `through`?",
+            ),
+            (
+                "walkers:\n  - {at: [1, 1], path: {through: [[1, 1], [1, 5]], speed: 1}}\n",
+                "w.yaml:4:43: [1, 5] is outside the room",
+            ),
+            (
+                "walkers: [{at: [1, 1], path: {through: [], speed: 1}}]\n",
+                "0 corners; expected 1",
+            ),
+            (
+                "walkers: [{at: [1, 1], path: {through: [[1, 1]], speed: 9}}]\n",
+                "metres a second",
+            ),
+            (
+                "lamps: [{at: [1, 1], on: {from: 3}}]\n",
+                "unknown field `from`",
+            ),
+            (
+                "lamps: [{at: [1, 1], brightnes: 1}]\n",
+                "did you mean `brightness`?",
+            ),
+            (
+                "sounds: [{at: [1, 1], kind: knok}]\n",
+                "did you mean `knock`?",
+            ),
+            ("camera: {subsampling: \"4:2:1\"}\n", "`4:2:0`"),
+            ("tracks: {slip: 2}\n", "w.yaml:3:16: "),
+        ] {
+            let text = fault(more);
+            assert!(
+                text.starts_with("w.yaml:") && text.contains(wanted),
+                "{more}{text}"
+            );
+        }
+        let long = "x".repeat(sign::MAX_TEXT + 1);
+        let text = fault(&format!(
+            "signs: [{{at: [1, 1], heading_degrees: 0, text: {long}}}]\n"
+        ));
+        assert!(text.contains("101 bytes are too many for a sign"), "{text}");
+        let lamps = "  - {at: [1, 1]}\n".repeat(MAX_LAMPS + 1);
+        assert!(fault(&format!("lamps:\n{lamps}")).contains("17 lamps are too many"));
+    }
+
+    /// A number as worlds have it, most of them in range.
+    fn number() -> impl proptest::strategy::Strategy<Value = String> {
+        "[1-3]|[0-3]|[0-3]|[0-3]|[1-3][.]5|[0-3][.][0-9]|[0-3][.][0-9]{2}|[1-3][.][0-9]{2}|[0-3][.]25|[0-3][.]75|[0-5]|-1|9999|[.]nan"
+    }
+
+    proptest::proptest! {
+        #![proptest_config(proptest::prelude::ProptestConfig::with_cases(96))]
+
+        #[test]
+        fn every_world_that_is_read_can_be_lived_in_and_drawn(
+            n in proptest::collection::vec(number(), 24),
+            ready in 0..12usize,
+        ) {
+            let mut more = vec![
+                format!("lines: [{{through: [[{}, {}], [{}, {}]], closed: true, rounding: {}, colour: red}}]", n[0], n[1], n[2], n[3], n[4]),
+                format!("walkers: [{{at: [{}, {}], path: {{through: [[{}, {}], [1, 1]], speed: {}}}}}]", n[5], n[6], n[7], n[8], n[9]),
+                format!("lamps: [{{at: [{}, {}], on: {{after: {}, for: {}, every: {}}}}}]", n[10], n[11], n[12], n[13], n[14]),
+                format!("signs: [{{at: [{}, {}], heading_degrees: {}, text: a}}]", n[15], n[16], n[17]),
+                format!("walls: [{{from: [{}, {}], to: [{}, {}]}}]", n[18], n[19], n[20], n[21]),
+                format!("balls: [{{at: [{}, {}], colour: red}}]", n[22], n[23]),
+            ];
+            more.rotate_left(ready % 6);
+            more.truncate(1 + ready / 2);
+            let text = format!("{ROOM}{STATION}{}\n", more.join("\n"));
+            if let Ok(world) = World::from_yaml(&text, "random") {
+                let map = world.draw();
+                let mut robot = super::super::Robot::new(world, Default::default(), 1);
+                robot.obey(&crate::wire::Command::Stream { stream: crate::wire::Stream::Video, on: true });
+                robot.obey(&crate::wire::Command::Move { left: 90, right: 80 });
+                (0..20).for_each(|_| robot.step(std::time::Duration::from_millis(20)));
+                let pose = robot.state().pose;
+                proptest::prop_assert!(pose.x.is_finite() && pose.y.is_finite());
+                proptest::prop_assert!(map.width() > 100 && map.height() > 100);
+            }
+        }
+    }
+
     proptest::proptest! {
         #[test]
         fn any_text_is_read_without_panic(text in ".{0,200}", more in "[a-z:{}\\[\\], 0-9.&*-]{0,80}") {

@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use divan::{Bencher, black_box};
-use spykee::sim::{Firmware, Pose, Robot, World};
+use spykee::sim::{Firmware, Pose, Robot, Subsampling, World};
 use spykee::wire::{Command, Report, Stream};
 
 const STEP: Duration = Duration::from_millis(20);
@@ -14,9 +14,10 @@ fn main() {
 }
 
 /// A robot in the built-in world that sends a frame with every step.
-fn watching() -> Robot {
+fn watching(subsampling: Subsampling) -> Robot {
     let mut world = World::default_world();
     world.camera.fps = 50.0;
+    world.camera.subsampling = subsampling;
     let mut robot = Robot::new(world, Firmware::default(), 1);
     robot.begin_session();
     let stream = Stream::Video;
@@ -34,31 +35,32 @@ fn frame_len(robot: &mut Robot) -> usize {
 }
 
 /// One step with one frame of it, looked at from another place each time.
-#[divan::bench(args = [false, true])]
-fn render_and_encode_a_frame(bencher: Bencher<'_, '_>, turning: bool) {
-    let mut robot = watching();
-    if turning {
-        robot.obey(&Command::Move {
-            left: -40,
-            right: 40,
-        });
-    }
-    let (mut count, mut bytes) = (0, 0);
+#[divan::bench(args = [Subsampling::Half, Subsampling::Quarter])]
+fn render_and_encode_a_frame(bencher: Bencher<'_, '_>, subsampling: Subsampling) {
+    let mut robot = watching(subsampling);
+    let mut count = 0;
     bencher.bench_local(|| {
         count += 1;
-        if !turning {
-            let angle = f64::from(count) * 0.1;
-            robot.place(Pose::new(2.4, 2.2, angle));
-        }
-        bytes += frame_len(&mut robot);
+        robot.place(Pose::new(2.4, 2.2, f64::from(count) * 0.1));
+        frame_len(&mut robot)
     });
-    eprintln!("{} bytes a frame", bytes / usize::try_from(count).unwrap());
+}
+
+/// The same while it turns, which smears the picture.
+#[divan::bench]
+fn render_and_encode_while_turning(bencher: Bencher<'_, '_>) {
+    let mut robot = watching(Subsampling::Half);
+    robot.obey(&Command::Move {
+        left: -40,
+        right: 40,
+    });
+    bencher.bench_local(|| frame_len(&mut robot));
 }
 
 /// The JPEG alone, of a picture that the camera took.
 #[divan::bench]
 fn encode_a_frame(bencher: Bencher<'_, '_>) {
-    let mut robot = watching();
+    let mut robot = watching(Subsampling::Half);
     robot.step(STEP);
     let frame = robot
         .take_reports()

@@ -45,6 +45,7 @@ fn behaviour(name: &str, source: &str, priority: i16, seed: u64) -> Behaviour {
         priority: Priority(priority),
         launch,
         restart: RestartPolicy::Never,
+        checked: false,
         reloads: None,
     }
 }

@@ -534,7 +534,7 @@ async fn questions_are_answered_and_settings_accepted() {
     let config = [client.next_of_kind(13).await, client.next_of_kind(13).await];
     let text = String::from_utf8([&config[0][5..], &config[1][5..]].concat()).unwrap();
     assert!(
-        text.contains("name=Spykee&version=1.0.22&volume="),
+        text.starts_with("version=1.0.22&volume=") && text.contains("&name=Spykee&"),
         "{text}"
     );
     client.send(b"PK\x0E\x00\x00").await;

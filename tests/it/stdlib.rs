@@ -53,9 +53,12 @@ async fn a_bad_parameter_is_refused_before_the_robot_moves() {
         ),
     ] {
         let rig = Rig::quiet().await;
-        let mut run = run_with(&rig, script, &["--param", param]);
-        assert_eq!(run.code().await, Some(1), "{}", run.text());
-        assert!(run.text().contains(words), "{}", run.text());
+        // By the check before the run, and without it by the script's own declaration.
+        for (options, code) in [(&["--no-check"][..], 1), (&[], 4)] {
+            let mut run = run_with(&rig, script, &[&["--param", param], options].concat());
+            assert_eq!(run.code().await, Some(code), "{}", run.text());
+            assert!(run.text().contains(words), "{}", run.text());
+        }
         assert!(!rig.commands(0).iter().any(moves), "{:?}", rig.commands(0));
     }
 }

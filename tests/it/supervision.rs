@@ -251,6 +251,7 @@ fn agent_that_is_told_to_reload() {
             priority: Priority(0),
             launch,
             restart: RestartPolicy::Never,
+            checked: false,
             reloads: Some(received),
         };
         let plan = Plan {
