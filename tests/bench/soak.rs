@@ -19,7 +19,9 @@ fn main() -> ExitCode {
         text.map_or(Ok(default), |text| text.parse())
     };
     let (Ok(hours @ 1..), Ok(seed)) = (value("--hours", 24), value("--seed", 1)) else {
-        eprintln!("error: --hours and --seed take whole numbers\n  help: scripts/soak --hours 24 --seed 1");
+        eprintln!(
+            "error: --hours and --seed take whole numbers\n  help: scripts/soak --hours 24 --seed 1"
+        );
         return ExitCode::from(2);
     };
     let (folder, began) = (tempfile::tempdir().unwrap(), Instant::now());
@@ -34,7 +36,11 @@ fn main() -> ExitCode {
         );
     });
     print!("{ledger}");
-    match ledger.is_kept() {
+    let untested = ledger.untested(&weeks::CORE);
+    if !untested.is_empty() {
+        println!("never put to the test: {}", untested.join("; "));
+    }
+    match ledger.is_kept() && untested.is_empty() {
         true => ExitCode::SUCCESS,
         false => ExitCode::FAILURE,
     }

@@ -54,10 +54,10 @@ impl Ledger {
         self.promises.iter().all(|promise| promise.breaks == 0)
     }
 
-    /// How often a promise was put to the test.
-    pub fn tested(&self, words: &str) -> u64 {
-        let found = self.promises.iter().find(|one| one.words == words);
-        found.map_or(0, |one| one.tested)
+    /// Those of these promises that were never put to the test.
+    pub fn untested<'a>(&self, words: &[&'a str]) -> Vec<&'a str> {
+        let tested = |words: &str| self.promises.iter().any(|one| one.words == words);
+        words.iter().copied().filter(|one| !tested(one)).collect()
     }
 }
 

@@ -23,6 +23,14 @@ use observer::{LOOK_EVERY, Observer};
 use process::Size;
 use weather::Weather;
 
+/// An hour without one of these put to the test proves nothing.
+pub const CORE: [&str; 4] = [
+    "never flat off the station",
+    "the first command of every connection is a stop",
+    "low and off the station: no script moves the robot",
+    "patrol and guard never fail",
+];
+
 /// Tells how far it is, after each virtual hour: hours, restarts so far, size.
 pub type Progress<'a> = &'a mut (dyn FnMut(u64, &Size) + Send);
 

@@ -129,8 +129,7 @@ impl Observer {
         let driven = state.commanded.left != 0 || state.commanded.right != 0;
         self.ledger.note(
             "low and off the station: no script moves the robot",
-            (driven && !state.searching)
-                .then(|| format!("{:?} at {now:.1?}", state.commanded)),
+            (driven && !state.searching).then(|| format!("{:?} at {now:.1?}", state.commanded)),
         );
     }
 
@@ -146,7 +145,8 @@ impl Observer {
                         .then(|| format!("{name} at {:.0?}: {}", event.at, event.text)),
                 );
             }
-            let broken = event.text.contains("internal error") || event.text.contains("fault inside");
+            let broken =
+                event.text.contains("internal error") || event.text.contains("fault inside");
             if event.level == "error" || broken {
                 self.ledger.note(
                     "nothing of ours breaks",

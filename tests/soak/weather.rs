@@ -1,5 +1,5 @@
-//! What goes wrong, by lot: faults of the network and of the robot, and people who carry the robot
-//! about, each for a while, with calm in between.
+//! What goes wrong, by lot: faults of the network and of the robot, a battery that collapses, and people
+//! who carry the robot about, each for a while, with calm in between.
 
 use std::time::Duration;
 
@@ -17,7 +17,7 @@ const FAULTS: [&str; 20] = [
     "{ fault: delay, seconds: 0.2, jitter: 0.3, for: SECONDS }",
     "{ fault: delay, seconds: 0.05, jitter: 0.1, towards: client, for: SECONDS }",
     "{ fault: split, for: SECONDS }",
-    "{ fault: drip, rate: 4000, for: SECONDS }",
+    "{ fault: drip, bytes: 4000, for: SECONDS }",
     "{ fault: half_open, for: SECONDS }",
     "{ fault: half_open, towards: robot, for: SECONDS }",
     "{ fault: drop }",
@@ -64,6 +64,12 @@ impl Weather {
         }
         let seconds = self.rng.random_range(1.0..20.0_f64).round();
         self.troubles += 1;
+        if self.rng.random_bool(0.1) {
+            // An old battery that collapses. Nothing else is wrong.
+            sim.set_battery(self.rng.random_range(15.0..20.0));
+            self.next = now + Duration::from_secs(300);
+            return;
+        }
         if self.rng.random_bool(0.08) {
             let (x, y) = (
                 self.rng.random_range(1.2..3.2),
@@ -75,7 +81,10 @@ impl Weather {
             self.bad_until = now;
         } else {
             let text = FAULTS[self.rng.random_range(0..FAULTS.len())];
-            let yaml = format!("faults: [ {} ]", text.replace("SECONDS", &seconds.to_string()));
+            let yaml = format!(
+                "faults: [ {} ]",
+                text.replace("SECONDS", &seconds.to_string())
+            );
             let faults = Fault::list_from_yaml(&yaml, "soak").unwrap();
             faults.into_iter().for_each(|fault| sim.begin(fault));
             self.bad_until = now + Duration::from_secs_f64(seconds);
