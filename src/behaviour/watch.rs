@@ -1,9 +1,10 @@
-//! Sees that a script's file has been saved, and reads it.
+//! Sees that a script's file, or one of the modules that it has loaded, was saved, and reads the script.
 //!
 //! Looks at the file four times a second instead of asking the kernel for news of it: that costs
 //! next to nothing, and works on network folders and for every way in which editors save, be it in
 //! several writes or by renaming over.
 
+use std::collections::BTreeMap;
 use std::fs::Metadata;
 use std::io::{self, Read};
 use std::os::unix::fs::MetadataExt;
@@ -15,6 +16,7 @@ use tokio::task::spawn_blocking;
 use tokio::time::{Instant, sleep};
 use tracing::warn;
 
+use super::library::Library;
 use crate::script::MAX_SOURCE;
 
 /// How often a file is looked at.
@@ -40,11 +42,13 @@ pub fn read_source(file: &Path) -> io::Result<Vec<u8>> {
     Ok(source)
 }
 
-/// A script's file under watch.
+/// A script's file and its modules under watch.
 #[derive(Debug)]
 pub struct Watched {
     file: PathBuf,
     saves: Saves<Mark>,
+    library: Library,
+    modules: BTreeMap<PathBuf, Saves<Mark>>,
 }
 
 impl Watched {
@@ -52,7 +56,18 @@ impl Watched {
     /// is missed.
     pub fn new(file: PathBuf) -> Watched {
         let saves = Saves::new(mark(&file));
-        Watched { file, saves }
+        Watched {
+            file,
+            saves,
+            library: Library::default(),
+            modules: BTreeMap::new(),
+        }
+    }
+
+    /// From now on also the modules that this library has read.
+    #[must_use]
+    pub fn with_modules(self, library: Library) -> Watched {
+        Watched { library, ..self }
     }
 
     /// Sends the text after every save, until nobody listens any more. A save of the same text
@@ -63,17 +78,33 @@ impl Watched {
                 () = reloads.closed() => return,
                 () = sleep(PERIOD) => {}
             }
-            let file = self.file.clone();
-            let Ok(mark) = spawn_blocking(move || mark(&file)).await else {
+            let (file, modules) = (self.file.clone(), self.library.files());
+            let look = move || (mark(&file), marks(modules));
+            let Ok((mark, modules)) = spawn_blocking(look).await else {
                 return;
             };
-            if self.saves.is_over(mark, Instant::now())
+            let now = Instant::now();
+            let module = self.is_module_saved(modules, now);
+            if (self.saves.is_over(mark, now) || module)
                 && let Some(source) = self.read(mark).await
                 && reloads.send(Reload { source }).await.is_err()
             {
                 return;
             }
         }
+    }
+
+    /// A module that is seen for the first time was only just read.
+    fn is_module_saved(&mut self, marks: Vec<(PathBuf, Option<Mark>)>, now: Instant) -> bool {
+        let mut saved = false;
+        for (file, mark) in marks {
+            let saves = self.modules.entry(file).or_insert_with(|| Saves::new(mark));
+            if saves.is_over(mark, now) {
+                saves.taken(mark);
+                saved = true;
+            }
+        }
+        saved
     }
 
     /// The text, unless it changes under our hands: then the save was not over.
@@ -115,6 +146,11 @@ impl From<Metadata> for Mark {
 /// `None` while there is no such file.
 fn mark(file: &Path) -> Option<Mark> {
     std::fs::metadata(file).ok().map(Mark::from)
+}
+
+fn marks(files: Vec<PathBuf>) -> Vec<(PathBuf, Option<Mark>)> {
+    let marked = |file: PathBuf| (file.clone(), mark(&file));
+    files.into_iter().map(marked).collect()
 }
 
 /// Tells when a save is over: a debounce. Pure: the time is an argument.

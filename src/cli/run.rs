@@ -357,6 +357,7 @@ fn behaviours(
         if let Some(watched) = watched {
             let (reloads, received) = mpsc::channel(1);
             behaviour.reloads = Some(received);
+            let watched = watched.with_modules(behaviour.launch.library.clone());
             watches.push((watched, reloads));
         }
         behaviours.push(behaviour);

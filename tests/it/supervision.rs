@@ -197,6 +197,30 @@ async fn under_watch_a_script_may_be_broken_at_first() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn under_watch_a_saved_module_loads_its_script_anew() {
+    let rig = Rig::quiet().await;
+    let power = rig.file("power.lua", "return 50");
+    rig.file(
+        "script.lua",
+        "local power = require('./power') robot.move(power, power) task.wait(600)",
+    );
+    let run = rig.spykee(&["run", "script.lua", "--watch", "--robot", &rig.address]);
+    hears(&rig, 0, 45).await;
+    // The watcher must have seen the module once before it can see that it was saved.
+    let saving = async {
+        for save in 1.. {
+            std::fs::write(&power, format!("return 60 -- {save}")).unwrap();
+            tokio::time::sleep(std::time::Duration::from_millis(600)).await;
+        }
+    };
+    tokio::select! {
+        _ = hears(&rig, 0, 54) => {}
+        () = saving => {}
+    }
+    drop(run);
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_ctrl_c_in_a_terminal_goes_to_the_agent_alone() {
     let rig = Rig::quiet().await;
     let run = rig.run("robot.move(50, 50) task.wait(600)");
