@@ -106,17 +106,12 @@ impl Config {
         Config::of_text(&Config::read(path)?, path)
     }
 
-    /// The settings of a run: see [`Effective::load`]. Says in the log which file
-    /// they come from, if nobody named it.
+    /// The settings that count: see [`Effective::load`].
     ///
     /// # Errors
     /// See [`ConfigError`].
     pub fn effective(named: Option<&Path>) -> Result<Config, ConfigError> {
-        let Effective { config, file, .. } = Effective::load(named)?;
-        if let (Some((path, _)), None) = (file, named) {
-            tracing::info!("settings from {}", path.display());
-        }
-        Ok(config)
+        Effective::load(named).map(|effective| effective.config)
     }
 
     fn read(path: &Path) -> Result<String, ConfigError> {

@@ -23,7 +23,7 @@ use super::trace::TraceFile;
 use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
 use crate::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure};
-use crate::config::{Config, Entry};
+use crate::config::{Config, Effective, Entry};
 use crate::lab;
 use crate::link::{self, Target};
 use crate::pilot::{Dial, Settings, Status};
@@ -119,7 +119,11 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let mut args = args.clone();
     args.files
         .extend(args.connection.take_misplaced_behaviour());
-    let config = Config::effective(args.config.as_deref()).map_err(Failure::usage)?;
+    let Effective { config, file, .. } =
+        Effective::load(args.config.as_deref()).map_err(Failure::usage)?;
+    if let Some((path, _)) = file {
+        tracing::info!("settings from {}", path.display());
+    }
     let seed = args.seed.unwrap_or_else(rand::random);
     let (behaviours, watches) = behaviours(&args, &config, seed)?;
     // Under watch the keeper looks: a mistake does not end the run there.

@@ -216,6 +216,10 @@ fn the_config_gives_colours_and_the_field_of_view() {
         b"camera: { hfov: 2.0 }\ncolours: { ball: { h: [340, 15], s: [50, 100] } }\n",
     );
     let wide = desk.json("blobs ahead.jpg --colour ball --config spykee.yaml --json");
+    // A spykee.yaml in the folder counts without being named.
+    let found = desk.json("blobs ahead.jpg --colour ball --json");
+    assert_eq!(wide, found);
+    desk.put("spykee.yaml", b"");
     let usual = desk.json("blobs ahead.jpg --colour red --json");
     let bearing = |found: &Value| found[0]["blobs"][0]["bearing"].as_f64().unwrap();
     assert_eq!(wide[0]["blobs"][0]["colour"], "ball");

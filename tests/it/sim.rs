@@ -548,8 +548,8 @@ async fn questions_are_answered_and_settings_accepted() {
     let log = client.next_of_kind(17).await;
     let log = String::from_utf8_lossy(&log[5..]);
     for line in [
-        "config (11 bytes)",
-        "file 6 flags 3 (3 bytes)",
+        "config set: name",
+        "file 6 stored, 3 bytes",
         "motor speed",
         "mute",
         "type 99",

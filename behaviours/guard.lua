@@ -1,0 +1,40 @@
+-- guard: watches while the robot stands still. When something moves in front of it, or it becomes
+-- loud, it keeps a photograph, sounds the alarm and writes a line. It never drives, so it runs beside a
+-- patrol, and looks away while that drives. A lamp that is switched on is no intruder.
+
+local settings = params.declare({
+	pause = { default = 30, min = 1, max = 3600, unit = "s", doc = "at least so long between two alarms" },
+	alarm = { default = true, doc = "sound the alarm; without it only photograph and log" },
+})
+
+local detector = vision.motion()
+local last = -settings.pause
+local alarms = store.get("alarms", 0)
+
+local function intruder(what, frame)
+	if task.now() - last < settings.pause then
+		return
+	end
+	last = task.now()
+	alarms += 1
+	store.set("alarms", alarms)
+	if settings.alarm then
+		robot.play("alarm")
+	end
+	local path, why
+	if frame then
+		path, why = frame:save(`alarm{alarms % 100}.jpg`)
+	end
+	log.warn(`alarm {alarms}: {what}`, { picture = path or why or "none" })
+end
+
+robot.on("frame", function(frame)
+	local motion = detector:update(frame)
+	if motion and #motion.blobs > 0 then
+		intruder("something moves", frame)
+	end
+end, { rate = 5 })
+
+robot.on("noise", function(noise)
+	intruder(`a noise of {math.round(noise.dbfs)} dBFS`, robot.frame())
+end)

@@ -1,0 +1,135 @@
+//! Weeks alone, in virtual time: patrol and guard on a robot whose network, station and battery fail
+//! again and again, by lot, beside a script that itself fails. An observer looks at the robot five times
+//! a second and keeps a ledger of promises.
+
+mod ledger;
+mod observer;
+mod process;
+mod weather;
+
+use std::path::Path;
+use std::time::Duration;
+
+use spykee::agent::Behaviour;
+use spykee::behaviour::{Launch, Library, RestartPolicy};
+use spykee::lab::{self, Lab, Recorder};
+use spykee::robot::Priority;
+use spykee::script;
+use spykee::sim::World;
+use tokio::time::{Instant, sleep, timeout};
+
+pub use ledger::Ledger;
+use observer::{LOOK_EVERY, Observer};
+use process::Size;
+use weather::Weather;
+
+/// An hour without one of these put to the test proves nothing.
+pub const CORE: [&str; 4] = [
+    "never flat off the station",
+    "the first command of every connection is a stop",
+    "low and off the station: no script moves the robot",
+    "patrol and guard never fail",
+];
+
+/// Tells how far it is, after each virtual hour: hours, restarts so far, size.
+pub type Progress<'a> = &'a mut (dyn FnMut(u64, &Size) + Send);
+
+/// How long a run may take to end, in virtual time: two seconds, as the README says, and a look.
+const END: Duration = Duration::from_millis(2300);
+/// Before this the process is still growing into its buffers.
+const WARM: Duration = Duration::from_secs(20 * 60);
+
+/// Runs for so many virtual hours. Data of the behaviours goes to `folder`.
+pub fn soak(hours: u64, seed: u64, folder: &Path, progress: Progress<'_>) -> Ledger {
+    let world = World::from_yaml(include_str!("world.yaml"), "soak").unwrap();
+    let (told, events) = std::sync::mpsc::sync_channel(100_000);
+    let options = lab::Options {
+        seed,
+        events: Some(Recorder::new(move |event| drop(told.try_send(event)))),
+        sim: spykee::sim::Options {
+            // A picture a second: what is on trial here is not the eyes.
+            fps: Some(1.0),
+            faults: Some(Vec::new()),
+            ..spykee::sim::Options::default()
+        },
+        ..lab::Options::default()
+    };
+    let behaviours = behaviours(seed, folder);
+    let events = std::sync::Mutex::new(events);
+    lab::run(world, options, async |lab: &Lab| {
+        let run = lab.start(behaviours, None);
+        let mut observer = Observer::new(lab, events);
+        let mut weather = Weather::new(seed);
+        let began = Instant::now();
+        let (mut first, mut hour) = (None, 0);
+        while began.elapsed() < Duration::from_secs(hours * 3600) {
+            sleep(LOOK_EVERY).await;
+            weather.blow(lab.sim(), began.elapsed());
+            observer.look(lab, &weather);
+            if first.is_none() && began.elapsed() >= WARM {
+                first = Some(Size::now());
+            }
+            if began.elapsed().as_secs() / 3600 > hour {
+                hour += 1;
+                progress(hour, &Size::now());
+            }
+        }
+        if let Some(first) = first {
+            first.compare(&Size::now(), observer.ledger());
+        }
+        weather.clear(lab.sim());
+        // Whatever is wrong with the link just now: it comes back.
+        let up = lab.sim().wait_state(|state| state.user.is_some());
+        let up = timeout(Duration::from_secs(120), up).await.is_ok();
+        observer.ledger().note(
+            "once nothing is wrong any more, the agent is back within 2 minutes",
+            (!up).then(|| "it is not".to_owned()),
+        );
+        run.stop();
+        let ended = timeout(END, run.outcome()).await.is_ok();
+        observer.ledger().note(
+            "told to end, it has ended within 2 s",
+            (!ended).then(|| "it had not".to_owned()),
+        );
+        sleep(Duration::from_secs(1)).await;
+        let state = lab.sim().state();
+        let still = !state.moving() || state.searching;
+        observer.ledger().note(
+            "at the end the robot stands still, or drives home by itself",
+            (!still).then(|| format!("tracks at {:?}", state.speeds)),
+        );
+        observer.into_ledger()
+    })
+    .unwrap()
+}
+
+/// The patrol, the guard, and one above them that fails.
+fn behaviours(seed: u64, folder: &Path) -> Vec<Behaviour> {
+    let again = |text: &str| text.parse::<RestartPolicy>().unwrap();
+    [
+        ("patrol", include_str!("../../behaviours/patrol.lua"), 0),
+        ("guard", include_str!("../../behaviours/guard.lua"), 0),
+        ("restless", include_str!("restless.lua"), 5),
+    ]
+    .into_iter()
+    .zip(seed..)
+    .map(|((name, source, priority), seed)| {
+        let options = script::Options {
+            seed,
+            data_dir: Some(folder.join(name)),
+            ..script::Options::new(name, format!("{name}.lua"))
+        };
+        Behaviour {
+            priority: Priority(priority),
+            launch: Launch {
+                source: source.into(),
+                options,
+                library: Library::default(),
+            },
+            checked: false,
+            restart: again("on-failure"),
+            reloads: None,
+        }
+    })
+    .collect()
+}

@@ -1,0 +1,158 @@
+//! Looks at the robot again and again, and at what it has heard, and knows what must not be.
+
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::sync::mpsc::Receiver;
+use std::time::Duration;
+
+use spykee::lab::{Event, Kind, Lab};
+use spykee::sim::State;
+use spykee::wire::Command;
+
+use super::Ledger;
+use super::weather::Weather;
+
+/// How often it looks, in virtual time.
+pub const LOOK_EVERY: Duration = Duration::from_millis(200);
+
+/// At or below this the watchdog has the robot, in percent.
+const LOW: u8 = 20;
+/// So much later it has acted, when the link is sound: a report, a look, and time to spare.
+const TO_ACT: Duration = Duration::from_secs(2);
+/// Setpoints a second; a look's grain of room on top.
+const MOST_MOVES: usize = 50 + 2;
+
+/// See the module.
+pub struct Observer {
+    ledger: Ledger,
+    events: Mutex<Receiver<Event>>,
+    /// The next command to be read.
+    heard: usize,
+    /// The first command after the login of each connection was a stop, or is still to come.
+    clients: BTreeMap<u64, bool>,
+    /// Since when the battery is low, off the station, with a user and calm weather.
+    low_since: Option<Duration>,
+    /// Times of setpoints within the last second.
+    moves: Vec<Duration>,
+}
+
+impl Observer {
+    pub fn new(lab: &Lab, events: Mutex<Receiver<Event>>) -> Observer {
+        Observer {
+            ledger: Ledger::default(),
+            events,
+            heard: lab.sim().heard_count(),
+            clients: BTreeMap::new(),
+            low_since: None,
+            moves: Vec::new(),
+        }
+    }
+
+    pub fn ledger(&mut self) -> &mut Ledger {
+        &mut self.ledger
+    }
+
+    pub fn into_ledger(self) -> Ledger {
+        self.ledger
+    }
+
+    /// One look.
+    pub fn look(&mut self, lab: &Lab, weather: &Weather) {
+        let (state, now) = (lab.sim().state(), lab.now());
+        let calm = weather.is_calm(now);
+        self.listen(lab, calm);
+        self.watch_battery(&state, now, calm && !weather.has_carried());
+        let flat = state.battery <= 0.0 && !state.docked;
+        self.ledger.note(
+            "never flat off the station",
+            flat.then(|| format!("flat at {now:.0?}, at {:?}", state.pose)),
+        );
+        self.read_events();
+    }
+
+    /// What the robot has heard since the last look.
+    fn listen(&mut self, lab: &Lab, calm: bool) {
+        for heard in lab.sim().heard_since(self.heard) {
+            self.heard = heard.index + 1;
+            let stops = matches!(heard.command, Command::Move { left: 0, right: 0 });
+            match heard.command {
+                Command::Login(_) => drop(self.clients.insert(heard.client, false)),
+                _ if self.clients.get(&heard.client) == Some(&false) => {
+                    self.clients.insert(heard.client, true);
+                    self.ledger.note(
+                        "the first command of every connection is a stop",
+                        (!stops).then(|| format!("at {:.1?}: {:?}", heard.at, heard.command)),
+                    );
+                }
+                _ => {}
+            }
+            if let Command::Move { left, right } = heard.command {
+                self.setpoint(heard.at, (left, right), calm);
+            }
+        }
+        // Only the newest connections matter.
+        while self.clients.len() > 100 {
+            self.clients.pop_first();
+        }
+    }
+
+    fn setpoint(&mut self, at: Duration, (left, right): (i8, i8), calm: bool) {
+        self.moves
+            .retain(|&one| at.saturating_sub(one) < Duration::from_secs(1));
+        self.moves.push(at);
+        // Bytes that were held up come all at once.
+        if calm {
+            let count = self.moves.len();
+            self.ledger.note(
+                "at most 50 MOVE a second",
+                (count > MOST_MOVES).then(|| format!("{count} within a second at {at:.1?}")),
+            );
+        }
+        self.ledger.note(
+            "no setpoint beyond what a robot takes",
+            (left.unsigned_abs() > 90 || right.unsigned_abs() > 90)
+                .then(|| format!("{left} {right} at {at:.1?}")),
+        );
+    }
+
+    /// Low and off the station: once there was time to act, the script drives it no more.
+    fn watch_battery(&mut self, state: &State, now: Duration, calm: bool) {
+        let low = state.power.percent <= LOW && !state.docked && state.user.is_some() && calm;
+        if !low {
+            self.low_since = None;
+            return;
+        }
+        let since = *self.low_since.get_or_insert(now);
+        if now < since + TO_ACT {
+            return;
+        }
+        let driven = state.commanded.left != 0 || state.commanded.right != 0;
+        self.ledger.note(
+            "low and off the station: no script moves the robot",
+            (driven && !state.searching).then(|| format!("{:?} at {now:.1?}", state.commanded)),
+        );
+    }
+
+    fn read_events(&mut self) {
+        let events = self.events.get_mut().unwrap();
+        for event in events.try_iter() {
+            if event.kind == Kind::Ended {
+                let name = event.field("behaviour").unwrap_or_default();
+                let meant = name == "restless";
+                self.ledger.note(
+                    "patrol and guard never fail",
+                    (!meant && event.level == "error")
+                        .then(|| format!("{name} at {:.0?}: {}", event.at, event.text)),
+                );
+            }
+            let broken =
+                event.text.contains("internal error") || event.text.contains("fault inside");
+            if event.level == "error" || broken {
+                self.ledger.note(
+                    "nothing of ours breaks",
+                    broken.then(|| format!("at {:.0?}: {}", event.at, event.text)),
+                );
+            }
+        }
+    }
+}
