@@ -6,6 +6,7 @@ use std::path::Path;
 use std::pin::{Pin, pin};
 
 use tokio::sync::{mpsc, watch};
+use tokio::task::spawn_blocking;
 use tokio::time::{Instant, sleep};
 use tracing::{error, info, warn};
 
@@ -273,7 +274,10 @@ impl Keeper {
         let checked = self.checked;
         Box::pin(async move {
             if checked {
-                look_over(&launch)?;
+                // A long text takes its time, which is not the watchdog's.
+                let text = launch.clone();
+                let looked = spawn_blocking(move || look_over(&text)).await;
+                looked.unwrap_or(Ok(()))?;
             }
             let host = Prepared::start(&launcher, by, priority, launch).await?;
             Ok(Loaded { host, source })
