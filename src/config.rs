@@ -18,11 +18,14 @@ pub use self::effective::{Effective, Origin, Setting};
 pub use self::logging::{Format, Level, Logging, When};
 pub use self::schema::schema;
 use crate::link::{self, Target};
+use crate::pilot::Settings;
 use crate::robot::float_within;
 use crate::safety;
 use crate::script::{self, Calibration};
 use crate::vision::{Camera, Colour};
 
+/// Where scripts save pictures unless the config says something else.
+const DATA_FOLDER: &str = "spykee-data";
 /// No config is longer.
 const MAX_LEN: u64 = 1 << 20;
 
@@ -112,6 +115,38 @@ impl Config {
     /// See [`ConfigError`].
     pub fn effective(named: Option<&Path>) -> Result<Config, ConfigError> {
         Effective::load(named).map(|effective| effective.config)
+    }
+
+    /// Where scripts save pictures, a folder for each.
+    pub fn data_folder(&self) -> &Path {
+        self.data.as_deref().unwrap_or(Path::new(DATA_FOLDER))
+    }
+
+    /// What the pilot of a run goes by.
+    pub fn pilot(&self, simulated: bool, seed: u64) -> Settings {
+        Settings {
+            limits: self.watchdog.clone(),
+            simulated,
+            seed,
+            link: self.link.clone(),
+        }
+    }
+
+    /// What a script of this name is started with; `chunk` is its file as messages show it.
+    pub fn script(
+        &self,
+        name: impl Into<String>,
+        chunk: impl Into<String>,
+        seed: u64,
+    ) -> script::Options {
+        script::Options {
+            seed,
+            limits: self.limits.clone(),
+            calibration: self.calibration,
+            camera: self.camera,
+            colours: self.colours.clone(),
+            ..script::Options::new(name, chunk)
+        }
     }
 
     fn read(path: &Path) -> Result<String, ConfigError> {

@@ -65,9 +65,8 @@ fn of_file(file: &Path, config: &Config, path: Option<&Path>) -> Result<Vec<Find
     };
     let entry = config.behaviours.iter().find(is_this);
     let options = Options {
-        colours: config.colours.clone(),
         params: entry.map(|entry| params(entry, path)).unwrap_or_default(),
-        ..Options::new("check", file.display().to_string())
+        ..config.script("check", file.display().to_string(), 0)
     };
     Ok(of_source(&source, &options))
 }

@@ -16,13 +16,11 @@ use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
 
-use super::embedded::EmbeddedSim;
-use super::run::{DATA_FOLDER, dial, place, reach};
+use super::run::{dial, place, reach};
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::agent::{AgentError, Talk, TalkError};
 use crate::behaviour::{Launch, Launcher, Library, Order, Said};
 use crate::config::Config;
-use crate::pilot::Settings;
 use crate::robot::EndReason;
 use crate::script::{self, Evaluated, Level, LogLine};
 use editor::{Next, Told, Typed};
@@ -72,7 +70,7 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     let (target, sim) = reach(place, &login, seed)?;
     let talk = Talk {
         launch: launch(&config, seed)?,
-        settings: settings(&config, seed, sim.as_ref()),
+        settings: config.pilot(sim.is_some(), seed),
         dial: dial(target, login, config.link.clone()),
         launcher,
     };
@@ -85,28 +83,13 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     outcome
 }
 
-fn settings(config: &Config, seed: u64, sim: Option<&EmbeddedSim>) -> Settings {
-    Settings {
-        limits: config.watchdog.clone(),
-        simulated: sim.is_some(),
-        seed,
-        link: config.link.clone(),
-    }
-}
-
 /// A script of no lines that lives on.
 fn launch(config: &Config, seed: u64) -> Result<Launch, Failure> {
-    let data = config.data.clone().unwrap_or_else(|| DATA_FOLDER.into());
-    let data = std::path::absolute(data.join(NAME)).map_err(Failure::usage)?;
+    let data = config.data_folder().join(NAME);
     let options = script::Options {
-        seed,
-        limits: config.limits.clone(),
-        calibration: config.calibration,
-        camera: config.camera,
-        colours: config.colours.clone(),
-        data_dir: Some(data),
+        data_dir: Some(std::path::absolute(data).map_err(Failure::usage)?),
         interactive: true,
-        ..script::Options::new(NAME, NAME)
+        ..config.script(NAME, NAME, seed)
     };
     Ok(Launch {
         source: Vec::new(),

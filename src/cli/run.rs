@@ -26,14 +26,12 @@ use crate::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy, Watched
 use crate::config::{Config, Effective, Entry};
 use crate::lab;
 use crate::link::{self, Target};
-use crate::pilot::{Dial, Settings, Status};
+use crate::pilot::{Dial, Status};
 use crate::robot::EndReason;
 use crate::script::{self, GivenParam, ParamOrigin, ParamValue};
 use crate::sim;
 use crate::wire::Login;
 
-/// Where pictures are saved unless the config says something else.
-pub(super) const DATA_FOLDER: &str = "spykee-data";
 /// How often the status line is drawn anew.
 pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
 /// The longest `--for`: a year.
@@ -150,12 +148,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         .build();
     let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
     let (target, sim) = reach(place, &login, seed)?;
-    let settings = Settings {
-        limits: config.watchdog.clone(),
-        simulated: sim.is_some(),
-        seed,
-        link: config.link.clone(),
-    };
+    let settings = config.pilot(sim.is_some(), seed);
     let launcher = Launcher::this_executable().map_err(|error| {
         Failure::usage(format_args!("cannot find this program's own file: {error}"))
     })?;
@@ -376,18 +369,13 @@ fn behaviour(
 ) -> Result<Behaviour, Failure> {
     let source = read_source(&entry.file)?;
     let name = unique(entry.name(), names);
-    let data = config.data.clone().unwrap_or_else(|| DATA_FOLDER.into());
-    let data = std::path::absolute(data.join(&name)).map_err(Failure::usage)?;
+    let data = config.data_folder().join(&name);
+    let data = std::path::absolute(data).map_err(Failure::usage)?;
     let options = script::Options {
-        seed,
-        limits: config.limits.clone(),
-        calibration: config.calibration,
-        camera: config.camera,
-        colours: config.colours.clone(),
         params: params(entry, args.config.as_deref()),
         annotate_dir: marked_folder(args.annotate.as_deref(), &name, &data)?,
         data_dir: Some(data),
-        ..script::Options::new(name, entry.file.display().to_string())
+        ..config.script(name, entry.file.display().to_string(), seed)
     };
     let folder = entry.file.parent().unwrap_or(Path::new(""));
     let library = Library::new(folder.to_owned());

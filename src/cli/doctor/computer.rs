@@ -6,8 +6,6 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::Finding;
 
-/// Where pictures go unless the config says something else.
-const DATA_FOLDER: &str = "spykee-data";
 /// Seconds from 1970 to the beginning of 2025: no clock that is right shows less.
 const EARLIEST: u64 = 1_735_689_600;
 /// Seconds from 1970 to the beginning of 2100.
@@ -33,8 +31,7 @@ fn judge_clock(now: u64) -> Finding {
 }
 
 /// Writes and removes a small file where pictures would go, or where their folder would be made.
-pub(super) fn disk(data: Option<&Path>) -> Finding {
-    let data = data.unwrap_or(Path::new(DATA_FOLDER));
+pub(super) fn disk(data: &Path) -> Finding {
     let shown = data.display();
     let absolute = std::path::absolute(data).unwrap_or_else(|_| data.to_owned());
     let Some(there) = absolute.ancestors().find(|folder| folder.exists()) else {
@@ -159,10 +156,10 @@ mod tests {
 
     #[test]
     fn a_folder_that_cannot_be_written_fails() {
-        assert_eq!(disk(Some(Path::new("/proc/spykee"))).verdict, Verdict::Fail);
+        assert_eq!(disk(Path::new("/proc/spykee")).verdict, Verdict::Fail);
         let folder = tempfile::tempdir().unwrap();
         let data = folder.path().join("a/b");
-        assert_ne!(disk(Some(&data)).verdict, Verdict::Fail);
+        assert_ne!(disk(&data).verdict, Verdict::Fail);
         assert_eq!(
             folder.path().read_dir().unwrap().count(),
             0,

@@ -106,7 +106,7 @@ pub(super) fn run(args: &DoctorArgs) -> Result<Exit, Failure> {
     let config = config(args, &mut diagnosis)?;
     for finding in [
         computer::clock(),
-        computer::disk(config.data.as_deref()),
+        computer::disk(config.data_folder()),
         computer::landlock(),
         computer::seccomp(),
         computer::terminal(),

@@ -129,13 +129,7 @@ impl Aim {
     /// For the pilot: how to dial, and the numbers of its rules.
     pub(super) fn flight(&self, seed: u64) -> (Dial, Settings) {
         let link = self.config.link.clone();
-        let dial = dial(self.target.clone(), self.login.clone(), link.clone());
-        let settings = Settings {
-            limits: self.config.watchdog.clone(),
-            simulated: self.sim.is_some(),
-            seed,
-            link,
-        };
-        (dial, settings)
+        let dial = dial(self.target.clone(), self.login.clone(), link);
+        (dial, self.config.pilot(self.sim.is_some(), seed))
     }
 }
