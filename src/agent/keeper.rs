@@ -294,10 +294,9 @@ fn look_over(launch: &Launch) -> Result<(), Ending> {
         .iter()
         .find(|finding| finding.severity == Severity::Error);
     error.map_or(Ok(()), |error| {
-        let (place, excerpt) = (error.place(), error.excerpt());
         Err(Ending {
             reason: EndReason::Error,
-            message: Some(format!("{place}: {}\n{excerpt}", error.message)),
+            message: Some(error.text()),
         })
     })
 }

@@ -89,28 +89,14 @@ pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<
         .into_iter()
         .partition(|finding| finding.severity == Severity::Error);
     for warning in warnings {
-        let place = warning.place();
-        console.say(
-            "WARN",
-            &format!("{place}: {}\n{}", warning.message, warning.excerpt()),
-        );
+        console.say("WARN", &warning.text());
     }
-    let texts: Vec<_> = errors.iter().map(after_error).collect();
+    let texts: Vec<_> = errors.iter().map(Finding::text).collect();
     match texts.is_empty() {
         true => Ok(()),
         false => Err(Failure::new(Exit::Check, texts.join("\n\nerror: "))
             .help("nothing was run; --no-check runs it all the same")),
     }
-}
-
-/// A finding behind the word `error: `.
-fn after_error(finding: &Finding) -> String {
-    format!(
-        "{}: {}\n{}",
-        finding.place(),
-        finding.message,
-        finding.excerpt()
-    )
 }
 
 fn has_errors(findings: &[Finding]) -> bool {

@@ -93,6 +93,11 @@ impl Finding {
         text
     }
 
+    /// Place, message and excerpt, without the severity: for where that stands already.
+    pub fn text(&self) -> String {
+        format!("{}: {}\n{}", self.place(), self.message, self.excerpt())
+    }
+
     /// Blanks up to the column, tabs where the line has tabs, and carets as wide as it is.
     pub fn carets(&self) -> String {
         let column = self.column.saturating_sub(1) as usize;
