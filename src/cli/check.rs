@@ -8,7 +8,7 @@ use super::source::read_source;
 use super::{Console, Exit, Failure, print};
 use crate::agent::Behaviour;
 use crate::behaviour::Launch;
-use crate::config::{Config, Entry};
+use crate::config::{Config, Effective, Entry};
 use crate::script::Options;
 use crate::script::check::{Finding, Severity, Surroundings, check};
 
@@ -32,14 +32,16 @@ pub(super) struct CheckArgs {
 const MAX_DEPTH: u32 = 16;
 
 pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
-    let config = Config::effective(args.config.as_deref()).map_err(Failure::usage)?;
+    let Effective { config, file, .. } =
+        Effective::load(args.config.as_deref()).map_err(Failure::usage)?;
+    let path = file.map(|(path, _)| path);
     let mut files = Vec::new();
     for path in &args.files {
         collect(path, 0, &mut files)?;
     }
     let mut findings = Vec::new();
     for file in &files {
-        findings.extend(of_file(file, &config, args.config.as_deref())?);
+        findings.extend(of_file(file, &config, path.as_deref())?);
     }
     let text = match args.json {
         true => format!(

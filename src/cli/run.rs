@@ -119,7 +119,9 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         .extend(args.connection.take_misplaced_behaviour());
     let Effective { config, file, .. } =
         Effective::load(args.config.as_deref()).map_err(Failure::usage)?;
-    if let Some((path, _)) = file {
+    // Whether it was named or found: messages name it.
+    args.config = file.map(|(path, _)| path);
+    if let Some(path) = &args.config {
         tracing::info!("settings from {}", path.display());
     }
     let seed = args.seed.unwrap_or_else(rand::random);

@@ -70,3 +70,18 @@ async fn an_unknown_key_is_told_with_the_nearest_one_and_its_place() {
     let mut run = rig.spykee(&["config", "check", "good.yaml"]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
 }
+
+#[tokio::test]
+async fn a_bad_parameter_names_the_config_that_was_found() {
+    let rig = Rig::quiet().await;
+    let config = "behaviours:\n  - { file: a.lua, params: { speed: 500 } }\n";
+    rig.file("spykee.yaml", config);
+    let script = "local p = params.declare({ speed = { default = 40, max = 60 } }) print(p.speed)";
+    rig.file("a.lua", script);
+    let told = "spykee.yaml: params: speed: 500";
+    for command in [&["run", "--sim"][..], &["check", "a.lua"]] {
+        let mut run = rig.spykee(command);
+        assert_eq!(run.code().await, Some(4), "{}", run.text());
+        assert!(run.text().contains(told), "{command:?}: {}", run.text());
+    }
+}
