@@ -1,5 +1,5 @@
--- Run with:  spykee test
--- Each scenario runs in a simulated world, much faster than real time, once for each seed.
+-- What must become true, as scenarios. This version of spykee has no command yet that runs them.
+-- Each is meant for a simulated world, much faster than real time, once for each seed.
 
 scenario("begins to look around", { battery = 80, seeds = 3, limit = 60 }, function(sim)
 	local start = sim:pose()
