@@ -15,10 +15,7 @@ pub fn modules() -> &'static [(&'static str, &'static str)] {
 
 /// Runs the module behind `scenario`, `expect` and `sim`.
 pub(super) fn scenario<T: FromLuaMulti>(lua: &Lua, with: impl IntoLuaMulti) -> LuaResult<T> {
-    let made: LuaFunction = super::sandbox::compile(
-        lua,
-        include_str!("scenario.luau"),
-        "@spykee/scenario",
-    )?;
+    let made: LuaFunction =
+        super::sandbox::compile(lua, include_str!("scenario.luau"), "@spykee/scenario")?;
     made.call(with)
 }
