@@ -59,6 +59,11 @@ impl Running {
         self.stop.cancel();
     }
 
+    /// Does the same when it is cancelled.
+    pub fn stopper(&self) -> CancellationToken {
+        self.stop.clone()
+    }
+
     /// The newest status of robot and watchdog, as on the status line.
     pub fn status(&self) -> watch::Receiver<Status> {
         self.status.clone()
