@@ -8,6 +8,8 @@ local settings = params.declare({
 	turn = { default = 2.2, min = 0.5, max = 5, unit = "1/s", doc = "how hard it turns: rad/s for each radian" },
 })
 
+robot.undock() -- nothing happens when it is not on its station
+
 local SLACK = 8 -- pixels from the right width that are still well
 local LOOK_AROUND = 0.7 -- rad/s
 local GIVE_UP = 0.8 -- seconds out of sight until it counts as lost

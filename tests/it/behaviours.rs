@@ -78,7 +78,7 @@ async fn dock_now_says_so_when_it_could_not() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn follow_ball_drives_up_to_the_ball_and_stops_in_front_of_it() {
+async fn follow_colour_drives_up_to_the_ball_and_stops_in_front_of_it() {
     let world = "
 name: one ball
 room: { width: 8, depth: 8 }
