@@ -13,20 +13,34 @@ local settings = params.declare({
 
 local TURNING = 0.8 -- rad/s, on the spot
 local PATIENCE = 1.5 -- seconds of driving without a change of the picture
+local PASSING = 4 -- seconds until the robot has passed what it no longer sees beside it
 
 local away -- the side to which it turns away: 1 left, -1 right; nil while it drives
 local turned_since
+local near_at = { left = -math.huge, right = -math.huge } -- when something was close by on a side
 local looked_like -- the floor, when last it changed
 local changed_at = task.now()
 
+-- To where there is more room, but not into what it has just seen on that side.
+local function bend(free)
+	for side in near_at do
+		if free[side] < settings.margin then
+			near_at[side] = task.now()
+		end
+	end
+	local side = if free.turn > 0 then "left" else "right"
+	return if task.now() - near_at[side] < PASSING then 0 else 0.6 * free.turn
+end
+
 local function steer(free)
+	local turning = bend(free)
 	local wanted = settings.margin * (if away then 1.5 else 1)
 	if away and task.now() - turned_since > 2 * math.pi / TURNING then
 		wanted = settings.margin / 2 -- no better way all round
 	end
 	if free.ahead > wanted then
 		away = nil
-		robot.drive(settings.speed * math.min(1, free.ahead), 0.6 * free.turn)
+		robot.drive(settings.speed * math.min(1, free.ahead), turning)
 	else
 		if not away then
 			away, turned_since = (if free.turn >= 0 then 1 else -1), task.now()

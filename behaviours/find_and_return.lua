@@ -13,6 +13,7 @@ local settings = params.declare({
 
 local TURNING = 0.7 -- rad/s
 local LOST = 1.5 -- seconds out of sight
+local HELD = 5 -- seconds without coming nearer
 
 local function see()
 	local frame = robot.wait_frame(1)
@@ -51,13 +52,17 @@ local function move_on()
 	robot.stop()
 end
 
--- Drives up to it; false when it is lost on the way.
+-- Drives up to it; false when it is lost on the way, or comes no nearer because something holds the
+-- robot.
 local function approach()
-	local seen_at = task.now()
-	while task.now() - seen_at < LOST do
+	local seen_at, nearer_at, widest = task.now(), task.now(), 0
+	while task.now() - seen_at < LOST and task.now() - nearer_at < HELD do
 		local thing = see()
 		if thing then
 			seen_at = task.now()
+			if thing.w > widest then
+				widest, nearer_at = thing.w, seen_at
+			end
 			if thing.w >= settings.width then
 				robot.stop()
 				return true
@@ -65,7 +70,7 @@ local function approach()
 			robot.drive(settings.speed * math.max(0, 1 - 2 * math.abs(thing.bearing)), 1.5 * thing.bearing)
 		end
 	end
-	robot.stop()
+	robot.forward(-0.3)
 	return false
 end
 

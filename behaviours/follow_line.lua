@@ -13,9 +13,12 @@ local settings = params.declare({
 local HEIGHT, AHEAD = 0.2, 0.1
 local MIDDLE, HORIZON, FOCAL = 160, 120, 277
 local STRIPS = { 230, 215, 200, 188, 178, 170 } -- rows looked at, from half a metre to 1.2 metres
-local APART = 0.08 -- metres between two points of the line
+local APART, GAP = 0.08, 0.3 -- metres between two points of the line, at least and at most
+local BEGINNING = 0.7 -- metres ahead: a new line is seen so near
 local LOOK_AROUND = 0.8 -- rad/s
 local FULL_TURN = 2.2 * math.pi / LOOK_AROUND
+
+robot.undock() -- nothing happens when it is not on its station
 
 local line = {} -- points still to reach: x metres ahead of the robot, y metres to its left
 local speed, turning = 0, 0 -- what the tracks do now, m/s and rad/s
@@ -60,12 +63,23 @@ local function remember(x, y)
 	table.insert(line, { x = x, y = y })
 end
 
+-- A line has no gaps: what lies far from all of it is something else. It begins right before the robot.
+local function belongs(x, y)
+	for _, point in line do
+		if math.abs(point.x - x) < GAP and math.abs(point.y - y) < GAP then
+			return true
+		end
+	end
+	return #line == 0 and x < BEGINNING
+end
+
 local function look(frame)
 	for _, row in STRIPS do
 		local tape = frame:find_blobs(settings.colour, { roi = { 0, row - 4, 2 * MIDDLE, 9 } })[1]
-		if tape then
-			local depth = HEIGHT * FOCAL / (row - HORIZON)
-			remember(AHEAD + depth, depth * (MIDDLE - tape.cx) / FOCAL)
+		local depth = HEIGHT * FOCAL / (row - HORIZON)
+		local x, y = AHEAD + depth, depth * (MIDDLE - (tape and tape.cx or 0)) / FOCAL
+		if tape and belongs(x, y) then
+			remember(x, y)
 			seen_at = task.now()
 		end
 	end

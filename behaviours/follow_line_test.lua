@@ -24,8 +24,9 @@ local function round(sim, order)
 	local worst = 0
 	for _, side in order do
 		local passes = sim:wait_until(function()
-			worst = math.max(worst, off_the_loop(sim:pose()))
-			return from_leg(sim:pose(), SIDES[side], SIDES[side]) < 0.3
+			local pose = sim:pose()
+			worst = math.max(worst, off_the_loop(pose))
+			return math.sqrt((pose.x - SIDES[side][1]) ^ 2 + (pose.y - SIDES[side][2]) ^ 2) < 0.3
 		end, 40)
 		expect(passes, `it comes to side {side}`)
 	end

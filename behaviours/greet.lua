@@ -1,6 +1,6 @@
 -- greet: stands still and greets who comes by, with light and sound: whoever shows it a QR code, by what
 -- the code says, and whoever walks by as large as a person. Politely rarely: between two greetings
--- there is a pause, and the same code is not greeted again for a long time, nor after a restart.
+-- there is a pause, and the same code is not greeted again for a long time. The store counts the guests.
 
 local settings = params.declare({
 	pause = { default = 30, min = 1, max = 3600, unit = "s", doc = "at least so long between two greetings" },

@@ -4,7 +4,7 @@ local function alarms(sim)
 	return #sim:log("alarm ")
 end
 
-scenario("somebody walks by: photograph, alarm, log", { world = "hall" }, function(sim)
+scenario("somebody walks by: photograph, alarm, log", { world = "hall", fps = 8 }, function(sim)
 	sim:place({ x = 3.7 + 0.4 * math.random(), y = 2.3 + 0.6 * math.random(), heading = 0.3 * math.random() - 0.15 })
 	sim:run("guard.lua")
 	expect(sim:wait_until(function() return alarms(sim) > 0 end, 60), "the alarm within a round of Ada's")
@@ -14,7 +14,7 @@ scenario("somebody walks by: photograph, alarm, log", { world = "hall" }, functi
 	expect(sim:distance() < 0.01, "it does not drive")
 end)
 
-scenario("a loud noise: alarm and log, once in a while", { world = "playpen" }, function(sim)
+scenario("a loud noise: alarm and log, once in a while", { world = "playpen", fps = 8 }, function(sim)
 	sim:run("guard.lua")
 	sim:wait(5)
 	sim:noise(-12, 2)
@@ -28,7 +28,7 @@ scenario("a loud noise: alarm and log, once in a while", { world = "playpen" }, 
 	expect(sim:wait_until(function() return alarms(sim) == 2 end, 5), "again later")
 end)
 
-scenario("no alarm in a quiet room, nor when the light changes", { battery = 90 }, function(sim)
+scenario("no alarm in a quiet room, nor when the light changes", { battery = 90, fps = 8 }, function(sim)
 	sim:place({ x = 1 + 2 * math.random(), y = 1.5 + 2 * math.random(), heading = 2 * math.pi * math.random() })
 	sim:run("guard.lua")
 	for _, light in { 1, 0.6, 0.3, 1 } do
@@ -38,7 +38,7 @@ scenario("no alarm in a quiet room, nor when the light changes", { battery = 90 
 	expect(alarms(sim) == 0, "nobody is there")
 end)
 
-scenario("counts its alarms over a restart", { world = "playpen" }, function(sim)
+scenario("counts its alarms over a restart", { world = "playpen", fps = 8 }, function(sim)
 	for expected = 1, 2 do
 		sim:run({ "guard.lua", params = { alarm = false } })
 		sim:wait(5)

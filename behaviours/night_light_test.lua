@@ -12,7 +12,7 @@ local function dark(sim)
 	end
 end
 
-scenario("shines when the lamp goes out and stops when it comes on", { world = "night" }, function(sim)
+scenario("shines when the lamp goes out and stops when it comes on", { world = "night", fps = 4 }, function(sim)
 	sim:place({ x = 1.2 + 0.8 * math.random(), y = 1.3 + 1.2 * math.random(), heading = 2 * math.pi * math.random() })
 	sim:run("night_light.lua")
 	sim:wait(18)
@@ -23,16 +23,16 @@ scenario("shines when the lamp goes out and stops when it comes on", { world = "
 	expect(#sim:log("night ") == 1 and #sim:log("day") == 1, "no flicker")
 end)
 
-scenario("is off all day and on when it gets dark", { battery = 90 }, function(sim)
+scenario("is off all day and on when it gets dark", { battery = 90, fps = 4 }, function(sim)
 	sim:place({ x = 1 + 2 * math.random(), y = 1.5 + 2 * math.random(), heading = 2 * math.pi * math.random() })
 	sim:run("night_light.lua")
-	sim:wait(60)
+	sim:wait(30)
 	expect(#sim:log("night ") == 0, "a bright room is no night")
 	sim:light(0.05)
 	expect(sim:wait_until(lit(sim), 25), "a dark one is")
 end)
 
-scenario("a restart in the dark goes on shining", { battery = 90 }, function(sim)
+scenario("a restart in the dark goes on shining", { battery = 90, fps = 4 }, function(sim)
 	sim:light(0.05)
 	sim:run("night_light.lua")
 	expect(sim:wait_until(lit(sim), 25))

@@ -6,9 +6,9 @@
 --         robot.drive(if free.ahead > 0.8 then 0.2 else 0, free.turn)
 --     end)
 --
--- floor.look(frame) gives what is free, in metres before the camera: `ahead`, as wide as the robot, and
--- `left` and `right`, the means of both halves of the picture; and `turn`, from -1 (to the right is
--- more room) to 1 (to the left is).
+-- floor.look(frame) gives what is free, in metres before the camera: `ahead`, as wide as the robot; `left`
+-- and `right`, the least in either half of the picture; and `turn`, from -1 (to the right is more
+-- room) to 1 (to the left is).
 --
 -- floor.texture(frame) is what the floor looks like, and floor.differs(one, other) whether two of these
 -- differ: they do when the robot has moved.
@@ -20,7 +20,7 @@
 
 local HEIGHT = 0.2 -- of the camera above the floor, metres
 local MIDDLE, HORIZON, FOCAL, BOTTOM = 160, 120, 277, 238 -- of its picture, pixels
-local COLUMNS, STEP = 16, 3
+local COLUMNS, STEP = 12, 4
 local SKIRTING = 0.5 -- as high as the camera, at most
 local HALF_WIDTH = 0.22 -- of the way that the robot needs, metres
 
@@ -37,8 +37,8 @@ end
 -- What the floor looks like: samples from the strip right before the robot.
 local function samples(frame)
 	local list = {}
-	for x = 40, 280, 30 do
-		for y = 212, BOTTOM, 13 do
+	for x = 40, 280, 60 do
+		for y = 214, BOTTOM, 12 do
 			local light, red, yellow = colour_at(frame, x, y)
 			table.insert(list, { light = light, red = red, yellow = yellow })
 		end
@@ -91,7 +91,8 @@ end
 
 local function look(frame)
 	local list = samples(frame)
-	local free = { ahead = math.huge, left = 0, right = 0, turn = 0 }
+	local free = { ahead = math.huge, left = math.huge, right = math.huge, turn = 0 }
+	local sum, difference = 0, 0
 	for column = 1, COLUMNS do
 		local x = math.floor((column - 0.5) * frame.width / COLUMNS)
 		local depth = math.min(free_in_column(frame, x, list), 4)
@@ -99,9 +100,11 @@ local function look(frame)
 			free.ahead = math.min(free.ahead, depth)
 		end
 		local half = if x < MIDDLE then "left" else "right"
-		free[half] += depth / (COLUMNS / 2)
+		free[half] = math.min(free[half], depth)
+		sum += depth
+		difference += if x < MIDDLE then depth else -depth
 	end
-	free.turn = (free.left - free.right) / (free.left + free.right)
+	free.turn = difference / sum
 	return free
 end
 
