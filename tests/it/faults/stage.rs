@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use spykee::sim::{Fault, Firmware, Options, State, World};
-use spykee::wire::{Command, Engage, Sound};
+use spykee::wire::{Command, Sound};
 use tokio::time::{sleep, timeout};
 
 use super::table::{Scenario, Script};
@@ -184,15 +184,6 @@ impl Stage {
     pub fn no_motion_since(&self, index: usize) {
         let heard = self.rig.commands(index);
         assert!(!heard.iter().any(moves), "{heard:?}");
-    }
-
-    /// How often the robot was told to find its base.
-    pub fn dockings(&self, from: usize) -> usize {
-        let heard = self.rig.commands(from);
-        heard
-            .iter()
-            .filter(|command| **command == Command::Engine(Engage::Dock))
-            .count()
     }
 
     /// After a while without a link: what was asked for meanwhile is not made up for.
