@@ -699,7 +699,10 @@ mod tests {
         camera.set_light(0.3);
         let dim = look(&mut camera, true);
         assert!(bright(&dim) < bright(&lit) * 9 / 10);
-        assert_eq!(find(&look(&mut camera, true), RED).0 > 0, find(&dim, RED).0 > 0);
+        assert_eq!(
+            find(&look(&mut camera, true), RED).0 > 0,
+            find(&dim, RED).0 > 0
+        );
     }
 
     #[test]

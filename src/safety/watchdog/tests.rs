@@ -321,7 +321,9 @@ fn where_it_finds_no_station_it_drives_a_short_leg_and_searches_from_there() {
     assert!(count(&acts, &LEG) >= 10, "said 5 times a second");
     assert_eq!(sent(&rig.pass(MS, false)), [Command::STOP, FIND]);
     assert_eq!(tracks(&rig.pass(100 * SECOND, false)), [], "it searches");
-    rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    let acts = rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    let second = "drives a short leg, 2 of 12, and searches from there";
+    assert_eq!(reasons(&acts).last().unwrap(), second);
     let acts = rig.pass(2950 * MS, false);
     assert_eq!(tracks(&acts), [(-27, 27), (27, 27), (0, 0)]);
     assert_eq!(count(&acts, &FIND), 1);
