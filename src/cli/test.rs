@@ -84,7 +84,9 @@ pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
     };
     let stop = setting.stop.clone();
     let crew = Crew::new(args.jobs, setting);
-    let live = !args.json && !(console.has_status_line() && std::io::stdout().is_terminal());
+    // The status line is drawn on the same screen.
+    let shared = console.has_status_line() && std::io::stdout().is_terminal();
+    let live = !args.json && !shared;
     let mut report = Report::new(&pages, &jobs, pictures);
     let books: Vec<&Book> = pages
         .iter()
@@ -175,24 +177,17 @@ fn jobs<'a>(args: &TestArgs, pages: &'a [Page]) -> Vec<crew::Job<'a>> {
 
 fn list(pages: &[Page], jobs: &[crew::Job<'_>]) -> Result<Exit, Failure> {
     let mut text = String::new();
-    let mut index = 0;
-    for page in pages {
-        let file = page.file.display();
-        let Err(error) = &page.book else {
-            let mut names: Vec<&str> = Vec::new();
-            for job in jobs.iter().filter(|job| job.book == index) {
-                if !names.contains(&job.scenario.name.as_str()) {
-                    names.push(&job.scenario.name);
-                }
-            }
-            index += 1;
-            for name in names {
-                // Writing into a string does not fail.
-                let _ = writeln!(text, "{file}: {name}");
-            }
-            continue;
-        };
-        return Err(Failure::new(Exit::Check, error));
+    for (index, page) in pages.iter().enumerate() {
+        if let Err(error) = &page.book {
+            return Err(Failure::new(Exit::Check, error));
+        }
+        let own = jobs.iter().filter(|job| job.book == index);
+        let mut names: Vec<&str> = own.map(|job| job.scenario.name.as_str()).collect();
+        names.dedup();
+        for name in names {
+            // Writing into a string does not fail.
+            let _ = writeln!(text, "{}: {name}", page.file.display());
+        }
     }
     print(&text)?;
     Ok(Exit::Done)

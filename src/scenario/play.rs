@@ -219,7 +219,7 @@ impl Play<'_> {
                     Some(agent) => agent.stop.cancel(),
                     None => self.stage.has_stopped(),
                 },
-                Order::Kill => {
+                Order::Vanish => {
                     self.agent = None;
                     self.stage.has_stopped();
                 }
@@ -263,7 +263,7 @@ impl Play<'_> {
         let shown = self.book.file().display().to_string();
         let (place, text) = match split_place(&raised, &shown) {
             Some((line, text)) => (Some(Place { file: shown, line }), text.to_owned()),
-            None => (self.stage.last_place(), raised.clone()),
+            None => (self.stage.last_place(), in_words(&raised).to_owned()),
         };
         match self.stage.take_expected() {
             // Unless the error was another one that came later.
@@ -328,6 +328,14 @@ async fn until(deadline: Option<Instant>) {
     match deadline {
         Some(deadline) => sleep_until(deadline).await,
         None => pending().await,
+    }
+}
+
+/// What the VM says without a place.
+fn in_words(raised: &str) -> &str {
+    match raised {
+        "not enough memory" => EndReason::Memory.sentence(),
+        other => other,
     }
 }
 

@@ -18,7 +18,7 @@ use crate::sim::Handle;
 pub(super) enum Order {
     Run(Vec<Behaviour>),
     Stop,
-    Kill,
+    Vanish,
 }
 
 /// See the module.
@@ -134,7 +134,11 @@ impl Stage for PlayStage {
             "wait" => given.seconds(0).map(|_| Value::Null),
             "sim:run" => self.run(arguments),
             "sim:stop" => self.order(Order::Stop),
-            "sim:kill" => self.order(Order::Kill),
+            "sim:kill" => {
+                self.sim.cut();
+                Ok(Value::Null)
+            }
+            "vanish" => self.order(Order::Vanish),
             _ => self.call(call, given),
         }
     }

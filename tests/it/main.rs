@@ -23,6 +23,7 @@ mod repl;
 mod rig;
 mod run;
 mod safety;
+mod scenarios;
 mod secrets;
 mod sim;
 mod soak;
