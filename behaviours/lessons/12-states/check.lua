@@ -11,6 +11,8 @@ local function laughs(sim)
 end
 
 local function wake(sim, ball)
+	-- In a world where it is quiet.
+	sim:place({ x = 1.2, y = 1.25, heading = 0 })
 	sim:place_ball(1, ball)
 	local heading = sim:pose().heading
 	sim:run()
@@ -31,14 +33,14 @@ local function sleeps(sim, seconds, words)
 	expect(math.abs(sim:pose().heading - heading) < 0.1 and not sim:leds().flash, "It fell asleep and woke up again by itself: did its own laugh wake it?")
 end
 
-scenario("It finds the ball, laughs and sleeps", { world = "yard", points = 6, seeds = 2, limit = 120 }, function(sim)
-	wake(sim, { x = 0.5, y = 2.6 })
+scenario("It finds the ball, laughs and sleeps", { world = "playpen", points = 6, seeds = 2, limit = 120 }, function(sim)
+	wake(sim, { x = 0.5, y = 2.1 })
 	expect(sim:wait_until(function() return laughs(sim) > 0 end, 28), "It was awake and turned, but did not laugh when the ball was to be seen.")
 	sleeps(sim, 6, "It has laughed, but does not fall asleep: its flash is still on.")
 	expect(laughs(sim) == 1, `It laughed {laughs(sim)} times: once is enough.`)
 end)
 
-scenario("Without a ball it gives up", { world = "yard", points = 4, seeds = 2, limit = 120 }, function(sim)
+scenario("Without a ball it gives up", { world = "playpen", points = 4, seeds = 2, limit = 120 }, function(sim)
 	wake(sim, { x = 50, y = 50 })
 	sim:wait(15)
 	expect(sim:leds().flash, "It gave up too early: it should look for the ball for 30 seconds.")

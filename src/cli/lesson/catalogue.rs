@@ -45,7 +45,7 @@ static LESSONS: [Lesson; 12] = [
     lesson!(2, "02-sounds", "yard"),
     lesson!(3, "03-moving", "yard"),
     lesson!(4, "04-square", "yard"),
-    lesson!(5, "05-events", "hall"),
+    lesson!(5, "05-events", "yard"),
     lesson!(6, "06-seeing", "yard"),
     lesson!(7, "07-following", "yard"),
     lesson!(8, "08-line", "line_loop"),

@@ -64,11 +64,13 @@ impl Feedback<'_> {
         match (marks.is_full(), number < Lesson::all().len()) {
             (true, true) => format!(" Well done! Next: spykee lesson start {}\n", number + 1),
             (true, false) => " Well done! That was the last lesson.\n".to_owned(),
-            (false, _) if marks.cannot_run => "\n".to_owned(),
-            (false, _) => match self.hint {
-                None => format!(" A hint: spykee lesson check {file} --hint 1\n"),
-                Some(_) => "\n".to_owned(),
-            },
+            // Who has a mistake to mend, or reads a hint already, needs none.
+            (false, _)
+                if marks.cannot_run || marks.breakdown().is_some() || self.hint.is_some() =>
+            {
+                "\n".to_owned()
+            }
+            (false, _) => format!(" A hint: spykee lesson check {file} --hint 1\n"),
         }
     }
 

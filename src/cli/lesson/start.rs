@@ -47,7 +47,7 @@ pub(super) fn run(args: &StartArgs) -> Result<Exit, Failure> {
     let (number, title, world) = (lesson.number, lesson.title(), lesson.world);
     print(&format!(
         "Lesson {number}, {title}, is in {shown}: read README.md, go on from {file}.\n\n\
-         next:\n  cd {shown}\n  spykee run {file} --sim {world}\n  spykee lesson check {file}\n"
+         next:\n  cd {shown}\n  spykee run {file} --sim {world} --trace run.png\n  spykee lesson check {file}\n"
     ))?;
     Ok(Exit::Done)
 }
