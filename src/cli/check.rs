@@ -73,7 +73,8 @@ fn of_file(file: &Path, config: &Config, path: Option<&Path>) -> Result<Vec<Find
     Ok(of_source(&source, &options))
 }
 
-fn of_source(source: &[u8], options: &Options) -> Vec<Finding> {
+/// Of a script that would run with these options.
+pub(super) fn of_source(source: &[u8], options: &Options) -> Vec<Finding> {
     let surroundings = Surroundings::new(options, Some(Path::new(&options.chunk)));
     check(source, &options.chunk, &surroundings)
 }
@@ -101,7 +102,8 @@ pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<
     }
 }
 
-fn has_errors(findings: &[Finding]) -> bool {
+/// Whether it is refused before a run.
+pub(super) fn has_errors(findings: &[Finding]) -> bool {
     findings
         .iter()
         .any(|finding| finding.severity == Severity::Error)

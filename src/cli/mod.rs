@@ -19,6 +19,7 @@ mod failure;
 mod fast;
 mod interrupt;
 mod learn;
+mod lesson;
 mod logging;
 mod new;
 mod params;
@@ -92,6 +93,7 @@ enum Command {
     Config(config::ConfigArgs),
     Check(check::CheckArgs),
     Test(test::TestArgs),
+    Lesson(lesson::LessonArgs),
     Api(api::ApiArgs),
     Discover(discover::DiscoverArgs),
     Sim(sim::SimArgs),
@@ -123,6 +125,7 @@ impl Command {
             Command::Config(args) => config::run(&args),
             Command::Check(args) => check::run(&args),
             Command::Test(args) => test::run(&args, console),
+            Command::Lesson(args) => lesson::run(&args, console),
             Command::Api(args) => api::run(&args),
             Command::Discover(args) => discover::run(&args, console),
             Command::Sim(args) => sim::run(&args, console),
