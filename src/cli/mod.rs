@@ -6,6 +6,7 @@ mod api;
 mod blobs;
 mod calibrate;
 mod check;
+mod checker;
 mod colours;
 mod completions;
 mod config;
@@ -119,7 +120,7 @@ impl Command {
             Command::New(args) => new::run(&args),
             Command::Repl(args) => repl::run(&args, console),
             Command::Config(args) => config::run(&args),
-            Command::Check(args) => check::run(&args),
+            Command::Check(args) => check::run(&args, console),
             Command::Api(args) => api::run(&args),
             Command::Discover(args) => discover::run(&args, console),
             Command::Sim(args) => sim::run(&args, console),
