@@ -7,9 +7,10 @@ mod talk;
 use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
-use tokio::task::{JoinHandle, JoinSet};
+use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
+use tokio_util::task::AbortOnDropHandle;
 use tracing::{error, info, warn};
 
 use self::keeper::{Keeper, Surroundings};
@@ -134,7 +135,7 @@ impl Agent {
         let ending = pilot::Ending::default();
         let flight = pilot.run(plan.dial, plan.settings, received, ending.clone());
         let mut run = Run {
-            flight: tokio::spawn(flight),
+            flight: AbortOnDropHandle::new(tokio::spawn(flight)),
             scripts: JoinSet::new(),
             endings: Vec::new(),
             ended,
@@ -178,7 +179,7 @@ fn refused(name: &str, ending: Ending) -> Outcome {
     }
 }
 
-type Flight = JoinHandle<Result<(), LinkError>>;
+type Flight = AbortOnDropHandle<Result<(), LinkError>>;
 
 /// A run under way.
 struct Run {

@@ -18,7 +18,8 @@
 //! | 4 | `agent` | wiring and lifetimes |
 //! | 4 | `config` | the YAML file, composed of each module's own options |
 //! | 5 | `lab` | a whole run in virtual time: agent, hosts and simulator on one thread |
-//! | 6 | `cli` | one file per subcommand |
+//! | 6 | `scenario` | worlds, behaviours and what must become true: plays `*_test.lua` files |
+//! | 7 | `cli` | one file per subcommand |
 //! | side | `sim` | the simulated robot and its world; imports `wire` only |
 //!
 //! `tests/it/floors.rs` holds every `use crate::` line against this table.
@@ -33,6 +34,7 @@ pub mod link;
 pub mod pilot;
 pub mod robot;
 pub mod safety;
+pub mod scenario;
 pub mod script;
 pub mod sim;
 pub mod vision;

@@ -6,6 +6,7 @@ use std::pin::pin;
 use tokio::sync::{mpsc, watch};
 use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
+use tokio_util::task::AbortOnDropHandle;
 use tracing::warn;
 
 use super::{Flight, LINK_END, SCRIPTS_END, broken_flight};
@@ -77,7 +78,7 @@ impl Talk {
         let mut session = Session {
             launch: self.launch,
             launcher: self.launcher,
-            flight: tokio::spawn(flight),
+            flight: AbortOnDropHandle::new(tokio::spawn(flight)),
             requests,
             frames,
             ending,

@@ -32,6 +32,7 @@ mod sim;
 mod source;
 mod status;
 mod table;
+mod test;
 mod trace;
 mod world;
 
@@ -91,6 +92,7 @@ enum Command {
     Repl(repl::ReplArgs),
     Config(config::ConfigArgs),
     Check(check::CheckArgs),
+    Test(test::TestArgs),
     Api(api::ApiArgs),
     Discover(discover::DiscoverArgs),
     Sim(sim::SimArgs),
@@ -121,6 +123,7 @@ impl Command {
             Command::Repl(args) => repl::run(&args, console),
             Command::Config(args) => config::run(&args),
             Command::Check(args) => check::run(&args, console),
+            Command::Test(args) => test::run(&args, console),
             Command::Api(args) => api::run(&args),
             Command::Discover(args) => discover::run(&args, console),
             Command::Sim(args) => sim::run(&args, console),

@@ -17,8 +17,8 @@ use crate::wire::Login;
 /// Bytes that may wait between robot and agent, each way.
 const LINK_LEN: usize = 64 * 1024;
 
-/// An agent at work. Dropping it ends it without a word: its hosts are gone, its robot is told to
-/// stop by the link's own end.
+/// An agent at work. Dropping it ends it at once: its hosts are gone, and the last word of its link
+/// is a stop.
 pub struct Running {
     stop: CancellationToken,
     status: watch::Receiver<Status>,
@@ -57,6 +57,11 @@ impl Running {
     /// Asks it to end: scripts say their last words, the link is closed.
     pub fn stop(&self) {
         self.stop.cancel();
+    }
+
+    /// Does the same when it is cancelled.
+    pub fn stopper(&self) -> CancellationToken {
+        self.stop.clone()
     }
 
     /// The newest status of robot and watchdog, as on the status line.

@@ -69,9 +69,11 @@ pub struct Ending {
 
 /// A line of a script.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Place {
-    pub(super) file: String,
-    pub(super) line: u32,
+pub struct Place {
+    /// As messages show it.
+    pub file: String,
+    /// From 1.
+    pub line: u32,
 }
 
 impl fmt::Display for Place {

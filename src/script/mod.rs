@@ -36,6 +36,7 @@ mod scheduler;
 mod sighting;
 mod slice;
 mod sound;
+mod stage;
 mod state;
 pub mod stdlib;
 mod store;
@@ -61,7 +62,7 @@ use task::{Answer, Kind};
 pub use api::definition;
 pub(crate) use api::write_privately;
 pub use eval::Evaluated;
-pub use failure::{Ending, Failure};
+pub use failure::{Ending, Failure, Place};
 pub use modules::{ModuleFile, ModuleName};
 pub use nearest::suggestion;
 pub use options::{Calibration, Limits, Options};
@@ -69,6 +70,7 @@ pub use output::{Level, LogLine, Output};
 pub use params::{GivenParam, ParamOrigin, ParamValue};
 pub use sandbox::MAX_SOURCE;
 pub use sighting::{Seen, Sighting};
+pub use stage::Stage;
 pub use state::Usage;
 
 /// A script with its VM. Stays on the thread that made it.
@@ -91,9 +93,18 @@ impl Script {
     /// A source over 256 KiB, not UTF-8, with control characters (so also compiled code), or that
     /// does not compile; the message has file and line.
     pub fn load(source: &[u8], options: Options, now: Instant) -> Result<Script, Failure> {
+        Script::load_with(source, options, api::Surroundings::Robot, now)
+    }
+
+    fn load_with(
+        source: &[u8],
+        options: Options,
+        surroundings: api::Surroundings,
+        now: Instant,
+    ) -> Result<Script, Failure> {
         let chunk = options.chunk.clone();
         let text = sandbox::check_source(source, &chunk)?;
-        Script::start(text, options, now).map_err(|error| match &error {
+        Script::start(text, options, surroundings, now).map_err(|error| match &error {
             mlua::Error::SyntaxError { message, .. } => {
                 Failure::Syntax(failure::printable(message, 1000))
             }
@@ -107,14 +118,19 @@ impl Script {
         })
     }
 
-    fn start(source: &str, options: Options, now: Instant) -> LuaResult<Script> {
+    fn start(
+        source: &str,
+        options: Options,
+        surroundings: api::Surroundings,
+        now: Instant,
+    ) -> LuaResult<Script> {
         let lua = sandbox::open()?;
         let (chunk, seed) = (options.chunk.clone(), options.seed);
         let text = source.to_owned();
         let state = Rc::new(RefCell::new(State::new(options, now)));
         state.borrow_mut().source = text;
         sandbox::seed(&lua, seed)?;
-        api::install(&lua, &state)?;
+        api::install(&lua, &state, surroundings)?;
         let main = lua.create_thread(sandbox::compile(&lua, source, &chunk)?)?;
         let start = Answer::Start(LuaMultiValue::new());
         state

@@ -19,6 +19,7 @@ use super::output::{Level, LogLine, Outbox};
 use super::queue::Tasks;
 use super::sighting::{Seen, Sighting, Witness};
 use super::sound::Loudness;
+use super::stage::Stage;
 use super::store::Store;
 use super::task::{Answer, GroupId, Kind, SubscriptionId, Wait};
 use crate::robot::{Battery, Event, Frame, Intent, RobotInfo};
@@ -93,6 +94,8 @@ pub(super) struct State {
     pub(super) album: Album,
     pub(super) store: Store,
     pub(super) modules: Modules,
+    /// Whom a script asks that drives no robot.
+    pub(super) stage: Option<Rc<dyn Stage>>,
     /// Names of `params.declare`, once it was called.
     pub(super) declared: Option<Vec<String>>,
     /// What is wrong with the values that were given to it.
@@ -141,6 +144,7 @@ impl State {
             album,
             store: Store::default(),
             modules,
+            stage: None,
             declared: None,
             refused: None,
             witness,

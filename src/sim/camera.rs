@@ -76,6 +76,11 @@ pub(super) struct Shot {
 }
 
 impl Camera {
+    /// Makes all light so many times as bright as the world says.
+    pub(super) fn set_light(&mut self, gain: f32) {
+        self.lighting.set_gain(gain);
+    }
+
     /// The camera of a robot in a world; `seed` gives the grain of its pictures.
     pub(super) fn new(world: &World, seed: u64) -> Camera {
         let room = &world.room;

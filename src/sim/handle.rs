@@ -1,6 +1,7 @@
 //! The handle by which tests and the command line look at a running simulator and trouble it.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
 
@@ -166,6 +167,18 @@ impl Handle {
     /// Sets the battery's level, percent; the change is reported at once.
     pub fn set_battery(&self, percent: f64) {
         self.order(Order::Battery(percent));
+    }
+
+    /// Makes all light so many times as bright as the world says, 0..=100.
+    pub fn set_light(&self, gain: f64) {
+        self.order(Order::Alter(Box::new(move |robot| robot.set_light(gain))));
+    }
+
+    /// A tone of this level, dBFS, at the microphone for so long.
+    pub fn disturb(&self, dbfs: f64, time: Duration) {
+        self.order(Order::Alter(Box::new(move |robot| {
+            robot.disturb(dbfs, time);
+        })));
     }
 
     /// With a broken charger the robot docks and does not charge.

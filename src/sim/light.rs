@@ -27,6 +27,8 @@ pub(super) struct Lighting {
     rows: usize,
     cell: f32,
     map: Vec<Light>,
+    /// On top of the world's own light.
+    gain: f32,
 }
 
 impl Lighting {
@@ -55,6 +57,7 @@ impl Lighting {
             rows,
             cell: cell as f32,
             map: Vec::new(),
+            gain: 1.0,
         };
         lighting.draw();
         lighting.pass_to(0.0);
@@ -75,6 +78,12 @@ impl Lighting {
         }
     }
 
+    /// Makes all of it so many times as bright as in the world itself.
+    pub(super) fn set_gain(&mut self, gain: f32) {
+        self.gain = gain;
+        self.draw();
+    }
+
     fn draw(&mut self) {
         let lit = self.lamps.iter().zip(&self.shares).zip(&self.lit);
         let lit: Vec<(Light, &Vec<f32>)> = lit
@@ -88,9 +97,10 @@ impl Lighting {
             })
             .collect();
         let light = |index: usize| {
-            lit.iter().fold([self.day; 3], |sum, (colour, shares)| {
+            let light = lit.iter().fold([self.day; 3], |sum, (colour, shares)| {
                 std::array::from_fn(|i| sum[i] + colour[i] * shares[index])
-            })
+            });
+            light.map(|channel| channel * self.gain)
         };
         self.map = (0..self.columns * self.rows).map(light).collect();
     }
@@ -98,7 +108,7 @@ impl Lighting {
     /// The light at a place.
     pub(super) fn at(&self, x: f32, y: f32) -> Light {
         if self.lamps.is_empty() {
-            return [self.day; 3];
+            return [self.day * self.gain; 3];
         }
         let x = (x / self.cell).clamp(0.0, (self.columns - 2) as f32);
         let y = (y / self.cell).clamp(0.0, (self.rows - 2) as f32);

@@ -25,6 +25,8 @@ const SPEAKER_LOUDNESS: f64 = 12_000.0;
 const SOURCE_LOUDNESS: f64 = 20_000.0;
 /// Nearer than this, metres, a source is no louder.
 const NEAREST: f64 = 0.3;
+/// Of a disturbance.
+const BURST_HERTZ: f64 = 700.0;
 /// What gets through walls.
 const THROUGH_WALLS: f64 = 0.25;
 
@@ -36,6 +38,15 @@ pub(super) struct Microphone {
     owed: f64,
     phase: f64,
     sources: Vec<Source>,
+    burst: Option<Burst>,
+}
+
+/// A loud sound close by, for a while.
+#[derive(Debug)]
+struct Burst {
+    amplitude: f64,
+    until: Duration,
+    phase: f64,
 }
 
 /// One source of sound, as it is heard now.
@@ -61,11 +72,25 @@ impl Microphone {
             owed: 0.0,
             phase: 0.0,
             sources: sources.iter().map(source).collect(),
+            burst: None,
         }
+    }
+
+    /// Until that time a tone is heard, whatever else sounds; its level is in dBFS (0 is full
+    /// scale).
+    pub(super) fn disturb(&mut self, dbfs: f64, until: Duration) {
+        self.burst = Some(Burst {
+            amplitude: f64::from(i16::MAX) * 10_f64.powf(dbfs / 20.0) * std::f64::consts::SQRT_2,
+            until,
+            phase: 0.0,
+        });
     }
 
     /// Where it is now, and what sounds at this time.
     pub(super) fn turn_to(&mut self, time: Duration, here: Point, obstacles: &Obstacles) {
+        if self.burst.as_ref().is_some_and(|burst| time >= burst.until) {
+            self.burst = None;
+        }
         for source in &mut self.sources {
             let (noise, at) = (&source.noise, source.noise.at.point());
             let wall = if obstacles.walled_off(at, here) {
@@ -114,8 +139,16 @@ impl Microphone {
             0.0
         };
         let own = speaker.sample(seconds) * SPEAKER_LOUDNESS;
-        let others = self.others(seconds);
+        let others = self.others(seconds) + self.burst(seconds);
         (noise + hum + own + others) as i16
+    }
+
+    fn burst(&mut self, seconds: f64) -> f64 {
+        let Some(burst) = &mut self.burst else {
+            return 0.0;
+        };
+        burst.phase = (burst.phase + TAU * BURST_HERTZ * seconds) % TAU;
+        burst.amplitude * burst.phase.sin()
     }
 
     fn others(&mut self, seconds: f64) -> f64 {

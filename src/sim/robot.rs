@@ -284,6 +284,20 @@ impl Robot {
         self.tell_power();
     }
 
+    /// Makes all light so many times as bright as the world says.
+    pub fn set_light(&mut self, gain: f64) {
+        if (0.0..=100.0).contains(&gain) {
+            self.camera.set_light(gain as f32);
+        }
+    }
+
+    /// A tone of this level, dBFS, sounds at the microphone for so long.
+    pub fn disturb(&mut self, dbfs: f64, time: Duration) {
+        if dbfs.is_finite() {
+            self.microphone.disturb(dbfs.min(0.0), self.time + time);
+        }
+    }
+
     /// With the beacon dark the station cannot be found.
     pub fn set_beacon(&mut self, on: bool) {
         self.beacon = on;

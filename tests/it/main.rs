@@ -22,6 +22,7 @@ mod repl;
 mod rig;
 mod run;
 mod safety;
+mod scenarios;
 mod secrets;
 mod sim;
 mod soak;

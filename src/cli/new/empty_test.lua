@@ -1,7 +1,8 @@
--- What must become true, as scenarios. This version of spykee has no command yet that runs them.
--- Each is meant for a simulated world, much faster than real time, once for each seed.
+-- What must become true of {{NAME}}.lua. Try it:  spykee test
+-- Each scenario is played in virtual time, with every seed from 1 to `seeds`.
 
-scenario("hits nothing", { battery = 80, seeds = 3, limit = 60 }, function(sim)
+scenario("ends by itself and hits nothing", { seeds = 3, limit = 60 }, function(sim)
 	sim:run("{{NAME}}.lua")
-	expect(sim:collisions() == 0)
+	expect(sim:wait_until(function() return sim:ended() end, 30), "it did not end")
+	expect(sim:collisions() == 0, "it ran into something")
 end)

@@ -1,12 +1,14 @@
--- What must become true, as scenarios. This version of spykee has no command yet that runs them.
--- Each is meant for a simulated world, much faster than real time, once for each seed.
+-- What must become true of {{NAME}}.lua. Try it:  spykee test
+-- Each scenario is played in virtual time, with every seed from 1 to `seeds`.
 
-scenario("begins to look around", { battery = 80, seeds = 3, limit = 60 }, function(sim)
-	local start = sim:pose()
+scenario("comes to a red ball", { world = "playpen", battery = 80, seeds = 3, limit = 60 }, function(sim)
+	sim:place({ x = 0.6, y = 1, heading = 0 })
+	sim:place_ball(1, { x = 1.7, y = 1.2 })
 	sim:run("{{NAME}}.lua")
-	sim:wait_until(function()
-		local pose = sim:pose()
-		return pose.x ~= start.x or pose.y ~= start.y or pose.heading ~= start.heading
-	end, 30)
-	expect(sim:collisions() == 0)
+
+	local function distance()
+		local robot, ball = sim:pose(), sim:ball(1)
+		return math.sqrt((robot.x - ball.x) ^ 2 + (robot.y - ball.y) ^ 2)
+	end
+	expect(sim:wait_until(function() return distance() < 0.8 end, 30), "it did not come to the ball")
 end)

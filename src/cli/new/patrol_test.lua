@@ -1,12 +1,14 @@
--- What must become true, as scenarios. This version of spykee has no command yet that runs them.
--- Each is meant for a simulated world, much faster than real time, once for each seed.
+-- What must become true of {{NAME}}.lua. Try it:  spykee test
+-- Each scenario is played in virtual time, with every seed from 1 to `seeds`.
 
-scenario("leaves its place and hits nothing", { battery = 80, seeds = 3, limit = 60 }, function(sim)
-	local start = sim:pose()
+scenario("drives its square and hits nothing", { battery = 80, seeds = 3, limit = 60 }, function(sim)
 	sim:run("{{NAME}}.lua")
-	sim:wait_until(function()
-		local pose = sim:pose()
-		return math.abs(pose.x - start.x) + math.abs(pose.y - start.y) > 0.3
-	end, 30)
-	expect(sim:collisions() == 0)
+	sim:wait(30)
+	expect(sim:distance() > 1.5, `it drove {math.round(sim:distance() * 100)} cm only`)
+	expect(sim:collisions() == 0, "it ran into something")
+end)
+
+scenario("is taken home when the battery runs low", { battery = 21, limit = 300 }, function(sim)
+	sim:run("{{NAME}}.lua")
+	expect(sim:wait_until(function() return sim:charging() end, 200), "it did not come home")
 end)

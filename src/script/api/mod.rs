@@ -19,6 +19,7 @@ mod motion;
 mod params;
 mod robot;
 mod script;
+mod stage;
 mod store;
 mod tasks;
 mod vision;
@@ -33,6 +34,7 @@ use super::arguments::{Args, Refusal, describe};
 use super::budget;
 use super::failure::Place;
 use super::sandbox::{self, Prelude};
+use super::stage::Stage;
 use super::state::State;
 use super::task::{Cancel, SHORTEST_WAIT, Wait};
 
@@ -174,8 +176,16 @@ impl Call<'_> {
     }
 }
 
+/// What a script is surrounded by.
+pub(super) enum Surroundings {
+    /// A robot to drive.
+    Robot,
+    /// Someone to ask who tries behaviours.
+    Stage(Rc<dyn Stage>),
+}
+
 /// Builds the API of one VM and closes it.
-pub(super) fn install(lua: &Lua, shared: &Shared) -> LuaResult<()> {
+pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: Surroundings) -> LuaResult<()> {
     let prelude = Prelude::run(lua, place_function(lua)?)?;
     let builder = Builder {
         lua,
@@ -183,17 +193,25 @@ pub(super) fn install(lua: &Lua, shared: &Shared) -> LuaResult<()> {
         prelude: &prelude,
     };
     builder.prepare()?;
-    let tables = [
+    let mut tables = vec![
         script::namespace(&builder)?,
         log::namespace(&builder)?,
-        robot::namespace(&builder)?,
         tasks::namespace(&builder)?,
-        vision::namespace(&builder)?,
-        params::namespace(&builder)?,
-        store::namespace(&builder)?,
     ];
+    if let Surroundings::Robot = surroundings {
+        tables.extend([
+            robot::namespace(&builder)?,
+            vision::namespace(&builder)?,
+            params::namespace(&builder)?,
+            store::namespace(&builder)?,
+        ]);
+    }
     for (name, table) in tables {
         builder.close(name, table)?;
+    }
+    if let Surroundings::Stage(asked) = surroundings {
+        shared.borrow_mut().stage = Some(asked);
+        stage::install(&builder)?;
     }
     modules::install(&builder)?;
     let memory = shared.borrow().options.limits.memory_bytes;

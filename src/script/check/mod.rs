@@ -54,7 +54,10 @@ pub struct Surroundings {
 impl Surroundings {
     /// Of a script with these options, which is in this file.
     pub fn new(options: &Options, file: Option<&Path>) -> Surroundings {
-        let script = Script::load(b"", options.clone(), Instant::now());
+        let script = match file.is_some_and(is_scenario) {
+            true => Script::on_empty_stage(options.clone(), Instant::now()),
+            false => Script::load(b"", options.clone(), Instant::now()),
+        };
         Surroundings {
             paths: script
                 .map(|script| script.known_names())
@@ -100,6 +103,13 @@ impl Surroundings {
             .any(|ending| folder.join(format!("{path}.{ending}")).is_file());
         (!found).then(|| format!("there is no module '{path}': no file {path}.lua beside this one"))
     }
+}
+
+/// Whether a file's script tries behaviours rather than being one: `*_test.lua`, and the `check.lua`
+/// of a lesson.
+fn is_scenario(file: &Path) -> bool {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    name.ends_with("_test.lua") || name == "check.lua"
 }
 
 /// All that is wrong with a script, as far as can be told without running it.

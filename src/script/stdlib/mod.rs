@@ -1,6 +1,8 @@
 //! The modules that come with the runtime, written in Lua: `@spykee/...`. Each opens with a comment
 //! that says what it is for and how it is used.
 
+use mlua::prelude::{FromLuaMulti, IntoLuaMulti, Lua, LuaFunction, LuaResult};
+
 /// Name and source of each.
 pub fn modules() -> &'static [(&'static str, &'static str)] {
     &[
@@ -9,4 +11,11 @@ pub fn modules() -> &'static [(&'static str, &'static str)] {
         ("@spykee/fsm", include_str!("fsm.luau")),
         ("@spykee/pid", include_str!("pid.luau")),
     ]
+}
+
+/// Runs the module behind `scenario`, `expect` and `sim`.
+pub(super) fn scenario<T: FromLuaMulti>(lua: &Lua, with: impl IntoLuaMulti) -> LuaResult<T> {
+    let made: LuaFunction =
+        super::sandbox::compile(lua, include_str!("scenario.luau"), "@spykee/scenario")?;
+    made.call(with)
 }

@@ -11,6 +11,7 @@ mod motion;
 mod params;
 mod properties;
 mod sounds_and_lights;
+mod stage;
 mod stdlib;
 mod store;
 mod tasks;

@@ -1,0 +1,194 @@
+//! `spykee test`: plays the scenarios of `*_test.lua` files, many at a time.
+
+pub(super) mod crew;
+mod files;
+mod junit;
+mod report;
+
+use std::fmt::Write as _;
+use std::io::IsTerminal as _;
+use std::path::{Path, PathBuf};
+
+use super::{Console, Exit, Failure, print};
+use crate::config::{Config, Effective};
+use crate::scenario::{Book, BookError, Scenario, Setting};
+use crew::{Crew, Done};
+use report::Report;
+
+/// Play scenarios: *_test.lua files that say what must become true of behaviours
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct TestArgs {
+    /// Scenario files, or folders that are searched for *_test.lua
+    #[arg(value_name = "PATH", default_value = ".")]
+    paths: Vec<PathBuf>,
+
+    /// Play only scenarios whose name, or FILE: NAME, contains this text
+    #[arg(long, value_name = "TEXT")]
+    filter: Option<String>,
+
+    /// Play each scenario with the seeds from 1 to this, whatever it says itself
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    seeds: Option<u64>,
+
+    /// Play each scenario with this seed only, such as the one that failed
+    #[arg(long, value_name = "NUMBER", conflicts_with = "seeds")]
+    seed: Option<u64>,
+
+    /// Play so many at a time [default: one for each processor]
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
+    jobs: Option<u16>,
+
+    /// List the scenarios and play none
+    #[arg(long)]
+    list: bool,
+
+    /// Print the results as JSON
+    #[arg(long)]
+    json: bool,
+
+    /// Write the results to this file too, in the form of JUnit
+    #[arg(long, value_name = "FILE.xml")]
+    junit: Option<PathBuf>,
+
+    /// Keep a picture of each failed run in this folder [default: scenarios/ in the data folder]
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+
+    /// Read the settings from this YAML file
+    #[arg(long, value_name = "FILE")]
+    pub(super) config: Option<PathBuf>,
+}
+
+/// A file whose scenarios were asked for.
+struct Page {
+    file: PathBuf,
+    book: Result<Book, BookError>,
+}
+
+pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
+    let Effective { config, .. } =
+        Effective::load(args.config.as_deref()).map_err(Failure::usage)?;
+    let pages = pages(&args.paths)?;
+    let jobs = jobs(args, &pages);
+    if args.list {
+        return list(&pages, &jobs);
+    }
+    if jobs.is_empty() && pages.iter().all(|page| page.book.is_ok()) {
+        let failure = Failure::usage("no scenario has such a name");
+        return Err(failure.help("spykee test --list shows them all"));
+    }
+    let pictures = pictures(args, &config);
+    let setting = Setting {
+        config,
+        ..Setting::default()
+    };
+    let stop = setting.stop.clone();
+    let crew = Crew::new(args.jobs, setting);
+    // The status line is drawn on the same screen.
+    let shared = console.has_status_line() && std::io::stdout().is_terminal();
+    let live = !args.json && !shared;
+    let mut report = Report::new(&pages, &jobs, pictures);
+    let books: Vec<&Book> = pages
+        .iter()
+        .filter_map(|page| page.book.as_ref().ok())
+        .collect();
+    let mut trouble = Ok(());
+    crew.play(&books, &jobs, |done: Done| {
+        let file = books[done.job.book].file().display().to_string();
+        report.take(done);
+        console.status(format!("{} · {file}", report.progress()));
+        if live && trouble.is_ok() {
+            trouble = print(&report.whole_pages());
+        }
+    })?;
+    trouble?;
+    if let Some(path) = &args.junit {
+        let written = std::fs::write(path, junit::document(&report)?);
+        written.map_err(|error| {
+            Failure::usage(format_args!("cannot write {}: {error}", path.display()))
+        })?;
+    }
+    console.status("");
+    match args.json {
+        true => print(&format!("{:#}\n", report.json()))?,
+        false => print(&format!("{}{}", report.whole_pages(), report.summary()))?,
+    }
+    Ok(match (stop.is_cancelled(), report.has_failed()) {
+        (true, _) => Exit::Interrupted,
+        (false, true) => Exit::Check,
+        (false, false) => Exit::Done,
+    })
+}
+
+fn pictures(args: &TestArgs, config: &Config) -> PathBuf {
+    let own = || config.data_folder().join("scenarios");
+    args.pictures.clone().unwrap_or_else(own)
+}
+
+fn pages(paths: &[PathBuf]) -> Result<Vec<Page>, Failure> {
+    let mut files = Vec::new();
+    for path in paths {
+        files::collect(path, &mut files)?;
+    }
+    files.dedup();
+    if files.is_empty() {
+        let places: Vec<_> = paths
+            .iter()
+            .map(|path| path.display().to_string())
+            .collect();
+        let failure = Failure::usage(format_args!("no *_test.lua file in {}", places.join(", ")));
+        return Err(failure.help("spykee new NAME makes a behaviour with a scenario to begin with"));
+    }
+    let page = |file: PathBuf| {
+        let book = Book::read(&file);
+        match book {
+            Err(error @ BookError::Read { .. }) => Err(Failure::usage(error)),
+            book => Ok(Page { file, book }),
+        }
+    };
+    files.into_iter().map(page).collect()
+}
+
+/// What is to be played, in the order of the files.
+fn jobs<'a>(args: &TestArgs, pages: &'a [Page]) -> Vec<crew::Job<'a>> {
+    let wanted = |file: &Path, scenario: &Scenario| {
+        let text = args.filter.as_deref().unwrap_or_default();
+        format!("{}: {}", file.display(), scenario.name).contains(text)
+    };
+    let mut jobs = Vec::new();
+    let books = pages.iter().filter_map(|page| page.book.as_ref().ok());
+    for (index, book) in books.enumerate() {
+        let scenarios = book.scenarios().iter();
+        for scenario in scenarios.filter(|one| wanted(book.file(), one)) {
+            let seeds = match (args.seed, args.seeds) {
+                (Some(seed), _) => seed..=seed,
+                (None, Some(count)) => 1..=count,
+                (None, None) => scenario.seeds(),
+            };
+            jobs.extend(seeds.map(|seed| crew::Job {
+                book: index,
+                scenario,
+                seed,
+            }));
+        }
+    }
+    jobs
+}
+
+fn list(pages: &[Page], jobs: &[crew::Job<'_>]) -> Result<Exit, Failure> {
+    let mut text = String::new();
+    for (index, page) in pages.iter().enumerate() {
+        if let Err(error) = &page.book {
+            return Err(Failure::new(Exit::Check, error));
+        }
+        let own = jobs.iter().filter(|job| job.book == index);
+        let mut names: Vec<&str> = own.map(|job| job.scenario.name.as_str()).collect();
+        names.dedup();
+        for name in names {
+            // Writing into a string does not fail.
+            let _ = writeln!(text, "{}: {name}", page.file.display());
+        }
+    }
+    print(&text)?;
+    Ok(Exit::Done)
+}

@@ -1,0 +1,125 @@
+//! Plays many scenarios at a time, each on a thread of its own, until all are done or a person
+//! interrupts.
+
+use std::num::NonZeroUsize;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use tokio::sync::mpsc;
+
+use super::super::interrupt::interruption;
+use super::super::{Exit, Failure};
+use crate::scenario::{Book, Played, Scenario, Setting};
+
+/// One scenario with one seed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in super::super) struct Job<'a> {
+    /// Its place among the books.
+    pub(in super::super) book: usize,
+    pub(in super::super) scenario: &'a Scenario,
+    pub(in super::super) seed: u64,
+}
+
+/// A job and how it went.
+pub(in super::super) struct Done<'a> {
+    pub(in super::super) job: Job<'a>,
+    pub(in super::super) played: Played,
+    /// Real time.
+    pub(in super::super) took: Duration,
+}
+
+/// So many threads, and what they have in common.
+pub(in super::super) struct Crew {
+    threads: usize,
+    setting: Setting,
+}
+
+impl Crew {
+    /// As many threads as there are processors unless told otherwise.
+    pub(in super::super) fn new(threads: Option<u16>, setting: Setting) -> Crew {
+        let processors = || thread::available_parallelism().map_or(1, NonZeroUsize::get);
+        Crew {
+            threads: threads.map_or_else(processors, usize::from),
+            setting,
+        }
+    }
+
+    /// Plays all jobs and hands over each as it is done; none is begun after an interruption.
+    ///
+    /// # Errors
+    /// What the system does not give: threads, signals, folders.
+    pub(in super::super) fn play<'a>(
+        &self,
+        books: &[&Book],
+        jobs: &[Job<'a>],
+        mut take: impl FnMut(Done<'a>),
+    ) -> Result<(), Failure> {
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
+        let next = AtomicUsize::new(0);
+        let (done, mut finished) = mpsc::channel(16);
+        thread::scope(|scope| {
+            for _ in 0..self.threads.min(jobs.len()) {
+                let (done, next) = (done.clone(), &next);
+                thread::Builder::new()
+                    .name("scenarios".into())
+                    .spawn_scoped(scope, move || self.work(books, jobs, next, &done))
+                    .map_err(no_lab)?;
+            }
+            drop(done);
+            runtime.block_on(async {
+                let interrupted = interruption()?;
+                tokio::pin!(interrupted);
+                let stop = &self.setting.stop;
+                loop {
+                    tokio::select! {
+                        result = finished.recv() => match result {
+                            None => return Ok(()),
+                            Some(Err(error)) => {
+                                stop.cancel();
+                                return Err(no_lab(error));
+                            }
+                            Some(Ok(result)) if !stop.is_cancelled() => take(result),
+                            Some(Ok(_)) => {}
+                        },
+                        () = &mut interrupted, if !stop.is_cancelled() => stop.cancel(),
+                    }
+                }
+            })
+        })
+    }
+
+    fn work<'a>(
+        &self,
+        books: &[&Book],
+        jobs: &[Job<'a>],
+        next: &AtomicUsize,
+        done: &mpsc::Sender<std::io::Result<Done<'a>>>,
+    ) {
+        while let Some(job) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
+            if self.setting.stop.is_cancelled() {
+                return;
+            }
+            let began = Instant::now();
+            let played = books[job.book].play(job.scenario, job.seed, &self.setting);
+            let result = played.map(|played| Done {
+                job: *job,
+                played,
+                took: began.elapsed(),
+            });
+            if done.blocking_send(result).is_err() {
+                return;
+            }
+        }
+    }
+}
+
+fn no_lab(error: std::io::Error) -> Failure {
+    Failure::new(
+        Exit::Usage,
+        format_args!("cannot play the scenario: {error}"),
+    )
+}

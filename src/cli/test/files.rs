@@ -1,0 +1,47 @@
+//! Where scenarios are: the files that were named, and all `*_test.lua` in folders.
+
+use std::path::{Path, PathBuf};
+
+use super::super::Failure;
+
+/// Folders are not followed deeper.
+const MAX_DEPTH: u32 = 16;
+
+/// A file as it is; of a folder all scenario files, in the order of their names. What is hidden and
+/// what was built is left out.
+///
+/// # Errors
+/// A path that does not exist or cannot be read.
+pub(super) fn collect(path: &Path, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
+    let cannot = |error| Failure::usage(format_args!("cannot read {}: {error}", path.display()));
+    match std::fs::metadata(path).map_err(cannot)?.is_dir() {
+        true => search(path, 0, files),
+        false => {
+            files.push(path.to_owned());
+            Ok(())
+        }
+    }
+}
+
+fn search(folder: &Path, depth: u32, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
+    let cannot = |error| Failure::usage(format_args!("cannot read {}: {error}", folder.display()));
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(cannot)? {
+        paths.push(entry.map_err(cannot)?.path());
+    }
+    paths.sort();
+    for path in paths {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if path.is_dir() {
+            let skipped = name.starts_with('.') || name == "target" || path.is_symlink();
+            if !skipped && depth < MAX_DEPTH {
+                search(&path, depth + 1, files)?;
+            }
+        } else if name.ends_with("_test.lua") {
+            // As people would name it.
+            let shown = path.strip_prefix("./").map(Path::to_owned);
+            files.push(shown.unwrap_or(path));
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,379 @@
+//! What came out, in words, in JSON and as pictures.
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::fs::DirBuilder;
+use std::os::unix::fs::DirBuilderExt as _;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use serde_json::{Value, json};
+
+use super::Page;
+use super::crew::{Done, Job};
+use crate::cli::fast::clock;
+use crate::scenario::Failure;
+
+/// All runs of a file.
+struct Sheet {
+    file: String,
+    /// Its scenarios cannot be played at all.
+    broken: Option<String>,
+    runs: Vec<Run>,
+    told: bool,
+}
+
+/// One scenario with one seed.
+pub(super) struct Run {
+    pub(super) scenario: String,
+    line: u32,
+    pub(super) seed: u64,
+    points: u32,
+    outcome: Option<Outcome>,
+}
+
+struct Outcome {
+    simulated: Duration,
+    took: Duration,
+    failure: Option<Failure>,
+    lines: Vec<String>,
+    picture: Option<Result<PathBuf, String>>,
+}
+
+/// See the module.
+pub(super) struct Report {
+    sheets: Vec<Sheet>,
+    pictures: PathBuf,
+}
+
+impl Report {
+    /// Of what is to be played.
+    pub(super) fn new(pages: &[Page], jobs: &[Job<'_>], pictures: PathBuf) -> Report {
+        let mut books = 0;
+        let sheet = |page: &Page| {
+            let mut sheet = Sheet {
+                file: page.file.display().to_string(),
+                broken: page.book.as_ref().err().map(ToString::to_string),
+                runs: Vec::new(),
+                told: false,
+            };
+            if page.book.is_ok() {
+                let own = jobs.iter().filter(|job| job.book == books);
+                sheet.runs = own.map(Run::of).collect();
+                books += 1;
+            }
+            sheet
+        };
+        Report {
+            sheets: pages.iter().map(sheet).collect(),
+            pictures,
+        }
+    }
+
+    /// Takes down how one went, and keeps its picture if it failed.
+    pub(super) fn take(&mut self, done: Done<'_>) {
+        let pictures = self.pictures.clone();
+        let playable = self
+            .sheets
+            .iter_mut()
+            .filter(|sheet| sheet.broken.is_none());
+        let Some(sheet) = playable.into_iter().nth(done.job.book) else {
+            return;
+        };
+        let is_meant =
+            |run: &&mut Run| run.scenario == done.job.scenario.name && run.seed == done.job.seed;
+        let Some(run) = sheet.runs.iter_mut().find(is_meant) else {
+            return;
+        };
+        let failure = done.played.failure;
+        let picture = failure.as_ref().map(|failure| {
+            let path = pictures.join(run.picture_name(&sheet.file));
+            save(failure, &pictures, &path).map(|()| path)
+        });
+        run.outcome = Some(Outcome {
+            simulated: done.played.simulated,
+            took: done.took,
+            lines: done.played.lines,
+            failure,
+            picture,
+        });
+    }
+
+    /// `12 of 40 runs, 1 failed`.
+    pub(super) fn progress(&self) -> String {
+        let all = self.runs().count();
+        let done = self.outcomes().count();
+        let failed = self.failures();
+        match failed {
+            0 => format!("{done} of {all} runs"),
+            failed => format!("{done} of {all} runs, {failed} failed"),
+        }
+    }
+
+    /// The words for every file whose turn it is and that is complete; each only once.
+    pub(super) fn whole_pages(&mut self) -> String {
+        let mut text = String::new();
+        for sheet in &mut self.sheets {
+            if sheet.told {
+                continue;
+            }
+            if sheet.runs.iter().any(|run| run.outcome.is_none()) {
+                break;
+            }
+            sheet.told = true;
+            sheet.write(&mut text);
+        }
+        text
+    }
+
+    /// The last line.
+    pub(super) fn summary(&self) -> String {
+        let (all, failed) = (self.runs().count(), self.failures());
+        let done = self.outcomes().count();
+        let simulated: Duration = self.outcomes().map(|outcome| outcome.simulated).sum();
+        let mut text = format!("{} passed", plural(done - failed, "run"));
+        if failed > 0 {
+            let _ = write!(text, ", {failed} failed");
+        }
+        if done < all {
+            let _ = write!(text, ", {} not played", all - done);
+        }
+        let broken = self.sheets.iter().filter(|sheet| sheet.broken.is_some());
+        match broken.count() {
+            0 => {}
+            count => {
+                let _ = write!(text, ", {} cannot be played", plural(count, "file"));
+            }
+        }
+        text + &format!("; {} simulated\n", clock(simulated))
+    }
+
+    /// Whether anything is not as it must be.
+    pub(super) fn has_failed(&self) -> bool {
+        self.failures() > 0 || self.sheets.iter().any(|sheet| sheet.broken.is_some())
+    }
+
+    /// All of it.
+    pub(super) fn json(&self) -> Value {
+        let failed = self.failures();
+        let runs: Vec<Value> = self
+            .sheets
+            .iter()
+            .flat_map(|sheet| sheet.runs.iter().filter_map(|run| run.json(&sheet.file)))
+            .collect();
+        let broken: Vec<Value> = self
+            .sheets
+            .iter()
+            .filter_map(|sheet| {
+                let message = sheet.broken.as_ref()?;
+                Some(json!({"file": sheet.file, "message": message}))
+            })
+            .collect();
+        json!({"passed": runs.len() - failed, "failed": failed, "broken": broken, "runs": runs})
+    }
+
+    /// File, why none of it can be played, and its runs that were played.
+    pub(super) fn sheets(&self) -> impl Iterator<Item = (&str, Option<&str>, Vec<&Run>)> {
+        self.sheets.iter().map(|sheet| {
+            let played = sheet.runs.iter().filter(|run| run.outcome.is_some());
+            (
+                sheet.file.as_str(),
+                sheet.broken.as_deref(),
+                played.collect(),
+            )
+        })
+    }
+
+    fn runs(&self) -> impl Iterator<Item = &Run> {
+        self.sheets.iter().flat_map(|sheet| &sheet.runs)
+    }
+
+    fn outcomes(&self) -> impl Iterator<Item = &Outcome> {
+        self.runs().filter_map(|run| run.outcome.as_ref())
+    }
+
+    fn failures(&self) -> usize {
+        self.outcomes()
+            .filter(|outcome| outcome.failure.is_some())
+            .count()
+    }
+}
+
+impl Sheet {
+    fn write(&self, text: &mut String) {
+        // Writing into a string does not fail.
+        let _ = writeln!(text, "{}", self.file);
+        if let Some(broken) = &self.broken {
+            let _ = writeln!(text, "  FAIL  {}\n", indented(broken, 8));
+            return;
+        }
+        let mut told = BTreeSet::new();
+        for run in &self.runs {
+            if told.insert(&run.scenario) {
+                self.write_scenario(&run.scenario, text);
+            }
+        }
+        text.push('\n');
+    }
+
+    fn write_scenario(&self, name: &str, text: &mut String) {
+        let of_it = |run: &&Run| run.scenario == name;
+        let runs: Vec<&Run> = self.runs.iter().filter(of_it).collect();
+        let outcomes = || runs.iter().filter_map(|run| run.outcome.as_ref());
+        let simulated: Duration = outcomes().map(|outcome| outcome.simulated).sum();
+        let passed = outcomes().filter(|one| one.failure.is_none()).count();
+        let word = if passed == runs.len() { "ok  " } else { "FAIL" };
+        let seeds = match runs.len() {
+            1 => format!("seed {}", runs[0].seed),
+            count if passed == count => format!("{count} seeds"),
+            count => format!("{passed} of {count} seeds"),
+        };
+        let _ = writeln!(text, "  {word}  {name} ({seeds}, {})", clock(simulated));
+        let mut failed = runs.iter().filter(|run| run.failure().is_some());
+        if let Some(first) = failed.next() {
+            first.write_failure(text);
+            let others: Vec<String> = failed.map(|run| run.seed.to_string()).collect();
+            if !others.is_empty() {
+                let _ = writeln!(text, "        it fails with seed {} too", others.join(", "));
+            }
+        }
+    }
+}
+
+impl Run {
+    fn of(job: &Job<'_>) -> Run {
+        Run {
+            scenario: job.scenario.name.clone(),
+            line: job.scenario.line,
+            seed: job.seed,
+            points: job.scenario.options.points,
+            outcome: None,
+        }
+    }
+
+    /// What did not become true.
+    pub(super) fn failure(&self) -> Option<&Failure> {
+        self.outcome.as_ref()?.failure.as_ref()
+    }
+
+    /// Real time.
+    pub(super) fn took(&self) -> Duration {
+        self.outcome
+            .as_ref()
+            .map_or(Duration::ZERO, |outcome| outcome.took)
+    }
+
+    /// A failure in words.
+    pub(super) fn words(&self) -> String {
+        let mut text = String::new();
+        self.write_failure(&mut text);
+        text
+    }
+
+    fn write_failure(&self, text: &mut String) {
+        let (Some(outcome), Some(failure)) = (&self.outcome, self.failure()) else {
+            return;
+        };
+        let place = failure
+            .place
+            .as_ref()
+            .map_or_else(String::new, |place| format!("{place}: "));
+        let _ = writeln!(text, "        {}{}", place, indented(&failure.message, 8));
+        if let (Some(place), Some(line)) = (&failure.place, &failure.line) {
+            let number = place.line.to_string();
+            let _ = writeln!(text, "        {number} | {}", line.trim_end());
+        }
+        let pose = failure.pose;
+        let _ = writeln!(
+            text,
+            "        with seed {} after {:.1} s: robot at {:.2} {:.2} m, {:.0}°, battery {:.0} %",
+            self.seed,
+            failure.at.as_secs_f64(),
+            pose.x,
+            pose.y,
+            pose.heading.to_degrees(),
+            failure.battery,
+        );
+        if !failure.recent.is_empty() {
+            let _ = writeln!(text, "        what happened last:");
+            for line in &failure.recent {
+                let _ = writeln!(text, "        {line}");
+            }
+        }
+        if !outcome.lines.is_empty() {
+            let _ = writeln!(text, "        what the scenario wrote:");
+            for line in &outcome.lines {
+                let _ = writeln!(text, "          {}", indented(line, 10));
+            }
+        }
+        match &outcome.picture {
+            Some(Ok(path)) => {
+                let _ = writeln!(text, "        its way is drawn in {}", path.display());
+            }
+            Some(Err(why)) => {
+                let _ = writeln!(text, "        {why}");
+            }
+            None => {}
+        }
+    }
+
+    fn picture_name(&self, file: &str) -> String {
+        let stem = Path::new(file).file_stem().unwrap_or_default();
+        let slug = |text: &str| -> String {
+            let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
+            text.chars().take(60).map(plain).collect()
+        };
+        format!(
+            "{}-{}-{}.png",
+            slug(&stem.to_string_lossy()),
+            slug(&self.scenario),
+            self.seed
+        )
+    }
+
+    fn json(&self, file: &str) -> Option<Value> {
+        let outcome = self.outcome.as_ref()?;
+        let failure = outcome.failure.as_ref().map(|failure| {
+            let picture = outcome.picture.as_ref().and_then(|kept| kept.as_ref().ok());
+            json!({
+                "message": failure.message,
+                "file": failure.place.as_ref().map(|place| &place.file),
+                "line": failure.place.as_ref().map(|place| place.line),
+                "source": failure.line,
+                "at": failure.at.as_secs_f64(),
+                "pose": {"x": failure.pose.x, "y": failure.pose.y, "heading": failure.pose.heading},
+                "battery": failure.battery,
+                "recent": failure.recent,
+                "picture": picture.map(|path| path.display().to_string()),
+            })
+        });
+        Some(json!({
+            "file": file, "scenario": self.scenario, "line": self.line, "seed": self.seed,
+            "points": self.points, "passed": failure.is_none(),
+            "simulated": outcome.simulated.as_secs_f64(), "seconds": outcome.took.as_secs_f64(),
+            "lines": outcome.lines, "failure": failure,
+        }))
+    }
+}
+
+/// For the user's eyes only, as everything that the program keeps.
+fn save(failure: &Failure, folder: &Path, path: &Path) -> Result<(), String> {
+    let cannot = |error: &dyn std::fmt::Display| {
+        format!("its way could not be drawn in {}: {error}", path.display())
+    };
+    let mut png = std::io::Cursor::new(Vec::new());
+    let drawn = failure.picture.write_to(&mut png, image::ImageFormat::Png);
+    drawn.map_err(|error| cannot(&error))?;
+    let made = DirBuilder::new().recursive(true).mode(0o700).create(folder);
+    made.map_err(|error| cannot(&error))?;
+    crate::script::write_privately(folder, path, &png.into_inner()).map_err(|error| cannot(&error))
+}
+
+/// Further lines under the first.
+fn indented(text: &str, by: usize) -> String {
+    text.replace('\n', &format!("\n{}", " ".repeat(by)))
+}
+
+fn plural(count: usize, word: &str) -> String {
+    format!("{count} {word}{}", if count == 1 { "" } else { "s" })
+}

@@ -1,0 +1,246 @@
+//! A file of scenarios: what it declares, before anything of it is played.
+
+use std::cell::RefCell;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+use serde_json::Value;
+use tokio::time::Instant;
+
+use super::arguments::Arguments;
+use super::options::Options;
+use crate::behaviour::{Library, read_source};
+use crate::robot::EndReason;
+use crate::script::{self, Ending, Output, Place, Script, Stage, suggestion};
+use crate::sim::World;
+
+/// Scenarios of one file.
+const MAX_SCENARIOS: usize = 1000;
+/// Bytes of a scenario's name.
+const LONGEST_NAME: usize = 200;
+/// A scenario's own script may think so long without waiting; it stops no robot meanwhile.
+const BUDGET_MS: u64 = 2000;
+
+/// A file of scenarios.
+#[derive(Debug, Clone)]
+pub struct Book {
+    file: PathBuf,
+    source: Vec<u8>,
+    scenarios: Vec<Scenario>,
+}
+
+/// One scenario, as it was declared.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scenario {
+    /// Unique in its file.
+    pub name: String,
+    /// How it is set up.
+    pub options: Options,
+    /// Where it was declared, from 1.
+    pub line: u32,
+    /// From 0.
+    pub(super) index: usize,
+}
+
+impl Scenario {
+    /// Those it is to be played with.
+    pub fn seeds(&self) -> RangeInclusive<u64> {
+        1..=self.options.seeds
+    }
+}
+
+/// Why a file's scenarios cannot be played.
+#[derive(Debug, thiserror::Error)]
+pub enum BookError {
+    /// Not readable.
+    #[error("cannot read the scenarios {path}: {source}")]
+    Read {
+        /// Which.
+        path: String,
+        /// The system's words.
+        source: std::io::Error,
+    },
+    /// It does not load, it fails, or what it declares is wrong: file, line and what to do.
+    #[error("{0}")]
+    Invalid(String),
+}
+
+impl Book {
+    /// Reads a file and sees what it declares.
+    ///
+    /// # Errors
+    /// See [`BookError`].
+    pub fn read(file: &Path) -> Result<Book, BookError> {
+        let source = read_source(file).map_err(|source| BookError::Read {
+            path: file.display().to_string(),
+            source,
+        })?;
+        let mut book = Book {
+            file: file.to_owned(),
+            source,
+            scenarios: Vec::new(),
+        };
+        book.scenarios = book.declared()?;
+        Ok(book)
+    }
+
+    /// In the order of the file.
+    pub fn scenarios(&self) -> &[Scenario] {
+        &self.scenarios
+    }
+
+    /// Where it was read from.
+    pub fn file(&self) -> &Path {
+        &self.file
+    }
+
+    pub(super) fn folder(&self) -> &Path {
+        self.file.parent().unwrap_or(Path::new(""))
+    }
+
+    /// The behaviour beside it that has its name without `_test`.
+    pub(super) fn subject(&self) -> Option<PathBuf> {
+        let stem = self.file.file_stem()?.to_str()?;
+        let name = format!("{}.lua", stem.strip_suffix("_test")?);
+        self.folder().join(&name).is_file().then(|| name.into())
+    }
+
+    /// One line of it.
+    pub(super) fn line(&self, number: u32) -> Option<String> {
+        let text = String::from_utf8_lossy(&self.source);
+        let line = text.lines().nth(number.checked_sub(1)? as usize)?;
+        Some(line.to_owned())
+    }
+
+    pub(super) fn script(
+        &self,
+        seed: u64,
+        stage: Rc<dyn Stage>,
+    ) -> Result<Script, script::Failure> {
+        let mut options = script::Options {
+            seed,
+            ..script::Options::new("scenario", self.file.display().to_string())
+        };
+        options.limits.callback_budget_ms = BUDGET_MS;
+        Script::on_stage(&self.source, options, stage, Instant::now())
+    }
+
+    /// Serves what a script of this book sends out; its lines are handed to `line`.
+    pub(super) fn serve(&self, script: &mut Script, mut line: impl FnMut(String)) {
+        let library = Library::new(self.folder().to_owned());
+        for output in script.take_output() {
+            match output {
+                Output::Log(written) => line(written.text),
+                Output::Module(name) => {
+                    let file = library.fetch(&name);
+                    script.deliver_module(&name, file, Instant::now());
+                }
+                Output::Intent(_) | Output::Evaluated(_) => {}
+            }
+        }
+    }
+
+    fn declared(&self) -> Result<Vec<Scenario>, BookError> {
+        let invalid = |text: String| Err(BookError::Invalid(text));
+        let shown = self.file.display();
+        let stage = Rc::new(Declaring {
+            folder: self.folder().to_owned(),
+            found: RefCell::default(),
+        });
+        let mut script = match self.script(0, stage.clone()) {
+            Ok(script) => script,
+            Err(failure) => return invalid(failure.to_string()),
+        };
+        while script.is_ready() {
+            script.run_ready(Instant::now());
+            self.serve(&mut script, |_| {});
+        }
+        match script.ended() {
+            Some(Ending {
+                reason: EndReason::Done,
+                ..
+            }) => {}
+            Some(ending) => {
+                return invalid(
+                    ending
+                        .message
+                        .unwrap_or_else(|| format!("{shown}: it failed")),
+                );
+            }
+            None => {
+                return invalid(format!(
+                    "{shown}: it waits before its scenarios are declared; wait inside of them only"
+                ));
+            }
+        }
+        let found = stage.found.take();
+        match found.is_empty() {
+            true => invalid(format!(
+                "{shown}: there is no scenario in it, such as\n\
+                 scenario(\"hits nothing\", {{ limit = 60 }}, function(sim) ... end)"
+            )),
+            false => Ok(found),
+        }
+    }
+}
+
+/// Takes down what is declared and plays nothing.
+struct Declaring {
+    folder: PathBuf,
+    found: RefCell<Vec<Scenario>>,
+}
+
+impl Stage for Declaring {
+    fn ask(&self, call: &str, arguments: &[Value], place: Option<Place>) -> Result<Value, String> {
+        if call != "scenario" {
+            return Err(
+                "this can be asked inside of a scenario only, in its function(sim) ... end"
+                    .to_owned(),
+            );
+        }
+        let given = Arguments(arguments);
+        let name = given.text(0, "the name")?;
+        if name.trim().is_empty() || name.len() > LONGEST_NAME {
+            return Err(format!("the name must have 1 to {LONGEST_NAME} bytes"));
+        }
+        let options = Options::of(given.value(1))?;
+        load_world(options.world.as_deref(), &self.folder)?;
+        let mut found = self.found.borrow_mut();
+        if let Some(twin) = found.iter().find(|other| other.name == name) {
+            return Err(format!("'{name}' is in line {} already", twin.line));
+        }
+        if found.len() == MAX_SCENARIOS {
+            return Err(format!(
+                "at most {MAX_SCENARIOS} scenarios fit into one file"
+            ));
+        }
+        let index = found.len();
+        found.push(Scenario {
+            name: name.to_owned(),
+            options,
+            line: place.map_or(1, |place| place.line),
+            index,
+        });
+        Ok(false.into())
+    }
+}
+
+/// The world of a name, or of a file in this folder.
+pub(super) fn load_world(name: Option<&str>, folder: &Path) -> Result<World, String> {
+    let Some(name) = name else {
+        return Ok(World::default_world());
+    };
+    if let Some(world) = World::ready(name) {
+        return Ok(world);
+    }
+    if name.ends_with(".yaml") || name.ends_with(".yml") {
+        return World::load(&folder.join(name)).map_err(|error| error.to_string());
+    }
+    let near = suggestion(name, World::ready_names());
+    let known = World::ready_names().collect::<Vec<_>>().join(", ");
+    Err(format!(
+        "there is no world '{name}'{near} (those that come along: {known}; or a file, such as \
+         \"house.yaml\")"
+    ))
+}

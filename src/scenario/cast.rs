@@ -1,0 +1,124 @@
+//! The behaviours that a scenario runs: from their files to what an agent takes.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use crate::agent::Behaviour;
+use crate::behaviour::{Launch, Library, read_source};
+use crate::config::{Config, Entry};
+use crate::script::check::{Finding, Severity, Surroundings, check};
+use crate::script::{self, GivenParam, ParamOrigin};
+
+/// Makes behaviours.
+pub(super) struct Cast {
+    pub(super) config: Config,
+    /// Paths are relative to it.
+    pub(super) folder: PathBuf,
+    /// What is run when none is named.
+    pub(super) subject: Option<PathBuf>,
+    /// What behaviours keep, until the scenario is over.
+    pub(super) data: PathBuf,
+    pub(super) seed: u64,
+    /// What errors say of where values came from.
+    pub(super) origin: String,
+}
+
+impl Cast {
+    /// Those that a call names, or the subject.
+    pub(super) fn behaviours(&self, named: &[Value]) -> Result<Vec<Behaviour>, String> {
+        let mut entries = named
+            .iter()
+            .filter(|value| !value.is_null())
+            .map(|value| self.entry(value))
+            .collect::<Result<Vec<Entry>, String>>()?;
+        if entries.is_empty() {
+            let subject = self.subject.clone();
+            let subject = subject.ok_or("name a behaviour, such as sim:run(\"patrol.lua\")")?;
+            entries.push(Entry::of(subject));
+        }
+        for (index, entry) in entries.iter().enumerate() {
+            let name = entry.name();
+            if entries[..index].iter().any(|other| other.name() == name) {
+                return Err(format!(
+                    "two behaviours are called '{name}': give one of them another name"
+                ));
+            }
+        }
+        let seeds = self.seed..;
+        let behaviours = entries.iter().zip(seeds);
+        behaviours
+            .map(|(entry, seed)| self.behaviour(entry, seed))
+            .collect()
+    }
+
+    fn entry(&self, value: &Value) -> Result<Entry, String> {
+        let mut entry = match value {
+            Value::String(path) => Entry::of(PathBuf::from(path)),
+            Value::Object(_) => {
+                serde_json::from_value(value.clone()).map_err(|error| error.to_string())?
+            }
+            _ => {
+                let what = "a behaviour must be a file or a table such as { file = \"patrol.lua\", \
+                            params = { speed = 50 } }";
+                return Err(what.to_owned());
+            }
+        };
+        entry.file = self.folder.join(&entry.file);
+        Ok(entry)
+    }
+
+    fn behaviour(&self, entry: &Entry, seed: u64) -> Result<Behaviour, String> {
+        let file = &entry.file;
+        let source = read_source(file)
+            .map_err(|error| format!("cannot read the behaviour {}: {error}", file.display()))?;
+        let (name, chunk) = (entry.name(), file.display().to_string());
+        let given = |(name, value): (&String, &script::ParamValue)| {
+            let origin = ParamOrigin::Config(self.origin.clone());
+            (
+                name.clone(),
+                GivenParam {
+                    value: value.clone(),
+                    origin,
+                },
+            )
+        };
+        let options = script::Options {
+            params: entry.params.iter().map(given).collect(),
+            data_dir: Some(self.data.join(&name)),
+            ..self.config.script(name, chunk, seed)
+        };
+        refuse_mistakes(&source, &options)?;
+        let folder = file.parent().unwrap_or(Path::new(""));
+        Ok(Behaviour {
+            priority: entry.priority,
+            launch: Launch {
+                source,
+                options,
+                library: Library::new(folder.to_owned()),
+            },
+            checked: false,
+            restart: entry.restart,
+            reloads: None,
+        })
+    }
+}
+
+/// As before every run.
+fn refuse_mistakes(source: &[u8], options: &script::Options) -> Result<(), String> {
+    let around = Surroundings::new(options, Some(Path::new(&options.chunk)));
+    let findings = check(source, &options.chunk, &around);
+    let is_error = |finding: &&Finding| finding.severity == Severity::Error;
+    let errors: Vec<String> = findings
+        .iter()
+        .filter(is_error)
+        .map(Finding::text)
+        .collect();
+    match errors.is_empty() {
+        true => Ok(()),
+        false => Err(format!(
+            "the behaviour cannot work:\n{}",
+            errors.join("\n\n")
+        )),
+    }
+}

@@ -1,0 +1,32 @@
+//! Scenarios: a world, behaviours, and what must become true. Written in Luau, in `*_test.lua`
+//! files, and played in a [`lab`](crate::lab): in virtual time, the same for the same seed.
+//!
+//! ```no_run
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! use spykee::scenario::{Book, Setting};
+//! let book = Book::read("behaviours/patrol_test.lua".as_ref())?;
+//! for scenario in book.scenarios() {
+//!     for seed in scenario.seeds() {
+//!         let played = book.play(scenario, seed, &Setting::default())?;
+//!         assert!(played.failure.is_none(), "{}: {:?}", scenario.name, played.failure);
+//!     }
+//! }
+//! # Ok(()) }
+//! ```
+//!
+//! The script of a scenario has a VM of its own, with `scenario`, `expect` and `sim` in place of
+//! `robot`; behaviours have theirs, and can neither see nor reach it. Where this hangs, the
+//! scenario's limit in virtual time ends it, and a script's budget in real time.
+
+mod arguments;
+mod book;
+mod calls;
+mod cast;
+mod chronicle;
+mod options;
+mod play;
+mod stage;
+
+pub use book::{Book, BookError, Scenario};
+pub use options::Options;
+pub use play::{Failure, Played, Setting};

@@ -1,0 +1,325 @@
+//! Plays one scenario: its script on the one hand, behaviours and robot in a laboratory on the
+//! other, in turns on one thread.
+
+use std::future::pending;
+use std::io;
+use std::path::PathBuf;
+use std::pin::Pin;
+use std::rc::Rc;
+use std::time::Duration;
+
+use image::RgbImage;
+use tokio::task::yield_now;
+use tokio::time::{Instant, sleep_until};
+use tokio_util::sync::CancellationToken;
+use tracing::subscriber::{NoSubscriber, with_default};
+
+use super::book::{Book, Scenario, load_world};
+use super::cast::Cast;
+use super::chronicle::Chronicle;
+use super::stage::{Order, PlayStage};
+use crate::agent::{AgentError, Outcome};
+use crate::config::Config;
+use crate::lab::{self, Lab};
+use crate::robot::EndReason;
+use crate::script::{Place, Script};
+use crate::sim::{self, Pose};
+
+/// Lines that a scenario's script wrote, at most.
+const MAX_LINES: usize = 200;
+
+/// What scenarios have in common.
+#[derive(Debug, Clone, Default)]
+pub struct Setting {
+    /// Colours, calibration, limits and the watchdog's numbers.
+    pub config: Config,
+    /// What `sim:run()` runs when it names nothing; else the behaviour that has the file's name
+    /// without `_test`.
+    pub subject: Option<PathBuf>,
+    /// Ends all that is played when cancelled.
+    pub stop: CancellationToken,
+}
+
+/// How it went.
+#[derive(Debug)]
+pub struct Played {
+    /// Virtual time.
+    pub simulated: Duration,
+    /// What did not become true.
+    pub failure: Option<Failure>,
+    /// What the scenario's script wrote with `print` and `log`.
+    pub lines: Vec<String>,
+}
+
+/// What did not become true, and what it was like then.
+#[derive(Debug)]
+pub struct Failure {
+    /// The message of the `expect`, or what else went wrong.
+    pub message: String,
+    /// The line of the scenario.
+    pub place: Option<Place>,
+    /// The text of that line.
+    pub line: Option<String>,
+    /// Virtual time since the start.
+    pub at: Duration,
+    /// Where the robot stood.
+    pub pose: Pose,
+    /// Its battery, percent.
+    pub battery: f64,
+    /// What happened last, oldest first, each with its time.
+    pub recent: Vec<String>,
+    /// The way of the robot on the map of its world.
+    pub picture: RgbImage,
+}
+
+/// Why a scenario failed.
+struct Trouble {
+    message: String,
+    place: Option<Place>,
+}
+
+impl Book {
+    /// Plays a scenario of this book with a seed. Blocks until it is over.
+    ///
+    /// # Errors
+    /// If the system gives no thread or no folder for what behaviours keep.
+    pub fn play(&self, scenario: &Scenario, seed: u64, setting: &Setting) -> io::Result<Played> {
+        let data = tempfile::tempdir()?;
+        let options = &scenario.options;
+        let world =
+            load_world(options.world.as_deref(), self.folder()).map_err(io::Error::other)?;
+        let (config, chronicle) = (&setting.config, Chronicle::default());
+        let lab_options = lab::Options {
+            seed,
+            sim: sim::Options {
+                fps: options.fps,
+                faults: Some(Vec::new()),
+                ..sim::Options::default()
+            },
+            limits: config.watchdog.clone(),
+            link: config.link.clone(),
+            stop: setting.stop.clone(),
+            events: Some(chronicle.recorder()),
+        };
+        let cast = Cast {
+            config: config.clone(),
+            folder: self.folder().to_owned(),
+            subject: setting.subject.clone().or_else(|| self.subject()),
+            data: data.path().to_owned(),
+            seed,
+            origin: self.file().display().to_string(),
+        };
+        with_default(NoSubscriber::new(), || {
+            lab::run(world, lab_options, async |lab: &Lab| {
+                let stage = PlayStage::new(lab.sim().clone(), cast, chronicle, scenario.index);
+                let play = Play {
+                    book: self,
+                    scenario,
+                    lab,
+                    stage: Rc::new(stage),
+                    agent: None,
+                    lines: Vec::new(),
+                };
+                play.run(seed, &setting.stop).await
+            })
+        })
+    }
+}
+
+/// An agent at work.
+struct Agent {
+    stop: CancellationToken,
+    outcome: Pin<Box<dyn Future<Output = Result<Outcome, AgentError>>>>,
+}
+
+/// A scenario that is played.
+struct Play<'a> {
+    book: &'a Book,
+    scenario: &'a Scenario,
+    lab: &'a Lab,
+    stage: Rc<PlayStage>,
+    agent: Option<Agent>,
+    lines: Vec<String>,
+}
+
+impl Play<'_> {
+    async fn run(mut self, seed: u64, stop: &CancellationToken) -> Played {
+        if let Some(percent) = self.scenario.options.battery {
+            self.lab.sim().set_battery(percent);
+            yield_now().await;
+        }
+        let trouble = match self.book.script(seed, self.stage.clone()) {
+            Ok(script) => self.act(script, stop).await.err(),
+            Err(failure) => Some(Trouble {
+                message: failure.to_string(),
+                place: None,
+            }),
+        };
+        Played {
+            simulated: self.stage.time(),
+            failure: trouble.map(|trouble| self.failure(trouble)),
+            lines: self.lines,
+        }
+    }
+
+    async fn act(&mut self, mut script: Script, stop: &CancellationToken) -> Result<(), Trouble> {
+        let limit = self.stage.began + self.scenario.options.limit;
+        loop {
+            script.run_ready(Instant::now());
+            let lines = &mut self.lines;
+            self.book.serve(&mut script, |line| {
+                if lines.len() < MAX_LINES {
+                    lines.push(line);
+                }
+            });
+            self.obey();
+            if let Some(end) = self.judge(&script) {
+                return end;
+            }
+            if script.is_ready() {
+                yield_now().await;
+                continue;
+            }
+            tokio::select! {
+                biased;
+                () = stop.cancelled() => return Err(self.trouble("interrupted")),
+                () = sleep_until(limit) => return Err(self.too_long()),
+                outcome = outcome(&mut self.agent) => self.agent_ended(outcome)?,
+                () = until(script.next_deadline()) => {}
+            }
+        }
+    }
+
+    fn obey(&mut self) {
+        while let Some(order) = self.stage.take_order() {
+            match order {
+                Order::Run(behaviours) => {
+                    let running = self.lab.start(behaviours, None);
+                    self.agent = Some(Agent {
+                        stop: running.stopper(),
+                        outcome: Box::pin(running.outcome()),
+                    });
+                }
+                Order::Stop => match &self.agent {
+                    Some(agent) => agent.stop.cancel(),
+                    None => self.stage.has_stopped(),
+                },
+                Order::Vanish => {
+                    self.agent = None;
+                    self.stage.has_stopped();
+                }
+            }
+        }
+    }
+
+    fn agent_ended(&mut self, outcome: Result<Outcome, AgentError>) -> Result<(), Trouble> {
+        self.agent = None;
+        self.stage.has_stopped();
+        match outcome {
+            Ok(_) => Ok(()),
+            Err(error) => Err(self.trouble(&error.to_string())),
+        }
+    }
+
+    /// Whether it is over, and how.
+    fn judge(&self, script: &Script) -> Option<Result<(), Trouble>> {
+        let failed = self.stage.chronicle.failed();
+        if let Some(failed) = failed.filter(|_| !self.scenario.options.may_fail) {
+            let text = format!("the behaviour {} failed: {}", failed.behaviour, failed.text);
+            return Some(Err(self.trouble(&text)));
+        }
+        if let Some(end) = self.stage.take_end() {
+            return Some(end.map_err(|raised| self.raised(raised)));
+        }
+        let ending = script.ended()?;
+        let text = match (ending.reason, ending.message) {
+            (_, Some(message)) => message,
+            (EndReason::Done, None) => "its script ended before it was played".to_owned(),
+            (reason, None) => reason.sentence().to_owned(),
+        };
+        Some(Err(self.trouble(&text)))
+    }
+
+    /// An `expect` that did not hold, or any other error of the scenario's function.
+    fn raised(&self, raised: String) -> Trouble {
+        let shown = self.book.file().display().to_string();
+        let (place, text) = match split_place(&raised, &shown) {
+            Some((line, text)) => (Some(Place { file: shown, line }), text.to_owned()),
+            None => (self.stage.last_place(), in_words(&raised).to_owned()),
+        };
+        match self.stage.take_expected() {
+            // Unless the error was another one that came later.
+            Some((at, Some(message))) if raised.ends_with(&message) => Trouble {
+                message,
+                place: at.or(place),
+            },
+            _ => Trouble {
+                message: text,
+                place,
+            },
+        }
+    }
+
+    fn too_long(&self) -> Trouble {
+        let limit = self.scenario.options.limit.as_secs_f64();
+        self.trouble(&format!(
+            "it was not over within its limit of {limit} s; a longer one is given as {{ limit = \
+             seconds }}"
+        ))
+    }
+
+    /// At the line that was asked from last.
+    fn trouble(&self, message: &str) -> Trouble {
+        Trouble {
+            message: message.to_owned(),
+            place: self.stage.last_place(),
+        }
+    }
+
+    fn failure(&self, trouble: Trouble) -> Failure {
+        let sim = self.lab.sim();
+        let state = sim.state();
+        sim.note("it failed here");
+        let own = |place: &Place| place.file == self.book.file().display().to_string();
+        let line = trouble.place.as_ref().filter(|place| own(place));
+        Failure {
+            line: line.and_then(|place| self.book.line(place.line)),
+            message: trouble.message,
+            place: trouble.place,
+            at: self.stage.time(),
+            pose: state.pose,
+            battery: state.battery,
+            recent: self.stage.chronicle.recent(),
+            picture: sim.trace().draw(sim.world()),
+        }
+    }
+}
+
+async fn outcome(agent: &mut Option<Agent>) -> Result<Outcome, AgentError> {
+    match agent {
+        Some(agent) => agent.outcome.as_mut().await,
+        None => pending().await,
+    }
+}
+
+async fn until(deadline: Option<Instant>) {
+    match deadline {
+        Some(deadline) => sleep_until(deadline).await,
+        None => pending().await,
+    }
+}
+
+/// What the VM says without a place.
+fn in_words(raised: &str) -> &str {
+    match raised {
+        "not enough memory" => EndReason::Memory.sentence(),
+        other => other,
+    }
+}
+
+/// `FILE:12: text` of this file in its parts.
+fn split_place<'a>(text: &'a str, file: &str) -> Option<(u32, &'a str)> {
+    let rest = text.strip_prefix(file)?.strip_prefix(':')?;
+    let (line, text) = rest.split_once(": ")?;
+    Some((line.parse().ok()?, text))
+}

@@ -1,0 +1,145 @@
+//! What a scenario's script asks while it is played.
+
+use std::cell::{Cell, RefCell};
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use serde_json::Value;
+use tokio::time::Instant;
+
+use super::arguments::Arguments;
+use super::cast::Cast;
+use super::chronicle::Chronicle;
+use crate::agent::Behaviour;
+use crate::script::{Place, Stage};
+use crate::sim::Handle;
+
+/// What the laboratory is asked to do when the script waits.
+pub(super) enum Order {
+    Run(Vec<Behaviour>),
+    Stop,
+    Vanish,
+}
+
+/// See the module.
+pub(super) struct PlayStage {
+    pub(super) sim: Handle,
+    pub(super) cast: Cast,
+    pub(super) chronicle: Chronicle,
+    pub(super) began: Instant,
+    /// The place of the scenario in its file, from 0.
+    wanted: usize,
+    declared: Cell<usize>,
+    orders: RefCell<VecDeque<Order>>,
+    running: Cell<bool>,
+    end: RefCell<Option<Result<(), String>>>,
+    place: RefCell<Option<Place>>,
+    expected: RefCell<Option<(Option<Place>, Option<String>)>>,
+}
+
+impl PlayStage {
+    pub(super) fn new(sim: Handle, cast: Cast, chronicle: Chronicle, wanted: usize) -> PlayStage {
+        PlayStage {
+            sim,
+            cast,
+            chronicle,
+            began: Instant::now(),
+            wanted,
+            declared: Cell::new(0),
+            orders: RefCell::default(),
+            running: Cell::new(false),
+            end: RefCell::default(),
+            place: RefCell::default(),
+            expected: RefCell::default(),
+        }
+    }
+
+    /// What is to be done next.
+    pub(super) fn take_order(&self) -> Option<Order> {
+        self.orders.borrow_mut().pop_front()
+    }
+
+    /// Whether the scenario's function has returned, and else what it raised.
+    pub(super) fn take_end(&self) -> Option<Result<(), String>> {
+        self.end.borrow_mut().take()
+    }
+
+    /// The line of the script that asked last.
+    pub(super) fn last_place(&self) -> Option<Place> {
+        self.place.borrow().clone()
+    }
+
+    /// The `expect` that did not hold: where, and its message if there was one.
+    pub(super) fn take_expected(&self) -> Option<(Option<Place>, Option<String>)> {
+        self.expected.borrow_mut().take()
+    }
+
+    /// No behaviour runs any more.
+    pub(super) fn has_stopped(&self) {
+        self.running.set(false);
+    }
+
+    pub(super) fn time(&self) -> Duration {
+        self.began.elapsed()
+    }
+
+    fn declare(&self) -> Value {
+        let index = self.declared.get();
+        self.declared.set(index + 1);
+        (index == self.wanted).into()
+    }
+
+    fn run(&self, named: &[Value]) -> Result<Value, String> {
+        if self.running.get() {
+            return Err(
+                "behaviours are running already: name all of them in one call, or call sim:stop() \
+                 before"
+                    .to_owned(),
+            );
+        }
+        let behaviours = self.cast.behaviours(named)?;
+        self.chronicle.begin();
+        self.running.set(true);
+        self.order(Order::Run(behaviours))
+    }
+
+    fn order(&self, order: Order) -> Result<Value, String> {
+        self.orders.borrow_mut().push_back(order);
+        Ok(Value::Null)
+    }
+}
+
+impl Stage for PlayStage {
+    fn ask(&self, call: &str, arguments: &[Value], place: Option<Place>) -> Result<Value, String> {
+        let given = Arguments(arguments);
+        if call == "expected" {
+            let message = given.optional_text(0, "the message")?.map(str::to_owned);
+            *self.expected.borrow_mut() = Some((place, message));
+            return Ok(Value::Null);
+        }
+        if call != "played" {
+            *self.place.borrow_mut() = place;
+        }
+        match call {
+            "scenario" => Ok(self.declare()),
+            "played" => {
+                let end = match given.flag(0, "ok")? {
+                    true => Ok(()),
+                    false => Err(given.text(1, "the error")?.to_owned()),
+                };
+                *self.end.borrow_mut() = Some(end);
+                Ok(Value::Null)
+            }
+            "running" => Ok(self.running.get().into()),
+            "wait" => given.seconds(0).map(|_| Value::Null),
+            "sim:run" => self.run(arguments),
+            "sim:stop" => self.order(Order::Stop),
+            "sim:kill" => {
+                self.sim.cut();
+                Ok(Value::Null)
+            }
+            "vanish" => self.order(Order::Vanish),
+            _ => self.call(call, given),
+        }
+    }
+}

@@ -1,0 +1,436 @@
+//! `spykee test`: scenarios hold or fail as they should, the same every time.
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+use quick_xml::events::Event;
+use rustix::process::Signal;
+use serde_json::Value;
+use spykee::scenario::{Book, Setting};
+use tempfile::TempDir;
+
+use crate::rig::Rig;
+
+fn folder(files: &[(&str, &str)]) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text) in files {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    folder
+}
+
+fn spykee(folder: &Path, args: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_spykee"));
+    command.args(args).stdin(Stdio::null()).current_dir(folder);
+    command.env_remove("NO_COLOR").env_remove("RUST_LOG");
+    command.output().unwrap()
+}
+
+fn text(output: &Output) -> String {
+    let both = [&output.stdout[..], &output.stderr[..]].concat();
+    String::from_utf8(both).unwrap()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", text(output)))
+}
+
+/// The message with which the only scenario of this file fails.
+fn complaint(source: &str) -> String {
+    let behaviour = "robot.move(20, 20)\ntask.wait(1000)\n";
+    let folder = folder(&[("a_test.lua", source), ("a.lua", behaviour)]);
+    let output = spykee(folder.path(), &["test", "--json"]);
+    assert_eq!(output.status.code(), Some(4), "{}", text(&output));
+    let json = json(&output);
+    let broken = json["broken"][0]["message"].as_str();
+    let message = broken.or(json["runs"][0]["failure"]["message"].as_str());
+    message.unwrap_or_else(|| panic!("{json:#}")).to_owned()
+}
+
+const WANDERS: &str = "
+while true do
+    robot.forward(0.2 + math.random() / 5)
+    robot.turn(math.random() * 3)
+    log.info('turned', { frames = if robot.frame() then 1 else 0 })
+end
+";
+
+const LOOKS_ON: &str = "
+scenario('wanders', { world = 'playpen', battery = 80, seeds = 2, limit = 40 }, function(sim)
+    sim:place({ x = 1, y = 1, heading = 0 })
+    sim:run('wander.lua')
+    sim:wait(20)
+    print(sim:distance(), sim:pose().heading, sim:battery(), #sim:log('turned'))
+end)
+scenario('never comes to an end', { limit = 15 }, function(sim)
+    sim:run('wander.lua')
+    sim:wait_until(function() return sim:ended() end, 100)
+end)
+";
+
+#[test]
+fn what_holds_passes_and_what_does_not_is_told_with_place_time_and_picture() {
+    let source = "scenario('it moves', { battery = 80 }, function(sim)\n\
+                  \tsim:run()\n\tsim:wait(2)\n\
+                  \texpect(sim:distance() > 0.1)\n\
+                  end)\n\
+                  scenario('it flies', { battery = 80, seeds = 2 }, function(sim)\n\
+                  \tsim:run()\n\tsim:wait(2)\n\
+                  \texpect(sim:distance() > 100, `{math.floor(sim:distance())} m are not enough`)\n\
+                  end)\n";
+    let behaviour = "robot.drive(0.2, 1)\ntask.wait(1000)\n";
+    let folder = folder(&[("fly_test.lua", source), ("fly.lua", behaviour)]);
+    let output = spykee(folder.path(), &["test"]);
+    assert_eq!(output.status.code(), Some(4), "{}", text(&output));
+    let text = text(&output);
+    for part in [
+        "fly_test.lua\n",
+        "  ok    it moves (seed 1, 0:00:02)",
+        "  FAIL  it flies (0 of 2 seeds, ",
+        "fly_test.lua:9: 0 m are not enough",
+        "9 | \texpect(sim:distance() > 100,",
+        "with seed 1 after 2.0 s: robot at ",
+        "the robot hears Move",
+        "it fails with seed 2 too",
+        "1 run passed, 2 failed",
+    ] {
+        assert!(text.contains(part), "{part:?} is missing in\n{text}");
+    }
+    let picture = folder
+        .path()
+        .join("spykee-data/scenarios/fly-test-it-flies-1.png");
+    let picture = image::open(picture).unwrap();
+    assert!(picture.width() > 300 && picture.height() > 300);
+    let output = spykee(folder.path(), &["test", "--filter", "moves"]);
+    assert_eq!(output.status.code(), Some(0));
+}
+
+#[test]
+fn the_same_seed_plays_the_same_however_many_are_played_at_a_time() {
+    let folder = folder(&[("wander.lua", WANDERS), ("wander_test.lua", LOOKS_ON)]);
+    let play = |jobs| {
+        let output = spykee(folder.path(), &["test", "--json", "--jobs", jobs]);
+        let mut json = json(&output);
+        for run in json["runs"].as_array_mut().unwrap() {
+            run["seconds"] = Value::Null;
+        }
+        json
+    };
+    let first = play("1");
+    assert_eq!(first, play("3"));
+    let lines = |run: usize| first["runs"][run]["lines"][0].as_str().unwrap();
+    assert_ne!(lines(0), lines(1), "two seeds are two runs");
+    assert_eq!(first["failed"], 1);
+}
+
+#[test]
+fn every_question_and_every_change_reaches_the_simulated_robot() {
+    let source = r#"
+scenario("all of it", { world = "playpen", battery = 70, limit = 600, seeds = 1 }, function(sim)
+    expect(sim:seed() == 1 and sim:time() == 0)
+    sim:place({ x = 1, y = 1, heading = 0 })
+    local pose = sim:pose()
+    expect(pose.x == 1 and pose.y == 1 and pose.heading == 0, "place, pose")
+    expect(not sim:docked() and not sim:charging() and not sim:connected())
+    sim:place_ball(1, { x = 1.5, y = 1.4 })
+    expect(math.abs(sim:ball(1).y - 1.4) < 0.01, "place_ball, ball")
+    expect(math.abs(sim:battery() - 70) < 1, "battery at the start")
+    expect(math.abs(sim:battery(60) - 60) < 1, "battery")
+
+    sim:run("ears.lua", { "other.lua", name = "second", priority = 3, params = { speed = 15 } })
+    expect(sim:wait_until(function() return sim:connected() end, 5), "connected")
+    expect(sim:ended() == nil and sim:ended("ears") == nil)
+    expect(sim:wait_until(function() return sim:leds().left end, 5), "leds")
+    expect(#sim:log("speed 15") == 1, "params, log")
+    expect(sim:log("speed 15")[1].behaviour == "second")
+    expect(sim:wait_until(function() return sim:ended("second") == "done" end, 10), "ended")
+    expect(sim:distance() > 0.05, "distance")
+    local photos = sim:photos()
+    expect(photos == 1, `photos: {photos}`)
+    local sounds = sim:sounds()
+    expect(sounds[1].name == "laser" and sounds[1].time > 0, "sounds")
+    expect(sim:collisions() == 0)
+
+    sim:wait(2)
+    local loud = #sim:log("noise")
+    sim:wait(2)
+    expect(#sim:log("noise") == loud, "it is quiet")
+    sim:noise(-10, 1)
+    expect(sim:wait_until(function() return #sim:log("noise") > loud end, 3), "noise")
+    local bright = tonumber(sim:log("bright")[1].text:match("%d+"))
+    sim:light(0.2)
+    sim:wait(2)
+    local lines = sim:log("bright")
+    expect(tonumber(lines[#lines].text:match("%d+")) < bright / 2, "light")
+
+    sim:fault({ fault = "drop" })
+    expect(sim:wait_until(function() return #sim:log("disconnected") == 1 end, 5), "fault")
+    expect(sim:wait_until(function() return sim:connected() end, 20), "it comes back")
+
+    sim:break_charger(true)
+    sim:battery(15)
+    expect(sim:wait_until(function() return sim:docked() end, 200), "it goes home")
+    sim:wait(3)
+    expect(not sim:charging(), "break_charger")
+    sim:break_charger(false)
+    expect(sim:wait_until(function() return sim:charging() end, 10), "it charges again")
+
+    sim:stop()
+    expect(sim:ended("ears") == "shutdown", "stop")
+    sim:wait(1)
+    expect(not sim:connected())
+    sim:run("ears.lua")
+    expect(sim:wait_until(function() return #sim:log("life 2") == 1 end, 5), "the store is kept")
+    sim:kill()
+    expect(not sim:wait_until(function() return sim:connected() end, 2), "kill")
+
+    sim:hide_station(true)
+    sim:battery(80)
+    sim:place({ x = 1, y = 1, heading = 0 })
+    sim:run("home.lua")
+    expect(sim:wait_until(function() return #sim:log("base_not_found") == 1 end, 300), "hide_station")
+    print("all of it was played")
+end)
+"#;
+    let ears = r#"
+local lives = store.get("lives", 0) + 1
+store.set("lives", lives)
+log.info(`life {lives}`)
+robot.led("left", true)
+robot.on("noise", function() log.info("noise") end)
+robot.on("disconnected", function() log.info("disconnected") end)
+robot.on("frame", function(frame)
+    log.info(`bright {math.round(1000 * frame:brightness())}`)
+end, { rate = 2 })
+"#;
+    let other = r#"
+local p = params.declare({ speed = { default = 1, min = 1, max = 50 } })
+log.info(`speed {p.speed}`)
+robot.wait_frame(5):save("here")
+robot.play("laser")
+robot.move(p.speed, p.speed, 1)
+robot.stop()
+"#;
+    let home = "local ok, code = robot.dock({ retries = 0 })\nlog.info(code)\n";
+    let folder = folder(&[
+        ("all_test.lua", source),
+        ("ears.lua", ears),
+        ("other.lua", other),
+        ("home.lua", home),
+    ]);
+    let output = spykee(folder.path(), &["test", "--json"]);
+    let result = &json(&output)["runs"][0];
+    assert_eq!(result["passed"], true, "{result:#}");
+    assert_eq!(result["lines"][0], "all of it was played");
+}
+
+#[test]
+fn wrong_files_are_refused_with_file_line_and_what_to_do() {
+    for (source, words) in [
+        ("", "a_test.lua: there is no scenario in it"),
+        ("scenario(", "a_test.lua:1"),
+        (
+            "scenario('x')",
+            "a_test.lua:1: scenario: the last argument must be a function",
+        ),
+        (
+            "scenario('', {}, print)",
+            "a_test.lua:1: scenario: the name must have 1 to 200 bytes",
+        ),
+        (
+            "scenario('x', {}, print)\nscenario('x', {}, print)",
+            "a_test.lua:2: scenario: 'x' is in line 1 already",
+        ),
+        (
+            "scenario('x', { batery = 3 }, print)",
+            "did you mean 'battery'",
+        ),
+        (
+            "scenario('x', { world = 'playpan' }, print)",
+            "did you mean 'playpen'",
+        ),
+        ("scenario('x', { world = 'no.yaml' }, print)", "no.yaml"),
+        (
+            "sim:wait(3)",
+            "a_test.lua:1: wait: this can be asked inside of a scenario only",
+        ),
+        (
+            "task.wait(1)\nscenario('x', {}, print)",
+            "it waits before its scenarios are declared",
+        ),
+        ("robot.move(1, 1)", "a_test.lua:1: unknown name 'robot'"),
+    ] {
+        let text = complaint(source);
+        assert!(text.contains(words), "{source}\n{text}");
+    }
+}
+
+#[test]
+fn wrong_calls_and_scripts_that_misbehave_fail_their_scenario_in_words() {
+    for (body, words) in [
+        (
+            "sim:palce({})",
+            "sim.palce does not exist; did you mean 'place'?",
+        ),
+        ("sim.wait(3)", "call it with a colon, sim:wait(seconds)"),
+        ("sim:place({ x = 1 })", "y is missing"),
+        (
+            "sim:place_ball(7, { x = 1, y = 1 })",
+            "the ball's number must be between 1 and",
+        ),
+        (
+            "sim:battery(101)",
+            "percent must be between 0 and 100, got 101",
+        ),
+        ("sim:noise(3, 1)", "dbfs must be between -90 and -3, got 3"),
+        ("sim:fault({ fault = 'dorp' })", "drop"),
+        ("sim:fault({ fault = 'drop', byte = 3 })", "byte"),
+        ("sim:run('b.lua')", "cannot read the behaviour b.lua"),
+        ("sim:run({ 'a.lua', prio = 3 })", "unknown field `prio`"),
+        ("sim:run('a.lua', 'a.lua')", "two behaviours are called 'a'"),
+        ("sim:run() sim:run()", "behaviours are running already"),
+        ("scenario('y', {}, print)", "not within another"),
+        ("sim:wait_until(3, 4)", "must be a function, got number"),
+        ("sim:wait_until(print)", "seconds is missing"),
+        ("while true do end", "ran longer than"),
+        ("sim:wait(1000)", "it was not over within its limit of 30 s"),
+        ("local t = {} while true do t = { t, t } end", "memory"),
+        ("error({})", "a table"),
+        ("script.stop()", "its script ended before it was played"),
+    ] {
+        let source =
+            format!("scenario('x', {{ world = 'playpen', limit = 30 }}, function(sim) {body} end)");
+        let text = complaint(&source);
+        assert!(text.contains(words), "{body}\n{text}");
+    }
+}
+
+#[test]
+fn a_behaviour_that_fails_fails_its_scenario_unless_that_is_expected() {
+    let source = "scenario('x', {}, function(sim) sim:run() sim:wait(5) end)\n\
+                  scenario('y', { may_fail = true }, function(sim)\n\
+                      sim:run() sim:wait(5) expect(sim:ended() == 'error')\n\
+                  end)";
+    let behaviour = "task.wait(1)\nlocal t = robot.battery().level.percent\n";
+    let folder = folder(&[("b_test.lua", source), ("b.lua", behaviour)]);
+    let result = json(&spykee(folder.path(), &["test", "--json"]));
+    let message = result["runs"][0]["failure"]["message"].as_str().unwrap();
+    assert!(
+        message.contains("the behaviour b failed: ") && message.contains("b.lua:2"),
+        "{message}"
+    );
+    assert_eq!(result["runs"][1]["passed"], true, "{result:#}");
+    let mistaken = self::folder(&[("c_test.lua", source), ("c.lua", "robot.moev(1, 1)")]);
+    let result = json(&spykee(mistaken.path(), &["test", "--json"]));
+    let message = result["runs"][0]["failure"]["message"].as_str().unwrap();
+    assert!(message.contains("did you mean 'move'"), "{message}");
+}
+
+#[test]
+fn a_behaviour_sees_nothing_of_its_scenario() {
+    let source = "scenario('x', {}, function(sim)\n\
+                      secret = 7\n\
+                      sim:run()\n\
+                      expect(sim:wait_until(function() return sim:ended() == 'done' end, 5))\n\
+                      expect(#sim:log('none of it') == 1)\n\
+                  end)";
+    let behaviour = "local names = { 'sim', 'scenario', 'expect', 'secret' }\n\
+                     for _, name in names do\n\
+                         assert(not pcall(function() return _G[name] end), name)\n\
+                     end\n\
+                     log.info('none of it')\n";
+    let folder = folder(&[("c_test.lua", source), ("c.lua", behaviour)]);
+    let output = spykee(folder.path(), &["test"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+}
+
+#[test]
+fn the_junit_report_is_xml_with_a_case_for_each_run() {
+    let folder = folder(&[
+        ("wander.lua", WANDERS),
+        ("wander_test.lua", LOOKS_ON),
+        ("z_test.lua", "scenario('<&\">')"),
+    ]);
+    let output = spykee(folder.path(), &["test", "--junit", "out.xml"]);
+    assert_eq!(output.status.code(), Some(4), "{}", text(&output));
+    let xml = std::fs::read_to_string(folder.path().join("out.xml")).unwrap();
+    let mut reader = quick_xml::Reader::from_str(&xml);
+    let (mut cases, mut failures, mut errors) = (0, 0, 0);
+    loop {
+        match reader.read_event().unwrap() {
+            Event::Start(element) | Event::Empty(element) => match element.name().as_ref() {
+                b"testcase" => cases += 1,
+                b"failure" => failures += 1,
+                b"error" => errors += 1,
+                _ => {}
+            },
+            Event::Eof => break,
+            _ => {}
+        }
+    }
+    assert_eq!((cases, failures, errors), (4, 1, 1), "{xml}");
+}
+
+#[test]
+fn what_cannot_be_played_at_all_ends_in_2() {
+    let folder = folder(&[("a_test.lua", "scenario('x', {}, print)")]);
+    for args in [
+        &["test", "nowhere"][..],
+        &["test", "--filter", "nothing of this name"],
+        &["test", "--seeds", "0"],
+        &["test", "--junit", "no/such/folder.xml"],
+    ] {
+        let output = spykee(folder.path(), args);
+        assert_eq!(output.status.code(), Some(2), "{args:?}\n{}", text(&output));
+    }
+    let empty = tempfile::tempdir().unwrap();
+    let output = spykee(empty.path(), &["test"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(
+        text(&output).contains("no *_test.lua file"),
+        "{}",
+        text(&output)
+    );
+}
+
+#[tokio::test]
+async fn an_interruption_ends_all_that_is_played() {
+    let rig = Rig::quiet().await;
+    let source = "scenario('for ever', { limit = 2592000 }, function(sim)\n\
+                      while true do sim:wait(0.1) end\n\
+                  end)";
+    rig.file("ever_test.lua", source);
+    let mut run = rig.spykee(&["test", "--jobs", "1"]);
+    tokio::time::sleep(Duration::from_millis(300)).await;
+    assert!(run.lives(), "{}", run.text());
+    run.signal(Signal::INT);
+    assert_eq!(run.code().await, Some(130), "{}", run.text());
+}
+
+#[test]
+fn a_new_project_passes_its_own_scenarios() {
+    let folder = tempfile::tempdir().unwrap();
+    for template in ["patrol", "follow", "empty"] {
+        let made = spykee(folder.path(), &["new", template, "--template", template]);
+        assert_eq!(made.status.code(), Some(0), "{}", text(&made));
+    }
+    let output = spykee(folder.path(), &["test"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let checked = spykee(folder.path(), &["check", "patrol", "follow", "empty"]);
+    assert_eq!(checked.status.code(), Some(0), "{}", text(&checked));
+}
+
+#[test]
+fn rust_tests_play_scenarios_too() {
+    let folder = folder(&[("wander.lua", WANDERS), ("wander_test.lua", LOOKS_ON)]);
+    let book = Book::read(&folder.path().join("wander_test.lua")).unwrap();
+    let [wanders, endless] = book.scenarios() else {
+        panic!("two scenarios");
+    };
+    let setting = Setting::default();
+    let played = book.play(wanders, 1, &setting).unwrap();
+    assert!(played.failure.is_none());
+    let failure = book.play(endless, 1, &setting).unwrap().failure.unwrap();
+    assert_eq!(failure.at, Duration::from_secs(15));
+}
