@@ -21,7 +21,7 @@ pub fn luau() -> String {
         record(&mut text, object);
     }
     for object in super::objects().filter(|object| object.strict) {
-        class(&mut text, object);
+        class(&mut text, object, Function::parameters_luau);
     }
     text += "export type Colours = string | Colour | { string | Colour }\n";
     for name in namespaces() {
@@ -36,7 +36,7 @@ pub fn luau() -> String {
 }
 
 /// The namespaces, in the order of their first call.
-fn namespaces() -> Vec<&'static str> {
+pub(super) fn namespaces() -> Vec<&'static str> {
     let mut names = Vec::new();
     let owners = super::functions()
         .filter(|function| !function.is_method())
@@ -49,7 +49,7 @@ fn namespaces() -> Vec<&'static str> {
     names
 }
 
-fn record(text: &mut String, object: &Object) {
+pub(super) fn record(text: &mut String, object: &Object) {
     let _ = writeln!(
         text,
         "\n--- {}\nexport type {} = {{",
@@ -61,7 +61,7 @@ fn record(text: &mut String, object: &Object) {
     *text += "}\n";
 }
 
-fn class(text: &mut String, object: &Object) {
+pub(super) fn class(text: &mut String, object: &Object, parameters: fn(&Function) -> String) {
     let _ = writeln!(text, "\n--- {}\ndeclare class {}", object.doc, object.name);
     for field in object.fields {
         let _ = writeln!(text, "\t{}: {}{}", field.name, field.luau(), remark(field));
@@ -77,7 +77,7 @@ fn class(text: &mut String, object: &Object) {
             "\t--- {}\n\tfunction {}(self{comma}{}): {}",
             method.doc,
             method.key(),
-            method.parameters_luau(),
+            parameters(method),
             method.returns_luau()
         );
     }
