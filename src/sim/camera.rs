@@ -681,7 +681,7 @@ mod tests {
     fn what_changes_before_a_robot_that_stands_still_is_seen() {
         let world = pen("balls: [{at: [3, 2], colour: red}]");
         let mut camera = Camera::new(&world, 1);
-        let mut look = |camera: &mut Camera, flash| {
+        let look = |camera: &mut Camera, flash| {
             let jpeg = camera.frame(still(Pose::new(1.9, 2.0, 0.0), flash));
             image::load_from_memory(&jpeg).unwrap().to_rgb8()
         };
@@ -699,7 +699,10 @@ mod tests {
         camera.set_light(0.3);
         let dim = look(&mut camera, true);
         assert!(bright(&dim) < bright(&lit) * 9 / 10);
-        assert_eq!(find(&look(&mut camera, true), RED).0 > 0, find(&dim, RED).0 > 0);
+        assert_eq!(
+            find(&look(&mut camera, true), RED).0 > 0,
+            find(&dim, RED).0 > 0
+        );
     }
 
     #[test]
