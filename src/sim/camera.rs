@@ -681,7 +681,7 @@ mod tests {
     fn what_changes_before_a_robot_that_stands_still_is_seen() {
         let world = pen("balls: [{at: [3, 2], colour: red}]");
         let mut camera = Camera::new(&world, 1);
-        let mut look = |camera: &mut Camera, flash| {
+        let look = |camera: &mut Camera, flash| {
             let jpeg = camera.frame(still(Pose::new(1.9, 2.0, 0.0), flash));
             image::load_from_memory(&jpeg).unwrap().to_rgb8()
         };
