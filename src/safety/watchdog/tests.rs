@@ -296,6 +296,22 @@ fn after_the_alarm_it_searches_for_ever_after_pauses_that_grow_up_to_a_bound() {
 }
 
 #[test]
+fn the_next_search_and_the_end_of_a_leg_are_deadlines_of_their_own() {
+    let quiet = |limits| Limits {
+        alarm_every: crate::robot::Seconds::from_secs(1000),
+        ..limits
+    };
+    let (mut rig, _) = lost(20, quiet(standing()));
+    let due = rig.now + 60 * SECOND;
+    rig.pass(2 * SECOND, false);
+    assert_eq!(rig.dog.next_deadline(), Some(due));
+    let (mut rig, _) = lost(20, quiet(Limits::default()));
+    let due = rig.now + 2 * SECOND;
+    rig.pass(1900 * MS, false);
+    assert_eq!(rig.dog.next_deadline(), Some(due));
+}
+
+#[test]
 fn a_search_under_alarm_that_takes_too_long_is_cancelled_and_no_leg_follows() {
     let (mut rig, _) = lost(20, Limits::default());
     rig.pass(2 * SECOND, false);
