@@ -6,6 +6,7 @@ mod api;
 mod blobs;
 mod calibrate;
 mod check;
+mod checker;
 mod colours;
 mod completions;
 mod config;
@@ -19,6 +20,7 @@ mod failure;
 mod fast;
 mod interrupt;
 mod learn;
+mod lesson;
 mod logging;
 mod new;
 mod params;
@@ -92,6 +94,7 @@ enum Command {
     Config(config::ConfigArgs),
     Check(check::CheckArgs),
     Test(test::TestArgs),
+    Lesson(lesson::LessonArgs),
     Api(api::ApiArgs),
     Discover(discover::DiscoverArgs),
     Sim(sim::SimArgs),
@@ -121,8 +124,9 @@ impl Command {
             Command::New(args) => new::run(&args),
             Command::Repl(args) => repl::run(&args, console),
             Command::Config(args) => config::run(&args),
-            Command::Check(args) => check::run(&args),
+            Command::Check(args) => check::run(&args, console),
             Command::Test(args) => test::run(&args, console),
+            Command::Lesson(args) => lesson::run(&args, console),
             Command::Api(args) => api::run(&args),
             Command::Discover(args) => discover::run(&args, console),
             Command::Sim(args) => sim::run(&args, console),
