@@ -3,6 +3,7 @@
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
+use super::checker::TypeChecker;
 use super::run::params;
 use super::source::read_source;
 use super::{Console, Exit, Failure, print};
@@ -31,7 +32,7 @@ pub(super) struct CheckArgs {
 /// Folders are not followed deeper.
 const MAX_DEPTH: u32 = 16;
 
-pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
+pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> {
     let Effective { config, file, .. } =
         Effective::load(args.config.as_deref()).map_err(Failure::usage)?;
     let path = file.map(|(path, _)| path);
@@ -39,10 +40,12 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
     for path in &args.files {
         collect(path, 0, &mut files)?;
     }
-    let mut findings = Vec::new();
+    let mut examiner = Examiner::new(console);
     for file in &files {
-        findings.extend(of_file(file, &config, path.as_deref())?);
+        let (source, options) = of_file(file, &config, path.as_deref())?;
+        examiner.script(&source, &options);
     }
+    let findings = examiner.findings;
     let text = match args.json {
         true => format!(
             "{}\n",
@@ -58,8 +61,12 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
     })
 }
 
-/// Of one script with the settings of a config.
-fn of_file(file: &Path, config: &Config, path: Option<&Path>) -> Result<Vec<Finding>, Failure> {
+/// One script with the settings of a config.
+fn of_file(
+    file: &Path,
+    config: &Config,
+    path: Option<&Path>,
+) -> Result<(Vec<u8>, Options), Failure> {
     let source = read_source(file)?;
     let is_this = |entry: &&Entry| match (entry.file.canonicalize(), file.canonicalize()) {
         (Ok(one), Ok(other)) => one == other,
@@ -70,25 +77,59 @@ fn of_file(file: &Path, config: &Config, path: Option<&Path>) -> Result<Vec<Find
         params: entry.map(|entry| params(entry, path)).unwrap_or_default(),
         ..config.script("check", file.display().to_string(), 0)
     };
-    Ok(of_source(&source, &options))
+    Ok((source, options))
 }
 
-/// Of a script that would run with these options.
-pub(super) fn of_source(source: &[u8], options: &Options) -> Vec<Finding> {
-    let surroundings = Surroundings::new(options, Some(Path::new(&options.chunk)));
-    check(source, &options.chunk, &surroundings)
+/// All that is wrong with a script that would run with these options.
+pub(super) fn of_source(source: &[u8], options: &Options, console: &Console) -> Vec<Finding> {
+    let mut examiner = Examiner::new(console);
+    examiner.script(source, options);
+    examiner.findings
+}
+
+/// Looks at one script after the other, with the type checker if there is one.
+struct Examiner<'a> {
+    types: TypeChecker,
+    console: &'a Console,
+    findings: Vec<Finding>,
+}
+
+impl Examiner<'_> {
+    fn new(console: &Console) -> Examiner<'_> {
+        Examiner {
+            types: TypeChecker::beside(),
+            console,
+            findings: Vec::new(),
+        }
+    }
+
+    fn script(&mut self, source: &[u8], options: &Options) {
+        let chunk = options.chunk.as_str();
+        let surroundings = Surroundings::new(options, Some(Path::new(chunk)));
+        let mut found = check(source, chunk, &surroundings);
+        match self.types.findings((source, chunk), &found) {
+            Ok(types) => found.extend(types),
+            Err(why) => {
+                let text = format!("{chunk}: types were not checked: {why}");
+                self.console.say("WARN", &text);
+            }
+        }
+        found.sort_by_key(|finding| (finding.line, finding.column));
+        self.findings.extend(found);
+    }
 }
 
 /// Refuses to run what cannot work; warnings are only shown.
 pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<(), Failure> {
-    let mut findings = Vec::new();
+    let mut examiner = Examiner::new(console);
     for behaviour in behaviours {
         let Launch {
             source, options, ..
         } = &behaviour.launch;
-        findings.extend(of_source(source, options));
+        examiner.script(source, options);
     }
-    let (errors, warnings): (Vec<_>, Vec<_>) = findings
+    let (errors, warnings): (Vec<_>, Vec<_>) = examiner
+        .findings
         .into_iter()
         .partition(|finding| finding.severity == Severity::Error);
     for warning in warnings {

@@ -30,5 +30,6 @@ mod soak;
 mod stdlib;
 mod supervision;
 mod tools;
+mod type_checker;
 mod vision;
 mod world;

@@ -5,6 +5,7 @@
 //! bounded whatever the file holds, and nothing of it runs.
 
 mod calls;
+mod desugar;
 mod explain;
 mod finding;
 mod foreign;
@@ -15,7 +16,9 @@ mod parameters;
 mod parser;
 mod syntax;
 mod tree;
+mod typing;
 mod walk;
+mod wording;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -31,6 +34,7 @@ use crate::vision::Colour;
 pub(super) use explain::explain;
 pub use finding::{Finding, Severity};
 use lexer::Span;
+pub use typing::{Answer, Question, Typing};
 
 /// What a script finds around itself.
 #[derive(Debug, Clone)]

@@ -4,6 +4,9 @@ use std::fmt::Write as _;
 
 use super::terms::{Function, Object, Type, Value};
 
+/// What scripts of scenarios can call, for editors and for the type checker.
+pub(super) const STAGE: &str = include_str!("stage.d.luau");
+
 /// The text of `spykee.d.luau`.
 pub fn luau() -> String {
     let mut text = String::from(
@@ -21,7 +24,7 @@ pub fn luau() -> String {
         record(&mut text, object);
     }
     for object in super::objects().filter(|object| object.strict) {
-        class(&mut text, object);
+        class(&mut text, object, Function::parameters_luau);
     }
     text += "export type Colours = string | Colour | { string | Colour }\n";
     for name in namespaces() {
@@ -32,11 +35,11 @@ pub fn luau() -> String {
         let luau = function.luau_type(": ");
         let _ = writeln!(text, "declare function {}{luau}", function.path);
     }
-    text
+    text + STAGE
 }
 
 /// The namespaces, in the order of their first call.
-fn namespaces() -> Vec<&'static str> {
+pub(super) fn namespaces() -> Vec<&'static str> {
     let mut names = Vec::new();
     let owners = super::functions()
         .filter(|function| !function.is_method())
@@ -49,7 +52,7 @@ fn namespaces() -> Vec<&'static str> {
     names
 }
 
-fn record(text: &mut String, object: &Object) {
+pub(super) fn record(text: &mut String, object: &Object) {
     let _ = writeln!(
         text,
         "\n--- {}\nexport type {} = {{",
@@ -61,7 +64,7 @@ fn record(text: &mut String, object: &Object) {
     *text += "}\n";
 }
 
-fn class(text: &mut String, object: &Object) {
+pub(super) fn class(text: &mut String, object: &Object, parameters: fn(&Function) -> String) {
     let _ = writeln!(text, "\n--- {}\ndeclare class {}", object.doc, object.name);
     for field in object.fields {
         let _ = writeln!(text, "\t{}: {}{}", field.name, field.luau(), remark(field));
@@ -77,7 +80,7 @@ fn class(text: &mut String, object: &Object) {
             "\t--- {}\n\tfunction {}(self{comma}{}): {}",
             method.doc,
             method.key(),
-            method.parameters_luau(),
+            parameters(method),
             method.returns_luau()
         );
     }
