@@ -158,7 +158,8 @@ mod tests {
 
     #[test]
     fn a_ball_that_was_put_somewhere_stays_there_though_it_had_a_path() {
-        let ball = "balls: [{at: [1, 3], colour: red, path: {through: [[1, 3], [5, 3]]}}]";
+        let ball =
+            "balls: [{at: [1, 3], colour: red, path: {through: [[1, 3], [5, 3]], speed: 0.5}}]";
         let world = world(ball);
         let (mut movers, mut obstacles) = (Movers::of(&world), Obstacles::of(&world));
         let (robot, place) = (
