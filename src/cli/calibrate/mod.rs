@@ -49,7 +49,7 @@ pub(super) struct CalibrateArgs {
     seed: Option<u64>,
 
     #[command(flatten)]
-    aim: AimArgs,
+    pub(super) aim: AimArgs,
 }
 
 /// Measures, shows, and writes if that is wanted.
@@ -115,7 +115,7 @@ fn conclude(args: &CalibrateArgs, calibration: Calibration) -> Result<Exit, Fail
     if !args.json {
         print(&format!("\n{line}\n"))?;
     }
-    let written = match &args.aim.config {
+    let written = match args.aim.settings.file() {
         Some(path) => write(args, path, calibration)?,
         None => {
             if !args.json {
