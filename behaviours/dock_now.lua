@@ -1,12 +1,12 @@
 -- dock_now: sends the robot to its charging station and tells how it went. Ends when the robot
 -- charges, or with an error when it could not get home.
---
--- RETRIES: tries after the first one. TIMEOUT: the longest search of one try, in seconds.
 
-local RETRIES = 2
-local TIMEOUT = 120
+local settings = params.declare({
+	retries = { default = 2, min = 0, max = 20, doc = "tries after the first one" },
+	timeout = { default = 120, min = 5, max = 600, unit = "s", doc = "the longest search of one try" },
+})
 
-local docked, code, info = robot.dock({ timeout = TIMEOUT, retries = RETRIES })
+local docked, code, info = robot.dock({ timeout = settings.timeout, retries = settings.retries })
 if docked then
 	print(`on the station and charging: {code}, {info.attempts} tries, {math.round(info.seconds)} s`)
 	robot.blink("all", { on = 0.1, off = 0.1, count = 2 }):join()

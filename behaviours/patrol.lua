@@ -1,20 +1,19 @@
--- patrol: drives a beat of legs; at the end of each leg it looks around, photographs what it sees
--- and tells which colours are there. When the battery runs low it goes home, charges, leaves the
--- station and takes up the beat where it left it. Runs until it is ended.
---
--- LEG: metres of one leg. SPEED: m/s. LEGS: legs of a beat, a turn of a full circle between them.
--- GO_HOME: at this battery level, in percent, it docks by itself (the watchdog does it at 20 %,
--- whatever this script does). ENOUGH: at this level it goes out again.
+-- patrol: drives a beat of legs; at the end of each leg it looks around, photographs what it sees and
+-- tells which colours are there. When the battery runs low it goes home, charges, leaves the station
+-- and takes up the beat at the leg that it had not finished; so it does after a restart. Runs until it
+-- is ended.
 
-local LEG = 0.9
-local SPEED = 0.3
-local LEGS = 4
-local GO_HOME = 30
-local ENOUGH = 75
+local settings = params.declare({
+	leg = { default = 0.9, min = 0.1, max = 10, unit = "m", doc = "length of one leg" },
+	legs = { default = 4, min = 1, max = 12, doc = "legs of a beat, a turn of a full circle between them" },
+	speed = { default = 0.3, min = 0.05, max = 0.45, unit = "m/s", doc = "on a leg" },
+	go_home = { default = 30, min = 21, max = 90, unit = "%", doc = "docks at this battery level; the watchdog does at 20 %" },
+	enough = { default = 75, min = 25, max = 100, unit = "%", doc = "goes out again at this level" },
+})
 local COLOURS = { "red", "green", "blue", "yellow" }
 
-local leg = 0
-local rounds = 0
+local leg = store.get("leg", 1) -- the one to drive next
+local round = store.get("round", 1)
 
 local function level()
 	local battery = robot.battery()
@@ -58,25 +57,43 @@ local function look_around()
 		if not robot.turn(look.angle) then
 			return
 		end
-		photograph(`round{rounds}-leg{leg}-{look.name}.jpg`)
+		photograph(`round{round}-leg{leg}-{look.name}.jpg`)
 	end
+end
+
+-- Kept in the store at once, so that a restart knows it too.
+local function next_leg()
+	leg = leg % settings.legs + 1
+	round += if leg == 1 then 1 else 0
+	store.set("leg", leg)
+	store.set("round", round)
+end
+
+local function patrol()
+	log.info(`round {round}, leg {leg}`)
+	local done, code = robot.forward(settings.leg, settings.speed)
+	if not done then
+		log.info(`leg {leg} was cut short: {code}`)
+		return task.wait(1)
+	end
+	look_around()
+	robot.turn(2 * math.pi / settings.legs)
+	next_leg()
 end
 
 local function charge()
 	log.info(`charging, the battery is at {level()} %`)
-	while level() < ENOUGH do
+	while level() < settings.enough do
 		robot.wait_for("battery", 30)
 	end
 end
 
--- True when the robot is off its station and may drive again.
 local function go_home()
 	log.info(`going home, the battery is at {level()} %`)
 	local docked, code = robot.dock({ timeout = 120, retries = 3 })
 	if not docked then
 		log.warn(`could not dock: {code}`)
-		task.wait(5)
-		return
+		return task.wait(5)
 	end
 	charge()
 	local out, why = robot.undock()
@@ -88,22 +105,8 @@ local function go_home()
 	robot.turn(math.pi)
 end
 
-local function patrol()
-	leg = leg % LEGS + 1
-	rounds += if leg == 1 then 1 else 0
-	log.info(`round {rounds}, leg {leg}`)
-	local done, code = robot.forward(LEG, SPEED)
-	if not done then
-		log.info(`leg {leg} was cut short: {code}`)
-		task.wait(1)
-		return
-	end
-	look_around()
-	robot.turn(2 * math.pi / LEGS)
-end
-
 while true do
-	if robot.docked() or level() <= GO_HOME then
+	if robot.docked() or level() <= settings.go_home then
 		go_home()
 	else
 		patrol()

@@ -412,7 +412,7 @@ named! {
         Hold = "hold",
         /// Allows motion again.
         Release = "release",
-        /// Sounds the alarm: docking failed for good.
+        /// Sounds the alarm: docking failed.
         Alarm = "alarm",
         /// Ended a behaviour.
         Kill = "kill",

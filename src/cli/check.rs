@@ -79,6 +79,13 @@ fn of_file(
     Ok((source, options))
 }
 
+/// All that is wrong with a script that would run with these options.
+pub(super) fn of_source(source: &[u8], options: &Options, console: &Console) -> Vec<Finding> {
+    let mut examiner = Examiner::new(console);
+    examiner.behaviour(source, options);
+    examiner.findings
+}
+
 /// Refuses to run what cannot work; warnings are only shown.
 pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<(), Failure> {
     let mut examiner = Examiner::new(console);
@@ -103,7 +110,8 @@ pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<
     }
 }
 
-fn has_errors(findings: &[Finding]) -> bool {
+/// Whether it is refused before a run.
+pub(super) fn has_errors(findings: &[Finding]) -> bool {
     findings
         .iter()
         .any(|finding| finding.severity == Severity::Error)

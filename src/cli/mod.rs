@@ -21,6 +21,7 @@ mod failure;
 mod fast;
 mod interrupt;
 mod learn;
+mod lesson;
 mod logging;
 mod new;
 mod params;
@@ -96,6 +97,7 @@ enum Command {
     Config(config::ConfigArgs),
     Check(check::CheckArgs),
     Test(test::TestArgs),
+    Lesson(lesson::LessonArgs),
     Api(api::ApiArgs),
     Discover(discover::DiscoverArgs),
     Sim(sim::SimArgs),
@@ -133,6 +135,7 @@ impl Command {
             Command::Config(args) => config::run(&args),
             Command::Check(args) => check::run(&args, console),
             Command::Test(args) => test::run(&args, console),
+            Command::Lesson(args) => lesson::run(&args, console),
             Command::Api(args) => api::run(&args),
             Command::Discover(args) => discover::run(&args, console),
             Command::Sim(args) => sim::run(&args, console),

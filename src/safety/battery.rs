@@ -99,6 +99,12 @@ impl BatteryGuard {
         self.reported = self.reported.map(|_| now);
     }
 
+    /// A report came within the time after which silence counts.
+    pub fn is_fresh(&self, now: Instant) -> bool {
+        self.reported
+            .is_some_and(|reported| now < reported + self.silence)
+    }
+
     /// Low, and not released yet.
     pub fn low(&self) -> Option<LowCause> {
         self.low_cause
@@ -194,6 +200,15 @@ mod tests {
             guard.report(power(80, false), due),
             Some(BatteryChange::Released)
         );
+    }
+
+    #[test]
+    fn a_level_is_fresh_until_silence_counts() {
+        let (mut guard, now) = guard();
+        assert!(!guard.is_fresh(now), "never heard");
+        guard.report(power(10, false), now);
+        assert!(guard.is_fresh(now + Duration::from_millis(599_999)));
+        assert!(!guard.is_fresh(now + Duration::from_secs(600)));
     }
 
     #[test]

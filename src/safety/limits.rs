@@ -22,6 +22,15 @@ pub struct Limits {
     pub dock_retries: u32,
     /// Pause before the next try; twice as long before each further one (5 s).
     pub dock_pause: Seconds,
+    /// Where the station was not found in all these tries, the watchdog itself drives up to so many
+    /// short legs, with a search after each, from low until released (12). It drives them blindly: at
+    /// 30 %, straight for 2 s, later for up to 4 s (0.27 to 0.54 m), every second one after a turn of
+    /// 0.95 s. 0, where a fall is possible: never.
+    pub recovery_legs: u32,
+    /// Without a leg, from a failure to the next search; twice as long after each (60 s) ...
+    pub recovery_pause: Seconds,
+    /// ... up to this (300 s), for as long as the battery lasts.
+    pub recovery_longest_pause: Seconds,
     /// Without any battery level for so long off the station, the battery counts as low (600 s).
     pub power_silence: Seconds,
     /// A host whose motion is on must show life this often, or the tracks are stopped (0.25 s).
@@ -45,6 +54,9 @@ impl Default for Limits {
             charge_timeout: Seconds::from_secs(30),
             dock_retries: 3,
             dock_pause: Seconds::from_secs(5),
+            recovery_legs: 12,
+            recovery_pause: Seconds::from_secs(60),
+            recovery_longest_pause: Seconds::from_secs(300),
             power_silence: Seconds::from_secs(600),
             host_silence: Seconds::from_millis(250),
             host_grace: Seconds::from_millis(250),
@@ -92,6 +104,9 @@ mod tests {
             (20, 50, 8)
         );
         assert_eq!(limits.host_silence, Seconds::from_millis(250));
+        assert_eq!(limits.recovery_pause, Seconds::from_secs(60));
+        assert_eq!(limits.recovery_longest_pause, Seconds::from_secs(300));
+        assert_eq!(limits.recovery_legs, 12);
         assert_eq!(limits.check(), Ok(()));
     }
 

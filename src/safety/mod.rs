@@ -3,14 +3,17 @@
 //!
 //! [`Watchdog`] is the whole; its parts can be read one by one: [`Arbiter`] (who may drive),
 //! [`Tracks`] (what the robot was told, how often), [`BatteryGuard`] (when it is low),
-//! [`Docking`] (the way home), [`Leases`] (which hosts are alive), [`Limits`] (every number).
+//! [`Docking`] (the way home), [`Recovery`] (what
+//! follows when it failed), [`Leg`] (a short way to search from elsewhere), [`Leases`] (which hosts are alive), [`Limits`] (every number).
 
 mod act;
 mod arbiter;
 mod battery;
 mod docking;
 mod leases;
+mod leg;
 mod limits;
+mod recovery;
 mod tracks;
 mod watchdog;
 
@@ -19,6 +22,8 @@ pub use arbiter::{Arbiter, Ended};
 pub use battery::{BatteryChange, BatteryGuard, LowCause};
 pub use docking::{Approach, Docking, Order, Outcome, Retry};
 pub use leases::{Leases, Pulse};
+pub use leg::Leg;
 pub use limits::Limits;
+pub use recovery::{Recovery, Try};
 pub use tracks::Tracks;
 pub use watchdog::{Watchdog, WatchdogState};

@@ -26,6 +26,8 @@ const BUDGET_MS: u64 = 2000;
 #[derive(Debug, Clone)]
 pub struct Book {
     file: PathBuf,
+    /// What it names is looked for there; a text has none.
+    folder: Option<PathBuf>,
     source: Vec<u8>,
     scenarios: Vec<Scenario>,
 }
@@ -76,8 +78,23 @@ impl Book {
             path: file.display().to_string(),
             source,
         })?;
+        let folder = file.parent().unwrap_or(Path::new(""));
+        Book::new(file, Some(folder.to_owned()), source)
+    }
+
+    /// Of a text that is in no file, such as one within the program. It sees no files beside it:
+    /// no modules, no worlds but those that come along.
+    ///
+    /// # Errors
+    /// [`BookError::Invalid`].
+    pub fn of_text(name: &str, text: &str) -> Result<Book, BookError> {
+        Book::new(Path::new(name), None, text.into())
+    }
+
+    fn new(file: &Path, folder: Option<PathBuf>, source: Vec<u8>) -> Result<Book, BookError> {
         let mut book = Book {
             file: file.to_owned(),
+            folder,
             source,
             scenarios: Vec::new(),
         };
@@ -90,20 +107,21 @@ impl Book {
         &self.scenarios
     }
 
-    /// Where it was read from.
+    /// Where it was read from, or the name of its text.
     pub fn file(&self) -> &Path {
         &self.file
     }
 
-    pub(super) fn folder(&self) -> &Path {
-        self.file.parent().unwrap_or(Path::new(""))
+    pub(super) fn folder(&self) -> Option<&Path> {
+        self.folder.as_deref()
     }
 
     /// The behaviour beside it that has its name without `_test`.
     pub(super) fn subject(&self) -> Option<PathBuf> {
         let stem = self.file.file_stem()?.to_str()?;
         let name = format!("{}.lua", stem.strip_suffix("_test")?);
-        self.folder().join(&name).is_file().then(|| name.into())
+        let file = self.folder()?.join(name);
+        file.is_file().then_some(file)
     }
 
     /// One line of it.
@@ -128,7 +146,8 @@ impl Book {
 
     /// Serves what a script of this book sends out; its lines are handed to `line`.
     pub(super) fn serve(&self, script: &mut Script, mut line: impl FnMut(String)) {
-        let library = Library::new(self.folder().to_owned());
+        let folder = self.folder().map(Path::to_owned);
+        let library = folder.map_or_else(Library::default, Library::new);
         for output in script.take_output() {
             match output {
                 Output::Log(written) => line(written.text),
@@ -145,7 +164,7 @@ impl Book {
         let invalid = |text: String| Err(BookError::Invalid(text));
         let shown = self.file.display();
         let stage = Rc::new(Declaring {
-            folder: self.folder().to_owned(),
+            folder: self.folder().map(Path::to_owned),
             found: RefCell::default(),
         });
         let mut script = match self.script(0, stage.clone()) {
@@ -187,7 +206,7 @@ impl Book {
 
 /// Takes down what is declared and plays nothing.
 struct Declaring {
-    folder: PathBuf,
+    folder: Option<PathBuf>,
     found: RefCell<Vec<Scenario>>,
 }
 
@@ -205,7 +224,7 @@ impl Stage for Declaring {
             return Err(format!("the name must have 1 to {LONGEST_NAME} bytes"));
         }
         let options = Options::of(given.value(1))?;
-        load_world(options.world.as_deref(), &self.folder)?;
+        load_world(options.world.as_deref(), self.folder.as_deref())?;
         let mut found = self.found.borrow_mut();
         if let Some(twin) = found.iter().find(|other| other.name == name) {
             return Err(format!("'{name}' is in line {} already", twin.line));
@@ -227,14 +246,15 @@ impl Stage for Declaring {
 }
 
 /// The world of a name, or of a file in this folder.
-pub(super) fn load_world(name: Option<&str>, folder: &Path) -> Result<World, String> {
+pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<World, String> {
     let Some(name) = name else {
         return Ok(World::default_world());
     };
     if let Some(world) = World::ready(name) {
         return Ok(world);
     }
-    if name.ends_with(".yaml") || name.ends_with(".yml") {
+    let is_file = name.ends_with(".yaml") || name.ends_with(".yml");
+    if let Some(folder) = folder.filter(|_| is_file) {
         return World::load(&folder.join(name)).map_err(|error| error.to_string());
     }
     let near = suggestion(name, World::ready_names());

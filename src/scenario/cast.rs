@@ -13,8 +13,8 @@ use crate::script::{self, GivenParam, ParamOrigin};
 /// Makes behaviours.
 pub(super) struct Cast {
     pub(super) config: Config,
-    /// Paths are relative to it.
-    pub(super) folder: PathBuf,
+    /// Paths are relative to it; without it only the subject can be run.
+    pub(super) folder: Option<PathBuf>,
     /// What is run when none is named.
     pub(super) subject: Option<PathBuf>,
     /// What behaviours keep, until the scenario is over.
@@ -64,7 +64,9 @@ impl Cast {
                 return Err(what.to_owned());
             }
         };
-        entry.file = self.folder.join(&entry.file);
+        let folder = self.folder.as_ref();
+        let folder = folder.ok_or("no behaviour can be named here: sim:run() runs the one")?;
+        entry.file = folder.join(&entry.file);
         Ok(entry)
     }
 

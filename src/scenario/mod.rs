@@ -29,4 +29,4 @@ mod stage;
 
 pub use book::{Book, BookError, Scenario};
 pub use options::Options;
-pub use play::{Failure, Played, Setting};
+pub use play::{Cause, Failure, Played, Setting};

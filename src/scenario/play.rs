@@ -3,7 +3,7 @@
 
 use std::future::pending;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::pin::Pin;
 use std::rc::Rc;
 use std::time::Duration;
@@ -56,6 +56,8 @@ pub struct Played {
 pub struct Failure {
     /// The message of the `expect`, or what else went wrong.
     pub message: String,
+    /// What kind of thing that is.
+    pub cause: Cause,
     /// The line of the scenario.
     pub place: Option<Place>,
     /// The text of that line.
@@ -72,8 +74,20 @@ pub struct Failure {
     pub picture: RgbImage,
 }
 
+/// What made a scenario fail.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Cause {
+    /// An `expect` did not hold.
+    Expectation,
+    /// A behaviour failed, with these words.
+    Behaviour(String),
+    /// The scenario itself: a mistake in it, or it was not over in time.
+    Scenario,
+}
+
 /// Why a scenario failed.
 struct Trouble {
+    cause: Cause,
     message: String,
     place: Option<Place>,
 }
@@ -104,7 +118,7 @@ impl Book {
         };
         let cast = Cast {
             config: config.clone(),
-            folder: self.folder().to_owned(),
+            folder: self.folder().map(Path::to_owned),
             subject: setting.subject.clone().or_else(|| self.subject()),
             data: data.path().to_owned(),
             seed,
@@ -152,6 +166,7 @@ impl Play<'_> {
         let trouble = match self.book.script(seed, self.stage.clone()) {
             Ok(script) => self.act(script, stop).await.err(),
             Err(failure) => Some(Trouble {
+                cause: Cause::Scenario,
                 message: failure.to_string(),
                 place: None,
             }),
@@ -227,7 +242,10 @@ impl Play<'_> {
         let failed = self.stage.chronicle.failed();
         if let Some(failed) = failed.filter(|_| !self.scenario.options.may_fail) {
             let text = format!("the behaviour {} failed: {}", failed.behaviour, failed.text);
-            return Some(Err(self.trouble(&text)));
+            return Some(Err(Trouble {
+                cause: Cause::Behaviour(failed.text),
+                ..self.trouble(&text)
+            }));
         }
         if let Some(end) = self.stage.take_end() {
             return Some(end.map_err(|raised| self.raised(raised)));
@@ -251,10 +269,12 @@ impl Play<'_> {
         match self.stage.take_expected() {
             // Unless the error was another one that came later.
             Some((at, Some(message))) if raised.ends_with(&message) => Trouble {
+                cause: Cause::Expectation,
                 message,
                 place: at.or(place),
             },
             _ => Trouble {
+                cause: Cause::Scenario,
                 message: text,
                 place,
             },
@@ -272,6 +292,7 @@ impl Play<'_> {
     /// At the line that was asked from last.
     fn trouble(&self, message: &str) -> Trouble {
         Trouble {
+            cause: Cause::Scenario,
             message: message.to_owned(),
             place: self.stage.last_place(),
         }
@@ -286,6 +307,7 @@ impl Play<'_> {
         Failure {
             line: line.and_then(|place| self.book.line(place.line)),
             message: trouble.message,
+            cause: trouble.cause,
             place: trouble.place,
             at: self.stage.time(),
             pose: state.pose,

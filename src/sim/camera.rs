@@ -47,6 +47,10 @@ pub(super) struct Camera {
     exposure: f32,
     exposed: Option<Duration>,
     frame: Vec<Pixel>,
+    /// What `frame` shows, if nothing has changed since.
+    sight: Option<Sight>,
+    /// The same with its grain.
+    grainy: Vec<Pixel>,
     ceiling: Vec<Pixel>,
     /// Room for smearing.
     sums: Vec<u64>,
@@ -75,10 +79,20 @@ pub(super) struct Shot {
     pub(super) time: Duration,
 }
 
+/// All that a picture depends on besides what stands and shines where.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Sight {
+    pose: Pose,
+    flash: bool,
+    turning: f64,
+    exposure: f32,
+}
+
 impl Camera {
     /// Makes all light so many times as bright as the world says.
     pub(super) fn set_light(&mut self, gain: f32) {
         self.lighting.set_gain(gain);
+        self.sight = None;
     }
 
     /// The camera of a robot in a world; `seed` gives the grain of its pictures.
@@ -104,6 +118,8 @@ impl Camera {
             ceiling: vec![[0; 4]; HEIGHT],
             sums: Vec::new(),
             frame: vec![[0; 4]; WIDTH * HEIGHT],
+            sight: None,
+            grainy: vec![[0; 4]; WIDTH * HEIGHT],
             standing: vec![Vec::new(); WIDTH],
             hanging: vec![Vec::new(); WIDTH],
             shores: vec![HEIGHT; WIDTH],
@@ -113,12 +129,16 @@ impl Camera {
 
     /// Balls and people are somewhere else now.
     pub(super) fn move_rounds(&mut self, places: impl Iterator<Item = Point>) {
-        self.scene.move_rounds(places);
+        if self.scene.move_rounds(places) {
+            self.sight = None;
+        }
     }
 
     /// One frame.
     pub(super) fn frame(&mut self, shot: Shot) -> Bytes {
-        self.render(shot);
+        self.look(shot);
+        self.grain
+            .lay_over(self.frame.as_flattened(), self.grainy.as_flattened_mut());
         let mut jpeg = Vec::with_capacity(16 * 1024);
         let mut encoder = Encoder::new(&mut jpeg, self.settings.quality as u8);
         encoder.set_sampling_factor(match self.settings.subsampling {
@@ -127,7 +147,7 @@ impl Camera {
             Subsampling::Quarter => SamplingFactor::F_2_2,
         });
         let (width, height) = (WIDTH as u16, HEIGHT as u16);
-        let pixels = self.frame.as_flattened();
+        let pixels = self.grainy.as_flattened();
         if let Err(error) = encoder.encode(pixels, width, height, ColorType::Rgba) {
             // Into memory and with a size that is right, it does not fail.
             tracing::error!(target: "spykee::sim", %error, "cannot encode a frame");
@@ -135,8 +155,23 @@ impl Camera {
         Bytes::from(jpeg)
     }
 
+    /// A robot that stands still sees the same again and again, but for the grain.
+    fn look(&mut self, shot: Shot) {
+        let changed = self.lighting.pass_to(shot.time.as_secs_f64());
+        let sight = Some(Sight {
+            pose: shot.pose,
+            flash: shot.flash,
+            turning: shot.turning,
+            exposure: self.exposure,
+        });
+        if changed || self.sight != sight {
+            self.render(shot);
+            self.sight = sight;
+        }
+        self.expose(shot.time);
+    }
+
     fn render(&mut self, shot: Shot) {
-        self.lighting.pass_to(shot.time.as_secs_f64());
         let view = View::of(shot.pose, self.focal, shot.flash);
         self.survey(&view);
         self.light_ceiling();
@@ -154,8 +189,6 @@ impl Camera {
                 smear(row, length, &mut self.sums);
             }
         }
-        self.expose(shot.time);
-        self.grain.add_to(self.frame.as_flattened_mut());
     }
 
     /// Finds what is in each column, nearest first.
@@ -641,6 +674,34 @@ mod tests {
             (4_000..25_000).contains(&frame(1).len()),
             "{}",
             frame(1).len()
+        );
+    }
+
+    #[test]
+    fn what_changes_before_a_robot_that_stands_still_is_seen() {
+        let world = pen("balls: [{at: [3, 2], colour: red}]");
+        let mut camera = Camera::new(&world, 1);
+        let look = |camera: &mut Camera, flash| {
+            let jpeg = camera.frame(still(Pose::new(1.9, 2.0, 0.0), flash));
+            image::load_from_memory(&jpeg).unwrap().to_rgb8()
+        };
+        let bright = |image: &image::RgbImage| {
+            let channels = image.as_raw().iter();
+            channels.map(|channel| u64::from(*channel)).sum::<u64>()
+        };
+        let (_, middle, _) = find(&look(&mut camera, false), RED);
+        camera.move_rounds([Point::new(3.0, 2.3)].into_iter());
+        let moved = look(&mut camera, false);
+        let (_, left, _) = find(&moved, RED);
+        assert!(left < middle - 30.0, "{left} from {middle}");
+        let lit = look(&mut camera, true);
+        assert!(bright(&lit) > bright(&moved));
+        camera.set_light(0.3);
+        let dim = look(&mut camera, true);
+        assert!(bright(&dim) < bright(&lit) * 9 / 10);
+        assert_eq!(
+            find(&look(&mut camera, true), RED).0 > 0,
+            find(&dim, RED).0 > 0
         );
     }
 

@@ -39,14 +39,14 @@ impl Grain {
         }
     }
 
-    /// Lays noise over a frame.
-    pub(super) fn add_to(&mut self, pixels: &mut [u8]) {
+    /// The frame with noise over it.
+    pub(super) fn lay_over(&mut self, pixels: &[u8], grainy: &mut [u8]) {
         if self.middle == 0 {
-            return;
+            return grainy.copy_from_slice(pixels);
         }
         let noise = &self.noise[self.random.random_range(0..SHIFTS) * 4..];
-        for (channel, noise) in pixels.iter_mut().zip(noise) {
-            *channel = channel.saturating_add(*noise).saturating_sub(self.middle);
+        for ((grainy, channel), noise) in grainy.iter_mut().zip(pixels).zip(noise) {
+            *grainy = channel.saturating_add(*noise).saturating_sub(self.middle);
         }
     }
 }
@@ -57,8 +57,8 @@ mod tests {
 
     #[test]
     fn grain_is_small_and_even() {
-        let mut pixels = vec![100; LEN];
-        Grain::new(0.25, 5).add_to(&mut pixels);
+        let mut pixels = vec![0; LEN];
+        Grain::new(0.25, 5).lay_over(&vec![100; LEN], &mut pixels);
         assert!(pixels.iter().all(|channel| (96..=104).contains(channel)));
         let mean = pixels
             .iter()
@@ -70,8 +70,8 @@ mod tests {
 
     #[test]
     fn no_strength_is_no_grain() {
-        let mut pixels = vec![100; LEN];
-        Grain::new(0.0, 5).add_to(&mut pixels);
+        let mut pixels = vec![0; LEN];
+        Grain::new(0.0, 5).lay_over(&vec![100; LEN], &mut pixels);
         assert!(pixels.iter().all(|channel| *channel == 100));
     }
 }

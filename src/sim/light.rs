@@ -64,18 +64,16 @@ impl Lighting {
         lighting
     }
 
-    /// The lamps as they are at a time, in seconds.
-    pub(super) fn pass_to(&mut self, seconds: f64) {
+    /// The lamps as they are at a time, in seconds; whether one of them was switched.
+    pub(super) fn pass_to(&mut self, seconds: f64) -> bool {
         let now = |lamp: &Lamp| lamp.lit(seconds);
-        if self
-            .lamps
-            .iter()
-            .zip(&self.lit)
-            .any(|(lamp, lit)| now(lamp) != *lit)
-        {
+        let mut lamps = self.lamps.iter().zip(&self.lit);
+        let switched = lamps.any(|(lamp, lit)| now(lamp) != *lit);
+        if switched {
             self.lit = self.lamps.iter().map(now).collect();
             self.draw();
         }
+        switched
     }
 
     /// Makes all of it so many times as bright as in the world itself.

@@ -54,11 +54,12 @@ impl Movers {
         self.all.iter().map(|mover| mover.body.middle)
     }
 
-    /// Puts a ball somewhere, at rest.
+    /// Puts a ball somewhere, at rest: one on a path leaves it for good.
     pub(super) fn put_ball(&mut self, index: usize, place: Point) {
         let balls = self.all.iter_mut().filter(|mover| mover.ball);
         if let Some(ball) = balls.skip(index).take(1).next() {
             (ball.body.middle, ball.rolling) = (place, Point::default());
+            ball.trip = None;
         }
     }
 
@@ -153,6 +154,21 @@ mod tests {
         );
         let place = after(WALKER, (3.0, 3.0), 20);
         assert!((2.5..2.65).contains(&place.x), "{place:?}");
+    }
+
+    #[test]
+    fn a_ball_that_was_put_somewhere_stays_there_though_it_had_a_path() {
+        let ball =
+            "balls: [{at: [1, 3], colour: red, path: {through: [[1, 3], [5, 3]], speed: 0.5}}]";
+        let world = world(ball);
+        let (mut movers, mut obstacles) = (Movers::of(&world), Obstacles::of(&world));
+        let (robot, place) = (
+            Circle::new(Point::new(3.0, 1.0), 0.15),
+            Point::new(2.0, 2.0),
+        );
+        movers.put_ball(0, place);
+        (0..200).for_each(|_| movers.step(0.02, robot, &mut obstacles));
+        assert_eq!(movers.places().next(), Some(place));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::world::World;
 
 /// Name and YAML of each; the names are those of the files in `behaviours/worlds/`.
-const READY: [(&str, &str); 7] = [
+const READY: [(&str, &str); 8] = [
     (
         "living_room",
         include_str!("../../behaviours/worlds/living_room.yaml"),
@@ -12,6 +12,7 @@ const READY: [(&str, &str); 7] = [
         "playpen",
         include_str!("../../behaviours/worlds/playpen.yaml"),
     ),
+    ("yard", include_str!("../../behaviours/worlds/yard.yaml")),
     (
         "line_loop",
         include_str!("../../behaviours/worlds/line_loop.yaml"),

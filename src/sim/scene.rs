@@ -107,10 +107,13 @@ impl Scene {
     }
 
     /// Balls and people are somewhere else now.
-    pub(super) fn move_rounds(&mut self, places: impl Iterator<Item = Point>) {
+    pub(super) fn move_rounds(&mut self, places: impl Iterator<Item = Point>) -> bool {
+        let mut moved = false;
         for (round, place) in self.rounds.iter_mut().zip(places) {
+            moved |= round.middle != place;
             round.middle = place;
         }
+        moved
     }
 
     /// The picture of a panel, painted when it is first asked for.

@@ -1,5 +1,5 @@
 //! From the last byte of a frame to the first byte of the MOVE that answers it: `spykee run` with
-//! `follow_ball.lua`, the same beside a script that burns its whole time budget, and a plain Python
+//! `follow_colour.lua`, the same beside a script that burns its whole time budget, and a plain Python
 //! and OpenCV client that does the same sums. One robot, the same frames, one run.
 //!
 //! `scripts/bench-reaction` makes the Python environment and calls this.
@@ -47,7 +47,7 @@ fn main() {
     let burner = folder.path().join("burner.lua");
     std::fs::write(&burner, BURNER).unwrap();
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let follow = root.join("behaviours/follow_ball.lua");
+    let follow = root.join("behaviours/follow_colour.lua");
     let spykee = |scripts: &[&Path]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_spykee"));
         command.arg("run").args(scripts).current_dir(folder.path());

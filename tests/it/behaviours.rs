@@ -78,7 +78,7 @@ async fn dock_now_says_so_when_it_could_not() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn follow_ball_drives_up_to_the_ball_and_stops_in_front_of_it() {
+async fn follow_colour_drives_up_to_the_ball_and_stops_in_front_of_it() {
     let world = "
 name: one ball
 room: { width: 8, depth: 8 }
@@ -87,7 +87,7 @@ balls: [ { at: [5, 6.5], colour: red } ]
 start: { at: [3, 4], heading_degrees: 0 }
 ";
     let rig = Rig::new(world, Firmware::default()).await;
-    let run = behaviour(&rig, "follow_ball.lua");
+    let run = behaviour(&rig, "follow_colour.lua");
     let distance = |state: &State| (state.pose.x - 5.0).hypot(state.pose.y - 6.5);
     assert!(distance(&rig.sim.state()) > 3.0);
     until(&rig, "near the ball", &run, |state| distance(state) < 0.8).await;

@@ -98,6 +98,21 @@ fn the_same_seed_gives_the_same_run_also_beside_another_and_another_seed_another
     assert_ne!(first, other);
 }
 
+/// Debug and release builds are held against the same file. After a change that is meant to change
+/// runs, write it anew with `SPYKEE_WRITE_EVENTS=1 cargo test every_build_writes`, and look at the difference.
+#[test]
+fn every_build_writes_the_same_events_for_the_same_seed() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/run-7.jsonl");
+    let log = log(7).join("\n") + "\n";
+    if std::env::var_os("SPYKEE_WRITE_EVENTS").is_some() {
+        std::fs::write(&file, &log).unwrap();
+    }
+    let kept = std::fs::read_to_string(&file).unwrap();
+    let differs = kept.lines().zip(log.lines()).find(|(one, two)| one != two);
+    assert_eq!(differs, None);
+    assert_eq!(kept.len(), log.len());
+}
+
 #[test]
 fn a_stuck_script_is_ended_with_reason_cpu_and_the_tracks_stop() {
     let (options, events) = options(1);

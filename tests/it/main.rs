@@ -14,6 +14,7 @@ mod floors;
 mod frames;
 mod guide;
 mod hostile;
+mod lessons;
 mod link;
 mod new;
 mod pilot;

@@ -296,7 +296,7 @@ fn wrong_calls_and_scripts_that_misbehave_fail_their_scenario_in_words() {
         ("while true do end", "ran longer than"),
         ("sim:wait(1000)", "it was not over within its limit of 30 s"),
         ("local t = {} while true do t = { t, t } end", "memory"),
-        ("error({})", "a table"),
+        ("error({})", "it failed with a table"),
         ("script.stop()", "its script ended before it was played"),
     ] {
         let source =
@@ -312,7 +312,7 @@ fn a_behaviour_that_fails_fails_its_scenario_unless_that_is_expected() {
                   scenario('y', { may_fail = true }, function(sim)\n\
                       sim:run() sim:wait(5) expect(sim:ended() == 'error')\n\
                   end)";
-    let behaviour = "task.wait(1)\nlocal t = robot.battery().level.percent\n";
+    let behaviour = "task.wait(1)\nerror('boom')\n";
     let folder = folder(&[("b_test.lua", source), ("b.lua", behaviour)]);
     let result = json(&spykee(folder.path(), &["test", "--json"]));
     let message = result["runs"][0]["failure"]["message"].as_str().unwrap();

@@ -1,5 +1,15 @@
 //! An hour alone with everything going wrong; `scripts/soak` runs as many as one likes.
 
+use std::time::Duration;
+
+use spykee::agent::Behaviour;
+use spykee::behaviour::{Launch, Library};
+use spykee::lab::{self, Lab, Recorder};
+use spykee::robot::Priority;
+use spykee::script;
+use spykee::sim::{Pose, World};
+use tokio::time::timeout;
+
 #[path = "../soak/mod.rs"]
 mod weeks;
 
@@ -13,4 +23,48 @@ fn an_hour_alone_with_faults_keeps_every_promise() {
         untested.is_empty(),
         "never put to the test: {untested:?}\n{ledger}"
     );
+}
+
+/// Where the soak's world hides the station's beacon, and a heading: beside it, on both sides.
+const BLIND: [(f64, f64, f64); 2] = [(0.35, 4.0, -1.15), (0.4, 0.9, 0.5)];
+
+/// Low, with a behaviour that does nothing: whether it charges within ten minutes, and how often the
+/// watchdog drove a leg.
+fn comes_home_from((x, y, heading): (f64, f64, f64)) -> (bool, usize) {
+    let world = World::from_yaml(include_str!("../soak/world.yaml"), "soak").unwrap();
+    let (told, events) = std::sync::mpsc::sync_channel(10_000);
+    let options = lab::Options {
+        events: Some(Recorder::new(move |event| drop(told.try_send(event)))),
+        ..lab::Options::default()
+    };
+    let idle = Behaviour {
+        priority: Priority(0),
+        launch: Launch {
+            source: "task.wait(3600)".into(),
+            options: script::Options::new("idle", "idle.lua"),
+            library: Library::default(),
+        },
+        checked: false,
+        restart: "never".parse().unwrap(),
+        reloads: None,
+    };
+    let home = lab::run(world, options, async |lab: &Lab| {
+        lab.sim().place(Pose { x, y, heading });
+        lab.sim().set_battery(19.0);
+        let run = lab.start(vec![idle], None);
+        let home = lab.sim().wait_state(|state| state.charging);
+        let home = timeout(Duration::from_secs(600), home).await.is_ok();
+        run.stop();
+        home && run.outcome().await.is_ok()
+    });
+    let leg = |event: &lab::Event| event.text.contains("drives a short leg");
+    (home.unwrap(), events.iter().filter(leg).count())
+}
+
+#[test]
+fn a_low_robot_beside_its_station_that_cannot_find_it_from_there_comes_home_all_the_same() {
+    for place in BLIND {
+        let (home, legs) = comes_home_from(place);
+        assert!(home && legs > 0, "from {place:?} after {legs} legs");
+    }
 }

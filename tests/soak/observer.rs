@@ -6,7 +6,7 @@ use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use spykee::lab::{Event, Kind, Lab};
-use spykee::sim::State;
+use spykee::sim::{State, Tracks};
 use spykee::wire::Command;
 
 use super::Ledger;
@@ -19,6 +19,9 @@ pub const LOOK_EVERY: Duration = Duration::from_millis(200);
 const LOW: u8 = 20;
 /// So much later it has acted, when the link is sound: a report, a look, and time to spare.
 const TO_ACT: Duration = Duration::from_secs(2);
+/// The watchdog's own legs: no longer than this, a look included, and at this power, on the wire.
+const LEG: Duration = Duration::from_millis(4950 + 200);
+const LEG_POWER: u8 = 27;
 /// Setpoints a second; a look's grain of room on top.
 const MOST_MOVES: usize = 50 + 2;
 
@@ -34,6 +37,8 @@ pub struct Observer {
     low_since: Option<Duration>,
     /// Times of setpoints within the last second.
     moves: Vec<Duration>,
+    /// When the watchdog said last that it drives a leg of its own.
+    leg: Option<Duration>,
 }
 
 impl Observer {
@@ -45,6 +50,7 @@ impl Observer {
             clients: BTreeMap::new(),
             low_since: None,
             moves: Vec::new(),
+            leg: None,
         }
     }
 
@@ -61,13 +67,13 @@ impl Observer {
         let (state, now) = (lab.sim().state(), lab.now());
         let calm = weather.is_calm(now);
         self.listen(lab, calm);
+        self.read_events();
         self.watch_battery(&state, now, calm && !weather.has_carried());
         let flat = state.battery <= 0.0 && !state.docked;
         self.ledger.note(
             "never flat off the station",
             flat.then(|| format!("flat at {now:.0?}, at {:?}", state.pose)),
         );
-        self.read_events();
     }
 
     /// What the robot has heard since the last look.
@@ -126,16 +132,28 @@ impl Observer {
         if now < since + TO_ACT {
             return;
         }
-        let driven = state.commanded.left != 0 || state.commanded.right != 0;
+        let Tracks { left, right } = state.commanded;
+        let driven = (left != 0 || right != 0) && !state.searching;
+        let own = self.leg.is_some_and(|began| now <= began + LEG);
         self.ledger.note(
             "low and off the station: no script moves the robot",
-            (driven && !state.searching).then(|| format!("{:?} at {now:.1?}", state.commanded)),
+            (driven && !own).then(|| format!("{left} {right} at {now:.1?}")),
         );
+        if own {
+            let slow = left.unsigned_abs() <= LEG_POWER && right.unsigned_abs() <= LEG_POWER;
+            self.ledger.note(
+                "the watchdog's own legs are slow",
+                (!slow).then(|| format!("{left} {right} at {now:.1?}")),
+            );
+        }
     }
 
     fn read_events(&mut self) {
         let events = self.events.get_mut().unwrap();
         for event in events.try_iter() {
+            if event.kind == Kind::Safety && event.text.contains("drives a short leg") {
+                self.leg = Some(event.at);
+            }
             if event.kind == Kind::Ended {
                 let name = event.field("behaviour").unwrap_or_default();
                 let meant = name == "restless";

@@ -55,6 +55,7 @@ impl Watchdog {
     pub(super) fn stop_asked(&mut self, by: BehaviourId, priority: Priority, now: Instant) {
         let over = self.arbiter.stop(by, priority);
         self.tell_ended(over);
+        self.end_leg(now);
         if self.homing.as_ref().is_some_and(|homing| !homing.forced) {
             self.cancel_dock_asked(now);
         }

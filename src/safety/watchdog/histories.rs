@@ -15,7 +15,7 @@ use tokio::time::Instant;
 use super::tests::{CANCEL, FIND, sent, told};
 use super::*;
 use crate::robot::{DockPlan, MotionId, Percent, Priority, Seconds};
-use crate::safety::Ask;
+use crate::safety::{Ask, Leg};
 use crate::wire::Sound;
 
 const SECOND: Duration = Duration::from_secs(1);
@@ -39,6 +39,10 @@ struct Known {
     on_station: bool,
     charging: bool,
     low: bool,
+    critical: bool,
+    /// The last that was heard of a search is that it failed.
+    not_found: bool,
+    parted: bool,
     /// From when on the battery's silence counts.
     reported: Option<Instant>,
 }
@@ -52,11 +56,14 @@ impl Known {
         match fact {
             Fact::LinkUp { docked, power } => {
                 (self.online, self.on_station) = (true, *docked);
+                self.not_found = false;
                 self.power(*power, limits, now);
             }
             Fact::LinkDown => self.online = false,
+            Fact::Parting => self.parted = true,
+            Fact::Engine(EngineNews::BaseNotFound) => self.not_found = true,
             Fact::Power(power) => self.power(*power, limits, now),
-            Fact::Engine(EngineNews::Docked) => self.on_station = true,
+            Fact::Engine(EngineNews::Docked) => (self.on_station, self.not_found) = (true, false),
             Fact::Engine(EngineNews::Undocked) => {
                 (self.on_station, self.charging) = (false, false);
                 self.reported = self.reported.map(|_| now);
@@ -67,11 +74,19 @@ impl Known {
 
     fn power(&mut self, power: Power, limits: &Limits, now: Instant) {
         (self.charging, self.reported) = (power.charging, Some(now));
+        self.critical = power.percent <= limits.critical.get();
         if power.charging || power.percent >= limits.ok.get() {
             self.low = false;
         } else if power.percent <= limits.low.get() {
             self.low = true;
         }
+    }
+
+    /// Whether the watchdog may drive a leg of its own.
+    fn allows_a_leg(&self, limits: &Limits, now: Instant) -> bool {
+        let fresh = |at: Instant| now < at + limits.power_silence.get();
+        let lost = self.low && self.not_found && !self.docked();
+        self.online && lost && !self.parted && !self.critical && self.reported.is_some_and(fresh)
     }
 
     fn pass(&mut self, limits: &Limits, now: Instant) {
@@ -113,6 +128,48 @@ impl Moment<'_> {
 }
 
 type Kept = Result<(), TestCaseError>;
+
+/// The watchdog's own legs since the battery became low.
+#[derive(Debug, Default)]
+struct Legs {
+    count: u32,
+    began: Option<Instant>,
+}
+
+impl Legs {
+    const LONGEST: Duration = Leg::TURN.saturating_add(Leg::LONGEST);
+
+    /// While low: whatever moves is such a leg, slow, short and allowed, and there are few of them.
+    fn see(&mut self, moment: &Moment<'_>) -> Kept {
+        let Play {
+            dog,
+            known,
+            limits,
+            now,
+        } = moment.play;
+        if !known.low {
+            *self = Legs::default();
+            return Ok(());
+        }
+        for command in sent(&moment.acts) {
+            if let Command::Move { left, right } = command {
+                let power = left.unsigned_abs();
+                prop_assert!(power == right.unsigned_abs() && [0, 27].contains(&power));
+            }
+        }
+        if !dog.moving() {
+            self.began = None;
+            return Ok(());
+        }
+        self.count += u32::from(self.began.is_none());
+        let end = *self.began.get_or_insert(*now) + Legs::LONGEST;
+        prop_assert!(*now < end && dog.next_deadline().is_some_and(|due| due <= end));
+        prop_assert!(self.count <= limits.recovery_legs, "leg {}", self.count);
+        prop_assert!(known.allows_a_leg(limits, *now), "{:?}", known);
+        prop_assert_eq!(dog.state(), WatchdogState::Alarm);
+        Ok(())
+    }
+}
 
 impl Play {
     fn new(limits: &Limits) -> Play {
@@ -274,23 +331,53 @@ fn any_limits() -> impl Strategy<Value = Limits> {
         time(),
         time(),
         time(),
+        time(),
+        time(),
     );
-    let odd = (levels, times, prop_oneof![0..3u32, Just(u32::MAX)]);
-    let odd = odd.prop_map(|((critical, low, ok), times, dock_retries)| Limits {
-        low,
-        ok,
-        critical,
-        dock_timeout: times.0,
-        charge_timeout: times.1,
-        dock_retries,
-        dock_pause: times.2,
-        power_silence: times.3,
-        host_silence: times.4,
-        host_grace: times.5,
-        stream_silence: times.6,
-        alarm_every: times.7,
-    });
+    let count = || prop_oneof![0..3u32, Just(u32::MAX)];
+    let odd = (levels, times, count(), count());
+    let odd = odd.prop_map(
+        |((critical, low, ok), times, dock_retries, recovery_legs)| Limits {
+            low,
+            ok,
+            critical,
+            dock_timeout: times.0,
+            charge_timeout: times.1,
+            dock_retries,
+            dock_pause: times.2,
+            power_silence: times.3,
+            host_silence: times.4,
+            host_grace: times.5,
+            stream_silence: times.6,
+            alarm_every: times.7,
+            recovery_legs,
+            recovery_pause: times.8,
+            recovery_longest_pause: times.9,
+        },
+    );
     prop_oneof![4 => Just(Limits::default()), 1 => odd]
+}
+
+/// A robot with a low battery that does not find its station in any of the first tries, and perhaps
+/// is told to stop soon after.
+fn lost() -> impl Strategy<Value = Vec<Step>> {
+    let stop = prop::option::weighted(0.4, 0..2500u64);
+    (9..20u8, stop).prop_map(|(percent, stop)| {
+        let power = Power {
+            percent,
+            charging: false,
+        };
+        let not_found = Step::Fact(Fact::Engine(EngineNews::BaseNotFound));
+        let login = Step::Fact(Fact::LinkUp {
+            docked: false,
+            power,
+        });
+        let tries = [20, 20, 20, 0].map(|pause| [not_found.clone(), Step::Pass(pause * SECOND)]);
+        let wait = |ms| Step::Pass(Duration::from_millis(ms));
+        let stop = stop.map(|ms| [wait(ms), Step::Fact(Stop::Asked.fact())]);
+        let all = std::iter::once(login).chain(tries.into_iter().flatten());
+        all.chain(stop.into_iter().flatten()).collect()
+    })
 }
 
 /// Nearly always begins with a login: without one nothing can go wrong.
@@ -302,8 +389,9 @@ fn any_history() -> impl Strategy<Value = Vec<Step>> {
         })
     });
     let rest = prop::collection::vec(any_step(), 1..80);
-    (prop::option::weighted(0.95, login), rest)
-        .prop_map(|(login, rest)| login.into_iter().chain(rest).collect())
+    let login = prop::option::weighted(0.95, login).prop_map(|login| login.into_iter().collect());
+    let begin = prop_oneof![8 => login, 1 => lost()];
+    (begin, rest).prop_map(|(begin, rest): (Vec<Step>, Vec<Step>)| [begin, rest].concat())
 }
 
 fn histories() -> Config {
@@ -336,13 +424,16 @@ proptest! {
     #![proptest_config(histories())]
 
     #[test]
-    fn nothing_moves_after_low_until_released(limits in any_limits(), history in any_history()) {
+    fn after_low_until_released_nothing_moves_but_few_short_and_slow_legs_of_the_watchdogs_own(
+        limits in any_limits(),
+        history in any_history(),
+    ) {
+        let mut legs = Legs::default();
         Play::new(&limits).steps(&history, &mut |moment| {
             let Play { dog, known, .. } = moment.play;
             prop_assert_eq!(dog.low().is_some(), known.low);
-            prop_assert!(!(known.low && moment.moves()), "{:?}", moment.acts);
-            prop_assert!(!(known.low && dog.moving()));
-            Ok(())
+            prop_assert!(!known.low || !moment.moves() || dog.moving(), "{:?}", moment.acts);
+            legs.see(&moment)
         })?;
     }
 
@@ -378,7 +469,9 @@ proptest! {
             Ok(())
         })?;
         play.pass(60 * SECOND, &mut |moment| {
-            prop_assert!(!moment.moves(), "moves on by itself: {:?}", moment.acts);
+            let Play { known, limits, now, .. } = moment.play;
+            let leg = known.allows_a_leg(limits, *now);
+            prop_assert!(leg || !moment.moves(), "moves on by itself: {:?}", moment.acts);
             Ok(())
         })?;
         if let Stop::Parting = stop {
@@ -431,6 +524,19 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     note("critical", dog.guard.critical());
     note("several wish to drive", dog.arbiter.wishing().count() > 1);
     note("backs off", homing.is_some() && dog.moving());
+    let alarm = dog.state() == WatchdogState::Alarm;
+    let stops = |command: &Command| *command == Command::STOP;
+    let stopped = sent(&moment.acts).iter().any(stops) && !dog.moving();
+    note("drives a leg", alarm && dog.moving());
+    note("searches under alarm", alarm && moment.sends(&FIND));
+    note(
+        "stands still under alarm, off the station",
+        alarm && !known.docked() && homing.is_none() && !dog.moving(),
+    );
+    note(
+        "asked to stop in a leg",
+        alarm && stopped && matches!(moment.fact, Some(Fact::Asked { ask: Ask::Stop, .. })),
+    );
     note(
         "asked to stop while it moves",
         matches!(moment.fact, Some(Fact::Asked { ask: Ask::Stop, .. }))
@@ -498,6 +604,10 @@ fn all_there_is() -> Vec<String> {
         "searches",
         "gives the search up",
         "backs off",
+        "drives a leg",
+        "asked to stop in a leg",
+        "searches under alarm",
+        "stands still under alarm, off the station",
         "low by level",
         "low by silence",
         "low on the station",

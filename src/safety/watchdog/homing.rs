@@ -1,5 +1,5 @@
-//! Low battery and the way home: the watchdog's own docking, a behaviour's docking that it takes
-//! over, and the alarm when all tries have failed.
+//! Low battery and the way home: the watchdog's own docking, and a behaviour's docking that it takes
+//! over.
 
 use std::time::Duration;
 
@@ -9,8 +9,8 @@ use super::Watchdog;
 use crate::robot::{
     Battery, BehaviourId, CallId, DockEnd, DockPlan, Event, MotionEnd, SafetyAction, Setpoint,
 };
-use crate::safety::{Act, Approach, Docking, Limits, LowCause, Order, Retry};
-use crate::wire::{Command, Engage, Led, Power, Sound};
+use crate::safety::{Act, Approach, Docking, LowCause, Order, Retry};
+use crate::wire::{Command, Engage, Power};
 
 /// A docking under way and who waits for it.
 #[derive(Debug)]
@@ -21,20 +21,11 @@ pub(super) struct Homing {
     pub(super) callers: Vec<(BehaviourId, CallId)>,
 }
 
-/// The alarm of a robot that cannot get home.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Alarm {
-    pub(super) next: Instant,
-    flash_on: bool,
-}
-
 impl Watchdog {
     /// How far a behaviour's docking backs off between tries: at this power ...
     const BACK_OFF_PERCENT: f64 = 30.0;
     /// ... for this long.
     pub(super) const BACK_OFF_TIME: Duration = Duration::from_millis(1500);
-    /// How long the flash of the alarm stays on.
-    const ALARM_FLASH: Duration = Duration::from_secs(1);
 
     /// The rule above all others: stop and go home, in one batch of acts.
     pub(super) fn became_low(&mut self, cause: LowCause, now: Instant) {
@@ -79,21 +70,19 @@ impl Watchdog {
         if !self.online || self.guard.low().is_none() || underway || self.alarm.is_some() {
             return;
         }
-        let Limits {
-            dock_timeout,
-            dock_retries,
-            charge_timeout,
-            dock_pause,
-            ..
-        } = &self.limits;
+        self.send_home(self.limits.dock_retries, now);
+    }
+
+    /// Begins the watchdog's own docking, with so many tries after the first.
+    pub(super) fn send_home(&mut self, retries: u32, now: Instant) {
         let plan = DockPlan {
-            timeout: dock_timeout.get(),
-            retries: *dock_retries,
-            charge_timeout: charge_timeout.get(),
+            timeout: self.limits.dock_timeout.get(),
+            retries,
+            charge_timeout: self.limits.charge_timeout.get(),
         };
         let approach = Approach {
             plan,
-            retry: Retry::Pause(dock_pause.get()),
+            retry: Retry::Pause(self.limits.dock_pause.get()),
         };
         let callers = self
             .homing
@@ -129,6 +118,7 @@ impl Watchdog {
         let orders = self.homing.as_mut().map(|homing| homing.docking.poll(now));
         self.follow(orders.unwrap_or_default(), now);
         self.pursue_home(now);
+        self.continue_recovery(now);
     }
 
     /// Does what the docking wants, then looks whether it is over.
@@ -154,7 +144,7 @@ impl Watchdog {
         self.answer_homing(now);
     }
 
-    /// Tells whoever waits for a docking that is over; a forced one that failed ends in the alarm.
+    /// Tells whoever waits for a docking that is over; a forced one that failed sounds the alarm.
     pub(super) fn answer_homing(&mut self, now: Instant) {
         let over = |homing: &mut Homing| homing.docking.outcome().is_some();
         let Some(homing) = self.homing.take_if(over) else {
@@ -176,52 +166,10 @@ impl Watchdog {
             self.answer_dock(caller, end, outcome.attempts, outcome.took);
         }
         if homing.forced && gave_up {
-            self.alarm = Some(Alarm {
-                next: now,
-                flash_on: false,
-            });
-            let reason = format!(
-                "docking failed ({}) {} times",
-                outcome.end, outcome.attempts
-            );
-            self.notice(SafetyAction::Alarm, reason);
+            self.give_up(outcome, now);
+        } else if let Some(alarm) = &mut self.alarm {
+            alarm.recovery.interrupt(now);
         }
-    }
-
-    /// Leaves no light on that the alarm has switched on.
-    pub(super) fn end_alarm(&mut self) {
-        if self.alarm.take().is_some_and(|alarm| alarm.flash_on) {
-            self.send(Command::Led {
-                led: Led::Flash,
-                on: false,
-            });
-        }
-    }
-
-    pub(super) fn sound_alarm(&mut self, now: Instant) {
-        let Some(alarm) = self.alarm.filter(|alarm| self.online && alarm.next <= now) else {
-            return;
-        };
-        let flash_on = !alarm.flash_on;
-        let pause = match flash_on {
-            true => Watchdog::ALARM_FLASH,
-            false => self
-                .limits
-                .alarm_every
-                .get()
-                .saturating_sub(Watchdog::ALARM_FLASH),
-        };
-        if flash_on {
-            self.send(Command::Play(Sound::Alarm));
-        }
-        self.send(Command::Led {
-            led: Led::Flash,
-            on: flash_on,
-        });
-        self.alarm = Some(Alarm {
-            next: now + pause.max(Watchdog::ALARM_FLASH),
-            flash_on,
-        });
     }
 
     fn back_off() -> Setpoint {

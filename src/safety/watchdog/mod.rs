@@ -4,6 +4,7 @@
 //! through the [`Arbiter`], then through [`Watchdog::refusal`]; what is left goes to [`Tracks`].
 
 mod asks;
+mod distress;
 #[cfg(test)]
 mod handover;
 #[cfg(test)]
@@ -17,7 +18,8 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use self::homing::{Alarm, Homing};
+use self::distress::Alarm;
+use self::homing::Homing;
 use super::{
     Act, Arbiter, BatteryChange, BatteryGuard, Ended, Fact, Leases, Limits, LowCause, Tracks,
 };
@@ -37,7 +39,7 @@ pub enum WatchdogState {
     Docking,
     /// Low battery: on its way home, or waiting for the next try.
     LowGoingHome,
-    /// Low battery and docking has failed: stands still and sounds the alarm.
+    /// Low battery and docking has failed: sounds the alarm, and tries again after growing pauses.
     Alarm,
 }
 
@@ -169,7 +171,8 @@ impl Watchdog {
             self.tracks.next_deadline(),
             self.stream_deadline(),
             self.leaving.as_ref().map(|leaving| leaving.until),
-            self.alarm.map(|alarm| alarm.next),
+            self.alarm.as_ref().map(|alarm| alarm.next),
+            self.recovery_deadline(),
             silence,
             homing,
         ]
@@ -181,7 +184,7 @@ impl Watchdog {
 
     /// For the status line.
     pub fn state(&self) -> WatchdogState {
-        match (&self.homing, self.alarm) {
+        match (&self.homing, &self.alarm) {
             _ if !self.online => WatchdogState::Offline,
             (_, Some(_)) => WatchdogState::Alarm,
             _ if self.guard.low().is_some() && !self.docked() => WatchdogState::LowGoingHome,
@@ -249,6 +252,7 @@ impl Watchdog {
             homing.docking.cancel(DockEnd::Disconnected, now);
             self.answer_homing(now);
         }
+        self.interrupt_recovery(now);
     }
 
     fn power(&mut self, power: Power, now: Instant) {
@@ -282,6 +286,7 @@ impl Watchdog {
             EngineNews::Docked => {
                 self.on_station = true;
                 self.end_motion(MotionEnd::Docked);
+                self.interrupt_recovery(now);
             }
             EngineNews::Undocked => self.undocked(now),
             EngineNews::Charged | EngineNews::BaseNotFound | EngineNews::Unknown(_) => {}
@@ -310,6 +315,7 @@ impl Watchdog {
     fn part(&mut self, now: Instant) {
         self.parting = true;
         self.end_motion(MotionEnd::Cancelled);
+        self.end_leg(now);
         self.cancel_dock_asked(now);
         if !self.online {
             return;
@@ -346,11 +352,9 @@ impl Watchdog {
             return;
         }
         if self.homing.is_none() {
-            let allowed = self.refusal().is_none();
-            let wanted = if allowed {
-                self.arbiter.setpoint()
-            } else {
-                Setpoint::STOP
+            let wanted = match self.refusal() {
+                None => self.arbiter.setpoint(),
+                Some(_) => self.leg(now).unwrap_or(Setpoint::STOP),
             };
             self.tracks.want(wanted);
         }

@@ -58,6 +58,7 @@ impl Watchdog {
         self.unheard_motion = None;
         self.halt(now);
         self.end_motion(MotionEnd::Disconnected);
+        self.interrupt_recovery(now);
         let silence = self.limits.stream_silence.get().as_secs_f64();
         let reason = format!("no bytes from the robot for {silence} s while it moves");
         self.notice(SafetyAction::Reconnect, reason.clone());

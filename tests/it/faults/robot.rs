@@ -125,14 +125,32 @@ pub async fn goes_home_after_the_reconnect(stage: Stage) {
     stage.ends_well();
 }
 
-pub async fn stays_still_and_alarms(stage: Stage) {
+pub async fn alarms_and_searches_on(stage: Stage) {
     let from = stage.trouble();
     stage.rig.sim.set_battery(LOW);
     let stop = stage.goes_home(from).await;
     hears_the_alarm_twice(&stage, stop).await;
-    assert_eq!(stage.dockings(stop), 2);
-    stage.no_motion_since(stop);
+    // Two tries, one after each of the two legs that the config allows, and two after pauses.
+    let mut search = stop;
+    for _ in 0..6 {
+        search = stage.rig.heard_dock(search + 1).await;
+        assert_eq!(stage.rig.commands(search - 1)[0], Command::STOP);
+    }
+    let heard = stage.rig.commands(stop);
+    let mut tracks: Vec<(i8, i8)> = heard.iter().filter_map(setpoint).collect();
+    tracks.dedup();
+    let (still, ahead, left) = ((0, 0), (27, 27), (-27, 27));
+    assert_eq!(tracks, [still, ahead, still, left, ahead, still]);
+    stage.run.says("drives a short leg, 2 of 2").await;
+    stage.says_more("moved false safety", 1).await;
     stage.ends_well();
+}
+
+fn setpoint(command: &Command) -> Option<(i8, i8)> {
+    match command {
+        Command::Move { left, right } => Some((*left, *right)),
+        _ => None,
+    }
 }
 
 pub async fn stays_on_the_dead_station(stage: Stage) {

@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use spykee::sim::{Fault, Firmware, Options, State, World};
-use spykee::wire::{Command, Engage, Sound};
+use spykee::wire::{Command, Sound};
 use tokio::time::{sleep, timeout};
 
 use super::table::{Scenario, Script};
@@ -22,7 +22,7 @@ battery: { level: 90, idle_drain_per_minute: 0.01, driving_drain_per_minute: 0.0
 /// Short times, so that the tests are short; the rules are the same.
 const CONFIG: &str = "
 link: { connect_timeout: 2, login_timeout: 1, first_pause: 0.05, longest_pause: 0.3, dead_after: 1 }
-watchdog: { stream_silence: 1, power_silence: 2, dock_pause: 0.2, dock_retries: 1, charge_timeout: 1, alarm_every: 1 }
+watchdog: { stream_silence: 1, power_silence: 2, dock_pause: 0.2, dock_retries: 1, charge_timeout: 1, alarm_every: 1, recovery_legs: 2, recovery_pause: 0.2 }
 ";
 
 /// Tells what it hears, and asks for a sound when nobody can play it.
@@ -184,15 +184,6 @@ impl Stage {
     pub fn no_motion_since(&self, index: usize) {
         let heard = self.rig.commands(index);
         assert!(!heard.iter().any(moves), "{heard:?}");
-    }
-
-    /// How often the robot was told to find its base.
-    pub fn dockings(&self, from: usize) -> usize {
-        let heard = self.rig.commands(from);
-        heard
-            .iter()
-            .filter(|command| **command == Command::Engine(Engage::Dock))
-            .count()
     }
 
     /// After a while without a link: what was asked for meanwhile is not made up for.

@@ -4,7 +4,7 @@
 
 use std::fmt::Write as _;
 
-use super::luau::{class, namespaces, record};
+use super::luau::{STAGE, class, namespaces, record};
 use super::terms::{Event, Function, Need, Type, Value};
 
 /// What stands for `require(...)` of whatever: a call that gives anything.
@@ -38,7 +38,7 @@ pub fn checker() -> String {
             text += &event_call(function, event);
         }
     }
-    text
+    text + STAGE
 }
 
 /// What a call such as `robot.on` is called for one event.

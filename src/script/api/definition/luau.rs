@@ -4,6 +4,9 @@ use std::fmt::Write as _;
 
 use super::terms::{Function, Object, Type, Value};
 
+/// What scripts of scenarios can call, for editors and for the type checker.
+pub(super) const STAGE: &str = include_str!("stage.d.luau");
+
 /// The text of `spykee.d.luau`.
 pub fn luau() -> String {
     let mut text = String::from(
@@ -32,7 +35,7 @@ pub fn luau() -> String {
         let luau = function.luau_type(": ");
         let _ = writeln!(text, "declare function {}{luau}", function.path);
     }
-    text
+    text + STAGE
 }
 
 /// The namespaces, in the order of their first call.

@@ -1,0 +1,26 @@
+-- Home from anywhere in the light of the station.
+
+local function docks(sim)
+	sim:run("dock_now.lua")
+	expect(sim:wait_until(function() return sim:ended() end, 200), "it ends by itself")
+	expect(sim:ended() == "done" and sim:docked() and sim:charging())
+	expect(#sim:log("on the station and charging") == 1)
+end
+
+scenario("docks from anywhere in the living room", function(sim)
+	sim:place({ x = 0.7 + 2.4 * math.random(), y = 1 + 2.8 * math.random(), heading = 2 * math.pi * math.random() })
+	docks(sim)
+end)
+
+scenario("docks through a door", { world = "hall" }, function(sim)
+	sim:place({ x = 3.7 + 1.5 * math.random(), y = 2.4 + 0.6 * math.random(), heading = 2 * math.pi * math.random() })
+	docks(sim)
+end)
+
+scenario("says so when the station cannot be found", { may_fail = true }, function(sim)
+	sim:hide_station(true)
+	sim:run({ "dock_now.lua", params = { retries = 0, timeout = 30 } })
+	expect(sim:wait_until(function() return sim:ended() end, 120), "it ends by itself")
+	expect(sim:ended() == "error")
+	expect(sim:sounds()[1].name == "alarm")
+end)

@@ -1,0 +1,114 @@
+-- follow_line: drives along a line of tape on the floor, also round bends. The camera sees the floor
+-- only from half a metre on, so the robot remembers where the line lay and steers to the nearest
+-- point that it has not reached yet. Out of such points it turns to find the line again; after a
+-- full turn without it, it stands still until it sees one.
+
+local settings = params.declare({
+	colour = { default = "black", doc = "of the tape: a name, or one of the config's own colours" },
+	speed = { default = 0.22, min = 0.05, max = 0.35, unit = "m/s", doc = "on a straight piece" },
+	near = { default = 0.25, min = 0.1, max = 0.5, unit = "m", doc = "a point nearer than this is reached; more cuts corners" },
+})
+
+-- The camera: above the floor and before the robot's middle, metres; its picture, pixels.
+local HEIGHT, AHEAD = 0.2, 0.1
+local MIDDLE, HORIZON, FOCAL = 160, 120, 277
+local STRIPS = { 230, 215, 200, 188, 178, 170 } -- rows looked at, from half a metre to 1.2 metres
+local APART, GAP = 0.08, 0.3 -- metres between two points of the line, at least and at most
+local BEGINNING = 0.7 -- metres ahead: a new line is seen so near
+local LOOK_AROUND = 0.8 -- rad/s
+local FULL_TURN = 2.2 * math.pi / LOOK_AROUND
+
+robot.undock() -- nothing happens when it is not on its station
+
+local line = {} -- points still to reach: x metres ahead of the robot, y metres to its left
+local speed, turning = 0, 0 -- what the tracks do now, m/s and rad/s
+local moved_at = task.now()
+local seen_at = task.now()
+local side = 1 -- where to look for a lost line: 1 left, -1 right
+local state
+
+local function drive(new_speed, new_turning, new_state)
+	speed, turning = new_speed, new_turning
+	robot.drive(speed, turning)
+	if state ~= new_state then
+		state = new_state
+		log.info(state)
+		robot.led("flash", state == "following")
+	end
+end
+
+-- The robot has moved: all points have come nearer and turned. Those reached or behind are done.
+local function move_on()
+	local now = task.now()
+	local way, angle = speed * (now - moved_at), turning * (now - moved_at)
+	moved_at = now
+	local cos, sin = math.cos(angle), math.sin(angle)
+	local left = {}
+	for _, point in line do
+		local x, y = point.x - way, point.y
+		x, y = cos * x + sin * y, cos * y - sin * x
+		if x > 0 and math.sqrt(x * x + y * y) > settings.near then
+			table.insert(left, { x = x, y = y })
+		end
+	end
+	line = left
+end
+
+local function remember(x, y)
+	for i = #line, 1, -1 do
+		if math.abs(line[i].x - x) < APART and math.abs(line[i].y - y) < APART then
+			table.remove(line, i) -- seen again from nearer, so better
+		end
+	end
+	table.insert(line, { x = x, y = y })
+end
+
+-- A line has no gaps: what lies far from all of it is something else. It begins right before the robot.
+local function belongs(x, y)
+	for _, point in line do
+		if math.abs(point.x - x) < GAP and math.abs(point.y - y) < GAP then
+			return true
+		end
+	end
+	return #line == 0 and x < BEGINNING
+end
+
+local function look(frame)
+	for _, row in STRIPS do
+		local tape = frame:find_blobs(settings.colour, { roi = { 0, row - 4, 2 * MIDDLE, 9 } })[1]
+		local depth = HEIGHT * FOCAL / (row - HORIZON)
+		local x, y = AHEAD + depth, depth * (MIDDLE - (tape and tape.cx or 0)) / FOCAL
+		if tape and belongs(x, y) then
+			remember(x, y)
+			seen_at = task.now()
+		end
+	end
+end
+
+local function nearest()
+	local best, least = nil, math.huge
+	for _, point in line do
+		local distance = math.sqrt(point.x ^ 2 + point.y ^ 2)
+		if distance < least then
+			best, least = point, distance
+		end
+	end
+	return best, least
+end
+
+robot.on("frame", function(frame)
+	move_on()
+	look(frame)
+	local point, distance = nearest()
+	if point then
+		-- The arc that leads to it; slower the tighter it is.
+		local bend = 2 * point.y / distance ^ 2
+		local slow = settings.speed / (1 + 0.25 * math.abs(bend))
+		side = if point.y > 0 then 1 else -1
+		drive(slow, slow * bend, "following")
+	elseif task.now() - seen_at < FULL_TURN then
+		drive(0, LOOK_AROUND * side, "looking for the line")
+	else
+		drive(0, 0, "no line far and wide")
+	end
+end)

@@ -1,0 +1,33 @@
+-- Greets people and codes, and not too often.
+
+local function greetings(sim, whom)
+	return #sim:log(`hello, {whom}`)
+end
+
+scenario("greets a QR code by what it says, once", { world = "gallery", fps = 8 }, function(sim)
+	sim:place({ x = 1.5 + 0.2 * math.random(), y = 4 - 0.3 * math.random(), heading = math.pi / 2 + 0.2 * math.random() - 0.1 })
+	sim:run("greet.lua")
+	expect(sim:wait_until(function() return greetings(sim, "room: north!") == 1 end, 20), "it reads the sign")
+	expect(sim:sounds()[1].name == "robot")
+	sim:wait(40)
+	expect(greetings(sim, "room: north!") == 1, "the same sign once")
+end)
+
+scenario("greets who walks by, and politely rarely", { world = "hall", fps = 8 }, function(sim)
+	sim:place({ x = 3.7 + 0.3 * math.random(), y = 2.3 + 0.6 * math.random(), heading = 0.3 * math.random() - 0.15 })
+	sim:run("greet.lua")
+	expect(sim:wait_until(function() return greetings(sim, "stranger!") > 0 end, 60), "it sees Ada")
+	sim:wait(65)
+	expect(greetings(sim, "") <= 3, "at most every half minute")
+	expect(sim:distance() < 0.01, "it stands still")
+end)
+
+scenario("greets nobody in an empty room, nor a ball", { battery = 90, fps = 8 }, function(sim)
+	sim:place({ x = 1.4, y = 1.5 + 2 * math.random(), heading = 0.6 * math.random() - 0.3 })
+	sim:run("greet.lua")
+	for step = 0, 60 do
+		sim:place_ball(1, { x = 3.6, y = 1.5 + 0.03 * step })
+		sim:wait(0.5)
+	end
+	expect(greetings(sim, "") == 0)
+end)

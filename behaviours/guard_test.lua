@@ -1,0 +1,51 @@
+-- The guard raises the alarm for what moves or is loud, and for nothing else.
+
+local function alarms(sim)
+	return #sim:log("alarm ")
+end
+
+scenario("somebody walks by: photograph, alarm, log", { world = "hall", fps = 8 }, function(sim)
+	sim:place({ x = 3.7 + 0.4 * math.random(), y = 2.3 + 0.6 * math.random(), heading = 0.3 * math.random() - 0.15 })
+	sim:run("guard.lua")
+	expect(sim:wait_until(function() return alarms(sim) > 0 end, 60), "the alarm within a round of Ada's")
+	expect(#sim:log("something moves") > 0)
+	expect(sim:photos() > 0)
+	expect(sim:sounds()[1].name == "alarm")
+	expect(sim:distance() < 0.01, "it does not drive")
+end)
+
+scenario("a loud noise: alarm and log, once in a while", { world = "playpen", fps = 8 }, function(sim)
+	sim:run("guard.lua")
+	sim:wait(5)
+	sim:noise(-12, 2)
+	expect(sim:wait_until(function() return #sim:log("a noise of") > 0 end, 5), "the alarm at once")
+	sim:wait(5)
+	sim:noise(-12, 2)
+	sim:wait(5)
+	expect(alarms(sim) == 1, "not again so soon")
+	sim:wait(20)
+	sim:noise(-12, 2)
+	expect(sim:wait_until(function() return alarms(sim) == 2 end, 5), "again later")
+end)
+
+scenario("no alarm in a quiet room, nor when the light changes", { battery = 90, fps = 8 }, function(sim)
+	sim:place({ x = 1 + 2 * math.random(), y = 1.5 + 2 * math.random(), heading = 2 * math.pi * math.random() })
+	sim:run("guard.lua")
+	for _, light in { 1, 0.6, 0.3, 1 } do
+		sim:light(light)
+		sim:wait(15)
+	end
+	expect(alarms(sim) == 0, "nobody is there")
+end)
+
+scenario("counts its alarms over a restart", { world = "playpen", fps = 8 }, function(sim)
+	for expected = 1, 2 do
+		sim:run({ "guard.lua", params = { alarm = false } })
+		sim:wait(5)
+		sim:noise(-12, 2)
+		expect(sim:wait_until(function() return #sim:log(`alarm {expected}:`) > 0 end, 5))
+		sim:wait(3)
+		sim:stop()
+	end
+	expect(#sim:sounds() == 0, "without `alarm` it is silent")
+end)

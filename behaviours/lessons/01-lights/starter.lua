@@ -1,0 +1,6 @@
+-- spykee lesson 1: lights
+-- A turn signal: left for a second, right for a second, then all dark.
+-- Here the left light goes on and stays on. Go on from there.
+
+robot.led("left", true)
+task.wait(1)

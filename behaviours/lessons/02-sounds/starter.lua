@@ -1,0 +1,6 @@
+-- spykee lesson 2: sounds
+-- A doorbell: three beeps, one a second, and a laugh after the last one.
+-- Here the beep and the laugh come at the same moment. Three beeps are wanted, a second apart.
+
+robot.play("bip_2")
+robot.play("laugh")

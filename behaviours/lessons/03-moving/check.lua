@@ -1,0 +1,49 @@
+-- Lesson 3: there and back.
+
+local function meter(sim)
+	local start = sim:pose()
+	return function()
+		local pose = sim:pose()
+		return math.sqrt((pose.x - start.x) ^ 2 + (pose.y - start.y) ^ 2)
+	end
+end
+
+-- Waits until it stands or until it drives; whether that came.
+local function wait_for_motion(sim, wanted, seconds)
+	local last = sim:distance()
+	sim:wait(0.1)
+	return sim:wait_until(function()
+		local now = sim:distance()
+		local moving = now - last > 0.001
+		last = now
+		return moving == wanted
+	end, seconds)
+end
+
+local function drives_away(sim)
+	local away = meter(sim)
+	sim:run()
+	expect(sim:wait_until(function() return away() > 0.15 end, 8), "The robot does not drive away: robot.move(40, 40, 2) drives for two seconds.")
+	return away
+end
+
+scenario("It drives away", { world = "yard", points = 2, seeds = 3, limit = 30 }, function(sim)
+	drives_away(sim)
+	expect(sim:pose().x > 1.3, "It drives backwards first: forwards, both powers are positive.")
+end)
+
+scenario("It rests for a second", { world = "yard", points = 3, seeds = 3, limit = 40 }, function(sim)
+	drives_away(sim)
+	expect(wait_for_motion(sim, false, 10), "It drives on and on: give robot.move a time.")
+	local since = sim:time()
+	expect(wait_for_motion(sim, true, 6), "It drives away and then stays there: it is to come back.")
+	local rest = sim:time() - since
+	expect(rest > 0.6 and rest < 1.6, string.format("It rested for %.1f seconds before it came back: one second is wanted.", rest))
+end)
+
+scenario("It comes back to its start", { world = "yard", points = 5, seeds = 3, limit = 50 }, function(sim)
+	local away = drives_away(sim)
+	expect(sim:wait_until(function() return sim:ended() end, 25), "The script does not end: once it is back there is nothing left to do.")
+	expect(away() < 0.15, string.format("In the end it stands %d centimetres from where it began.", math.round(100 * away())))
+	expect(sim:collisions() == 0, "It ran into something on its way.")
+end)

@@ -1,0 +1,8 @@
+-- spykee lesson 5: listening
+-- A robot that wakes up at a noise: lights on, once round, lights off. Each time.
+
+robot.on("noise", function()
+	robot.led("all", true)
+	robot.turn(math.rad(360))
+	robot.led("all", false)
+end)

@@ -1,0 +1,7 @@
+-- spykee lesson 5: listening
+-- A robot that wakes up at a noise: lights on, once round, lights off. Each time.
+-- Here it wakes up by itself, and only once. It should wait for a noise.
+
+robot.led("all", true)
+robot.turn(math.rad(360))
+robot.led("all", false)

@@ -1,0 +1,30 @@
+-- Lesson 7: goes to the ball and stops before it.
+
+local function gap(sim)
+	local pose, ball = sim:pose(), sim:ball(1)
+	return math.sqrt((pose.x - ball.x) ^ 2 + (pose.y - ball.y) ^ 2)
+end
+
+local function goes_to(sim, ball)
+	sim:place_ball(1, ball)
+	sim:run()
+	local first = gap(sim)
+	expect(sim:wait_until(function() return gap(sim) < first - 0.2 end, 20), "It does not drive towards the ball.")
+	expect(sim:wait_until(function() return gap(sim) < 0.75 end, 25), "It drives towards the ball, but does not come near: about half a metre is wanted.")
+	sim:wait(5)
+	local now = sim:ball(1)
+	local pushed = math.abs(now.x - ball.x) + math.abs(now.y - ball.y)
+	expect(pushed < 0.05, "It has pushed the ball away: it should stop earlier.")
+	local last = sim:distance()
+	sim:wait(3)
+	expect(sim:distance() - last < 0.05, "It is near the ball and still driving: it should stop there.")
+	expect(gap(sim) < 0.85, "It came near the ball, but did not stay there.")
+end
+
+scenario("To a ball before it", { world = "yard", fps = 10, points = 5, seeds = 2, limit = 90 }, function(sim)
+	goes_to(sim, { x = 3.0, y = 1.8 })
+end)
+
+scenario("To a ball behind it", { world = "yard", fps = 10, points = 5, seeds = 2, limit = 90 }, function(sim)
+	goes_to(sim, { x = 0.5, y = 2.6 })
+end)

@@ -1,0 +1,12 @@
+-- spykee lesson 8: the line
+-- Follows the black line all the way round.
+-- Here it drives straight on. The line does not.
+
+robot.on("frame", function(frame)
+	local line = frame:find_line("black", { roi = { 0, 200, 320, 40 } })
+	if line then
+		robot.drive(0.12, 0)
+	else
+		robot.stop()
+	end
+end)

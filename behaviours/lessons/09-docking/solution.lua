@@ -1,0 +1,13 @@
+-- spykee lesson 9: going home
+-- Leaves the station, drives half a metre, goes home, and says how it went.
+
+robot.undock()
+robot.turn(math.rad(180))
+robot.forward(0.5)
+local ok, code = robot.dock()
+print("docking:", code)
+if ok then
+	robot.play("bip_2")
+else
+	robot.play("alarm")
+end

@@ -1,0 +1,38 @@
+-- Lesson 10: a patrol for the whole day.
+
+local function leaves(sim, words)
+	expect(sim:wait_until(function() return not sim:docked() end, 60), words)
+end
+
+local function comes_home(sim)
+	expect(sim:wait_until(function() return sim:docked() and sim:charging() end, 400), "It left its station, but has not come home.")
+end
+
+scenario("A round with three photographs", { world = "playpen", fps = 5, points = 4, seeds = 2, limit = 600 }, function(sim)
+	sim:run()
+	leaves(sim, "It does not leave its station.")
+	comes_home(sim)
+	local photos = sim:photos()
+	expect(photos >= 3, `A photograph on each of the three legs is wanted, and it kept {photos}; each needs a name of its own.`)
+	local driven = sim:distance()
+	expect(driven > 1.1, string.format("Three legs of 40 centimetres and the way home are more than %.1f metres.", driven))
+end)
+
+scenario("It goes again", { world = "playpen", fps = 5, battery = 95, points = 3, seeds = 2, limit = 1000 }, function(sim)
+	sim:run()
+	leaves(sim, "It does not leave its station.")
+	comes_home(sim)
+	leaves(sim, "It came home with a good battery, and did not go again.")
+	comes_home(sim)
+end)
+
+scenario("It charges before it goes again", { world = "playpen", fps = 5, battery = 55, points = 3, seeds = 2, limit = 900 }, function(sim)
+	sim:run()
+	leaves(sim, "It does not leave its station.")
+	comes_home(sim)
+	sim:battery(50)
+	local stays = not sim:wait_until(function() return not sim:docked() end, 60)
+	expect(stays, "It went again at 50 percent: it should charge to 60.")
+	sim:battery(63)
+	leaves(sim, "Its battery has reached 60 percent, and it did not go again.")
+end)

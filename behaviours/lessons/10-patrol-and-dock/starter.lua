@@ -1,0 +1,8 @@
+-- spykee lesson 10: patrol and dock
+-- A patrol for the whole day: three legs with a photograph each, home, charge to 60 %, and again.
+-- Here it drives one leg and goes home.
+
+robot.undock()
+robot.turn(math.rad(180))
+robot.forward(0.4)
+robot.dock()

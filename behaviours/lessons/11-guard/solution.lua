@@ -1,0 +1,14 @@
+-- spykee lesson 11: the guard
+-- Watches; sounds the alarm and keeps a photograph when something moves.
+
+local detector = vision.motion()
+local last = -10
+
+robot.on("frame", function(frame)
+	local motion = detector:update(frame)
+	if motion and #motion.blobs > 0 and task.now() - last >= 10 then
+		last = task.now()
+		robot.play("alarm")
+		frame:save("intruder.jpg")
+	end
+end)

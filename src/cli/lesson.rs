@@ -1,0 +1,67 @@
+//! `spykee lesson`: exercises that come along, and a check that says what is missing.
+
+mod catalogue;
+mod check;
+mod feedback;
+mod marks;
+mod start;
+
+use super::table::{Side, aligned};
+use super::{Console, Exit, Failure, print};
+use catalogue::Lesson;
+
+/// Learn to write behaviours: exercises that come along, and checks that say what is missing
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct LessonArgs {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Clone, clap::Subcommand)]
+enum Action {
+    /// List the lessons
+    List,
+    /// Make a folder with a lesson: what to do, and a script to go on from
+    Start(start::StartArgs),
+    /// Try a lesson's script, and say what is missing
+    Check(check::CheckArgs),
+}
+
+pub(super) fn run(args: &LessonArgs, console: &Console) -> Result<Exit, Failure> {
+    match &args.action {
+        Action::List => list(),
+        Action::Start(args) => start::run(args),
+        Action::Check(args) => check::run(args, console),
+    }
+}
+
+fn list() -> Result<Exit, Failure> {
+    let head = [
+        ("LESSON", Side::Right),
+        ("TITLE", Side::Left),
+        ("YOU LEARN", Side::Left),
+    ];
+    let rows: Vec<Vec<String>> = Lesson::all()
+        .iter()
+        .map(|lesson| {
+            vec![
+                lesson.number.to_string(),
+                lesson.title().to_owned(),
+                lesson.subjects().to_owned(),
+            ]
+        })
+        .collect();
+    print(&format!(
+        "{}\nBegin one with: spykee lesson start 1\n",
+        aligned(&head, &rows)
+    ))?;
+    Ok(Exit::Done)
+}
+
+/// A number from 1, or a name such as `moving` or `03-moving`.
+fn parse_lesson(text: &str) -> Result<&'static Lesson, String> {
+    Lesson::named(text).ok_or_else(|| {
+        let last = Lesson::all().len();
+        format!("there are lessons 1 to {last}; `spykee lesson list` shows them")
+    })
+}

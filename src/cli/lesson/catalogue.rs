@@ -1,0 +1,203 @@
+//! The lessons, inside the program: they need no files.
+
+/// One lesson. Its texts are those of its folder in `behaviours/lessons/`.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Lesson {
+    /// From 1.
+    pub(super) number: usize,
+    /// Its folder in `behaviours/lessons/`, such as `03-moving`.
+    pub(super) folder: &'static str,
+    /// Where a learner's script is tried out, a world that comes along.
+    pub(super) world: &'static str,
+    pub(super) readme: &'static str,
+    pub(super) starter: &'static str,
+    /// The scenarios that give points.
+    pub(super) check: &'static str,
+}
+
+macro_rules! lesson {
+    ($number:literal, $folder:literal, $world:literal) => {
+        Lesson {
+            number: $number,
+            folder: $folder,
+            world: $world,
+            readme: include_str!(concat!(
+                "../../../behaviours/lessons/",
+                $folder,
+                "/README.md"
+            )),
+            starter: include_str!(concat!(
+                "../../../behaviours/lessons/",
+                $folder,
+                "/starter.lua"
+            )),
+            check: include_str!(concat!(
+                "../../../behaviours/lessons/",
+                $folder,
+                "/check.lua"
+            )),
+        }
+    };
+}
+
+static LESSONS: [Lesson; 12] = [
+    lesson!(1, "01-lights", "yard"),
+    lesson!(2, "02-sounds", "yard"),
+    lesson!(3, "03-moving", "yard"),
+    lesson!(4, "04-square", "yard"),
+    lesson!(5, "05-events", "yard"),
+    lesson!(6, "06-seeing", "yard"),
+    lesson!(7, "07-following", "yard"),
+    lesson!(8, "08-line", "line_loop"),
+    lesson!(9, "09-docking", "playpen"),
+    lesson!(10, "10-patrol-and-dock", "living_room"),
+    lesson!(11, "11-guard", "hall"),
+    lesson!(12, "12-states", "yard"),
+];
+
+/// Only so far down a script is a line that names its lesson.
+const HEAD_LINES: usize = 10;
+
+impl Lesson {
+    /// In the order they are best done.
+    pub(super) fn all() -> &'static [Lesson] {
+        &LESSONS
+    }
+
+    /// By number, such as `3` or `03`, by name or by both, such as `03-moving`.
+    pub(super) fn named(text: &str) -> Option<&'static Lesson> {
+        LESSONS.iter().find(|lesson| {
+            text.parse() == Ok(lesson.number) || text == lesson.name() || text == lesson.folder
+        })
+    }
+
+    /// The lesson that a script names in one of its first lines: `-- spykee lesson 3`.
+    pub(super) fn of_script(source: &str) -> Option<&'static Lesson> {
+        source.lines().take(HEAD_LINES).find_map(|line| {
+            let line = line.trim_start().strip_prefix("--")?;
+            let line = line.trim_start().to_lowercase();
+            let number = line.strip_prefix("spykee lesson")?.trim_start();
+            let end = number.find(|c: char| !c.is_ascii_digit());
+            Lesson::named(&number[..end.unwrap_or(number.len())])
+        })
+    }
+
+    /// Such as `moving`.
+    pub(super) fn name(&self) -> &'static str {
+        self.folder
+            .split_once('-')
+            .map_or(self.folder, |(_, name)| name)
+    }
+
+    /// What a learner's script is called.
+    pub(super) fn file(&self) -> String {
+        format!("{}.lua", self.name())
+    }
+
+    /// The headline without its number.
+    pub(super) fn title(&self) -> &'static str {
+        let headline = self.readme.lines().next().unwrap_or_default();
+        headline
+            .split_once(". ")
+            .map_or(headline, |(_, title)| title)
+    }
+
+    /// What is learned, in a few words.
+    pub(super) fn subjects(&self) -> &'static str {
+        let mut lines = self.readme.lines();
+        let line = lines.find_map(|line| line.strip_prefix("You learn: "));
+        line.unwrap_or_default().trim_end_matches('.')
+    }
+
+    /// One of three hints, from 1; Markdown.
+    pub(super) fn hint(&self, number: u8) -> Option<&'static str> {
+        let opening = format!("<summary>Hint {number}</summary>");
+        let (_, rest) = self.readme.split_once(&opening)?;
+        rest.split("</details>").next().map(str::trim)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::scenario::Book;
+    use crate::sim::World;
+
+    #[test]
+    fn lessons_are_numbered_from_one_and_their_starters_name_them() {
+        for (index, lesson) in Lesson::all().iter().enumerate() {
+            assert_eq!(lesson.number, index + 1);
+            assert_eq!(Lesson::of_script(lesson.starter), Some(lesson));
+            for name in [
+                lesson.number.to_string(),
+                lesson.name().to_owned(),
+                lesson.folder.to_owned(),
+            ] {
+                assert_eq!(Lesson::named(&name), Some(lesson), "{name}");
+            }
+            assert!(World::ready(lesson.world).is_some(), "{}", lesson.folder);
+        }
+    }
+
+    #[test]
+    fn every_readme_has_goal_tools_three_hints_a_way_on_and_the_commands() {
+        for lesson in Lesson::all() {
+            let (name, readme, file) = (lesson.folder, lesson.readme, lesson.file());
+            assert!(!lesson.title().is_empty() && !lesson.title().contains('#'));
+            assert!(lesson.subjects().len() > 10, "{name}");
+            for number in 1..=3 {
+                assert!(lesson.hint(number).is_some_and(|hint| hint.len() > 30));
+            }
+            assert_eq!(lesson.hint(4), None, "{name}");
+            for part in [
+                "**Goal.**".to_owned(),
+                "**What you need.**".to_owned(),
+                "**Go further.**".to_owned(),
+                format!("spykee run {file} --sim {}", lesson.world),
+                format!("spykee lesson check {file}"),
+            ] {
+                assert!(readme.contains(&part), "{name}: {part}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_lesson_has_ten_points() {
+        for lesson in Lesson::all() {
+            let book = Book::of_text(lesson.folder, lesson.check).unwrap();
+            let points = book.scenarios().iter().map(|one| one.options.points);
+            assert_eq!(points.sum::<u32>(), 10, "{}", lesson.folder);
+        }
+    }
+
+    #[test]
+    fn the_line_that_names_a_lesson_may_look_a_little_different_but_must_be_a_comment_near_the_top()
+    {
+        for script in [
+            "-- spykee lesson 3",
+            "--Spykee Lesson 3: moving\n",
+            "\n\n   --   spykee lesson 03 (Ada)\r\n",
+        ] {
+            assert_eq!(Lesson::of_script(script), Lesson::named("3"), "{script}");
+        }
+        let late = "\n".repeat(10) + "-- spykee lesson 3";
+        for script in [
+            "spykee lesson 3",
+            "-- spykee lesson",
+            "-- spykee lesson 99",
+            "print('-- spykee lesson 3')",
+            &late,
+        ] {
+            assert_eq!(Lesson::of_script(script), None, "{script}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_script_is_read_so_that_it_panics(text in "(-- ?[sS]pykee lesson ?[0-9é]{0,30}|\\PC|\n){0,12}") {
+            let _ = Lesson::of_script(&text);
+        }
+    }
+}

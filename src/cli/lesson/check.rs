@@ -1,0 +1,141 @@
+//! `spykee lesson check`: plays the lesson's scenarios with the learner's script as the one that
+//! runs. All learners have the same settings, whatever config is about.
+
+use std::path::{Path, PathBuf};
+
+use super::catalogue::Lesson;
+use super::feedback::{Feedback, gradescope};
+use super::marks::Marks;
+use super::{Console, Exit, Failure, parse_lesson, print};
+use crate::behaviour;
+use crate::cli::check::{has_errors, of_source};
+use crate::cli::test::crew::{Crew, Done, Job};
+use crate::cli::world::{parse_png, save};
+use crate::config::Config;
+use crate::scenario::{Book, Setting};
+
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct CheckArgs {
+    /// The learner's script
+    #[arg(value_name = "FILE.lua")]
+    file: PathBuf,
+
+    /// Check it against this lesson, whatever its first lines say
+    #[arg(long, value_name = "LESSON", value_parser = parse_lesson)]
+    lesson: Option<&'static Lesson>,
+
+    /// Show one of the lesson's three hints too
+    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u8).range(1..=3))]
+    hint: Option<u8>,
+
+    /// Draw the way of the robot in the first try that failed
+    #[arg(long, value_name = "FILE.png", value_parser = parse_png)]
+    picture: Option<PathBuf>,
+
+    /// Print the result as JSON
+    #[arg(long, conflicts_with = "hint")]
+    json: bool,
+
+    /// Write the result to this file too, as Gradescope reads it
+    #[arg(long, value_name = "FILE.json")]
+    gradescope: Option<PathBuf>,
+
+    /// Play so many tries at a time [default: one for each processor]
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
+    jobs: Option<u16>,
+}
+
+pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> {
+    let source = read(&args.file)?;
+    let lesson = match args.lesson {
+        Some(lesson) => lesson,
+        None => Lesson::of_script(&String::from_utf8_lossy(&source)).ok_or_else(unnamed)?,
+    };
+    let book = Book::of_text(lesson.folder, lesson.check).map_err(Failure::usage)?;
+    let setting = Setting {
+        subject: Some(args.file.clone()),
+        ..Setting::default()
+    };
+    let options = Config::default().script("check", args.file.display().to_string(), 0);
+    let findings = of_source(&source, &options, console);
+    let cannot_run = has_errors(&findings);
+    let mut marks = Marks::new(book.scenarios(), findings, cannot_run);
+    let stop = setting.stop.clone();
+    if !cannot_run {
+        play(&book, Crew::new(args.jobs, setting), &mut marks, console)?;
+    }
+    if stop.is_cancelled() {
+        return Ok(Exit::Interrupted);
+    }
+    let feedback = Feedback {
+        lesson,
+        file: &args.file,
+        marks: &marks,
+        hint: args.hint,
+    };
+    report(args, &feedback)?;
+    Ok(match marks.is_full() {
+        true => Exit::Done,
+        false => Exit::Check,
+    })
+}
+
+fn read(file: &Path) -> Result<Vec<u8>, Failure> {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    // Scripts of such names are read as scenarios: they would not know `robot`.
+    if name == "check.lua" || name.ends_with("_test.lua") {
+        let why = format!("a lesson's script cannot be called {name}");
+        return Err(Failure::usage(why).help("give it another name"));
+    }
+    behaviour::read_source(file).map_err(|error| {
+        let shown = file.display();
+        let help = match file.is_dir() {
+            true => "name the script in it",
+            false => "spykee lesson start 1 makes a folder with a script to go on from",
+        };
+        Failure::usage(format_args!("cannot read {shown}: {error}")).help(help)
+    })
+}
+
+fn unnamed() -> Failure {
+    Failure::usage("the script does not say which lesson it belongs to").help(
+        "put a line such as `-- spykee lesson 3` at its top, or say --lesson 3; \
+         `spykee lesson list` shows them all",
+    )
+}
+
+fn play(book: &Book, crew: Crew, marks: &mut Marks, console: &Console) -> Result<(), Failure> {
+    let jobs: Vec<Job<'_>> = book
+        .scenarios()
+        .iter()
+        .flat_map(|scenario| scenario.seeds().map(move |seed| (scenario, seed)))
+        .map(|(scenario, seed)| Job {
+            book: 0,
+            scenario,
+            seed,
+        })
+        .collect();
+    crew.play(&[book], &jobs, |done: Done<'_>| {
+        marks.take(done.job.scenario, done.job.seed, done.played.failure);
+        console.status(marks.progress());
+    })?;
+    console.status("");
+    Ok(())
+}
+
+fn report(args: &CheckArgs, feedback: &Feedback<'_>) -> Result<(), Failure> {
+    if let Some(path) = &args.gradescope {
+        let text = format!("{:#}\n", gradescope(feedback));
+        std::fs::write(path, text).map_err(|error| {
+            Failure::usage(format_args!("cannot write {}: {error}", path.display()))
+        })?;
+    }
+    let failed = feedback.marks.first_failure();
+    if let (Some(path), Some(failure)) = (&args.picture, failed) {
+        save(&failure.picture, path)?;
+    }
+    print(&match args.json {
+        true => format!("{:#}\n", feedback.json()),
+        false => feedback.text(),
+    })
+}

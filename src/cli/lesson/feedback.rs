@@ -1,0 +1,156 @@
+//! What a learner is told: short, in sentences, and nothing in it that the script could forge.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::catalogue::Lesson;
+use super::marks::{Mark, Marks};
+use crate::cli::screen::clean;
+use crate::scenario::{Cause, Failure};
+
+/// Lines of an error that are shown.
+const MAX_LINES: usize = 16;
+
+/// A checked script.
+pub(super) struct Feedback<'a> {
+    pub(super) lesson: &'static Lesson,
+    pub(super) file: &'a Path,
+    pub(super) marks: &'a Marks,
+    /// Which of the lesson's hints to show.
+    pub(super) hint: Option<u8>,
+}
+
+impl Feedback<'_> {
+    /// For a terminal.
+    pub(super) fn text(&self) -> String {
+        let (lesson, marks) = (self.lesson, self.marks);
+        let file = clean(&self.file.display().to_string(), false).replace('\n', " ");
+        let mut text = format!("Lesson {}, {}: {file}\n\n", lesson.number, lesson.title());
+        if !marks.cannot_run {
+            marks.marks.iter().for_each(|mark| write(mark, &mut text));
+            text.push('\n');
+        }
+        text += &self.complaints();
+        text += &format!("{} of {} points.", marks.points(), marks.worth());
+        text += &self.way_on(&file);
+        if let Some(hint) = self.hint.and_then(|number| lesson.hint(number)) {
+            text += &format!("\nHint: {hint}\n");
+        }
+        text
+    }
+
+    /// What is wrong in the script itself, each line marked as a quotation.
+    fn complaints(&self) -> String {
+        let marks = self.marks;
+        let mut text = String::new();
+        if let Some(words) = marks.breakdown() {
+            text += &format!("The script stopped with an error:\n\n{}\n", quoted(words));
+        }
+        if !marks.findings.is_empty() {
+            let found: Vec<String> = marks.findings.iter().map(ToString::to_string).collect();
+            text += match marks.cannot_run {
+                true => "The script cannot run yet:\n\n",
+                false => "Look at this too:\n\n",
+            };
+            text += &format!("{}\n", quoted(&found.join("\n\n")));
+        }
+        text
+    }
+
+    fn way_on(&self, file: &str) -> String {
+        let (marks, number) = (self.marks, self.lesson.number);
+        match (marks.is_full(), number < Lesson::all().len()) {
+            (true, true) => format!(" Well done! Next: spykee lesson start {}\n", number + 1),
+            (true, false) => " Well done! That was the last lesson.\n".to_owned(),
+            // Who has a mistake to mend, or reads a hint already, needs none.
+            (false, _)
+                if marks.cannot_run || marks.breakdown().is_some() || self.hint.is_some() =>
+            {
+                "\n".to_owned()
+            }
+            (false, _) => format!(" A hint: spykee lesson check {file} --hint 1\n"),
+        }
+    }
+
+    /// For programs.
+    pub(super) fn json(&self) -> Value {
+        let (lesson, marks) = (self.lesson, self.marks);
+        let scenario = |mark: &Mark| {
+            json!({
+                "name": mark.name, "points": mark.points(), "max_points": mark.worth,
+                "passed": mark.passed(), "tries": mark.seeds(), "failed_seeds": mark.failed_seeds(),
+                "message": mark.failure().map(sentence),
+            })
+        };
+        json!({
+            "lesson": lesson.number, "title": lesson.title(),
+            "file": self.file.display().to_string(),
+            "points": marks.points(), "max_points": marks.worth(), "passed": marks.is_full(),
+            "mistakes": marks.findings, "error": marks.breakdown(),
+            "scenarios": marks.marks.iter().map(scenario).collect::<Vec<Value>>(),
+        })
+    }
+}
+
+/// The results.json of a Gradescope autograder.
+pub(super) fn gradescope(feedback: &Feedback<'_>) -> Value {
+    let marks = feedback.marks;
+    let test = |mark: &Mark| {
+        json!({
+            "name": mark.name, "score": mark.points(), "max_score": mark.worth,
+            "status": if mark.passed() { "passed" } else { "failed" },
+            "output": match (marks.cannot_run, mark.failure()) {
+                (true, _) => "The script cannot run yet; see above.".to_owned(),
+                (false, None) => "Well done!".to_owned(),
+                (false, Some(failure)) => format!("{}{}", sentence(failure), tries(mark)),
+            },
+        })
+    };
+    let lesson = feedback.lesson;
+    let title = format!("Lesson {}, {}", lesson.number, lesson.title());
+    let output = format!("{title}\n\n{}", feedback.complaints());
+    json!({
+        "score": marks.points(), "output": output.trim_end(),
+        "tests": marks.marks.iter().map(test).collect::<Vec<Value>>(),
+    })
+}
+
+fn write(mark: &Mark, text: &mut String) {
+    let word = if mark.passed() { "ok" } else { "not yet" };
+    let (points, worth) = (mark.points(), mark.worth);
+    // Writing into a string does not fail.
+    let _ = writeln!(text, "  {word:7}  {points} of {worth}  {}", mark.name);
+    if let Some(failure) = mark.failure() {
+        let _ = writeln!(text, "           {}{}", sentence(failure), tries(mark));
+    }
+}
+
+/// What is missing.
+fn sentence(failure: &Failure) -> String {
+    match &failure.cause {
+        Cause::Behaviour(_) => "The script stopped with an error.".to_owned(),
+        Cause::Expectation | Cause::Scenario => clean(&failure.message, false).replace('\n', " "),
+    }
+}
+
+/// Where some tries went well.
+fn tries(mark: &Mark) -> String {
+    match mark.passes() {
+        0 => String::new(),
+        passes => format!(" (It worked in {passes} of {} tries.)", mark.seeds()),
+    }
+}
+
+/// In the words of somebody else: each line marked, so that none passes for one of ours.
+fn quoted(words: &str) -> String {
+    let words = clean(words.trim_end(), false);
+    let mut lines = words.lines();
+    let shown = lines.by_ref().take(MAX_LINES);
+    let mut text: String = shown.map(|line| format!("  | {line}\n")).collect();
+    if lines.next().is_some() {
+        text += "  | ...\n";
+    }
+    text
+}

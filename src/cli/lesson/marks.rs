@@ -1,0 +1,118 @@
+//! What a script has earned: points only for what becomes true with every seed.
+
+use std::collections::BTreeMap;
+
+use crate::scenario::{Cause, Failure, Scenario};
+use crate::script::check::Finding;
+
+/// All that came out of a check.
+pub(super) struct Marks {
+    /// One for each scenario of the lesson.
+    pub(super) marks: Vec<Mark>,
+    /// What is wrong in the script; with an error among them nothing was played.
+    pub(super) findings: Vec<Finding>,
+    /// Whether that is so.
+    pub(super) cannot_run: bool,
+}
+
+/// What came out of one scenario.
+pub(super) struct Mark {
+    pub(super) name: String,
+    pub(super) worth: u32,
+    /// By seed; nothing where it passed.
+    tries: BTreeMap<u64, Option<Failure>>,
+    seeds: usize,
+}
+
+impl Marks {
+    /// Nothing was played yet.
+    pub(super) fn new(scenarios: &[Scenario], findings: Vec<Finding>, cannot_run: bool) -> Marks {
+        let mark = |scenario: &Scenario| Mark {
+            name: scenario.name.clone(),
+            worth: scenario.options.points,
+            tries: BTreeMap::new(),
+            seeds: scenario.seeds().count(),
+        };
+        Marks {
+            marks: scenarios.iter().map(mark).collect(),
+            findings,
+            cannot_run,
+        }
+    }
+
+    pub(super) fn take(&mut self, scenario: &Scenario, seed: u64, failure: Option<Failure>) {
+        let mark = self
+            .marks
+            .iter_mut()
+            .find(|mark| mark.name == scenario.name);
+        if let Some(mark) = mark {
+            mark.tries.insert(seed, failure);
+        }
+    }
+
+    pub(super) fn points(&self) -> u32 {
+        self.marks.iter().map(Mark::points).sum()
+    }
+
+    pub(super) fn worth(&self) -> u32 {
+        self.marks.iter().map(|mark| mark.worth).sum()
+    }
+
+    pub(super) fn is_full(&self) -> bool {
+        !self.cannot_run && self.marks.iter().all(Mark::passed)
+    }
+
+    /// How the script itself failed, for the first time.
+    pub(super) fn breakdown(&self) -> Option<&str> {
+        self.marks.iter().find_map(Mark::breakdown)
+    }
+
+    /// The first try that failed.
+    pub(super) fn first_failure(&self) -> Option<&Failure> {
+        self.marks.iter().find_map(Mark::failure)
+    }
+
+    /// `12 of 30 tries`.
+    pub(super) fn progress(&self) -> String {
+        let done: usize = self.marks.iter().map(|mark| mark.tries.len()).sum();
+        let all: usize = self.marks.iter().map(|mark| mark.seeds).sum();
+        format!("{done} of {all} tries")
+    }
+}
+
+impl Mark {
+    pub(super) fn passed(&self) -> bool {
+        self.passes() == self.seeds
+    }
+
+    pub(super) fn points(&self) -> u32 {
+        if self.passed() { self.worth } else { 0 }
+    }
+
+    pub(super) fn seeds(&self) -> usize {
+        self.seeds
+    }
+
+    pub(super) fn passes(&self) -> usize {
+        self.tries.values().filter(|one| one.is_none()).count()
+    }
+
+    pub(super) fn failed_seeds(&self) -> Vec<u64> {
+        let failed = self.tries.iter().filter(|(_, one)| one.is_some());
+        failed.map(|(seed, _)| *seed).collect()
+    }
+
+    pub(super) fn failure(&self) -> Option<&Failure> {
+        self.tries.values().flatten().next()
+    }
+
+    fn breakdown(&self) -> Option<&str> {
+        self.tries
+            .values()
+            .flatten()
+            .find_map(|failure| match &failure.cause {
+                Cause::Behaviour(words) => Some(words.as_str()),
+                Cause::Expectation | Cause::Scenario => None,
+            })
+    }
+}

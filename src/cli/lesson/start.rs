@@ -1,0 +1,53 @@
+//! `spykee lesson start`: a folder with what to do, and a script to go on from.
+
+use std::fs;
+use std::path::PathBuf;
+
+use super::catalogue::Lesson;
+use super::{Exit, Failure, parse_lesson, print};
+
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct StartArgs {
+    /// The lesson's number or name
+    #[arg(value_name = "LESSON", value_parser = parse_lesson)]
+    lesson: &'static Lesson,
+
+    /// The folder to make [default: such as lesson-03-moving]
+    #[arg(value_name = "DIR")]
+    folder: Option<PathBuf>,
+}
+
+/// Makes the folder; one that is there is left alone.
+///
+/// # Errors
+/// If it is there or cannot be made.
+pub(super) fn run(args: &StartArgs) -> Result<Exit, Failure> {
+    let lesson = args.lesson;
+    let own = || PathBuf::from(format!("lesson-{}", lesson.folder));
+    let folder = args.folder.clone().unwrap_or_else(own);
+    let shown = folder.display();
+    let cannot = |error| Failure::usage(format_args!("cannot make {shown}: {error}"));
+    if let Some(parent) = folder.parent() {
+        fs::create_dir_all(parent).map_err(cannot)?;
+    }
+    fs::create_dir(&folder).map_err(|error| match error.kind() {
+        std::io::ErrorKind::AlreadyExists => {
+            Failure::usage(format_args!("{shown} is there already")).help(format!(
+                "nothing was changed; go on in it, or begin in another folder: spykee lesson start \
+                 {} DIR",
+                lesson.number
+            ))
+        }
+        _ => cannot(error),
+    })?;
+    let file = lesson.file();
+    for (name, text) in [("README.md", lesson.readme), (&file, lesson.starter)] {
+        fs::write(folder.join(name), text).map_err(cannot)?;
+    }
+    let (number, title, world) = (lesson.number, lesson.title(), lesson.world);
+    print(&format!(
+        "Lesson {number}, {title}, is in {shown}: read README.md, go on from {file}.\n\n\
+         next:\n  cd {shown}\n  spykee run {file} --sim {world} --trace run.png\n  spykee lesson check {file}\n"
+    ))?;
+    Ok(Exit::Done)
+}

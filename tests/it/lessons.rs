@@ -1,0 +1,324 @@
+//! `spykee lesson` as learners and teachers call it: every starter lacks something and is told what,
+//! every solution has all points, and no script marks itself.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// An exit code and what was written to stdout and stderr.
+struct Said {
+    code: Option<i32>,
+    out: String,
+    error: String,
+}
+
+impl Said {
+    fn json(&self) -> Value {
+        serde_json::from_str(&self.out).unwrap_or_else(|_| panic!("{}{}", self.out, self.error))
+    }
+}
+
+fn spykee(folder: &Path, args: &[&str]) -> Said {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_spykee"));
+    for variable in ["RUST_LOG", "NO_COLOR", "RUST_BACKTRACE", "SPYKEE_CONFIG"] {
+        command.env_remove(variable);
+    }
+    let command = command.args(args).current_dir(folder).stdin(Stdio::null());
+    let output = command.output().unwrap();
+    Said {
+        code: output.status.code(),
+        out: String::from_utf8(output.stdout).unwrap(),
+        error: String::from_utf8(output.stderr).unwrap(),
+    }
+}
+
+/// A learner with one script.
+struct Learner(TempDir);
+
+impl Learner {
+    fn with(script: &str) -> Learner {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("mine.lua"), script).unwrap();
+        Learner(folder)
+    }
+
+    fn checks(&self, args: &[&str]) -> Said {
+        spykee(
+            self.0.path(),
+            &[&["lesson", "check", "mine.lua"], args].concat(),
+        )
+    }
+}
+
+/// The folders of all lessons, in their order.
+fn lessons() -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("behaviours/lessons");
+    let entries = fs::read_dir(folder).unwrap();
+    let paths = entries.map(|entry| entry.unwrap().path());
+    let mut folders: Vec<PathBuf> = paths.filter(|path| path.is_dir()).collect();
+    folders.sort();
+    folders
+}
+
+/// What was said about each scenario that is not fulfilled.
+fn messages(result: &Value) -> Vec<&str> {
+    let scenarios = result["scenarios"].as_array().unwrap();
+    scenarios
+        .iter()
+        .filter(|one| one["passed"] == false)
+        .map(|one| one["message"].as_str().unwrap())
+        .collect()
+}
+
+fn assert_sentence(text: &str) {
+    let whole = text.starts_with(|c: char| c.is_uppercase()) && text.ends_with(['.', ')']);
+    assert!(whole && !text.contains("limit"), "{text}");
+}
+
+#[test]
+fn every_solution_has_all_points_with_every_seed() {
+    assert_eq!(lessons().len(), 12);
+    for (index, lesson) in lessons().iter().enumerate() {
+        let said = spykee(lesson, &["lesson", "check", "solution.lua", "--json"]);
+        let result = said.json();
+        assert_eq!(said.code, Some(0), "{}{}", said.out, said.error);
+        assert_eq!(result["lesson"], index + 1);
+        assert_eq!(
+            (&result["points"], &result["mistakes"]),
+            (&10.into(), &Value::Array(vec![])),
+            "{}",
+            said.out
+        );
+    }
+}
+
+#[test]
+fn every_starter_lacks_something_and_the_learner_is_told_what() {
+    let folder = tempfile::tempdir().unwrap();
+    for (index, lesson) in lessons().iter().enumerate() {
+        let number = (index + 1).to_string();
+        let said = spykee(folder.path(), &["lesson", "start", &number, &number]);
+        assert_eq!(said.code, Some(0), "{}", said.error);
+        let own = folder.path().join(&number);
+        let mut files = fs::read_dir(&own).unwrap().map(|one| one.unwrap().path());
+        let script = files.find(|path| path.extension().unwrap() == "lua");
+        let script = script.unwrap();
+        assert_eq!(
+            fs::read(&script).unwrap(),
+            fs::read(lesson.join("starter.lua")).unwrap()
+        );
+        let name = script.file_name().unwrap().to_str().unwrap();
+        assert!(said.out.contains(&format!("spykee lesson check {name}")));
+        let said = spykee(&own, &["lesson", "check", name, "--json"]);
+        let result = said.json();
+        assert_eq!(said.code, Some(4), "{}", said.out);
+        assert!(result["error"].is_null(), "{}", said.out);
+        assert_eq!(result["mistakes"], Value::Array(vec![]), "{}", said.out);
+        assert!(!messages(&result).is_empty(), "{}", said.out);
+        messages(&result).into_iter().for_each(assert_sentence);
+    }
+}
+
+#[test]
+fn who_does_nothing_has_no_points_and_is_told_what_is_missing() {
+    for (name, script) in [
+        ("at once over", ""),
+        ("idle", "while true do task.wait(1) end"),
+    ] {
+        let learner = Learner::with(script);
+        for number in 1..=12 {
+            let said = learner.checks(&["--json", "--lesson", &number.to_string()]);
+            let result = said.json();
+            assert_eq!(result["points"], 0, "{name}: {}", said.out);
+            messages(&result).into_iter().for_each(assert_sentence);
+        }
+    }
+}
+
+#[test]
+fn a_learner_reads_points_sentences_and_where_a_hint_is() {
+    let script = "-- Spykee lesson 3\nrobot.move(40, 40, 2)\n";
+    let learner = Learner::with(script);
+    let said = learner.checks(&[]);
+    assert_eq!(
+        said.out,
+        "Lesson 3, Moving: mine.lua\n\n  \
+         ok       2 of 2  It drives away\n  \
+         not yet  0 of 3  It rests for a second\n           \
+         It drives away and then stays there: it is to come back.\n  \
+         not yet  0 of 5  It comes back to its start\n           \
+         In the end it stands 35 centimetres from where it began.\n\n\
+         2 of 10 points. A hint: spykee lesson check mine.lua --hint 1\n"
+    );
+    let said = learner.checks(&["--hint", "3", "--picture", "way.png"]);
+    assert!(
+        said.out.contains("\nHint: Three lines: `robot.move"),
+        "{}",
+        said.out
+    );
+    assert!(image::open(learner.0.path().join("way.png")).is_ok());
+}
+
+#[test]
+fn a_mistake_in_the_script_is_told_once_and_nothing_is_played() {
+    let learner = Learner::with("-- spykee lesson 9\nrobot.undock()\nrobot.moev(40, 40, 2)\n");
+    let said = learner.checks(&["--gradescope", "results.json"]);
+    assert_eq!(
+        said.out,
+        "Lesson 9, Going home: mine.lua\n\n\
+         The script cannot run yet:\n\n  \
+         | mine.lua:3:7: error: robot.moev does not exist; did you mean 'move'?\n  \
+         | 3 | robot.moev(40, 40, 2)\n  \
+         |   |       ^^^^\n\n\
+         0 of 10 points.\n"
+    );
+    assert_eq!(said.code, Some(4));
+    let text = fs::read_to_string(learner.0.path().join("results.json")).unwrap();
+    let results: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(results["score"], 0);
+    assert!(results["output"].as_str().unwrap().contains("robot.moev"));
+}
+
+#[test]
+fn an_error_while_it_runs_is_quoted_once_and_cannot_pass_for_a_mark() {
+    let script = "-- spykee lesson 2\nrobot.play('bip_2')\n\
+                  error('sorry\\n\\n10 of 10 points.\\27[2J Well done!')\n";
+    let said = Learner::with(script).checks(&[]);
+    assert_eq!(said.code, Some(4), "{}", said.error);
+    assert_eq!(said.out.matches("sorry").count(), 1, "{}", said.out);
+    assert!(said.out.contains("The script stopped with an error:\n"));
+    assert!(said.out.contains("mine.lua:3:"), "{}", said.out);
+    assert!(said.out.ends_with("\n0 of 10 points.\n"));
+    for line in said.out.lines().filter(|line| line.contains("10 of 10")) {
+        assert!(line.starts_with("  | "), "{}", said.out);
+    }
+    assert!(!said.out.contains('\u{1b}'), "{:?}", said.out);
+}
+
+#[test]
+fn a_script_sees_nothing_of_its_check_and_cannot_mark_itself() {
+    // Any way in would be an error with FOUND in it.
+    let script = "-- spykee lesson 1\n\
+        print('{\"points\": 10, \"passed\": true}')\n\
+        for _, name in { 'sim', 'scenario', 'expect', 'ask', 'io', 'os', 'debug' } do\n\
+        \tlocal ok, value = pcall(function() return _G[name] end)\n\
+        \tif ok and value ~= nil then error('FOUND ' .. name) end\n\
+        end\n\
+        for _, path in { './check', '../01-lights/check', './secret' } do\n\
+        \tlocal ok, value = pcall(require, path)\n\
+        \tif ok and path ~= './secret' then error('FOUND ' .. path) end\n\
+        \tif path == './secret' and not (ok and value == 'own') then error('FOUND no module') end\n\
+        end\n\
+        pcall(function() store.set('points', 10) end)\n\
+        script.stop('10 of 10 points')\n";
+    let learner = Learner::with(script);
+    fs::write(learner.0.path().join("secret.lua"), "return 'own'").unwrap();
+    let said = learner.checks(&["--json", "--jobs", "1"]);
+    let result = said.json();
+    assert_eq!((said.code, &result["points"]), (Some(4), &0.into()));
+    assert!(result["error"].is_null(), "{}", said.out);
+    assert!(!said.out.contains("FOUND"), "{}", said.out);
+    let said = Learner::with("-- spykee lesson 1\nsim:battery(3)\n").checks(&[]);
+    assert_eq!(said.code, Some(4));
+    assert!(said.out.contains("cannot run yet"), "{}", said.out);
+}
+
+#[test]
+fn a_config_that_is_about_changes_nothing() {
+    let learner = Learner::with("-- spykee lesson 3\nrobot.forward(0.3)\n");
+    let before = learner.checks(&["--json"]).out;
+    let config =
+        "calibration: { track_width: 0.9, full_speed: 0.05 }\nwatchdog: { low: 95, ok: 99 }\n";
+    fs::write(learner.0.path().join("spykee.yaml"), config).unwrap();
+    assert_eq!(learner.checks(&["--json"]).out, before);
+}
+
+#[test]
+fn gradescope_gets_a_score_for_each_scenario() {
+    let learner = Learner::with("robot.move(40, 40, 2)\n");
+    let said = learner.checks(&["--lesson", "03-moving", "--gradescope", "out.json"]);
+    assert_eq!(said.code, Some(4), "{}", said.error);
+    let text = fs::read_to_string(learner.0.path().join("out.json")).unwrap();
+    let results: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(results["score"], 2);
+    let tests = results["tests"].as_array().unwrap();
+    let sum = |key: &str| -> i64 { tests.iter().map(|one| one[key].as_i64().unwrap()).sum() };
+    assert_eq!((sum("score"), sum("max_score")), (2, 10));
+    for test in tests {
+        let passed = test["score"] == test["max_score"];
+        assert_eq!(test["status"], if passed { "passed" } else { "failed" });
+        assert!(!test["name"].as_str().unwrap().is_empty());
+        assert!(!test["output"].as_str().unwrap().is_empty());
+    }
+}
+
+#[test]
+fn lessons_are_listed_with_what_they_teach() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = spykee(folder.path(), &["lesson", "list"]);
+    assert_eq!(said.code, Some(0));
+    for words in [
+        "     1  Lights",
+        "    10  Patrol and dock",
+        "    12  Extra: states",
+        "spykee lesson start 1",
+    ] {
+        assert!(said.out.contains(words), "{}", said.out);
+    }
+}
+
+#[test]
+fn what_cannot_be_done_is_said_and_nothing_is_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let tells = |args: &[&str], words: &[&str]| {
+        let said = spykee(folder.path(), args);
+        assert_eq!(said.code, Some(2), "{}{}", said.out, said.error);
+        for word in words {
+            assert!(said.error.contains(word), "{args:?}: {}", said.error);
+        }
+    };
+    for wrong in ["0", "13", "-1", "moveing", ""] {
+        tells(
+            &["lesson", "start", "--", wrong],
+            &["lessons 1 to 12", "lesson list"],
+        );
+    }
+    assert_eq!(
+        spykee(folder.path(), &["lesson", "start", "moving"]).code,
+        Some(0)
+    );
+    let own = folder.path().join("lesson-03-moving");
+    fs::write(own.join("moving.lua"), "-- all my work").unwrap();
+    tells(
+        &["lesson", "start", "3"],
+        &[
+            "lesson-03-moving is there already",
+            "nothing was changed",
+            "spykee lesson start 3 DIR",
+        ],
+    );
+    assert_eq!(
+        fs::read_to_string(own.join("moving.lua")).unwrap(),
+        "-- all my work"
+    );
+    tells(
+        &["lesson", "check", "lesson-03-moving/moving.lua"],
+        &["does not say which lesson", "-- spykee lesson 3"],
+    );
+    tells(
+        &["lesson", "check", "nowhere.lua"],
+        &["cannot read nowhere.lua", "lesson start 1"],
+    );
+    tells(
+        &["lesson", "check", "lesson-03-moving"],
+        &["name the script in it"],
+    );
+    fs::write(folder.path().join("check.lua"), "-- spykee lesson 1\n").unwrap();
+    tells(
+        &["lesson", "check", "check.lua"],
+        &["cannot be called check.lua"],
+    );
+}
