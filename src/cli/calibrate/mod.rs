@@ -119,7 +119,9 @@ fn conclude(args: &CalibrateArgs, calibration: Calibration) -> Result<Exit, Fail
         Some(path) => write(args, path, calibration)?,
         None => {
             if !args.json {
-                print("Paste it into your config; with --config FILE it is written there.\n")?;
+                print(
+                    "Paste it into your config; with --config FILE, or a spykee.yaml here, it is written there.\n",
+                )?;
             }
             false
         }
