@@ -42,5 +42,6 @@ scenario("leaves the station when it has charged", { battery = 79 }, function(si
 	sim:battery(70)
 	sim:run("explore.lua")
 	expect(sim:wait_until(function() return not sim:docked() end, 60), "it goes out at 80 %")
-	expect(sim:wait_until(function() return sim:pose().x > 1.5 end, 30), "and about")
+	local way = sim:distance()
+	expect(sim:wait_until(function() return sim:distance() > way + 2 end, 30), "and about")
 end)

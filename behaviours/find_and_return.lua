@@ -7,57 +7,78 @@ local floor = require("./lib/floor")
 local settings = params.declare({
 	colour = { default = "red", doc = "what to look for: a name, or one of the config's own colours" },
 	width = { default = 60, min = 20, max = 200, unit = "px", doc = "how wide it looks when the robot has reached it" },
-	places = { default = 12, min = 1, max = 100, doc = "looks around at so many places at most" },
+	places = { default = 20, min = 1, max = 100, doc = "looks around at so many places at most" },
 	speed = { default = 0.2, min = 0.05, max = 0.3, unit = "m/s", doc = "of the drive" },
 })
 
 local TURNING = 0.7 -- rad/s
 local LOST = 1.5 -- seconds out of sight
 local HELD = 5 -- seconds without coming nearer
+local ROOM = 0.6 -- metres that must be free before the camera
 
 local function see()
 	local frame = robot.wait_frame(1)
 	return frame and frame:find_blobs(settings.colour, { pixels_threshold = 40, merge = true, margin = 4 })[1], frame
 end
 
--- Turns once round until it sees the thing.
+-- Turns once round until it sees the thing. If it does not, it ends up looking to where there is room.
 local function look_around()
-	local since = task.now()
+	local since, most, way = task.now(), 0, 0
 	while task.now() - since < 2 * math.pi / TURNING do
 		robot.drive(0, TURNING)
-		if see() then
+		local thing, frame = see()
+		if thing then
 			return true
 		end
+		-- By lot, too: otherwise it would take the same way for ever.
+		local room = if frame then floor.look(frame).ahead * (0.5 + math.random()) else 0
+		if room > most then
+			most, way = room, TURNING * (task.now() - since)
+		end
 	end
-	robot.stop()
+	robot.turn(if way > math.pi then way - 2 * math.pi else way)
 	return false
 end
 
--- Drives on to where there is room, for some seconds.
-local function move_on()
+-- Drives on to where there is room, for some seconds or until it sees the thing.
+local function move_on(seconds)
 	local away = if math.random() < 0.5 then 1 else -1
-	local until_then = task.now() + math.random(8, 14)
-	while task.now() < until_then do
+	local over = task.now() + seconds
+	while task.now() < over and not see() do
 		local frame = robot.wait_frame(1)
 		local free = frame and floor.look(frame)
-		if free and free.ahead > 0.7 then
+		if free and free.ahead > ROOM then
 			robot.drive(settings.speed, 0.6 * free.turn)
 		else
 			robot.drive(0, TURNING * away)
 		end
-		if see() then
-			break
-		end
 	end
 	robot.stop()
 end
 
--- Drives up to it; false when it is lost on the way, or comes no nearer because something holds the
--- robot.
+-- Something held it: back, and a little to the side.
+local function evade()
+	log.info("something holds me: I go round it")
+	robot.forward(-0.4)
+	robot.turn(math.rad(math.random(50, 80)) * (if math.random() < 0.5 then 1 else -1))
+	robot.forward(0.4)
+end
+
+-- Towards the thing; what stands in the way before it is passed on the side where there is more room.
+local function steer(thing, frame)
+	local free = floor.look(frame)
+	if free.ahead < ROOM and thing.w < settings.width / 2 then
+		robot.drive(0.7 * settings.speed, if free.left > free.right then 0.6 else -0.6)
+	else
+		robot.drive(settings.speed * math.max(0, 1 - 2 * math.abs(thing.bearing)), 1.5 * thing.bearing)
+	end
+end
+
+-- Drives up to it; false when it is lost on the way, or something holds the robot.
 local function approach()
 	local seen_at, nearer_at, widest = task.now(), task.now(), 0
-	while task.now() - seen_at < LOST and task.now() - nearer_at < HELD do
-		local thing = see()
+	while task.now() - seen_at < LOST do
+		local thing, frame = see()
 		if thing then
 			seen_at = task.now()
 			if thing.w > widest then
@@ -66,11 +87,14 @@ local function approach()
 			if thing.w >= settings.width then
 				robot.stop()
 				return true
+			elseif seen_at - nearer_at > HELD then
+				evade()
+				return false
 			end
-			robot.drive(settings.speed * math.max(0, 1 - 2 * math.abs(thing.bearing)), 1.5 * thing.bearing)
+			steer(thing, frame)
 		end
 	end
-	robot.forward(-0.3)
+	robot.stop()
 	return false
 end
 
@@ -80,8 +104,9 @@ local function find()
 		if look_around() and approach() then
 			return true
 		end
-		move_on()
+		move_on(math.random(6, 12))
 	end
+	log.warn(`there is nothing {settings.colour} far and wide`)
 	return false
 end
 
@@ -101,7 +126,7 @@ local function come_home()
 		if home or code ~= "base_not_found" then
 			break
 		end
-		move_on()
+		move_on(10)
 	end
 	assert(home, `could not dock: {code}`)
 end
@@ -112,4 +137,4 @@ if found then
 	celebrate()
 end
 come_home()
-assert(found, `there is nothing {settings.colour} far and wide`)
+assert(found, `found nothing {settings.colour}`)

@@ -9,7 +9,7 @@ local settings = params.declare({
 })
 assert(settings.dark < settings.bright, "dark must be less than bright")
 
-local BLINK = 1.5 -- seconds that the camera needs to get used to the dark
+local BLINK = 1.5 -- seconds that the camera needs to get used to the light
 
 local shining = store.get("shining", false)
 local nights = store.get("nights", 0)
@@ -22,10 +22,9 @@ end
 
 -- How bright it is without the headlight; nil without a picture.
 local function look()
-	if shining then
-		robot.led("flash", false)
-		task.wait(BLINK)
-	end
+	robot.led("flash", false)
+	robot.wait_frame(2) -- the camera is on now
+	task.wait(BLINK)
 	local frame = robot.wait_frame(2)
 	robot.led("flash", shining)
 	return frame and frame:brightness()

@@ -20,7 +20,7 @@ scenario("shines when the lamp goes out and stops when it comes on", { world = "
 	expect(sim:wait_until(lit(sim), 25), "the lamp is out: it is night")
 	sim:wait(90 - sim:time())
 	expect(sim:wait_until(dark(sim), 15), "the lamp is on again: it is day")
-	expect(#sim:log("night ") == 1 and #sim:log("day") == 1, "no flicker")
+	expect(#sim:log("night ") == 1 and #sim:log("day") == 1, `no flicker: {#sim:log("night ")} {#sim:log("day")}`)
 end)
 
 scenario("is off all day and on when it gets dark", { battery = 90, fps = 4 }, function(sim)

@@ -47,6 +47,7 @@ use crate::behaviour::STACK;
 use crate::link;
 use crate::robot::Streams;
 use crate::safety::Limits;
+use crate::script;
 use crate::sim::{self, World};
 
 pub use event::{Event, Kind};
@@ -106,6 +107,7 @@ pub fn run<T: Send>(
 
 /// No I/O driver: nothing here waits for the world outside, and time jumps faster without.
 fn live<T>(world: World, options: Options, work: impl AsyncFnOnce(&Lab) -> T) -> io::Result<T> {
+    script::only_simulated();
     let runtime = Builder::new_current_thread()
         .enable_time()
         .start_paused(true)

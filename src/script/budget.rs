@@ -8,7 +8,8 @@
 //! This is the one place with the system's clock instead of the runtime's: a budget is real time,
 //! also when the time of a simulation is virtual. And a slice that the machine did not give a
 //! processor to has not run: it is over when it took the budget by the wall clock *and* half of it
-//! by the thread's processor clock, or many times the budget by the wall clock alone.
+//! by the thread's processor clock, or many times the budget by the wall clock alone. Where only a
+//! simulated robot waits, that is many more times: a busy machine must not change what happens.
 
 use std::cell::{Cell, RefCell};
 use std::ffi::CStr;
@@ -25,6 +26,8 @@ const LOOK_EVERY: Duration = Duration::from_millis(10);
 
 /// So many budgets by the wall clock end a slice whatever the processor's clock says.
 const WALL_FACTOR: u32 = 5;
+/// The same where only a simulated robot waits.
+const SIMULATED_WALL_FACTOR: u32 = 100;
 
 /// Nothing is the matter.
 const CALM: u8 = 0;
@@ -136,6 +139,7 @@ thread_local! {
     static SEAT: Seat = Seat(Watcher::get().enrol());
     /// The seat's slot while a slice runs; without destructor, so that reading it costs nothing.
     static SLOT: Cell<Option<&'static Slot>> = const { Cell::new(None) };
+    static PATIENCE: Cell<u32> = const { Cell::new(WALL_FACTOR) };
     static RUNNING: RefCell<Option<Running>> = const { RefCell::new(None) };
 }
 
@@ -159,10 +163,22 @@ impl Running {
 
     fn is_over(&self) -> bool {
         let wall = self.began.elapsed();
-        wall >= self.limit
-            && (wall >= self.limit * WALL_FACTOR
-                || processor_time().saturating_sub(self.processor) >= self.limit / 2)
+        // In this order: asking for the processor's clock costs a system call.
+        wall >= self.limit && {
+            let processor = processor_time().saturating_sub(self.processor);
+            is_too_long(wall, processor, self.limit, PATIENCE.get())
+        }
     }
+}
+
+/// Of a slice that took its budget by the wall clock.
+fn is_too_long(wall: Duration, processor: Duration, limit: Duration, patience: u32) -> bool {
+    wall >= limit * patience || processor >= limit / 2
+}
+
+/// From now on no real robot waits for the scripts of this thread.
+pub(crate) fn only_simulated() {
+    PATIENCE.set(SIMULATED_WALL_FACTOR);
 }
 
 /// What this thread has computed so far.
@@ -279,4 +295,32 @@ pub(super) fn remember(file: String, line: u32) {
             running.place = Some(Place { file, line });
         }
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_machine_did_not_run_is_over_late_and_in_a_simulation_later() {
+        let limit = Duration::from_millis(100);
+        let is_over = |wall: u64, processor: u64, patience| {
+            let [wall, processor] = [wall, processor].map(Duration::from_millis);
+            is_too_long(wall, processor, limit, patience)
+        };
+        for patience in [WALL_FACTOR, SIMULATED_WALL_FACTOR] {
+            assert!(is_over(100, 50, patience));
+            assert!(!is_over(499, 49, patience));
+        }
+        assert!(is_over(500, 0, WALL_FACTOR));
+        assert!(!is_over(9_999, 49, SIMULATED_WALL_FACTOR));
+        assert!(is_over(10_000, 0, SIMULATED_WALL_FACTOR));
+    }
+
+    #[test]
+    fn a_thread_of_simulations_is_as_patient_as_that() {
+        assert_eq!(PATIENCE.get(), WALL_FACTOR);
+        only_simulated();
+        assert_eq!(PATIENCE.get(), SIMULATED_WALL_FACTOR);
+    }
 }

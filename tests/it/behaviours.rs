@@ -124,3 +124,22 @@ async fn patrol_drives_photographs_docks_charges_and_goes_again() {
         .count();
     assert!(pictures > 0);
 }
+
+/// The quick ones; `scripts/score-behaviours` plays all of them with 20 seeds.
+#[test]
+fn ready_behaviours_keep_what_their_scenarios_say() {
+    let home = Path::new(env!("CARGO_MANIFEST_DIR")).join("behaviours");
+    let pictures = tempfile::tempdir().unwrap();
+    let played = std::process::Command::new(env!("CARGO_BIN_EXE_spykee"))
+        .args(["test", "--seed", "1", "--pictures"])
+        .arg(pictures.path())
+        .args(
+            ["patrol", "dock_now", "follow_colour"]
+                .map(|name| home.join(format!("{name}_test.lua"))),
+        )
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&played.stdout);
+    assert_eq!(played.status.code(), Some(0), "{said}");
+    assert!(said.contains("10 runs passed"), "{said}");
+}

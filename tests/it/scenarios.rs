@@ -422,6 +422,17 @@ fn a_new_project_passes_its_own_scenarios() {
 }
 
 #[test]
+fn the_behaviour_beside_a_file_is_found_from_everywhere() {
+    let test = "scenario('x', {}, function(sim) sim:run() expect(sim:wait_until(function()\n\
+                return sim:ended() end, 5), 'late') end)";
+    let folder = folder(&[("a.lua", "task.wait(1)"), ("a_test.lua", test)]);
+    let elsewhere = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a_test.lua");
+    let output = spykee(elsewhere.path(), &["test", path.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+}
+
+#[test]
 fn rust_tests_play_scenarios_too() {
     let folder = folder(&[("wander.lua", WANDERS), ("wander_test.lua", LOOKS_ON)]);
     let book = Book::read(&folder.path().join("wander_test.lua")).unwrap();

@@ -10,12 +10,11 @@ end
 
 -- Waits until it stands or until it drives; whether that came.
 local function wait_for_motion(sim, wanted, seconds)
-	local last = sim:distance()
+	local far, heading = sim:distance(), sim:pose().heading
 	sim:wait(0.1)
 	return sim:wait_until(function()
-		local now = sim:distance()
-		local moving = now - last > 0.001
-		last = now
+		local moving = sim:distance() - far > 0.001 or math.abs(sim:pose().heading - heading) > 0.01
+		far, heading = sim:distance(), sim:pose().heading
 		return moving == wanted
 	end, seconds)
 end
