@@ -1,7 +1,7 @@
 //! Looks at scripts and at the modules that they require, each file once, with the type checker if
 //! there is one.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 
 use super::Console;
@@ -46,19 +46,19 @@ impl Examiner<'_> {
     pub(super) fn behaviour(&mut self, source: &[u8], options: &Options) {
         let folder = Path::new(&options.chunk).parent().unwrap_or(Path::new(""));
         let (folder, library) = (folder.to_owned(), Library::new(folder.to_owned()));
-        let mut files = vec![File {
+        let mut files = VecDeque::from([File {
             source: source.to_vec(),
             options: options.clone(),
             folder: String::new(),
-        }];
-        while let Some(file) = files.pop() {
+        }]);
+        while let Some(file) = files.pop_front() {
             if !self.is_new(Path::new(&file.options.chunk)) {
                 continue;
             }
             let found = self.file(&file);
             for module in required(&file.source, &file.folder) {
                 match library.fetch(&module.name) {
-                    Ok(module) => files.push(of_module(module, &folder, options)),
+                    Ok(module) => files.push_back(of_module(module, &folder, options)),
                     Err(why) => self.missing(&file, &module, &why, &found),
                 }
             }

@@ -133,7 +133,7 @@ fn required_modules_are_checked_too_each_once_and_under_their_own_names() {
         let lines = found(args);
         let count = |words: &str| lines.iter().filter(|line| line.contains(words)).count();
         assert_eq!(count("lib/a.lua:2:7: error: robot.moev"), 1, "{lines:#?}");
-        assert_eq!(count("lib/b.luau:2:11: error: "), 1, "{lines:#?}");
+        assert_eq!(count("lib/b.luau:2:9: error: "), 1, "{lines:#?}");
         assert_eq!(lines.last().unwrap(), "2 errors");
     }
 }

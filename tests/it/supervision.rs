@@ -150,7 +150,10 @@ async fn a_killed_host_is_started_again_and_a_run_that_then_ends_well_is_0() {
 async fn a_saved_script_is_loaded_anew_and_a_broken_one_does_not_drive() {
     let rig = Rig::quiet().await;
     // A machine that stalls must not look like a script that failed: that waits for the next save.
-    rig.file("spykee.yaml", "watchdog: { host_silence: 2, host_grace: 5 }\n");
+    rig.file(
+        "spykee.yaml",
+        "watchdog: { host_silence: 2, host_grace: 5 }\n",
+    );
     let save = |text: &str| {
         // As editors do: beside it, then over it.
         let other = rig.file("script.lua~", text);
