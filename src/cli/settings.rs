@@ -14,7 +14,7 @@ pub(super) struct SettingsArgs {
     config: Option<PathBuf>,
 
     #[arg(skip)]
-    read: OnceCell<Result<Effective, String>>,
+    read: OnceCell<Box<Result<Effective, String>>>,
 }
 
 impl SettingsArgs {
@@ -26,8 +26,8 @@ impl SettingsArgs {
         let named = self.config.as_deref();
         let read = self
             .read
-            .get_or_init(|| Effective::load(named).map_err(|error| error.to_string()));
-        read.as_ref().map_err(Failure::usage)
+            .get_or_init(|| Box::new(Effective::load(named).map_err(|error| error.to_string())));
+        (**read).as_ref().map_err(Failure::usage)
     }
 
     /// The settings alone.
