@@ -64,7 +64,10 @@ pub fn soak(hours: u64, seed: u64, folder: &Path, progress: Progress<'_>) -> Led
         let (mut first, mut hour) = (None, 0);
         while began.elapsed() < Duration::from_secs(hours * 3600) {
             sleep(LOOK_EVERY).await;
-            weather.blow(lab.sim(), began.elapsed());
+            if let Some(what) = weather.blow(lab.sim(), began.elapsed()) {
+                let at = began.elapsed().as_secs_f64();
+                observer.ledger().happened(format!("{at:.2} s {what}"));
+            }
             observer.look(lab, &weather);
             if first.is_none() && began.elapsed() >= WARM {
                 first = Some(Size::now());

@@ -66,8 +66,8 @@ impl Observer {
     pub fn look(&mut self, lab: &Lab, weather: &Weather) {
         let (state, now) = (lab.sim().state(), lab.now());
         let calm = weather.is_calm(now);
-        self.listen(lab, calm);
         self.read_events();
+        self.listen(lab, calm);
         self.watch_battery(&state, now, calm && !weather.has_carried());
         let flat = state.battery <= 0.0 && !state.docked;
         self.ledger.note(
@@ -151,6 +151,13 @@ impl Observer {
     fn read_events(&mut self) {
         let events = self.events.get_mut().unwrap();
         for event in events.try_iter() {
+            let line = format!(
+                "{:.2} s {:?} {}",
+                event.at.as_secs_f64(),
+                event.kind,
+                event.text
+            );
+            self.ledger.happened(line.replace('\n', " / "));
             if event.kind == Kind::Safety && event.text.contains("drives a short leg") {
                 self.leg = Some(event.at);
             }

@@ -56,11 +56,11 @@ impl Weather {
         }
     }
 
-    /// Lets something go wrong when its time has come.
-    pub fn blow(&mut self, sim: &Handle, now: Duration) {
+    /// Lets something go wrong when its time has come, and says what.
+    pub fn blow(&mut self, sim: &Handle, now: Duration) -> Option<String> {
         self.carried = false;
         if now < self.next {
-            return;
+            return None;
         }
         let seconds = self.rng.random_range(1.0..20.0_f64).round();
         self.troubles += 1;
@@ -68,9 +68,9 @@ impl Weather {
             // An old battery that collapses. Nothing else is wrong.
             sim.set_battery(self.rng.random_range(15.0..20.0));
             self.next = now + Duration::from_secs(300);
-            return;
+            return Some("the battery collapses".to_owned());
         }
-        if self.rng.random_bool(0.08) {
+        let what = if self.rng.random_bool(0.08) {
             let (x, y) = (
                 self.rng.random_range(1.2..3.2),
                 self.rng.random_range(1.6..3.4),
@@ -79,6 +79,7 @@ impl Weather {
             sim.place(Pose { x, y, heading });
             self.carried = true;
             self.bad_until = now;
+            "the robot is carried away".to_owned()
         } else {
             let text = FAULTS[self.rng.random_range(0..FAULTS.len())];
             let yaml = format!(
@@ -88,9 +89,11 @@ impl Weather {
             let faults = Fault::list_from_yaml(&yaml, "soak").unwrap();
             faults.into_iter().for_each(|fault| sim.begin(fault));
             self.bad_until = now + Duration::from_secs_f64(seconds);
-        }
+            yaml
+        };
         let calm = self.rng.random_range(10.0..LONGEST_CALM);
         self.next = self.bad_until + Duration::from_secs_f64(calm);
+        Some(what)
     }
 
     /// Nothing is wrong, and has not been for a while.
