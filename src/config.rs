@@ -19,7 +19,7 @@ pub use self::logging::{Format, Level, Logging, When};
 pub use self::schema::schema;
 use crate::link::{self, Target};
 use crate::pilot::Settings;
-use crate::robot::float_within;
+use crate::robot::{Streams, float_within};
 use crate::safety;
 use crate::script::{self, Calibration};
 use crate::vision::{Camera, Colour};
@@ -48,6 +48,8 @@ pub struct Config {
     pub watchdog: safety::Limits,
     /// The link's times.
     pub link: link::Options,
+    /// When the robot's streams are on; `off` is for good.
+    pub streams: Streams,
     /// What a script may use.
     pub limits: script::Limits,
     /// How power becomes speed.
@@ -129,6 +131,7 @@ impl Config {
             simulated,
             seed,
             link: self.link.clone(),
+            streams: self.streams,
         }
     }
 
@@ -145,6 +148,7 @@ impl Config {
             calibration: self.calibration,
             camera: self.camera,
             colours: self.colours.clone(),
+            streams: self.streams,
             ..script::Options::new(name, chunk)
         }
     }

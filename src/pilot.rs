@@ -20,7 +20,7 @@ use tracing::warn;
 
 use crate::link::{LinkError, Writer};
 use crate::robot::channel::{MAX_REQUESTS, Request};
-use crate::robot::{Event, Frame, RobotInfo};
+use crate::robot::{Event, Frame, RobotInfo, Streams};
 use crate::safety::{Act, Fact, Limits, Watchdog};
 use crate::vision::Damage;
 use crate::wire::{Command, Power};
@@ -57,6 +57,8 @@ pub struct Settings {
     pub seed: u64,
     /// Times of the link.
     pub link: crate::link::Options,
+    /// When the robot's streams are on.
+    pub streams: Streams,
 }
 
 /// The task's state. [`Pilot::run`] is its life.
@@ -94,7 +96,7 @@ impl Pilot {
         let pilot = Pilot {
             watchdog: Watchdog::new(settings.limits.clone(), Instant::now()),
             writer: None,
-            seats: Seats::default(),
+            seats: Seats::new(settings.streams),
             lights: Lights::default(),
             frames,
             damage: Damage::default(),

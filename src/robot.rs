@@ -4,8 +4,10 @@
 
 pub mod channel;
 mod quantity;
+mod streams;
 
 pub use quantity::{Percent, Seconds, TrackPower, float_within, whole_within};
+pub use streams::{Streams, Use};
 
 use std::time::Duration;
 

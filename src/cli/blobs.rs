@@ -6,9 +6,9 @@ use image::RgbImage;
 use serde_json::json;
 
 use super::album::Album;
+use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Console, Exit, Failure, colours, picture, print};
-use crate::config::Config;
 use crate::vision::{Blob, BlobOptions, Colour, Eyes, Image, Mark, Roi, Size, annotate_enlarged};
 
 /// Small pictures are enlarged to about this width for people, at most so many times.
@@ -53,9 +53,8 @@ pub(super) struct BlobsArgs {
     )]
     colours: Vec<String>,
 
-    /// Read colours and the camera's field of view from this YAML file
-    #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) settings: SettingsArgs,
 
     /// Look only at this part: left column, top row, width, height
     #[arg(long, value_name = "X,Y,W,H", value_parser = picture::parse_roi)]
@@ -140,8 +139,8 @@ fn more_may_be_there(found: &Found) -> String {
 
 impl<'a> Search<'a> {
     fn new(args: &'a BlobsArgs) -> Result<Search<'a>, Failure> {
-        let config = Config::effective(args.config.as_deref()).map_err(Failure::usage)?;
-        let colours = colours::of_names(&args.colours, &config)?;
+        let config = args.settings.config()?;
+        let colours = colours::of_names(&args.colours, config)?;
         let album = args.annotate.as_deref();
         let album = album.map(|out| Album::open(out, &args.images));
         Ok(Search {

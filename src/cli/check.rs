@@ -3,15 +3,16 @@
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
-use super::checker::TypeChecker;
+use super::examiner::Examiner;
 use super::run::params;
+use super::settings::SettingsArgs;
 use super::source::read_source;
 use super::{Console, Exit, Failure, print};
 use crate::agent::Behaviour;
 use crate::behaviour::Launch;
-use crate::config::{Config, Effective, Entry};
+use crate::config::{Config, Entry};
 use crate::script::Options;
-use crate::script::check::{Finding, Severity, Surroundings, check};
+use crate::script::check::{Finding, Severity};
 
 /// Look for mistakes in behaviours without running them
 #[derive(Debug, Clone, clap::Args)]
@@ -20,9 +21,8 @@ pub(super) struct CheckArgs {
     #[arg(value_name = "FILE.lua", required = true)]
     files: Vec<PathBuf>,
 
-    /// The config with which they are to run: its colours are known, its params are checked
-    #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) settings: SettingsArgs,
 
     /// Print the findings as JSON
     #[arg(long)]
@@ -33,25 +33,24 @@ pub(super) struct CheckArgs {
 const MAX_DEPTH: u32 = 16;
 
 pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> {
-    let Effective { config, file, .. } =
-        Effective::load(args.config.as_deref()).map_err(Failure::usage)?;
-    let path = file.map(|(path, _)| path);
+    let config = args.settings.config()?;
+    let path = args.settings.file();
     let mut files = Vec::new();
     for path in &args.files {
         collect(path, 0, &mut files)?;
     }
     let mut examiner = Examiner::new(console);
     for file in &files {
-        let (source, options) = of_file(file, &config, path.as_deref())?;
-        examiner.script(&source, &options);
+        let (source, options) = of_file(file, config, path)?;
+        examiner.behaviour(&source, &options);
     }
-    let findings = examiner.findings;
+    let (count, findings) = (examiner.count(), examiner.findings);
     let text = match args.json {
         true => format!(
             "{}\n",
             serde_json::to_string_pretty(&findings).map_err(Failure::usage)?
         ),
-        false => report(&findings, files.len()),
+        false => report(&findings, count),
     };
     print(&text)?;
     Ok(if has_errors(&findings) {
@@ -83,40 +82,8 @@ fn of_file(
 /// All that is wrong with a script that would run with these options.
 pub(super) fn of_source(source: &[u8], options: &Options, console: &Console) -> Vec<Finding> {
     let mut examiner = Examiner::new(console);
-    examiner.script(source, options);
+    examiner.behaviour(source, options);
     examiner.findings
-}
-
-/// Looks at one script after the other, with the type checker if there is one.
-struct Examiner<'a> {
-    types: TypeChecker,
-    console: &'a Console,
-    findings: Vec<Finding>,
-}
-
-impl Examiner<'_> {
-    fn new(console: &Console) -> Examiner<'_> {
-        Examiner {
-            types: TypeChecker::beside(),
-            console,
-            findings: Vec::new(),
-        }
-    }
-
-    fn script(&mut self, source: &[u8], options: &Options) {
-        let chunk = options.chunk.as_str();
-        let surroundings = Surroundings::new(options, Some(Path::new(chunk)));
-        let mut found = check(source, chunk, &surroundings);
-        match self.types.findings((source, chunk), &found) {
-            Ok(types) => found.extend(types),
-            Err(why) => {
-                let text = format!("{chunk}: types were not checked: {why}");
-                self.console.say("WARN", &text);
-            }
-        }
-        found.sort_by_key(|finding| (finding.line, finding.column));
-        self.findings.extend(found);
-    }
 }
 
 /// Refuses to run what cannot work; warnings are only shown.
@@ -126,7 +93,7 @@ pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<
         let Launch {
             source, options, ..
         } = &behaviour.launch;
-        examiner.script(source, options);
+        examiner.behaviour(source, options);
     }
     let (errors, warnings): (Vec<_>, Vec<_>) = examiner
         .findings

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::Subcommand;
 use serde_json::{Value as Json, json};
 
+use super::settings::SettingsArgs;
 use super::{Exit, Failure, print};
-use crate::config::{self, Config, Effective, Origin, Setting};
+use crate::config::{self, Config, Origin, Setting};
 use crate::link::Target;
 
 /// Show the settings and where they come from, check a config file, or print its JSON Schema
@@ -32,9 +33,8 @@ enum Action {
 
 #[derive(Debug, Clone, clap::Args)]
 struct ShowArgs {
-    /// This YAML file, instead of $SPYKEE_CONFIG or spykee.yaml in the current folder
-    #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
+    #[command(flatten)]
+    settings: SettingsArgs,
 
     /// Say where each value comes from
     #[arg(long)]
@@ -58,10 +58,10 @@ struct ShowArgs {
 }
 
 impl ConfigArgs {
-    /// The file that was named.
-    pub(super) fn file(&self) -> Option<&Path> {
+    /// Which settings count.
+    pub(super) fn settings(&self) -> Option<&SettingsArgs> {
         match &self.action {
-            Action::Show(args) => args.config.as_deref(),
+            Action::Show(args) => Some(&args.settings),
             _ => None,
         }
     }
@@ -94,7 +94,7 @@ fn check(file: &Path) -> Result<Exit, Failure> {
 }
 
 fn show(args: &ShowArgs) -> Result<Exit, Failure> {
-    let effective = Effective::load(args.config.as_deref()).map_err(Failure::usage)?;
+    let effective = args.settings.load()?;
     let flags = [
         (
             "robot",

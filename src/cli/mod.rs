@@ -16,6 +16,7 @@ mod discover;
 mod doctor;
 mod driver;
 mod embedded;
+mod examiner;
 mod failure;
 mod fast;
 mod interrupt;
@@ -29,6 +30,7 @@ mod repl;
 mod robot;
 mod run;
 mod screen;
+mod settings;
 mod sim;
 mod source;
 mod status;
@@ -39,17 +41,18 @@ mod world;
 
 use std::future::Future;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
 use crate::behaviour::{HOST_ARGUMENT, host_main};
-use crate::config::{Effective, Format, Logging};
+use crate::config::Format;
 use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 
 pub use connection::{ConnectionArgs, LoginArgs, Place};
 pub use console::Console;
 pub use failure::{Exit, Failure};
+use settings::SettingsArgs;
 
 /// The longest wait for a stderr that takes nothing, when all else is done.
 const CONSOLE_LIMIT: Duration = Duration::from_millis(500);
@@ -108,12 +111,18 @@ enum Command {
 }
 
 impl Command {
-    /// The config file that was named, for a command that reads one.
-    fn config_file(&self) -> Option<&Path> {
+    /// Which settings count, for a command that goes by some.
+    fn settings(&self) -> Option<&SettingsArgs> {
         match self {
-            Command::Run(args) => args.config.as_deref(),
-            Command::Repl(args) => args.config.as_deref(),
-            Command::Config(args) => args.file(),
+            Command::Run(args) => Some(&args.settings),
+            Command::Repl(args) => Some(&args.settings),
+            Command::Config(args) => args.settings(),
+            Command::Check(args) => Some(&args.settings),
+            Command::Test(args) => Some(&args.settings),
+            Command::Blobs(args) => Some(&args.settings),
+            Command::Robot(args) => Some(args.settings()),
+            Command::Calibrate(args) => Some(&args.aim.settings),
+            Command::Doctor(args) => Some(&args.settings),
             _ => None,
         }
     }
@@ -161,8 +170,10 @@ pub fn main() -> ExitCode {
         }
     };
     // A config that is wrong is told by the command that needs it.
-    let logs = Effective::load(cli.command.config_file());
-    let logs = logs.map_or_else(|_| Logging::default(), |all| all.config.logging);
+    let usual = SettingsArgs::default();
+    let settings = cli.command.settings().unwrap_or(&usual);
+    let logs = settings.config().map(|config| config.logging.clone());
+    let logs = logs.unwrap_or_default();
     let format = cli.log_format.unwrap_or(logs.format.into());
     let Ok(console) = Console::start(format, logs.colour) else {
         return Exit::Usage.into();

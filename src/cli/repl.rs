@@ -17,6 +17,7 @@ use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
 
 use super::run::{dial, place, reach};
+use super::settings::SettingsArgs;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::agent::{AgentError, Talk, TalkError};
 use crate::behaviour::{Launch, Launcher, Library, Order, Said};
@@ -39,9 +40,8 @@ const MAX_TOLD: usize = 257;
 /// pipe; then the exit code is 1 if one of them failed.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct ReplArgs {
-    /// Read the settings from this YAML file
-    #[arg(long, value_name = "FILE")]
-    pub(super) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) settings: SettingsArgs,
 
     /// Of math.random and of the simulator's noise; without it a new one
     #[arg(long, value_name = "NUMBER")]
@@ -56,7 +56,8 @@ pub(super) struct ReplArgs {
 /// # Errors
 /// Whatever keeps the session from beginning: files, config, the robot.
 pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
-    let config = Config::effective(args.config.as_deref()).map_err(Failure::usage)?;
+    let config = args.settings.config()?.clone();
+    args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
     let place = place(&args.connection, &config)?;
     let login = args.connection.login.or_from(&config).login()?;

@@ -17,13 +17,14 @@ use super::embedded::EmbeddedSim;
 use super::fast::{EventFile, Fast};
 use super::interrupt::interruption;
 use super::params::{self, Param};
+use super::settings::SettingsArgs;
 use super::source::read_source;
 use super::status::StatusLine;
 use super::trace::TraceFile;
 use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
 use crate::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure};
-use crate::config::{Config, Effective, Entry};
+use crate::config::{Config, Entry};
 use crate::lab;
 use crate::link::{self, Target};
 use crate::pilot::{Dial, Status};
@@ -44,9 +45,8 @@ pub(super) struct RunArgs {
     #[arg(value_name = "FILE.lua")]
     files: Vec<PathBuf>,
 
-    /// Read the settings from this YAML file
-    #[arg(long, value_name = "FILE")]
-    pub(super) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) settings: SettingsArgs,
 
     /// End after so many seconds
     #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
@@ -117,13 +117,8 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let mut args = args.clone();
     args.files
         .extend(args.connection.take_misplaced_behaviour());
-    let Effective { config, file, .. } =
-        Effective::load(args.config.as_deref()).map_err(Failure::usage)?;
-    // Whether it was named or found: messages name it.
-    args.config = file.map(|(path, _)| path);
-    if let Some(path) = &args.config {
-        tracing::info!("settings from {}", path.display());
-    }
+    let config = args.settings.config()?.clone();
+    args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
     let (behaviours, watches) = behaviours(&args, &config, seed)?;
     // Under watch the keeper looks: a mistake does not end the run there.
@@ -220,6 +215,7 @@ fn fast(
         },
         limits: config.watchdog.clone(),
         link: config.link.clone(),
+        streams: config.streams,
         events: events.as_ref().map(EventFile::recorder),
         ..lab::Options::default()
     };
@@ -374,7 +370,7 @@ fn behaviour(
     let data = config.data_folder().join(&name);
     let data = std::path::absolute(data).map_err(Failure::usage)?;
     let options = script::Options {
-        params: params(entry, args.config.as_deref()),
+        params: params(entry, args.settings.file()),
         annotate_dir: marked_folder(args.annotate.as_deref(), &name, &data)?,
         data_dir: Some(data),
         ..config.script(name, entry.file.display().to_string(), seed)

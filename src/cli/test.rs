@@ -9,8 +9,9 @@ use std::fmt::Write as _;
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 
+use super::settings::SettingsArgs;
 use super::{Console, Exit, Failure, print};
-use crate::config::{Config, Effective};
+use crate::config::Config;
 use crate::scenario::{Book, BookError, Scenario, Setting};
 use crew::{Crew, Done};
 use report::Report;
@@ -54,9 +55,8 @@ pub(super) struct TestArgs {
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 
-    /// Read the settings from this YAML file
-    #[arg(long, value_name = "FILE")]
-    pub(super) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) settings: SettingsArgs,
 }
 
 /// A file whose scenarios were asked for.
@@ -66,8 +66,7 @@ struct Page {
 }
 
 pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
-    let Effective { config, .. } =
-        Effective::load(args.config.as_deref()).map_err(Failure::usage)?;
+    let config = args.settings.config()?.clone();
     let pages = pages(&args.paths)?;
     let jobs = jobs(args, &pages);
     if args.list {

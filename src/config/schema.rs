@@ -64,6 +64,7 @@ mod tests {
         let usual = Config::default();
         assert_eq!(config.watchdog, usual.watchdog);
         assert_eq!(config.link, usual.link);
+        assert_eq!(config.streams, usual.streams);
         assert_eq!(config.limits, usual.limits);
         assert_eq!(config.calibration, usual.calibration);
         assert_eq!(config.logging, usual.logging);

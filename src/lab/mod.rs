@@ -45,6 +45,7 @@ use tokio_util::sync::CancellationToken;
 use crate::agent::Behaviour;
 use crate::behaviour::STACK;
 use crate::link;
+use crate::robot::Streams;
 use crate::safety::Limits;
 use crate::script;
 use crate::sim::{self, World};
@@ -68,6 +69,8 @@ pub struct Options {
     pub limits: Limits,
     /// Times of the link.
     pub link: link::Options,
+    /// When the robot's streams are on.
+    pub streams: Streams,
     /// Ends every run of this laboratory when cancelled, from whatever thread.
     pub stop: CancellationToken,
     /// Is given all that happens.

@@ -35,6 +35,7 @@ impl Running {
                 simulated: true,
                 seed: options.seed,
                 link: options.link.clone(),
+                streams: options.streams,
             },
             dial: dial(
                 lab.sim.clone(),

@@ -7,7 +7,7 @@ use tracing::warn;
 
 use super::throttle::Throttle;
 use crate::robot::channel::Outbox;
-use crate::robot::{BehaviourId, EndReason, Event, Priority};
+use crate::robot::{BehaviourId, EndReason, Event, Priority, Streams, Use};
 use crate::wire::{Command, Stream};
 
 #[derive(Debug)]
@@ -24,9 +24,18 @@ struct Seat {
 pub(super) struct Seats {
     seats: BTreeMap<BehaviourId, Seat>,
     streaming: BTreeSet<Stream>,
+    usage: Streams,
 }
 
 impl Seats {
+    /// Nobody yet; the streams are used so.
+    pub(super) fn new(usage: Streams) -> Seats {
+        Seats {
+            usage,
+            ..Seats::default()
+        }
+    }
+
     /// A behaviour comes aboard and hears how things stand.
     pub(super) fn join(
         &mut self,
@@ -124,11 +133,14 @@ impl Seats {
         };
     }
 
-    /// Whether anybody wants a stream.
-    pub(super) fn wants(&self, stream: Stream) -> bool {
-        self.seats
-            .values()
-            .any(|seat| seat.streams.contains(&stream))
+    /// Whether the robot was told to stream this.
+    pub(super) fn streams(&self, stream: Stream) -> bool {
+        self.streaming.contains(&stream)
+    }
+
+    /// Whether a stream must stay off, whoever wants it.
+    pub(super) fn forbids(&self, stream: Stream) -> bool {
+        self.usage.usage(stream) == Use::Off
     }
 
     /// The commands that make the robot's streams what is wanted; after a login (`anew`) the robot
@@ -141,6 +153,8 @@ impl Seats {
             .seats
             .values()
             .flat_map(|seat| seat.streams.iter().copied())
+            .chain(self.usage.used(Use::On))
+            .filter(|stream| !self.forbids(*stream))
             .collect();
         let off = self
             .streaming
@@ -160,6 +174,7 @@ impl Seats {
     /// The commands that switch every stream off, at the end.
     pub(super) fn streams_off(&mut self) -> Vec<Command> {
         self.seats.clear();
+        self.usage = Streams::default();
         self.stream_changes(false)
     }
 }
@@ -197,6 +212,22 @@ mod tests {
         assert_eq!(seats.stream_changes(false), []);
         seats.leave(TWO);
         assert_eq!(seats.stream_changes(false), [video(false)]);
+    }
+
+    #[test]
+    fn a_stream_that_must_stay_off_does_and_one_from_the_start_is_on_to_the_end() {
+        let mut seats = Seats::new(Streams {
+            video: Use::On,
+            audio_in: Use::Off,
+            ..Streams::default()
+        });
+        seats.join(ONE, "one".to_owned(), Priority(0), events().0, &[]);
+        seats.want(ONE, Stream::AudioIn, true);
+        assert_eq!(seats.stream_changes(true), [video(true)]);
+        assert!(seats.streams(Stream::Video) && !seats.streams(Stream::AudioIn));
+        seats.want(ONE, Stream::Video, false);
+        assert_eq!(seats.stream_changes(false), []);
+        assert_eq!(seats.streams_off(), [video(false)]);
     }
 
     #[tokio::test]

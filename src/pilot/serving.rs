@@ -95,6 +95,7 @@ impl Pilot {
             Intent::Play(sound) => Command::Play(sound),
             Intent::StopSound => Command::StopSound,
             Intent::Volume(percent) => Command::Volume(percent.get()),
+            Intent::Say(_) if self.seats.forbids(Stream::AudioOut) => return None,
             Intent::Say(samples) => Command::Audio(samples.into()),
         };
         if !self.lights.is_news(&command) || !self.seats.admits(by, &command, Instant::now()) {
@@ -152,7 +153,7 @@ impl Pilot {
             return None;
         }
         let settled = self.settle().await;
-        let listening = self.seats.wants(Stream::Video) || self.seats.wants(Stream::AudioIn);
+        let listening = self.seats.streams(Stream::Video) || self.seats.streams(Stream::AudioIn);
         let lost = self.take(Fact::Listening(listening)).await;
         self.write(&commands).await.or(lost).or(settled)
     }

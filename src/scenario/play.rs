@@ -112,6 +112,7 @@ impl Book {
             },
             limits: config.watchdog.clone(),
             link: config.link.clone(),
+            streams: config.streams,
             stop: setting.stop.clone(),
             events: Some(chronicle.recorder()),
         };

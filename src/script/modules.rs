@@ -148,6 +148,8 @@ struct Module {
     /// What messages call it.
     chunk: String,
     progress: Progress,
+    /// To show its lines in messages; empty until the file is there.
+    source: String,
 }
 
 /// Somebody in the first wants the second.
@@ -182,6 +184,7 @@ impl Modules {
             key: key.unwrap_or(file).to_owned(),
             chunk: chunk.to_owned(),
             progress: Progress::Loaded,
+            source: String::new(),
         };
         Modules {
             all: vec![main],
@@ -228,8 +231,15 @@ impl Modules {
             key: key.to_owned(),
             chunk,
             progress,
+            source: String::new(),
         });
         Ok(ModuleId(self.all.len() - 1))
+    }
+
+    /// Name and text of every module that came from a file.
+    pub(super) fn sources(&self) -> impl Iterator<Item = (&str, &str)> {
+        let files = self.all.iter().filter(|module| !module.source.is_empty());
+        files.map(|module| (module.chunk.as_str(), module.source.as_str()))
     }
 
     /// Takes note of a file's name and size; what messages will call it.
@@ -238,6 +248,7 @@ impl Modules {
         let chunk = format!("{}{}", self.shown, file.file);
         if let Some(module) = self.all.get_mut(id.0) {
             module.chunk.clone_from(&chunk);
+            module.source = String::from_utf8_lossy(&file.source).into_owned();
         }
         match self.bytes > MAX_BYTES {
             true => Err(format!(

@@ -7,6 +7,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::params::GivenParam;
+use crate::robot::Streams;
 use crate::vision::{Camera, Colour};
 
 /// One mebibyte.
@@ -29,6 +30,8 @@ pub struct Options {
     pub camera: Camera,
     /// Colours of the config, by name.
     pub colours: BTreeMap<String, Colour>,
+    /// When the robot's streams are on.
+    pub streams: Streams,
     /// Values for what the script declares with `params.declare`, by name.
     pub params: BTreeMap<String, GivenParam>,
     /// Where `frame:save` writes; `None`: nowhere, it answers `io`.
@@ -52,6 +55,7 @@ impl Options {
             calibration: Calibration::default(),
             camera: Camera::default(),
             colours: BTreeMap::new(),
+            streams: Streams::default(),
             params: BTreeMap::new(),
             data_dir: None,
             data_quota: 64 * MIB,

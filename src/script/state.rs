@@ -22,7 +22,7 @@ use super::sound::Loudness;
 use super::stage::Stage;
 use super::store::Store;
 use super::task::{Answer, GroupId, Kind, SubscriptionId, Wait};
-use crate::robot::{Battery, Event, Frame, Intent, RobotInfo};
+use crate::robot::{Battery, Event, Frame, Intent, RobotInfo, Use};
 use crate::vision::{Damage, Eyes, FrameError, judge};
 use crate::wire::Stream;
 
@@ -318,7 +318,10 @@ impl State {
 
     /// A failure in words for people, with the line where it happened.
     pub(super) fn explained(&self, text: &str) -> String {
-        let explained = super::check::explain(text, &self.options.chunk, &self.source);
+        let main = (self.options.chunk.as_str(), self.source.as_str());
+        let mut files = std::iter::once(main).chain(self.modules.sources());
+        let explained =
+            files.find_map(|(chunk, source)| super::check::explain(text, chunk, source));
         explained.unwrap_or_else(|| text.to_owned())
     }
 
@@ -339,12 +342,19 @@ impl State {
         }
     }
 
-    /// Switches a stream on unless it is.
-    pub(super) fn want(&mut self, stream: Stream) {
+    /// Switches a stream on unless it is, or must stay off: then it says so.
+    pub(super) fn want(&mut self, stream: Stream) -> Result<(), String> {
+        if self.options.streams.usage(stream) == Use::Off {
+            let name = stream.name();
+            return Err(format!(
+                "the config keeps {name} off; it has streams: {{ {name}: off }}"
+            ));
+        }
         if !self.streams.contains(&stream) {
             self.streams.push(stream);
             self.outbox.send(Intent::Stream { stream, on: true });
         }
+        Ok(())
     }
 
     /// A number for a docking or undocking.

@@ -110,6 +110,66 @@ fn params_of_the_config_are_held_against_what_the_script_declares() {
     );
 }
 
+#[test]
+fn required_modules_are_checked_too_each_once_and_under_their_own_names() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("lib")).unwrap();
+    let file = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    file(
+        "main.lua",
+        "local a, b = require('./lib/a'), require('./lib/b')\nprint(a, b)\n",
+    );
+    file("lib/a.lua", "require('./b')\nrobot.moev(1, 1)\nreturn {}\n");
+    file("lib/b.luau", "require('../main')\nlocal x = = 3\n");
+    let found = |args: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_spykee"));
+        command.arg("check").args(args).current_dir(folder.path());
+        let output = command.stdin(Stdio::null()).output().unwrap();
+        let text = text(&output.stdout);
+        let lines = text.lines().filter(|line| line.contains("error"));
+        lines.map(str::to_owned).collect::<Vec<_>>()
+    };
+    for args in [&["main.lua"][..], &["main.lua", "lib"], &["."]] {
+        let lines = found(args);
+        let count = |words: &str| lines.iter().filter(|line| line.contains(words)).count();
+        assert_eq!(count("lib/a.lua:2:7: error: robot.moev"), 1, "{lines:#?}");
+        assert_eq!(count("lib/b.luau:2:9: error: "), 1, "{lines:#?}");
+        assert_eq!(lines.last().unwrap(), "2 errors");
+    }
+}
+
+#[test]
+fn a_module_that_is_there_and_cannot_be_loaded_is_told_where_it_is_required() {
+    let folder = tempfile::tempdir().unwrap();
+    let main = folder.path().join("main.lua");
+    std::fs::write(&main, "print(require('./link'))\n").unwrap();
+    std::os::unix::fs::symlink("main.lua", folder.path().join("link.lua")).unwrap();
+    let output = spykee(&["check", main.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(4));
+    let text = text(&output.stdout);
+    assert!(
+        text.contains("main.lua:1:15: error: ") && text.contains("link"),
+        "{text}"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_error_in_a_module_shows_that_modules_line() {
+    let rig = Rig::quiet().await;
+    std::fs::create_dir_all(rig.folder().join("lib")).unwrap();
+    rig.file(
+        "lib/far.lua",
+        "return function(goal)\n\treturn goal.x + 1\nend\n",
+    );
+    let mut run = rig.run("local far = require('./lib/far')\nprint(far({}))\n");
+    assert_eq!(run.code().await, Some(1), "{}", run.text());
+    let said = run.text();
+    for words in ["lib/far.lua:2: ", "2 | \treturn goal.x + 1", "^^^^"] {
+        assert!(said.contains(words), "{said}");
+    }
+    assert!(!said.contains("attempt to"), "{said}");
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_run_refuses_what_cannot_work_before_the_robot_hears_of_it() {
     let rig = Rig::quiet().await;

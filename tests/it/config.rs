@@ -1,5 +1,7 @@
 //! `spykee config`, and which settings a run takes.
 
+use spykee::wire::{Command, Stream};
+
 use crate::rig::Rig;
 
 #[tokio::test]
@@ -83,5 +85,80 @@ async fn a_bad_parameter_names_the_config_that_was_found() {
         let mut run = rig.spykee(command);
         assert_eq!(run.code().await, Some(4), "{}", run.text());
         assert!(run.text().contains(told), "{command:?}: {}", run.text());
+    }
+}
+
+fn switched(stream: Stream, on: bool) -> impl Fn(&Command) -> bool {
+    move |command| *command == Command::Stream { stream, on }
+}
+
+#[tokio::test]
+async fn a_microphone_that_must_stay_off_is_never_switched_on_and_a_script_is_told_so() {
+    let rig = Rig::quiet().await;
+    rig.file("spykee.yaml", "streams: { audio_in: off, video: on }\n");
+    rig.file("deaf.lua", "robot.on('noise', print)");
+    let mut run = rig.spykee(&["run", "deaf.lua", "--robot", &rig.address]);
+    assert_eq!(run.code().await, Some(1), "{}", run.text());
+    let text = run.text();
+    assert!(text.contains("the config keeps audio_in off"), "{text}");
+    rig.heard(0, switched(Stream::Video, true)).await;
+    let mut commands = rig.commands(0).into_iter();
+    assert!(!commands.any(|one| switched(Stream::AudioIn, true)(&one)));
+}
+
+#[tokio::test]
+async fn a_camera_that_must_stay_off_takes_no_snapshot() {
+    let rig = Rig::quiet().await;
+    rig.file("spykee.yaml", "streams: { video: off }\n");
+    let asked = ["robot", "snapshot", "-o", "a.jpg", "--robot", &rig.address];
+    let mut run = rig.spykee(&asked);
+    assert_eq!(run.code().await, Some(2), "{}", run.text());
+    assert!(run.text().contains("the config keeps video off"));
+    let mut commands = rig.commands(0).into_iter();
+    assert!(!commands.any(|one| switched(Stream::Video, true)(&one)));
+}
+
+#[tokio::test]
+async fn streams_have_origins_and_refuse_other_words() {
+    let rig = Rig::quiet().await;
+    rig.file("spykee.yaml", "streams:\n  audio_in: off\n");
+    let mut run = rig.spykee(&["config", "show", "--origin"]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let text = run.text();
+    let rows: Vec<Vec<&str>> = text
+        .lines()
+        .map(|row| row.split_whitespace().collect())
+        .collect();
+    for row in [
+        ["streams.video", "auto", "default"],
+        ["streams.audio_in", "off", "spykee.yaml:2"],
+    ] {
+        assert!(rows.iter().any(|one| *one == row), "{text}");
+    }
+    rig.file("spykee.yaml", "streams: { video: sometimes }\n");
+    let mut run = rig.spykee(&["config", "check"]);
+    assert_eq!(run.code().await, Some(4));
+    assert!(run.text().contains("`on`, `auto`, `off`"), "{}", run.text());
+}
+
+#[tokio::test]
+async fn every_command_that_takes_a_config_logs_as_it_says() {
+    let rig = Rig::quiet().await;
+    rig.file("log.yaml", "logging: { format: json }\n");
+    let nobody = ["--robot", "127.0.0.1:9"];
+    for command in [
+        &["check", "missing.lua"][..],
+        &["blobs", "missing.jpg", "--colour", "red"],
+        &["run", "missing.lua", "--sim"],
+        &["test", "missing.lua"],
+        &["robot", "battery", nobody[0], nobody[1]],
+        &["robot", "wifi", nobody[0], nobody[1]],
+        &["calibrate", nobody[0], nobody[1]],
+    ] {
+        let mut run = rig.spykee(&[command, &["--config", "log.yaml"]].concat());
+        assert_ne!(run.code().await, Some(0), "{command:?}");
+        let text = run.text();
+        let first = text.lines().next().unwrap_or_default();
+        assert!(first.starts_with('{'), "{command:?}: {text}");
     }
 }

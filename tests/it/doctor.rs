@@ -50,3 +50,22 @@ async fn without_a_robot_the_rest_is_checked_and_one_that_is_not_there_is_exit_c
     let (code, text) = doctor(&rig, &["--config", "bad.yaml"]).await;
     assert_eq!((code, text.contains("nonsense")), (Some(3), true), "{text}");
 }
+
+#[tokio::test]
+async fn the_config_in_the_current_folder_is_found_and_checked() {
+    let rig = Rig::quiet().await;
+    rig.file("spykee.yaml", &format!("robot: {}\n", rig.address));
+    let mut run = rig.spykee(&["doctor"]);
+    run.code().await;
+    let text = run.text();
+    assert!(text.contains("spykee.yaml is valid"), "{text}");
+    assert!(text.contains(&rig.address), "{text}");
+    rig.file("spykee.yaml", "watchdog: { lwo: 3 }\n");
+    let mut run = rig.spykee(&["doctor"]);
+    assert_eq!(run.code().await, Some(3));
+    let text = run.text();
+    assert!(
+        text.contains("FAIL  config") && text.contains("did you mean 'low'?"),
+        "{text}"
+    );
+}

@@ -43,6 +43,7 @@ impl Cockpit {
             simulated: true,
             seed: 1,
             link: link::Options::default(),
+            streams: Default::default(),
         };
         let (pilot, _, _) = Pilot::new(&settings);
         let (requests, received) = mpsc::channel(MAX_REQUESTS);

@@ -81,6 +81,18 @@ async fn expressions_show_their_values_and_statements_are_kept() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn the_config_that_was_found_is_named_and_counts() {
+    let rig = Rig::quiet().await;
+    rig.file("spykee.yaml", "streams: { video: off }\n");
+    let mut session = Session::start(&rig);
+    session.types("robot.stream('video', true)\n").await;
+    let (code, out, err) = session.ends().await;
+    assert_eq!(code, Some(1), "{out}{err}");
+    assert!(err.contains("settings from spykee.yaml"), "{err}");
+    assert!(out.contains("the config keeps video off"), "{out}{err}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn mistakes_are_told_in_words_and_the_session_goes_on() {
     let lines = "robot.moev(1, 1)\nrobot.move(140, 0)\n1 +\n\nfor\n\n'still here'\n";
     let (code, out, err) = typed(lines).await;

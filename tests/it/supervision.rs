@@ -290,6 +290,7 @@ fn agent_that_is_told_to_reload() {
                 simulated: true,
                 seed: 1,
                 link,
+                streams: Default::default(),
             },
             dial: Box::new(move || {
                 let (target, login, times) = (target.clone(), login.clone(), times.clone());

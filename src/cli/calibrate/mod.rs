@@ -49,7 +49,7 @@ pub(super) struct CalibrateArgs {
     seed: Option<u64>,
 
     #[command(flatten)]
-    aim: AimArgs,
+    pub(super) aim: AimArgs,
 }
 
 /// Measures, shows, and writes if that is wanted.
@@ -115,11 +115,13 @@ fn conclude(args: &CalibrateArgs, calibration: Calibration) -> Result<Exit, Fail
     if !args.json {
         print(&format!("\n{line}\n"))?;
     }
-    let written = match &args.aim.config {
+    let written = match args.aim.settings.file() {
         Some(path) => write(args, path, calibration)?,
         None => {
             if !args.json {
-                print("Paste it into your config; with --config FILE it is written there.\n")?;
+                print(
+                    "Paste it into your config; with --config FILE, or a spykee.yaml here, it is written there.\n",
+                )?;
             }
             false
         }

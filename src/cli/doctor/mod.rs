@@ -3,11 +3,10 @@
 mod computer;
 mod network;
 
-use std::path::PathBuf;
-
 use serde::Serialize;
 
 use super::screen::clean;
+use super::settings::SettingsArgs;
 use super::{ConnectionArgs, Exit, Failure, Place, block_on, print};
 use crate::config::Config;
 
@@ -21,9 +20,8 @@ use crate::config::Config;
                         spykee doctor --config spykee.yaml --json"
 )]
 pub(super) struct DoctorArgs {
-    /// Check this config, and use the robot that it names
-    #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) settings: SettingsArgs,
 
     /// Print a JSON array in place of the lines
     #[arg(long)]
@@ -124,23 +122,18 @@ pub(super) fn run(args: &DoctorArgs) -> Result<Exit, Failure> {
     diagnosis.end()
 }
 
+/// A wrong one is told, and the rest is checked with the defaults.
 fn config(args: &DoctorArgs, diagnosis: &mut Diagnosis) -> Result<Config, Failure> {
-    let Some(path) = &args.config else {
-        diagnosis.tell(Finding::ok("config", "none named: defaults"))?;
-        return Ok(Config::default());
-    };
-    let shown = path.display();
-    match Config::load(path) {
-        Ok(config) => {
-            diagnosis.tell(Finding::ok("config", format!("{shown} is valid")))?;
-            Ok(config)
-        }
-        Err(error) => {
+    let config = args.settings.config();
+    diagnosis.tell(match (&config, args.settings.file()) {
+        (Ok(_), Some(path)) => Finding::ok("config", format!("{} is valid", path.display())),
+        (Ok(_), None) => Finding::ok("config", "no spykee.yaml here, none named: defaults"),
+        (Err(error), _) => {
             let help = "correct it there; the README lists the keys";
-            diagnosis.tell(Finding::fail("config", error.to_string(), help))?;
-            Ok(Config::default())
+            Finding::fail("config", error.to_string(), help)
         }
-    }
+    })?;
+    Ok(config.cloned().unwrap_or_default())
 }
 
 /// What was found so far; lines are printed as they come.

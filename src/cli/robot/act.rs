@@ -19,7 +19,7 @@ pub(super) struct LedArgs {
     #[arg(value_name = "on|off", value_parser = ["on", "off"])]
     state: String,
     #[command(flatten)]
-    aim: AimArgs,
+    pub(super) aim: AimArgs,
 }
 
 /// Play a sound, or stop the music
@@ -38,7 +38,7 @@ pub(super) struct PlayArgs {
     #[arg(long, conflicts_with = "sound")]
     stop: bool,
     #[command(flatten)]
-    aim: AimArgs,
+    pub(super) aim: AimArgs,
 }
 
 /// Set the volume of the speaker
@@ -50,7 +50,7 @@ pub(super) struct VolumeArgs {
     #[arg(value_parser = clap::value_parser!(u8).range(0..=100))]
     percent: u8,
     #[command(flatten)]
-    aim: AimArgs,
+    pub(super) aim: AimArgs,
 }
 
 pub(super) fn led(args: &LedArgs) -> Result<Exit, Failure> {

@@ -17,7 +17,7 @@ pub(super) struct InfoArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    aim: AimArgs,
+    pub(super) aim: AimArgs,
 }
 
 /// Tell the battery's level, and whether it charges
@@ -28,7 +28,7 @@ pub(super) struct BatteryArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    aim: AimArgs,
+    pub(super) aim: AimArgs,
 }
 
 /// Print the robot's own log
@@ -40,7 +40,7 @@ pub(super) struct LogArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    aim: AimArgs,
+    pub(super) aim: AimArgs,
 }
 
 pub(super) fn info(args: &InfoArgs) -> Result<Exit, Failure> {

@@ -13,12 +13,11 @@ mod upload;
 
 pub(super) use talk::farewell;
 
-use std::path::PathBuf;
-
 use clap::Subcommand;
 
 use super::embedded::EmbeddedSim;
 use super::run::{dial, place, reach};
+use super::settings::SettingsArgs;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::config::Config;
 use crate::link::{self, Target};
@@ -57,6 +56,29 @@ enum RobotCommand {
     UploadSound(upload::UploadArgs),
 }
 
+impl RobotArgs {
+    /// Which settings count.
+    pub(super) fn settings(&self) -> &SettingsArgs {
+        use RobotCommand as C;
+        let aim = match &self.command {
+            C::Info(args) => &args.aim,
+            C::Battery(args) => &args.aim,
+            C::Dock(args) => &args.aim,
+            C::Undock(args) => &args.aim,
+            C::Stop(args) => &args.aim,
+            C::Led(args) => &args.aim,
+            C::Play(args) => &args.aim,
+            C::Volume(args) => &args.aim,
+            C::Snapshot(args) => &args.aim,
+            C::Log(args) => &args.aim,
+            C::Config(args) => &args.change.aim,
+            C::Wifi(args) => &args.change.aim,
+            C::UploadSound(args) => &args.aim,
+        };
+        &aim.settings
+    }
+}
+
 /// Does the one thing.
 ///
 /// # Errors
@@ -82,9 +104,8 @@ pub(super) fn run(args: &RobotArgs, console: &Console) -> Result<Exit, Failure> 
 /// Which robot, as whom, with whose numbers.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct AimArgs {
-    /// Read robot, login and watchdog from this YAML file
-    #[arg(long, value_name = "FILE")]
-    pub(super) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(in crate::cli) settings: SettingsArgs,
 
     #[command(flatten)]
     pub(super) connection: ConnectionArgs,
@@ -104,7 +125,7 @@ impl AimArgs {
     /// # Errors
     /// A config, login or world that cannot be used; no robot named.
     pub(super) fn aim(&self, seed: u64) -> Result<Aim, Failure> {
-        let config = Config::effective(self.config.as_deref()).map_err(Failure::usage)?;
+        let config = self.settings.config()?.clone();
         let place = place(&self.connection, &config)?;
         let login = self.connection.login.or_from(&config).login()?;
         let (target, sim) = reach(place, &login, seed)?;

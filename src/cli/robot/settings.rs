@@ -34,7 +34,7 @@ const MAX_VALUE: usize = 255;
 )]
 pub(super) struct ConfigArgs {
     #[command(flatten)]
-    change: ChangeArgs,
+    pub(super) change: ChangeArgs,
 }
 
 /// List the wireless networks that the robot sees, and its own network settings
@@ -45,12 +45,12 @@ pub(super) struct ConfigArgs {
 #[command(after_help = "Example: spykee robot wifi --robot 172.17.6.1")]
 pub(super) struct WifiArgs {
     #[command(flatten)]
-    change: ChangeArgs,
+    pub(super) change: ChangeArgs,
 }
 
 /// How settings are changed.
 #[derive(Debug, Clone, clap::Args)]
-struct ChangeArgs {
+pub(super) struct ChangeArgs {
     /// Change a setting, after a typed confirmation; KEY=@FILE takes the first line of a file
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -61,7 +61,7 @@ struct ChangeArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    aim: AimArgs,
+    pub(super) aim: AimArgs,
 }
 
 pub(super) fn config(args: &ConfigArgs) -> Result<Exit, Failure> {

@@ -10,6 +10,7 @@ use tokio::time::Instant;
 use super::AimArgs;
 use super::talk::{Talk, talk};
 use crate::cli::{Exit, Failure, print};
+use crate::robot::Use;
 use crate::vision::{Decoder, Size};
 use crate::wire::{Command, Report, Stream};
 
@@ -30,7 +31,7 @@ pub(super) struct SnapshotArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    aim: AimArgs,
+    pub(super) aim: AimArgs,
 }
 
 /// A frame that is whole, and how many before it were not.
@@ -42,6 +43,10 @@ struct Shot {
 
 pub(super) fn snapshot(args: &SnapshotArgs) -> Result<Exit, Failure> {
     talk(&args.aim, async |talk| {
+        if talk.streams.video == Use::Off {
+            let failure = Failure::usage("the config keeps video off");
+            return Err(failure.help("it has streams: { video: off }"));
+        }
         let shot = shoot(talk, Duration::from_secs(args.timeout)).await?;
         save(&args.output, &shot.jpeg)?;
         let (file, bytes) = (args.output.display().to_string(), shot.jpeg.len());

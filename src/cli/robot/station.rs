@@ -31,7 +31,7 @@ pub(super) struct DockArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    aim: AimArgs,
+    pub(super) aim: AimArgs,
 }
 
 /// Leave the charging station; refused while the battery is low
@@ -46,7 +46,7 @@ pub(super) struct UndockArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    aim: AimArgs,
+    pub(super) aim: AimArgs,
 }
 
 pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {

@@ -27,7 +27,7 @@ pub(super) struct StopArgs {
           value_parser = clap::value_parser!(u64).range(1..=600))]
     timeout: u64,
     #[command(flatten)]
-    aim: AimArgs,
+    pub(super) aim: AimArgs,
 }
 
 pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {

@@ -9,6 +9,7 @@ use super::AimArgs;
 use crate::cli::interrupt::interruption;
 use crate::cli::{Exit, Failure, block_on};
 use crate::link::Session;
+use crate::robot::Streams;
 use crate::wire::{Command, Report};
 
 /// The longest wait for the first part of an answer.
@@ -24,6 +25,7 @@ const FAREWELL: Duration = Duration::from_secs(1);
 pub(super) struct Talk {
     pub(super) session: Session,
     pub(super) simulated: bool,
+    pub(super) streams: Streams,
 }
 
 /// Logs in, talks, and hangs up. Ctrl-C ends it.
@@ -41,6 +43,7 @@ pub(super) fn talk(
             let mut talk = Talk {
                 session: aim.connect().await?,
                 simulated: aim.sim.is_some(),
+                streams: aim.config.streams,
             };
             let exit = job(&mut talk).await?;
             farewell(talk.session).await;

@@ -40,7 +40,7 @@ pub(super) struct UploadArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    aim: AimArgs,
+    pub(super) aim: AimArgs,
 }
 
 pub(super) fn upload(args: &UploadArgs, console: &Console) -> Result<Exit, Failure> {

@@ -68,7 +68,7 @@ fn subscribe(call: &mut Call<'_>, subscription: Subscription) -> Answered {
             "there are {MAX_SUBSCRIPTIONS} handlers already; end some with :off()"
         )));
     }
-    listen(call, subscription.event);
+    listen(call, subscription.event)?;
     let id = SubscriptionId(call.state.tasks.next_id());
     call.state.subscriptions.insert(id, subscription);
     let object = call.lua.create_any_userdata(SubscriptionObject(id))?;
@@ -80,16 +80,16 @@ fn wait_for(call: &mut Call<'_>) -> Answered {
     let event = event(call)?;
     let time = call.args.optional_seconds(1, "timeout")?;
     call.may_wait()?;
-    listen(call, event);
+    listen(call, event)?;
     call.wait(Wait::Event(event), time)
 }
 
 /// Frames and sound come only when their stream is on.
-pub(super) fn listen(call: &mut Call<'_>, event: EventName) {
+pub(super) fn listen(call: &mut Call<'_>, event: EventName) -> Result<(), Refusal> {
     match event {
-        EventName::Frame => call.state.want(Stream::Video),
-        EventName::Audio | EventName::Noise => call.state.want(Stream::AudioIn),
-        _ => {}
+        EventName::Frame => call.switch_on(Stream::Video),
+        EventName::Audio | EventName::Noise => call.switch_on(Stream::AudioIn),
+        _ => Ok(()),
     }
 }
 

@@ -112,7 +112,7 @@ pub(super) fn add_methods<T>(
 
 /// `robot.frame()`: the newest frame, or nil.
 fn newest(call: &mut Call<'_>) -> Answered {
-    events::listen(call, EventName::Frame);
+    events::listen(call, EventName::Frame)?;
     let now = call.state.now;
     let fresh = |held: &&Rc<HeldFrame>| now.saturating_duration_since(held.frame.at) <= STALE;
     match call.state.newest.as_ref().filter(fresh) {
@@ -129,7 +129,7 @@ fn newest(call: &mut Call<'_>) -> Answered {
 fn wait_frame(call: &mut Call<'_>) -> Answered {
     let time = call.args.optional_seconds(0, "timeout")?;
     call.may_wait()?;
-    events::listen(call, EventName::Frame);
+    events::listen(call, EventName::Frame)?;
     call.wait(Wait::Event(EventName::Frame), time)
 }
 

@@ -38,6 +38,7 @@ use super::stage::Stage;
 use super::state::State;
 use super::task::{Cancel, SHORTEST_WAIT, Wait};
 
+use crate::wire::Stream;
 use builder::Builder;
 
 pub(super) use album::Album;
@@ -164,6 +165,13 @@ impl Call<'_> {
         self.make_room(0)?;
         self.state.outbox.send(intent);
         Ok(())
+    }
+
+    /// Switches a stream on unless it is.
+    fn switch_on(&mut self, stream: Stream) -> Result<(), Refusal> {
+        self.state
+            .want(stream)
+            .map_err(|why| self.args.misuse(&why))
     }
 
     fn make_room(&self, speech: usize) -> Result<(), Refusal> {

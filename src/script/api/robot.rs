@@ -7,7 +7,7 @@ use mlua::prelude::{IntoLua, LuaFunction, LuaMultiValue, LuaResult, LuaTable, Lu
 use super::super::arguments::{Bounds, Refusal};
 use super::super::events::battery_table;
 use super::{Answered, Builder, Call, Entry, dock, events, frame, motion, plain, tasks};
-use crate::robot::{Intent, Percent};
+use crate::robot::{Intent, Percent, Use};
 use crate::wire::{Led, Sound, Stream};
 
 const CALLS: [Entry; 10] = [
@@ -130,7 +130,8 @@ fn say(call: &mut Call<'_>) -> Answered {
             "the samples must have an even number of bytes, at most {MAX_SPEECH}, got {length}"
         )));
     }
-    if !call.state.streams.contains(&Stream::AudioOut) {
+    let always = call.state.options.streams.audio_out == Use::On;
+    if !always && !call.state.streams.contains(&Stream::AudioOut) {
         return Err(call
             .args
             .misuse("switch the stream on first: robot.stream(\"audio_out\", true)"));
@@ -148,7 +149,7 @@ fn stream(call: &mut Call<'_>) -> Answered {
     let on = call.args.boolean(1, "on")?;
     if on {
         call.make_room(0)?;
-        call.state.want(stream);
+        call.switch_on(stream)?;
     } else if call.state.streams.contains(&stream) {
         call.send(Intent::Stream { stream, on })?;
         call.state.streams.retain(|one| *one != stream);

@@ -14,6 +14,7 @@ mod lexer;
 mod loops;
 mod parameters;
 mod parser;
+mod required;
 mod syntax;
 mod tree;
 mod typing;
@@ -34,6 +35,7 @@ use crate::vision::Colour;
 pub(super) use explain::explain;
 pub use finding::{Finding, Severity};
 use lexer::Span;
+pub use required::{Required, required};
 pub use typing::{Answer, Question, Typing};
 
 /// What a script finds around itself.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::robot::Percent;
+use crate::robot::{Percent, Streams, Use};
 use crate::wire::{Led, Sound, Stream};
 
 #[test]
@@ -113,4 +113,40 @@ fn say_needs_its_stream_and_bounded_samples() {
     assert!(texts[2].contains("at most 65535"));
     assert!(texts[3].contains("must be a buffer"));
     assert!(texts[4].contains("too many commands at once"));
+}
+
+#[test]
+fn a_stream_that_the_config_keeps_off_is_refused_whatever_wants_it() {
+    let off = |options: &mut Options| {
+        options.limits.callback_budget_ms = 2_000;
+        options.streams = Streams {
+            video: Use::Off,
+            audio_in: Use::Off,
+            audio_out: Use::Off,
+        };
+    };
+    for (call, name) in [
+        ("robot.stream('audio_in', true)", "audio_in"),
+        ("robot.on('audio', print)", "audio_in"),
+        ("robot.wait_for('noise', 1)", "audio_in"),
+        ("robot.on('frame', print)", "video"),
+        ("print(robot.frame())", "video"),
+        ("robot.wait_frame(1)", "video"),
+        ("robot.stream('audio_out', true)", "audio_out"),
+    ] {
+        let rig = Rig::with(call, off);
+        let words = format!("the config keeps {name} off; it has streams: {{ {name}: off }}");
+        rig.assert_ended(EndReason::Error, &words);
+        assert_eq!(rig.intents, [], "{call}");
+    }
+    let rig = Rig::with("robot.stream('audio_in', false) print('lives')", off);
+    assert_eq!(rig.texts(), ["lives"]);
+}
+
+#[test]
+fn a_stream_that_is_on_from_the_start_needs_no_switching() {
+    let rig = Rig::with("robot.say(buffer.create(4))", |options| {
+        options.streams.audio_out = Use::On;
+    });
+    assert_eq!(rig.intents, [Intent::Say(vec![0; 4])]);
 }

@@ -1,0 +1,116 @@
+//! Looks at scripts and at the modules that they require, each file once, with the type checker if
+//! there is one.
+
+use std::collections::{BTreeSet, VecDeque};
+use std::path::{Path, PathBuf};
+
+use super::Console;
+use super::checker::TypeChecker;
+use crate::behaviour::Library;
+use crate::script::check::{Finding, Required, Surroundings, check, required};
+use crate::script::{ModuleFile, Options};
+
+/// See the module.
+pub(super) struct Examiner<'a> {
+    types: TypeChecker,
+    console: &'a Console,
+    seen: BTreeSet<PathBuf>,
+    /// In the order of the files.
+    pub(super) findings: Vec<Finding>,
+}
+
+/// A file that is looked at.
+struct File {
+    source: Vec<u8>,
+    options: Options,
+    /// Where it is, as seen from the behaviour's folder.
+    folder: String,
+}
+
+impl Examiner<'_> {
+    pub(super) fn new(console: &Console) -> Examiner<'_> {
+        Examiner {
+            types: TypeChecker::beside(),
+            console,
+            seen: BTreeSet::new(),
+            findings: Vec::new(),
+        }
+    }
+
+    /// How many files were looked at.
+    pub(super) fn count(&self) -> usize {
+        self.seen.len()
+    }
+
+    /// A behaviour's own file, and then its modules.
+    pub(super) fn behaviour(&mut self, source: &[u8], options: &Options) {
+        let folder = Path::new(&options.chunk).parent().unwrap_or(Path::new(""));
+        let (folder, library) = (folder.to_owned(), Library::new(folder.to_owned()));
+        let mut files = VecDeque::from([File {
+            source: source.to_vec(),
+            options: options.clone(),
+            folder: String::new(),
+        }]);
+        while let Some(file) = files.pop_front() {
+            if !self.is_new(Path::new(&file.options.chunk)) {
+                continue;
+            }
+            let found = self.file(&file);
+            for module in required(&file.source, &file.folder) {
+                match library.fetch(&module.name) {
+                    Ok(module) => files.push_back(of_module(module, &folder, options)),
+                    Err(why) => self.missing(&file, &module, &why, &found),
+                }
+            }
+            self.findings.extend(found);
+        }
+    }
+
+    fn is_new(&mut self, file: &Path) -> bool {
+        let file = file.canonicalize().unwrap_or_else(|_| file.to_owned());
+        self.seen.insert(file)
+    }
+
+    fn file(&mut self, file: &File) -> Vec<Finding> {
+        let (source, chunk) = (file.source.as_slice(), file.options.chunk.as_str());
+        let surroundings = Surroundings::new(&file.options, Some(Path::new(chunk)));
+        let mut found = check(source, chunk, &surroundings);
+        match self.types.findings((source, chunk), &found) {
+            Ok(types) => found.extend(types),
+            Err(why) => {
+                let text = format!("{chunk}: types were not checked: {why}");
+                self.console.say("WARN", &text);
+            }
+        }
+        found.sort_by_key(|finding| (finding.line, finding.column));
+        found
+    }
+
+    /// A module that is there and cannot be had, such as one behind a symbolic link. Of one that is
+    /// not there the check has spoken already.
+    fn missing(&mut self, file: &File, module: &Required, why: &str, found: &[Finding]) {
+        let chunk = file.options.chunk.as_str();
+        let refused = module.refused((&file.source, chunk), why);
+        let known = |one: &Finding| {
+            let mut found = found.iter();
+            found.any(|other| (other.line, other.column) == (one.line, one.column))
+        };
+        self.findings.extend(refused.filter(|one| !known(one)));
+    }
+}
+
+/// A module takes no values from outside that are not the behaviour's.
+fn of_module(module: ModuleFile, folder: &Path, options: &Options) -> File {
+    let inner = Path::new(&module.file).parent().unwrap_or(Path::new(""));
+    let inner = inner.display().to_string();
+    let chunk = folder.join(&module.file).display().to_string();
+    File {
+        source: module.source,
+        options: Options {
+            chunk,
+            params: Default::default(),
+            ..options.clone()
+        },
+        folder: inner,
+    }
+}

@@ -1,0 +1,49 @@
+//! Which of the robot's streams may be on: the config's word, above what scripts ask for.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::wire::Stream;
+
+/// When a stream is on.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Use {
+    /// From the start, whatever scripts ask for.
+    On,
+    /// While a script wants it.
+    #[default]
+    Auto,
+    /// Never: a script that wants it is refused.
+    Off,
+}
+
+/// When each of the robot's streams is on.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Streams {
+    /// Pictures of the camera.
+    pub video: Use,
+    /// Sound of the microphone.
+    pub audio_in: Use,
+    /// Sound for the loudspeaker.
+    pub audio_out: Use,
+}
+
+impl Streams {
+    /// When this one is on.
+    pub fn usage(&self, stream: Stream) -> Use {
+        match stream {
+            Stream::Video => self.video,
+            Stream::AudioIn => self.audio_in,
+            Stream::AudioOut => self.audio_out,
+            Stream::Unknown(_) => Use::Auto,
+        }
+    }
+
+    /// Those that are used so.
+    pub fn used(self, usage: Use) -> impl Iterator<Item = Stream> {
+        let all = Stream::ALL.iter().copied();
+        all.filter(move |stream| self.usage(*stream) == usage)
+    }
+}

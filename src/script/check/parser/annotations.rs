@@ -1,0 +1,95 @@
+//! Types, which only the compiler reads: they are passed over.
+
+use super::super::lexer::Kind;
+use super::super::tree::StatementKind;
+use super::{Parsed, Parser};
+
+impl<'a> Parser<'a> {
+    pub(super) fn type_statement(&mut self) -> Parsed<StatementKind> {
+        if self.accept("function") {
+            self.name()?;
+            self.scoped(Self::body)?;
+            return Ok(StatementKind::Type);
+        }
+        self.name()?;
+        self.skip_generics()?;
+        self.expect("=")?;
+        self.skip_type()?;
+        Ok(StatementKind::Type)
+    }
+
+    pub(super) fn skip_generics(&mut self) -> Parsed<()> {
+        if self.word() == "<" {
+            self.skip_bracketed()?;
+        }
+        Ok(())
+    }
+
+    /// One type: pieces joined by `|`, `&`, `->` and `?`.
+    pub(super) fn skip_type(&mut self) -> Parsed<()> {
+        loop {
+            while matches!(self.word(), "|" | "&" | "...") {
+                self.advance();
+            }
+            match self.token().kind {
+                Kind::Name => self.skip_named_type()?,
+                Kind::Text => {
+                    self.advance();
+                }
+                _ => match self.word() {
+                    "nil" | "true" | "false" => {
+                        self.advance();
+                    }
+                    "(" | "{" | "<" => self.skip_bracketed()?,
+                    _ => return Err(self.lost()),
+                },
+            }
+            while self.accept("?") {}
+            if self.word() == "..." {
+                self.advance();
+            }
+            if !(matches!(self.word(), "|" | "&")
+                || self.accept("->")
+                || self.word_follows_generics())
+            {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Behind the generics of a function's type its parameters stand.
+    pub(super) fn word_follows_generics(&self) -> bool {
+        self.word() == "(" && self.before().of(self.source) == ">"
+    }
+
+    pub(super) fn skip_named_type(&mut self) -> Parsed<()> {
+        let (name, _) = self.name()?;
+        while self.accept(".") {
+            self.name()?;
+        }
+        let computed = name == "typeof" && self.word() == "(";
+        if computed || self.word() == "<" {
+            self.skip_bracketed()?;
+            if self.word_follows_generics() {
+                return Err(self.lost());
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn skip_bracketed(&mut self) -> Parsed<()> {
+        let mut open = 0_u32;
+        loop {
+            match self.word() {
+                "(" | "{" | "<" | "[" => open += 1,
+                ")" | "}" | ">" | "]" => open = open.saturating_sub(1),
+                _ if self.token().kind == Kind::End => return Err(self.lost()),
+                _ => {}
+            }
+            self.advance();
+            if open == 0 {
+                return Ok(());
+            }
+        }
+    }
+}

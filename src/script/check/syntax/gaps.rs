@@ -1,0 +1,271 @@
+//! What is missing or too much: an `end`, a bracket, a value, a word.
+
+use super::super::lexer::{Kind, Span, Token};
+use super::super::parser;
+use super::{Remark, Scene, closing, word};
+
+impl Scene<'_> {
+    /// Blocks as other languages write them.
+    pub(super) fn blocks(&self) -> Option<Remark> {
+        let tokens = self.around();
+        let (at, begins) = tokens.iter().enumerate().rfind(|(_, token)| {
+            matches!(
+                self.text(token),
+                "if" | "elseif" | "while" | "for" | "else" | "function"
+            )
+        })?;
+        let keyword = self.text(begins);
+        let word = match keyword {
+            "if" | "elseif" => "then",
+            "while" | "for" => "do",
+            _ => "",
+        };
+        let line = self.line_of(begins);
+        let behind: Vec<_> = tokens[at..]
+            .iter()
+            .filter(|token| self.line_of(token) == line)
+            .collect();
+        let last = behind.last()?;
+        let opened = matches!(self.text(last), "{" | ":")
+            && !behind
+                .iter()
+                .any(|token| matches!(self.text(token), "then" | "do"));
+        if opened {
+            let help = match word {
+                "" => {
+                    format!("the block of `{keyword}` ends with end, and needs no sign before it")
+                }
+                word => format!("write `{word}` here, and `end` where the block ends"),
+            };
+            return Some(Remark {
+                at: last.span,
+                message: format!("'{}' does not begin a block", self.text(last)),
+                help,
+            });
+        }
+        let complains = !word.is_empty() && self.words.contains(&format!("'{word}'"));
+        let missing = complains && !behind.iter().any(|token| self.text(token) == word);
+        missing.then(|| Remark {
+            at: Span {
+                start: last.span.end,
+                end: last.span.end,
+            },
+            message: format!("`{keyword}` needs `{word}` behind it"),
+            help: format!("write `{word}` at the end of this line"),
+        })
+    }
+
+    /// `Expected 'end' (to close 'function' at line 3), got <eof>`.
+    pub(super) fn missing_end(&self) -> Option<Remark> {
+        let rest = self.words.split_once("Expected 'end' (to close '")?.1;
+        let (keyword, rest) = rest.split_once('\'')?;
+        // What the compiler thinks was forgotten further in is nearer to the truth.
+        let (keyword, rest) = match rest.split_once("did you forget to close '") {
+            Some((_, hint)) => hint.split_once('\'')?,
+            None => (keyword, rest),
+        };
+        let digits: String = rest
+            .chars()
+            .skip_while(|c| !c.is_ascii_digit())
+            .take_while(char::is_ascii_digit)
+            .collect();
+        let line = digits.parse().unwrap_or(self.line);
+        let opened = self
+            .of_line(line)
+            .into_iter()
+            .find(|token| self.text(token) == keyword);
+        let (at, where_) = match opened {
+            Some(token) => (token.span, String::new()),
+            None => (self.place(), format!(" of line {line}")),
+        };
+        let keyword = match keyword {
+            "then" => "if",
+            "do" => "loop",
+            other => other,
+        };
+        Some(Remark {
+            at,
+            message: format!("the `{keyword}`{where_} that begins here has no `end`"),
+            help: "each function, if, for, while and do is closed by its own end".to_owned(),
+        })
+    }
+
+    pub(super) fn extra_end(&self) -> Option<Remark> {
+        if !self.words.contains("<eof>, got 'end'") && !self.words.contains("got 'end'") {
+            return None;
+        }
+        let end = self
+            .on_line()
+            .into_iter()
+            .find(|token| self.text(token) == "end")?;
+        let head = self.tokens.iter().enumerate().find(|(at, token)| {
+            let before = at.checked_sub(1).map(|at| self.text(&self.tokens[at]));
+            let starts_line = at
+                .checked_sub(1)
+                .is_none_or(|at| self.line_of(&self.tokens[at]) < self.line_of(token));
+            let called = self
+                .tokens
+                .get(at + 1)
+                .is_some_and(|next| self.text(next) == "(");
+            let indented = self.is_followed_by_indent(self.line_of(token));
+            token.kind == Kind::Name
+                && starts_line
+                && called
+                && indented
+                && before != Some("function")
+        });
+        if !self.words.contains("<eof>") {
+            return None;
+        }
+        Some(match head {
+            Some((_, token)) => Remark {
+                at: token.span,
+                message: format!(
+                    "the word `function` is missing before `{}`",
+                    self.text(token)
+                ),
+                help: format!("write function {}(...)", self.text(token)),
+            },
+            None => Remark {
+                at: end.span,
+                message: "this `end` closes nothing: there is one too many".to_owned(),
+                help: "each function, if, for, while and do has exactly one end".to_owned(),
+            },
+        })
+    }
+
+    pub(super) fn is_followed_by_indent(&self, line: usize) -> bool {
+        let indent = |line: usize| {
+            let text = self.source.lines().nth(line - 1)?;
+            Some(text.len() - text.trim_start().len())
+        };
+        indent(line + 1) > indent(line)
+    }
+
+    /// `Expected ')' (to close '(' at line 3), got ...`
+    pub(super) fn brackets(&self) -> Option<Remark> {
+        let mut open: Vec<&Token> = Vec::new();
+        for token in &self.tokens {
+            if self.line_of(token) > self.line {
+                break;
+            }
+            match self.text(token) {
+                "(" | "[" | "{" => open.push(token),
+                ")" | "]" | "}" => {
+                    let fits = open
+                        .pop()
+                        .is_some_and(|open| closing(self.text(open)) == self.text(token));
+                    if !fits {
+                        return Some(Remark {
+                            at: token.span,
+                            message: format!("this '{}' closes nothing", self.text(token)),
+                            help: "each bracket is opened once and closed once".to_owned(),
+                        });
+                    }
+                }
+                _ => {}
+            }
+        }
+        if !["')'", "']'", "'}'"]
+            .iter()
+            .any(|one| self.words.contains(one))
+        {
+            return None;
+        }
+        let token = open.last()?;
+        let close = closing(self.text(token));
+        Some(Remark {
+            at: token.span,
+            message: format!("this '{}' is never closed", self.text(token)),
+            help: format!("a '{close}' or a comma is missing"),
+        })
+    }
+
+    /// `Incomplete statement: expected assignment or a function call`.
+    pub(super) fn lone_name(&self) -> Option<Remark> {
+        if !self.words.contains("Incomplete statement") {
+            return None;
+        }
+        let tokens: Vec<_> = self.on_line();
+        let path: Vec<_> = tokens
+            .iter()
+            .take_while(|token| token.kind == Kind::Name || self.text(token) == ".")
+            .collect();
+        let (first, last) = (path.first()?, path.last()?);
+        let span = first.span.to(last.span);
+        let next = tokens.get(path.len());
+        let help = match next.map(|next| (next.kind, self.text(next))) {
+            None => format!("to call it, write {}()", span.of(self.source)),
+            Some((_, "==")) => "to set a variable, write a single =".to_owned(),
+            Some((Kind::Name | Kind::Number | Kind::Keyword, _)) => {
+                format!(
+                    "what a function is given stands in brackets: {}(...)",
+                    span.of(self.source)
+                )
+            }
+            Some(_) => String::new(),
+        };
+        Some(Remark {
+            at: span,
+            message: format!("`{}` alone does nothing", span.of(self.source)),
+            help,
+        })
+    }
+
+    /// `Expected identifier when parsing expression, got ...`
+    pub(super) fn missing_value(&self) -> Option<Remark> {
+        if !self.words.contains("when parsing expression") {
+            return None;
+        }
+        let lost = match parser::parse(self.source) {
+            Err(lost) => lost.at,
+            Ok(_) => return None,
+        };
+        let before = self
+            .tokens
+            .iter()
+            .rfind(|token| token.span.end <= lost.start && token.kind != Kind::End)?;
+        let found = lost.of(self.source);
+        let message = match found {
+            "" => format!("a value is missing behind `{}`", self.text(before)),
+            found => format!(
+                "a value is missing behind `{}`: `{found}` cannot stand there",
+                self.text(before)
+            ),
+        };
+        Some(Remark {
+            at: before.span,
+            message,
+            help: String::new(),
+        })
+    }
+
+    /// `Expected 'X' when parsing Y, got 'Z'`.
+    pub(super) fn missing_word(&self) -> Option<Remark> {
+        let (_, rest) = self.words.split_once("Expected ")?;
+        let (expected, rest) = rest.split_once(", got ")?;
+        let expected = expected
+            .split(" when parsing ")
+            .next()?
+            .split(" (")
+            .next()?;
+        let got = rest.split(';').next()?.trim();
+        let value = got.starts_with(['"', '\''])
+            && got
+                .trim_matches('\'')
+                .starts_with(|c: char| c.is_alphanumeric() || c == '"');
+        let message = match (expected, got) {
+            ("')'" | "'}'" | "']'", got) if value => {
+                format!("a comma is missing before {}", word(got))
+            }
+            ("<eof>", got) => format!("{} cannot stand here", word(got)),
+            (expected, "<eof>") => format!("{} is missing at the end", word(expected)),
+            (expected, got) => format!("expected {} here, found {}", word(expected), word(got)),
+        };
+        Some(Remark {
+            at: self.place(),
+            message,
+            help: String::new(),
+        })
+    }
+}
