@@ -62,8 +62,8 @@ const ADDRESS: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCAL
 pub struct Options {
     /// Of the simulator's noise and the link's pauses; behaviours bring their own.
     pub seed: u64,
-    /// The simulated robot: its login, firmware, frames a second, faults. Its `seed`, `listen` and
-    /// `discovery` are not used.
+    /// The simulated robot: its login, firmware, frames a second, faults. Its `seed`, `listen`,
+    /// `discovery` and `unacknowledged` are not used.
     pub sim: sim::Options,
     /// The numbers of the safety rules.
     pub limits: Limits,
@@ -116,6 +116,7 @@ fn live<T>(world: World, options: Options, work: impl AsyncFnOnce(&Lab) -> T) ->
         let began = recorder::begin();
         let sim_options = sim::Options {
             seed: options.seed,
+            unacknowledged: Some(options.link.dead_after),
             ..options.sim.clone()
         };
         let server = sim::Server::detached(world, sim_options);

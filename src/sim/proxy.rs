@@ -2,6 +2,7 @@
 //! spoils them as the faults of the moment say. Knows no robot; works over anything that reads and
 //! writes bytes, and over its seed alone.
 
+use std::future::pending;
 use std::time::Duration;
 
 use bytes::BytesMut;
@@ -9,7 +10,7 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, ReadHalf, WriteHalf};
 use tokio::sync::{broadcast, mpsc, watch};
-use tokio::time::{Instant, timeout};
+use tokio::time::{Instant, sleep_until, timeout};
 
 use super::connection::Transport;
 use super::faults::{Fault, Towards, Trouble};
@@ -45,9 +46,11 @@ pub(super) async fn carry(
         mut conditions,
         strikes,
         seed,
+        unacknowledged,
     } = weather;
     let lane = |towards, strikes, seed| Lane::new(towards, conditions.clone(), strikes, seed);
-    let to_robot = lane(Towards::Robot, strikes.resubscribe(), seed);
+    let mut to_robot = lane(Towards::Robot, strikes.resubscribe(), seed);
+    to_robot.unacknowledged = unacknowledged;
     let to_client = lane(Towards::Client, strikes, seed.wrapping_add(1));
     let mut to_robot = Box::pin(to_robot.run(client_reader, robot_writer));
     let mut to_client = Box::pin(to_client.run(robot_reader, client_writer));
@@ -87,6 +90,9 @@ struct Lane {
     aimed: Vec<Trouble>,
     /// Bytes were swallowed: nothing arrives any more.
     swallowed: bool,
+    /// How long its sender waits for an acknowledgement of what was swallowed, and until when.
+    unacknowledged: Option<Duration>,
+    given_up: Option<Instant>,
     last_due: Instant,
 }
 
@@ -105,6 +111,8 @@ impl Lane {
             splitter: Splitter::default(),
             aimed: Vec::new(),
             swallowed: false,
+            unacknowledged: None,
+            given_up: None,
             last_due: Instant::now(),
         }
     }
@@ -139,6 +147,10 @@ impl Lane {
                     Err(broadcast::error::RecvError::Lagged(_)) => vec![],
                     Err(broadcast::error::RecvError::Closed) => return,
                 },
+                () = at(self.given_up) => {
+                    send(&queue, vec![Parcel::Reset]).await;
+                    return;
+                }
                 read = from.read(&mut buffer) => match read {
                     Ok(length @ 1..) => self.passed(&buffer[..length]),
                     Ok(0) | Err(_) => {
@@ -183,6 +195,8 @@ impl Lane {
         let conditions = self.conditions.borrow_and_update().clone();
         self.swallowed |= conditions.swallow(self.towards);
         if self.swallowed {
+            let limit = self.unacknowledged.map(|limit| Instant::now() + limit);
+            self.given_up = self.given_up.or(limit);
             return vec![];
         }
         let due = self.due(&conditions);
@@ -243,6 +257,13 @@ impl Lane {
     }
 }
 
+async fn at(time: Option<Instant>) {
+    match time {
+        Some(time) => sleep_until(time).await,
+        None => pending().await,
+    }
+}
+
 /// False if nobody takes them any more.
 async fn send(queue: &mpsc::Sender<Parcel>, parcels: Vec<Parcel>) -> bool {
     for parcel in parcels {
@@ -274,7 +295,7 @@ mod tests {
     }
 
     fn line(seed: u64) -> Line {
-        let mut troubles = Troubles::new(seed);
+        let mut troubles = Troubles::new(seed, Some(4 * SECOND));
         let (client, near) = tokio::io::duplex(64 * 1024);
         let (far, robot) = tokio::io::duplex(64 * 1024);
         let carried = tokio::spawn(carry(near, None, far, troubles.weather()));
@@ -376,6 +397,18 @@ mod tests {
         sleep(SECOND).await;
         line.troubles.poll(Instant::now());
         assert_eq!(rest(&mut line.robot).await, b"");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_client_whose_bytes_are_swallowed_loses_its_connection_in_the_end() {
+        let mut line = line(1);
+        line.begin(Trouble::HalfOpen, Towards::Robot, None);
+        let start = Instant::now();
+        line.client.write_all(POWER_80).await.unwrap();
+        sleep(SECOND).await;
+        line.client.write_all(POWER_80).await.unwrap();
+        assert_eq!(rest(&mut line.client).await, b"");
+        assert_eq!(start.elapsed().as_secs(), 4);
     }
 
     #[tokio::test(start_paused = true)]

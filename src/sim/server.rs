@@ -47,6 +47,9 @@ pub struct Options {
     /// What goes wrong, counted from [`Server::run`]; `None`: no fault is possible, not even by
     /// [`Handle::begin`].
     pub faults: Option<Vec<Fault>>,
+    /// After so long a client's own system gives up a connection on which bytes towards the robot are
+    /// swallowed, as TCP_USER_TIMEOUT does where they really are lost; `None`: never.
+    pub unacknowledged: Option<Duration>,
 }
 
 impl Default for Options {
@@ -60,6 +63,7 @@ impl Default for Options {
             fps: None,
             uid: "SPYKEE0001".into(),
             faults: None,
+            unacknowledged: None,
         }
     }
 }

@@ -77,7 +77,8 @@ impl Site {
             connections: JoinSet::new(),
             started: now,
             stepped: now,
-            troubles: options.faults.as_ref().map(|_| Troubles::new(options.seed)),
+            troubles: (options.faults.as_ref())
+                .map(|_| Troubles::new(options.seed, options.unacknowledged)),
             away: false,
             refusing: None,
             slides_after: None,

@@ -1,6 +1,8 @@
 //! All faults with their times: which are on now, which strike at this moment, what the robot is to
 //! be told. Asks no clock; what it says to the connections goes through channels that never block.
 
+use std::time::Duration;
+
 use std::sync::Arc;
 
 use rand::rngs::StdRng;
@@ -43,6 +45,8 @@ pub(super) struct Weather {
     pub(super) strikes: broadcast::Receiver<Fault>,
     /// Of the connection's own luck.
     pub(super) seed: u64,
+    /// See [`Options::unacknowledged`](super::Options::unacknowledged).
+    pub(super) unacknowledged: Option<Duration>,
 }
 
 struct Running {
@@ -58,12 +62,14 @@ pub(super) struct Troubles {
     conditions: watch::Sender<Conditions>,
     strikes: broadcast::Sender<Fault>,
     rng: StdRng,
+    unacknowledged: Option<Duration>,
 }
 
 impl Troubles {
     /// None yet. `seed` gives the luck.
-    pub(super) fn new(seed: u64) -> Troubles {
+    pub(super) fn new(seed: u64, unacknowledged: Option<Duration>) -> Troubles {
         Troubles {
+            unacknowledged,
             running: Vec::new(),
             conditions: watch::Sender::default(),
             strikes: broadcast::Sender::new(MAX_STRIKES),
@@ -92,6 +98,7 @@ impl Troubles {
             conditions: self.conditions.subscribe(),
             strikes: self.strikes.subscribe(),
             seed: self.rng.random(),
+            unacknowledged: self.unacknowledged,
         }
     }
 
@@ -148,7 +155,7 @@ mod tests {
 
     #[test]
     fn lasting_faults_are_conditions_and_momentary_ones_strike() {
-        let (mut troubles, now) = (Troubles::new(1), Instant::now());
+        let (mut troubles, now) = (Troubles::new(1, None), Instant::now());
         let mut weather = troubles.weather();
         troubles.begin(fault(Trouble::HalfOpen, 2, 9, 1.0), now);
         troubles.begin(fault(Trouble::Reset, 0, 9, 1.0), now);
@@ -176,7 +183,7 @@ mod tests {
     #[test]
     fn the_same_seed_has_the_same_luck() {
         let times = |seed| {
-            let (mut troubles, now) = (Troubles::new(seed), Instant::now());
+            let (mut troubles, now) = (Troubles::new(seed, None), Instant::now());
             troubles.begin(fault(Trouble::Drop, 0, 1, 0.5), now);
             let happens = |second: u32| !troubles.poll(now + SECOND * second).is_empty();
             (0..64).map(happens).collect::<Vec<bool>>()
@@ -189,7 +196,7 @@ mod tests {
 
     #[test]
     fn cleared_faults_end_at_once_and_for_good() {
-        let (mut troubles, now) = (Troubles::new(1), Instant::now());
+        let (mut troubles, now) = (Troubles::new(1, None), Instant::now());
         troubles.begin(fault(Trouble::NoCharge, 5, 9, 1.0), now);
         troubles.poll(now + SECOND);
         assert_eq!(troubles.clear(), [(Trouble::NoCharge, Turn::Ends)]);

@@ -9,8 +9,8 @@ robot.on("battery_low", function(battery)
 	log.warn(`{battery.percent} % left: the watchdog takes me home`)
 end)
 
-if robot.docked() then
-	robot.undock()
+if robot.undock() then
+	robot.turn(math.pi) -- it has backed out and looks at its station
 end
 
 while true do
