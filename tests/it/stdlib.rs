@@ -222,6 +222,23 @@ async fn the_first_program_of_a_beginner_drives() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn the_first_program_of_a_beginner_leaves_the_station_for_good() {
+    let rig = Rig::quiet().await;
+    rig.file("first.lua", "require('@spykee/easy').forward(2)");
+    rig.file(
+        "first_test.lua",
+        "scenario('off', { world = 'playpen', battery = 80 }, function(sim)
+            expect(sim:docked())
+            sim:run()
+            expect(sim:wait_until(function() return sim:ended() end, 60))
+            expect(not sim:docked(), 'it is on its station again')
+        end)",
+    );
+    let mut run = rig.spykee(&["test"]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_state_machine_leaves_its_state_in_order_when_it_is_interrupted() {
     let rig = Rig::quiet().await;
     let script = "local fsm = require('@spykee/fsm')
