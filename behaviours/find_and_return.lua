@@ -40,22 +40,6 @@ local function look_around()
 	return false
 end
 
--- Drives on to where there is room, for some seconds or until it sees the thing.
-local function move_on(seconds)
-	local away = if math.random() < 0.5 then 1 else -1
-	local over = task.now() + seconds
-	while task.now() < over and not see() do
-		local frame = robot.wait_frame(1)
-		local free = frame and floor.look(frame)
-		if free and free.ahead > ROOM then
-			robot.drive(settings.speed, 0.6 * free.turn)
-		else
-			robot.drive(0, TURNING * away)
-		end
-	end
-	robot.stop()
-end
-
 -- Something held it: back, and a little to the side.
 local function evade()
 	log.info("something holds me: I go round it")
@@ -104,7 +88,7 @@ local function find()
 		if look_around() and approach() then
 			return true
 		end
-		move_on(math.random(6, 12))
+		floor.drive_on(math.random(6, 12), settings.speed, see)
 	end
 	log.warn(`there is nothing {settings.colour} far and wide`)
 	return false
@@ -126,7 +110,7 @@ local function come_home()
 		if home or code ~= "base_not_found" then
 			break
 		end
-		move_on(10)
+		floor.drive_on(10, settings.speed)
 	end
 	assert(home, `could not dock: {code}`)
 end

@@ -3,6 +3,8 @@
 -- and takes up the beat at the leg that it had not finished; so it does after a restart. Runs until it
 -- is ended.
 
+local floor = require("./lib/floor")
+
 local settings = params.declare({
 	leg = { default = 0.9, min = 0.1, max = 10, unit = "m", doc = "length of one leg" },
 	legs = { default = 4, min = 1, max = 12, doc = "legs of a beat, a turn of a full circle between them" },
@@ -90,8 +92,12 @@ end
 
 local function go_home()
 	log.info(`going home, the battery is at {level()} %`)
-	local docked, code = robot.dock({ timeout = 120, retries = 3 })
-	if not docked then
+	local docked, code = robot.dock({ timeout = 120, retries = 0 })
+	if code == "base_not_found" then
+		-- Where the beacon does not shine it is not found however often one tries.
+		robot.turn(math.rad(math.random(-180, 180)))
+		return floor.drive_on(6, settings.speed)
+	elseif not docked then
 		log.warn(`could not dock: {code}`)
 		return task.wait(5)
 	end

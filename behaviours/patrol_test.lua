@@ -66,3 +66,16 @@ scenario("a restart goes on at the leg that was not finished", { battery = 90, f
 	expect(sim:wait_until(function() return #legs(sim) > before end, 10))
 	expect(legs(sim)[before + 1] == "round 1, leg 3", `leg 3, not {legs(sim)[before + 1]}`)
 end)
+
+scenario("finds its station from where the beacon does not shine", { battery = 31, limit = 900 }, function(sim)
+	sim:place({ x = 0.35, y = 3.6, heading = 2 * math.pi * math.random() })
+	sim:run("patrol.lua")
+	local function is_home()
+		-- As long as a real robot's: this room's battery is small on purpose.
+		if sim:battery() < 25 then
+			sim:battery(29)
+		end
+		return sim:docked()
+	end
+	expect(sim:wait_until(is_home, 800), "it goes on to where the station is found")
+end)

@@ -128,4 +128,37 @@ local function differs(one, other)
 	return sum / #one > 0.008
 end
 
-return { look = look, texture = texture, differs = differs }
+local ROOM = 0.6 -- metres that must be free ahead
+local TURNING = 0.7 -- rad/s
+local PATIENCE = 1.5 -- seconds of driving without a change of the picture
+
+-- Drives on for some seconds to where there is room, or until `done` answers true. When something that it
+-- does not see holds it, it backs off and turns away.
+local function drive_on(seconds, speed, done)
+	local away = if math.random() < 0.5 then 1 else -1
+	local over = task.now() + seconds
+	local looked_like, changed_at
+	while task.now() < over and not (done and done()) do
+		local frame = robot.wait_frame(1)
+		local free = frame and look(frame)
+		if not (free and free.ahead > ROOM) then
+			robot.drive(0, TURNING * away)
+			looked_like = nil
+			continue
+		end
+		local looks = texture(frame)
+		if not looked_like or differs(looks, looked_like) then
+			looked_like, changed_at = looks, task.now()
+		end
+		if task.now() - changed_at > PATIENCE then
+			robot.forward(-0.2)
+			robot.turn(math.rad(math.random(60, 120)) * away)
+			looked_like = nil
+		else
+			robot.drive(speed, 0.6 * free.turn)
+		end
+	end
+	robot.stop()
+end
+
+return { look = look, drive_on = drive_on, texture = texture, differs = differs }

@@ -127,7 +127,7 @@ fn behaviours(seed: u64, folder: &Path) -> Vec<Behaviour> {
             launch: Launch {
                 source: source.into(),
                 options,
-                library: Library::default(),
+                library: Library::new(concat!(env!("CARGO_MANIFEST_DIR"), "/behaviours").into()),
             },
             checked: false,
             restart: again("on-failure"),
