@@ -29,7 +29,7 @@ use crate::lab;
 use crate::link::{self, Target};
 use crate::pilot::{Dial, Status};
 use crate::robot::EndReason;
-use crate::script::{self, GivenParam, ParamOrigin, ParamValue};
+use crate::script::{self, GivenParam};
 use crate::sim;
 use crate::wire::Login;
 
@@ -392,12 +392,7 @@ fn behaviour(
 
 /// What the config says for what the script declares.
 pub(super) fn params(entry: &Entry, config: Option<&Path>) -> BTreeMap<String, GivenParam> {
-    let origin = config.map_or_else(String::new, |config| config.display().to_string());
-    let given = |(name, value): (&String, &ParamValue)| {
-        let (value, origin) = (value.clone(), ParamOrigin::Config(origin.clone()));
-        (name.clone(), GivenParam { value, origin })
-    };
-    entry.params.iter().map(given).collect()
+    entry.given(&config.map_or_else(String::new, |config| config.display().to_string()))
 }
 
 /// The private folder for a behaviour's marked frames, made here so that a wrong one is told before

@@ -10,7 +10,7 @@ use serde::{Deserialize, Deserializer};
 
 use crate::behaviour::RestartPolicy;
 use crate::robot::Priority;
-use crate::script::ParamValue;
+use crate::script::{GivenParam, ParamOrigin, ParamValue};
 
 /// The longest name.
 const MAX_NAME: usize = 64;
@@ -45,6 +45,15 @@ impl Entry {
             restart: RestartPolicy::default(),
             params: BTreeMap::new(),
         }
+    }
+
+    /// What it says for what its script declares; `origin` is what messages call the place.
+    pub fn given(&self, origin: &str) -> BTreeMap<String, GivenParam> {
+        let given = |(name, value): (&String, &ParamValue)| {
+            let (value, origin) = (value.clone(), ParamOrigin::Config(origin.to_owned()));
+            (name.clone(), GivenParam { value, origin })
+        };
+        self.params.iter().map(given).collect()
     }
 
     /// Its name, or else that of its file, without what follows the last dot.

@@ -7,8 +7,8 @@ use serde_json::Value;
 use crate::agent::Behaviour;
 use crate::behaviour::{Launch, Library, read_source};
 use crate::config::{Config, Entry};
+use crate::script;
 use crate::script::check::{Finding, Severity, Surroundings, check};
-use crate::script::{self, GivenParam, ParamOrigin};
 
 /// Makes behaviours.
 pub(super) struct Cast {
@@ -75,18 +75,8 @@ impl Cast {
         let source = read_source(file)
             .map_err(|error| format!("cannot read the behaviour {}: {error}", file.display()))?;
         let (name, chunk) = (entry.name(), file.display().to_string());
-        let given = |(name, value): (&String, &script::ParamValue)| {
-            let origin = ParamOrigin::Config(self.origin.clone());
-            (
-                name.clone(),
-                GivenParam {
-                    value: value.clone(),
-                    origin,
-                },
-            )
-        };
         let options = script::Options {
-            params: entry.params.iter().map(given).collect(),
+            params: entry.given(&self.origin),
             data_dir: Some(self.data.join(&name)),
             ..self.config.script(name, chunk, seed)
         };

@@ -4,7 +4,7 @@
 
 use std::fmt::Write as _;
 
-use super::luau::{STAGE, class, namespaces, record};
+use super::luau::{STAGE, namespaces, types};
 use super::terms::{Event, Function, Need, Type, Value};
 
 /// What stands for `require(...)` of whatever: a call that gives anything.
@@ -13,20 +13,7 @@ pub const MODULE_CALL: &str = "_module()";
 /// The declarations of all that scripts can call.
 pub fn checker() -> String {
     let mut text = String::new();
-    for choice in super::choices() {
-        let names: Vec<_> = (choice.names)()
-            .iter()
-            .map(|name| format!("\"{name}\""))
-            .collect();
-        let _ = writeln!(text, "export type {} = {}", choice.name, names.join(" | "));
-    }
-    text += "export type Roi = { number } | { x: number, y: number, w: number, h: number }\n";
-    for object in super::objects().filter(|object| !object.strict) {
-        record(&mut text, object);
-    }
-    for object in super::objects().filter(|object| object.strict) {
-        class(&mut text, object, parameters);
-    }
+    types(&mut text, parameters);
     text +=
         "export type Colours = string | Colour | { string | Colour } | { string } | { Colour }\n";
     for name in namespaces() {

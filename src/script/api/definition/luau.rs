@@ -12,20 +12,7 @@ pub fn luau() -> String {
     let mut text = String::from(
         "-- What scripts of spykee can call. Written by `spykee api --luau`; do not edit.\n",
     );
-    for choice in super::choices() {
-        let names: Vec<_> = (choice.names)()
-            .iter()
-            .map(|name| format!("\"{name}\""))
-            .collect();
-        let _ = writeln!(text, "export type {} = {}", choice.name, names.join(" | "));
-    }
-    text += "export type Roi = { number } | { x: number, y: number, w: number, h: number }\n";
-    for object in super::objects().filter(|object| !object.strict) {
-        record(&mut text, object);
-    }
-    for object in super::objects().filter(|object| object.strict) {
-        class(&mut text, object, Function::parameters_luau);
-    }
+    types(&mut text, Function::parameters_luau);
     text += "export type Colours = string | Colour | { string | Colour }\n";
     for name in namespaces() {
         namespace(&mut text, name);
@@ -36,6 +23,24 @@ pub fn luau() -> String {
         let _ = writeln!(text, "declare function {}{luau}", function.path);
     }
     text + STAGE
+}
+
+/// The types: choices of names, plain tables, and objects with methods.
+pub(super) fn types(text: &mut String, parameters: fn(&Function) -> String) {
+    for choice in super::choices() {
+        let names: Vec<_> = (choice.names)()
+            .iter()
+            .map(|name| format!("\"{name}\""))
+            .collect();
+        let _ = writeln!(text, "export type {} = {}", choice.name, names.join(" | "));
+    }
+    *text += "export type Roi = { number } | { x: number, y: number, w: number, h: number }\n";
+    for object in super::objects().filter(|object| !object.strict) {
+        record(text, object);
+    }
+    for object in super::objects().filter(|object| object.strict) {
+        class(text, object, parameters);
+    }
 }
 
 /// The namespaces, in the order of their first call.
@@ -52,7 +57,7 @@ pub(super) fn namespaces() -> Vec<&'static str> {
     names
 }
 
-pub(super) fn record(text: &mut String, object: &Object) {
+fn record(text: &mut String, object: &Object) {
     let _ = writeln!(
         text,
         "\n--- {}\nexport type {} = {{",
@@ -64,7 +69,7 @@ pub(super) fn record(text: &mut String, object: &Object) {
     *text += "}\n";
 }
 
-pub(super) fn class(text: &mut String, object: &Object, parameters: fn(&Function) -> String) {
+fn class(text: &mut String, object: &Object, parameters: fn(&Function) -> String) {
     let _ = writeln!(text, "\n--- {}\ndeclare class {}", object.doc, object.name);
     for field in object.fields {
         let _ = writeln!(text, "\t{}: {}{}", field.name, field.luau(), remark(field));
