@@ -111,14 +111,6 @@ impl Config {
         Config::of_text(&Config::read(path)?, path)
     }
 
-    /// The settings that count: see [`Effective::load`].
-    ///
-    /// # Errors
-    /// See [`ConfigError`].
-    pub fn effective(named: Option<&Path>) -> Result<Config, ConfigError> {
-        Effective::load(named).map(|effective| effective.config)
-    }
-
     /// Where scripts save pictures, a folder for each.
     pub fn data_folder(&self) -> &Path {
         self.data.as_deref().unwrap_or(Path::new(DATA_FOLDER))

@@ -10,6 +10,9 @@
 -- and `right`, the least in either half of the picture; and `turn`, from -1 (to the right is more
 -- room) to 1 (to the left is).
 --
+-- floor.drive_on(seconds, speed, done) drives for so long to where there is room, or until `done`
+-- answers true.
+--
 -- floor.texture(frame) is what the floor looks like, and floor.differs(one, other) whether two of these
 -- differ: they do when the robot has moved.
 --

@@ -2,7 +2,6 @@
 //! it up when it fails too often.
 
 use std::future::{Future, pending};
-use std::path::Path;
 use std::pin::{Pin, pin};
 
 use tokio::sync::{mpsc, watch};
@@ -17,7 +16,7 @@ use crate::behaviour::{
 use crate::robot::channel::Request;
 use crate::robot::{BehaviourId, EndReason, Frame, Priority};
 use crate::script::Ending;
-use crate::script::check::{self, Severity};
+use crate::script::check;
 
 /// Why the run ends, once it does.
 type Stop = watch::Receiver<Option<EndReason>>;
@@ -287,13 +286,8 @@ impl Keeper {
 
 /// Refuses a text in which the check finds an error.
 fn look_over(launch: &Launch) -> Result<(), Ending> {
-    let (chunk, options) = (&launch.options.chunk, &launch.options);
-    let surroundings = check::Surroundings::new(options, Some(Path::new(chunk)));
-    let findings = check::check(&launch.source, chunk, &surroundings);
-    let error = findings
-        .iter()
-        .find(|finding| finding.severity == Severity::Error);
-    error.map_or(Ok(()), |error| {
+    let errors = check::errors(&launch.source, &launch.options);
+    errors.first().map_or(Ok(()), |error| {
         Err(Ending {
             reason: EndReason::Error,
             message: Some(error.text()),

@@ -146,13 +146,14 @@ impl Book {
 
     /// Serves what a script of this book sends out; its lines are handed to `line`.
     pub(super) fn serve(&self, script: &mut Script, mut line: impl FnMut(String)) {
-        let folder = self.folder().map(Path::to_owned);
-        let library = folder.map_or_else(Library::default, Library::new);
         for output in script.take_output() {
             match output {
                 Output::Log(written) => line(written.text),
                 Output::Module(name) => {
-                    let file = library.fetch(&name);
+                    let folder = self.folder.clone();
+                    let file = folder
+                        .map_or_else(Library::default, Library::new)
+                        .fetch(&name);
                     script.deliver_module(&name, file, Instant::now());
                 }
                 Output::Intent(_) | Output::Evaluated(_) => {}

@@ -8,7 +8,7 @@ use crate::agent::Behaviour;
 use crate::behaviour::{Launch, Library, read_source};
 use crate::config::{Config, Entry};
 use crate::script;
-use crate::script::check::{Finding, Severity, Surroundings, check};
+use crate::script::check::{self, Finding};
 
 /// Makes behaviours.
 pub(super) struct Cast {
@@ -98,14 +98,8 @@ impl Cast {
 
 /// As before every run.
 fn refuse_mistakes(source: &[u8], options: &script::Options) -> Result<(), String> {
-    let around = Surroundings::new(options, Some(Path::new(&options.chunk)));
-    let findings = check(source, &options.chunk, &around);
-    let is_error = |finding: &&Finding| finding.severity == Severity::Error;
-    let errors: Vec<String> = findings
-        .iter()
-        .filter(is_error)
-        .map(Finding::text)
-        .collect();
+    let errors = check::errors(source, options);
+    let errors: Vec<String> = errors.iter().map(Finding::text).collect();
     match errors.is_empty() {
         true => Ok(()),
         false => Err(format!(

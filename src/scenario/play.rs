@@ -268,7 +268,7 @@ impl Play<'_> {
         };
         match self.stage.take_expected() {
             // Unless the error was another one that came later.
-            Some((at, Some(message))) if raised.ends_with(&message) => Trouble {
+            Some((at, message)) if raised.ends_with(&message) => Trouble {
                 cause: Cause::Expectation,
                 message,
                 place: at.or(place),

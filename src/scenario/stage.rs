@@ -34,7 +34,7 @@ pub(super) struct PlayStage {
     running: Cell<bool>,
     end: RefCell<Option<Result<(), String>>>,
     place: RefCell<Option<Place>>,
-    expected: RefCell<Option<(Option<Place>, Option<String>)>>,
+    expected: RefCell<Option<(Option<Place>, String)>>,
 }
 
 impl PlayStage {
@@ -69,8 +69,8 @@ impl PlayStage {
         self.place.borrow().clone()
     }
 
-    /// The `expect` that did not hold: where, and its message if there was one.
-    pub(super) fn take_expected(&self) -> Option<(Option<Place>, Option<String>)> {
+    /// The `expect` that did not hold: where, and its message.
+    pub(super) fn take_expected(&self) -> Option<(Option<Place>, String)> {
         self.expected.borrow_mut().take()
     }
 
@@ -113,7 +113,7 @@ impl Stage for PlayStage {
     fn ask(&self, call: &str, arguments: &[Value], place: Option<Place>) -> Result<Value, String> {
         let given = Arguments(arguments);
         if call == "expected" {
-            let message = given.optional_text(0, "the message")?.map(str::to_owned);
+            let message = given.text(0, "the message")?.to_owned();
             *self.expected.borrow_mut() = Some((place, message));
             return Ok(Value::Null);
         }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use quick_xml::events::Event;
 use rustix::process::Signal;
 use serde_json::Value;
-use spykee::scenario::{Book, Setting};
+use spykee::scenario::{Book, Cause, Setting};
 use tempfile::TempDir;
 
 use crate::rig::Rig;
@@ -444,4 +444,14 @@ fn rust_tests_play_scenarios_too() {
     assert!(played.failure.is_none());
     let failure = book.play(endless, 1, &setting).unwrap().failure.unwrap();
     assert_eq!(failure.at, Duration::from_secs(15));
+    assert_eq!(failure.cause, Cause::Scenario);
+    let unmet = Book::of_text(
+        "unmet",
+        "scenario('x', {}, function(sim) expect(sim:docked()) end)",
+    );
+    let unmet = unmet.unwrap();
+    let played = unmet.play(&unmet.scenarios()[0], 1, &setting).unwrap();
+    let failure = played.failure.unwrap();
+    assert_eq!(failure.cause, Cause::Expectation);
+    assert_eq!(failure.message, "this did not become true");
 }

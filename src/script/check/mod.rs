@@ -107,6 +107,14 @@ impl Surroundings {
     }
 }
 
+/// What refuses a script with these options, whose chunk is its file; mere warnings are left out.
+pub fn errors(source: &[u8], options: &Options) -> Vec<Finding> {
+    let surroundings = Surroundings::new(options, Some(Path::new(&options.chunk)));
+    let mut findings = check(source, &options.chunk, &surroundings);
+    findings.retain(|finding| finding.severity == Severity::Error);
+    findings
+}
+
 /// Whether a file's script tries behaviours rather than being one: `*_test.lua`, and the `check.lua`
 /// of a lesson.
 fn is_scenario(file: &Path) -> bool {
