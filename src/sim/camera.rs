@@ -4,22 +4,17 @@
 use std::time::Duration;
 
 use bytes::Bytes;
-use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 
 use super::geometry::{Point, Pose};
 use super::grain::Grain;
 use super::ground;
+use super::jpeg::Encoder;
 use super::light::{Light, Lighting};
 use super::scene::{Hit, Kind, Round, Scene, What};
 use super::surface::{Rgb, Surface, scaled};
 use super::texture::{Pixel, Texture, between, lit, smear};
-use super::view::{CameraSettings, Column, EYE, HORIZON, Row, Subsampling, View, lamps};
+use super::view::{CameraSettings, Column, EYE, HEIGHT, HORIZON, Row, View, WIDTH, lamps};
 use super::world::World;
-
-/// Width of a frame, pixels (`PROTOCOL.md`, VIDEO).
-pub const WIDTH: usize = 320;
-/// Height of a frame, pixels (`PROTOCOL.md`, VIDEO).
-pub const HEIGHT: usize = 240;
 
 const CEILING: Pixel = [224, 223, 218, 0];
 /// The number that stands for full light.
@@ -44,6 +39,7 @@ pub(super) struct Camera {
     lamp: Lamp,
     rows: Vec<Row>,
     grain: Grain,
+    encoder: Encoder,
     exposure: f32,
     exposed: Option<Duration>,
     frame: Vec<Pixel>,
@@ -113,6 +109,7 @@ impl Camera {
                 height: room.height as f32,
             },
             grain: Grain::new(world.camera.noise, seed),
+            encoder: Encoder::new(world.camera.quality as u8, world.camera.subsampling),
             exposure: 1.0,
             exposed: None,
             ceiling: vec![[0; 4]; HEIGHT],
@@ -139,20 +136,7 @@ impl Camera {
         self.look(shot);
         self.grain
             .lay_over(self.frame.as_flattened(), self.grainy.as_flattened_mut());
-        let mut jpeg = Vec::with_capacity(16 * 1024);
-        let mut encoder = Encoder::new(&mut jpeg, self.settings.quality as u8);
-        encoder.set_sampling_factor(match self.settings.subsampling {
-            Subsampling::None => SamplingFactor::F_1_1,
-            Subsampling::Half => SamplingFactor::F_2_1,
-            Subsampling::Quarter => SamplingFactor::F_2_2,
-        });
-        let (width, height) = (WIDTH as u16, HEIGHT as u16);
-        let pixels = self.grainy.as_flattened();
-        if let Err(error) = encoder.encode(pixels, width, height, ColorType::Rgba) {
-            // Into memory and with a size that is right, it does not fail.
-            tracing::error!(target: "spykee::sim", %error, "cannot encode a frame");
-        }
-        Bytes::from(jpeg)
+        self.encoder.encode(&self.grainy)
     }
 
     /// A robot that stands still sees the same again and again, but for the grain.

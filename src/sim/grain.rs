@@ -3,7 +3,7 @@
 use rand::rngs::StdRng;
 use rand::{Rng, RngExt, SeedableRng};
 
-use super::camera::{HEIGHT, WIDTH};
+use super::view::{HEIGHT, WIDTH};
 
 /// Bytes of a frame before it is encoded.
 const LEN: usize = WIDTH * HEIGHT * 4;

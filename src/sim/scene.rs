@@ -316,7 +316,7 @@ impl Round {
 
 #[cfg(test)]
 mod tests {
-    use super::super::camera::WIDTH;
+    use super::super::view::WIDTH;
     use super::*;
 
     #[test]

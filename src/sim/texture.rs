@@ -137,6 +137,10 @@ pub(super) fn lit(pixel: Pixel, light: Pixel) -> Pixel {
         });
     }
     let (pixel, light) = (u32::from_le_bytes(pixel), u32::from(r));
+    if light <= 128 {
+        let (even, odd) = ((pixel & EVEN) * light, ((pixel >> 8) & EVEN) * light);
+        return (((even >> 7) & EVEN) | ((odd << 1) & !EVEN)).to_le_bytes();
+    }
     let two = |channels: u32| {
         let lit = ((channels * light) >> 7) & 0x01FF_01FF;
         let over = (lit >> 8) & 0x0001_0001;

@@ -3,9 +3,13 @@
 
 use serde::Deserialize;
 
-use super::camera::{HEIGHT, WIDTH};
 use super::geometry::{Point, Pose};
 use super::number;
+
+/// Width of a frame, pixels (`PROTOCOL.md`, VIDEO).
+pub const WIDTH: usize = 320;
+/// Height of a frame, pixels (`PROTOCOL.md`, VIDEO).
+pub const HEIGHT: usize = 240;
 
 /// The lens above the floor, metres.
 pub(super) const EYE: f32 = 0.20;
