@@ -87,7 +87,7 @@ pub struct Agent {
     plan: Plan,
     pilot: Pilot,
     requests: (mpsc::Sender<Request>, mpsc::Receiver<Request>),
-    frames: watch::Receiver<Option<crate::robot::Frame>>,
+    frames: watch::Receiver<crate::robot::Pictures>,
     status: watch::Receiver<Status>,
 }
 

@@ -20,7 +20,7 @@ use tracing::warn;
 
 use crate::link::{LinkError, Writer};
 use crate::robot::channel::{MAX_REQUESTS, Request};
-use crate::robot::{Event, Frame, RobotInfo, Streams};
+use crate::robot::{Event, Pictures, RobotInfo, Streams};
 use crate::safety::{Act, Fact, Limits, Watchdog};
 use crate::vision::Damage;
 use crate::wire::{Command, Power};
@@ -68,7 +68,7 @@ pub struct Pilot {
     writer: Option<Writer>,
     seats: Seats,
     lights: Lights,
-    frames: watch::Sender<Option<Frame>>,
+    pictures: watch::Sender<Pictures>,
     damage: Damage,
     status: watch::Sender<Status>,
     battery: Option<Power>,
@@ -83,22 +83,16 @@ pub struct Pilot {
 }
 
 impl Pilot {
-    /// Without a link. Also returns the newest frame and the newest status.
-    pub fn new(
-        settings: &Settings,
-    ) -> (
-        Pilot,
-        watch::Receiver<Option<Frame>>,
-        watch::Receiver<Status>,
-    ) {
-        let (frames, newest_frame) = watch::channel(None);
+    /// Without a link. Also returns what the camera shows and the newest status.
+    pub fn new(settings: &Settings) -> (Pilot, watch::Receiver<Pictures>, watch::Receiver<Status>) {
+        let (pictures, shown) = watch::channel(Pictures::default());
         let (status, newest_status) = watch::channel(Status::default());
         let pilot = Pilot {
             watchdog: Watchdog::new(settings.limits.clone(), Instant::now()),
             writer: None,
             seats: Seats::new(settings.streams),
             lights: Lights::default(),
-            frames,
+            pictures,
             damage: Damage::default(),
             status,
             battery: None,
@@ -109,7 +103,7 @@ impl Pilot {
             unsettled: false,
             alarm_due: false,
         };
-        (pilot, newest_frame, newest_status)
+        (pilot, shown, newest_status)
     }
 
     /// Connects, serves and reconnects until told to close.

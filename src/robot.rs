@@ -292,6 +292,24 @@ pub struct Frame {
     pub jpeg: Bytes,
 }
 
+/// A frame of which a part has come.
+#[derive(Debug, Clone)]
+pub struct Coming {
+    /// The number that it will have.
+    pub seq: u64,
+    /// Its first bytes.
+    pub jpeg: Bytes,
+}
+
+/// What the camera shows.
+#[derive(Debug, Clone, Default)]
+pub struct Pictures {
+    /// The newest frame.
+    pub newest: Option<Frame>,
+    /// The one on its way.
+    pub coming: Option<Coming>,
+}
+
 /// Declares an enum whose values have names that scripts, logs and people read.
 macro_rules! named {
     ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $text:literal,)+ }) => {

@@ -14,7 +14,7 @@ use crate::behaviour::{
     Handle, Launch, Launcher, Patience, Prepared, Reload, RestartPolicy, Supervisor, Verdict,
 };
 use crate::robot::channel::Request;
-use crate::robot::{BehaviourId, EndReason, Frame, Priority};
+use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
 use crate::script::Ending;
 use crate::script::check;
 
@@ -26,7 +26,7 @@ type Stop = watch::Receiver<Option<EndReason>>;
 pub(super) struct Surroundings {
     pub(super) launcher: Launcher,
     pub(super) requests: mpsc::Sender<Request>,
-    pub(super) frames: watch::Receiver<Option<Frame>>,
+    pub(super) frames: watch::Receiver<Pictures>,
     pub(super) stop: Stop,
 }
 

@@ -14,7 +14,7 @@ use crate::behaviour::{Dialogue, Handle, Launch, Launcher, Order, Prepared, Said
 use crate::link::LinkError;
 use crate::pilot::{self, Dial, LinkState, Pilot, Settings, Status};
 use crate::robot::channel::{MAX_REQUESTS, Request};
-use crate::robot::{BehaviourId, EndReason, Frame, Priority};
+use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
 use crate::script::Ending;
 
 use super::AgentError;
@@ -54,7 +54,7 @@ struct Session {
     launcher: Launcher,
     flight: Flight,
     requests: mpsc::Sender<Request>,
-    frames: watch::Receiver<Option<Frame>>,
+    frames: watch::Receiver<Pictures>,
     ending: pilot::Ending,
     last: u16,
 }

@@ -115,6 +115,7 @@ pub(super) async fn serve(
                 inbox,
                 outbox,
                 frame_asked: false,
+                coming: Vec::new(),
                 gallery,
                 keeper,
             };
@@ -139,6 +140,8 @@ struct Host {
     outbox: Sender<FromHost>,
     /// A frame was asked for and has not come yet.
     frame_asked: bool,
+    /// What has come of the next frame.
+    coming: Vec<u8>,
     /// Where a person can see what the script sees.
     gallery: Option<Gallery>,
     /// Where the script's store is kept.
@@ -238,9 +241,11 @@ impl Host {
             ToHost::Event(event) => self.script.deliver(event, now),
             ToHost::Frame { seq, age, jpeg } => {
                 self.frame_asked = false;
+                self.coming.clear();
                 let at = now.checked_sub(age).unwrap_or(now);
                 self.script.deliver_frame(Frame { seq, at, jpeg }, now);
             }
+            ToHost::Ahead { at, jpeg } => self.look_ahead(at, &jpeg),
             ToHost::Evaluate { text, more } => self.script.evaluate(&text, more, now),
             ToHost::Interrupt => self.script.interrupt(now),
             ToHost::Module(name, file) => self.script.deliver_module(&name, file, now),
@@ -264,6 +269,16 @@ impl Host {
         self.outbox.send(&warning(text)).await
     }
 
+    fn look_ahead(&mut self, at: usize, part: &[u8]) {
+        if at == 0 {
+            self.coming.clear();
+        }
+        if at == self.coming.len() {
+            self.coming.extend_from_slice(part);
+            self.script.look_ahead(&self.coming);
+        }
+    }
+
     async fn send_output(&mut self) -> io::Result<()> {
         for output in self.script.take_output() {
             let message = match output {
@@ -276,7 +291,8 @@ impl Host {
         }
         if self.script.wants_frames() && !self.frame_asked {
             self.frame_asked = true;
-            self.outbox.feed(&FromHost::WantFrame).await?;
+            let ahead = self.script.looks_at_frames();
+            self.outbox.feed(&FromHost::WantFrame { ahead }).await?;
         }
         self.outbox.flush().await
     }
@@ -292,5 +308,91 @@ async fn until(deadline: Option<Instant>) {
     match deadline {
         Some(deadline) => sleep_until(deadline).await,
         None => std::future::pending().await,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use bytes::Bytes;
+    use tokio::time::timeout;
+
+    use super::*;
+    use crate::behaviour::Library;
+    use crate::script::Options;
+
+    const JPEG: &[u8] = include_bytes!("../../tests/fixtures/ball-422.jpg");
+
+    /// A host of a script, and what goes in and out.
+    async fn host_of(source: &str) -> (Sender<ToHost>, Receiver<FromHost>) {
+        let (near, far) = tokio::io::duplex(1 << 20);
+        let (reader, writer) = tokio::io::split(far);
+        tokio::task::spawn_local(serve(reader, writer, Time::Virtual));
+        let (reader, writer) = tokio::io::split(near);
+        let (mut to, from) = (Sender::new(writer), Receiver::new(reader));
+        let launch = Launch {
+            source: source.into(),
+            options: Options::new("test", "test.lua"),
+            library: Library::default(),
+        };
+        to.send(&ToHost::Load(Box::new(launch))).await.unwrap();
+        to.send(&ToHost::Go).await.unwrap();
+        (to, from)
+    }
+
+    fn frame(seq: u64) -> ToHost {
+        let (age, jpeg) = (Duration::ZERO, Bytes::from_static(JPEG));
+        ToHost::Frame { seq, age, jpeg }
+    }
+
+    /// Whether the host wants to look ahead, the next time that it wants a frame; and what the script
+    /// has written before.
+    async fn wish(from: &mut Receiver<FromHost>) -> (bool, Vec<String>) {
+        let mut lines = Vec::new();
+        loop {
+            let message = timeout(Duration::from_secs(60), from.next()).await.unwrap();
+            match message.unwrap().unwrap() {
+                FromHost::Log(line) => lines.push(line.text),
+                FromHost::WantFrame { ahead } => return (ahead, lines),
+                _ => {}
+            }
+        }
+    }
+
+    #[tokio::test(flavor = "local")]
+    async fn a_script_that_looks_sees_the_same_frame_in_whatever_parts_it_comes() {
+        let look = "robot.on('frame', function(f) print(f:find_blobs('red')[1].pixels) end)";
+        let (mut to, mut from) = host_of(look).await;
+        assert!(!wish(&mut from).await.0);
+        to.send(&frame(1)).await.unwrap();
+        let (ahead, seen) = wish(&mut from).await;
+        assert!(ahead && seen.len() == 1, "{ahead} {seen:?}");
+        for (number, cuts) in [[700, 1500], [100, JPEG.len() - 1], [0, 0]]
+            .iter()
+            .enumerate()
+        {
+            let mut at = 0;
+            for &cut in cuts {
+                let jpeg = Bytes::from_static(&JPEG[at..cut]);
+                to.send(&ToHost::Ahead { at, jpeg }).await.unwrap();
+                at = cut;
+            }
+            to.send(&frame(number as u64 + 2)).await.unwrap();
+            assert_eq!(wish(&mut from).await, (true, seen.clone()));
+        }
+        // A part in between was lost.
+        let jpeg = Bytes::from_static(&JPEG[900..]);
+        to.send(&ToHost::Ahead { at: 900, jpeg }).await.unwrap();
+        to.send(&frame(9)).await.unwrap();
+        assert_eq!(wish(&mut from).await, (true, seen));
+    }
+
+    #[tokio::test(flavor = "local")]
+    async fn nothing_is_decoded_for_a_script_that_does_not_look() {
+        let (mut to, mut from) = host_of("robot.on('frame', function(f) print(f.seq) end)").await;
+        wish(&mut from).await;
+        to.send(&frame(1)).await.unwrap();
+        assert_eq!(wish(&mut from).await, (false, vec!["1".to_owned()]));
     }
 }

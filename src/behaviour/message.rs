@@ -40,6 +40,13 @@ pub enum ToHost {
         /// The JPEG.
         jpeg: Bytes,
     },
+    /// More of the frame on its way, in answer to [`FromHost::WantFrame`].
+    Ahead {
+        /// Bytes of it that came before.
+        at: usize,
+        /// A part of the JPEG.
+        jpeg: Bytes,
+    },
     /// Run what a person typed; answered by [`FromHost::Evaluated`].
     Evaluate {
         /// Luau.
@@ -65,7 +72,10 @@ pub enum FromHost {
     /// Nothing to say, but alive.
     Alive,
     /// One frame, newer than the last, as soon as there is one.
-    WantFrame,
+    WantFrame {
+        /// Also what has come of it.
+        ahead: bool,
+    },
     /// The file of a module, please.
     Module(ModuleName),
     /// The script wrote a line.

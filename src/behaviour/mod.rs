@@ -2,6 +2,7 @@
 //! and the messages between them. The agent runs no Lua and no decoder; what crashes here, crashes
 //! alone.
 
+mod ahead;
 mod calls;
 mod confine;
 mod dialogue;

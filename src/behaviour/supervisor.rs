@@ -9,13 +9,14 @@ use tokio::task::AbortHandle;
 use tokio::time::{Instant, sleep_until, timeout};
 use tracing::{debug, warn};
 
+use super::ahead::Ahead;
 use super::dialogue::{self, Dialogue, Said};
 use super::library::Library;
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
 use super::process::{HostProcess, Launcher, PipeReader, PipeWriter};
 use crate::robot::channel::{Inbox, Request, Told, events};
-use crate::robot::{BehaviourId, EndReason, Frame, Priority};
+use crate::robot::{BehaviourId, Coming, EndReason, Pictures, Priority};
 use crate::script::{Ending, Level, LogLine, ModuleName};
 
 /// Messages that may wait for a host that does not read.
@@ -70,9 +71,12 @@ pub struct Supervisor {
     host: Prepared,
     requests: mpsc::Sender<Request>,
     inbox: Inbox,
-    frames: watch::Receiver<Option<Frame>>,
+    frames: watch::Receiver<Pictures>,
     last_frame: u64,
     frame_wanted: bool,
+    /// The host decodes ahead what it gets of a frame.
+    ahead_wanted: bool,
+    ahead: Ahead,
     dropped: u64,
     dialogue: Option<Dialogue>,
 }
@@ -207,7 +211,7 @@ impl Supervisor {
     pub async fn board(
         host: Prepared,
         requests: mpsc::Sender<Request>,
-        frames: watch::Receiver<Option<Frame>>,
+        frames: watch::Receiver<Pictures>,
     ) -> Supervisor {
         let (outbox, inbox) = events();
         let join = Request::Join {
@@ -217,15 +221,16 @@ impl Supervisor {
             outbox,
         };
         let _ = requests.send(join).await;
-        let (last_frame, frame_wanted, dropped) = (0, false, 0);
         Supervisor {
             host,
             requests,
             inbox,
             frames,
-            last_frame,
-            frame_wanted,
-            dropped,
+            last_frame: 0,
+            frame_wanted: false,
+            ahead_wanted: false,
+            ahead: Ahead::default(),
+            dropped: 0,
             dialogue: None,
         }
     }
@@ -295,7 +300,7 @@ impl Supervisor {
                         return None;
                     }
                 },
-                () = picture.notified(), if self.frame_wanted => self.pass_frame(),
+                () = picture.notified(), if self.frame_wanted => self.pass_picture(),
             }
         }
     }
@@ -305,9 +310,9 @@ impl Supervisor {
         let request = match message {
             FromHost::Intent(intent) => Request::Intent(by, intent),
             FromHost::Alive => Request::Alive(by),
-            FromHost::WantFrame => {
-                self.frame_wanted = true;
-                return self.pass_frame();
+            FromHost::WantFrame { ahead } => {
+                (self.frame_wanted, self.ahead_wanted) = (true, ahead);
+                return self.pass_picture();
             }
             FromHost::Log(line) => match &self.dialogue {
                 Some(dialogue) => return dialogue.say(Said::Line(line)),
@@ -329,11 +334,12 @@ impl Supervisor {
         let _ = self.requests.send(request).await;
     }
 
-    /// The newest frame, if it is newer than the last one that was passed on.
-    fn pass_frame(&mut self) {
-        let newest = self.frames.borrow().clone();
+    /// The newest frame, if it is newer than the last one that was passed on, or what has come of
+    /// the next.
+    fn pass_picture(&mut self) {
+        let Pictures { newest, coming } = self.frames.borrow().clone();
         let Some(frame) = newest.filter(|frame| frame.seq > self.last_frame) else {
-            return;
+            return self.pass_beginning(coming);
         };
         (self.last_frame, self.frame_wanted) = (frame.seq, false);
         let age = frame.at.elapsed();
@@ -342,6 +348,13 @@ impl Supervisor {
             age,
             jpeg: frame.jpeg,
         });
+    }
+
+    fn pass_beginning(&mut self, coming: Option<Coming>) {
+        let coming = coming.filter(|_| self.ahead_wanted);
+        if let Some((at, jpeg)) = coming.and_then(|coming| self.ahead.rest(&coming)) {
+            self.pass_on(ToHost::Ahead { at, jpeg });
+        }
     }
 
     /// Whether the message found room.

@@ -19,7 +19,7 @@ mod writer;
 pub use backoff::Backoff;
 pub use error::LinkError;
 pub use options::Options;
-pub use reader::Reader;
+pub use reader::{Heard, Reader};
 pub use session::{MAX_EARLY_REPORTS, Session, connect, open};
 pub use target::{Target, TargetError};
 pub use writer::Writer;

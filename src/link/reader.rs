@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use bytes::Bytes;
 use tokio::io::{AsyncRead, AsyncReadExt};
 use tokio::task::coop;
 
@@ -11,12 +12,26 @@ use crate::wire::{Decoder, Report};
 /// A good part of a frame in one read, and nothing beside the robot's 64 KiB messages.
 const CHUNK_LEN: usize = 16 * 1024;
 
+/// A frame on its way is told of again when so many bytes more of it have come.
+const GROWTH: usize = 1024;
+
+/// What is heard of the robot.
+#[derive(Debug)]
+pub enum Heard {
+    /// A message.
+    Report(Report),
+    /// A frame on its way, as far as it has come.
+    Coming(Bytes),
+}
+
 /// The read half of a [`super::Session`]. Holds one message and one chunk, never more.
 pub struct Reader {
     io: Box<dyn AsyncRead + Send + Unpin>,
     decoder: Decoder,
     chunk: Box<[u8]>,
     unread: std::ops::Range<usize>,
+    /// Bytes of the frame on its way that were told of.
+    told: usize,
     dead_after: Duration,
 }
 
@@ -27,6 +42,7 @@ impl Reader {
             decoder: Decoder::new(),
             chunk: vec![0; CHUNK_LEN].into_boxed_slice(),
             unread: 0..0,
+            told: 0,
             dead_after,
         }
     }
@@ -34,15 +50,31 @@ impl Reader {
     /// Waits for the next report. Cancel-safe: a dropped wait loses nothing.
     ///
     /// # Errors
+    /// As [`Reader::hear`].
+    pub async fn next(&mut self) -> Result<Report, LinkError> {
+        loop {
+            if let Heard::Report(report) = self.hear().await? {
+                return Ok(report);
+            }
+        }
+    }
+
+    /// Waits for the next report or a good part more of a frame. Cancel-safe.
+    ///
+    /// # Errors
     /// [`LinkError::Closed`] at the end of the stream, also within a message;
     /// [`LinkError::Framing`] when it is out of step, from then on always; [`LinkError::Dead`] when
     /// the system gave the connection up.
-    pub async fn next(&mut self) -> Result<Report, LinkError> {
+    pub async fn hear(&mut self) -> Result<Heard, LinkError> {
         // Thousands of small messages fit into one chunk: timers must get their turn between them.
         coop::consume_budget().await;
         loop {
             if let Some(report) = self.decode()? {
-                return Ok(report);
+                self.told = 0;
+                return Ok(Heard::Report(report));
+            }
+            if let Some(beginning) = self.growth() {
+                return Ok(Heard::Coming(beginning));
             }
             let read = self.io.read(&mut self.chunk).await;
             let count = read.map_err(|error| LinkError::from_io(error, self.dead_after))?;
@@ -51,6 +83,14 @@ impl Reader {
             }
             self.unread = 0..count;
         }
+    }
+
+    fn growth(&mut self) -> Option<Bytes> {
+        let beginning = self.decoder.coming_frame()?;
+        (beginning.len() >= self.told + GROWTH).then(|| {
+            self.told = beginning.len();
+            Bytes::copy_from_slice(beginning)
+        })
     }
 
     fn decode(&mut self) -> Result<Option<Report>, LinkError> {
@@ -64,5 +104,64 @@ impl Reader {
 impl std::fmt::Debug for Reader {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Reader").finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::io::AsyncWriteExt;
+
+    use super::*;
+
+    /// A reader of a robot that writes these pieces, one when the one before has been read.
+    fn reader(pieces: Vec<Vec<u8>>) -> Reader {
+        let (near, mut far) = tokio::io::duplex(64 * 1024);
+        tokio::spawn(async move {
+            for piece in pieces {
+                far.write_all(&piece).await.unwrap();
+                tokio::task::yield_now().await;
+            }
+        });
+        Reader::new(Box::new(near), Duration::from_secs(3))
+    }
+
+    fn pieces(report: &Report, len: usize) -> Vec<Vec<u8>> {
+        let bytes = report.to_bytes();
+        bytes.chunks(len).map(<[u8]>::to_vec).collect()
+    }
+
+    #[tokio::test]
+    async fn a_frame_on_its_way_is_told_of_as_it_grows() {
+        let jpeg: Bytes = (0..5000).map(|index| index as u8).collect();
+        let mut pieces = pieces(&Report::Video(jpeg.clone()), 700);
+        pieces.extend(self::pieces(&Report::Audio(jpeg.clone()), 700));
+        let mut reader = reader(pieces);
+        let mut told = Vec::new();
+        let report = loop {
+            match reader.hear().await.unwrap() {
+                Heard::Coming(beginning) => told.push(beginning),
+                Heard::Report(report) => break report,
+            }
+        };
+        assert_eq!(report, Report::Video(jpeg.clone()));
+        assert!(told.len() > 1, "{} times", told.len());
+        assert!(told.iter().all(|beginning| jpeg.starts_with(beginning)));
+        let lens: Vec<_> = told.iter().map(Bytes::len).collect();
+        assert!(
+            lens[0] >= GROWTH && lens.is_sorted_by(|a, b| a + GROWTH <= *b),
+            "{lens:?}"
+        );
+        // Of nothing else.
+        assert!(matches!(
+            reader.hear().await,
+            Ok(Heard::Report(Report::Audio(_)))
+        ));
+    }
+
+    #[tokio::test]
+    async fn who_waits_for_reports_hears_only_those() {
+        let jpeg = Bytes::from(vec![7; 9000]);
+        let mut reader = reader(pieces(&Report::Video(jpeg.clone()), 1500));
+        assert_eq!(reader.next().await.unwrap(), Report::Video(jpeg));
     }
 }

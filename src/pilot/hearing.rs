@@ -1,13 +1,14 @@
 //! What the pilot does with what comes over the line: a login, reports, the loss of the link. Each
 //! function returns why the link is lost, if it is.
 
+use bytes::Bytes;
 use tokio::time::Instant;
 use tracing::{debug, info, warn};
 
 use super::Pilot;
 use super::line::{Greeting, News};
 use crate::link::LinkError;
-use crate::robot::{Event, Frame, RobotInfo};
+use crate::robot::{Coming, Event, Frame, Pictures, RobotInfo};
 use crate::safety::Fact;
 use crate::vision::judge;
 use crate::wire::{Accepted, EngineNews, Power, Report};
@@ -17,6 +18,10 @@ impl Pilot {
         match news {
             News::Up(greeting) => Ok(self.connected(*greeting).await),
             News::Report(report) => Ok(self.report(report).await),
+            News::Coming(beginning) => {
+                self.coming(beginning);
+                Ok(None)
+            }
             News::Lost(error) => Ok(Some(error.to_string())),
             News::Failed(error) if self.info.is_none() => Err(error),
             News::Failed(error) => {
@@ -122,7 +127,7 @@ impl Pilot {
 
     /// One that its markers already give away as no picture takes no good one's place. Reading the
     /// markers of a good one takes 0.1 us, looking in vain for the end of 64 KiB 0.1 ms.
-    fn frame(&mut self, jpeg: bytes::Bytes) {
+    fn frame(&mut self, jpeg: Bytes) {
         let (at, mut seq) = (Instant::now(), 0);
         self.status.send_if_modified(|status| {
             seq = status.count_frame();
@@ -130,7 +135,9 @@ impl Pilot {
         });
         match judge(&jpeg) {
             Ok(_) => {
-                self.frames.send_replace(Some(Frame { seq, at, jpeg }));
+                let newest = Some(Frame { seq, at, jpeg });
+                let coming = None;
+                self.pictures.send_replace(Pictures { newest, coming });
                 self.seats.show_all();
             }
             Err(error) => {
@@ -139,6 +146,13 @@ impl Pilot {
                 }
             }
         }
+    }
+
+    fn coming(&mut self, jpeg: Bytes) {
+        let seq = self.status.borrow().frames + 1;
+        self.pictures
+            .send_modify(|pictures| pictures.coming = Some(Coming { seq, jpeg }));
+        self.seats.show_all();
     }
 
     fn unknown(&mut self, kind: u8) {

@@ -5,11 +5,12 @@ use std::net::SocketAddr;
 use std::pin::Pin;
 use std::time::Duration;
 
+use bytes::Bytes;
 use rand::SeedableRng;
 use rand::rngs::StdRng;
 use tokio::time::sleep;
 
-use crate::link::{Backoff, LinkError, Options, Reader, Session, Writer};
+use crate::link::{Backoff, Heard, LinkError, Options, Reader, Session, Writer};
 use crate::wire::{Accepted, Power, Report};
 
 type Dialling = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send>>;
@@ -32,6 +33,8 @@ pub(super) enum News {
     Up(Box<Greeting>),
     /// A message from the robot.
     Report(Report),
+    /// A frame on its way, as far as it has come.
+    Coming(Bytes),
     /// An open link is gone.
     Lost(LinkError),
     /// A try has failed; another will be made.
@@ -73,8 +76,9 @@ impl Line {
                     News::Failed(error)
                 }
             },
-            State::Up(reader) => match reader.next().await {
-                Ok(report) => News::Report(report),
+            State::Up(reader) => match reader.hear().await {
+                Ok(Heard::Report(report)) => News::Report(report),
+                Ok(Heard::Coming(beginning)) => News::Coming(beginning),
                 Err(error) => News::Lost(error),
             },
         }

@@ -159,6 +159,18 @@ impl Script {
         }
     }
 
+    /// Decodes what has come of the next frame, so that it is looked at sooner.
+    pub fn look_ahead(&mut self, beginning: &[u8]) {
+        self.state.borrow_mut().eyes.look_ahead(beginning);
+    }
+
+    /// Whether the script has looked at the newest frame, rather than let it pass or save it.
+    pub fn looks_at_frames(&self) -> bool {
+        let state = self.state.borrow();
+        let newest = state.newest.as_ref().map(|held| held.frame().seq);
+        newest.is_some() && newest == state.eyes.seen()
+    }
+
     /// Runs the next task that is ready or due, until it waits: one slice, so that the host can
     /// give a sign of life in between. Nothing happens when nothing is ready.
     pub fn run_ready(&mut self, now: Instant) {

@@ -175,7 +175,10 @@ fn transform(block: &mut Block) {
     const COS_4: f32 = std::f32::consts::FRAC_1_SQRT_2;
     #[expect(clippy::needless_range_loop, reason = "every row has the column")]
     for column in 0..SIDE {
-        let [a, b, c, d, e, f, g, h] = std::array::from_fn(|row| block[row][column]);
+        let (a, b) = (block[0][column], block[1][column]);
+        let (c, d) = (block[2][column], block[3][column]);
+        let (e, f) = (block[4][column], block[5][column]);
+        let (g, h) = (block[6][column], block[7][column]);
         let outer = [a + h, b + g, c + f, d + e];
         let [s0, s1, s2, s3] = [d - e, c - f, b - g, a - h];
         let (p0, p3) = (outer[0] + outer[3], outer[0] - outer[3]);

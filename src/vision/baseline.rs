@@ -5,7 +5,9 @@
 //! half a picture. What is rarer (progressive, CMYK, several scans) is [`Unsure::Rarer`]: somebody
 //! else's work.
 
-use super::bits::{Bits, Scan};
+use std::ops::Range;
+
+use super::bits::{Bits, Cursor, Scan};
 use super::frame::{FrameError, Segment, Segments, Size};
 use super::huffman::{STANDARD_TABLES, Table};
 use super::idct;
@@ -13,6 +15,9 @@ use super::picture::{Image, Plane};
 
 /// Most bytes that may be left over when all blocks are decoded; some cameras pad.
 const MOST_LEFT_OVER: i64 = 16;
+
+/// Bits that a block cannot exceed: 64 values, a code of 16 and 11 of their own each.
+const MOST_OF_A_BLOCK: usize = 64 * (16 + 11);
 
 /// Why a frame was not decoded here.
 #[derive(Debug)]
@@ -47,7 +52,7 @@ struct Component {
 }
 
 /// Tables and buffers that live from frame to frame.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Baseline {
     quantisers: [Option<[i32; 64]>; 4],
     firsts: [Table; 4],
@@ -59,6 +64,22 @@ pub(super) struct Baseline {
     /// Units between restart markers; 0 for none.
     interval: usize,
     scan: Scan,
+    /// The frame whose end has not come yet.
+    ahead: Option<Progress>,
+    /// All that has come of it.
+    beginning: Vec<u8>,
+}
+
+/// How far a frame is decoded.
+#[derive(Debug, Clone, Copy, Default)]
+struct Progress {
+    /// Bytes of the frame that the scan has taken.
+    taken: usize,
+    cursor: Cursor,
+    /// The next unit.
+    unit: usize,
+    /// See [`Part`].
+    before: [i32; 3],
 }
 
 impl Baseline {
@@ -69,6 +90,88 @@ impl Baseline {
         has_tables: bool,
         image: &mut Image,
     ) -> Result<(), Unsure> {
+        let start = self.read_headers(jpeg, has_tables)?;
+        if self.scan.load(&jpeg[start..])? != 0xD9 {
+            return Err(Unsure::Rarer);
+        }
+        let (units, parts) = self.shape(image)?;
+        decode_units(&self.scan, self.interval, units, parts)
+    }
+
+    /// Decodes as much as there is of a frame that is still coming, of which the headers have been
+    /// surveyed. What cannot be done now is left for later.
+    pub(super) fn look_ahead(&mut self, jpeg: &[u8], has_tables: bool, image: &mut Image) {
+        let before = self.ahead.take();
+        let known = before.filter(|_| jpeg.starts_with(&self.beginning));
+        let progress = match known {
+            Some(progress) => Ok(progress),
+            None => self.read_headers(jpeg, has_tables).map(|start| Progress {
+                taken: start,
+                ..Progress::default()
+            }),
+        };
+        self.ahead = progress
+            .and_then(|progress| self.advance(jpeg, progress, image))
+            .ok();
+        self.beginning.clear();
+        self.beginning.extend_from_slice(jpeg);
+    }
+
+    fn advance(
+        &mut self,
+        jpeg: &[u8],
+        mut progress: Progress,
+        image: &mut Image,
+    ) -> Result<Progress, Unsure> {
+        if self.interval != 0 {
+            return Err(Unsure::Rarer);
+        }
+        progress.taken += self.scan.take(&jpeg[progress.taken..]);
+        let ((across, down), mut parts) = self.shape(image)?;
+        for (part, before) in parts.iter_mut().zip(progress.before) {
+            part.before = before;
+        }
+        let blocks: usize = parts.iter().map(|part| part.across * part.down).sum();
+        let mut bits = self.scan.bits_from(progress.cursor);
+        while progress.unit < across * down && bits.left() > (blocks * MOST_OF_A_BLOCK) as i64 {
+            decode_unit(&mut bits, &mut parts, progress.unit, across)?;
+            progress.unit += 1;
+        }
+        progress.cursor = bits.cursor();
+        progress.before = parts.each_ref().map(|part| part.before);
+        Ok(progress)
+    }
+
+    /// Decodes the rest of a frame that has been looked at ahead, into the same image; nothing if
+    /// this is another one.
+    pub(super) fn finish(&mut self, jpeg: &[u8], image: &mut Image) -> Option<Result<(), Unsure>> {
+        let progress = self.ahead.take()?;
+        let known = jpeg.starts_with(&self.beginning);
+        known.then(|| self.decode_rest(jpeg, progress, image))
+    }
+
+    fn decode_rest(
+        &mut self,
+        jpeg: &[u8],
+        progress: Progress,
+        image: &mut Image,
+    ) -> Result<(), Unsure> {
+        if self.scan.load(&jpeg[progress.taken..])? != 0xD9 {
+            return Err(Unsure::Rarer);
+        }
+        if self.scan.intervals() != 1 {
+            return Err(broken("a part of its data is missing"));
+        }
+        let ((across, down), mut parts) = self.shape(image)?;
+        for (part, before) in parts.iter_mut().zip(progress.before) {
+            part.before = before;
+        }
+        let bits = self.scan.bits_from(progress.cursor);
+        decode_interval(bits, progress.unit..across * down, across, &mut parts)
+    }
+
+    /// Reads all that stands before the data; returns where that begins.
+    fn read_headers(&mut self, jpeg: &[u8], has_tables: bool) -> Result<usize, Unsure> {
         self.forget();
         if !has_tables {
             self.read_tables(&STANDARD_TABLES[4..])?;
@@ -87,13 +190,12 @@ impl Baseline {
                 _ => {}
             }
         }
-        if self.scan.load(&jpeg[segments.at..])? != 0xD9 {
-            return Err(Unsure::Rarer);
-        }
-        self.decode_scan(image)
+        Ok(segments.at)
     }
 
     fn forget(&mut self) {
+        self.ahead = None;
+        self.scan.clear();
         self.quantisers = [None; 4];
         self.have = Default::default();
         self.components.clear();
@@ -220,7 +322,11 @@ impl Baseline {
         Ok(())
     }
 
-    fn decode_scan(&mut self, image: &mut Image) -> Result<(), Unsure> {
+    /// Gives the image its shape; units across and down, and what their blocks need.
+    fn shape<'a>(
+        &'a self,
+        image: &'a mut Image,
+    ) -> Result<((usize, usize), [Part<'a>; 3]), Unsure> {
         let (Some(size), Some(&finest)) = (self.size, self.components.first()) else {
             return Err(broken("its size is missing before its data"));
         };
@@ -242,8 +348,7 @@ impl Baseline {
                 (shifts.0.ilog2(), shifts.1.ilog2()),
             );
         }
-        let parts = self.parts(&mut image.planes)?;
-        decode_units(&self.scan, self.interval, (across, down), parts)
+        Ok(((across, down), self.parts(&mut image.planes)?))
     }
 
     /// Everything that a component's blocks need; surplus parts have no blocks in a unit.
@@ -297,26 +402,48 @@ fn decode_units(
     }
     for index in 0..scan.intervals() {
         parts.iter_mut().for_each(|part| part.before = 0);
-        let mut bits = scan.bits(index);
-        for unit in index * interval..units.min((index + 1) * interval) {
-            for part in &mut parts {
-                decode_unit(&mut bits, part, unit % across, unit / across)
-                    .ok_or_else(|| broken("its data makes no sense"))?;
-            }
-            if bits.left() < 0 {
-                return Err(broken("its data ends early"));
-            }
+        let some = index * interval..units.min((index + 1) * interval);
+        decode_interval(scan.bits(index), some, across, &mut parts)?;
+    }
+    Ok(())
+}
+
+/// The units that are all that is left of an interval.
+fn decode_interval(
+    mut bits: Bits<'_>,
+    units: Range<usize>,
+    across: usize,
+    parts: &mut [Part<'_>; 3],
+) -> Result<(), Unsure> {
+    for unit in units {
+        decode_unit(&mut bits, parts, unit, across)?;
+        if bits.left() < 0 {
+            return Err(broken("its data ends early"));
         }
-        if bits.left() > MOST_LEFT_OVER * 8 {
-            return Err(broken("its data goes on behind its end"));
-        }
+    }
+    if bits.left() > MOST_LEFT_OVER * 8 {
+        return Err(broken("its data goes on behind its end"));
+    }
+    Ok(())
+}
+
+#[inline]
+fn decode_unit(
+    bits: &mut Bits<'_>,
+    parts: &mut [Part<'_>; 3],
+    unit: usize,
+    across: usize,
+) -> Result<(), Unsure> {
+    for part in parts {
+        decode_blocks(bits, part, unit % across, unit / across)
+            .ok_or_else(|| broken("its data makes no sense"))?;
     }
     Ok(())
 }
 
 /// The blocks of a component in the unit at column `x`, row `y`.
 #[inline]
-fn decode_unit(bits: &mut Bits<'_>, part: &mut Part<'_>, x: usize, y: usize) -> Option<()> {
+fn decode_blocks(bits: &mut Bits<'_>, part: &mut Part<'_>, x: usize, y: usize) -> Option<()> {
     for row in 0..part.down {
         for column in 0..part.across {
             let stride = part.plane.stride;

@@ -6,7 +6,7 @@ use super::frame::FrameError;
 const PADDING: usize = 16;
 
 /// A scan's data without its stuffing, cut at the restart markers.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Scan {
     bytes: Vec<u8>,
     /// Where each interval ends.
@@ -14,21 +14,22 @@ pub(super) struct Scan {
 }
 
 impl Scan {
-    /// Takes the bytes behind a scan's header; returns the marker that ends the scan.
-    pub(super) fn load(&mut self, mut rest: &[u8]) -> Result<u8, FrameError> {
+    /// Forgets the scan before.
+    pub(super) fn clear(&mut self) {
         self.bytes.clear();
         self.ends.clear();
+    }
+
+    /// Takes the bytes behind a scan's header, or the rest of them; returns the marker that ends the
+    /// scan.
+    pub(super) fn load(&mut self, mut rest: &[u8]) -> Result<u8, FrameError> {
         loop {
-            let at = first_ff(rest);
-            let (plain, marker) = rest.split_at(at);
-            self.bytes.extend_from_slice(plain);
-            let &[_, code, ..] = marker else {
+            rest = &rest[self.take(rest)..];
+            let &[_, code, ..] = rest else {
                 return Err(FrameError::NoEnd);
             };
-            rest = &marker[2..];
+            rest = &rest[2..];
             match code {
-                0 => self.bytes.push(0xFF),
-                0xFF => rest = &marker[1..],
                 0xD0..=0xD7 if usize::from(code & 7) == self.ends.len() % 8 => {
                     self.ends.push(self.bytes.len())
                 }
@@ -38,6 +39,24 @@ impl Scan {
                     self.bytes.extend([0; PADDING]);
                     return Ok(code);
                 }
+            }
+        }
+    }
+
+    /// Takes bytes up to a marker or to where they end for now; returns how many.
+    pub(super) fn take(&mut self, data: &[u8]) -> usize {
+        let mut at = 0;
+        loop {
+            let plain = first_ff(&data[at..]);
+            self.bytes.extend_from_slice(&data[at..at + plain]);
+            at += plain;
+            match data.get(at + 1) {
+                Some(0) => {
+                    self.bytes.push(0xFF);
+                    at += 2;
+                }
+                Some(0xFF) => at += 1,
+                _ => return at,
             }
         }
     }
@@ -57,9 +76,16 @@ impl Scan {
         Bits {
             bytes: &self.bytes[start..],
             len: self.ends[interval] - start,
-            at: 0,
-            buffer: 0,
-            count: 0,
+            cursor: Cursor::default(),
+        }
+    }
+
+    /// The bits of the first interval from a place on, as far as they are there.
+    pub(super) fn bits_from(&self, cursor: Cursor) -> Bits<'_> {
+        Bits {
+            bytes: &self.bytes,
+            len: self.ends.first().copied().unwrap_or(self.bytes.len()),
+            cursor,
         }
     }
 }
@@ -88,6 +114,12 @@ fn first_ff(bytes: &[u8]) -> usize {
 pub(super) struct Bits<'a> {
     bytes: &'a [u8],
     len: usize,
+    cursor: Cursor,
+}
+
+/// How far bits have been read.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Cursor {
     at: usize,
     /// The next bits, from the top.
     buffer: u64,
@@ -99,32 +131,38 @@ impl Bits<'_> {
     /// Makes sure that 32 bits can be looked at.
     #[inline(always)]
     pub(super) fn refill(&mut self) {
-        if self.count < 32 {
-            let next = self.bytes.get(self.at..).and_then(<[u8]>::first_chunk::<8>);
+        let Cursor { at, buffer, count } = &mut self.cursor;
+        if *count < 32 {
+            let next = self.bytes.get(*at..).and_then(<[u8]>::first_chunk::<8>);
             let word = next.map_or(0, |bytes| u64::from_be_bytes(*bytes));
-            self.buffer |= word >> self.count;
-            self.at += (63 - self.count) as usize / 8;
-            self.count |= 56;
+            *buffer |= word >> *count;
+            *at += (63 - *count) as usize / 8;
+            *count |= 56;
         }
     }
 
     /// The next bits, 1 to 32, without taking them; [`Bits::refill`] must have come before.
     #[inline(always)]
     pub(super) fn peek(&self, bits: u32) -> usize {
-        (self.buffer >> (64 - bits)) as usize
+        (self.cursor.buffer >> (64 - bits)) as usize
     }
 
     /// Takes bits that were looked at.
     #[inline(always)]
     pub(super) fn skip(&mut self, bits: u32) {
-        self.buffer <<= bits;
-        self.count = self.count.wrapping_sub(bits);
+        self.cursor.buffer <<= bits;
+        self.cursor.count = self.cursor.count.wrapping_sub(bits);
     }
 
     /// How many bits are left; negative when more were read than there are.
     pub(super) fn left(&self) -> i64 {
         // Lengths of frames are bounded, so nothing is cut off.
-        self.len as i64 * 8 - (self.at as i64 * 8 - i64::from(self.count))
+        self.len as i64 * 8 - (self.cursor.at as i64 * 8 - i64::from(self.cursor.count))
+    }
+
+    /// How far they have been read.
+    pub(super) fn cursor(&self) -> Cursor {
+        self.cursor
     }
 }
 

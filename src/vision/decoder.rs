@@ -10,9 +10,11 @@ use super::picture::Image;
 use super::scans;
 
 /// Decodes one frame after the other into the same buffers.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Decoder {
     image: Image,
+    /// What has come of the next one.
+    coming: Image,
     baseline: Baseline,
     /// Pixels of a frame that another decoder has decoded.
     pixels: Vec<u8>,
@@ -34,6 +36,17 @@ impl Decoder {
         result.map(|()| &self.image)
     }
 
+    /// Decodes as much as there is of a frame that is still coming in, so that little is left to do
+    /// when it is whole and [`Decoder::decode`] gets all of it. The newest picture stays as it is.
+    pub fn look_ahead(&mut self, beginning: &[u8]) {
+        if let Ok((survey, _)) = Survey::of_headers(beginning)
+            && survey.baseline
+        {
+            self.baseline
+                .look_ahead(beginning, survey.has_tables, &mut self.coming);
+        }
+    }
+
     /// The newest picture; 0x0 before the first and after a failure.
     pub fn image(&self) -> &Image {
         &self.image
@@ -42,10 +55,16 @@ impl Decoder {
     fn try_decode(&mut self, jpeg: &[u8]) -> Result<(), FrameError> {
         let survey = Survey::of(jpeg)?;
         if survey.baseline {
-            match self
-                .baseline
-                .decode(jpeg, survey.has_tables, &mut self.image)
-            {
+            let decoded = match self.baseline.finish(jpeg, &mut self.coming) {
+                Some(finished) => {
+                    std::mem::swap(&mut self.image, &mut self.coming);
+                    finished
+                }
+                None => self
+                    .baseline
+                    .decode(jpeg, survey.has_tables, &mut self.image),
+            };
+            match decoded {
                 Ok(()) => return Ok(()),
                 Err(Unsure::Broken(error)) => return Err(error),
                 Err(Unsure::Rarer) => {}
@@ -87,7 +106,19 @@ fn short(error: image::ImageError) -> FrameError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use image::RgbImage;
+    use image::codecs::jpeg::JpegEncoder;
+    use image::{Rgb, RgbImage};
+    use proptest::prelude::*;
+
+    const FILES: [&[u8]; 7] = [
+        include_bytes!("../../tests/fixtures/ball-422.jpg"),
+        include_bytes!("../../tests/fixtures/ball-444.jpg"),
+        include_bytes!("../../tests/fixtures/ball-420.jpg"),
+        include_bytes!("../../tests/fixtures/ball-440.jpg"),
+        include_bytes!("../../tests/fixtures/ball-grey.jpg"),
+        include_bytes!("../../tests/fixtures/ball-restart.jpg"),
+        include_bytes!("../../tests/fixtures/ball-cmyk.jpg"),
+    ];
 
     /// Mean and largest difference of any channel of any pixel.
     fn difference(ours: &RgbImage, theirs: &RgbImage) -> (f64, u8) {
@@ -119,6 +150,57 @@ mod tests {
         warm.decode(whole).unwrap();
         let seen = warm.decode(&other).map(Image::to_rgb);
         assert_eq!(seen, fresh.decode(&other).map(Image::to_rgb));
+    }
+
+    fn told(decoder: &mut Decoder, jpeg: &[u8]) -> Result<RgbImage, FrameError> {
+        decoder.decode(jpeg).map(Image::to_rgb)
+    }
+
+    proptest! {
+        /// Cut anywhere, however often, damaged, or followed by another frame: nobody can tell afterwards.
+        #[test]
+        fn a_frame_looked_at_ahead_is_the_same_frame(
+            file in 0..FILES.len(),
+            other in 0..FILES.len(),
+            mut cuts in prop::collection::vec(0.0..1.0, 0..8),
+            damage in prop::option::of((0.0..1.0, any::<u8>())),
+        ) {
+            let mut jpeg = FILES[file].to_vec();
+            if let Some((place, byte)) = damage {
+                let at = (place * jpeg.len() as f64) as usize;
+                jpeg[at] = byte;
+            }
+            cuts.sort_by(f64::total_cmp);
+            let mut ahead = Decoder::default();
+            let before = told(&mut ahead, FILES[other]);
+            for cut in cuts {
+                ahead.look_ahead(&jpeg[..(cut * jpeg.len() as f64) as usize]);
+                prop_assert_eq!(Ok(ahead.image().to_rgb()), before.clone());
+            }
+            let fresh = told(&mut Decoder::default(), &jpeg);
+            let mut elsewhere = ahead.clone();
+            prop_assert_eq!(told(&mut ahead, &jpeg), fresh);
+            prop_assert_eq!(told(&mut elsewhere, FILES[other]), before);
+        }
+    }
+
+    /// With the last bytes there is next to nothing left to decode.
+    #[test]
+    fn most_of_a_frame_is_decoded_before_its_end_has_come() {
+        let noise = RgbImage::from_fn(320, 240, |x, y| Rgb([(x * y % 251) as u8; 3]));
+        let mut jpeg = Vec::new();
+        JpegEncoder::new(&mut jpeg).encode_image(&noise).unwrap();
+        let mut decoder = Decoder::default();
+        decoder.look_ahead(&jpeg[..jpeg.len() - 100]);
+        decoder.decode(&jpeg).unwrap();
+        let whole = decoder.image().to_rgb();
+        decoder.look_ahead(&jpeg[..jpeg.len() - 100]);
+        let coming = decoder.coming.to_rgb();
+        let rows = coming.rows().zip(whole.rows());
+        let done = rows
+            .take_while(|(one, other)| one.clone().eq(other.clone()))
+            .count();
+        assert!(done > 200, "{done} rows of {}", whole.height());
     }
 
     #[test]

@@ -48,6 +48,16 @@ impl Eyes {
         }
     }
 
+    /// Decodes what has come of the next frame; see [`Decoder::look_ahead`].
+    pub fn look_ahead(&mut self, beginning: &[u8]) {
+        self.decoder.look_ahead(beginning);
+    }
+
+    /// The newest frame that was looked at.
+    pub fn seen(&self) -> Option<u64> {
+        self.seen.as_ref().map(|(key, _)| *key)
+    }
+
     /// The blobs of frame number `key` in any of the colours, largest first; the list lives until the next call.
     ///
     /// # Errors

@@ -84,6 +84,13 @@ pub(super) struct Survey {
 impl Survey {
     /// Reads the markers up to the first scan, then looks for the end.
     pub(super) fn of(jpeg: &[u8]) -> Result<Survey, FrameError> {
+        let (survey, data) = Survey::of_headers(jpeg)?;
+        check_rest(&jpeg[data..], survey.baseline)?;
+        Ok(survey)
+    }
+
+    /// Reads the markers up to the first scan; where its data begins.
+    pub(super) fn of_headers(jpeg: &[u8]) -> Result<(Survey, usize), FrameError> {
         if jpeg.len() > MAX_JPEG_LEN {
             return Err(FrameError::TooLong(jpeg.len()));
         }
@@ -109,12 +116,12 @@ impl Survey {
         }
         let (size, baseline) =
             picture.ok_or_else(|| FrameError::damaged("its size is missing before its data"))?;
-        check_rest(&jpeg[segments.at..], baseline)?;
-        Ok(Survey {
+        let survey = Survey {
             size,
             baseline,
             has_tables,
-        })
+        };
+        Ok((survey, segments.at))
     }
 }
 

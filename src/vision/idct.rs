@@ -101,8 +101,11 @@ fn pass(block: &mut Block) {
     let plus = i16::wrapping_add;
     let minus = i16::wrapping_sub;
     for column in 0..8 {
-        let [i0, i1, i2, i3, i4, i5, i6, i7] =
-            [0, 8, 16, 24, 32, 40, 48, 56].map(|row| block[row + column]);
+        // One by one: a closure may stay a call of its own, and nothing goes together any more.
+        let (i0, i1) = (block[column], block[8 + column]);
+        let (i2, i3) = (block[16 + column], block[24 + column]);
+        let (i4, i5) = (block[32 + column], block[40 + column]);
+        let (i6, i7) = (block[48 + column], block[56 + column]);
         // Even frequencies.
         let (sum, difference) = (plus(i0, i4), minus(i0, i4));
         let outer = plus(i2, i6);

@@ -111,6 +111,12 @@ impl Decoder {
         }))
     }
 
+    /// What has come of a VIDEO message's payload that is not whole yet.
+    pub fn coming_frame(&self) -> Option<&[u8]> {
+        let payload = self.partial.get(HEADER_LEN..)?;
+        (self.partial[KIND_OFFSET] == super::kind::VIDEO).then_some(payload)
+    }
+
     /// Bytes held of a message that is not whole yet.
     pub fn buffered(&self) -> usize {
         self.partial.len()

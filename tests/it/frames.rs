@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use rustix::process::Signal;
-use spykee::sim::{Firmware, Handle};
+use spykee::sim::{Fault, Firmware, Handle, Options, World};
 use spykee::vision::judge;
 use spykee::wire::Report;
 use tokio::time::{Instant, timeout};
@@ -192,4 +192,47 @@ async fn a_folder_that_cannot_be_used_is_refused_before_the_robot_moves() {
         assert!(run.text().contains("--annotate"), "{}", run.text());
     }
     assert_eq!(rig.commands(0), []);
+}
+
+/// The host decodes what has come of a frame: what a script sees is the same as of whole ones.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_script_sees_the_same_in_frames_that_come_in_pieces() {
+    let world = format!(
+        "{QUIET_WORLD}\nballs:\n  - {{ at: [4, 4.9], colour: red }}\ncamera: {{ noise: 0 }}\n"
+    );
+    let mut seen = Vec::new();
+    for faults in [
+        "[]",
+        "[{ fault: split }]",
+        "[{ fault: drip, bytes: 65000, towards: client }]",
+    ] {
+        let world = World::from_yaml(&world, "ball").unwrap();
+        let faults = Fault::list_from_yaml(&format!("faults: {faults}"), "faults").unwrap();
+        let options = Options {
+            faults: Some(faults),
+            ..Options::default()
+        };
+        let rig = Rig::with(world, options).await;
+        let mut run = rig.run(
+            "local seen = 0
+             robot.on('frame', function(frame)
+                 local ball = frame:find_blobs('red')[1]
+                 print(`red: {ball.pixels} at {ball.cx} {ball.cy}`)
+                 seen += 1
+                 if seen == 12 then script.stop() end
+             end)",
+        );
+        assert_eq!(run.code().await, Some(0), "{}", run.text());
+        let text = run.text();
+        let lines = text.lines().filter_map(|line| line.split_once("red: "));
+        seen.extend(lines.map(|(_, ball)| {
+            ball.split_whitespace()
+                .take(4)
+                .collect::<Vec<_>>()
+                .join(" ")
+        }));
+    }
+    assert_eq!(seen.len(), 36);
+    seen.dedup();
+    assert_eq!(seen.len(), 1, "{seen:?}");
 }

@@ -54,6 +54,9 @@ fn check_judged(jpeg: &[u8], judged: &Result<Size, FrameError>) {
 
 fn look(seen: &mut Seen, jpeg: &[u8], judged: Result<Size, FrameError>) {
     seen.frames += 1;
+    for part in pieces(jpeg) {
+        seen.eyes.look_ahead(part);
+    }
     let size = match seen.eyes.look(seen.frames, jpeg) {
         Ok(image) => image.size(),
         Err(error) => return refused(error, judged),
@@ -80,6 +83,12 @@ fn look(seen: &mut Seen, jpeg: &[u8], judged: Result<Size, FrameError>) {
     let image = seen.eyes.look(seen.frames, jpeg).expect("it was decoded");
     assert!((0.0..=1.0).contains(&brightness(image, options.roi)));
     assert!(sharpness(image, options.roi) >= 0.0);
+}
+
+/// What has come of the frame at two moments before it was whole.
+fn pieces(jpeg: &[u8]) -> [&[u8]; 2] {
+    let knobs = jpeg.split_last_chunk::<2>().map_or([0; 2], |(_, knobs)| *knobs);
+    knobs.map(|knob| &jpeg[..jpeg.len() * usize::from(knob) / 256])
 }
 
 /// What its markers refuse is refused for the same reason, and what they let pass may still be torn.
