@@ -94,7 +94,7 @@ impl Baseline {
         if self.scan.load(&jpeg[start..])? != 0xD9 {
             return Err(Unsure::Rarer);
         }
-        let (units, parts) = self.shape(image)?;
+        let (units, parts) = self.shape(image, [0; 3])?;
         decode_units(&self.scan, self.interval, units, parts)
     }
 
@@ -127,10 +127,7 @@ impl Baseline {
             return Err(Unsure::Rarer);
         }
         progress.taken += self.scan.take(&jpeg[progress.taken..]);
-        let ((across, down), mut parts) = self.shape(image)?;
-        for (part, before) in parts.iter_mut().zip(progress.before) {
-            part.before = before;
-        }
+        let ((across, down), mut parts) = self.shape(image, progress.before)?;
         let blocks: usize = parts.iter().map(|part| part.across * part.down).sum();
         let mut bits = self.scan.bits_from(progress.cursor);
         while progress.unit < across * down && bits.left() > (blocks * MOST_OF_A_BLOCK) as i64 {
@@ -162,10 +159,7 @@ impl Baseline {
         if self.scan.intervals() != 1 {
             return Err(broken("a part of its data is missing"));
         }
-        let ((across, down), mut parts) = self.shape(image)?;
-        for (part, before) in parts.iter_mut().zip(progress.before) {
-            part.before = before;
-        }
+        let ((across, down), mut parts) = self.shape(image, progress.before)?;
         let bits = self.scan.bits_from(progress.cursor);
         decode_interval(bits, progress.unit..across * down, across, &mut parts)
     }
@@ -322,10 +316,12 @@ impl Baseline {
         Ok(())
     }
 
-    /// Gives the image its shape; units across and down, and what their blocks need.
+    /// Gives the image its shape; units across and down, and what the blocks after those `before`
+    /// need.
     fn shape<'a>(
         &'a self,
         image: &'a mut Image,
+        before: [i32; 3],
     ) -> Result<((usize, usize), [Part<'a>; 3]), Unsure> {
         let (Some(size), Some(&finest)) = (self.size, self.components.first()) else {
             return Err(broken("its size is missing before its data"));
@@ -348,11 +344,15 @@ impl Baseline {
                 (shifts.0.ilog2(), shifts.1.ilog2()),
             );
         }
-        Ok(((across, down), self.parts(&mut image.planes)?))
+        Ok(((across, down), self.parts(&mut image.planes, before)?))
     }
 
     /// Everything that a component's blocks need; surplus parts have no blocks in a unit.
-    fn parts<'a>(&'a self, planes: &'a mut [Plane; 3]) -> Result<[Part<'a>; 3], Unsure> {
+    fn parts<'a>(
+        &'a self,
+        planes: &'a mut [Plane; 3],
+        before: [i32; 3],
+    ) -> Result<[Part<'a>; 3], Unsure> {
         let quantisers = &self.quantisers;
         if self
             .components
@@ -362,6 +362,7 @@ impl Baseline {
             return Err(broken("a quantisation table is missing"));
         }
         let mut components = self.components.iter().copied();
+        let mut before = before.into_iter();
         Ok(planes.each_mut().map(|plane| {
             let component = components.next().unwrap_or_default();
             Part {
@@ -370,7 +371,7 @@ impl Baseline {
                 quantiser: quantisers[component.quantiser].unwrap_or([0; 64]),
                 first: &self.firsts[component.first],
                 others: &self.others[component.others],
-                before: 0,
+                before: before.next().unwrap_or_default(),
                 plane,
             }
         }))
