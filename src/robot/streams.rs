@@ -41,6 +41,13 @@ impl Streams {
         }
     }
 
+    /// Why a script cannot have a stream, if so.
+    pub fn refusal(&self, stream: Stream) -> Option<String> {
+        let name = stream.name();
+        (self.usage(stream) == Use::Off)
+            .then(|| format!("the config keeps {name} off; it has streams: {{ {name}: off }}"))
+    }
+
     /// Those that are used so.
     pub fn used(self, usage: Use) -> impl Iterator<Item = Stream> {
         let all = Stream::ALL.iter().copied();

@@ -12,6 +12,7 @@ use super::queue::Timer;
 use super::sound;
 use super::task::{SubscriptionId, TaskId};
 use crate::robot::{Battery, Event};
+use crate::wire::Stream;
 
 /// Subscriptions that may exist at once.
 pub(super) const MAX_SUBSCRIPTIONS: usize = 64;
@@ -56,6 +57,20 @@ event_names! {
 }
 
 impl EventName {
+    pub(super) fn from_name(name: &str) -> Option<EventName> {
+        let mut all = EventName::ALL.iter().copied();
+        all.find(|event| event.name() == name)
+    }
+
+    /// What must be on for it to come.
+    pub(super) fn stream(self) -> Option<Stream> {
+        match self {
+            EventName::Frame => Some(Stream::Video),
+            EventName::Audio | EventName::Noise => Some(Stream::AudioIn),
+            _ => None,
+        }
+    }
+
     /// The name of an event that comes from outside; `None` for the answers to waiting calls.
     pub(super) fn of(event: &Event) -> Option<EventName> {
         Some(match event {

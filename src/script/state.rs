@@ -22,7 +22,7 @@ use super::sound::Loudness;
 use super::stage::Stage;
 use super::store::Store;
 use super::task::{Answer, GroupId, Kind, SubscriptionId, Wait};
-use crate::robot::{Battery, Event, Frame, Intent, RobotInfo, Use};
+use crate::robot::{Battery, Event, Frame, Intent, RobotInfo};
 use crate::vision::{Damage, Eyes, FrameError, judge};
 use crate::wire::Stream;
 
@@ -344,11 +344,8 @@ impl State {
 
     /// Switches a stream on unless it is, or must stay off: then it says so.
     pub(super) fn want(&mut self, stream: Stream) -> Result<(), String> {
-        if self.options.streams.usage(stream) == Use::Off {
-            let name = stream.name();
-            return Err(format!(
-                "the config keeps {name} off; it has streams: {{ {name}: off }}"
-            ));
+        if let Some(why) = self.options.streams.refusal(stream) {
+            return Err(why);
         }
         if !self.streams.contains(&stream) {
             self.streams.push(stream);

@@ -9,7 +9,6 @@ use super::super::events::{EventName, MAX_SUBSCRIPTIONS, Subscription};
 use super::super::task::{SubscriptionId, Wait};
 use super::frame::add_methods;
 use super::{Answered, Builder, Call, Entry, plain, waiting};
-use crate::wire::Stream;
 
 pub(super) const CALLS: [Entry; 3] = [
     plain("robot.on", on),
@@ -86,11 +85,9 @@ fn wait_for(call: &mut Call<'_>) -> Answered {
 
 /// Frames and sound come only when their stream is on.
 pub(super) fn listen(call: &mut Call<'_>, event: EventName) -> Result<(), Refusal> {
-    match event {
-        EventName::Frame => call.switch_on(Stream::Video),
-        EventName::Audio | EventName::Noise => call.switch_on(Stream::AudioIn),
-        _ => Ok(()),
-    }
+    event
+        .stream()
+        .map_or(Ok(()), |stream| call.switch_on(stream))
 }
 
 fn event(call: &Call<'_>) -> Result<EventName, Refusal> {

@@ -2,11 +2,13 @@
 //! bounds; and the keys of options.
 
 use super::super::api::definition::{Choice, Function, Need, Type, Value};
+use super::super::events::EventName;
 use super::super::nearest::suggestion;
 use super::kinds::Kind;
 use super::lexer::Span;
 use super::tree::{Entry, Expr, ExprKind};
 use super::walk::Walk;
+use crate::wire::Stream;
 
 /// A call that is looked at.
 #[derive(Clone, Copy)]
@@ -40,6 +42,7 @@ impl<'a> Walk<'a> {
         for (parameter, argument) in function.parameters.iter().zip(arguments) {
             self.argument(function.path, parameter, argument);
         }
+        self.stream(site);
         let open = arguments.last().is_some_and(is_open);
         if arguments.len() < function.least() && !open {
             let missing = &function.parameters[arguments.len()];
@@ -50,6 +53,31 @@ impl<'a> Walk<'a> {
                 missing.kind.words()
             );
             self.error(span, missing_words).help = Some(function.call());
+        }
+    }
+
+    /// A script that counts on a stream that the config keeps off is told so when it asks for it; it may
+    /// be prepared for that.
+    fn stream(&mut self, site: Site<'a>) {
+        let text = |index: usize| match site.arguments.get(index).map(|one| self.kinds.of(one)) {
+            Some(Kind::Text(text)) => text,
+            _ => None,
+        };
+        let switched_off = || {
+            let on = site.arguments.get(1).map(|one| &one.bare().kind);
+            matches!(on, Some(ExprKind::Boolean(false)))
+        };
+        let wanted = match site.function.path {
+            "robot.frame" | "robot.wait_frame" => Some(Stream::Video),
+            "robot.stream" if !switched_off() => text(0).and_then(Stream::from_name),
+            "robot.on" | "robot.once" | "robot.wait_for" => text(0)
+                .and_then(EventName::from_name)
+                .and_then(EventName::stream),
+            _ => None,
+        };
+        let refusal = wanted.and_then(|stream| self.surroundings.streams.refusal(stream));
+        if let Some(why) = refusal {
+            self.warning(site.span, format!("{}: {why}", site.function.path));
         }
     }
 

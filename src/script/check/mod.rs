@@ -30,6 +30,7 @@ use super::modules;
 use super::options::Options;
 use super::params::GivenParam;
 use super::{Script, failure, sandbox};
+use crate::robot::Streams;
 use crate::vision::Colour;
 
 pub(super) use explain::explain;
@@ -51,6 +52,8 @@ pub struct Surroundings {
     open_globals: bool,
     /// Values from outside for what the script declares.
     params: BTreeMap<String, GivenParam>,
+    /// What the config says of the robot's streams.
+    streams: Streams,
 }
 
 impl Surroundings {
@@ -68,6 +71,7 @@ impl Surroundings {
             file: file.map(Path::to_path_buf),
             open_globals: false,
             params: options.params.clone(),
+            streams: options.streams,
         }
     }
 
@@ -84,6 +88,7 @@ impl Surroundings {
             file: None,
             open_globals: true,
             params: BTreeMap::new(),
+            streams: Streams::default(),
         }
     }
 

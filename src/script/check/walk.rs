@@ -53,7 +53,7 @@ impl<'a> Walk<'a> {
         self.note(span, Severity::Error, message)
     }
 
-    fn warning(&mut self, span: Span, message: impl Into<String>) -> &mut Finding {
+    pub(super) fn warning(&mut self, span: Span, message: impl Into<String>) -> &mut Finding {
         self.note(span, Severity::Warning, message)
     }
 

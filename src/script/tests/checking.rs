@@ -7,6 +7,7 @@ use proptest::prelude::*;
 
 use super::vision::{picture, show};
 use super::{Rig, connected};
+use crate::robot::{Streams, Use};
 use crate::script::Options;
 use crate::script::check::{Finding, Severity, Surroundings, check, reads};
 use crate::script::definition;
@@ -23,6 +24,50 @@ fn errors(source: &str) -> Vec<String> {
     let findings = checked(source.as_bytes()).into_iter();
     let errors = findings.filter(|finding| finding.severity == Severity::Error);
     errors.map(|finding| finding.message).collect()
+}
+
+#[test]
+fn who_counts_on_a_stream_that_the_config_keeps_off_is_warned() {
+    let options = Options {
+        streams: Streams {
+            video: Use::Off,
+            ..Streams::default()
+        },
+        ..Options::new("test", "test.lua")
+    };
+    let surroundings = Surroundings::new(&options, None);
+    let warned = |source: &str| {
+        let found = check(source.as_bytes(), "test.lua", &surroundings);
+        let [finding] = found.as_slice() else {
+            assert!(found.is_empty(), "{found:?}");
+            return false;
+        };
+        assert_eq!(finding.severity, Severity::Warning);
+        assert!(
+            finding.message.contains("the config keeps video off"),
+            "{finding:?}"
+        );
+        true
+    };
+    for source in [
+        "robot.on('frame', print)",
+        "robot.wait_for('frame', 3)",
+        "robot.once('frame', print)",
+        "robot.stream('video', true)",
+        "print(robot.frame())",
+        "print(robot.wait_frame(3))",
+    ] {
+        assert!(warned(source), "{source}");
+        assert_eq!(checked(source.as_bytes()), [], "{source}");
+    }
+    for source in [
+        "robot.on('noise', print)",
+        "robot.stream('audio_in', true)",
+        "robot.stream('video', false)",
+        "local function switch(name) robot.stream(name, true) end switch('video')",
+    ] {
+        assert!(!warned(source), "{source}");
+    }
 }
 
 fn scripts(folder: &str) -> Vec<(PathBuf, Vec<u8>)> {
