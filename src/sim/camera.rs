@@ -33,13 +33,14 @@ pub(super) struct Camera {
     settings: CameraSettings,
     /// Painted for the first frame: most robots of a test never look.
     floor: Option<Texture>,
+    /// Likewise.
+    encoder: Option<Encoder>,
     world: World,
     lighting: Lighting,
     focal: f32,
     lamp: Lamp,
     rows: Vec<Row>,
     grain: Grain,
-    encoder: Encoder,
     exposure: f32,
     exposed: Option<Duration>,
     frame: Vec<Pixel>,
@@ -101,6 +102,7 @@ impl Camera {
             scene: Scene::of(world),
             settings: world.camera,
             floor: None,
+            encoder: None,
             lighting: Lighting::of(world),
             focal,
             rows: rows.collect(),
@@ -109,7 +111,6 @@ impl Camera {
                 height: room.height as f32,
             },
             grain: Grain::new(world.camera.noise, seed),
-            encoder: Encoder::new(world.camera.quality as u8, world.camera.subsampling),
             exposure: 1.0,
             exposed: None,
             ceiling: vec![[0; 4]; HEIGHT],
@@ -136,7 +137,10 @@ impl Camera {
         self.look(shot);
         self.grain
             .lay_over(self.frame.as_flattened(), self.grainy.as_flattened_mut());
-        self.encoder.encode(&self.grainy)
+        let (quality, subsampling) = (self.settings.quality as u8, self.settings.subsampling);
+        self.encoder
+            .get_or_insert_with(|| Encoder::new(quality, subsampling))
+            .encode(&self.grainy)
     }
 
     /// A robot that stands still sees the same again and again, but for the grain.

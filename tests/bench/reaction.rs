@@ -1,6 +1,7 @@
 //! From the last byte of a frame to the first byte of the MOVE that answers it: `spykee run` with
-//! `follow_colour.lua`, the same beside a script that burns its whole time budget, and a plain Python
-//! and OpenCV client that does the same sums. One robot, the same frames, one run.
+//! `follow_colour.lua`, the same beside a script that burns half of its time budget again and again
+//! (one that burns more is ended when the machine stalls), and a plain Python and OpenCV client that
+//! does the same sums. One robot, the same frames, one run.
 //!
 //! Frames are written in one piece, as on a cable, and packet by packet as Wi-Fi delivers them: then
 //! who decodes what has come is nearly done when the last byte arrives.

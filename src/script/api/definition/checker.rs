@@ -45,7 +45,8 @@ pub fn event_path(name: &str) -> Option<&'static str> {
     found.find(|one| one.key() == key).map(|one| one.path)
 }
 
-fn takes_an_event(function: &Function) -> bool {
+/// Whether its first argument names an event, on which its handler or what it returns depends.
+pub fn takes_an_event(function: &Function) -> bool {
     let mut values = function.parameters.iter().chain(function.returns);
     values.any(|value| matches!(value.kind, Type::Handler | Type::Payload))
 }

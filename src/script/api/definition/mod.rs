@@ -20,7 +20,7 @@ mod text;
 mod vision;
 
 pub use super::super::arguments::Bounds;
-pub use checker::{MODULE_CALL, checker, event_name, event_path};
+pub use checker::{MODULE_CALL, checker, event_name, event_path, takes_an_event};
 pub use luau::luau;
 pub use markdown::markdown;
 pub use terms::{Choice, Constant, Event, Function, Need, Object, Type, Value};
