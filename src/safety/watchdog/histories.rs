@@ -89,7 +89,11 @@ impl Known {
             }
             _ => {}
         }
-        self.idle &= self.on_station && !self.charging && !matches!(fact, Fact::Engine(_));
+        let said = matches!(
+            fact,
+            Fact::Engine(EngineNews::Docked | EngineNews::Undocked)
+        );
+        self.idle &= self.on_station && !self.charging && !said;
         let contact = self.on_station && !self.charging;
         self.contact = contact.then(|| self.contact.unwrap_or(now));
     }
