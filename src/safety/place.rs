@@ -97,11 +97,13 @@ impl Whereabouts {
         self.leaving = None;
         let tried = low && self.charge_due.is_some_and(|due| due <= now);
         if !docked {
-            self.leave(Word::Login);
-        } else if tried {
+            return self.leave(Word::Login);
+        }
+        self.contact = true;
+        if tried {
             self.doubt(Doubt::Contact);
         } else {
-            (self.place, self.contact) = (Place::ContactSaid, true);
+            self.place = Place::ContactSaid;
             self.charge_due.get_or_insert(now + self.charge_timeout);
         }
     }

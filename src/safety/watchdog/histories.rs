@@ -67,6 +67,7 @@ impl Known {
     }
 
     fn note(&mut self, fact: &Fact, limits: &Limits, now: Instant) {
+        self.idle |= self.is_idle(limits, now);
         match fact {
             Fact::LinkUp { docked, power } => {
                 (self.online, self.on_station) = (true, *docked);
