@@ -2,7 +2,8 @@
 //! come out; nothing here waits, asks the clock, or knows a socket or a script's VM.
 //!
 //! [`Watchdog`] is the whole; its parts can be read one by one: [`Arbiter`] (who may drive),
-//! [`Tracks`] (what the robot was told, how often), [`BatteryGuard`] (when it is low),
+//! [`Tracks`] (what the robot was told, how often), [`BatteryGuard`] (what is believed of the
+//! battery, and when it is low), [`Drain`] (how fast it empties),
 //! [`Docking`] (the way home), [`Recovery`] (what
 //! follows when it failed), [`Leg`] (a short way to search from elsewhere), [`Leases`] (which hosts are alive), [`Limits`] (every number).
 
@@ -10,17 +11,20 @@ mod act;
 mod arbiter;
 mod battery;
 mod docking;
+mod drain;
 mod leases;
 mod leg;
 mod limits;
 mod recovery;
+mod streak;
 mod tracks;
 mod watchdog;
 
 pub use act::{Act, Ask, Fact};
 pub use arbiter::{Arbiter, Ended};
-pub use battery::{BatteryChange, BatteryGuard, LowCause};
+pub use battery::{BatteryChange, BatteryGuard, Charging, LowCause};
 pub use docking::{Approach, Docking, Order, Outcome, Retry};
+pub use drain::{Activity, Drain};
 pub use leases::{Leases, Pulse};
 pub use leg::Leg;
 pub use limits::Limits;

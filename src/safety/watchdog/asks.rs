@@ -6,7 +6,7 @@ use tokio::time::Instant;
 
 use super::{Leaving, Watchdog};
 use crate::robot::{BehaviourId, CallId, DockEnd, DockPlan, MotionEnd, Priority};
-use crate::safety::{Approach, Ask, Ended, Retry};
+use crate::safety::{Approach, Ask, Charging, Ended, Retry};
 use crate::wire::{Command, Engage};
 
 /// The longest time that is heeded, thirty days. A host may send any, and the clock that they are
@@ -73,7 +73,7 @@ impl Watchdog {
         if self.parting {
             return self.answer_dock(caller, DockEnd::Cancelled, 0, Duration::ZERO);
         }
-        if self.battery.is_some_and(|power| power.charging) {
+        if self.guard.charging() != Charging::No {
             return self.answer_dock(caller, DockEnd::AlreadyDocked, 0, Duration::ZERO);
         }
         if self.alarm.is_some() {

@@ -7,10 +7,10 @@ use tokio::time::Instant;
 
 use super::Watchdog;
 use crate::robot::{
-    Battery, BehaviourId, CallId, DockEnd, DockPlan, Event, MotionEnd, SafetyAction, Setpoint,
+    BehaviourId, CallId, DockEnd, DockPlan, Event, MotionEnd, SafetyAction, Setpoint,
 };
 use crate::safety::{Act, Approach, Docking, LowCause, Order, Retry};
-use crate::wire::{Command, Engage, Power};
+use crate::wire::{Command, Engage};
 
 /// A docking under way and who waits for it.
 #[derive(Debug)]
@@ -30,7 +30,7 @@ impl Watchdog {
     /// The rule above all others: stop and go home, in one batch of acts.
     pub(super) fn became_low(&mut self, cause: LowCause, now: Instant) {
         self.end_motion(MotionEnd::Safety);
-        if let Some(battery) = self.battery.map(Battery::from) {
+        if let Some(battery) = self.battery() {
             self.acts.push(Act::Announce(Event::BatteryLow(battery)));
         }
         let (action, what) = match self.on_station {
@@ -44,14 +44,15 @@ impl Watchdog {
         self.pursue_home(now);
     }
 
-    pub(super) fn released(&mut self, power: Power, now: Instant) {
+    pub(super) fn released(&mut self, now: Instant) {
         self.end_alarm();
-        self.notice(
-            SafetyAction::Release,
-            format!("battery at {} %", power.percent),
-        );
-        self.acts
-            .push(Act::Announce(Event::BatteryOk(power.into())));
+        if let Some(battery) = self.battery() {
+            self.notice(
+                SafetyAction::Release,
+                format!("battery at {}", battery.percent),
+            );
+            self.acts.push(Act::Announce(Event::BatteryOk(battery)));
+        }
         let Some(homing) = &mut self.homing else {
             return;
         };
@@ -112,7 +113,7 @@ impl Watchdog {
     }
 
     pub(super) fn continue_homing(&mut self, now: Instant) {
-        if !self.online {
+        if !self.online || self.may_charge() {
             return;
         }
         let orders = self.homing.as_mut().map(|homing| homing.docking.poll(now));

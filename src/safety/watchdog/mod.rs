@@ -21,9 +21,12 @@ use tokio::time::Instant;
 use self::distress::Alarm;
 use self::homing::Homing;
 use super::{
-    Act, Arbiter, BatteryChange, BatteryGuard, Ended, Fact, Leases, Limits, LowCause, Tracks,
+    Act, Activity, Arbiter, BatteryChange, BatteryGuard, Charging, Drain, Ended, Fact, Leases,
+    Limits, LowCause, Tracks,
 };
-use crate::robot::{BehaviourId, CallId, DockEnd, Event, MotionEnd, SafetyAction, Setpoint};
+use crate::robot::{
+    Battery, BehaviourId, CallId, DockEnd, Event, MotionEnd, SafetyAction, Setpoint,
+};
 use crate::wire::{Command, Engage, EngineNews, Power};
 
 /// What a person wants to know at a glance.
@@ -70,8 +73,8 @@ pub struct Watchdog {
     online: bool,
     parting: bool,
     on_station: bool,
-    battery: Option<Power>,
     guard: BatteryGuard,
+    drain: Drain,
     arbiter: Arbiter,
     leases: Leases,
     tracks: Tracks,
@@ -96,7 +99,7 @@ impl Watchdog {
             online: false,
             parting: false,
             on_station: false,
-            battery: None,
+            drain: Drain::default(),
             arbiter: Arbiter::default(),
             tracks: Tracks::new(now),
             homing: None,
@@ -149,6 +152,7 @@ impl Watchdog {
         let over = self.arbiter.expire(now);
         self.tell_ended(over);
         self.drive(now);
+        self.drain.advance(self.activity(), now);
         std::mem::take(&mut self.acts)
     }
 
@@ -158,6 +162,7 @@ impl Watchdog {
         let homing = self
             .homing
             .as_ref()
+            .filter(|_| !self.may_charge())
             .and_then(|homing| homing.docking.next_deadline());
         let silence = if self.docked() {
             None
@@ -174,6 +179,7 @@ impl Watchdog {
             self.alarm.as_ref().map(|alarm| alarm.next),
             self.recovery_deadline(),
             silence,
+            self.guard.doubt_deadline(),
             homing,
         ]
         .into_iter()
@@ -199,9 +205,24 @@ impl Watchdog {
         self.guard.low()
     }
 
-    /// On the station, by the robot's word or because it charges.
+    /// On the station, by the robot's word or because it charges or may charge.
     pub fn docked(&self) -> bool {
-        self.on_station || self.battery.is_some_and(|power| power.charging)
+        self.on_station || self.guard.charging() != Charging::No
+    }
+
+    /// What is believed of the battery; `None` before the first report.
+    pub fn battery(&self) -> Option<Battery> {
+        let minutes = self.drain.minutes_left();
+        Some(Battery {
+            percent: self.guard.level()?,
+            charging: self.guard.charging() == Charging::Believed,
+            minutes_left: minutes.map(|minutes| (minutes * 10.0).round() as f32 / 10.0),
+        })
+    }
+
+    /// One report says that it charges and nothing bears that out yet: nothing is to drive it away.
+    fn may_charge(&self) -> bool {
+        self.guard.charging() == Charging::Said
     }
 
     /// The tracks have been told to move.
@@ -243,6 +264,7 @@ impl Watchdog {
 
     fn link_down(&mut self, now: Instant) {
         self.online = false;
+        self.drain.interrupt();
         self.tracks.told_to_stop(now);
         self.end_motion(MotionEnd::Disconnected);
         if let Some(leaving) = self.leaving.take() {
@@ -257,20 +279,14 @@ impl Watchdog {
 
     fn power(&mut self, power: Power, now: Instant) {
         let was_critical = self.guard.critical();
-        self.battery = Some(power);
-        if power.charging {
-            self.end_alarm();
-            let orders = self
-                .homing
-                .as_mut()
-                .map(|homing| homing.docking.charging(now));
-            self.follow(orders.unwrap_or_default(), now);
+        let change = self.guard.report(power, self.on_station, now);
+        if let Some(Battery {
+            percent, charging, ..
+        }) = self.battery()
+        {
+            self.drain.level(percent.get(), charging, now);
         }
-        match self.guard.report(power, now) {
-            Some(BatteryChange::BecameLow(cause)) => self.became_low(cause, now),
-            Some(BatteryChange::Released) => self.released(power, now),
-            None => {}
-        }
+        self.believe(change, now);
         if self.guard.critical() && !was_critical {
             self.end_motion(MotionEnd::Safety);
             let reason = format!(
@@ -278,6 +294,35 @@ impl Watchdog {
                 power.percent
             );
             self.notice(SafetyAction::Hold, reason);
+        }
+    }
+
+    /// Does what follows from news of the battery.
+    pub(super) fn believe(&mut self, change: Option<BatteryChange>, now: Instant) {
+        let orders = self.homing.as_mut().map(|homing| match self.guard.charging() {
+            Charging::No => vec![],
+            Charging::Said => homing.docking.wait(),
+            Charging::Believed => homing.docking.charging(now),
+        });
+        if self.guard.charging() == Charging::Believed {
+            self.end_alarm();
+        }
+        self.follow(orders.unwrap_or_default(), now);
+        match change {
+            Some(BatteryChange::BecameLow(cause)) => self.became_low(cause, now),
+            Some(BatteryChange::Released) => self.released(now),
+            None => {}
+        }
+    }
+
+    fn activity(&self) -> Activity {
+        let searches = |homing: &Homing| homing.docking.is_searching();
+        if self.moving() {
+            Activity::Driving
+        } else if self.homing.as_ref().is_some_and(searches) {
+            Activity::Searching
+        } else {
+            Activity::Standing
         }
     }
 
@@ -296,14 +341,15 @@ impl Watchdog {
             .as_mut()
             .map(|homing| homing.docking.engine(news, now));
         self.follow(orders.unwrap_or_default(), now);
+        if news == EngineNews::Docked {
+            let change = self.guard.contact();
+            self.believe(change, now);
+        }
     }
 
     fn undocked(&mut self, now: Instant) {
         self.on_station = false;
-        self.battery = self.battery.map(|power| Power {
-            charging: false,
-            ..power
-        });
+        self.guard.undocked();
         self.guard.excuse_silence(now);
         if let Some(leaving) = self.leaving.take() {
             self.answer_undock(leaving.caller, DockEnd::Done);

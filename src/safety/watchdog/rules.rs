@@ -69,6 +69,9 @@ impl Watchdog {
         if !self.online {
             return;
         }
+        if let Some(change) = self.guard.end_doubt(now) {
+            self.believe(Some(change), now);
+        }
         if self.docked() {
             self.guard.excuse_silence(now);
         } else if let Some(BatteryChange::BecameLow(cause)) = self.guard.poll(now) {
