@@ -23,7 +23,7 @@ use crate::robot::channel::{MAX_REQUESTS, Request};
 use crate::robot::{Event, Pictures, RobotInfo, Streams};
 use crate::safety::{Act, Fact, Limits, Watchdog};
 use crate::vision::Damage;
-use crate::wire::{Command, Power};
+use crate::wire::Command;
 
 use self::lights::Lights;
 pub use self::line::Dial;
@@ -71,7 +71,6 @@ pub struct Pilot {
     pictures: watch::Sender<Pictures>,
     damage: Damage,
     status: watch::Sender<Status>,
-    battery: Option<Power>,
     info: Option<RobotInfo>,
     simulated: bool,
     unknown_kinds: Vec<u8>,
@@ -95,7 +94,6 @@ impl Pilot {
             pictures,
             damage: Damage::default(),
             status,
-            battery: None,
             info: None,
             simulated: settings.simulated,
             unknown_kinds: Vec::new(),
@@ -239,7 +237,7 @@ impl Pilot {
             (None, Some(_)) => LinkState::Lost,
             (None, None) => LinkState::Connecting,
         };
-        let (safety, battery) = (self.watchdog.state(), self.battery.map(Into::into));
+        let (safety, battery) = (self.watchdog.state(), self.watchdog.battery());
         let low = self.watchdog.low().is_some();
         self.status
             .send_if_modified(|status| status.update(link, safety, battery, low));

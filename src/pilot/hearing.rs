@@ -11,7 +11,7 @@ use crate::link::LinkError;
 use crate::robot::{Coming, Event, Frame, Pictures, RobotInfo};
 use crate::safety::Fact;
 use crate::vision::judge;
-use crate::wire::{Accepted, EngineNews, Power, Report};
+use crate::wire::{Accepted, EngineNews, Report};
 
 impl Pilot {
     pub(super) async fn hear(&mut self, news: News) -> Result<Option<String>, LinkError> {
@@ -58,7 +58,6 @@ impl Pilot {
         self.writer = Some(writer);
         self.lights.forget();
         self.info = Some(info);
-        self.battery = Some(power);
         let mut lost = self.take(Fact::LinkUp { docked, power }).await;
         self.seats.welcome_all(&self.welcome());
         for report in early {
@@ -70,7 +69,7 @@ impl Pilot {
 
     /// What a behaviour must know of a robot that is connected.
     pub(super) fn welcome(&self) -> Vec<Event> {
-        let (Some(info), Some(power)) = (&self.info, self.battery) else {
+        let (Some(info), Some(battery)) = (&self.info, self.watchdog.battery()) else {
             return vec![];
         };
         if self.writer.is_none() {
@@ -80,13 +79,13 @@ impl Pilot {
             info: info.clone(),
             docked: self.watchdog.docked(),
         };
-        vec![Event::Battery(power.into()), connected]
+        vec![Event::Battery(battery), connected]
     }
 
     async fn report(&mut self, report: Report) -> Option<String> {
         let lost = self.take(Fact::Heard).await;
         match report {
-            Report::Power(power) => return self.power(power).await.or(lost),
+            Report::Power(power) => return self.learn(Fact::Power(power)).await.or(lost),
             Report::Engine(news) => return self.engine(news).await.or(lost),
             Report::Video(jpeg) => self.frame(jpeg),
             Report::Audio(samples) => self.seats.tell_audience(&Event::Audio(samples)),
@@ -101,15 +100,20 @@ impl Pilot {
     // A behaviour hears of a fact before it hears what came of it: an answer to a waiting call must
     // not overtake the news that brought it about. Telling never waits, so nothing is delayed.
 
-    async fn power(&mut self, power: Power) -> Option<String> {
-        let before = self.battery.replace(power);
-        if before != Some(power) {
-            self.seats.tell_all(&Event::Battery(power.into()));
+    /// Takes a fact that may change what is believed of the battery, and tells of such a change.
+    async fn learn(&mut self, fact: Fact) -> Option<String> {
+        let before = self.watchdog.battery();
+        let acts = self.watchdog.take(fact, Instant::now());
+        if let (Some(before), Some(battery)) = (before, self.watchdog.battery()) {
+            if battery.is_news_after(&before) {
+                self.seats.tell_all(&Event::Battery(battery));
+            }
+            if battery.charging != before.charging {
+                let on = battery.charging;
+                self.seats.tell_all(&Event::Charging { on });
+            }
         }
-        if before.map(|power| power.charging) != Some(power.charging) {
-            self.seats.tell_all(&Event::Charging { on: power.charging });
-        }
-        self.take(Fact::Power(power)).await
+        self.perform(acts).await
     }
 
     async fn engine(&mut self, news: EngineNews) -> Option<String> {
@@ -122,7 +126,7 @@ impl Pilot {
         };
         info!("the robot says: {}", words(news));
         self.seats.tell_all(&event);
-        self.take(Fact::Engine(news)).await
+        self.learn(Fact::Engine(news)).await
     }
 
     /// One that its markers already give away as no picture takes no good one's place. Reading the

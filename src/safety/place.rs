@@ -86,6 +86,11 @@ impl Whereabouts {
         matches!(self.place, Place::Charging | Place::ContactSaid)
     }
 
+    /// The robot has said that it is on its station, and nothing since denies it.
+    pub fn has_contact(&self) -> bool {
+        self.contact
+    }
+
     /// CHARGE_STOP was sent and neither confirmed nor given up.
     pub fn is_leaving(&self) -> bool {
         self.leaving.is_some()
