@@ -32,7 +32,8 @@ enum Step {
     Still,
 }
 
-/// What the facts say, without any of the watchdog's rules.
+/// What the facts say, without any of the watchdog's rules but one: where it is free to believe good
+/// news of the battery later, it is followed, if there are reports enough for what it believes.
 #[derive(Debug, Default)]
 struct Known {
     online: bool,
@@ -40,6 +41,15 @@ struct Known {
     charging: bool,
     low: bool,
     critical: bool,
+    /// Reports in a row that say: charging; at least ok; more than critical.
+    charges: u32,
+    good: u32,
+    uncritical: u32,
+    /// One of charging came while the robot said that it is on its station.
+    touched: bool,
+    /// Charging is said and not believed, and since when.
+    doubted: bool,
+    said: Option<Instant>,
     /// The last that was heard of a search is that it failed.
     not_found: bool,
     parted: bool,
@@ -63,9 +73,13 @@ impl Known {
             Fact::Parting => self.parted = true,
             Fact::Engine(EngineNews::BaseNotFound) => self.not_found = true,
             Fact::Power(power) => self.power(*power, limits, now),
-            Fact::Engine(EngineNews::Docked) => (self.on_station, self.not_found) = (true, false),
+            Fact::Engine(EngineNews::Docked) => {
+                (self.on_station, self.not_found) = (true, false);
+                self.touched |= self.charging;
+            }
             Fact::Engine(EngineNews::Undocked) => {
                 (self.on_station, self.charging) = (false, false);
+                (self.charges, self.touched, self.doubted) = (0, false, false);
                 self.reported = self.reported.map(|_| now);
             }
             _ => {}
@@ -73,13 +87,46 @@ impl Known {
     }
 
     fn power(&mut self, power: Power, limits: &Limits, now: Instant) {
-        (self.charging, self.reported) = (power.charging, Some(now));
-        self.critical = power.percent <= limits.critical.get();
-        if power.charging || power.percent >= limits.ok.get() {
-            self.low = false;
-        } else if power.percent <= limits.low.get() {
-            self.low = true;
+        self.end_doubt(now);
+        if power.charging && !self.charging {
+            self.said = Some(now);
         }
+        (self.charging, self.reported) = (power.charging, Some(now));
+        self.doubted &= power.charging;
+        let count = |counted: &mut u32, says: bool| *counted = if says { *counted + 1 } else { 0 };
+        count(&mut self.charges, power.charging);
+        count(&mut self.good, power.percent >= limits.ok.get());
+        let critical = power.percent <= limits.critical.get();
+        count(&mut self.uncritical, !critical);
+        self.touched = power.charging && (self.touched || self.on_station);
+        self.critical |= critical;
+        self.low |= !power.charging && power.percent <= limits.low.get();
+    }
+
+    /// Follows the watchdog in what it believes, if it may believe that.
+    fn agree(&mut self, dog: &Watchdog, limits: &Limits) -> Kept {
+        let charging = dog.guard.charging();
+        prop_assert_eq!(self.charging, charging != Charging::No);
+        let enough = self.touched || self.charges >= 2;
+        prop_assert!(
+            enough || charging != Charging::Believed,
+            "one report of charging"
+        );
+        prop_assert!(
+            !self.touched || charging != Charging::Said,
+            "charging on its station"
+        );
+        self.doubted = charging == Charging::Said;
+        let released = charging == Charging::Believed || self.good >= 3;
+        prop_assert!(dog.low().is_some() || !self.low || released, "{:?}", self);
+        let low = dog.guard.level().is_some_and(|level| level <= limits.low);
+        let late = self.charges > 0 && !self.charging && low;
+        prop_assert!(dog.low().is_none() || self.low || late, "{:?}", self);
+        self.low = dog.low().is_some();
+        prop_assert!(dog.guard.critical() || !self.critical || self.uncritical >= 3);
+        prop_assert!(!dog.guard.critical() || self.critical);
+        self.critical = dog.guard.critical();
+        Ok(())
     }
 
     /// Whether the watchdog may drive a leg of its own.
@@ -89,7 +136,17 @@ impl Known {
         self.online && lost && !self.parted && !self.critical && self.reported.is_some_and(fresh)
     }
 
+    fn end_doubt(&mut self, now: Instant) {
+        let over = |since: Instant| now >= since + BatteryGuard::DOUBT;
+        if self.doubted && self.said.is_some_and(over) {
+            (self.charging, self.doubted) = (false, false);
+        }
+    }
+
     fn pass(&mut self, limits: &Limits, now: Instant) {
+        if self.online {
+            self.end_doubt(now);
+        }
         match self.reported {
             Some(_) if self.online && self.docked() => self.reported = Some(now),
             Some(at) if self.online => self.low |= now >= at + limits.power_silence.get(),
@@ -198,6 +255,7 @@ impl Play {
         self.known.note(fact, &self.limits, self.now);
         self.known.pass(&self.limits, self.now);
         let acts = self.dog.take(fact.clone(), self.now);
+        self.known.agree(&self.dog, &self.limits)?;
         see(Moment {
             play: self,
             fact: Some(fact),
@@ -208,6 +266,7 @@ impl Play {
     fn tick(&mut self, see: &mut impl FnMut(Moment<'_>) -> Kept) -> Kept {
         self.known.pass(&self.limits, self.now);
         let acts = self.dog.tick(self.now);
+        self.known.agree(&self.dog, &self.limits)?;
         see(Moment {
             play: self,
             fact: None,
@@ -522,6 +581,15 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     );
     note("low on the station", dog.low().is_some() && known.docked());
     note("critical", dog.guard.critical());
+    let said = dog.guard.charging() == Charging::Said;
+    note(
+        "low, and charging is only said",
+        said && dog.low().is_some(),
+    );
+    note(
+        "low when the doubt ends",
+        moment.fact.is_none() && known.charges > 0 && dog.low().is_some() && !known.docked(),
+    );
     note("several wish to drive", dog.arbiter.wishing().count() > 1);
     note("backs off", homing.is_some() && dog.moving());
     let alarm = dog.state() == WatchdogState::Alarm;
@@ -612,6 +680,8 @@ fn all_there_is() -> Vec<String> {
         "low by silence",
         "low on the station",
         "critical",
+        "low, and charging is only said",
+        "low when the doubt ends",
         "sounds the alarm",
         "several wish to drive",
         "asked to stop while it moves",
@@ -629,7 +699,7 @@ fn all_there_is() -> Vec<String> {
 fn histories_reach_all_there_is_to_reach() {
     let mut runner = TestRunner::deterministic();
     let mut reached = BTreeMap::<String, u32>::new();
-    for _ in 0..1000 {
+    for _ in 0..2000 {
         let history = any_history().new_tree(&mut runner).unwrap().current();
         let mut of_this = BTreeSet::new();
         let mut see = |moment: Moment<'_>| {

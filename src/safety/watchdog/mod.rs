@@ -299,11 +299,14 @@ impl Watchdog {
 
     /// Does what follows from news of the battery.
     pub(super) fn believe(&mut self, change: Option<BatteryChange>, now: Instant) {
-        let orders = self.homing.as_mut().map(|homing| match self.guard.charging() {
-            Charging::No => vec![],
-            Charging::Said => homing.docking.wait(),
-            Charging::Believed => homing.docking.charging(now),
-        });
+        let orders = self
+            .homing
+            .as_mut()
+            .map(|homing| match self.guard.charging() {
+                Charging::No => vec![],
+                Charging::Said => homing.docking.wait(),
+                Charging::Believed => homing.docking.charging(now),
+            });
         if self.guard.charging() == Charging::Believed {
             self.end_alarm();
         }
@@ -341,10 +344,11 @@ impl Watchdog {
             .as_mut()
             .map(|homing| homing.docking.engine(news, now));
         self.follow(orders.unwrap_or_default(), now);
-        if news == EngineNews::Docked {
-            let change = self.guard.contact();
-            self.believe(change, now);
-        }
+        let change = match news {
+            EngineNews::Docked => self.guard.contact(),
+            _ => None,
+        };
+        self.believe(change, now);
     }
 
     fn undocked(&mut self, now: Instant) {
