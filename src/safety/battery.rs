@@ -205,6 +205,7 @@ impl BatteryGuard {
 
     fn judge_charging(&mut self, power: Power, contact: bool, now: Instant) {
         let proved = self.charged.see(power.charging, power, now);
+        let stale = self.doubt_deadline().is_some_and(|due| due <= now);
         self.charging = match self.charging {
             _ if !power.charging => Charging::No,
             Charging::Believed => Charging::Believed,
@@ -212,18 +213,19 @@ impl BatteryGuard {
             _ => Charging::Said,
         };
         self.doubted = match self.charging {
-            Charging::Said => self.doubted.or(Some(now)),
+            Charging::Said => self.doubted.filter(|_| !stale).or(Some(now)),
             Charging::No | Charging::Believed => None,
         };
     }
 
-    /// Levels that leap are believed when borne out; those at or below low at once.
+    /// Levels that leap are believed when borne out; those that fall to low at once.
     fn judge_level(&mut self, level: Percent, power: Power, now: Instant) {
         let leaps = self
             .level
             .is_some_and(|before| self.leaps(before, level, now));
+        let falls = self.level().is_some_and(|before| level < before);
         let proved = self.leapt.see(leaps, power, now);
-        if !leaps || proved || level <= self.low {
+        if !leaps || proved || (falls && level <= self.low) {
             self.level = Some((level, now));
             self.leapt.forget();
         }

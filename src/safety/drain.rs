@@ -104,8 +104,14 @@ impl Drain {
             return self.begin(percent, charging);
         };
         let (ahead, back) = match charging {
-            true => (percent.saturating_sub(before), before.saturating_sub(percent)),
-            false => (before.saturating_sub(percent), percent.saturating_sub(before)),
+            true => (
+                percent.saturating_sub(before),
+                before.saturating_sub(percent),
+            ),
+            false => (
+                before.saturating_sub(percent),
+                percent.saturating_sub(before),
+            ),
         };
         if back > Drain::FLICKER || f64::from(ahead) > Drain::LEAP + self.explained() {
             self.begin(percent, charging);
@@ -170,7 +176,10 @@ impl Drain {
         }
         self.recent.add(percent, total);
         let needs = self.needs();
-        let all: f64 = Activity::ALL.iter().map(|one| self.share(*one, &needs)).sum();
+        let all: f64 = Activity::ALL
+            .iter()
+            .map(|one| self.share(*one, &needs))
+            .sum();
         for activity in Activity::ALL {
             let share = self.share(activity, &needs) / all;
             let minutes = self.spent[activity as usize];

@@ -97,9 +97,8 @@ impl Streak {
                 .and_then(longer)
                 .unwrap_or_else(|| Run::new(power, now))
         });
-        self.run.is_some_and(|run| {
-            run.count >= self.proof.count && now - run.began >= self.proof.span
-        })
+        self.run
+            .is_some_and(|run| run.count >= self.proof.count && now - run.began >= self.proof.span)
     }
 
     /// What was claimed so far counts no more.

@@ -6,9 +6,7 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::{Caller, Watchdog};
-use crate::robot::{
-    DockEnd, DockPlan, Event, MotionEnd, Priority, SafetyAction, Setpoint,
-};
+use crate::robot::{DockEnd, DockPlan, Event, MotionEnd, Priority, SafetyAction, Setpoint};
 use crate::safety::{Act, Approach, Docking, LowCause, Order, Retry};
 use crate::wire::{Command, Engage};
 

@@ -251,7 +251,7 @@ impl Watchdog {
 
     /// One report says that it charges and nothing bears that out yet: nothing is to drive it away.
     fn may_charge(&self) -> bool {
-        self.guard.charging() == Charging::Said
+        self.place() == Place::Charging && self.guard.charging() == Charging::Said
     }
 
     /// The tracks have been told to move.
@@ -301,11 +301,14 @@ impl Watchdog {
 
     /// Does what follows from news of the battery.
     pub(super) fn believe(&mut self, change: Option<BatteryChange>, now: Instant) {
-        let orders = self.homing.as_mut().map(|homing| match self.guard.charging() {
-            Charging::No => vec![],
-            Charging::Said => homing.docking.wait(),
-            Charging::Believed => homing.docking.charging(now),
-        });
+        let orders = self
+            .homing
+            .as_mut()
+            .map(|homing| match self.guard.charging() {
+                Charging::No => vec![],
+                Charging::Said => homing.docking.wait(),
+                Charging::Believed => homing.docking.charging(now),
+            });
         if self.guard.charging() == Charging::Believed {
             self.searching = false;
             self.end_alarm();
@@ -346,10 +349,11 @@ impl Watchdog {
             .as_mut()
             .map(|homing| homing.docking.engine(news, now));
         self.follow(orders.unwrap_or_default(), now);
-        if news == EngineNews::Docked {
-            let change = self.guard.contact();
-            self.believe(change, now);
-        }
+        let change = match news {
+            EngineNews::Docked => self.guard.contact(),
+            _ => None,
+        };
+        self.believe(change, now);
     }
 
     fn undocked(&mut self, now: Instant) {
