@@ -242,6 +242,13 @@ pub enum Event {
         /// Why, in words.
         reason: String,
     },
+    /// The watchdog lends the tracks of a low robot to this behaviour: its motion is obeyed for a while.
+    Loan {
+        /// How long at most; a stop ends it, and so does a second without any motion.
+        seconds: Duration,
+        /// The most power of each track; more is scaled down.
+        power: Percent,
+    },
     /// An ENGINE byte that nobody knows.
     Engine {
         /// The byte.

@@ -38,6 +38,9 @@ pub enum Fact {
     Alive(BehaviourId),
     /// A behaviour is no more, for whatever reason.
     Gone(BehaviourId),
+    /// Which behaviour the tracks may be lent to between two searches of a low robot; `None`: nobody.
+    /// Its [`Fact::Gone`] says so too.
+    Rescuer(Option<BehaviourId>),
     /// The machine or the program has slept: nobody knows for how long, or what the robot has done
     /// meanwhile.
     Suspended,

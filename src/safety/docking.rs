@@ -12,9 +12,8 @@ use crate::wire::EngineNews;
 /// What to do between two tries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Retry {
-    /// Stand still, twice as long before each further try: a robot with a low battery does not
-    /// drive about.
-    Pause(Duration),
+    /// One search is all: what follows is the watchdog's to say (see [`Recovery`](super::Recovery)).
+    Never,
     /// Drive backwards for so long: a new approach from another place.
     Reverse(Duration),
 }
@@ -62,7 +61,7 @@ enum Phase {
     AwaitingCharge { until: Instant },
     /// Undocking before another try.
     Leaving { until: Instant },
-    /// Standing still or driving backwards before another try.
+    /// Driving backwards before another try.
     BackingOff { until: Instant },
     /// Over.
     Over(Outcome),
@@ -80,8 +79,6 @@ pub struct Docking {
 impl Docking {
     /// How long leaving the station may take before another try.
     pub const LEAVE_TIMEOUT: Duration = Duration::from_secs(20);
-    /// The longest pause between two tries.
-    const LONGEST_PAUSE: Duration = Duration::from_secs(120);
 
     /// Begins: the robot is off its station, or on it without charging yet.
     pub fn start(approach: Approach, docked: bool, now: Instant) -> (Docking, Vec<Order>) {
@@ -109,9 +106,6 @@ impl Docking {
             }
             (Phase::Searching { .. }, EngineNews::BaseNotFound) => {
                 self.failed(DockEnd::BaseNotFound, now)
-            }
-            (Phase::AwaitingCharge { .. }, EngineNews::Undocked) if self.goes_on_at_once() => {
-                self.search(now)
             }
             (Phase::AwaitingCharge { .. }, EngineNews::Undocked) => {
                 self.failed(DockEnd::NotCharging, now)
@@ -199,12 +193,6 @@ impl Docking {
         }
     }
 
-    /// A robot with a low battery that has slid off its station is right before it.
-    fn goes_on_at_once(&self) -> bool {
-        matches!(self.approach.retry, Retry::Pause(_))
-            && self.attempts <= self.approach.plan.retries
-    }
-
     fn halt_if_backing_off(&self) -> Vec<Order> {
         match self.phase {
             Phase::BackingOff { .. } => vec![Order::Halt],
@@ -222,22 +210,16 @@ impl Docking {
 
     /// A try has failed off the station.
     fn failed(&mut self, end: DockEnd, now: Instant) -> Vec<Order> {
-        if self.attempts > self.approach.plan.retries {
-            self.finish(end, now);
-            return vec![Order::Halt];
-        }
-        let (pause, order) = match self.approach.retry {
-            Retry::Pause(first) => {
-                let doublings = self.attempts.saturating_sub(1).min(16);
-                (
-                    Docking::LONGEST_PAUSE.min(first * (1 << doublings)),
-                    Order::Halt,
-                )
+        match self.approach.retry {
+            Retry::Reverse(span) if self.attempts <= self.approach.plan.retries => {
+                self.phase = Phase::BackingOff { until: now + span };
+                vec![Order::Reverse]
             }
-            Retry::Reverse(span) => (span, Order::Reverse),
-        };
-        self.phase = Phase::BackingOff { until: now + pause };
-        vec![order]
+            Retry::Reverse(_) | Retry::Never => {
+                self.finish(end, now);
+                vec![Order::Halt]
+            }
+        }
     }
 
     /// On the station without charging. A robot with a low battery stays there: it is nearer to a
@@ -287,10 +269,10 @@ mod tests {
         }
     }
 
-    fn pausing(retries: u32) -> Approach {
+    fn once() -> Approach {
         Approach {
-            plan: plan(retries),
-            retry: Retry::Pause(SECOND),
+            plan: plan(0),
+            retry: Retry::Never,
         }
     }
 
@@ -334,28 +316,14 @@ mod tests {
 
     #[test]
     fn a_search_that_takes_too_long_is_cancelled_first() {
-        let (mut docking, now) = started(pausing(1));
-        assert_eq!(
-            docking.poll(now + 10 * SECOND),
-            [Order::Cancel, Order::Halt]
-        );
-        assert_eq!(docking.poll(now + 11 * SECOND), [Order::Find]);
-        assert_eq!(
-            docking.poll(now + 21 * SECOND),
-            [Order::Cancel, Order::Halt]
-        );
+        let (mut docking, now) = started(once());
+        let orders = docking.poll(now + 10 * SECOND);
+        assert_eq!(orders, [Order::Cancel, Order::Halt]);
         assert_eq!(docking.outcome().unwrap().end, DockEnd::Timeout);
-    }
-
-    #[test]
-    fn pauses_grow() {
-        let (mut docking, mut now) = started(pausing(3));
-        for pause in [1, 2, 4] {
-            docking.engine(EngineNews::BaseNotFound, now);
-            assert_eq!(docking.next_deadline(), Some(now + pause * SECOND));
-            now += pause * SECOND;
-            assert_eq!(docking.poll(now), [Order::Find]);
-        }
+        let (mut docking, now) = started(reversing(1));
+        let orders = docking.poll(now + 10 * SECOND);
+        assert_eq!(orders, [Order::Cancel, Order::Reverse]);
+        assert_eq!(docking.poll(now + 11 * SECOND), [Order::Find]);
     }
 
     #[test]
@@ -368,7 +336,7 @@ mod tests {
             [Order::Find]
         );
 
-        let (mut docking, now) = started(pausing(1));
+        let (mut docking, now) = started(once());
         docking.engine(EngineNews::Docked, now);
         assert_eq!(docking.poll(now + 5 * SECOND), []);
         assert_eq!(docking.outcome().unwrap().end, DockEnd::NotCharging);

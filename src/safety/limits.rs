@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Rescue;
 use crate::robot::{Percent, Seconds};
 
 /// The numbers of the safety rules. Times are in seconds in the config.
@@ -12,25 +13,35 @@ pub struct Limits {
     pub low: Percent,
     /// From this level on a robot that was low may move again (50 %).
     pub ok: Percent,
-    /// At or below this level nothing moves but the robot's own docking, charging or not (8 %).
+    /// At or below this level no behaviour moves the robot, charging or not, but on the way home (8 %);
+    /// camera, microphone, lights and sounds are switched off.
     pub critical: Percent,
-    /// The longest search of one try to get home (180 s).
+    /// The longest single search of the way home (180 s).
     pub dock_timeout: Seconds,
     /// How long charging may take to begin once on the station (30 s).
     pub charge_timeout: Seconds,
-    /// Tries after the first one, before the alarm (3).
+    /// Searches after the first one that may fail before the alarm sounds (3).
     pub dock_retries: u32,
-    /// Pause before the next try; twice as long before each further one (5 s).
+    /// Where a search has failed and nobody may drive the robot elsewhere, it stands for so long before
+    /// the next one (5 s), and twice as long each time: up to `recovery_longest_pause`, and never for
+    /// longer than costs as much as a search. At or below the critical level it does not wait.
     pub dock_pause: Seconds,
-    /// Where the station was not found in all these tries, the watchdog itself drives up to so many
-    /// short legs, with a search after each, from low until released (12). It drives them blindly: at
-    /// 30 %, straight for 2 s, later for up to 4 s (0.27 to 0.54 m), every second one after a turn of
-    /// 0.95 s. 0, where a fall is possible: never.
+    /// Whether the watchdog itself drives a short leg where the station was not found and no rescue
+    /// behaviour has driven: any number but 0 (12). It drives them blindly: at 30 %, straight for 2 s,
+    /// later for up to 4 s (0.27 to 0.54 m), every second one after a turn of 0.95 s, with a search
+    /// after each, until released. 0, where a fall is possible: never.
     pub recovery_legs: u32,
-    /// Without a leg, from a failure to the next search; twice as long after each (60 s) ...
+    /// The first of those pauses once the alarm sounds (60 s) ...
     pub recovery_pause: Seconds,
-    /// ... up to this (300 s), for as long as the battery lasts.
+    /// ... and the longest (300 s).
     pub recovery_longest_pause: Seconds,
+    /// Who drives a low robot elsewhere after a search that has failed: `builtin`, a behaviour that
+    /// comes with the program and drives over free floor; the name of a `.lua` file; or `off`: nobody.
+    pub rescue: Rescue,
+    /// The tracks are lent to it for so long at most; then the robot searches from there (8 s).
+    pub rescue_time: Seconds,
+    /// The most power of each track while they are lent (30 %); more is scaled down on both alike.
+    pub rescue_power: Percent,
     /// Without any battery level for so long off the station, the battery counts as low (600 s).
     pub power_silence: Seconds,
     /// A host whose motion is on must show life this often, or the tracks are stopped (0.25 s).
@@ -57,6 +68,9 @@ impl Default for Limits {
             recovery_legs: 12,
             recovery_pause: Seconds::from_secs(60),
             recovery_longest_pause: Seconds::from_secs(300),
+            rescue: Rescue::Builtin,
+            rescue_time: Seconds::from_secs(8),
+            rescue_power: percent(30),
             power_silence: Seconds::from_secs(600),
             host_silence: Seconds::from_millis(250),
             host_grace: Seconds::from_millis(250),

@@ -4,8 +4,8 @@
 //! [`Watchdog`] is the whole; its parts can be read one by one: [`Arbiter`] (who may drive),
 //! [`Tracks`] (what the robot was told, how often), [`BatteryGuard`] (what is believed of the
 //! battery, and when it is low), [`Drain`] (how fast it empties), [`Whereabouts`] (where the robot is,
-//! by whose word), [`Docking`] (the way home), [`Recovery`] (what follows when it failed), [`Leg`] (a
-//! short way to search from elsewhere), [`Leases`] (which hosts are alive), [`LastWords`] (what the
+//! by whose word), [`Docking`] (the way home), [`Recovery`] (what follows when it failed), [`Loan`]
+//! and [`Leg`] (how a low robot gets elsewhere to search again), [`Rescue`] (who sees the way), [`Leases`] (which hosts are alive), [`LastWords`] (what the
 //! robot hears if nobody is left), [`Limits`] (every number).
 
 mod act;
@@ -17,8 +17,10 @@ mod last_words;
 mod leases;
 mod leg;
 mod limits;
+mod loan;
 mod place;
 mod recovery;
+mod rescue;
 mod streak;
 mod tracks;
 mod watchdog;
@@ -32,7 +34,9 @@ pub use last_words::LastWords;
 pub use leases::{Leases, Pulse};
 pub use leg::Leg;
 pub use limits::Limits;
+pub use loan::{Loan, capped};
 pub use place::{Doubt, Place, Whereabouts, Word};
-pub use recovery::{Recovery, Try};
+pub use recovery::{Means, Next, Recovery, Try};
+pub use rescue::{Rescue, UnknownRescue};
 pub use tracks::Tracks;
 pub use watchdog::{Watchdog, WatchdogState};

@@ -6,7 +6,7 @@ use tokio::time::Instant;
 
 use super::{Caller, Watchdog};
 use crate::robot::{BehaviourId, DockEnd, MotionEnd, MotionId, Priority, Setpoint};
-use crate::safety::{Ask, Ended};
+use crate::safety::{Ask, Ended, capped};
 
 /// The longest time that is heeded, thirty days. A host may send any, and the clock that they are
 /// added to ends somewhere.
@@ -44,19 +44,31 @@ impl Watchdog {
         if self.refusal() == Some(MotionEnd::Preempted) && self.outranks_docking(who.1) {
             self.end_docking(DockEnd::Preempted, now);
         }
-        if let Some(end) = self.refusal() {
+        let borrows = self.borrower() == Some(who.0);
+        if let Some(end) = self.refusal().filter(|_| !borrows) {
             let earlier = self.arbiter.clear_of(who.0, MotionEnd::Preempted);
             self.tell_ended(earlier);
             let by = who.0;
             return self.tell_ended(vec![Ended { by, motion, end }]);
         }
+        let setpoint = if borrows {
+            capped(setpoint, self.limits.rescue_power)
+        } else {
+            setpoint
+        };
         let duration = duration.map(|duration| duration.min(LONGEST));
         let over = self.arbiter.wish(who, motion, setpoint, duration, now);
         self.tell_ended(over);
     }
 
-    /// The way home of a low robot, with the watchdog's own legs, is no behaviour's to stop.
+    /// The way home of a low robot is no behaviour's to stop, but for its own part of it: who has
+    /// borrowed the tracks gives them back.
     fn stop_asked(&mut self, by: BehaviourId, priority: Priority, now: Instant) {
+        match self.borrower() {
+            Some(borrower) if borrower == by => self.end_loan(now),
+            Some(_) => return,
+            None => {}
+        }
         let over = self.arbiter.stop(by, priority);
         self.tell_ended(over);
         if self.homing.as_ref().is_some_and(|homing| !homing.forced) {

@@ -1,108 +1,209 @@
-//! A robot with a low battery that could not get home: the alarm, and the tries that follow.
+//! What is done about a low robot between two searches: loans, legs and pauses; and the alarm.
 
 use std::time::Duration;
 
 use tokio::time::Instant;
 
 use super::Watchdog;
-use crate::robot::{DockEnd, SafetyAction, Setpoint};
-use crate::safety::{Outcome, Recovery, Try};
+use crate::robot::{BehaviourId, DockEnd, Event, MotionEnd, SafetyAction, Setpoint};
+use crate::safety::{Act, Activity, Means, Next, Outcome, Place, Pulse, Rescue, Try};
 use crate::wire::{Command, Led, Sound};
 
-/// The alarm, and what is done about its cause.
+/// A person is needed.
 #[derive(Debug)]
 pub(super) struct Alarm {
     pub(super) next: Instant,
     flash_on: bool,
-    pub(super) recovery: Recovery,
 }
 
 impl Watchdog {
     /// How long the flash of the alarm stays on.
     const ALARM_FLASH: Duration = Duration::from_secs(1);
 
-    /// The watchdog's own docking has failed: for the first time, or in one of the tries after that.
-    pub(super) fn give_up(&mut self, outcome: Outcome, now: Instant) {
-        let may_drive = self.may_drive_a_leg(now);
-        let alarm = self.alarm.get_or_insert_with(|| Alarm {
-            next: now,
-            flash_on: false,
-            recovery: Recovery::new(&self.limits, now),
-        });
-        let pause = alarm.recovery.failed(outcome.end, may_drive, now);
-        let next = match self.docked() {
-            true => "stays on the station".to_owned(),
-            false if outcome.end == DockEnd::NotCharging => "searches again".to_owned(),
-            false if pause.is_zero() => "tries again from elsewhere".to_owned(),
-            false => format!("tries again in {} s", pause.as_secs_f64()),
+    /// Whether a rescue behaviour should be there: the battery is low and the robot not on its
+    /// station. True some time before the first loan, so that there is time to start its host.
+    pub fn wants_rescue(&self) -> bool {
+        let off = self.parting || self.limits.rescue == Rescue::Off;
+        !off && self.guard.low().is_some() && !self.docked()
+    }
+
+    /// Whether whatever is not needed for the way home is to be switched off: the battery is nearly
+    /// empty and does not charge. Needed are the rescue behaviour's camera and the alarm.
+    pub fn shed(&self) -> bool {
+        self.guard.critical() && self.place() != Place::Charging
+    }
+
+    /// While the alarm sounds, volume, flash and STOP of sounds are the watchdog's.
+    pub fn alarm_sounds(&self) -> bool {
+        self.alarm.is_some() && self.online
+    }
+
+    /// A search of the watchdog's own has failed: what follows begins.
+    pub(super) fn go_on(&mut self, outcome: Outcome, now: Instant) {
+        let means = self.means(outcome.took);
+        let stuck = outcome.end == DockEnd::NotCharging && self.place() == Place::Unknown;
+        let Some(recovery) = &mut self.recovery else {
+            return;
         };
-        let (end, attempts) = (outcome.end, outcome.attempts);
-        let reason = format!("docking failed ({end}) {attempts} times: {next}");
-        self.notice(SafetyAction::Alarm, reason);
+        let next = recovery.failed(outcome.end, means, now);
+        let failures = recovery.failures();
+        if recovery.is_alarming() || stuck {
+            self.alarm.get_or_insert(Alarm {
+                next: now,
+                flash_on: false,
+            });
+            self.answer_waiting(DockEnd::Safety, now);
+        }
+        let action = match self.alarm {
+            Some(_) => SafetyAction::Alarm,
+            None => SafetyAction::Dock,
+        };
+        let (end, next) = (outcome.end, self.begin(next));
+        self.notice(
+            action,
+            format!("docking failed ({end}) {failures} times: {next}"),
+        );
+    }
+
+    /// What may be done now about a search that took so long.
+    fn means(&self, took: Duration) -> Means {
+        let usable = !self.parting && !self.docked() && self.limits.rescue != Rescue::Off;
+        let rates = [Activity::Searching, Activity::Standing].map(|what| self.drain.rate(what));
+        let worth = match rates {
+            [Some(searching), Some(standing)] if standing > 0.0 => {
+                took.mul_f64((searching / standing).clamp(0.5, 2.0))
+            }
+            _ => took,
+        };
+        Means {
+            rescuer: self.rescuer.filter(|_| usable),
+            leg: self.may_drive_a_leg(),
+            worth,
+            critical: self.guard.critical(),
+        }
+    }
+
+    /// Tells a borrower of its loan, and everybody what follows, in words.
+    fn begin(&mut self, next: Next) -> String {
+        match next {
+            Next::Search => "searches again".into(),
+            Next::Leg => format!("drives short leg {}, and searches from there", self.legs()),
+            Next::Pause(pause) => format!("tries again in {:.0} s", pause.as_secs_f64()),
+            Next::Loan => {
+                let (seconds, power) = (self.limits.rescue_time.get(), self.limits.rescue_power);
+                if let Some(by) = self.borrower() {
+                    let loan = Event::Loan { seconds, power };
+                    self.acts.push(Act::Tell(by, loan));
+                }
+                let seconds = seconds.as_secs_f64();
+                format!("a rescue behaviour may drive for {seconds} s, then it searches from there")
+            }
+        }
     }
 
     /// Off the station and without a search under way: the next leg or the next search when it is time.
     pub(super) fn continue_recovery(&mut self, now: Instant) {
-        if !self.is_recovering() {
+        if self.docked() {
             return;
         }
-        let may_drive = self.may_drive_a_leg(now);
-        let Some(alarm) = &mut self.alarm else {
-            return;
-        };
-        match alarm.recovery.poll(may_drive, now) {
+        self.watch_borrower(now);
+        let may_drive = self.may_drive_a_leg();
+        let next = self
+            .recovery
+            .as_mut()
+            .and_then(|recovery| recovery.poll(may_drive, now));
+        match next {
             None => {}
             Some(Try::Leg) => {
-                let (leg, most) = (alarm.recovery.legs(), self.limits.recovery_legs);
-                let reason =
-                    format!("drives a short leg, {leg} of {most}, and searches from there");
-                self.notice(SafetyAction::Dock, reason);
+                self.end_motion(MotionEnd::Safety);
+                let next = self.begin(Next::Leg);
+                self.notice(SafetyAction::Dock, format!("nobody has driven: {next}"));
             }
-            Some(Try::Search) => self.send_home(0, now),
+            Some(Try::Search) => self.send_home(now),
+        }
+    }
+
+    /// A loan lasts while its borrower drives and lives.
+    fn watch_borrower(&mut self, now: Instant) {
+        let Some(by) = self.borrower() else {
+            return;
+        };
+        let moves = self.arbiter.wishing().any(|wishing| wishing == by);
+        let silent = moves && self.leases.pulse(by, now) != Pulse::Alive;
+        if let Some(recovery) = &mut self.recovery {
+            recovery.note_motion(moves, now);
+            if silent {
+                recovery.end(now);
+            }
         }
     }
 
     /// When [`Watchdog::continue_recovery`] has something to do.
     pub(super) fn recovery_deadline(&self) -> Option<Instant> {
-        let alarm = self.alarm.as_ref().filter(|_| self.is_recovering())?;
-        alarm.recovery.next_deadline(self.ticked)
+        let recovery = self.recovery.as_ref().filter(|_| self.is_recovering())?;
+        recovery.next_deadline(self.ticked)
     }
 
-    /// What the watchdog's own leg wants of the tracks; `None` without one.
-    pub(super) fn leg(&self, now: Instant) -> Option<Setpoint> {
-        let alarm = self.alarm.as_ref().filter(|_| self.is_recovering())?;
-        let setpoint = alarm.recovery.setpoint(now)?;
-        self.may_drive_a_leg(now).then_some(setpoint)
+    /// What is wanted of the tracks of a low robot between two searches; `None`: that they stand.
+    pub(super) fn between_searches(&self, now: Instant) -> Option<Setpoint> {
+        let recovery = self.recovery.as_ref().filter(|_| self.is_recovering())?;
+        if recovery.borrower().is_some() {
+            return Some(self.arbiter.setpoint());
+        }
+        let setpoint = recovery.setpoint(now)?;
+        self.may_drive_a_leg().then_some(setpoint)
     }
 
-    /// A leg under way ends; the search follows.
-    pub(super) fn end_leg(&mut self, now: Instant) {
-        if let Some(alarm) = &mut self.alarm {
-            alarm.recovery.end_leg(now);
+    /// Whom the tracks are lent to just now.
+    pub(super) fn borrower(&self) -> Option<BehaviourId> {
+        let recovery = self.recovery.as_ref().filter(|_| self.is_recovering())?;
+        recovery.borrower()
+    }
+
+    /// A loan or a leg under way ends; the search follows.
+    pub(super) fn end_loan(&mut self, now: Instant) {
+        if let Some(recovery) = &mut self.recovery {
+            recovery.end(now);
         }
     }
 
-    /// Out of reach, or on the station: no leg and no search is under way any more.
+    /// Who the tracks may be lent to. A loan to somebody else ends.
+    pub(super) fn rescuer_is(&mut self, by: Option<BehaviourId>, now: Instant) {
+        self.rescuer = by;
+        if let Some(recovery) = &mut self.recovery
+            && recovery
+                .borrower()
+                .is_some_and(|borrower| by != Some(borrower))
+        {
+            recovery.end(now);
+        }
+    }
+
+    /// Out of reach, or on the station: no loan, no leg and no search is under way any more.
     pub(super) fn interrupt_recovery(&mut self, now: Instant) {
-        if let Some(alarm) = &mut self.alarm {
-            alarm.recovery.interrupt(now);
+        if let Some(recovery) = &mut self.recovery {
+            recovery.interrupt(now);
         }
     }
 
     /// The robot is somewhere else, or nobody knows what it does: a low one searches from there now.
     pub(super) fn search_at_once(&mut self, now: Instant) {
-        if let Some(alarm) = &mut self.alarm {
-            alarm.recovery.search_at_once(now);
+        if let Some(recovery) = &mut self.recovery {
+            recovery.search_at_once(now);
         }
+    }
+
+    fn legs(&self) -> u32 {
+        self.recovery.as_ref().map_or(0, |recovery| recovery.legs())
     }
 
     fn is_recovering(&self) -> bool {
         self.online && !self.docked() && self.homing.is_none()
     }
 
-    /// Only while it is known that there is more than the critical level, and never at the end of a run.
-    fn may_drive_a_leg(&self, now: Instant) -> bool {
-        !self.parting && !self.docked() && !self.guard.critical() && self.guard.is_fresh(now)
+    /// Where the config allows it, and never at the end of a run.
+    fn may_drive_a_leg(&self) -> bool {
+        !self.parting && !self.docked() && self.limits.recovery_legs > 0
     }
 
     /// Leaves no light on that the alarm has switched on.

@@ -26,6 +26,9 @@ impl Watchdog {
         if let Some(end) = self.dock_refusal(caller) {
             return self.answer_dock(caller, end, 0, Duration::ZERO);
         }
+        if self.guard.low().is_some() {
+            return self.waiting.push(caller);
+        }
         if let Some(homing) = &mut self.homing {
             return homing.callers.push(caller);
         }
@@ -42,19 +45,18 @@ impl Watchdog {
     }
 
     fn dock_refusal(&self, caller: Caller) -> Option<DockEnd> {
-        let crowded = |callers: &Vec<Caller>| callers.len() >= MOST_CALLERS;
+        let callers = self
+            .homing
+            .as_ref()
+            .map_or(0, |homing| homing.callers.len());
+        let crowded = callers + self.waiting.len() >= MOST_CALLERS;
         if !self.online {
             Some(DockEnd::Disconnected)
         } else if self.parting {
             Some(DockEnd::Cancelled)
         } else if self.place() == Place::Charging {
             Some(DockEnd::AlreadyDocked)
-        } else if self.alarm.is_some()
-            || self
-                .homing
-                .as_ref()
-                .is_some_and(|homing| crowded(&homing.callers))
-        {
+        } else if self.alarm.is_some() || crowded {
             Some(DockEnd::Safety)
         } else if self.is_outranked(caller.priority) {
             Some(DockEnd::Preempted)
@@ -95,22 +97,25 @@ impl Watchdog {
         }
     }
 
-    /// Whoever waits for the docking hears `cancelled`, if `by` is that behaviour or one of equal or
+    /// Whoever waits for a docking hears `cancelled`, if `by` is that behaviour or one of equal or
     /// higher priority; `None` is above all. With nobody left the docking ends, unless it is the
     /// watchdog's own.
     pub(super) fn cancel_docks(&mut self, by: Option<(BehaviourId, Priority)>, now: Instant) {
-        let Some(homing) = &mut self.homing else {
-            return;
-        };
         let stays = |caller: &Caller| {
             by.is_some_and(|(by, priority)| caller.by != by && caller.priority > priority)
         };
-        let (stay, over): (Vec<Caller>, Vec<Caller>) =
-            homing.callers.iter().partition(|caller| stays(caller));
-        if stay.is_empty() && !homing.forced {
-            return self.end_docking(DockEnd::Cancelled, now);
+        let waiting = std::mem::take(&mut self.waiting).into_iter();
+        let (stay, mut over): (Vec<Caller>, Vec<Caller>) = waiting.partition(stays);
+        self.waiting = stay;
+        if let Some(homing) = self.homing.as_mut().filter(|homing| !homing.forced) {
+            if !homing.callers.iter().any(stays) {
+                return self.end_docking(DockEnd::Cancelled, now);
+            }
+            let callers = std::mem::take(&mut homing.callers).into_iter();
+            let (stay, gone): (Vec<Caller>, Vec<Caller>) = callers.partition(stays);
+            homing.callers = stay;
+            over.extend(gone);
         }
-        homing.callers = stay;
         for caller in over {
             self.answer_dock(caller, DockEnd::Cancelled, 0, Duration::ZERO);
         }

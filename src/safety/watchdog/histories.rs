@@ -15,7 +15,7 @@ use tokio::time::Instant;
 use super::rig::{CANCEL, FIND, LEAVE, SECOND, sent, told};
 use super::*;
 use crate::robot::{DockPlan, MotionId, Percent, Priority, Seconds};
-use crate::safety::{Ask, LastWords, Leg};
+use crate::safety::{Ask, LastWords, Leg, Rescue};
 use crate::wire::Sound;
 
 /// One step of a random history.
@@ -60,6 +60,7 @@ struct Known {
     said: Option<Instant>,
     /// The last that was heard of a search is that it failed.
     not_found: bool,
+    rescuer: Option<BehaviourId>,
     parted: bool,
     /// From when on the battery's silence counts.
     reported: Option<Instant>,
@@ -89,6 +90,8 @@ impl Known {
                 self.power(*power, limits, now);
             }
             Fact::LinkDown => self.online = false,
+            Fact::Rescuer(by) => self.rescuer = *by,
+            Fact::Gone(by) if self.rescuer == Some(*by) => self.rescuer = None,
             Fact::Parting => self.parted = true,
             Fact::Engine(EngineNews::BaseNotFound) => self.not_found = true,
             Fact::Power(power) => self.power(*power, limits, now),
@@ -189,11 +192,10 @@ impl Known {
         self.online && said.unwrap_or(before && !over)
     }
 
-    /// Whether the watchdog may drive a leg of its own.
-    fn allows_a_leg(&self, limits: &Limits, now: Instant) -> bool {
-        let fresh = |at: Instant| now < at + limits.power_silence.get();
-        let lost = self.low && self.not_found && !self.surely_docked(limits, now);
-        self.online && lost && !self.parted && !self.critical && self.reported.is_some_and(fresh)
+    /// Whether a low robot may be moved: by a leg or a loan.
+    fn allows_the_way_home(&self, limits: &Limits, now: Instant) -> bool {
+        let lost = self.low && !self.surely_docked(limits, now);
+        self.online && lost && !self.parted
     }
 
     fn end_doubt(&mut self, now: Instant) {
@@ -223,6 +225,8 @@ struct Play {
     known: Known,
     limits: Limits,
     now: Instant,
+    /// When the whole machine woke up last.
+    slept: Option<Instant>,
 }
 
 /// What the watchdog wants at one moment of a history.
@@ -248,44 +252,119 @@ impl Moment<'_> {
 
 type Kept = Result<(), TestCaseError>;
 
-/// The watchdog's own legs since the battery became low.
+/// What moves a low robot: legs of the watchdog's own, and loans.
 #[derive(Debug, Default)]
-struct Legs {
-    count: u32,
-    began: Option<Instant>,
+struct WayHome {
+    /// Since when it moves.
+    moves: Option<Instant>,
+    /// Since when the tracks are lent, and to whom.
+    lent: Option<(Instant, BehaviourId)>,
 }
 
-impl Legs {
-    const LONGEST: Duration = Leg::TURN.saturating_add(Leg::LONGEST);
+impl WayHome {
+    const LONGEST_LEG: Duration = Leg::TURN.saturating_add(Leg::LONGEST);
 
-    /// While low: whatever moves is such a leg, slow, short and allowed, and there are few of them.
+    /// While low: whatever moves is a leg, slow and short, or a loan, both allowed.
+    fn see(&mut self, moment: &Moment<'_>) -> Kept {
+        let Play { dog, known, .. } = moment.play;
+        self.see_loan(moment)?;
+        for command in sent(&moment.acts).iter().filter(|_| known.low) {
+            let Command::Move { left, right } = *command else {
+                continue;
+            };
+            let (left, right) = (left.unsigned_abs(), right.unsigned_abs());
+            let cap = f64::from(moment.play.limits.rescue_power.get()) * 0.9;
+            let slow = f64::from(left.max(right)) <= cap;
+            let is_leg = left == right && [0, 27].contains(&left);
+            prop_assert!(is_leg || (self.lent.is_some() && slow), "{:?}", command);
+        }
+        if known.low && dog.moving() {
+            self.see_motion(moment)
+        } else {
+            self.moves = None;
+            Ok(())
+        }
+    }
+
+    fn see_motion(&mut self, moment: &Moment<'_>) -> Kept {
+        let Play {
+            dog,
+            known,
+            limits,
+            now,
+            ..
+        } = moment.play;
+        let began = *self.moves.get_or_insert(*now);
+        let ends = match self.lent {
+            Some((since, _)) => since + limits.rescue_time.get(),
+            None => began + WayHome::LONGEST_LEG,
+        };
+        prop_assert!(*now < ends && dog.next_deadline().is_some_and(|due| due <= ends));
+        prop_assert!(known.allows_the_way_home(limits, *now), "{:?}", known);
+        let leg = limits.recovery_legs > 0 && known.not_found;
+        prop_assert!(self.lent.is_some() || leg, "{:?}", known);
+        Ok(())
+    }
+
+    fn see_loan(&mut self, moment: &Moment<'_>) -> Kept {
+        let Play {
+            dog,
+            known,
+            limits,
+            now,
+            ..
+        } = moment.play;
+        let Some(by) = dog.borrower() else {
+            self.lent = None;
+            return Ok(());
+        };
+        prop_assert_eq!(known.rescuer, Some(by));
+        prop_assert!(limits.rescue != Rescue::Off);
+        prop_assert!(known.allows_the_way_home(limits, *now), "{:?}", known);
+        let (since, whose) = *self.lent.get_or_insert((*now, by));
+        let ends = since + limits.rescue_time.get();
+        prop_assert_eq!(whose, by);
+        prop_assert!(*now < ends && dog.next_deadline().is_some_and(|due| due <= ends));
+        Ok(())
+    }
+}
+
+/// Since when a low robot waits for BASE_FIND.
+#[derive(Debug, Default)]
+struct Patience(Option<Instant>);
+
+impl Patience {
+    /// Low, online and not charging, it hears BASE_FIND again within this time.
+    fn longest(limits: &Limits) -> Duration {
+        let moment = Duration::from_secs(1);
+        let pause = limits.recovery_longest_pause.get().max(moment);
+        let on_contact = limits.charge_timeout.get() * 2 + Whereabouts::LONGEST_LEAVING;
+        let driven = limits.rescue_time.get() + WayHome::LONGEST_LEG;
+        limits.dock_timeout.get() + on_contact + pause + driven + moment
+    }
+
     fn see(&mut self, moment: &Moment<'_>) -> Kept {
         let Play {
             dog,
             known,
             limits,
             now,
+            slept,
         } = moment.play;
-        if !known.low {
-            *self = Legs::default();
+        let waits = known.online && known.low && dog.place() != Place::Charging;
+        if !waits || moment.sends(&FIND) {
+            self.0 = waits.then_some(*now);
             return Ok(());
         }
-        for command in sent(&moment.acts) {
-            if let Command::Move { left, right } = command {
-                let power = left.unsigned_abs();
-                prop_assert!(power == right.unsigned_abs() && [0, 27].contains(&power));
-            }
-        }
-        if !dog.moving() {
-            self.began = None;
-            return Ok(());
-        }
-        self.count += u32::from(self.began.is_none());
-        let end = *self.began.get_or_insert(*now) + Legs::LONGEST;
-        prop_assert!(*now < end && dog.next_deadline().is_some_and(|due| due <= end));
-        prop_assert!(self.count <= limits.recovery_legs, "leg {}", self.count);
-        prop_assert!(known.allows_a_leg(limits, *now), "{:?}", known);
-        prop_assert_eq!(dog.state(), WatchdogState::Alarm);
+        let since = *self.0.get_or_insert(*now);
+        let since = slept.map_or(since, |slept| slept.max(since));
+        let waited = *now - since;
+        prop_assert!(
+            waited <= Patience::longest(limits),
+            "{:?}: {:?}",
+            waited,
+            known
+        );
         Ok(())
     }
 }
@@ -298,6 +377,7 @@ impl Play {
             known: Known::default(),
             limits: limits.clone(),
             now,
+            slept: None,
         }
     }
 
@@ -307,6 +387,7 @@ impl Play {
             Step::Still => self.tick(see),
             Step::Jump(span) => {
                 self.now += *span;
+                self.slept = Some(self.now);
                 self.tick(see)
             }
             Step::Pass(span) => self.pass(*span, see),
@@ -351,6 +432,7 @@ impl Play {
             self.tick(see)?;
         }
         self.now = end;
+        self.slept = Some(end);
         self.tick(see)
     }
 }
@@ -418,6 +500,7 @@ fn any_fact() -> impl Strategy<Value = Fact> {
         }),
         1 => Just(Fact::Parting),
         2 => Just(Fact::Suspended),
+        4 => prop::option::weighted(0.9, who()).prop_map(Fact::Rescuer),
     ]
 }
 
@@ -477,6 +560,13 @@ fn any_limits() -> impl Strategy<Value = Limits> {
             recovery_legs,
             recovery_pause: times.8,
             recovery_longest_pause: times.9,
+            rescue_time: times.2,
+            rescue_power: ok,
+            rescue: if dock_retries == 1 {
+                Rescue::Off
+            } else {
+                Rescue::Builtin
+            },
         },
     );
     prop_oneof![4 => Just(Limits::default()), 1 => odd]
@@ -548,23 +638,32 @@ proptest! {
     #![proptest_config(histories())]
 
     #[test]
-    fn after_low_until_released_nothing_moves_but_few_short_and_slow_legs_of_the_watchdogs_own(
+    fn after_low_until_released_nothing_moves_but_short_slow_legs_and_loans_that_end(
         limits in any_limits(),
         history in any_history(),
     ) {
-        let mut legs = Legs::default();
+        let mut way_home = WayHome::default();
         Play::new(&limits).steps(&history, &mut |moment| {
             let Play { dog, known, .. } = moment.play;
             prop_assert_eq!(dog.low().is_some(), known.low);
             prop_assert!(!known.low || !moment.moves() || dog.moving(), "{:?}", moment.acts);
-            legs.see(&moment)
+            way_home.see(&moment)
         })?;
+    }
+
+    #[test]
+    fn a_low_robot_that_does_not_charge_is_sent_home_again_and_again_whatever_happens(
+        limits in any_limits(),
+        history in any_history(),
+    ) {
+        let mut patience = Patience::default();
+        Play::new(&limits).steps(&history, &mut |moment| patience.see(&moment))?;
     }
 
     #[test]
     fn the_station_is_never_searched_from_the_station(limits in any_limits(), history in any_history()) {
         Play::new(&limits).steps(&history, &mut |moment| {
-            let Play { dog, known, now, limits } = moment.play;
+            let Play { dog, known, now, limits, .. } = moment.play;
             let surely = known.surely_docked(limits, *now);
             prop_assert!(dog.docked() || !surely, "{:?}", known);
             prop_assert!(known.docked() || !dog.docked(), "{:?}", known);
@@ -620,7 +719,7 @@ proptest! {
         })?;
         play.pass(60 * SECOND, &mut |moment| {
             let Play { known, limits, now, .. } = moment.play;
-            let leg = known.allows_a_leg(limits, *now);
+            let leg = known.allows_the_way_home(limits, *now);
             prop_assert!(leg || !moment.moves(), "moves on by itself: {:?}", moment.acts);
             Ok(())
         })?;
@@ -684,7 +783,17 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     note("several wish to drive", dog.arbiter.wishing().count() > 1);
     note("backs off", homing.is_some() && dog.moving());
     let alarm = dog.state() == WatchdogState::Alarm;
-    note("drives a leg", alarm && dog.moving());
+    let low_moves = known.low && dog.moving();
+    let lent = dog.borrower().is_some();
+    note("drives a leg", low_moves && !lent);
+    note("lends the tracks", lent);
+    note("drives in a loan", low_moves && lent);
+    note(
+        "drives at the critical level",
+        low_moves && dog.guard.critical(),
+    );
+    let loan = |event: &Event| matches!(event, Event::Loan { .. });
+    note("tells of a loan", told(&moment.acts).iter().any(loan));
     note("searches under alarm", alarm && moment.sends(&FIND));
     note(
         "stands still under alarm, off the station",
@@ -701,7 +810,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     );
     note(
         "a behaviour waits for the watchdog's docking",
-        forced && homing.is_some_and(|homing| !homing.callers.is_empty()),
+        forced && !dog.waiting.is_empty(),
     );
     note("the run ends while low", dog.parting && forced);
     note("place unknown", dog.place() == Place::Unknown);
@@ -770,6 +879,10 @@ fn all_there_is() -> Vec<String> {
         "gives the search up",
         "backs off",
         "drives a leg",
+        "lends the tracks",
+        "drives in a loan",
+        "drives at the critical level",
+        "tells of a loan",
         "asked to stop in a leg",
         "searches under alarm",
         "stands still under alarm, off the station",

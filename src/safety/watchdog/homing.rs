@@ -7,7 +7,7 @@ use tokio::time::Instant;
 
 use super::{Caller, Watchdog};
 use crate::robot::{DockEnd, DockPlan, Event, MotionEnd, Priority, SafetyAction, Setpoint};
-use crate::safety::{Act, Approach, Docking, LowCause, Order, Retry};
+use crate::safety::{Act, Approach, Docking, LowCause, Order, Recovery, Retry};
 use crate::wire::{Command, Engage};
 
 /// A docking under way and who waits for it.
@@ -46,56 +46,64 @@ impl Watchdog {
             (SafetyAction::Dock, "stops and goes home")
         };
         self.notice(action, format!("{cause}: {what}"));
+        self.recovery = Some(Recovery::new(&self.limits, now));
         self.pursue_home(now);
     }
 
     pub(super) fn released(&mut self, now: Instant) {
         self.end_alarm();
+        if self.recovery.take().is_some() {
+            self.end_motion(MotionEnd::Safety);
+        }
         if let Some(battery) = self.battery() {
-            self.notice(
-                SafetyAction::Release,
-                format!("battery at {}", battery.percent),
-            );
+            let reason = format!("battery at {}", battery.percent);
+            self.notice(SafetyAction::Release, reason);
             self.acts.push(Act::Announce(Event::BatteryOk(battery)));
         }
-        let Some(homing) = &mut self.homing else {
-            return;
-        };
-        if homing.forced && homing.callers.is_empty() {
-            let orders = homing.docking.cancel(DockEnd::Cancelled, now);
-            self.follow(orders, now);
-        } else {
-            homing.forced = false;
+        let waiting = std::mem::take(&mut self.waiting);
+        match self.homing.as_mut().filter(|homing| homing.forced) {
+            Some(homing) if !waiting.is_empty() => {
+                (homing.forced, homing.callers) = (false, waiting);
+            }
+            Some(_) => self.end_docking(DockEnd::Cancelled, now),
+            None => {
+                for caller in waiting {
+                    self.answer_dock(caller, DockEnd::Safety, 0, Duration::ZERO);
+                }
+            }
         }
     }
 
-    /// Low, off the station and not on the way home: goes home. A behaviour's docking becomes the
-    /// watchdog's own.
+    /// Low and not on the way home: goes on with it, whatever comes next. A behaviour's docking becomes
+    /// the watchdog's own.
     pub(super) fn pursue_home(&mut self, now: Instant) {
         let underway = self.homing.as_ref().is_some_and(|homing| homing.forced);
-        if !self.online || self.guard.low().is_none() || underway || self.alarm.is_some() {
+        if !self.online || self.guard.low().is_none() || underway {
             return;
         }
-        self.send_home(self.limits.dock_retries, now);
+        if self.docked() || self.homing.is_some() {
+            self.search_at_once(now);
+        }
+        if self.docked() {
+            self.send_home(now);
+        } else {
+            self.continue_recovery(now);
+        }
     }
 
-    /// Begins the watchdog's own docking, with so many tries after the first.
-    pub(super) fn send_home(&mut self, retries: u32, now: Instant) {
+    /// Begins a search of the watchdog's own, or the waiting for charging.
+    pub(super) fn send_home(&mut self, now: Instant) {
         let plan = DockPlan {
             timeout: self.limits.dock_timeout.get(),
-            retries,
+            retries: 0,
             charge_timeout: self.limits.charge_timeout.get(),
         };
-        let approach = Approach {
-            plan,
-            retry: Retry::Pause(self.limits.dock_pause.get()),
-        };
-        let callers = self
-            .homing
-            .take()
-            .map(|homing| homing.callers)
-            .unwrap_or_default();
-        self.start_homing(approach, callers, now);
+        let retry = Retry::Never;
+        if let Some(homing) = self.homing.take() {
+            self.waiting.extend(homing.callers);
+        }
+        self.end_motion(MotionEnd::Safety);
+        self.start_homing(Approach { plan, retry }, vec![], now);
         if let Some(homing) = &mut self.homing {
             homing.forced = true;
         }
@@ -103,6 +111,7 @@ impl Watchdog {
 
     pub(super) fn start_homing(&mut self, approach: Approach, callers: Vec<Caller>, now: Instant) {
         self.end_motion(MotionEnd::Preempted);
+        self.tracks.want(Setpoint::STOP);
         let (docking, orders) = Docking::start(approach, self.docked(), now);
         self.homing = Some(Homing {
             docking,
@@ -119,7 +128,6 @@ impl Watchdog {
         let orders = self.homing.as_mut().map(|homing| homing.docking.poll(now));
         self.follow(orders.unwrap_or_default(), now);
         self.pursue_home(now);
-        self.continue_recovery(now);
     }
 
     /// Does what the docking wants, then looks whether it is over.
@@ -149,7 +157,8 @@ impl Watchdog {
         self.answer_homing(now);
     }
 
-    /// Tells whoever waits for a docking that is over; a forced one that failed sounds the alarm.
+    /// Tells whoever waits for a docking that is over; what follows one of the watchdog's own is
+    /// another story.
     pub(super) fn answer_homing(&mut self, now: Instant) {
         let over = |homing: &mut Homing| homing.docking.outcome().is_some();
         let Some(homing) = self.homing.take_if(over) else {
@@ -158,22 +167,32 @@ impl Watchdog {
         let Some(outcome) = homing.docking.outcome() else {
             return;
         };
-        let gave_up = !matches!(
-            outcome.end,
-            DockEnd::Done | DockEnd::AlreadyDocked | DockEnd::Cancelled | DockEnd::Disconnected
-        );
-        let end = if homing.forced && gave_up {
-            DockEnd::Safety
-        } else {
-            outcome.end
-        };
         for caller in homing.callers {
-            self.answer_dock(caller, end, outcome.attempts, outcome.took);
+            self.answer_dock(caller, outcome.end, outcome.attempts, outcome.took);
         }
-        if homing.forced && gave_up {
-            self.give_up(outcome, now);
-        } else if let Some(alarm) = &mut self.alarm {
-            alarm.recovery.interrupt(now);
+        if !homing.forced {
+            return;
+        }
+        match outcome.end {
+            DockEnd::Done | DockEnd::AlreadyDocked => self.answer_waiting(DockEnd::Done, now),
+            DockEnd::Disconnected => self.answer_waiting(DockEnd::Disconnected, now),
+            DockEnd::Cancelled => {}
+            _ => self.go_on(outcome, now),
+        }
+    }
+
+    /// Tells whoever waits for the watchdog's own way home how it ended.
+    pub(super) fn answer_waiting(&mut self, end: DockEnd, now: Instant) {
+        let (failures, took) = self
+            .recovery
+            .as_ref()
+            .map_or_else(Default::default, |recovery| {
+                let took = now.saturating_duration_since(recovery.began());
+                (recovery.failures(), took)
+            });
+        let attempts = failures + u32::from(end == DockEnd::Done);
+        for caller in std::mem::take(&mut self.waiting) {
+            self.answer_dock(caller, end, attempts, took);
         }
     }
 

@@ -62,6 +62,7 @@ impl Watchdog {
             homing.docking.cancel(DockEnd::Disconnected, now);
             self.answer_homing(now);
         }
+        self.answer_waiting(DockEnd::Disconnected, now);
         self.interrupt_recovery(now);
     }
 
@@ -87,12 +88,14 @@ impl Watchdog {
     pub(super) fn part(&mut self, now: Instant) {
         self.parting = true;
         self.end_motion(MotionEnd::Cancelled);
-        self.end_leg(now);
         self.cancel_docks(None, now);
         if !self.online {
             return;
         }
         self.halt(now);
+        if self.homing.is_none() {
+            self.search_at_once(now);
+        }
         if self.homing.as_ref().is_some_and(|homing| homing.forced) && !self.docked() {
             self.send(Command::Engine(Engage::Dock));
         }

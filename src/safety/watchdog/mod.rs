@@ -19,6 +19,10 @@ mod place_tests;
 #[cfg(test)]
 mod priority_tests;
 #[cfg(test)]
+mod recovery_tests;
+#[cfg(test)]
+mod rescue_tests;
+#[cfg(test)]
 mod rig;
 mod rules;
 #[cfg(test)]
@@ -32,7 +36,7 @@ use self::distress::Alarm;
 use self::homing::Homing;
 use super::{
     Act, Activity, Arbiter, BatteryChange, BatteryGuard, Charging, Drain, Ended, Fact, Leases,
-    Limits, LowCause, Place, Tracks, Whereabouts,
+    Limits, LowCause, Place, Recovery, Tracks, Whereabouts,
 };
 use crate::robot::{
     Battery, BehaviourId, CallId, DockEnd, Event, MotionEnd, Priority, SafetyAction, Setpoint,
@@ -100,6 +104,12 @@ pub struct Watchdog {
     tracks: Tracks,
     homing: Option<Homing>,
     leaving: Option<Leaving>,
+    /// While the battery is low.
+    recovery: Option<Recovery>,
+    /// Whoever waits for the way home of a low robot.
+    waiting: Vec<Caller>,
+    /// Whom the tracks may be lent to.
+    rescuer: Option<BehaviourId>,
     alarm: Option<Alarm>,
     listening: bool,
     /// Since when the robot has moved without being heard, pauses included.
@@ -125,6 +135,9 @@ impl Watchdog {
             tracks: Tracks::new(now),
             homing: None,
             leaving: None,
+            recovery: None,
+            waiting: Vec::new(),
+            rescuer: None,
             alarm: None,
             listening: false,
             unheard_motion: None,
@@ -157,6 +170,7 @@ impl Watchdog {
             Fact::Asked { by, priority, ask } => self.asked(by, priority, ask, now),
             Fact::Alive(by) => self.leases.renew(by, now),
             Fact::Gone(by) => self.gone(by, now),
+            Fact::Rescuer(by) => self.rescuer_is(by, now),
             Fact::Suspended => self.wake(now),
             Fact::Parting => self.part(now),
         }
@@ -167,13 +181,13 @@ impl Watchdog {
         self.ticked = now;
         self.check_hosts(now);
         self.check_stream(now);
+        let over = self.arbiter.expire(now);
+        self.tell_ended(over);
         self.check_place(now);
         self.check_power_silence(now);
         self.continue_homing(now);
         self.check_leaving(now);
         self.sound_alarm(now);
-        let over = self.arbiter.expire(now);
-        self.tell_ended(over);
         self.drive(now);
         self.drain.advance(self.activity(), now);
         std::mem::take(&mut self.acts)
@@ -280,8 +294,13 @@ impl Watchdog {
         let was_critical = self.guard.critical();
         let contact = self.whereabouts.has_contact();
         let change = self.guard.report(power, contact, now);
+        let was_docked = self.docked();
         let charges = self.guard.charging() != Charging::No;
         self.whereabouts.power(charges, now);
+        if self.docked() && !was_docked {
+            self.end_motion(MotionEnd::Docked);
+            self.interrupt_recovery(now);
+        }
         if let Some(Battery {
             percent, charging, ..
         }) = self.battery()
@@ -290,9 +309,11 @@ impl Watchdog {
         }
         self.believe(change, now);
         if self.guard.critical() && !was_critical {
-            self.end_motion(MotionEnd::Safety);
+            if self.borrower().is_none() {
+                self.end_motion(MotionEnd::Safety);
+            }
             let reason = format!(
-                "battery at {} %: nothing moves but the docking",
+                "battery at {} %: nothing moves but on the way home",
                 power.percent
             );
             self.notice(SafetyAction::Hold, reason);
@@ -349,6 +370,9 @@ impl Watchdog {
             .as_mut()
             .map(|homing| homing.docking.engine(news, now));
         self.follow(orders.unwrap_or_default(), now);
+        if news == EngineNews::Undocked && self.homing.is_none() {
+            self.search_at_once(now);
+        }
         let change = match news {
             EngineNews::Docked => self.guard.contact(),
             _ => None,
@@ -360,7 +384,6 @@ impl Watchdog {
         self.whereabouts.undocked();
         self.guard.undocked();
         self.guard.excuse_silence(now);
-        self.search_at_once(now);
         if let Some(leaving) = self.leaving.take() {
             self.answer_undock(leaving.caller, DockEnd::Done);
         }
@@ -375,6 +398,10 @@ impl Watchdog {
             .is_some_and(|leaving| leaving.caller.by == by)
         {
             self.leaving = None;
+        }
+        self.waiting.retain(|caller| caller.by != by);
+        if self.rescuer == Some(by) {
+            self.rescuer_is(None, now);
         }
         let Some(homing) = &mut self.homing else {
             return;
@@ -394,7 +421,7 @@ impl Watchdog {
         if self.homing.is_none() {
             let wanted = match self.refusal() {
                 None => self.arbiter.setpoint(),
-                Some(_) => self.leg(now).unwrap_or(Setpoint::STOP),
+                Some(_) => self.between_searches(now).unwrap_or(Setpoint::STOP),
             };
             self.tracks.want(wanted);
         }

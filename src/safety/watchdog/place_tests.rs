@@ -71,7 +71,7 @@ fn a_wrong_word_of_the_login_is_believed_for_as_long_as_charging_may_take() {
     assert_eq!(count(&acts, &Command::Play(Sound::Alarm)), 1);
     assert_eq!(
         reasons(&acts),
-        ["docking failed (not_charging) 0 times: searches again"]
+        ["docking failed (not_charging) 1 times: searches again"]
     );
 }
 

@@ -120,5 +120,5 @@ fn no_scripts_stop_touches_a_leg_of_the_watchdog() {
         assert_eq!(sent(&rig.ask_as(WHO, priority, Ask::Stop)), []);
     }
     assert!(rig.dog.moving());
-    assert_eq!(sent(&rig.pass(SECOND, false)).last(), Some(&FIND));
+    assert_eq!(sent(&rig.pass(2 * SECOND, false)).last(), Some(&FIND));
 }

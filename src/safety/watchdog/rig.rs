@@ -165,21 +165,33 @@ pub(super) const FIND: Command = Command::Engine(Engage::Dock);
 pub(super) const CANCEL: Command = Command::Engine(Engage::CancelDock);
 pub(super) const LEAVE: Command = Command::Engine(Engage::Undock);
 
-/// Low, and the station was not found in any of the first tries: the alarm.
+/// Low, and the station was not found in the first four searches: the alarm.
 pub(super) fn lost(percent: u8, limits: Limits) -> (Rig, Vec<Act>) {
     let mut rig = Rig::with(limits);
     rig.take(Fact::LinkUp {
         docked: false,
         power: power(percent),
     });
-    rig.now += 20 * MS;
     for _ in 0..3 {
+        rig.pass(SECOND, false);
         rig.take(Fact::Engine(EngineNews::BaseNotFound));
         rig.pass(30 * SECOND, false);
+        assert_ne!(rig.dog.state(), WatchdogState::Alarm);
     }
     let acts = rig.take(Fact::Engine(EngineNews::BaseNotFound));
     assert_eq!(rig.dog.state(), WatchdogState::Alarm);
     (rig, acts)
+}
+
+/// A robot that has just begun to search, with a low battery and nobody to rescue it.
+pub(super) fn searching(percent: u8, limits: Limits) -> Rig {
+    let mut rig = Rig::with(limits);
+    rig.take(Fact::LinkUp {
+        docked: false,
+        power: power(percent),
+    });
+    rig.now += SECOND;
+    rig
 }
 
 pub(super) fn standing() -> Limits {

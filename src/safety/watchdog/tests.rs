@@ -4,7 +4,7 @@ use super::rig::*;
 use super::*;
 use crate::robot::{DockPlan, EndReason};
 use crate::safety::Ask;
-use crate::wire::{Engage, Led, Sound};
+use crate::wire::{Engage, Led};
 
 #[test]
 fn a_low_report_stops_and_sends_home_in_one_batch() {
@@ -156,189 +156,6 @@ fn charging_releases_and_the_station_still_holds() {
     rig.take(Fact::Power(charging(20)));
     assert_eq!(rig.dog.low(), None);
     assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
-}
-
-#[test]
-fn base_not_found_is_tried_three_times_more_without_motion_then_alarm() {
-    let mut rig = Rig::online(20);
-    let mut acts = Vec::new();
-    for _ in 0..3 {
-        acts.extend(rig.take(Fact::Engine(EngineNews::BaseNotFound)));
-        acts.extend(rig.pass(30 * SECOND, false));
-    }
-    assert_eq!((count(&acts, &FIND), tracks(&acts)), (3, vec![(0, 0)]));
-    assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
-    let alarm = [
-        Command::STOP,
-        Command::Play(Sound::Alarm),
-        Command::Led {
-            led: Led::Flash,
-            on: true,
-        },
-    ];
-    let (_, acts) = lost(20, standing());
-    assert_eq!(sent(&acts), alarm);
-    let failed = "docking failed (base_not_found) 4 times: tries again in 60 s";
-    assert_eq!(reasons(&acts), [failed]);
-}
-
-#[test]
-fn the_alarm_is_repeated_and_without_legs_nothing_moves() {
-    let (mut rig, _) = lost(20, standing());
-    assert_eq!(sent(&rig.take(Fact::Heard)), [], "not at every occasion");
-    let acts = rig.pass(59 * SECOND, false);
-    let alarms = count(&acts, &Command::Play(Sound::Alarm));
-    assert!((3..=5).contains(&alarms), "{alarms}");
-    assert_eq!((count(&acts, &FIND), tracks(&acts)), (0, vec![]));
-    assert_eq!(told(&rig.drive(9, None)), [ended(9, MotionEnd::Safety)]);
-    rig.hear(charging(21));
-    assert_eq!(rig.dog.state(), WatchdogState::Alarm, "one report");
-    rig.hear(charging(21));
-    assert_eq!(rig.dog.state(), WatchdogState::Docked);
-}
-
-#[test]
-fn after_the_alarm_it_searches_for_ever_after_pauses_that_grow_up_to_a_bound() {
-    let (mut rig, _) = lost(20, standing());
-    for pause in [60, 120, 240, 300, 300, 300] {
-        assert_eq!(count(&rig.pass((pause - 1) * SECOND, false), &FIND), 0);
-        let acts = rig.pass(SECOND, false);
-        assert_eq!(count(&acts, &FIND), 1, "{pause} s");
-        assert_eq!(tracks(&acts), [(0, 0)], "a stop first");
-        rig.take(Fact::Power(power(5)));
-        let acts = rig.take(Fact::Engine(EngineNews::BaseNotFound));
-        assert_eq!(tracks(&acts), [(0, 0)]);
-    }
-    assert_eq!(rig.dog.state(), WatchdogState::Alarm);
-}
-
-#[test]
-fn the_next_search_and_the_end_of_a_leg_are_deadlines_of_their_own() {
-    let quiet = |limits| Limits {
-        alarm_every: crate::robot::Seconds::from_secs(1000),
-        ..limits
-    };
-    let (mut rig, _) = lost(20, quiet(standing()));
-    let due = rig.now + 60 * SECOND;
-    rig.pass(2 * SECOND, false);
-    assert_eq!(rig.dog.next_deadline(), Some(due));
-    let (mut rig, _) = lost(20, quiet(Limits::default()));
-    let due = rig.now + 2 * SECOND;
-    rig.pass(1900 * MS, false);
-    assert_eq!(rig.dog.next_deadline(), Some(due));
-}
-
-#[test]
-fn a_search_under_alarm_that_takes_too_long_is_cancelled_and_no_leg_follows() {
-    let (mut rig, _) = lost(20, Limits::default());
-    rig.pass(2 * SECOND, false);
-    let acts = rig.pass(180 * SECOND, false);
-    assert_eq!(count(&acts, &CANCEL), 1);
-    assert_eq!(tracks(&acts), [(0, 0)]);
-    let failed = "docking failed (timeout) 1 times: tries again in 60 s";
-    assert_eq!(reasons(&acts), [failed]);
-}
-
-#[test]
-fn where_it_finds_no_station_it_drives_a_short_leg_and_searches_from_there() {
-    let (mut rig, acts) = lost(20, Limits::default());
-    assert_eq!(
-        reasons(&acts),
-        [
-            "docking failed (base_not_found) 4 times: tries again from elsewhere",
-            "drives a short leg, 1 of 12, and searches from there"
-        ]
-    );
-    let acts = [acts, rig.pass(1999 * MS, false)].concat();
-    assert_eq!(tracks(&acts), [(0, 0), (27, 27)]);
-    assert!(count(&acts, &LEG) >= 10, "said 5 times a second");
-    assert_eq!(sent(&rig.pass(MS, false)), [Command::STOP, FIND]);
-    assert_eq!(tracks(&rig.pass(100 * SECOND, false)), [], "it searches");
-    let acts = rig.take(Fact::Engine(EngineNews::BaseNotFound));
-    let second = "drives a short leg, 2 of 12, and searches from there";
-    assert_eq!(reasons(&acts).last().unwrap(), second);
-    let acts = rig.pass(2950 * MS, false);
-    assert_eq!(tracks(&acts), [(-27, 27), (27, 27), (0, 0)]);
-    assert_eq!(count(&acts, &FIND), 1);
-    rig.take(Fact::Engine(EngineNews::Docked));
-    rig.take(Fact::Power(charging(19)));
-    assert_eq!(rig.dog.state(), WatchdogState::Docked);
-    assert_eq!(sent(&rig.pass(1000 * SECOND, false)), []);
-}
-
-#[test]
-fn all_legs_together_are_as_many_as_the_config_allows() {
-    let limits = Limits {
-        recovery_legs: 2,
-        ..Limits::default()
-    };
-    let (mut rig, _) = lost(20, limits);
-    for pause in [3, 3, 60, 120, 240] {
-        assert_eq!(count(&rig.pass(pause * SECOND, false), &FIND), 1);
-        rig.take(Fact::Engine(EngineNews::BaseNotFound));
-    }
-    assert_eq!(tracks(&rig.pass(10 * SECOND, false)), []);
-}
-
-#[test]
-fn whatever_releases_takes_over_or_cuts_off_the_robot_ends_a_leg() {
-    let stop = || vec![Command::STOP];
-    let ends = [
-        (Fact::Power(charging(19)), stop()),
-        (Fact::Power(power(8)), [stop(), vec![FIND]].concat()),
-        (Fact::Engine(EngineNews::Docked), stop()),
-        (Fact::Parting, [stop(), vec![FIND]].concat()),
-        (Fact::LinkDown, vec![]),
-    ];
-    for (end, expected) in ends {
-        let (mut rig, _) = lost(20, Limits::default());
-        rig.pass(500 * MS, false);
-        assert!(rig.dog.moving());
-        assert_eq!(sent(&rig.take(end.clone())), expected, "{end:?}");
-        assert!(!rig.dog.moving(), "{end:?}");
-        let later = rig.pass(100 * SECOND, false);
-        assert!(tracks(&later).iter().all(|one| *one == (0, 0)), "{end:?}");
-    }
-}
-
-#[test]
-fn at_the_critical_level_or_without_a_fresh_level_it_searches_but_drives_no_leg() {
-    let (mut rig, acts) = lost(8, Limits::default());
-    assert_eq!(tracks(&acts), [(0, 0)]);
-    let acts = rig.pass(60 * SECOND, false);
-    assert_eq!((count(&acts, &FIND), tracks(&acts)), (1, vec![(0, 0)]));
-
-    let (mut rig, acts) = lost(
-        20,
-        Limits {
-            power_silence: crate::robot::Seconds::from_secs(80),
-            ..Limits::default()
-        },
-    );
-    assert_eq!(tracks(&acts), [(0, 0)], "90 s after the last level");
-    rig.take(Fact::Power(power(19)));
-    assert_eq!(tracks(&rig.pass(61 * SECOND, false)), [(27, 27)]);
-}
-
-#[test]
-fn after_a_reconnect_under_alarm_it_searches_before_it_drives_a_leg() {
-    let (mut rig, _) = lost(20, Limits::default());
-    rig.pass(SECOND, false);
-    rig.take(Fact::LinkDown);
-    rig.now += 10 * SECOND;
-    let acts = rig.take(Fact::LinkUp {
-        docked: false,
-        power: power(19),
-    });
-    assert_eq!(
-        sent(&acts).into_iter().filter(|c| *c == FIND).count(),
-        1,
-        "{acts:?}"
-    );
-    assert_eq!(tracks(&acts), [(0, 0)]);
-    assert_eq!(tracks(&rig.pass(100 * SECOND, false)), []);
-    rig.take(Fact::Engine(EngineNews::BaseNotFound));
-    assert!(rig.dog.moving() || tracks(&rig.pass(SECOND, false)).contains(&(27, 27)));
 }
 
 #[test]
@@ -645,7 +462,7 @@ fn that_the_level_is_critical_is_said_once() {
             Act::Announce(Event::Safety { reason, .. }) => Some(reason),
             _ => None,
         });
-        reasons.any(|reason| reason.contains("nothing moves but the docking"))
+        reasons.any(|reason| reason.contains("nothing moves but on the way home"))
     };
     assert!(!said(rig.take(Fact::Power(power(9)))));
     assert!(said(rig.take(Fact::Power(power(8)))));

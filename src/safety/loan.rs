@@ -1,0 +1,154 @@
+//! The tracks, lent to one behaviour for a few seconds between two searches of a low robot.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use crate::robot::{BehaviourId, Percent, Setpoint, TrackPower};
+
+/// A loan under way, or over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Loan {
+    by: BehaviourId,
+    until: Instant,
+    /// Over then unless a motion is asked for; `None` while one is wished.
+    idle_until: Option<Instant>,
+    used: bool,
+}
+
+impl Loan {
+    /// How long the first motion may take to come.
+    pub const FIRST: Duration = Duration::from_millis(1500);
+    /// And from the end of one to the next.
+    pub const NEXT: Duration = Duration::from_secs(1);
+
+    /// Begins, for so long at most.
+    pub fn start(by: BehaviourId, time: Duration, now: Instant) -> Loan {
+        Loan {
+            by,
+            until: now + time,
+            idle_until: Some(now + Loan::FIRST),
+            used: false,
+        }
+    }
+
+    /// Whom the tracks are lent to.
+    pub fn borrower(&self) -> BehaviourId {
+        self.by
+    }
+
+    /// Some motion was asked for.
+    pub fn used(&self) -> bool {
+        self.used
+    }
+
+    /// Whether the borrower has a motion now.
+    pub fn note(&mut self, moves: bool, now: Instant) {
+        self.used |= moves;
+        if moves {
+            self.idle_until = None;
+        } else {
+            self.idle_until.get_or_insert(now + Loan::NEXT);
+        }
+    }
+
+    /// Its time is over, or nothing was asked for in time.
+    pub fn is_over(&self, now: Instant) -> bool {
+        self.next_deadline() <= now
+    }
+
+    /// When it is over as things stand.
+    pub fn next_deadline(&self) -> Instant {
+        self.idle_until
+            .map_or(self.until, |idle| idle.min(self.until))
+    }
+}
+
+/// The same curve, with no track above this power: both are scaled alike.
+pub fn capped(setpoint: Setpoint, power: Percent) -> Setpoint {
+    let most = f64::from(power.get()) / 100.0 * f64::from(TrackPower::MAX);
+    let (left, right) = (
+        f64::from(setpoint.left.get()),
+        f64::from(setpoint.right.get()),
+    );
+    let fastest = left.abs().max(right.abs());
+    if fastest <= most {
+        return setpoint;
+    }
+    let scaled = |track: f64| TrackPower::new((track * most / fastest).trunc() as i8);
+    match (scaled(left), scaled(right)) {
+        (Some(left), Some(right)) => Setpoint { left, right },
+        _ => Setpoint::STOP,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const MS: Duration = Duration::from_millis(1);
+    const WHO: BehaviourId = BehaviourId(3);
+
+    fn loan() -> (Loan, Instant) {
+        let now = Instant::now();
+        (Loan::start(WHO, 8000 * MS, now), now)
+    }
+
+    #[test]
+    fn a_loan_that_nobody_uses_is_over_soon() {
+        let (mut loan, now) = loan();
+        loan.note(false, now + 1000 * MS);
+        assert!(!loan.is_over(now + 1499 * MS));
+        assert!(loan.is_over(now + 1500 * MS) && !loan.used());
+    }
+
+    #[test]
+    fn a_loan_ends_a_second_after_the_last_motion() {
+        let (mut loan, now) = loan();
+        loan.note(true, now + 1000 * MS);
+        assert_eq!(loan.next_deadline(), now + 8000 * MS);
+        loan.note(false, now + 3000 * MS);
+        loan.note(false, now + 3500 * MS);
+        assert!(!loan.is_over(now + 3999 * MS));
+        assert!(loan.is_over(now + 4000 * MS) && loan.used());
+    }
+
+    #[test]
+    fn no_motion_makes_a_loan_longer() {
+        let (mut loan, now) = loan();
+        loan.note(true, now + 1000 * MS);
+        loan.note(true, now + 7999 * MS);
+        assert!(loan.is_over(now + 8000 * MS));
+        assert_eq!(loan.borrower(), WHO);
+    }
+
+    #[test]
+    fn a_cap_keeps_the_curve() {
+        let thirty = Percent::saturating(30);
+        let curve = |left, right| {
+            let wish = Setpoint::from_percent(left, right).unwrap();
+            let Setpoint { left, right } = capped(wish, thirty);
+            (left.get(), right.get())
+        };
+        assert_eq!(curve(100.0, -100.0), (27, -27));
+        assert_eq!(curve(100.0, 50.0), (27, 13));
+        assert_eq!(curve(-30.0, 20.0), (-27, 18), "slow enough");
+        assert_eq!(curve(0.0, 0.0), (0, 0));
+    }
+
+    proptest! {
+        #[test]
+        fn no_track_is_ever_above_the_cap(
+            left in -100.0..=100.0f64,
+            right in -100.0..=100.0f64,
+            percent in 0..=100u8,
+        ) {
+            let wish = Setpoint::from_percent(left, right).unwrap();
+            let Setpoint { left, right } = capped(wish, Percent::saturating(percent));
+            let most = f64::from(percent) * 0.9;
+            prop_assert!(f64::from(left.get()).abs() <= most);
+            prop_assert!(f64::from(right.get()).abs() <= most);
+        }
+    }
+}

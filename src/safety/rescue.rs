@@ -1,0 +1,87 @@
+//! Who drives between two searches of a low robot: the `rescue` setting.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+/// The behaviour that a low robot's tracks are lent to between two searches, a few seconds at a time.
+/// In a config: `builtin`, `off`, or the name of a `.lua` file.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum Rescue {
+    /// The one that comes with the program: it drives over free floor and looks for the station.
+    #[default]
+    Builtin,
+    /// None: the tracks are lent to nobody.
+    Off,
+    /// One of the user's own.
+    File(PathBuf),
+}
+
+/// A `rescue` that is neither a word that we know nor a script.
+#[derive(Debug, thiserror::Error)]
+#[error("`{0}` is neither `builtin` nor `off` nor the name of a .lua file")]
+pub struct UnknownRescue(String);
+
+impl TryFrom<String> for Rescue {
+    type Error = UnknownRescue;
+
+    fn try_from(text: String) -> Result<Rescue, UnknownRescue> {
+        match text.as_str() {
+            "builtin" => Ok(Rescue::Builtin),
+            "off" => Ok(Rescue::Off),
+            file if file.ends_with(".lua") => Ok(Rescue::File(PathBuf::from(file))),
+            _ => Err(UnknownRescue(text)),
+        }
+    }
+}
+
+impl From<Rescue> for String {
+    fn from(rescue: Rescue) -> String {
+        match rescue {
+            Rescue::Builtin => "builtin".into(),
+            Rescue::Off => "off".into(),
+            Rescue::File(file) => file.to_string_lossy().into_owned(),
+        }
+    }
+}
+
+impl schemars::JsonSchema for Rescue {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "Rescue".into()
+    }
+
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({ "type": "string", "pattern": "^(builtin|off|.+\\.lua)$" })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Rescue, serde_yaml::Error> {
+        serde_yaml::from_str(text)
+    }
+
+    #[test]
+    fn a_config_names_a_word_or_a_script() {
+        assert_eq!(read("builtin").unwrap(), Rescue::Builtin);
+        assert_eq!(read("off").unwrap(), Rescue::Off);
+        let file = Rescue::File("mine/out.lua".into());
+        assert_eq!(read("mine/out.lua").unwrap(), file);
+        let error = read("of").unwrap_err().to_string();
+        assert!(error.contains("`of` is neither"), "{error}");
+    }
+
+    #[test]
+    fn what_is_written_is_what_was_read() {
+        for text in ["builtin", "off", "out.lua"] {
+            assert_eq!(String::from(read(text).unwrap()), text);
+        }
+    }
+}

@@ -1,0 +1,216 @@
+//! What follows a search that has failed: legs, pauses, the alarm.
+
+use super::rig::*;
+use super::*;
+use crate::robot::Seconds;
+use crate::wire::{Led, Sound};
+
+const NOT_FOUND: Fact = Fact::Engine(EngineNews::BaseNotFound);
+
+#[test]
+fn where_it_finds_no_station_it_drives_a_short_leg_and_searches_from_there() {
+    let mut rig = searching(20, Limits::default());
+    let acts = rig.take(NOT_FOUND);
+    assert_eq!(
+        reasons(&acts),
+        ["docking failed (base_not_found) 1 times: drives short leg 1, and searches from there"]
+    );
+    let acts = [acts, rig.pass(1999 * MS, false)].concat();
+    assert_eq!(tracks(&acts), [(0, 0), (27, 27)]);
+    assert!(count(&acts, &LEG) >= 10, "said 5 times a second");
+    assert_eq!(sent(&rig.pass(MS, false)), [Command::STOP, FIND]);
+    assert_eq!(tracks(&rig.pass(100 * SECOND, false)), [], "it searches");
+    let acts = [rig.take(NOT_FOUND), rig.pass(2950 * MS, false)].concat();
+    assert_eq!(tracks(&acts), [(0, 0), (-27, 27), (27, 27), (0, 0)]);
+    assert_eq!(count(&acts, &FIND), 1);
+    rig.take(Fact::Engine(EngineNews::Docked));
+    rig.take(Fact::Power(charging(19)));
+    assert_eq!(rig.dog.state(), WatchdogState::Docked);
+    assert_eq!(sent(&rig.pass(1000 * SECOND, false)), []);
+}
+
+#[test]
+fn legs_go_on_for_as_long_as_the_battery_lasts() {
+    let mut rig = searching(20, Limits::default());
+    for level in [20, 15, 10, 8, 5, 3, 2, 1] {
+        for _ in 0..5 {
+            rig.take(Fact::Power(power(level)));
+            let acts = [rig.take(NOT_FOUND), rig.pass(6 * SECOND, false)].concat();
+            assert!(tracks(&acts).len() > 1, "{level}");
+            assert_eq!(count(&acts, &FIND), 1, "{level}");
+        }
+    }
+}
+
+#[test]
+fn without_legs_it_stands_in_pauses_that_grow_up_to_what_a_search_is_worth() {
+    let mut rig = searching(20, standing());
+    for pause in [5, 10, 20, 60, 100, 100] {
+        rig.pass(100 * SECOND, false);
+        let acts = rig.take(NOT_FOUND);
+        assert_eq!(tracks(&acts), [(0, 0)]);
+        assert!(reasons(&acts)[0].ends_with(&format!("tries again in {pause} s")));
+        assert_eq!(count(&rig.pass((pause - 1) * SECOND, false), &FIND), 0);
+        let acts = rig.pass(SECOND, false);
+        assert_eq!(count(&acts, &FIND), 1, "{pause} s");
+        assert_eq!(tracks(&acts), [(0, 0)], "a stop first");
+    }
+    assert_eq!(rig.dog.state(), WatchdogState::Alarm);
+}
+
+#[test]
+fn at_the_critical_level_it_waits_for_nothing() {
+    let mut rig = searching(8, standing());
+    rig.pass(100 * SECOND, false);
+    assert_eq!(sent(&rig.take(NOT_FOUND)), [Command::STOP, FIND]);
+    assert_eq!(
+        sent(&rig.take(NOT_FOUND)),
+        [Command::STOP],
+        "not twice in a second"
+    );
+    assert_eq!(sent(&rig.pass(SECOND, false)), [Command::STOP, FIND]);
+}
+
+#[test]
+fn the_fourth_failure_sounds_the_alarm() {
+    let (mut rig, acts) = lost(20, standing());
+    let flash = Command::Led {
+        led: Led::Flash,
+        on: true,
+    };
+    let alarm = Command::Play(Sound::Alarm);
+    assert_eq!(sent(&acts), [Command::STOP, alarm.clone(), flash]);
+    assert!(rig.dog.alarm_sounds());
+    assert_eq!(sent(&rig.take(Fact::Heard)), [], "not at every occasion");
+    let alarms = count(&rig.pass(59 * SECOND, false), &alarm);
+    assert!((3..=5).contains(&alarms), "{alarms}");
+    assert_eq!(told(&rig.drive(9, None)), [ended(9, MotionEnd::Safety)]);
+    rig.hear(charging(21));
+    assert_eq!(rig.dog.state(), WatchdogState::Alarm, "one report");
+    rig.hear(charging(21));
+    assert_eq!(rig.dog.state(), WatchdogState::Docked);
+    assert!(!rig.dog.alarm_sounds());
+}
+
+#[test]
+fn the_next_search_and_the_end_of_a_leg_are_deadlines_of_their_own() {
+    let mut rig = searching(20, standing());
+    rig.pass(100 * SECOND, false);
+    rig.take(NOT_FOUND);
+    assert_eq!(rig.dog.recovery_deadline(), Some(rig.now + 5 * SECOND));
+    let mut rig = searching(20, Limits::default());
+    rig.take(NOT_FOUND);
+    let due = rig.now + 2 * SECOND;
+    rig.pass(1950 * MS, false);
+    assert_eq!(rig.dog.next_deadline(), Some(due));
+}
+
+#[test]
+fn a_search_that_takes_too_long_is_cancelled_and_no_leg_follows() {
+    let mut rig = searching(20, Limits::default());
+    let acts = rig.pass(180 * SECOND, false);
+    assert_eq!(count(&acts, &CANCEL), 1);
+    assert_eq!(tracks(&acts), [(0, 0)]);
+    let failed = "docking failed (timeout) 1 times: tries again in 5 s";
+    assert_eq!(reasons(&acts), [failed]);
+}
+
+#[test]
+fn whatever_releases_takes_over_or_cuts_off_the_robot_ends_a_leg() {
+    let stop = || vec![Command::STOP];
+    let ends = [
+        (Fact::Power(charging(19)), stop()),
+        (Fact::Engine(EngineNews::Docked), stop()),
+        (Fact::Parting, [stop(), vec![FIND]].concat()),
+        (Fact::Suspended, [stop(), vec![FIND]].concat()),
+        (Fact::LinkDown, vec![]),
+    ];
+    for (end, expected) in ends {
+        let mut rig = searching(20, Limits::default());
+        rig.take(NOT_FOUND);
+        rig.pass(500 * MS, false);
+        assert!(rig.dog.moving());
+        assert_eq!(sent(&rig.take(end.clone())), expected, "{end:?}");
+        assert!(!rig.dog.moving(), "{end:?}");
+        let later = rig.pass(100 * SECOND, false);
+        assert!(tracks(&later).iter().all(|one| *one == (0, 0)), "{end:?}");
+    }
+}
+
+#[test]
+fn after_a_reconnect_it_searches_before_it_drives_a_leg() {
+    let (mut rig, _) = lost(20, Limits::default());
+    rig.pass(SECOND, false);
+    rig.take(Fact::LinkDown);
+    rig.now += 10 * SECOND;
+    let acts = rig.take(Fact::LinkUp {
+        docked: false,
+        power: power(19),
+    });
+    assert_eq!(count(&acts, &FIND), 1, "{acts:?}");
+    assert_eq!(tracks(&acts), [(0, 0)]);
+    assert_eq!(tracks(&rig.pass(100 * SECOND, false)), []);
+    rig.take(NOT_FOUND);
+    assert!(tracks(&rig.pass(SECOND, false)).len() > 0 || rig.dog.moving());
+}
+
+#[test]
+fn link_drops_do_not_begin_the_count_of_failures_anew() {
+    let mut rig = searching(20, standing());
+    for _ in 0..4 {
+        rig.pass(SECOND, false);
+        rig.take(NOT_FOUND);
+        rig.take(Fact::LinkDown);
+        rig.take(Fact::LinkUp {
+            docked: false,
+            power: power(19),
+        });
+    }
+    assert_eq!(rig.dog.state(), WatchdogState::Alarm);
+}
+
+#[test]
+fn who_waits_for_a_low_robots_docking_waits_through_its_failures() {
+    let mut rig = searching(20, standing());
+    assert_eq!(rig.dock(7), []);
+    rig.pass(100 * SECOND, false);
+    assert_eq!(dock_ended(&rig.take(NOT_FOUND)), None);
+    rig.pass(5 * SECOND, false);
+    rig.take(Fact::Engine(EngineNews::Docked));
+    let acts = rig.take(Fact::Power(charging(20)));
+    assert_eq!(dock_ended(&acts), Some((DockEnd::Done, 2)));
+
+    let mut rig = searching(20, standing());
+    rig.dock(7);
+    let mut acts = Vec::new();
+    for _ in 0..4 {
+        acts.extend(rig.take(NOT_FOUND));
+        acts.extend(rig.pass(10 * SECOND, false));
+    }
+    assert_eq!(dock_ended(&acts), Some((DockEnd::Safety, 4)));
+}
+
+#[test]
+fn load_is_shed_at_the_critical_level_unless_it_charges() {
+    let mut rig = searching(9, Limits::default());
+    assert!(!rig.dog.shed());
+    rig.take(Fact::Power(power(8)));
+    assert!(rig.dog.shed());
+    rig.take(Fact::Engine(EngineNews::Docked));
+    assert!(rig.dog.shed(), "not yet");
+    rig.take(Fact::Power(charging(8)));
+    assert!(!rig.dog.shed());
+}
+
+#[test]
+fn a_pause_lasts_as_long_as_costs_what_the_search_has_cost() {
+    let limits = Limits {
+        dock_pause: Seconds::from_secs(86_400),
+        recovery_longest_pause: Seconds::from_secs(86_400),
+        ..standing()
+    };
+    let mut rig = searching(20, limits);
+    rig.pass(99 * SECOND, false);
+    rig.take(NOT_FOUND);
+    assert_eq!(rig.dog.recovery_deadline(), Some(rig.now + 100 * SECOND));
+}

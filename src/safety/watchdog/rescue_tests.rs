@@ -1,0 +1,206 @@
+//! The tracks, lent to a rescue behaviour between two searches.
+
+use super::rig::*;
+use super::*;
+use crate::robot::{MotionId, Percent, Seconds};
+use crate::safety::{Ask, LastWords, Rescue};
+
+const NOT_FOUND: Fact = Fact::Engine(EngineNews::BaseNotFound);
+const RESCUER: BehaviourId = BehaviourId(9);
+const CAPPED: Command = Command::Move {
+    left: 27,
+    right: 13,
+};
+
+/// A search has failed, and a rescue behaviour is there.
+fn lent(limits: Limits) -> (Rig, Vec<Act>) {
+    let mut rig = searching(20, limits);
+    assert!(rig.dog.wants_rescue());
+    rig.take(Fact::Rescuer(Some(RESCUER)));
+    let acts = rig.take(NOT_FOUND);
+    (rig, acts)
+}
+
+fn drive(rig: &mut Rig, motion: u64) -> Vec<Act> {
+    let ask = Ask::Move {
+        motion: MotionId(motion),
+        setpoint: Setpoint::from_percent(100.0, 50.0).unwrap(),
+        duration: None,
+    };
+    let acts = rig.ask_as(RESCUER, 0, ask);
+    [acts, alive(rig, 20)].concat()
+}
+
+/// So many milliseconds, with the rescuer alive.
+fn alive(rig: &mut Rig, ms: u32) -> Vec<Act> {
+    let (end, mut acts) = (rig.now + ms * MS, Vec::new());
+    while rig.now < end {
+        rig.now = (rig.now + 20 * MS).min(end);
+        acts.extend(rig.take(Fact::Alive(RESCUER)));
+    }
+    acts
+}
+
+#[test]
+fn a_loan_is_told_and_lasts_eight_seconds_at_thirty_percent() {
+    let (mut rig, acts) = lent(Limits::default());
+    let loan = Event::Loan {
+        seconds: 8 * SECOND,
+        power: Percent::saturating(30),
+    };
+    assert!(acts.contains(&Act::Tell(RESCUER, loan)));
+    assert_eq!(sent(&acts), [Command::STOP]);
+    assert_eq!(sent(&drive(&mut rig, 1)), [CAPPED]);
+    assert_eq!(rig.dog.last_words(), LastWords::StopAndDock);
+    assert_eq!(count(&alive(&mut rig, 7900), &FIND), 0);
+    let acts = alive(&mut rig, 200);
+    assert_eq!(sent(&acts)[sent(&acts).len() - 2..], [Command::STOP, FIND]);
+    assert_eq!(told(&acts), [ended(1, MotionEnd::Safety)]);
+    let refused = drive(&mut rig, 2);
+    assert_eq!(
+        (sent(&refused), told(&refused)),
+        (vec![], vec![ended(2, MotionEnd::Safety)])
+    );
+}
+
+#[test]
+fn nobody_else_drives_and_nobody_elses_stop_counts() {
+    let (mut rig, _) = lent(Limits::default());
+    drive(&mut rig, 1);
+    assert_eq!(told(&rig.drive(2, None)), [ended(2, MotionEnd::Safety)]);
+    assert_eq!(rig.ask_as(WHO, i16::MAX, Ask::Stop), []);
+    rig.ask_as(WHO, i16::MAX, Ask::CancelDock);
+    assert!(rig.dog.moving());
+}
+
+#[test]
+fn whatever_ends_a_loan_stops_and_searches_from_there() {
+    let stop = |by| Fact::Asked {
+        by,
+        priority: Priority(0),
+        ask: Ask::Stop,
+    };
+    let found = || vec![Command::STOP, FIND];
+    let ends = [
+        (stop(RESCUER), found()),
+        (Fact::Gone(RESCUER), found()),
+        (Fact::Rescuer(None), found()),
+        (Fact::Rescuer(Some(WHO)), found()),
+        (Fact::Parting, found()),
+        (Fact::Suspended, found()),
+        (Fact::LinkDown, vec![]),
+        (Fact::Engine(EngineNews::Docked), vec![Command::STOP]),
+        (Fact::Power(charging(20)), vec![Command::STOP]),
+    ];
+    for (end, expected) in ends {
+        let (mut rig, _) = lent(Limits::default());
+        drive(&mut rig, 1);
+        alive(&mut rig, 1000);
+        assert!(rig.dog.moving());
+        assert_eq!(sent(&rig.take(end.clone())), expected, "{end:?}");
+        assert!(!rig.dog.moving(), "{end:?}");
+        assert_eq!(sent(&drive(&mut rig, 2)), [], "{end:?}");
+    }
+}
+
+#[test]
+fn a_rescuer_that_falls_silent_is_stopped_and_the_search_follows() {
+    let (mut rig, _) = lent(Limits::default());
+    drive(&mut rig, 1);
+    alive(&mut rig, 1000);
+    let acts = rig.pass(300 * MS, false);
+    assert_eq!(sent(&acts)[sent(&acts).len() - 2..], [Command::STOP, FIND]);
+    let kills = |act: &Act| matches!(act, Act::Kill(..));
+    assert!(!rig.pass(2 * SECOND, false).iter().any(kills));
+}
+
+#[test]
+fn a_second_without_a_motion_ends_a_loan() {
+    let (mut rig, _) = lent(Limits::default());
+    drive(&mut rig, 1);
+    alive(&mut rig, 1000);
+    let acts = rig.ask_as(RESCUER, 0, Ask::Release(MotionId(1)));
+    assert_eq!(sent(&acts), [Command::STOP]);
+    assert_eq!(sent(&rig.pass(990 * MS, false)), []);
+    assert_eq!(sent(&rig.pass(10 * MS, false)), [Command::STOP, FIND]);
+}
+
+#[test]
+fn a_loan_that_nobody_uses_gives_way_to_a_blind_leg_where_one_is_allowed() {
+    let (mut rig, _) = lent(Limits::default());
+    assert_eq!(tracks(&rig.pass(1490 * MS, false)), []);
+    assert_eq!(tracks(&rig.pass(20 * MS, false)), [(27, 27)]);
+    let (mut rig, _) = lent(standing());
+    assert_eq!(sent(&rig.pass(1500 * MS, false)), [Command::STOP, FIND]);
+}
+
+#[test]
+fn it_is_lent_at_the_critical_level_too() {
+    let (mut rig, _) = lent(Limits::default());
+    drive(&mut rig, 1);
+    rig.take(Fact::Power(power(3)));
+    assert!(rig.dog.moving());
+    alive(&mut rig, 9000);
+    let acts = rig.take(NOT_FOUND);
+    assert!(
+        told(&acts)
+            .iter()
+            .any(|event| matches!(event, Event::Loan { .. }))
+    );
+}
+
+#[test]
+fn a_release_of_the_robot_ends_a_loan() {
+    let (mut rig, _) = lent(Limits::default());
+    drive(&mut rig, 1);
+    rig.hear(power(60));
+    rig.take(Fact::Alive(RESCUER));
+    while rig.dog.low().is_some() {
+        rig.hear(power(60));
+    }
+    assert!(!rig.dog.moving());
+}
+
+#[test]
+fn who_is_no_rescuer_gets_no_loan_and_off_means_off() {
+    let off = Limits {
+        rescue: Rescue::Off,
+        ..Limits::default()
+    };
+    let mut rig = searching(20, off);
+    assert!(!rig.dog.wants_rescue());
+    rig.take(Fact::Rescuer(Some(RESCUER)));
+    rig.take(NOT_FOUND);
+    assert_eq!(rig.dog.borrower(), None);
+}
+
+#[test]
+fn a_rescuer_is_wanted_while_a_low_robot_is_off_its_station() {
+    let mut rig = Rig::online(60);
+    assert!(!rig.dog.wants_rescue());
+    rig.take(Fact::Power(power(20)));
+    assert!(rig.dog.wants_rescue());
+    rig.take(Fact::Engine(EngineNews::Docked));
+    assert!(!rig.dog.wants_rescue());
+    rig.take(Fact::Engine(EngineNews::Undocked));
+    assert!(rig.dog.wants_rescue());
+    rig.take(Fact::Parting);
+    assert!(!rig.dog.wants_rescue());
+}
+
+#[test]
+fn time_and_power_of_a_loan_are_settings() {
+    let limits = Limits {
+        rescue_time: Seconds::from_secs(2),
+        rescue_power: Percent::saturating(100),
+        ..Limits::default()
+    };
+    let (mut rig, _) = lent(limits);
+    let full = Command::Move {
+        left: 90,
+        right: 45,
+    };
+    assert_eq!(sent(&drive(&mut rig, 1)), [full]);
+    let acts = alive(&mut rig, 2000);
+    assert_eq!(count(&acts, &FIND), 1);
+}
