@@ -100,8 +100,8 @@ impl Recovery {
         }
     }
 
-    /// Time passes off the station; `may_drive` says whether a leg is allowed just now, and one that
-    /// is not any more is over.
+    /// Time passes off the station and no search is under way; `may_drive` says whether a leg is
+    /// allowed just now, and one that is not any more is over.
     pub fn poll(&mut self, may_drive: bool, now: Instant) -> Option<Try> {
         match self.phase {
             Phase::Waiting { until } if until <= now => Some(self.search(now)),
@@ -115,6 +115,11 @@ impl Recovery {
             }
             Phase::Driving(leg) if !may_drive || leg.setpoint(now).is_none() => {
                 Some(self.search(now))
+            }
+            // Whatever has ended it: nobody has said that it failed.
+            Phase::Searching => {
+                self.wait(Duration::ZERO, now);
+                self.poll(may_drive, now)
             }
             _ => None,
         }
@@ -291,7 +296,7 @@ mod tests {
         assert_eq!(recovery.poll(true, now + SECOND), None);
         assert_eq!(recovery.poll(true, due), Some(Try::Search));
         assert_eq!(recovery.setpoint(due), None);
-        assert_eq!(recovery.poll(true, due + 1000 * SECOND), None);
+        assert_eq!(recovery.poll(true, due), None, "not twice in a second");
     }
 
     #[test]

@@ -265,7 +265,15 @@ impl Watchdog {
 
     /// One report says that it charges and nothing bears that out yet: nothing is to drive it away.
     fn may_charge(&self) -> bool {
-        self.place() == Place::Charging && self.guard.charging() == Charging::Said
+        self.charging_here() == Charging::Said
+    }
+
+    /// What is believed of charging, unless the robot has been sent away since it said so.
+    fn charging_here(&self) -> Charging {
+        match self.place() {
+            Place::Charging => self.guard.charging(),
+            _ => Charging::No,
+        }
     }
 
     /// The tracks have been told to move.
@@ -322,15 +330,13 @@ impl Watchdog {
 
     /// Does what follows from news of the battery.
     pub(super) fn believe(&mut self, change: Option<BatteryChange>, now: Instant) {
-        let orders = self
-            .homing
-            .as_mut()
-            .map(|homing| match self.guard.charging() {
-                Charging::No => vec![],
-                Charging::Said => homing.docking.wait(),
-                Charging::Believed => homing.docking.charging(now),
-            });
-        if self.guard.charging() == Charging::Believed {
+        let charging = self.charging_here();
+        let orders = self.homing.as_mut().map(|homing| match charging {
+            Charging::No => vec![],
+            Charging::Said => homing.docking.wait(),
+            Charging::Believed => homing.docking.charging(now),
+        });
+        if charging == Charging::Believed {
             self.searching = false;
             self.end_alarm();
         }
