@@ -6,6 +6,7 @@ mod talk;
 
 use std::time::Duration;
 
+use tokio::runtime;
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout};
@@ -56,6 +57,9 @@ pub struct Plan {
     pub dial: Dial,
     /// How to start hosts.
     pub launcher: Launcher,
+    /// Runs the pilot and serves the hosts' pipes: that of a [`pilot::DrivingCore`], or in virtual time
+    /// the only one there is.
+    pub core: runtime::Handle,
     /// End after this time.
     pub limit: Option<Duration>,
 }
@@ -124,6 +128,7 @@ impl Agent {
         let ended = watch::Sender::new(None);
         let around = Surroundings {
             launcher: plan.launcher,
+            core: plan.core.clone(),
             requests,
             frames,
             stop: ended.subscribe(),
@@ -135,7 +140,7 @@ impl Agent {
         let ending = pilot::Ending::default();
         let flight = pilot.run(plan.dial, plan.settings, received, ending.clone());
         let mut run = Run {
-            flight: AbortOnDropHandle::new(tokio::spawn(flight)),
+            flight: AbortOnDropHandle::new(plan.core.spawn(flight)),
             scripts: JoinSet::new(),
             endings: Vec::new(),
             ended,

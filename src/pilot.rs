@@ -5,6 +5,7 @@
 //! However this task ends, by order, by a panic or by being dropped, the [`Writer`]'s own drop
 //! tells the tracks to stop.
 
+mod core;
 mod hearing;
 mod lights;
 mod line;
@@ -25,6 +26,7 @@ use crate::safety::{Act, Fact, Limits, Watchdog};
 use crate::vision::Damage;
 use crate::wire::{Command, Power};
 
+pub use self::core::DrivingCore;
 use self::lights::Lights;
 pub use self::line::Dial;
 use self::line::Line;

@@ -3,6 +3,7 @@
 
 use std::pin::pin;
 
+use tokio::runtime;
 use tokio::sync::{mpsc, watch};
 use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
@@ -29,6 +30,8 @@ pub struct Talk {
     pub dial: Dial,
     /// How to start hosts.
     pub launcher: Launcher,
+    /// Runs the pilot and serves the host's pipe.
+    pub core: runtime::Handle,
 }
 
 /// Why a session could not go on.
@@ -52,6 +55,7 @@ impl From<LinkError> for TalkError {
 struct Session {
     launch: Launch,
     launcher: Launcher,
+    core: runtime::Handle,
     flight: Flight,
     requests: mpsc::Sender<Request>,
     frames: watch::Receiver<Pictures>,
@@ -78,7 +82,8 @@ impl Talk {
         let mut session = Session {
             launch: self.launch,
             launcher: self.launcher,
-            flight: AbortOnDropHandle::new(tokio::spawn(flight)),
+            flight: AbortOnDropHandle::new(self.core.spawn(flight)),
+            core: self.core,
             requests,
             frames,
             ending,
@@ -123,7 +128,8 @@ impl Session {
         let (order, mut hear, dialogue) = Dialogue::new();
         let supervisor = self.board().await?.with_dialogue(dialogue);
         let handle = Handle::default();
-        let mut running = pin!(supervisor.run(handle.clone()));
+        let core = self.core.clone();
+        let mut running = pin!(supervisor.run(handle.clone(), &core));
         let _ = said.send(Said::Ready).await;
         loop {
             tokio::select! {
@@ -155,7 +161,7 @@ impl Session {
     async fn board(&mut self) -> Result<Supervisor, TalkError> {
         self.last = self.last.wrapping_add(1);
         let (by, launch) = (BehaviourId(self.last), self.launch.clone());
-        let prepared = Prepared::start(&self.launcher, by, Priority(0), launch).await;
+        let prepared = Prepared::start(&self.launcher, &self.core, by, Priority(0), launch).await;
         let prepared = prepared.map_err(TalkError::Host)?;
         Ok(Supervisor::board(prepared, self.requests.clone(), self.frames.clone()).await)
     }

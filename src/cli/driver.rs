@@ -8,9 +8,10 @@ use tokio::task::JoinHandle;
 use tokio::time::{MissedTickBehavior, interval, timeout};
 
 use super::interrupt::interruption;
+use super::run::driving_core;
 use super::{Exit, Failure};
 use crate::link::LinkError;
-use crate::pilot::{Dial, Ending, LinkState, Pilot, Settings, Status};
+use crate::pilot::{Dial, DrivingCore, Ending, LinkState, Pilot, Settings, Status};
 use crate::robot::channel::{Inbox, MAX_REQUESTS, Request, Told, events};
 use crate::robot::{
     BehaviourId, CallId, DockEnd, DockPlan, Event, Intent, MotionEnd, MotionId, Priority, Setpoint,
@@ -30,6 +31,8 @@ pub(super) struct Driver {
     flight: JoinHandle<Result<(), LinkError>>,
     ending: Ending,
     last: u64,
+    /// Dropped last: what runs on it ends first.
+    _core: DrivingCore,
 }
 
 /// Connects, lets `job` drive, and stops the robot before it lets go of it, however the job ends;
@@ -43,7 +46,7 @@ pub(super) async fn drive(
     job: impl AsyncFnOnce(&mut Driver) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
     let interrupted = interruption()?;
-    let mut driver = Driver::launch(dial, settings);
+    let mut driver = Driver::launch(dial, settings)?;
     let work = async {
         driver.board().await?;
         job(&mut driver).await
@@ -58,21 +61,25 @@ pub(super) async fn drive(
 }
 
 impl Driver {
-    fn launch(dial: Dial, settings: Settings) -> Driver {
+    fn launch(dial: Dial, settings: Settings) -> Result<Driver, Failure> {
+        let core = driving_core()?;
         let (pilot, _frames, status) = Pilot::new(&settings);
         let (requests, received) = mpsc::channel(MAX_REQUESTS);
         let ending = Ending::default();
-        let flight = tokio::spawn(pilot.run(dial, settings, received, ending.clone()));
+        let flight = core
+            .handle()
+            .spawn(pilot.run(dial, settings, received, ending.clone()));
         // Replaced by the one that the pilot knows as soon as it is connected.
         let (_, inbox) = events();
-        Driver {
+        Ok(Driver {
             requests,
             inbox,
             status,
             flight,
             ending,
             last: 0,
-        }
+            _core: core,
+        })
     }
 
     async fn board(&mut self) -> Result<(), Failure> {

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use tokio::runtime::Handle;
 use tokio::sync::{mpsc, watch};
 use tokio::time::{MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
@@ -27,7 +28,7 @@ use crate::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy, Watched
 use crate::config::{Config, Entry};
 use crate::lab;
 use crate::link::{self, Target};
-use crate::pilot::{Dial, Status};
+use crate::pilot::{Dial, DrivingCore, Status};
 use crate::robot::EndReason;
 use crate::script::{self, GivenParam};
 use crate::sim;
@@ -151,11 +152,13 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     })?;
     let names = names(&behaviours);
     let dial = dial(target, login, config.link.clone());
+    let core = driving_core()?;
     let plan = Plan {
         behaviours,
         settings,
         dial,
         launcher,
+        core: core.handle().clone(),
         limit: args.limit,
     };
     let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle));
@@ -165,6 +168,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         }
         drive(plan, line, console).await
     });
+    drop(core);
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
     // Also of a run that failed or was interrupted: then people want to see it most.
     let drawn = match (trace, &sim) {
@@ -234,18 +238,33 @@ fn fast(
 
 async fn drive(plan: Plan, line: StatusLine, console: &Console) -> Result<Exit, Failure> {
     let stop = CancellationToken::new();
-    let interrupted = interruption()?;
+    stop_on_signal(&plan.core, stop.clone())?;
     let (agent, status) = Agent::new(plan);
-    let (showing, watching) = (show(line, status, console), async {
+    let showing = show(line, status, console);
+    tokio::select! {
+        outcome = agent.run(stop) => exit(outcome),
+        never = showing => match never {},
+    }
+}
+
+/// Cancels `stop` at the first signal that ends a program. The driving core hears it: this thread may
+/// be waiting for a disk.
+pub(super) fn stop_on_signal(core: &Handle, stop: CancellationToken) -> Result<(), Failure> {
+    let interrupted = {
+        let _heard_by = core.enter();
+        interruption()?
+    };
+    core.spawn(async move {
         interrupted.await;
         stop.cancel();
-        std::future::pending::<Infallible>().await
     });
-    tokio::select! {
-        outcome = agent.run(stop.clone()) => exit(outcome),
-        never = showing => match never {},
-        never = watching => match never {},
-    }
+    Ok(())
+}
+
+/// The thread on which the pilot runs.
+pub(super) fn driving_core() -> Result<DrivingCore, Failure> {
+    DrivingCore::start()
+        .map_err(|error| Failure::usage(format_args!("no thread to drive on: {error}")))
 }
 
 fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {

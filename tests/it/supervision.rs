@@ -297,6 +297,7 @@ fn agent_that_is_told_to_reload() {
                 Box::pin(async move { link::connect(&target, &login, &times).await })
             }),
             launcher: Launcher::new(env!("CARGO_BIN_EXE_spykee").into()),
+            core: tokio::runtime::Handle::current(),
             limit: None,
         };
         let (agent, _status) = Agent::new(plan);
