@@ -2,13 +2,16 @@
 //! robot. Facts go into the watchdog, its acts come out and are done here, all commands of one
 //! batch in one write. Knows no script, no decoder and no lock.
 //!
-//! However this task ends, by order, by a panic or by being dropped, the [`Writer`]'s own drop
-//! tells the tracks to stop.
+//! However this task ends, by order, by a panic or by being dropped, the [`Writer`]'s own drop says
+//! the last words that the watchdog has left with it.
+//!
+//! Nothing here waits for the robot to take a command: see [`Writer::send`].
 
 mod core;
 mod hearing;
 mod lights;
 mod line;
+mod lost;
 mod seats;
 mod serving;
 mod status;
@@ -22,14 +25,15 @@ use tracing::warn;
 use crate::link::{LinkError, Writer};
 use crate::robot::channel::{MAX_REQUESTS, Request};
 use crate::robot::{Event, Pictures, RobotInfo, Streams};
-use crate::safety::{Act, Fact, Limits, Watchdog};
+use crate::safety::{Act, Fact, Limits, Watchdog, WatchdogState};
 use crate::vision::Damage;
-use crate::wire::{Command, Power};
+use crate::wire::{Command, Engage, Power};
 
 pub use self::core::DrivingCore;
 use self::lights::Lights;
 pub use self::line::Dial;
 use self::line::Line;
+use self::lost::LinkLost;
 use self::seats::Seats;
 pub use self::status::{LinkState, Status};
 
@@ -120,39 +124,60 @@ impl Pilot {
         mut requests: mpsc::Receiver<Request>,
         ending: Ending,
     ) -> Result<(), LinkError> {
-        let mut line = Line::new(dial, &settings.link, settings.seed);
+        let mut line = Line::new(dial, &settings.link, settings.seed, self.last_words());
         let mut parted = false;
         loop {
+            self.deposit(&mut line);
             let deadline = [self.watchdog.next_deadline(), self.streams_due];
             let deadline = deadline.into_iter().flatten().min();
-            let lost = tokio::select! {
+            let turn = tokio::select! {
                 biased;
                 () = ending.closing.cancelled() => break,
                 () = ending.parting.cancelled(), if !parted => {
                     parted = true;
-                    self.take(Fact::Parting).await
+                    self.take(Fact::Parting)
                 }
                 () = until(deadline) => self.tick(&mut requests).await,
-                news = line.next() => self.hear(news).await?,
-                Some(request) = requests.recv() => self.serve(request).await,
+                error = progress(self.writer.as_mut()) => Err(error.into()),
+                news = line.next() => self.hear(news)?,
+                Some(request) = requests.recv() => self.serve(request),
             };
-            let lost = self.serve_waiting(&mut requests).await.or(lost);
-            if let Some(reason) = lost {
+            if let Err(lost) = turn.and(self.serve_waiting(&mut requests)) {
                 line.hang_up();
-                self.lose(reason).await;
+                self.lose(&lost);
             }
             self.publish();
         }
-        self.serve_last(&mut requests).await;
+        self.serve_last(&mut requests);
         self.close().await;
         Ok(())
     }
 
+    /// Leaves with the writer and the line what is to be said if everything else dies.
+    fn deposit(&mut self, line: &mut Line) {
+        let last_words = self.last_words();
+        line.set_last_words(last_words.clone());
+        if let Some(writer) = &mut self.writer {
+            writer.set_last_words(last_words);
+        }
+    }
+
+    /// What is to be said if everything else dies: nothing while a robot with a low battery searches
+    /// by itself, which a stop would end.
+    fn last_words(&self) -> Vec<Command> {
+        let low = self.watchdog.low().is_some() && !self.watchdog.docked();
+        match (low, self.watchdog.state()) {
+            (true, WatchdogState::LowGoingHome) => vec![],
+            (true, _) => vec![Command::STOP, Command::Engine(Engage::Dock)],
+            (false, _) => vec![Command::STOP],
+        }
+    }
+
     /// What the behaviours asked for with their last words has come before the order to close.
-    async fn serve_last(&mut self, requests: &mut mpsc::Receiver<Request>) {
+    fn serve_last(&mut self, requests: &mut mpsc::Receiver<Request>) {
         let rounds = MAX_REQUESTS / REQUESTS_IN_A_ROW;
         for _ in 0..rounds {
-            if requests.is_empty() || self.serve_waiting(requests).await.is_some() {
+            if requests.is_empty() || self.serve_waiting(requests).is_err() {
                 return;
             }
         }
@@ -160,43 +185,38 @@ impl Pilot {
 
     /// What has come while this task, or the whole machine, slept is heard before anybody is judged
     /// by his silence.
-    async fn tick(&mut self, requests: &mut mpsc::Receiver<Request>) -> Option<String> {
+    async fn tick(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
         for _ in 0..HEARINGS {
             tokio::task::yield_now().await;
         }
-        let lost = self.serve_waiting(requests).await;
+        let served = self.serve_waiting(requests);
         let acts = self.watchdog.tick(Instant::now());
-        let lost = self.perform(acts).await.or(lost);
-        self.catch_up_streams().await.or(lost)
+        served.and(self.perform(acts))?;
+        self.catch_up_streams()
     }
 
     /// Requests get their turn even if the robot never stops talking.
-    async fn serve_waiting(&mut self, requests: &mut mpsc::Receiver<Request>) -> Option<String> {
+    fn serve_waiting(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
         for _ in 0..REQUESTS_IN_A_ROW {
             let Ok(request) = requests.try_recv() else {
                 break;
             };
-            if let Some(reason) = self.serve(request).await {
-                return Some(reason);
-            }
+            self.serve(request)?;
         }
-        self.settle().await
+        self.settle()
     }
 
-    /// Takes a fact to the watchdog and does what it wants. Like all below it returns why the link is
-    /// lost, if it is.
-    async fn take(&mut self, fact: Fact) -> Option<String> {
+    /// Takes a fact to the watchdog and does what it wants. Like all below it fails if the link is
+    /// lost.
+    fn take(&mut self, fact: Fact) -> Result<(), LinkLost> {
         let acts = self.watchdog.take(fact, Instant::now());
-        self.perform(acts).await
+        self.perform(acts)
     }
 
     /// Does what the watchdog wants: first all commands in one write, then the rest.
-    async fn perform(&mut self, acts: Vec<Act>) -> Option<String> {
+    fn perform(&mut self, acts: Vec<Act>) -> Result<(), LinkLost> {
         let commands: Vec<Command> = acts.iter().filter_map(Act::command).collect();
-        let mut lost = match commands.is_empty() {
-            true => None,
-            false => self.write(&commands).await,
-        };
+        let mut done = self.send(&commands);
         for act in acts {
             match act {
                 Act::Send(_) => {}
@@ -208,30 +228,31 @@ impl Pilot {
                     self.seats.tell_all(&event);
                 }
                 Act::Kill(by, reason) => self.seats.kill(by, reason),
-                Act::Reconnect(reason) => lost = lost.or(Some(reason)),
+                Act::Reconnect(reason) => done = done.and(Err(LinkLost::because(reason))),
             }
         }
-        lost
+        done
     }
 
-    /// Without a link nothing is kept for later: the robot's next login begins with a stop.
-    async fn write(&mut self, commands: &[Command]) -> Option<String> {
-        let writer = self.writer.as_mut()?;
-        writer
-            .write(commands)
-            .await
-            .err()
-            .map(|error| error.to_string())
+    /// Never waits. Without a link nothing is kept for later: the robot's next login begins with a
+    /// stop.
+    fn send(&mut self, commands: &[Command]) -> Result<(), LinkLost> {
+        match &mut self.writer {
+            Some(writer) if !commands.is_empty() => Ok(writer.send(commands, Instant::now())?),
+            _ => Ok(()),
+        }
     }
 
-    /// The link is gone: a last stop is tried without waiting, by the writer's drop.
-    async fn lose(&mut self, reason: String) {
+    /// The link is gone: the last words are tried without waiting, by the writer's drop.
+    fn lose(&mut self, lost: &LinkLost) {
         if self.writer.take().is_none() {
             return;
         }
-        warn!("disconnected: {reason}; connecting anew");
+        warn!("disconnected: {lost}; connecting anew");
         let acts = self.watchdog.take(Fact::LinkDown, Instant::now());
-        self.perform(acts).await;
+        // Without a link nothing is sent, so nothing can fail.
+        let _ = self.perform(acts);
+        let reason = lost.to_string();
         self.seats.tell_all(&Event::Disconnected { reason });
     }
 
@@ -249,10 +270,10 @@ impl Pilot {
 
     /// Streams off, everything flushed, then closed. The stop was written when the run parted.
     async fn close(mut self) {
-        let parting = self.take(Fact::Parting).await;
+        let parting = self.take(Fact::Parting);
         let off = self.seats.streams_off();
-        if !off.is_empty() && parting.is_none() {
-            self.write(&off).await;
+        if let Err(lost) = parting.and_then(|()| self.send(&off)) {
+            warn!("at the end: {lost}");
         }
         if let Some(words) = self.damage.rest() {
             warn!("{words}");
@@ -260,6 +281,17 @@ impl Pilot {
         if let Some(writer) = self.writer.take() {
             writer.close().await;
         }
+    }
+}
+
+/// Writes what waits; returns only if that fails.
+async fn progress(writer: Option<&mut Writer>) -> LinkError {
+    match writer {
+        Some(writer) => match writer.progress().await {
+            Ok(never) => match never {},
+            Err(error) => error,
+        },
+        None => std::future::pending().await,
     }
 }
 

@@ -336,9 +336,9 @@ pub(super) fn reach(
 }
 
 pub(super) fn dial(target: Target, login: Login, options: link::Options) -> Dial {
-    Box::new(move || {
+    Box::new(move |last_words| {
         let (target, login, options) = (target.clone(), login.clone(), options.clone());
-        Box::pin(async move { link::connect(&target, &login, &options).await })
+        Box::pin(async move { link::connect(&target, &login, last_words, &options).await })
     })
 }
 

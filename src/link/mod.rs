@@ -13,7 +13,9 @@ mod options;
 mod outbox;
 mod reader;
 mod session;
+mod speech;
 mod target;
+mod unsent;
 mod writer;
 
 pub use backoff::Backoff;

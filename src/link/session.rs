@@ -38,11 +38,15 @@ pub struct Session {
 /// returns. A refusal because of another user is returned with that user's name, if discovery tells
 /// it within a second.
 ///
+/// Once the robot has accepted the login, it hears `last_words` if anything goes wrong from then on,
+/// until the writer is given others (see [`Writer::set_last_words`]).
+///
 /// # Errors
 /// Every kind of [`LinkError`].
 pub async fn connect(
     target: &Target,
     login: &Login,
+    last_words: Vec<Command>,
     options: &Options,
 ) -> Result<Session, LinkError> {
     let stream = dial(target, options).await?;
@@ -51,7 +55,8 @@ pub async fn connect(
     let direct = duplicate(&stream);
     let (reader, writer) = stream.into_split();
     let reader = Reader::new(Box::new(reader), options.dead_after);
-    let writer = Writer::new(Box::new(writer), direct, options.dead_after);
+    let mut writer = Writer::new(Box::new(writer), direct, options.dead_after);
+    writer.set_last_words(last_words);
     match log_in(reader, writer, peer, login, options.login_timeout).await {
         Err(LinkError::InUse { .. }) => Err(LinkError::InUse {
             by: discover::connected_user(peer, WHO_TIMEOUT).await,
@@ -69,10 +74,12 @@ pub async fn open(
     writer: impl AsyncWrite + Unpin + Send + 'static,
     peer: SocketAddr,
     login: &Login,
+    last_words: Vec<Command>,
     options: &Options,
 ) -> Result<Session, LinkError> {
     let reader = Reader::new(Box::new(reader), options.dead_after);
-    let writer = Writer::new(Box::new(writer), None, options.dead_after);
+    let mut writer = Writer::new(Box::new(writer), None, options.dead_after);
+    writer.set_last_words(last_words);
     log_in(reader, writer, peer, login, options.login_timeout).await
 }
 
@@ -89,11 +96,13 @@ async fn log_in(
     let (accepted, power) = loop {
         let report = timeout_at(deadline, reader.next()).await;
         answers.take(report.map_err(|_| answers.late(limit))??, &login.user)?;
+        if answers.accepted.is_some() {
+            writer.arm();
+        }
         if let (Some(accepted), Some(power)) = (&answers.accepted, answers.power) {
             break (accepted.clone(), power);
         }
     };
-    writer.arm();
     writer.write(&[Command::STOP]).await?;
     let early = answers.early;
     Ok(Session {

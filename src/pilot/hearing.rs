@@ -1,5 +1,5 @@
-//! What the pilot does with what comes over the line: a login, reports, the loss of the link. Each
-//! function returns why the link is lost, if it is.
+//! What the pilot does with what comes over the line: a login, reports, the loss of the link. A
+//! function that fails with [`LinkLost`] has found that the link is lost.
 
 use bytes::Bytes;
 use tokio::time::Instant;
@@ -7,6 +7,7 @@ use tracing::{debug, info, warn};
 
 use super::Pilot;
 use super::line::{Greeting, News};
+use super::lost::LinkLost;
 use crate::link::LinkError;
 use crate::robot::{Coming, Event, Frame, Pictures, RobotInfo};
 use crate::safety::Fact;
@@ -14,24 +15,24 @@ use crate::vision::judge;
 use crate::wire::{Accepted, EngineNews, Power, Report};
 
 impl Pilot {
-    pub(super) async fn hear(&mut self, news: News) -> Result<Option<String>, LinkError> {
+    pub(super) fn hear(&mut self, news: News) -> Result<Result<(), LinkLost>, LinkError> {
         match news {
-            News::Up(greeting) => Ok(self.connected(*greeting).await),
-            News::Report(report) => Ok(self.report(report).await),
+            News::Up(greeting) => Ok(self.connected(*greeting)),
+            News::Report(report) => Ok(self.report(report)),
             News::Coming(beginning) => {
                 self.coming(beginning);
-                Ok(None)
+                Ok(Ok(()))
             }
-            News::Lost(error) => Ok(Some(error.to_string())),
+            News::Lost(error) => Ok(Err(error.into())),
             News::Failed(error) if self.info.is_none() => Err(error),
             News::Failed(error) => {
                 warn!("still not connected: {error}");
-                Ok(None)
+                Ok(Ok(()))
             }
         }
     }
 
-    async fn connected(&mut self, greeting: Greeting) -> Option<String> {
+    fn connected(&mut self, greeting: Greeting) -> Result<(), LinkLost> {
         let Greeting {
             accepted,
             power,
@@ -59,13 +60,14 @@ impl Pilot {
         self.lights.forget();
         self.info = Some(info);
         self.battery = Some(power);
-        let mut lost = self.take(Fact::LinkUp { docked, power }).await;
+        let mut lost = self.take(Fact::LinkUp { docked, power });
         self.seats.welcome_all(&self.welcome());
         for report in early {
-            lost = self.report(report).await.or(lost);
+            lost = lost.and(self.report(report));
         }
-        lost = self.apply_streams(true).await.or(lost);
-        self.sound_alarm().await.or(lost)
+        lost?;
+        self.apply_streams(true)?;
+        self.sound_alarm()
     }
 
     /// What a behaviour must know of a robot that is connected.
@@ -83,11 +85,11 @@ impl Pilot {
         vec![Event::Battery(power.into()), connected]
     }
 
-    async fn report(&mut self, report: Report) -> Option<String> {
-        let lost = self.take(Fact::Heard).await;
+    fn report(&mut self, report: Report) -> Result<(), LinkLost> {
+        let lost = self.take(Fact::Heard);
         match report {
-            Report::Power(power) => return self.power(power).await.or(lost),
-            Report::Engine(news) => return self.engine(news).await.or(lost),
+            Report::Power(power) => return lost.and(self.power(power)),
+            Report::Engine(news) => return lost.and(self.engine(news)),
             Report::Video(jpeg) => self.frame(jpeg),
             Report::Audio(samples) => self.seats.tell_audience(&Event::Audio(samples)),
             Report::SoundFinished => self.seats.tell_all(&Event::SoundFinished),
@@ -101,7 +103,7 @@ impl Pilot {
     // A behaviour hears of a fact before it hears what came of it: an answer to a waiting call must
     // not overtake the news that brought it about. Telling never waits, so nothing is delayed.
 
-    async fn power(&mut self, power: Power) -> Option<String> {
+    fn power(&mut self, power: Power) -> Result<(), LinkLost> {
         let before = self.battery.replace(power);
         if before != Some(power) {
             self.seats.tell_all(&Event::Battery(power.into()));
@@ -109,10 +111,10 @@ impl Pilot {
         if before.map(|power| power.charging) != Some(power.charging) {
             self.seats.tell_all(&Event::Charging { on: power.charging });
         }
-        self.take(Fact::Power(power)).await
+        self.take(Fact::Power(power))
     }
 
-    async fn engine(&mut self, news: EngineNews) -> Option<String> {
+    fn engine(&mut self, news: EngineNews) -> Result<(), LinkLost> {
         let event = match news {
             EngineNews::Docked => Event::Docked,
             EngineNews::Undocked => Event::Undocked,
@@ -122,7 +124,7 @@ impl Pilot {
         };
         info!("the robot says: {}", words(news));
         self.seats.tell_all(&event);
-        self.take(Fact::Engine(news)).await
+        self.take(Fact::Engine(news))
     }
 
     /// One that its markers already give away as no picture takes no good one's place. Reading the

@@ -3,20 +3,20 @@
 use std::future::Future;
 use std::net::SocketAddr;
 use std::pin::Pin;
-use std::time::Duration;
 
 use bytes::Bytes;
 use rand::SeedableRng;
 use rand::rngs::StdRng;
-use tokio::time::sleep;
+use tokio::time::{Sleep, sleep};
 
 use crate::link::{Backoff, Heard, LinkError, Options, Reader, Session, Writer};
-use crate::wire::{Accepted, Power, Report};
+use crate::wire::{Accepted, Command, Power, Report};
 
 type Dialling = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send>>;
 
-/// Makes one try to connect and log in, over whatever transport.
-pub type Dial = Box<dyn FnMut() -> Dialling + Send>;
+/// Makes one try to connect and log in, over whatever transport, with these last words (see
+/// [`connect`](crate::link::connect)).
+pub type Dial = Box<dyn FnMut(Vec<Command>) -> Dialling + Send>;
 
 /// A session without its reader, which stays with the line.
 pub(super) struct Greeting {
@@ -42,6 +42,7 @@ pub(super) enum News {
 }
 
 enum State {
+    Pausing(Pin<Box<Sleep>>),
     Dialling(Dialling),
     Up(Reader),
 }
@@ -52,35 +53,60 @@ pub(super) struct Line {
     state: State,
     backoff: Backoff,
     rng: StdRng,
+    last_words: Vec<Command>,
 }
 
 impl Line {
     /// Begins to dial at once.
-    pub(super) fn new(mut dial: Dial, options: &Options, seed: u64) -> Line {
-        let state = State::Dialling(dial());
+    pub(super) fn new(
+        mut dial: Dial,
+        options: &Options,
+        seed: u64,
+        last_words: Vec<Command>,
+    ) -> Line {
+        let state = State::Dialling(dial(last_words.clone()));
         Line {
             dial,
             state,
             backoff: Backoff::new(options),
             rng: StdRng::seed_from_u64(seed),
+            last_words,
         }
+    }
+
+    /// For the logins that begin from now on.
+    pub(super) fn set_last_words(&mut self, last_words: Vec<Command>) {
+        self.last_words = last_words;
     }
 
     /// The next news. Cancel-safe.
     pub(super) async fn next(&mut self) -> News {
-        match &mut self.state {
-            State::Dialling(dialling) => match dialling.await {
-                Ok(session) => self.up(session),
-                Err(error) => {
-                    self.redial();
-                    News::Failed(error)
+        loop {
+            match &mut self.state {
+                State::Pausing(pause) => pause.await,
+                State::Dialling(dialling) => {
+                    let result = dialling.await;
+                    return self.dialled(result);
                 }
-            },
-            State::Up(reader) => match reader.hear().await {
-                Ok(Heard::Report(report)) => News::Report(report),
-                Ok(Heard::Coming(beginning)) => News::Coming(beginning),
-                Err(error) => News::Lost(error),
-            },
+                State::Up(reader) => {
+                    return match reader.hear().await {
+                        Ok(Heard::Report(report)) => News::Report(report),
+                        Ok(Heard::Coming(beginning)) => News::Coming(beginning),
+                        Err(error) => News::Lost(error),
+                    };
+                }
+            }
+            self.state = State::Dialling((self.dial)(self.last_words.clone()));
+        }
+    }
+
+    fn dialled(&mut self, result: Result<Session, LinkError>) -> News {
+        match result {
+            Ok(session) => self.up(session),
+            Err(error) => {
+                self.redial();
+                News::Failed(error)
+            }
         }
     }
 
@@ -113,13 +139,6 @@ impl Line {
 
     fn redial(&mut self) {
         let pause = self.backoff.next(&mut self.rng);
-        self.state = State::Dialling(after(pause, (self.dial)()));
+        self.state = State::Pausing(Box::pin(sleep(pause)));
     }
-}
-
-fn after(pause: Duration, dialling: Dialling) -> Dialling {
-    Box::pin(async move {
-        sleep(pause).await;
-        dialling.await
-    })
 }

@@ -19,6 +19,19 @@ struct Seat {
     throttle: Throttle,
 }
 
+impl Seat {
+    /// Says that commands were dropped, when that is worth a word.
+    fn complain(&self) {
+        if let Some(count) = self.throttle.complaint() {
+            let behaviour = &self.name;
+            warn!(
+                behaviour,
+                count, "sends more than the robot can take: commands were dropped"
+            );
+        }
+    }
+}
+
 /// All behaviours aboard.
 #[derive(Debug, Default)]
 pub(super) struct Seats {
@@ -64,14 +77,18 @@ impl Seats {
             return false;
         };
         let admitted = seat.throttle.admits(command, now);
-        if !admitted && let Some(count) = seat.throttle.complaint() {
-            let behaviour = &seat.name;
-            warn!(
-                behaviour,
-                count, "sends more than the robot can take: commands were dropped"
-            );
+        if !admitted {
+            seat.complain();
         }
         admitted
+    }
+
+    /// What was admitted does not fit into the line to the robot.
+    pub(super) fn refuse(&mut self, by: BehaviourId) {
+        if let Some(seat) = self.seats.get_mut(&by) {
+            seat.throttle.refuse();
+            seat.complain();
+        }
     }
 
     /// A behaviour is no more.

@@ -37,8 +37,15 @@ impl Throttle {
             Command::Audio(samples) => self.speech.take(samples.len() as f64, now),
             _ => self.commands.take(1.0, now),
         };
-        self.refused += u64::from(!admitted);
+        if !admitted {
+            self.refuse();
+        }
         admitted
+    }
+
+    /// Counts what was admitted and could not be sent all the same.
+    pub(super) fn refuse(&mut self) {
+        self.refused += 1;
     }
 
     /// How many were refused so far, when that is worth a word: the first, and then ever more
