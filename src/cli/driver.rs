@@ -8,7 +8,7 @@ use tokio::task::JoinHandle;
 use tokio::time::{MissedTickBehavior, interval, timeout};
 
 use super::interrupt::interruption;
-use super::run::driving_core;
+use super::run::{driving_core, pulse};
 use super::{Exit, Failure};
 use crate::link::LinkError;
 use crate::pilot::{Dial, DrivingCore, Ending, LinkState, Pilot, Settings, Status};
@@ -63,7 +63,8 @@ pub(super) async fn drive(
 impl Driver {
     fn launch(dial: Dial, settings: Settings) -> Result<Driver, Failure> {
         let core = driving_core()?;
-        let (pilot, _frames, status) = Pilot::new(&settings);
+        let (mut pilot, _frames, status) = Pilot::new(&settings);
+        pilot.set_pulse(Some(pulse(settings.simulated)));
         let (requests, received) = mpsc::channel(MAX_REQUESTS);
         let ending = Ending::default();
         let flight = core

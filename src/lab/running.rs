@@ -45,6 +45,7 @@ impl Running {
             ),
             launcher: Launcher::in_this_thread(),
             core: runtime::Handle::current(),
+            pulse: None,
             limit,
         };
         let stop = options.stop.child_token();
