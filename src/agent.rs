@@ -18,7 +18,7 @@ use self::keeper::{Keeper, Surroundings};
 pub use self::talk::{Talk, TalkError};
 use crate::behaviour::{Launch, Launcher, Prepared, Reload, RestartPolicy};
 use crate::link::LinkError;
-use crate::pilot::{self, Dial, LinkState, Pilot, Pulse, Settings, Status};
+use crate::pilot::{self, Delivery, Dial, LinkState, Pilot, Pulse, Settings, Status};
 use crate::robot::channel::{MAX_REQUESTS, Request};
 use crate::robot::{BehaviourId, EndReason, Priority};
 use crate::script::Ending;
@@ -26,7 +26,7 @@ use crate::script::Ending;
 /// How long the scripts' last words and the end of their hosts may take together.
 const SCRIPTS_END: Duration = Duration::from_millis(1100);
 /// How long the last writes and the closing of the link may take.
-const LINK_END: Duration = Duration::from_millis(500);
+const LINK_END: Duration = Duration::from_millis(2500);
 
 /// A script and what is to be made of it.
 #[derive(Debug)]
@@ -197,7 +197,7 @@ fn refused(name: &str, ending: Ending) -> Outcome {
     }
 }
 
-type Flight = AbortOnDropHandle<Result<(), LinkError>>;
+type Flight = AbortOnDropHandle<Result<Delivery, LinkError>>;
 
 /// A run under way.
 struct Run {
@@ -289,10 +289,10 @@ async fn run_out(
     Ok(EndReason::Done)
 }
 
-fn broken_flight(ended: Result<Result<(), LinkError>, tokio::task::JoinError>) -> AgentError {
+fn broken_flight(ended: Result<Result<Delivery, LinkError>, tokio::task::JoinError>) -> AgentError {
     match ended {
         Ok(Err(error)) => AgentError::Link(error),
-        Ok(Ok(())) | Err(_) => AgentError::Broken("the pilot"),
+        Ok(Ok(_)) | Err(_) => AgentError::Broken("the pilot"),
     }
 }
 

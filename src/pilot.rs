@@ -15,15 +15,19 @@ mod lost;
 mod pulse;
 mod seats;
 mod serving;
+mod silence;
 mod status;
 mod throttle;
+
+use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
-use tracing::warn;
+use tracing::{info, warn};
 
-use crate::link::{LinkError, Writer};
+pub use crate::link::Delivery;
+use crate::link::{LinkError, Writer, farewell};
 use crate::robot::channel::{MAX_REQUESTS, Request, Sleep};
 use crate::robot::{Event, Pictures, RobotInfo, Streams};
 use crate::safety::{Act, Fact, Limits, Watchdog};
@@ -37,6 +41,7 @@ use self::line::Line;
 use self::lost::LinkLost;
 pub use self::pulse::Pulse;
 use self::seats::Seats;
+use self::silence::{Silence, Verdict};
 pub use self::status::{LinkState, Status};
 
 /// Requests served in a row before the robot is heard again.
@@ -44,6 +49,9 @@ const REQUESTS_IN_A_ROW: usize = 32;
 
 /// How often the other tasks get a turn before a deadline is judged: once to read, once to pass on.
 const HEARINGS: usize = 2;
+
+/// How long the robot may take at the end to acknowledge what it was told last.
+pub const DELIVERY: Duration = Duration::from_secs(2);
 
 /// How the run is told to come to its end.
 #[derive(Debug, Clone, Default)]
@@ -76,6 +84,7 @@ pub struct Pilot {
     writer: Option<Writer>,
     seats: Seats,
     lights: Lights,
+    silence: Silence,
     pictures: watch::Sender<Pictures>,
     damage: Damage,
     status: watch::Sender<Status>,
@@ -102,6 +111,7 @@ impl Pilot {
             writer: None,
             seats: Seats::new(settings.streams),
             lights: Lights::default(),
+            silence: Silence::new(Instant::now()),
             pictures,
             damage: Damage::default(),
             status,
@@ -122,7 +132,8 @@ impl Pilot {
         self.pulse = pulse;
     }
 
-    /// Connects, serves and reconnects until told to close.
+    /// Connects, serves and reconnects until told to close. Then says whether what the robot was told
+    /// last has arrived, for which it waits up to [`DELIVERY`].
     ///
     /// # Errors
     /// [`LinkError`] if the very first connection fails: then a person is there to read it. Later
@@ -133,14 +144,12 @@ impl Pilot {
         settings: Settings,
         mut requests: mpsc::Receiver<Request>,
         ending: Ending,
-    ) -> Result<(), LinkError> {
+    ) -> Result<Delivery, LinkError> {
         let mut line = Line::new(dial, &settings.link, settings.seed, self.last_words());
         let mut parted = false;
         loop {
             self.deposit(&mut line);
-            let beat = self.pulse.as_ref().map(Pulse::due);
-            let deadline = [self.watchdog.next_deadline(), self.streams_due, beat];
-            let deadline = deadline.into_iter().flatten().min();
+            let deadline = self.next_deadline();
             let turn = tokio::select! {
                 biased;
                 () = ending.closing.cancelled() => break,
@@ -154,14 +163,19 @@ impl Pilot {
                 Some(request) = requests.recv() => self.serve(request),
             };
             if let Err(lost) = turn.and(self.serve_waiting(&mut requests)) {
-                line.hang_up();
-                self.lose(&lost);
+                self.lose(&lost, &mut line);
             }
             self.publish();
         }
         self.serve_last(&mut requests);
-        self.close().await;
-        Ok(())
+        Ok(self.close(line).await)
+    }
+
+    fn next_deadline(&self) -> Option<Instant> {
+        let silence = self.writer.as_ref().map(|_| self.silence.next_deadline());
+        let beat = self.pulse.as_ref().map(Pulse::due);
+        let deadlines = [self.watchdog.next_deadline(), self.streams_due, silence, beat];
+        deadlines.into_iter().flatten().min()
     }
 
     /// Leaves with the writer and the line what is to be said if everything else dies.
@@ -242,7 +256,24 @@ impl Pilot {
         let served = self.serve_waiting(requests);
         let acts = self.watchdog.tick(Instant::now());
         woken.and(served).and(self.perform(acts))?;
-        self.catch_up_streams()
+        self.catch_up_streams()?;
+        self.check_silence()
+    }
+
+    /// Is the robot still there, though nothing is heard of it?
+    fn check_silence(&mut self) -> Result<(), LinkLost> {
+        if self.writer.is_none() {
+            return Ok(());
+        }
+        match self.silence.poll(Instant::now()) {
+            Some(Verdict::Ask) => self.send(&[Command::PowerQuery]),
+            Some(Verdict::Gone(silence)) => {
+                let silence = silence.as_secs();
+                let reason = format!("nothing was heard of the robot for {silence} s");
+                Err(LinkLost::because(reason))
+            }
+            None => Ok(()),
+        }
     }
 
     /// Requests get their turn even if the robot never stops talking.
@@ -287,17 +318,23 @@ impl Pilot {
     /// Never waits. Without a link nothing is kept for later: the robot's next login begins with a
     /// stop.
     fn send(&mut self, commands: &[Command]) -> Result<(), LinkLost> {
+        commands
+            .iter()
+            .for_each(|command| self.lights.note(command));
         match &mut self.writer {
             Some(writer) if !commands.is_empty() => Ok(writer.send(commands, Instant::now())?),
             _ => Ok(()),
         }
     }
 
-    /// The link is gone: the last words are tried without waiting, by the writer's drop.
-    fn lose(&mut self, lost: &LinkLost) {
-        if self.writer.take().is_none() {
-            return;
-        }
+    /// The link is gone: the last words are tried without waiting, and the line sees to them.
+    fn lose(&mut self, lost: &LinkLost, line: &mut Line) {
+        self.deposit(line);
+        let Some(mut writer) = self.writer.take() else {
+            return line.hang_up(None);
+        };
+        writer.say_last_words();
+        line.hang_up(Some(writer));
         warn!("disconnected: {lost}; connecting anew");
         let acts = self.watchdog.take(Fact::LinkDown, Instant::now());
         // Without a link nothing is sent, so nothing can fail.
@@ -325,8 +362,8 @@ impl Pilot {
             .send_if_modified(|status| status.update(newest(status.frames)));
     }
 
-    /// Streams off, everything flushed, then closed. The stop was written when the run parted.
-    async fn close(mut self) {
+    /// The last words, streams off, and closed when that has arrived.
+    async fn close(mut self, mut line: Line) -> Delivery {
         let parting = self.take(Fact::Parting);
         let off = self.seats.streams_off();
         if let Err(lost) = parting.and_then(|()| self.send(&off)) {
@@ -335,10 +372,20 @@ impl Pilot {
         if let Some(words) = self.damage.rest() {
             warn!("{words}");
         }
-        if let Some(writer) = self.writer.take() {
-            writer.close().await;
+        self.deposit(&mut line);
+        let delivery = match (self.writer.take(), line.into_reader()) {
+            (Some(writer), Some(reader)) => farewell(reader, writer, DELIVERY).await,
+            _ => Delivery::Offline,
+        };
+        match delivery {
+            Delivery::Acknowledged => info!("{delivery}"),
+            Delivery::NotAcknowledged { .. } | Delivery::Offline => warn!("{delivery}"),
         }
-        self.release_guard();
+        // What has not arrived yet is the guardian's, which says it again.
+        if delivery == Delivery::Acknowledged {
+            self.release_guard();
+        }
+        delivery
     }
 }
 

@@ -7,12 +7,16 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::time::{Instant, timeout_at};
 
+use super::delivery::farewell;
 use super::dial::{dial, duplicate};
 use super::{LinkError, Options, Reader, Target, Writer, discover};
 use crate::wire::{Accepted, Command, Login, Power, Report};
 
 /// The most [`Session::early`] ever holds; what comes beyond is dropped.
 pub const MAX_EARLY_REPORTS: usize = 32;
+
+/// How long the last words may take to arrive when a login has failed.
+const PARTING: Duration = Duration::from_millis(500);
 
 /// How long discovery may take to tell who is connected.
 const WHO_TIMEOUT: Duration = Duration::from_secs(1);
@@ -90,29 +94,28 @@ async fn log_in(
     login: &Login,
     limit: Duration,
 ) -> Result<Session, LinkError> {
-    let deadline = Instant::now() + limit;
-    writer.write(&[Command::Login(login.clone())]).await?;
     let mut answers = Answers::default();
-    let (accepted, power) = loop {
-        let report = timeout_at(deadline, reader.next()).await;
-        answers.take(report.map_err(|_| answers.late(limit))??, &login.user)?;
-        if answers.accepted.is_some() {
-            writer.arm();
+    match answers
+        .await_all(&mut reader, &mut writer, login, limit)
+        .await
+    {
+        Ok((accepted, power)) => Ok(Session {
+            accepted,
+            power,
+            peer,
+            early: answers.early,
+            reader,
+            writer,
+        }),
+        Err(error) => {
+            // It has let us in and may be driving, for all we know.
+            if answers.accepted.is_some() {
+                writer.say_last_words();
+                farewell(reader, writer, PARTING).await;
+            }
+            Err(error)
         }
-        if let (Some(accepted), Some(power)) = (&answers.accepted, answers.power) {
-            break (accepted.clone(), power);
-        }
-    };
-    writer.write(&[Command::STOP]).await?;
-    let early = answers.early;
-    Ok(Session {
-        accepted,
-        power,
-        peer,
-        early,
-        reader,
-        writer,
-    })
+    }
 }
 
 /// What has come since the login was sent.
@@ -124,6 +127,30 @@ struct Answers {
 }
 
 impl Answers {
+    /// From the login to the first stop.
+    async fn await_all(
+        &mut self,
+        reader: &mut Reader,
+        writer: &mut Writer,
+        login: &Login,
+        limit: Duration,
+    ) -> Result<(Accepted, Power), LinkError> {
+        let deadline = Instant::now() + limit;
+        writer.write(&[Command::Login(login.clone())]).await?;
+        loop {
+            let report = timeout_at(deadline, reader.next()).await;
+            self.take(report.map_err(|_| self.late(limit))??, &login.user)?;
+            let Some(accepted) = &self.accepted else {
+                continue;
+            };
+            writer.arm();
+            if let Some(power) = self.power {
+                writer.write(&[Command::STOP]).await?;
+                return Ok((accepted.clone(), power));
+            }
+        }
+    }
+
     fn take(&mut self, report: Report, user: &str) -> Result<(), LinkError> {
         match report {
             Report::Accepted(accepted) => self.accepted = Some(accepted),

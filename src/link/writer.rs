@@ -12,12 +12,15 @@ use std::time::Duration;
 use bytes::Bytes;
 use tokio::io::{AsyncWrite, AsyncWriteExt};
 use tokio::task::coop;
-use tokio::time::{Instant, timeout, timeout_at};
+use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::LinkError;
 use super::outbox::Outbox;
 use super::unsent::unacknowledged;
 use crate::wire::Command;
+
+/// How often it is looked whether the robot has acknowledged what was written.
+const LOOK_AGAIN: Duration = Duration::from_millis(2);
 
 /// The write half of a [`super::Session`]. Whoever owns it, and nobody else, moves the robot.
 ///
@@ -139,6 +142,28 @@ impl Writer {
     pub async fn write(&mut self, commands: &[Command]) -> Result<(), LinkError> {
         self.send(commands, Instant::now())?;
         self.written().await
+    }
+
+    /// Waits until everything is written and the robot's system has acknowledged it, as far as ours
+    /// tells. Cancel-safe.
+    pub(super) async fn acknowledged(&mut self) -> Result<(), LinkError> {
+        self.written().await?;
+        while let Some(direct) = &self.direct {
+            if let Ok(Some(error)) = direct.take_error() {
+                return Err(LinkError::from_io(error, self.dead_after));
+            }
+            if unacknowledged(direct).is_none_or(|bytes| bytes == 0) {
+                break;
+            }
+            sleep(LOOK_AGAIN).await;
+        }
+        Ok(())
+    }
+
+    /// Ends our half of the connection. Nothing is said any more, at a drop neither.
+    pub(super) async fn shut_down(&mut self) {
+        self.armed = false;
+        let _ = self.io.shutdown().await;
     }
 
     /// When to look again though the robot takes nothing.

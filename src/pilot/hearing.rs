@@ -62,6 +62,7 @@ impl Pilot {
         self.writer = Some(writer);
         self.guard();
         self.lights.forget();
+        self.silence.begin(Instant::now());
         self.info = Some(info);
         self.battery = Some(power);
         let mut lost = self.take(Fact::LinkUp { docked, power });
@@ -90,6 +91,7 @@ impl Pilot {
     }
 
     fn report(&mut self, report: Report) -> Result<(), LinkLost> {
+        self.silence.heard(Instant::now());
         let lost = self.take(Fact::Heard);
         match report {
             Report::Power(power) => return lost.and(self.power(power)),
@@ -108,6 +110,7 @@ impl Pilot {
     // not overtake the news that brought it about. Telling never waits, so nothing is delayed.
 
     fn power(&mut self, power: Power) -> Result<(), LinkLost> {
+        self.silence.level(Instant::now());
         let before = self.battery.replace(power);
         if before != Some(power) {
             self.seats.tell_all(&Event::Battery(power.into()));
@@ -155,6 +158,7 @@ impl Pilot {
     }
 
     fn coming(&mut self, jpeg: Bytes) {
+        self.silence.heard(Instant::now());
         let seq = self.status.borrow().frames + 1;
         self.pictures
             .send_modify(|pictures| pictures.coming = Some(Coming { seq, jpeg }));

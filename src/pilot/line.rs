@@ -3,16 +3,23 @@
 use std::future::Future;
 use std::net::SocketAddr;
 use std::pin::Pin;
+use std::time::Duration;
 
 use bytes::Bytes;
 use rand::SeedableRng;
 use rand::rngs::StdRng;
 use tokio::time::{Sleep, sleep};
+use tracing::debug;
 
-use crate::link::{Backoff, Heard, LinkError, Options, Reader, Session, Writer};
+use crate::link::{self, Backoff, Delivery, Heard, LinkError, Options, Reader, Session, Writer};
 use crate::wire::{Accepted, Command, Power, Report};
 
 type Dialling = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send>>;
+
+/// How long the last words of a link that is given up may take to arrive.
+const PARTING: Duration = Duration::from_millis(500);
+
+type Parting = Pin<Box<dyn Future<Output = Delivery> + Send>>;
 
 /// Makes one try to connect and log in, over whatever transport, with these last words (see
 /// [`connect`](crate::link::connect)).
@@ -42,6 +49,8 @@ pub(super) enum News {
 }
 
 enum State {
+    /// The last words are on their way.
+    Parting(Parting),
     Pausing(Pin<Box<Sleep>>),
     Dialling(Dialling),
     Up(Reader),
@@ -83,6 +92,11 @@ impl Line {
     pub(super) async fn next(&mut self) -> News {
         loop {
             match &mut self.state {
+                State::Parting(parting) => {
+                    debug!("at a link's end: {}", parting.await);
+                    self.redial();
+                    continue;
+                }
                 State::Pausing(pause) => pause.await,
                 State::Dialling(dialling) => {
                     let result = dialling.await;
@@ -110,10 +124,27 @@ impl Line {
         }
     }
 
-    /// Lets go of an open link and dials anew after a pause.
-    pub(super) fn hang_up(&mut self) {
-        if matches!(self.state, State::Up(_)) {
-            self.redial();
+    /// Lets go of an open link whose last words are with its writer, and dials anew after a pause.
+    pub(super) fn hang_up(&mut self, writer: Option<Writer>) {
+        let none: Parting = Box::pin(std::future::ready(Delivery::Offline));
+        match (
+            std::mem::replace(&mut self.state, State::Parting(none)),
+            writer,
+        ) {
+            (State::Up(reader), Some(writer)) => {
+                let parting = link::farewell(reader, writer, PARTING);
+                self.state = State::Parting(Box::pin(parting));
+            }
+            (State::Up(_), None) => self.redial(),
+            (other, _) => self.state = other,
+        }
+    }
+
+    /// The reader of an open link.
+    pub(super) fn into_reader(self) -> Option<Reader> {
+        match self.state {
+            State::Up(reader) => Some(reader),
+            _ => None,
         }
     }
 

@@ -9,9 +9,9 @@ use tokio::time::Instant;
 use super::Pilot;
 use super::lost::LinkLost;
 use crate::robot::channel::Request;
-use crate::robot::{BehaviourId, Intent, Priority};
+use crate::robot::{BehaviourId, CallId, DockEnd, Event, Intent, Priority};
 use crate::safety::{Ask, Fact};
-use crate::wire::{Command, Sound, Stream};
+use crate::wire::{Command, Engage, Sound, Stream};
 
 /// When streams are switched that a behaviour switches faster than it may.
 const STREAMS_LATER: Duration = Duration::from_millis(100);
@@ -80,9 +80,20 @@ impl Pilot {
             }
             Intent::Stop => return self.ask(by, priority, Ask::Stop),
             Intent::Dock { call, plan } => {
+                let find = Command::Engine(Engage::Dock);
+                if !self.seats.admits(by, &find, Instant::now()) {
+                    self.seats.tell(by, refused_docking(call));
+                    return Ok(());
+                }
                 return self.ask(by, priority, Ask::Dock(call, plan));
             }
             Intent::Undock { call, timeout } => {
+                let leave = Command::Engine(Engage::Undock);
+                if !self.seats.admits(by, &leave, Instant::now()) {
+                    let end = DockEnd::Safety;
+                    self.seats.tell(by, Event::UndockEnded { call, end });
+                    return Ok(());
+                }
                 return self.ask(by, priority, Ask::Undock(call, timeout));
             }
             Intent::CancelDock => return self.ask(by, priority, Ask::CancelDock),
@@ -106,7 +117,6 @@ impl Pilot {
         if !self.lights.is_news(&command) || !self.seats.admits(by, &command, Instant::now()) {
             return Ok(());
         }
-        self.lights.note(&command);
         self.settle()?;
         self.send(&[command])
     }
@@ -135,7 +145,6 @@ impl Pilot {
         }
         self.alarm_due = false;
         let alarm = Command::Play(Sound::Alarm);
-        self.lights.note(&alarm);
         self.settle()?;
         self.send(&[alarm])
     }
@@ -176,5 +185,15 @@ impl Pilot {
         let listening = self.seats.streams(Stream::Video) || self.seats.streams(Stream::AudioIn);
         self.take(Fact::Listening(listening))?;
         self.send(&commands)
+    }
+}
+
+/// The answer to a docking that is asked for faster than the robot can take.
+fn refused_docking(call: CallId) -> Event {
+    Event::DockEnded {
+        call,
+        end: DockEnd::Safety,
+        attempts: 0,
+        took: Duration::ZERO,
     }
 }
