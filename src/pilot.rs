@@ -32,7 +32,7 @@ use crate::robot::channel::{MAX_REQUESTS, Request, Sleep};
 use crate::robot::{Event, Pictures, RobotInfo, Streams};
 use crate::safety::{Act, Fact, Limits, Watchdog};
 use crate::vision::Damage;
-use crate::wire::{Command, Power};
+use crate::wire::Command;
 
 pub use self::core::DrivingCore;
 use self::lights::Lights;
@@ -88,7 +88,6 @@ pub struct Pilot {
     pictures: watch::Sender<Pictures>,
     damage: Damage,
     status: watch::Sender<Status>,
-    battery: Option<Power>,
     info: Option<RobotInfo>,
     simulated: bool,
     unknown_kinds: Vec<u8>,
@@ -115,7 +114,6 @@ impl Pilot {
             pictures,
             damage: Damage::default(),
             status,
-            battery: None,
             info: None,
             simulated: settings.simulated,
             unknown_kinds: Vec::new(),
@@ -174,7 +172,12 @@ impl Pilot {
     fn next_deadline(&self) -> Option<Instant> {
         let silence = self.writer.as_ref().map(|_| self.silence.next_deadline());
         let beat = self.pulse.as_ref().map(Pulse::due);
-        let deadlines = [self.watchdog.next_deadline(), self.streams_due, silence, beat];
+        let deadlines = [
+            self.watchdog.next_deadline(),
+            self.streams_due,
+            silence,
+            beat,
+        ];
         deadlines.into_iter().flatten().min()
     }
 
@@ -353,7 +356,7 @@ impl Pilot {
         let newest = |frames| Status {
             link,
             safety: self.watchdog.state(),
-            battery: self.battery.map(Into::into),
+            battery: self.watchdog.battery(),
             low: self.watchdog.low().is_some(),
             docked: self.watchdog.docked(),
             frames,

@@ -12,7 +12,7 @@ use crate::link::LinkError;
 use crate::robot::{Coming, Event, Frame, Pictures, RobotInfo};
 use crate::safety::Fact;
 use crate::vision::judge;
-use crate::wire::{Accepted, EngineNews, Power, Report};
+use crate::wire::{Accepted, EngineNews, Report};
 
 impl Pilot {
     pub(super) fn hear(&mut self, news: News) -> Result<Result<(), LinkLost>, LinkError> {
@@ -64,7 +64,6 @@ impl Pilot {
         self.lights.forget();
         self.silence.begin(Instant::now());
         self.info = Some(info);
-        self.battery = Some(power);
         let mut lost = self.take(Fact::LinkUp { docked, power });
         self.seats.welcome_all(&self.welcome());
         for report in early {
@@ -77,7 +76,7 @@ impl Pilot {
 
     /// What a behaviour must know of a robot that is connected.
     pub(super) fn welcome(&self) -> Vec<Event> {
-        let (Some(info), Some(power)) = (&self.info, self.battery) else {
+        let (Some(info), Some(battery)) = (&self.info, self.watchdog.battery()) else {
             return vec![];
         };
         if self.writer.is_none() {
@@ -87,14 +86,17 @@ impl Pilot {
             info: info.clone(),
             docked: self.watchdog.docked(),
         };
-        vec![Event::Battery(power.into()), connected]
+        vec![Event::Battery(battery), connected]
     }
 
     fn report(&mut self, report: Report) -> Result<(), LinkLost> {
         self.silence.heard(Instant::now());
         let lost = self.take(Fact::Heard);
         match report {
-            Report::Power(power) => return lost.and(self.power(power)),
+            Report::Power(power) => {
+                self.silence.level(Instant::now());
+                return lost.and(self.learn(Fact::Power(power)));
+            }
             Report::Engine(news) => return lost.and(self.engine(news)),
             Report::Video(jpeg) => self.frame(jpeg),
             Report::Audio(samples) => self.seats.tell_audience(&Event::Audio(samples)),
@@ -109,16 +111,20 @@ impl Pilot {
     // A behaviour hears of a fact before it hears what came of it: an answer to a waiting call must
     // not overtake the news that brought it about. Telling never waits, so nothing is delayed.
 
-    fn power(&mut self, power: Power) -> Result<(), LinkLost> {
-        self.silence.level(Instant::now());
-        let before = self.battery.replace(power);
-        if before != Some(power) {
-            self.seats.tell_all(&Event::Battery(power.into()));
+    /// Takes a fact that may change what is believed of the battery, and tells of such a change.
+    fn learn(&mut self, fact: Fact) -> Result<(), LinkLost> {
+        let before = self.watchdog.battery();
+        let acts = self.watchdog.take(fact, Instant::now());
+        if let (Some(before), Some(battery)) = (before, self.watchdog.battery()) {
+            if battery.is_news_after(&before) {
+                self.seats.tell_all(&Event::Battery(battery));
+            }
+            if battery.charging != before.charging {
+                let on = battery.charging;
+                self.seats.tell_all(&Event::Charging { on });
+            }
         }
-        if before.map(|power| power.charging) != Some(power.charging) {
-            self.seats.tell_all(&Event::Charging { on: power.charging });
-        }
-        self.take(Fact::Power(power))
+        self.perform(acts)
     }
 
     fn engine(&mut self, news: EngineNews) -> Result<(), LinkLost> {
@@ -131,7 +137,7 @@ impl Pilot {
         };
         info!("the robot says: {}", words(news));
         self.seats.tell_all(&event);
-        self.take(Fact::Engine(news))
+        self.learn(Fact::Engine(news))
     }
 
     /// One that its markers already give away as no picture takes no good one's place. Reading the

@@ -16,13 +16,13 @@ pub enum LinkState {
 }
 
 /// The newest state of robot and watchdog.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Status {
     /// The link.
     pub link: LinkState,
     /// The watchdog.
     pub safety: WatchdogState,
-    /// The battery as last reported.
+    /// The battery, as far as it is believed.
     pub battery: Option<Battery>,
     /// The battery counts as low and the watchdog has the robot.
     pub low: bool,

@@ -121,11 +121,21 @@ impl Docking {
         }
     }
 
-    /// A POWER message said that the robot charges: this is what docked means.
+    /// The robot charges, and that is believed: this is what docked means.
     pub fn charging(&mut self, now: Instant) -> Vec<Order> {
         let orders = self.halt_if_backing_off();
         self.finish(DockEnd::Done, now);
         orders
+    }
+
+    /// The robot may charge: it stands still until that is known. The time of a try runs on.
+    pub fn wait(&self) -> Vec<Order> {
+        self.halt_if_backing_off()
+    }
+
+    /// The robot searches by itself.
+    pub fn is_searching(&self) -> bool {
+        matches!(self.phase, Phase::Searching { .. })
     }
 
     /// Time passes.

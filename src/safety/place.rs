@@ -86,6 +86,11 @@ impl Whereabouts {
         matches!(self.place, Place::Charging | Place::ContactSaid)
     }
 
+    /// The robot has said that it is on its station, and nothing since denies it.
+    pub fn has_contact(&self) -> bool {
+        self.contact
+    }
+
     /// CHARGE_STOP was sent and neither confirmed nor given up.
     pub fn is_leaving(&self) -> bool {
         self.leaving.is_some()
@@ -97,11 +102,13 @@ impl Whereabouts {
         self.leaving = None;
         let tried = low && self.charge_due.is_some_and(|due| due <= now);
         if !docked {
-            self.leave(Word::Login);
-        } else if tried {
+            return self.leave(Word::Login);
+        }
+        self.contact = true;
+        if tried {
             self.doubt(Doubt::Contact);
         } else {
-            (self.place, self.contact) = (Place::ContactSaid, true);
+            self.place = Place::ContactSaid;
             self.charge_due.get_or_insert(now + self.charge_timeout);
         }
     }

@@ -116,6 +116,17 @@ async fn nothing_is_said_before_power_and_the_first_command_is_a_stop() {
     assert_eq!(robot.read(&mut byte).await.unwrap(), 0);
 }
 
+#[tokio::test(start_paused = true)]
+async fn a_level_beyond_a_hundred_is_no_power_and_the_login_waits_on_for_a_good_one() {
+    for garbage in [101u8, 127, 128, 155] {
+        let power = [&[0x50, 0x4B, 3, 0, 1, garbage][..], POWER_80].concat();
+        let (session, _robot) = open_to(&[ACCEPTED, &power].concat(), &Options::default()).await;
+        let session = session.unwrap();
+        assert_eq!(session.power.percent, 80);
+        assert!(matches!(session.early[..], [Report::Unknown(_)]));
+    }
+}
+
 #[tokio::test]
 async fn answers_may_come_byte_by_byte() {
     let (ours, mut robot) = duplex(1);

@@ -30,12 +30,15 @@ enum Step {
     Still,
 }
 
-/// What the facts say, without any of the watchdog's rules.
+/// What the facts say, without any of the watchdog's rules but one: where it is free to believe good
+/// news of the battery later, it is followed, if there are reports enough for what it believes.
 #[derive(Debug, Default)]
 struct Known {
     online: bool,
     on_station: bool,
     charging: bool,
+    /// So it does, where it was when it was asked last to leave its station.
+    charges_here: bool,
     /// Since when it has stood on its contacts, by its own word, without charging.
     contact: Option<Instant>,
     /// It was told to leave the station, and has said nothing since.
@@ -44,6 +47,17 @@ struct Known {
     idle: bool,
     low: bool,
     critical: bool,
+    /// Reports in a row that say: charging; at least ok; more than critical.
+    charges: u32,
+    good: u32,
+    uncritical: u32,
+    /// One of charging came while the robot said that it is on its station.
+    touched: bool,
+    /// And nobody had asked it to leave.
+    surely_touched: bool,
+    /// Charging is said and not believed, and since when.
+    doubted: bool,
+    said: Option<Instant>,
     /// The last that was heard of a search is that it failed.
     not_found: bool,
     parted: bool,
@@ -53,7 +67,7 @@ struct Known {
 
 impl Known {
     fn docked(&self) -> bool {
-        self.on_station || self.charging
+        self.on_station || self.charges_here
     }
 
     /// On the station, and nothing gives a reason to doubt it.
@@ -67,6 +81,7 @@ impl Known {
     }
 
     fn note(&mut self, fact: &Fact, limits: &Limits, now: Instant) {
+        self.idle |= self.is_idle(limits, now);
         match fact {
             Fact::LinkUp { docked, power } => {
                 (self.online, self.on_station) = (true, *docked);
@@ -79,11 +94,16 @@ impl Known {
             Fact::Power(power) => self.power(*power, limits, now),
             Fact::Engine(EngineNews::Docked) => {
                 (self.on_station, self.not_found) = (true, false);
-                self.charging &= !self.told_to_leave;
+                self.charges_here &= !self.told_to_leave;
                 self.told_to_leave = false;
+                self.touched |= self.charging;
+                self.surely_touched |= self.charging;
             }
             Fact::Engine(EngineNews::Undocked) => {
                 (self.on_station, self.charging) = (false, false);
+                self.charges_here = false;
+                (self.charges, self.touched, self.doubted) = (0, false, false);
+                self.surely_touched = false;
                 self.told_to_leave = false;
                 self.reported = self.reported.map(|_| now);
             }
@@ -93,8 +113,8 @@ impl Known {
             fact,
             Fact::Engine(EngineNews::Docked | EngineNews::Undocked)
         );
-        self.idle &= self.on_station && !self.charging && !said;
-        let contact = self.on_station && !self.charging;
+        self.idle &= self.on_station && !self.charges_here && !said;
+        let contact = self.on_station && !self.charges_here;
         self.contact = contact.then(|| self.contact.unwrap_or(now));
     }
 
@@ -104,20 +124,56 @@ impl Known {
     }
 
     fn power(&mut self, power: Power, limits: &Limits, now: Instant) {
-        (self.charging, self.reported) = (power.charging, Some(now));
-        self.critical = power.percent <= limits.critical.get();
-        if power.charging || power.percent >= limits.ok.get() {
-            self.low = false;
-        } else if power.percent <= limits.low.get() {
-            self.low = true;
+        self.end_doubt(now);
+        if power.charging && !self.charging {
+            self.said = Some(now);
         }
+        (self.charging, self.reported) = (power.charging, Some(now));
+        self.charges_here = power.charging;
+        self.doubted &= power.charging;
+        let count = |counted: &mut u32, says: bool| *counted = if says { *counted + 1 } else { 0 };
+        count(&mut self.charges, power.charging);
+        count(&mut self.good, power.percent >= limits.ok.get());
+        let critical = power.percent <= limits.critical.get();
+        count(&mut self.uncritical, !critical);
+        self.touched = power.charging && (self.touched || self.on_station);
+        let surely = self.surely_touched || (self.on_station && !self.told_to_leave);
+        self.surely_touched = power.charging && surely;
+        self.critical |= critical;
+        self.low |= !power.charging && power.percent <= limits.low.get();
+    }
+
+    /// Follows the watchdog in what it believes, if it may believe that.
+    fn agree(&mut self, dog: &Watchdog, limits: &Limits) -> Kept {
+        let charging = dog.guard.charging();
+        prop_assert_eq!(self.charging, charging != Charging::No);
+        let enough = self.touched || self.charges >= 2;
+        prop_assert!(
+            enough || charging != Charging::Believed,
+            "one report of charging"
+        );
+        prop_assert!(
+            !self.surely_touched || charging != Charging::Said,
+            "charging on its station"
+        );
+        self.doubted = charging == Charging::Said;
+        let released = charging == Charging::Believed || self.good >= 3;
+        prop_assert!(dog.low().is_some() || !self.low || released, "{:?}", self);
+        let low = dog.guard.level().is_some_and(|level| level <= limits.low);
+        let late = self.charges > 0 && !self.charging && low;
+        prop_assert!(dog.low().is_none() || self.low || late, "{:?}", self);
+        self.low = dog.low().is_some();
+        prop_assert!(dog.guard.critical() || !self.critical || self.uncritical >= 3);
+        prop_assert!(!dog.guard.critical() || self.critical);
+        self.critical = dog.guard.critical();
+        Ok(())
     }
 
     /// Whether the robot searches by itself after this moment.
     fn still_searches(&self, moment: &Moment<'_>, before: bool) -> bool {
         use EngineNews::{BaseNotFound, Docked};
         let over = match moment.fact {
-            Some(Fact::Power(power)) => power.charging,
+            Some(Fact::Power(_)) => moment.play.dog.guard.charging() == Charging::Believed,
             Some(Fact::Engine(news)) => matches!(news, Docked | BaseNotFound),
             Some(Fact::LinkDown | Fact::LinkUp { .. }) => true,
             _ => false,
@@ -140,8 +196,19 @@ impl Known {
         self.online && lost && !self.parted && !self.critical && self.reported.is_some_and(fresh)
     }
 
+    fn end_doubt(&mut self, now: Instant) {
+        let over = |since: Instant| now >= since + BatteryGuard::DOUBT;
+        if self.doubted && self.said.is_some_and(over) {
+            (self.charging, self.doubted) = (false, false);
+            self.charges_here = false;
+        }
+    }
+
     fn pass(&mut self, limits: &Limits, excused: bool, now: Instant) {
         self.idle |= self.is_idle(limits, now);
+        if self.online {
+            self.end_doubt(now);
+        }
         match self.reported {
             Some(_) if self.online && excused => self.reported = Some(now),
             Some(at) if self.online => self.low |= now >= at + limits.power_silence.get(),
@@ -251,6 +318,7 @@ impl Play {
         let acts = self.dog.take(fact.clone(), self.now);
         self.known.pass(&self.limits, self.dog.docked(), self.now);
         self.known.hear(&acts);
+        self.known.agree(&self.dog, &self.limits)?;
         see(Moment {
             play: self,
             fact: Some(fact),
@@ -262,6 +330,7 @@ impl Play {
         let acts = self.dog.tick(self.now);
         self.known.pass(&self.limits, self.dog.docked(), self.now);
         self.known.hear(&acts);
+        self.known.agree(&self.dog, &self.limits)?;
         see(Moment {
             play: self,
             fact: None,
@@ -325,7 +394,7 @@ fn any_ask() -> impl Strategy<Value = Ask> {
         3 => (0..50u64, plan).prop_map(|(call, (timeout, retries, charge_timeout))| {
             Ask::Dock(CallId(call), DockPlan { timeout, retries, charge_timeout })
         }),
-        3 => (0..50u64, any_duration()).prop_map(|(call, timeout)| Ask::Undock(CallId(call), timeout)),
+        4 => (0..50u64, any_duration()).prop_map(|(call, timeout)| Ask::Undock(CallId(call), timeout)),
         1 => Just(Ask::CancelDock),
     ]
 }
@@ -603,6 +672,15 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     );
     note("low on the station", dog.low().is_some() && known.docked());
     note("critical", dog.guard.critical());
+    let said = dog.guard.charging() == Charging::Said;
+    note(
+        "low, and charging is only said",
+        said && dog.low().is_some(),
+    );
+    note(
+        "low when the doubt ends",
+        moment.fact.is_none() && known.charges > 0 && dog.low().is_some() && !known.docked(),
+    );
     note("several wish to drive", dog.arbiter.wishing().count() > 1);
     note("backs off", homing.is_some() && dog.moving());
     let alarm = dog.state() == WatchdogState::Alarm;
@@ -699,6 +777,8 @@ fn all_there_is() -> Vec<String> {
         "low by silence",
         "low on the station",
         "critical",
+        "low, and charging is only said",
+        "low when the doubt ends",
         "sounds the alarm",
         "several wish to drive",
         "asked to stop while it moves",
@@ -722,7 +802,7 @@ fn all_there_is() -> Vec<String> {
 fn histories_reach_all_there_is_to_reach() {
     let mut runner = TestRunner::deterministic();
     let mut reached = BTreeMap::<String, u32>::new();
-    for _ in 0..1000 {
+    for _ in 0..2000 {
         let history = any_history().new_tree(&mut runner).unwrap().current();
         let mut of_this = BTreeSet::new();
         let mut see = |moment: Moment<'_>| {

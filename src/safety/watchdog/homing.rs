@@ -6,11 +6,9 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::{Caller, Watchdog};
-use crate::robot::{
-    Battery, DockEnd, DockPlan, Event, MotionEnd, Priority, SafetyAction, Setpoint,
-};
+use crate::robot::{DockEnd, DockPlan, Event, MotionEnd, Priority, SafetyAction, Setpoint};
 use crate::safety::{Act, Approach, Docking, LowCause, Order, Retry};
-use crate::wire::{Command, Engage, Power};
+use crate::wire::{Command, Engage};
 
 /// A docking under way and who waits for it.
 #[derive(Debug)]
@@ -38,7 +36,7 @@ impl Watchdog {
     pub(super) fn became_low(&mut self, cause: LowCause, now: Instant) {
         self.end_motion(MotionEnd::Safety);
         self.whereabouts.expect_charge(now);
-        if let Some(battery) = self.battery.map(Battery::from) {
+        if let Some(battery) = self.battery() {
             self.acts.push(Act::Announce(Event::BatteryLow(battery)));
         }
         let (action, what) = if self.docked() {
@@ -51,14 +49,15 @@ impl Watchdog {
         self.pursue_home(now);
     }
 
-    pub(super) fn released(&mut self, power: Power, now: Instant) {
+    pub(super) fn released(&mut self, now: Instant) {
         self.end_alarm();
-        self.notice(
-            SafetyAction::Release,
-            format!("battery at {} %", power.percent),
-        );
-        self.acts
-            .push(Act::Announce(Event::BatteryOk(power.into())));
+        if let Some(battery) = self.battery() {
+            self.notice(
+                SafetyAction::Release,
+                format!("battery at {}", battery.percent),
+            );
+            self.acts.push(Act::Announce(Event::BatteryOk(battery)));
+        }
         let Some(homing) = &mut self.homing else {
             return;
         };
@@ -114,7 +113,7 @@ impl Watchdog {
     }
 
     pub(super) fn continue_homing(&mut self, now: Instant) {
-        if !self.online {
+        if !self.online || self.may_charge() {
             return;
         }
         let orders = self.homing.as_mut().map(|homing| homing.docking.poll(now));

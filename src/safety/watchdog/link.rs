@@ -52,6 +52,7 @@ impl Watchdog {
 
     pub(super) fn link_down(&mut self, now: Instant) {
         (self.online, self.searching) = (false, false);
+        self.drain.interrupt();
         self.tracks.told_to_stop(now);
         self.end_motion(MotionEnd::Disconnected);
         if let Some(leaving) = self.leaving.take() {

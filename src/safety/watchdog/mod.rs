@@ -31,11 +31,11 @@ use tokio::time::Instant;
 use self::distress::Alarm;
 use self::homing::Homing;
 use super::{
-    Act, Arbiter, BatteryChange, BatteryGuard, Ended, Fact, Leases, Limits, LowCause, Place,
-    Tracks, Whereabouts,
+    Act, Activity, Arbiter, BatteryChange, BatteryGuard, Charging, Drain, Ended, Fact, Leases,
+    Limits, LowCause, Place, Tracks, Whereabouts,
 };
 use crate::robot::{
-    BehaviourId, CallId, DockEnd, Event, MotionEnd, Priority, SafetyAction, Setpoint,
+    Battery, BehaviourId, CallId, DockEnd, Event, MotionEnd, Priority, SafetyAction, Setpoint,
 };
 use crate::wire::{Command, Engage, EngineNews, Power};
 
@@ -93,8 +93,8 @@ pub struct Watchdog {
     whereabouts: Whereabouts,
     /// BASE_FIND was sent, and neither a word of the robot nor another command has ended the search.
     searching: bool,
-    battery: Option<Power>,
     guard: BatteryGuard,
+    drain: Drain,
     arbiter: Arbiter,
     leases: Leases,
     tracks: Tracks,
@@ -120,7 +120,7 @@ impl Watchdog {
             online: false,
             parting: false,
             searching: false,
-            battery: None,
+            drain: Drain::default(),
             arbiter: Arbiter::default(),
             tracks: Tracks::new(now),
             homing: None,
@@ -175,6 +175,7 @@ impl Watchdog {
         let over = self.arbiter.expire(now);
         self.tell_ended(over);
         self.drive(now);
+        self.drain.advance(self.activity(), now);
         std::mem::take(&mut self.acts)
     }
 
@@ -184,6 +185,7 @@ impl Watchdog {
         let homing = self
             .homing
             .as_ref()
+            .filter(|_| !self.may_charge())
             .and_then(|homing| homing.docking.next_deadline());
         let silence = if self.docked() {
             None
@@ -201,6 +203,7 @@ impl Watchdog {
             self.alarm.as_ref().map(|alarm| alarm.next),
             self.recovery_deadline(),
             silence,
+            self.guard.doubt_deadline(),
             homing,
         ]
         .into_iter()
@@ -236,6 +239,21 @@ impl Watchdog {
         self.whereabouts.on_station()
     }
 
+    /// What is believed of the battery; `None` before the first report.
+    pub fn battery(&self) -> Option<Battery> {
+        let minutes = self.drain.minutes_left();
+        Some(Battery {
+            percent: self.guard.level()?,
+            charging: self.guard.charging() == Charging::Believed,
+            minutes_left: minutes.map(|minutes| (minutes * 10.0).round() as f32 / 10.0),
+        })
+    }
+
+    /// One report says that it charges and nothing bears that out yet: nothing is to drive it away.
+    fn may_charge(&self) -> bool {
+        self.place() == Place::Charging && self.guard.charging() == Charging::Said
+    }
+
     /// The tracks have been told to move.
     pub fn moving(&self) -> bool {
         self.tracks.moving_since().is_some()
@@ -260,22 +278,17 @@ impl Watchdog {
 
     fn power(&mut self, power: Power, now: Instant) {
         let was_critical = self.guard.critical();
-        self.battery = Some(power);
-        self.whereabouts.power(power.charging, now);
-        if power.charging {
-            self.searching = false;
-            self.end_alarm();
-            let orders = self
-                .homing
-                .as_mut()
-                .map(|homing| homing.docking.charging(now));
-            self.follow(orders.unwrap_or_default(), now);
+        let contact = self.whereabouts.has_contact();
+        let change = self.guard.report(power, contact, now);
+        let charges = self.guard.charging() != Charging::No;
+        self.whereabouts.power(charges, now);
+        if let Some(Battery {
+            percent, charging, ..
+        }) = self.battery()
+        {
+            self.drain.level(percent.get(), charging, now);
         }
-        match self.guard.report(power, now) {
-            Some(BatteryChange::BecameLow(cause)) => self.became_low(cause, now),
-            Some(BatteryChange::Released) => self.released(power, now),
-            None => {}
-        }
+        self.believe(change, now);
         if self.guard.critical() && !was_critical {
             self.end_motion(MotionEnd::Safety);
             let reason = format!(
@@ -283,6 +296,39 @@ impl Watchdog {
                 power.percent
             );
             self.notice(SafetyAction::Hold, reason);
+        }
+    }
+
+    /// Does what follows from news of the battery.
+    pub(super) fn believe(&mut self, change: Option<BatteryChange>, now: Instant) {
+        let orders = self
+            .homing
+            .as_mut()
+            .map(|homing| match self.guard.charging() {
+                Charging::No => vec![],
+                Charging::Said => homing.docking.wait(),
+                Charging::Believed => homing.docking.charging(now),
+            });
+        if self.guard.charging() == Charging::Believed {
+            self.searching = false;
+            self.end_alarm();
+        }
+        self.follow(orders.unwrap_or_default(), now);
+        match change {
+            Some(BatteryChange::BecameLow(cause)) => self.became_low(cause, now),
+            Some(BatteryChange::Released) => self.released(now),
+            None => {}
+        }
+    }
+
+    fn activity(&self) -> Activity {
+        let searches = |homing: &Homing| homing.docking.is_searching();
+        if self.moving() {
+            Activity::Driving
+        } else if self.homing.as_ref().is_some_and(searches) {
+            Activity::Searching
+        } else {
+            Activity::Standing
         }
     }
 
@@ -303,14 +349,16 @@ impl Watchdog {
             .as_mut()
             .map(|homing| homing.docking.engine(news, now));
         self.follow(orders.unwrap_or_default(), now);
+        let change = match news {
+            EngineNews::Docked => self.guard.contact(),
+            _ => None,
+        };
+        self.believe(change, now);
     }
 
     fn undocked(&mut self, now: Instant) {
         self.whereabouts.undocked();
-        self.battery = self.battery.map(|power| Power {
-            charging: false,
-            ..power
-        });
+        self.guard.undocked();
         self.guard.excuse_silence(now);
         self.search_at_once(now);
         if let Some(leaving) = self.leaving.take() {

@@ -43,6 +43,12 @@ impl Rig {
         self.dog.take(fact, self.now)
     }
 
+    /// A report, a second later.
+    pub(super) fn hear(&mut self, power: Power) -> Vec<Act> {
+        self.now += SECOND;
+        self.take(Fact::Power(power))
+    }
+
     /// Logged in on the station, with a level.
     pub(super) fn docked(power: Power) -> Rig {
         let mut rig = Rig::with(Limits::default());

@@ -69,6 +69,11 @@ impl Watchdog {
         if !self.online {
             return;
         }
+        if self.guard.doubt_deadline().is_some_and(|due| due <= now) {
+            let change = self.guard.end_doubt(now);
+            self.whereabouts.power(false, now);
+            self.believe(change, now);
+        }
         if self.docked() {
             self.guard.excuse_silence(now);
         } else if let Some(BatteryChange::BecameLow(cause)) = self.guard.poll(now) {

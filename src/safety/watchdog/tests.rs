@@ -47,13 +47,106 @@ fn low_motion_is_refused_until_the_ok_level() {
         (vec![], vec![ended(1, MotionEnd::Safety)])
     );
     rig.take(Fact::Power(power(49)));
-    assert_eq!(sent(&rig.drive(2, None)), []);
-    assert_eq!(
-        sent(&rig.take(Fact::Power(power(50)))),
-        [CANCEL, Command::STOP]
-    );
+    for _ in 0..2 {
+        assert_eq!(sent(&rig.drive(2, None)), []);
+        assert_eq!(sent(&rig.hear(power(50))), []);
+    }
+    assert_eq!(sent(&rig.hear(power(50))), [CANCEL, Command::STOP]);
     rig.now += SECOND;
     assert_eq!(sent(&rig.drive(3, None)), [FORWARD]);
+}
+
+#[test]
+fn one_garbage_report_neither_frees_a_low_robot_nor_disturbs_its_search() {
+    for garbage in [power(60), power(100), charging(60), charging(10)] {
+        let mut rig = Rig::online(60);
+        rig.hear(power(10));
+        for _ in 0..5 {
+            rig.hear(power(10));
+            let acts = [rig.hear(garbage), rig.drive(1, None)].concat();
+            assert_eq!(sent(&acts), [], "{garbage:?}");
+            assert_eq!(told(&acts), [ended(1, MotionEnd::Safety)]);
+        }
+        assert_eq!(sent(&rig.hear(power(10))), []);
+        assert_eq!(sent(&rig.pass(100 * SECOND, false)), [], "searches on");
+    }
+}
+
+#[test]
+fn while_one_report_says_charging_no_search_and_no_leg_begins() {
+    let (mut rig, _) = lost(20, standing());
+    rig.hear(charging(15));
+    let acts = rig.pass(BatteryGuard::DOUBT - SECOND, false);
+    assert_eq!((count(&acts, &FIND), tracks(&acts)), (0, vec![]));
+    assert_eq!(
+        count(&rig.pass(2 * SECOND, false), &FIND),
+        1,
+        "then it does"
+    );
+
+    let mut rig = Rig::online(20);
+    rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    rig.hear(charging(20));
+    assert_eq!(
+        sent(&rig.pass(100 * SECOND, false)),
+        [],
+        "the next try waits"
+    );
+    assert_eq!(sent(&rig.hear(power(20))), [Command::STOP, FIND]);
+}
+
+#[test]
+fn the_contact_bears_charging_out_before_and_after() {
+    for contact_first in [true, false] {
+        let mut rig = Rig::online(20);
+        let mut facts = [Fact::Engine(EngineNews::Docked), Fact::Power(charging(20))];
+        if !contact_first {
+            facts.reverse();
+        }
+        let [first, second] = facts;
+        rig.take(first);
+        assert!(rig.dog.low().is_some());
+        assert_eq!(sent(&rig.take(second)), []);
+        assert_eq!(rig.dog.low(), None);
+        assert!(rig.dog.docked() && rig.dog.battery().unwrap().charging);
+    }
+}
+
+#[test]
+fn a_docking_that_backs_off_stands_still_while_one_report_says_charging() {
+    let mut rig = Rig::online(60);
+    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    rig.pass(500 * MS, false);
+    assert!(rig.dog.moving());
+    let acts = rig.take(Fact::Power(charging(60)));
+    assert_eq!(sent(&acts), [Command::STOP]);
+    assert_eq!(dock_ended(&acts), None);
+    assert_eq!(
+        dock_ended(&rig.hear(charging(60))),
+        Some((DockEnd::Done, 1))
+    );
+
+    let mut rig = Rig::online(60);
+    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    rig.take(Fact::Power(charging(60)));
+    let acts = rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    assert_eq!(tracks(&acts), [(0, 0)], "it does not back off either");
+}
+
+#[test]
+fn it_learns_how_long_the_battery_lasts() {
+    let mut rig = Rig::online(60);
+    assert_eq!(rig.dog.battery().unwrap().minutes_left, None);
+    for percent in (50..60).rev() {
+        rig.pass(60 * SECOND, false);
+        rig.take(Fact::Power(power(percent)));
+    }
+    let left = rig.dog.battery().unwrap().minutes_left;
+    assert!(
+        left.is_some_and(|left| (45.0..55.0).contains(&left)),
+        "{left:?}"
+    );
 }
 
 #[test]
@@ -98,7 +191,9 @@ fn the_alarm_is_repeated_and_without_legs_nothing_moves() {
     assert!((3..=5).contains(&alarms), "{alarms}");
     assert_eq!((count(&acts, &FIND), tracks(&acts)), (0, vec![]));
     assert_eq!(told(&rig.drive(9, None)), [ended(9, MotionEnd::Safety)]);
-    rig.take(Fact::Power(charging(21)));
+    rig.hear(charging(21));
+    assert_eq!(rig.dog.state(), WatchdogState::Alarm, "one report");
+    rig.hear(charging(21));
     assert_eq!(rig.dog.state(), WatchdogState::Docked);
 }
 
@@ -188,13 +283,8 @@ fn all_legs_together_are_as_many_as_the_config_allows() {
 #[test]
 fn whatever_releases_takes_over_or_cuts_off_the_robot_ends_a_leg() {
     let stop = || vec![Command::STOP];
-    let off = Command::Led {
-        led: Led::Flash,
-        on: false,
-    };
     let ends = [
-        (Fact::Power(charging(19)), vec![off.clone(), Command::STOP]),
-        (Fact::Power(power(50)), vec![off, Command::STOP]),
+        (Fact::Power(charging(19)), stop()),
         (Fact::Power(power(8)), [stop(), vec![FIND]].concat()),
         (Fact::Engine(EngineNews::Docked), stop()),
         (Fact::Parting, [stop(), vec![FIND]].concat()),
@@ -272,7 +362,8 @@ fn an_alarm_that_ends_leaves_no_light_on() {
         led: Led::Flash,
         on: false,
     };
-    assert_eq!(sent(&rig.take(Fact::Power(charging(21)))), [off]);
+    assert_eq!(sent(&rig.take(Fact::Power(charging(21)))), []);
+    assert_eq!(sent(&rig.hear(charging(21))), [off]);
 }
 
 #[test]
@@ -677,7 +768,10 @@ fn a_docking_that_was_taken_over_is_given_back_at_the_ok_level() {
     let mut rig = Rig::online(60);
     rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
     rig.take(Fact::Power(power(20)));
-    assert_eq!(sent(&rig.take(Fact::Power(power(50)))), []);
+    for _ in 0..3 {
+        assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
+        assert_eq!(sent(&rig.hear(power(50))), []);
+    }
     assert_eq!(rig.dog.state(), WatchdogState::Docking);
     assert_eq!(sent(&rig.ask(Ask::CancelDock)), [CANCEL, Command::STOP]);
 }
