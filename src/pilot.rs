@@ -189,10 +189,7 @@ impl Pilot {
             return;
         };
         writer.set_last_words(last_words);
-        if let Some(guardian) = self.pulse.as_mut().and_then(Pulse::guardian) {
-            let (half_out, words) = writer.last_words();
-            guardian.note(half_out, &words);
-        }
+        tell_guardian(&mut self.pulse, writer);
     }
 
     /// What is to be said if everything else dies.
@@ -324,10 +321,15 @@ impl Pilot {
         commands
             .iter()
             .for_each(|command| self.lights.note(command));
-        match &mut self.writer {
-            Some(writer) if !commands.is_empty() => Ok(writer.send(commands, Instant::now())?),
-            _ => Ok(()),
-        }
+        let last_words = self.last_words();
+        let Some(writer) = self.writer.as_mut().filter(|_| !commands.is_empty()) else {
+            return Ok(());
+        };
+        writer.set_last_words(last_words);
+        writer.queue(commands, Instant::now())?;
+        // Before the robot hears them: the guardian may have to say them in our place.
+        tell_guardian(&mut self.pulse, writer);
+        Ok(writer.write_ready()?)
     }
 
     /// The link is gone: the last words are tried without waiting, and the line sees to them.
@@ -389,6 +391,14 @@ impl Pilot {
             self.release_guard();
         }
         delivery
+    }
+}
+
+/// Has the guardian hold what this writer would say last.
+fn tell_guardian(pulse: &mut Option<Pulse>, writer: &Writer) {
+    if let Some(guardian) = pulse.as_mut().and_then(Pulse::guardian) {
+        let (half_out, words) = writer.last_words();
+        guardian.note(half_out, &words);
     }
 }
 

@@ -87,11 +87,21 @@ impl Writer {
     /// [`LinkError::Dead`] when too much waits already, [`LinkError::Closed`] when the robot has
     /// gone. Then drop the session.
     pub fn send(&mut self, commands: &[Command], now: Instant) -> Result<(), LinkError> {
-        if !self.outbox.push(commands, now) {
-            let after = self.dead_after;
-            return Err(LinkError::Dead { after });
-        }
+        self.queue(commands, now)?;
         self.write_ready()
+    }
+
+    /// As [`Writer::send`], but writes nothing yet: [`Writer::write_ready`] does.
+    ///
+    /// # Errors
+    /// [`LinkError::Dead`] when too much waits already.
+    pub fn queue(&mut self, commands: &[Command], now: Instant) -> Result<(), LinkError> {
+        if self.outbox.push(commands, now) {
+            Ok(())
+        } else {
+            let after = self.dead_after;
+            Err(LinkError::Dead { after })
+        }
     }
 
     /// Sends samples for the loudspeaker, at the speed at which they are spoken and after all
@@ -215,7 +225,10 @@ impl Writer {
     }
 
     /// Writes what the robot takes at once.
-    fn write_ready(&mut self) -> Result<(), LinkError> {
+    ///
+    /// # Errors
+    /// As [`Writer::send`].
+    pub fn write_ready(&mut self) -> Result<(), LinkError> {
         let after = self.dead_after;
         match poll_once(|cx| self.poll_written(cx)) {
             Err(error) if error.kind() != io::ErrorKind::WouldBlock => {
