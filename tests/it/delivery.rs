@@ -78,8 +78,8 @@ impl Net {
         let (told, handle) = std::sync::mpsc::channel();
         std::thread::spawn(move || {
             move_into_link_name_space(namespace.as_fd(), Some(LinkNameSpaceType::Network)).unwrap();
-            let runtime = tokio::runtime::Builder::new_current_thread().enable_all();
-            runtime.build().unwrap().block_on(async {
+            let mut runtime = tokio::runtime::Builder::new_current_thread();
+            runtime.enable_all().build().unwrap().block_on(async {
                 let world = World::from_yaml(QUIET_WORLD, "test world").unwrap();
                 let options = Options {
                     listen: ROBOT.parse().unwrap(),
