@@ -7,16 +7,19 @@
 //!
 //! Nothing here waits for the robot to take a command: see [`Writer::send`].
 
+mod core;
 mod hearing;
 mod lights;
 mod line;
 mod lost;
+mod pulse;
 mod seats;
 mod serving;
 mod silence;
 mod status;
 mod throttle;
 
+use std::pin::pin;
 use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
@@ -26,16 +29,18 @@ use tracing::{info, warn};
 
 pub use crate::link::Delivery;
 use crate::link::{LinkError, Writer, farewell};
-use crate::robot::channel::{MAX_REQUESTS, Request};
+use crate::robot::channel::{MAX_REQUESTS, Request, Sleep};
 use crate::robot::{Event, Pictures, RobotInfo, Streams};
-use crate::safety::{Act, Fact, Limits, Watchdog, WatchdogState};
+use crate::safety::{Act, Fact, Limits, Watchdog};
 use crate::vision::Damage;
-use crate::wire::{Command, Engage, Power};
+use crate::wire::{Command, Power};
 
+pub use self::core::DrivingCore;
 use self::lights::Lights;
 pub use self::line::Dial;
 use self::line::Line;
 use self::lost::LinkLost;
+pub use self::pulse::Pulse;
 use self::seats::Seats;
 use self::silence::{Silence, Verdict};
 pub use self::status::{LinkState, Status};
@@ -93,6 +98,8 @@ pub struct Pilot {
     unsettled: bool,
     /// A behaviour was given up, and the robot has not heard of it yet.
     alarm_due: bool,
+    /// In real time only.
+    pulse: Option<Pulse>,
 }
 
 impl Pilot {
@@ -116,8 +123,14 @@ impl Pilot {
             streams_due: None,
             unsettled: false,
             alarm_due: false,
+            pulse: None,
         };
         (pilot, shown, newest_status)
+    }
+
+    /// In real time: beats for a guardian, and notices when the program was asleep.
+    pub fn set_pulse(&mut self, pulse: Option<Pulse>) {
+        self.pulse = pulse;
     }
 
     /// Connects, serves and reconnects until told to close. Then says whether what the robot was told
@@ -161,7 +174,13 @@ impl Pilot {
 
     fn next_deadline(&self) -> Option<Instant> {
         let silence = self.writer.as_ref().map(|_| self.silence.next_deadline());
-        let deadlines = [self.watchdog.next_deadline(), self.streams_due, silence];
+        let beat = self.pulse.as_ref().map(Pulse::due);
+        let deadlines = [
+            self.watchdog.next_deadline(),
+            self.streams_due,
+            silence,
+            beat,
+        ];
         deadlines.into_iter().flatten().min()
     }
 
@@ -169,20 +188,58 @@ impl Pilot {
     fn deposit(&mut self, line: &mut Line) {
         let last_words = self.last_words();
         line.set_last_words(last_words.clone());
-        if let Some(writer) = &mut self.writer {
-            writer.set_last_words(last_words);
+        let Some(writer) = &mut self.writer else {
+            return;
+        };
+        writer.set_last_words(last_words);
+        if let Some(guardian) = self.pulse.as_mut().and_then(Pulse::guardian) {
+            let (half_out, words) = writer.last_words();
+            guardian.note(half_out, &words);
         }
     }
 
-    /// What is to be said if everything else dies: nothing while a robot with a low battery searches
-    /// by itself, which a stop would end.
+    /// What is to be said if everything else dies.
     fn last_words(&self) -> Vec<Command> {
-        let low = self.watchdog.low().is_some() && !self.watchdog.docked();
-        match (low, self.watchdog.state()) {
-            (true, WatchdogState::LowGoingHome) => vec![],
-            (true, _) => vec![Command::STOP, Command::Engine(Engage::Dock)],
-            (false, _) => vec![Command::STOP],
+        self.watchdog.last_words().commands()
+    }
+
+    /// From now on the guardian holds the new link's last words.
+    fn guard(&mut self) {
+        let guardian = self.pulse.as_mut().and_then(Pulse::guardian);
+        let socket = self.writer.as_ref().and_then(Writer::socket);
+        if let (Some(guardian), Some(socket), Some(writer)) = (guardian, socket, &self.writer) {
+            guardian.guard(socket, writer.last_words().1);
         }
+    }
+
+    /// The link is closed and its last words are said.
+    fn release_guard(&mut self) {
+        if let Some(guardian) = self.pulse.as_mut().and_then(Pulse::guardian) {
+            guardian.release();
+        }
+    }
+
+    /// To be called before anything else is done in a turn: beats, and if the program was asleep nothing
+    /// from before is repeated.
+    fn wake(&mut self) -> Result<(), LinkLost> {
+        let pulse = self.pulse.as_mut();
+        match pulse.and_then(|pulse| pulse.beat(Instant::now())) {
+            Some(slept) => {
+                warn!(
+                    "asleep for {:.1} s: the robot is stopped first",
+                    slept.as_secs_f64()
+                );
+                self.take(Fact::Suspended)
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Stops the robot, then this program; when it goes on, the robot again.
+    fn sleep(&mut self, Sleep(sleep): Sleep) -> Result<(), LinkLost> {
+        let stopped = self.take(Fact::Suspended);
+        sleep();
+        stopped.and_then(|()| self.take(Fact::Suspended))
     }
 
     /// What the behaviours asked for with their last words has come before the order to close.
@@ -198,12 +255,13 @@ impl Pilot {
     /// What has come while this task, or the whole machine, slept is heard before anybody is judged
     /// by his silence.
     async fn tick(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
+        let woken = self.wake();
         for _ in 0..HEARINGS {
             tokio::task::yield_now().await;
         }
         let served = self.serve_waiting(requests);
         let acts = self.watchdog.tick(Instant::now());
-        served.and(self.perform(acts))?;
+        woken.and(served).and(self.perform(acts))?;
         self.catch_up_streams()?;
         self.check_silence()
     }
@@ -287,6 +345,7 @@ impl Pilot {
         let acts = self.watchdog.take(Fact::LinkDown, Instant::now());
         // Without a link nothing is sent, so nothing can fail.
         let _ = self.perform(acts);
+        self.release_guard();
         let reason = lost.to_string();
         self.seats.tell_all(&Event::Disconnected { reason });
     }
@@ -297,10 +356,16 @@ impl Pilot {
             (None, Some(_)) => LinkState::Lost,
             (None, None) => LinkState::Connecting,
         };
-        let (safety, battery) = (self.watchdog.state(), self.battery.map(Into::into));
-        let low = self.watchdog.low().is_some();
+        let newest = |frames| Status {
+            link,
+            safety: self.watchdog.state(),
+            battery: self.battery.map(Into::into),
+            low: self.watchdog.low().is_some(),
+            docked: self.watchdog.docked(),
+            frames,
+        };
         self.status
-            .send_if_modified(|status| status.update(link, safety, battery, low));
+            .send_if_modified(|status| status.update(newest(status.frames)));
     }
 
     /// The last words, streams off, and closed when that has arrived.
@@ -315,14 +380,37 @@ impl Pilot {
         }
         self.deposit(&mut line);
         let delivery = match (self.writer.take(), line.into_reader()) {
-            (Some(writer), Some(reader)) => farewell(reader, writer, DELIVERY).await,
+            (Some(writer), Some(reader)) => {
+                self.beat_during(farewell(reader, writer, DELIVERY)).await
+            }
             _ => Delivery::Offline,
         };
         match delivery {
             Delivery::Acknowledged => info!("{delivery}"),
             Delivery::NotAcknowledged { .. } | Delivery::Offline => warn!("{delivery}"),
         }
+        // What has not arrived yet is the guardian's, which says it again.
+        if delivery == Delivery::Acknowledged {
+            self.release_guard();
+        }
         delivery
+    }
+
+    /// The guardian has nothing to do yet.
+    async fn beat_during<T>(&mut self, work: impl Future<Output = T>) -> T {
+        let mut work = pin!(work);
+        loop {
+            let due = self.pulse.as_ref().map(Pulse::due);
+            tokio::select! {
+                biased;
+                done = &mut work => return done,
+                () = until(due) => {
+                    if let Some(pulse) = &mut self.pulse {
+                        pulse.beat(Instant::now());
+                    }
+                }
+            }
+        }
     }
 }
 

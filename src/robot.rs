@@ -372,6 +372,8 @@ named! {
         NotCharging = "not_charging",
         /// Given up by a behaviour.
         Cancelled = "cancelled",
+        /// A behaviour of higher priority drives or docks.
+        Preempted = "preempted",
         /// The link was lost.
         Disconnected = "disconnected",
         /// The watchdog refuses it.

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use tokio::runtime;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
@@ -43,6 +44,8 @@ impl Running {
                 options.link.clone(),
             ),
             launcher: Launcher::in_this_thread(),
+            core: runtime::Handle::current(),
+            pulse: None,
             limit,
         };
         let stop = options.stop.child_token();

@@ -48,6 +48,15 @@ struct Message {
     since: Instant,
 }
 
+impl Message {
+    /// Whether it is still to be written when all ends with these commands: only if there are none,
+    /// and if it stops the robot or sends it on its own way.
+    fn outlasts(&self, last: &[Command]) -> bool {
+        let told = self.sort == Sort::Engine || self.bytes == Command::STOP.to_bytes();
+        last.is_empty() && told
+    }
+}
+
 /// Messages that are not wholly written yet.
 #[derive(Debug, Default)]
 pub(super) struct Outbox {
@@ -122,13 +131,19 @@ impl Outbox {
     /// append, the robot shall go on with what it was told last: then stops and ENGINE stay.
     pub(super) fn replace_unstarted(&mut self, commands: &[Command], now: Instant) {
         self.drop_audio();
-        let stop = Command::STOP.to_bytes();
-        self.commands.retain(|message| {
-            let last_told = message.sort == Sort::Engine || message.bytes == stop;
-            commands.is_empty() && last_told
-        });
+        self.commands.retain(|message| message.outlasts(commands));
         self.waiting = self.commands.iter().map(|one| one.bytes.len()).sum();
         self.push(commands, now);
+    }
+
+    /// What would be written after [`Outbox::replace_unstarted`], in two parts: what is left of a
+    /// message of which a part is out, and whole messages.
+    pub(super) fn after_replacing(&self, commands: &[Command]) -> (&[u8], Vec<u8>) {
+        let kept = self.commands.iter();
+        let kept = kept.filter(|message| message.outlasts(commands));
+        let kept = kept.flat_map(|message| message.bytes.iter().copied());
+        let new = commands.iter().flat_map(Command::to_bytes);
+        (&self.half_out, kept.chain(new).collect())
     }
 
     /// What is to be written now, nothing if there is nothing to do: whole messages, but for the rest

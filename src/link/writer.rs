@@ -4,6 +4,7 @@ use std::convert::Infallible;
 use std::future::Future;
 use std::io::{self, Write};
 use std::net::TcpStream;
+use std::os::fd::{AsFd, BorrowedFd};
 use std::pin::{Pin, pin};
 use std::task::{Context, Poll, Waker, ready};
 use std::time::Duration;
@@ -66,6 +67,17 @@ impl Writer {
     /// What is said to the robot if everything else dies: MOVE 0 0 unless set. Empty: nothing.
     pub fn set_last_words(&mut self, commands: Vec<Command>) {
         self.last_words = commands;
+    }
+
+    /// What another process must write if this one cannot any more: what is left of a message of which
+    /// a part is out, then whole messages.
+    pub fn last_words(&self) -> (&[u8], Vec<u8>) {
+        self.outbox.after_replacing(&self.last_words)
+    }
+
+    /// The socket, if there is one: not in virtual time.
+    pub fn socket(&self) -> Option<BorrowedFd<'_>> {
+        self.direct.as_ref().map(AsFd::as_fd)
     }
 
     /// Sends commands that belong together, in one write if the robot takes them at once, and never

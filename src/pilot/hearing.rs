@@ -16,6 +16,9 @@ use crate::wire::{Accepted, EngineNews, Power, Report};
 
 impl Pilot {
     pub(super) fn hear(&mut self, news: News) -> Result<Result<(), LinkLost>, LinkError> {
+        if let Err(lost) = self.wake() {
+            return Ok(Err(lost));
+        }
         match news {
             News::Up(greeting) => Ok(self.connected(*greeting)),
             News::Report(report) => Ok(self.report(report)),
@@ -57,6 +60,7 @@ impl Pilot {
             simulated: self.simulated,
         };
         self.writer = Some(writer);
+        self.guard();
         self.lights.forget();
         self.silence.begin(Instant::now());
         self.info = Some(info);

@@ -18,6 +18,7 @@ const STREAMS_LATER: Duration = Duration::from_millis(100);
 
 impl Pilot {
     pub(super) fn serve(&mut self, request: Request) -> Result<(), LinkLost> {
+        self.wake()?;
         match request {
             Request::Join {
                 by,
@@ -46,6 +47,7 @@ impl Pilot {
                 self.alarm_due = true;
                 self.sound_alarm()
             }
+            Request::Sleep(sleep) => self.sleep(sleep),
         }
     }
 

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
+use super::Doubt;
 use crate::robot::{DockEnd, DockPlan};
 use crate::wire::EngineNews;
 
@@ -78,7 +79,7 @@ pub struct Docking {
 
 impl Docking {
     /// How long leaving the station may take before another try.
-    const LEAVE_TIMEOUT: Duration = Duration::from_secs(20);
+    pub const LEAVE_TIMEOUT: Duration = Duration::from_secs(20);
     /// The longest pause between two tries.
     const LONGEST_PAUSE: Duration = Duration::from_secs(120);
 
@@ -108,6 +109,9 @@ impl Docking {
             }
             (Phase::Searching { .. }, EngineNews::BaseNotFound) => {
                 self.failed(DockEnd::BaseNotFound, now)
+            }
+            (Phase::AwaitingCharge { .. }, EngineNews::Undocked) if self.goes_on_at_once() => {
+                self.search(now)
             }
             (Phase::AwaitingCharge { .. }, EngineNews::Undocked) => {
                 self.failed(DockEnd::NotCharging, now)
@@ -154,6 +158,18 @@ impl Docking {
         orders
     }
 
+    /// The contact whose charging it waits for is not believed any more.
+    pub fn lost_contact(&mut self, doubt: Doubt, now: Instant) -> Vec<Order> {
+        match (self.phase, doubt) {
+            (Phase::AwaitingCharge { .. }, Doubt::Leaving) => self.search(now),
+            (Phase::AwaitingCharge { .. }, Doubt::Contact) => {
+                self.finish(DockEnd::NotCharging, now);
+                vec![]
+            }
+            _ => vec![],
+        }
+    }
+
     /// How it went, once it is over.
     pub fn outcome(&self) -> Option<Outcome> {
         match self.phase {
@@ -171,6 +187,12 @@ impl Docking {
             | Phase::BackingOff { until } => Some(until),
             Phase::Over(_) => None,
         }
+    }
+
+    /// A robot with a low battery that has slid off its station is right before it.
+    fn goes_on_at_once(&self) -> bool {
+        matches!(self.approach.retry, Retry::Pause(_))
+            && self.attempts <= self.approach.plan.retries
     }
 
     fn halt_if_backing_off(&self) -> Vec<Order> {

@@ -12,13 +12,11 @@ use proptest::strategy::ValueTree;
 use proptest::test_runner::{Config, TestRunner};
 use tokio::time::Instant;
 
-use super::tests::{CANCEL, FIND, sent, told};
+use super::rig::{CANCEL, FIND, LEAVE, SECOND, sent, told};
 use super::*;
 use crate::robot::{DockPlan, MotionId, Percent, Priority, Seconds};
-use crate::safety::{Ask, Leg};
+use crate::safety::{Ask, LastWords, Leg};
 use crate::wire::Sound;
-
-const SECOND: Duration = Duration::from_secs(1);
 
 /// One step of a random history.
 #[derive(Debug, Clone)]
@@ -38,6 +36,12 @@ struct Known {
     online: bool,
     on_station: bool,
     charging: bool,
+    /// Since when it has stood on its contacts, by its own word, without charging.
+    contact: Option<Instant>,
+    /// It was told to leave the station, and has said nothing since.
+    told_to_leave: bool,
+    /// It was low and did not charge in time, and has said nothing since.
+    idle: bool,
     low: bool,
     critical: bool,
     /// The last that was heard of a search is that it failed.
@@ -52,24 +56,51 @@ impl Known {
         self.on_station || self.charging
     }
 
+    /// On the station, and nothing gives a reason to doubt it.
+    fn surely_docked(&self, limits: &Limits, now: Instant) -> bool {
+        self.docked() && !self.told_to_leave && !self.idle && !self.is_idle(limits, now)
+    }
+
+    fn is_idle(&self, limits: &Limits, now: Instant) -> bool {
+        let due = |since: Instant| since + limits.charge_timeout.get() <= now;
+        self.low && self.contact.is_some_and(due)
+    }
+
     fn note(&mut self, fact: &Fact, limits: &Limits, now: Instant) {
         match fact {
             Fact::LinkUp { docked, power } => {
                 (self.online, self.on_station) = (true, *docked);
-                self.not_found = false;
+                (self.not_found, self.told_to_leave) = (false, false);
                 self.power(*power, limits, now);
             }
             Fact::LinkDown => self.online = false,
             Fact::Parting => self.parted = true,
             Fact::Engine(EngineNews::BaseNotFound) => self.not_found = true,
             Fact::Power(power) => self.power(*power, limits, now),
-            Fact::Engine(EngineNews::Docked) => (self.on_station, self.not_found) = (true, false),
+            Fact::Engine(EngineNews::Docked) => {
+                (self.on_station, self.not_found) = (true, false);
+                self.charging &= !self.told_to_leave;
+                self.told_to_leave = false;
+            }
             Fact::Engine(EngineNews::Undocked) => {
                 (self.on_station, self.charging) = (false, false);
+                self.told_to_leave = false;
                 self.reported = self.reported.map(|_| now);
             }
             _ => {}
         }
+        let said = matches!(
+            fact,
+            Fact::Engine(EngineNews::Docked | EngineNews::Undocked)
+        );
+        self.idle &= self.on_station && !self.charging && !said;
+        let contact = self.on_station && !self.charging;
+        self.contact = contact.then(|| self.contact.unwrap_or(now));
+    }
+
+    /// What the watchdog has said.
+    fn hear(&mut self, acts: &[Act]) {
+        self.told_to_leave |= sent(acts).contains(&LEAVE);
     }
 
     fn power(&mut self, power: Power, limits: &Limits, now: Instant) {
@@ -82,16 +113,37 @@ impl Known {
         }
     }
 
+    /// Whether the robot searches by itself after this moment.
+    fn still_searches(&self, moment: &Moment<'_>, before: bool) -> bool {
+        use EngineNews::{BaseNotFound, Docked};
+        let over = match moment.fact {
+            Some(Fact::Power(power)) => power.charging,
+            Some(Fact::Engine(news)) => matches!(news, Docked | BaseNotFound),
+            Some(Fact::LinkDown | Fact::LinkUp { .. }) => true,
+            _ => false,
+        };
+        let ends = |command: &Command| match command {
+            Command::Move { .. } | Command::Engine(Engage::Undock | Engage::CancelDock) => {
+                Some(false)
+            }
+            Command::Engine(Engage::Dock) => Some(true),
+            _ => None,
+        };
+        let said = sent(&moment.acts).iter().filter_map(ends).next_back();
+        self.online && said.unwrap_or(before && !over)
+    }
+
     /// Whether the watchdog may drive a leg of its own.
     fn allows_a_leg(&self, limits: &Limits, now: Instant) -> bool {
         let fresh = |at: Instant| now < at + limits.power_silence.get();
-        let lost = self.low && self.not_found && !self.docked();
+        let lost = self.low && self.not_found && !self.surely_docked(limits, now);
         self.online && lost && !self.parted && !self.critical && self.reported.is_some_and(fresh)
     }
 
-    fn pass(&mut self, limits: &Limits, now: Instant) {
+    fn pass(&mut self, limits: &Limits, excused: bool, now: Instant) {
+        self.idle |= self.is_idle(limits, now);
         match self.reported {
-            Some(_) if self.online && self.docked() => self.reported = Some(now),
+            Some(_) if self.online && excused => self.reported = Some(now),
             Some(at) if self.online => self.low |= now >= at + limits.power_silence.get(),
             _ => {}
         }
@@ -196,8 +248,9 @@ impl Play {
 
     fn take(&mut self, fact: &Fact, see: &mut impl FnMut(Moment<'_>) -> Kept) -> Kept {
         self.known.note(fact, &self.limits, self.now);
-        self.known.pass(&self.limits, self.now);
         let acts = self.dog.take(fact.clone(), self.now);
+        self.known.pass(&self.limits, self.dog.docked(), self.now);
+        self.known.hear(&acts);
         see(Moment {
             play: self,
             fact: Some(fact),
@@ -206,8 +259,9 @@ impl Play {
     }
 
     fn tick(&mut self, see: &mut impl FnMut(Moment<'_>) -> Kept) -> Kept {
-        self.known.pass(&self.limits, self.now);
         let acts = self.dog.tick(self.now);
+        self.known.pass(&self.limits, self.dog.docked(), self.now);
+        self.known.hear(&acts);
         see(Moment {
             play: self,
             fact: None,
@@ -294,6 +348,7 @@ fn any_fact() -> impl Strategy<Value = Fact> {
             ask,
         }),
         1 => Just(Fact::Parting),
+        2 => Just(Fact::Suspended),
     ]
 }
 
@@ -440,10 +495,31 @@ proptest! {
     #[test]
     fn the_station_is_never_searched_from_the_station(limits in any_limits(), history in any_history()) {
         Play::new(&limits).steps(&history, &mut |moment| {
-            let Play { dog, known, .. } = moment.play;
-            prop_assert_eq!(dog.docked(), known.docked());
+            let Play { dog, known, now, limits } = moment.play;
+            let surely = known.surely_docked(limits, *now);
+            prop_assert!(dog.docked() || !surely, "{:?}", known);
+            prop_assert!(known.docked() || !dog.docked(), "{:?}", known);
             let wrong = moment.sends(&FIND) || moment.moves();
-            prop_assert!(!(known.docked() && wrong), "{:?}", moment.acts);
+            prop_assert!(!(surely && wrong), "{:?}", moment.acts);
+            Ok(())
+        })?;
+    }
+
+    #[test]
+    fn the_last_words_never_leave_a_low_robot_standing_off_its_station(
+        limits in any_limits(),
+        history in any_history(),
+    ) {
+        let mut searching = false;
+        Play::new(&limits).steps(&history, &mut |moment| {
+            let Play { dog, known, .. } = moment.play;
+            searching = known.still_searches(&moment, searching);
+            let left = known.low && !known.docked();
+            match dog.last_words() {
+                LastWords::Stop => prop_assert!(!left),
+                LastWords::StopAndDock => prop_assert!(known.low),
+                LastWords::Nothing => prop_assert!(known.online && (searching || dog.docked())),
+            }
             Ok(())
         })?;
     }
@@ -458,6 +534,11 @@ proptest! {
         let mut play = Play::new(&limits);
         play.steps(&history, &mut |_| Ok(()))?;
         let (was_moving, online) = (play.dog.moving(), play.known.online);
+        let asked = matches!(stop, Stop::Asked);
+        if asked && play.known.low {
+            // A leg of the watchdog is no script's to stop.
+            return Ok(());
+        }
         let asked_home = play.dog.homing.as_ref().is_some_and(|homing| !homing.forced);
         play.take(&stop.fact(), &mut |moment| {
             let must = was_moving || (online && matches!(stop, Stop::Parting));
@@ -525,8 +606,6 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     note("several wish to drive", dog.arbiter.wishing().count() > 1);
     note("backs off", homing.is_some() && dog.moving());
     let alarm = dog.state() == WatchdogState::Alarm;
-    let stops = |command: &Command| *command == Command::STOP;
-    let stopped = sent(&moment.acts).iter().any(stops) && !dog.moving();
     note("drives a leg", alarm && dog.moving());
     note("searches under alarm", alarm && moment.sends(&FIND));
     note(
@@ -535,7 +614,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     );
     note(
         "asked to stop in a leg",
-        alarm && stopped && matches!(moment.fact, Some(Fact::Asked { ask: Ask::Stop, .. })),
+        alarm && dog.moving() && matches!(moment.fact, Some(Fact::Asked { ask: Ask::Stop, .. })),
     );
     note(
         "asked to stop while it moves",
@@ -547,6 +626,13 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
         forced && homing.is_some_and(|homing| !homing.callers.is_empty()),
     );
     note("the run ends while low", dog.parting && forced);
+    note("place unknown", dog.place() == Place::Unknown);
+    note(
+        "place unknown while low",
+        known.low && dog.place() == Place::Unknown,
+    );
+    note("backs out", dog.whereabouts.is_leaving());
+    note(&format!("last words {:?}", dog.last_words()), true);
     note(
         "an engine code nobody knows",
         matches!(moment.fact, Some(Fact::Engine(EngineNews::Unknown(_)))),
@@ -579,6 +665,7 @@ fn all_there_is() -> Vec<String> {
         DockEnd::NotDocked,
         DockEnd::Timeout,
         DockEnd::Cancelled,
+        DockEnd::Preempted,
         DockEnd::Disconnected,
         DockEnd::Safety,
     ];
@@ -618,6 +705,12 @@ fn all_there_is() -> Vec<String> {
         "a behaviour waits for the watchdog's docking",
         "the run ends while low",
         "an engine code nobody knows",
+        "place unknown",
+        "place unknown while low",
+        "backs out",
+        "last words Stop",
+        "last words StopAndDock",
+        "last words Nothing",
         "kill",
         "reconnect",
     ];

@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::Watchdog;
+use super::{Caller, Watchdog};
 use crate::robot::{
-    Battery, BehaviourId, CallId, DockEnd, DockPlan, Event, MotionEnd, SafetyAction, Setpoint,
+    Battery, DockEnd, DockPlan, Event, MotionEnd, Priority, SafetyAction, Setpoint,
 };
 use crate::safety::{Act, Approach, Docking, LowCause, Order, Retry};
 use crate::wire::{Command, Engage, Power};
@@ -18,7 +18,14 @@ pub(super) struct Homing {
     pub(super) docking: Docking,
     /// Begun by the watchdog: no behaviour can end it.
     pub(super) forced: bool,
-    pub(super) callers: Vec<(BehaviourId, CallId)>,
+    pub(super) callers: Vec<Caller>,
+}
+
+impl Homing {
+    /// The highest of those that wait for it.
+    pub(super) fn priority(&self) -> Option<Priority> {
+        self.callers.iter().map(|caller| caller.priority).max()
+    }
 }
 
 impl Watchdog {
@@ -30,15 +37,15 @@ impl Watchdog {
     /// The rule above all others: stop and go home, in one batch of acts.
     pub(super) fn became_low(&mut self, cause: LowCause, now: Instant) {
         self.end_motion(MotionEnd::Safety);
+        self.whereabouts.expect_charge(now);
         if let Some(battery) = self.battery.map(Battery::from) {
             self.acts.push(Act::Announce(Event::BatteryLow(battery)));
         }
-        let (action, what) = match self.on_station {
-            true => (
-                SafetyAction::Hold,
-                "stays on the station and waits for charging",
-            ),
-            false => (SafetyAction::Dock, "stops and goes home"),
+        let (action, what) = if self.docked() {
+            let what = "stays on the station and waits for charging";
+            (SafetyAction::Hold, what)
+        } else {
+            (SafetyAction::Dock, "stops and goes home")
         };
         self.notice(action, format!("{cause}: {what}"));
         self.pursue_home(now);
@@ -95,14 +102,9 @@ impl Watchdog {
         }
     }
 
-    pub(super) fn start_homing(
-        &mut self,
-        approach: Approach,
-        callers: Vec<(BehaviourId, CallId)>,
-        now: Instant,
-    ) {
+    pub(super) fn start_homing(&mut self, approach: Approach, callers: Vec<Caller>, now: Instant) {
         self.end_motion(MotionEnd::Preempted);
-        let (docking, orders) = Docking::start(approach, self.on_station, now);
+        let (docking, orders) = Docking::start(approach, self.docked(), now);
         self.homing = Some(Homing {
             docking,
             forced: false,
@@ -138,7 +140,11 @@ impl Watchdog {
                     self.tracks.want(Watchdog::back_off());
                 }
                 Order::Halt => self.halt(now),
-                Order::Undock => self.send(Command::Engine(Engage::Undock)),
+                Order::Undock => {
+                    let timeout = Docking::LEAVE_TIMEOUT;
+                    self.whereabouts.leave_station(timeout, now);
+                    self.send(Command::Engine(Engage::Undock));
+                }
             }
         }
         self.answer_homing(now);

@@ -76,6 +76,20 @@ impl Watchdog {
         }
     }
 
+    /// A low robot that may not be on its station any more searches it. If it was on its contacts
+    /// and they do not charge, a person is needed as well.
+    pub(super) fn check_place(&mut self, now: Instant) {
+        let low = self.guard.low().is_some();
+        let Some(doubt) = self.whereabouts.poll(low, now).filter(|_| low) else {
+            return;
+        };
+        if let Some(homing) = self.homing.as_mut().filter(|homing| homing.forced) {
+            let orders = homing.docking.lost_contact(doubt, now);
+            self.follow(orders, now);
+        }
+        self.search_at_once(now);
+    }
+
     pub(super) fn check_leaving(&mut self, now: Instant) {
         if let Some(leaving) = self.leaving.take_if(|leaving| leaving.until <= now) {
             self.answer_undock(leaving.caller, DockEnd::Timeout);

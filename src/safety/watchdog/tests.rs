@@ -1,135 +1,10 @@
 //! Every rule by numbers: facts and times in, acts out.
 
-use std::time::Duration;
-
-use tokio::time::Instant;
-
+use super::rig::*;
 use super::*;
-use crate::robot::{DockPlan, EndReason, MotionId, Priority};
+use crate::robot::{DockPlan, EndReason};
 use crate::safety::Ask;
 use crate::wire::{Engage, Led, Sound};
-
-const SECOND: Duration = Duration::from_secs(1);
-const MS: Duration = Duration::from_millis(1);
-const WHO: BehaviourId = BehaviourId(0);
-
-/// A watchdog and a clock that only moves when told.
-struct Rig {
-    dog: Watchdog,
-    now: Instant,
-}
-
-impl Rig {
-    /// Logged in off the station with a level.
-    fn online(percent: u8) -> Rig {
-        let mut rig = Rig::with(Limits::default());
-        rig.take(Fact::LinkUp {
-            docked: false,
-            power: power(percent),
-        });
-        rig.now += 20 * MS;
-        rig
-    }
-
-    fn with(limits: Limits) -> Rig {
-        let now = Instant::now();
-        Rig {
-            dog: Watchdog::new(limits, now),
-            now,
-        }
-    }
-
-    fn take(&mut self, fact: Fact) -> Vec<Act> {
-        self.dog.take(fact, self.now)
-    }
-
-    fn ask(&mut self, ask: Ask) -> Vec<Act> {
-        self.take(Fact::Asked {
-            by: WHO,
-            priority: Priority(0),
-            ask,
-        })
-    }
-
-    fn drive(&mut self, motion: u64, duration: Option<Duration>) -> Vec<Act> {
-        let setpoint = Setpoint::from_percent(50.0, 50.0).unwrap();
-        self.ask(Ask::Move {
-            motion: MotionId(motion),
-            setpoint,
-            duration,
-        })
-    }
-
-    /// Lets time pass as the pilot does: from deadline to deadline, with the host alive or not.
-    fn pass(&mut self, span: Duration, alive: bool) -> Vec<Act> {
-        let (end, mut acts) = (self.now + span, Vec::new());
-        loop {
-            let beat = self.now + 50 * MS;
-            let next = self
-                .dog
-                .next_deadline()
-                .map_or(end, |due| due.max(self.now))
-                .min(end);
-            self.now = if alive { next.min(beat).min(end) } else { next };
-            if alive {
-                acts.extend(self.take(Fact::Alive(WHO)));
-            }
-            acts.extend(self.dog.tick(self.now));
-            let due = self.dog.next_deadline();
-            assert!(due.is_none_or(|due| due > self.now), "would tick for ever");
-            if self.now >= end {
-                return acts;
-            }
-        }
-    }
-}
-
-fn power(percent: u8) -> Power {
-    Power {
-        percent,
-        charging: false,
-    }
-}
-
-fn charging(percent: u8) -> Power {
-    Power {
-        percent,
-        charging: true,
-    }
-}
-
-pub(super) fn sent(acts: &[Act]) -> Vec<Command> {
-    acts.iter().filter_map(Act::command).collect()
-}
-
-pub(super) fn told(acts: &[Act]) -> Vec<Event> {
-    let event = |act: &Act| match act {
-        Act::Tell(_, event) => Some(event.clone()),
-        _ => None,
-    };
-    acts.iter().filter_map(event).collect()
-}
-
-fn ended(motion: u64, end: MotionEnd) -> Event {
-    Event::MotionEnded {
-        motion: MotionId(motion),
-        end,
-    }
-}
-
-fn dock_ended(acts: &[Act]) -> Option<(DockEnd, u32)> {
-    told(acts).into_iter().find_map(|event| match event {
-        Event::DockEnded { end, attempts, .. } => Some((end, attempts)),
-        _ => None,
-    })
-}
-
-const FORWARD: Command = Command::Move {
-    left: 45,
-    right: 45,
-};
-pub(super) const FIND: Command = Command::Engine(Engage::Dock);
-pub(super) const CANCEL: Command = Command::Engine(Engage::CancelDock);
 
 #[test]
 fn a_low_report_stops_and_sends_home_in_one_batch() {
@@ -189,59 +64,6 @@ fn charging_releases_and_the_station_still_holds() {
     assert_eq!(rig.dog.low(), None);
     assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
 }
-
-/// Low, and the station was not found in any of the first tries: the alarm.
-fn lost(percent: u8, limits: Limits) -> (Rig, Vec<Act>) {
-    let mut rig = Rig::with(limits);
-    rig.take(Fact::LinkUp {
-        docked: false,
-        power: power(percent),
-    });
-    rig.now += 20 * MS;
-    for _ in 0..3 {
-        rig.take(Fact::Engine(EngineNews::BaseNotFound));
-        rig.pass(30 * SECOND, false);
-    }
-    let acts = rig.take(Fact::Engine(EngineNews::BaseNotFound));
-    assert_eq!(rig.dog.state(), WatchdogState::Alarm);
-    (rig, acts)
-}
-
-fn standing() -> Limits {
-    Limits {
-        recovery_legs: 0,
-        ..Limits::default()
-    }
-}
-
-fn count(acts: &[Act], wanted: &Command) -> usize {
-    let sent = sent(acts);
-    sent.iter().filter(|command| *command == wanted).count()
-}
-
-/// What the tracks were told, repetitions left out.
-fn tracks(acts: &[Act]) -> Vec<(i8, i8)> {
-    let setpoint = |command| match command {
-        Command::Move { left, right } => Some((left, right)),
-        _ => None,
-    };
-    let mut tracks: Vec<(i8, i8)> = sent(acts).into_iter().filter_map(setpoint).collect();
-    tracks.dedup();
-    tracks
-}
-
-fn reasons(acts: &[Act]) -> Vec<String> {
-    let reason = |act: &Act| match act {
-        Act::Announce(Event::Safety { reason, .. }) => Some(reason.clone()),
-        _ => None,
-    };
-    acts.iter().filter_map(reason).collect()
-}
-
-const LEG: Command = Command::Move {
-    left: 27,
-    right: 27,
-};
 
 #[test]
 fn base_not_found_is_tried_three_times_more_without_motion_then_alarm() {
@@ -364,35 +186,6 @@ fn all_legs_together_are_as_many_as_the_config_allows() {
 }
 
 #[test]
-fn who_asks_to_stop_stops_a_leg_at_once_and_the_search_from_there_goes_on() {
-    let (mut rig, _) = lost(20, Limits::default());
-    rig.pass(SECOND, false);
-    assert!(rig.dog.moving());
-    assert_eq!(sent(&rig.ask(Ask::Stop)), [Command::STOP, FIND]);
-    assert_eq!(tracks(&rig.pass(100 * SECOND, false)), []);
-    assert_eq!(
-        sent(&rig.ask(Ask::Stop)),
-        [],
-        "no behaviour ends the search"
-    );
-    assert_eq!(
-        tracks(&rig.take(Fact::Engine(EngineNews::BaseNotFound))),
-        [(0, 0)]
-    );
-    assert_eq!(tracks(&rig.pass(SECOND, false)), [(-27, 27), (27, 27)]);
-}
-
-#[test]
-fn a_stop_in_the_instant_in_which_a_leg_is_due_prevents_it() {
-    let (mut rig, _) = lost(20, Limits::default());
-    rig.pass(3 * SECOND, false);
-    rig.dog
-        .absorb(Fact::Engine(EngineNews::BaseNotFound), rig.now);
-    assert_eq!(sent(&rig.ask(Ask::Stop)), [Command::STOP, FIND]);
-    assert!(!rig.dog.moving());
-}
-
-#[test]
 fn whatever_releases_takes_over_or_cuts_off_the_robot_ends_a_leg() {
     let stop = || vec![Command::STOP];
     let off = Command::Led {
@@ -456,19 +249,6 @@ fn after_a_reconnect_under_alarm_it_searches_before_it_drives_a_leg() {
     assert_eq!(tracks(&rig.pass(100 * SECOND, false)), []);
     rig.take(Fact::Engine(EngineNews::BaseNotFound));
     assert!(rig.dog.moving() || tracks(&rig.pass(SECOND, false)).contains(&(27, 27)));
-}
-
-#[test]
-fn a_station_without_current_that_is_lost_under_alarm_is_searched_again() {
-    let (mut rig, _) = lost(20, Limits::default());
-    rig.pass(3 * SECOND, false);
-    rig.take(Fact::Engine(EngineNews::Docked));
-    let acts = rig.pass(100 * SECOND, false);
-    assert_eq!(count(&acts, &FIND), 0);
-    let failed = "docking failed (not_charging) 1 times: stays on the station";
-    assert_eq!(reasons(&acts), [failed]);
-    let acts = rig.take(Fact::Engine(EngineNews::Undocked));
-    assert_eq!(sent(&acts), [Command::STOP, FIND]);
 }
 
 #[test]
@@ -536,19 +316,6 @@ fn the_state_says_at_a_glance_how_things_stand() {
             "battery low, ALARM"
         ]
     );
-}
-
-#[test]
-fn on_the_station_a_low_battery_never_searches_and_without_charge_sounds_the_alarm() {
-    let mut rig = Rig::with(Limits::default());
-    let acts = rig.take(Fact::LinkUp {
-        docked: true,
-        power: power(10),
-    });
-    assert_eq!(sent(&acts), []);
-    let sent = sent(&rig.pass(40 * SECOND, false));
-    assert!(!sent.contains(&FIND), "{sent:?}");
-    assert!(sent.contains(&Command::Play(Sound::Alarm)), "{sent:?}");
 }
 
 #[test]
@@ -743,10 +510,6 @@ fn a_silent_stream_while_moving_stops_and_reconnects() {
         .unwrap();
     assert!(stop < close, "{acts:?}");
     assert_eq!(told(&acts), [ended(1, MotionEnd::Disconnected)]);
-}
-
-fn reconnects(acts: &[Act]) -> bool {
-    acts.iter().any(|act| matches!(act, Act::Reconnect(_)))
 }
 
 #[test]
@@ -981,24 +744,4 @@ fn only_the_one_who_asked_is_told_how_an_undocking_ends() {
         let acts = rig.take(Fact::Engine(EngineNews::Undocked));
         assert_eq!(told(&acts).len(), told_at_the_end);
     }
-}
-
-#[test]
-fn undocking_that_takes_too_long_says_so() {
-    let mut rig = Rig::with(Limits::default());
-    rig.take(Fact::LinkUp {
-        docked: true,
-        power: charging(80),
-    });
-    rig.ask(Ask::Undock(CallId(1), 20 * SECOND));
-    let told = told(&rig.pass(20 * SECOND, false));
-    assert_eq!(
-        told,
-        [Event::UndockEnded {
-            call: CallId(1),
-            end: DockEnd::Timeout
-        }]
-    );
-    let acts = rig.ask(Ask::Dock(CallId(2), DockPlan::default()));
-    assert_eq!(dock_ended(&acts), Some((DockEnd::AlreadyDocked, 0)));
 }
