@@ -19,6 +19,7 @@ mod silence;
 mod status;
 mod throttle;
 
+use std::pin::pin;
 use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
@@ -379,7 +380,9 @@ impl Pilot {
         }
         self.deposit(&mut line);
         let delivery = match (self.writer.take(), line.into_reader()) {
-            (Some(writer), Some(reader)) => farewell(reader, writer, DELIVERY).await,
+            (Some(writer), Some(reader)) => {
+                self.beat_during(farewell(reader, writer, DELIVERY)).await
+            }
             _ => Delivery::Offline,
         };
         match delivery {
@@ -391,6 +394,23 @@ impl Pilot {
             self.release_guard();
         }
         delivery
+    }
+
+    /// The guardian has nothing to do yet.
+    async fn beat_during<T>(&mut self, work: impl Future<Output = T>) -> T {
+        let mut work = pin!(work);
+        loop {
+            let due = self.pulse.as_ref().map(Pulse::due);
+            tokio::select! {
+                biased;
+                done = &mut work => return done,
+                () = until(due) => {
+                    if let Some(pulse) = &mut self.pulse {
+                        pulse.beat(Instant::now());
+                    }
+                }
+            }
+        }
     }
 }
 
