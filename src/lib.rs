@@ -10,6 +10,7 @@
 //! | 0 | `wire` | messages to bytes and back, discovery datagrams; knows no socket |
 //! | 0 | `vision` | JPEG to pixels to blobs; knows no robot |
 //! | 1 | `robot` | the words that cross between tasks and processes |
+//! | 1 | `guardian` | the process that stops the robot when the agent cannot |
 //! | 2 | `safety` | watchdog, arbiter, docking: pure rules |
 //! | 2 | `link` | connect, log in, reconnect, discover |
 //! | 2 | `script` | the VM: sandbox, tasks, the Lua API |
@@ -29,6 +30,7 @@ pub mod agent;
 pub mod behaviour;
 pub mod cli;
 pub mod config;
+pub mod guardian;
 pub mod lab;
 pub mod link;
 pub mod pilot;

@@ -4,6 +4,7 @@
 use std::future::{Future, pending};
 use std::pin::{Pin, pin};
 
+use tokio::runtime;
 use tokio::sync::{mpsc, watch};
 use tokio::task::spawn_blocking;
 use tokio::time::{Instant, sleep};
@@ -25,6 +26,8 @@ type Stop = watch::Receiver<Option<EndReason>>;
 #[derive(Clone)]
 pub(super) struct Surroundings {
     pub(super) launcher: Launcher,
+    /// Serves the hosts' pipes.
+    pub(super) core: runtime::Handle,
     pub(super) requests: mpsc::Sender<Request>,
     pub(super) frames: watch::Receiver<Pictures>,
     pub(super) stop: Stop,
@@ -114,11 +117,14 @@ impl Keeper {
     /// runs until the new one is loaded.
     async fn live(&mut self, host: Prepared) -> (Ending, Option<Loaded>) {
         let Surroundings {
-            requests, frames, ..
+            requests,
+            frames,
+            core,
+            ..
         } = self.around.clone();
         let handle = Handle::default();
         let supervisor = Supervisor::board(host, requests, frames).await;
-        let mut life = pin!(supervisor.run(handle.clone()));
+        let mut life = pin!(supervisor.run(handle.clone(), &core));
         let (mut loading, mut successor, mut parting) = (None, None, false);
         let ending = loop {
             tokio::select! {
@@ -265,7 +271,8 @@ impl Keeper {
     }
 
     fn load(&self, source: Vec<u8>) -> Loading {
-        let (launcher, by, priority) = (self.around.launcher.clone(), self.by, self.priority);
+        let Surroundings { launcher, core, .. } = self.around.clone();
+        let (by, priority) = (self.by, self.priority);
         let launch = Launch {
             source: source.clone(),
             ..self.launch.clone()
@@ -278,7 +285,7 @@ impl Keeper {
                 let looked = spawn_blocking(move || look_over(&text)).await;
                 looked.unwrap_or(Ok(()))?;
             }
-            let host = Prepared::start(&launcher, by, priority, launch).await?;
+            let host = Prepared::start(&launcher, &core, by, priority, launch).await?;
             Ok(Loaded { host, source })
         })
     }

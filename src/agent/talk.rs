@@ -3,6 +3,7 @@
 
 use std::pin::pin;
 
+use tokio::runtime;
 use tokio::sync::{mpsc, watch};
 use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
@@ -12,7 +13,7 @@ use tracing::warn;
 use super::{Flight, LINK_END, SCRIPTS_END, broken_flight};
 use crate::behaviour::{Dialogue, Handle, Launch, Launcher, Order, Prepared, Said, Supervisor};
 use crate::link::LinkError;
-use crate::pilot::{self, Dial, LinkState, Pilot, Settings, Status};
+use crate::pilot::{self, Dial, LinkState, Pilot, Pulse, Settings, Status};
 use crate::robot::channel::{MAX_REQUESTS, Request};
 use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
 use crate::script::Ending;
@@ -29,6 +30,10 @@ pub struct Talk {
     pub dial: Dial,
     /// How to start hosts.
     pub launcher: Launcher,
+    /// Runs the pilot and serves the host's pipe.
+    pub core: runtime::Handle,
+    /// Of a session in real time.
+    pub pulse: Option<Pulse>,
 }
 
 /// Why a session could not go on.
@@ -52,6 +57,7 @@ impl From<LinkError> for TalkError {
 struct Session {
     launch: Launch,
     launcher: Launcher,
+    core: runtime::Handle,
     flight: Flight,
     requests: mpsc::Sender<Request>,
     frames: watch::Receiver<Pictures>,
@@ -71,14 +77,16 @@ impl Talk {
         said: mpsc::Sender<Said>,
         stop: CancellationToken,
     ) -> Result<(), TalkError> {
-        let (pilot, frames, status) = Pilot::new(&self.settings);
+        let (mut pilot, frames, status) = Pilot::new(&self.settings);
+        pilot.set_pulse(self.pulse);
         let (requests, received) = mpsc::channel(MAX_REQUESTS);
         let ending = pilot::Ending::default();
         let flight = pilot.run(self.dial, self.settings, received, ending.clone());
         let mut session = Session {
             launch: self.launch,
             launcher: self.launcher,
-            flight: AbortOnDropHandle::new(tokio::spawn(flight)),
+            flight: AbortOnDropHandle::new(self.core.spawn(flight)),
+            core: self.core,
             requests,
             frames,
             ending,
@@ -123,7 +131,8 @@ impl Session {
         let (order, mut hear, dialogue) = Dialogue::new();
         let supervisor = self.board().await?.with_dialogue(dialogue);
         let handle = Handle::default();
-        let mut running = pin!(supervisor.run(handle.clone()));
+        let core = self.core.clone();
+        let mut running = pin!(supervisor.run(handle.clone(), &core));
         let _ = said.send(Said::Ready).await;
         loop {
             tokio::select! {
@@ -155,7 +164,7 @@ impl Session {
     async fn board(&mut self) -> Result<Supervisor, TalkError> {
         self.last = self.last.wrapping_add(1);
         let (by, launch) = (BehaviourId(self.last), self.launch.clone());
-        let prepared = Prepared::start(&self.launcher, by, Priority(0), launch).await;
+        let prepared = Prepared::start(&self.launcher, &self.core, by, Priority(0), launch).await;
         let prepared = prepared.map_err(TalkError::Host)?;
         Ok(Supervisor::board(prepared, self.requests.clone(), self.frames.clone()).await)
     }

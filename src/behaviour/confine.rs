@@ -23,6 +23,8 @@ const ADDRESS_SPACE: u64 = 1 << 30;
 const OPEN_FILES: u64 = 32;
 /// The largest file a script can save.
 const FILE_SIZE: u64 = 16 << 20;
+/// Of -1000 (never) to 1000 (always first); the agent has 0.
+const OOM_SCORE_ADJ: &str = "500";
 /// The newest landlock whose meaning is known here; on an older kernel as much as it has.
 const LANDLOCK: ABI = ABI::V6;
 /// What a kernel with filters for system calls says of them.
@@ -75,6 +77,7 @@ pub(super) fn confine(folders: &[PathBuf]) -> io::Result<Walls> {
     if rustix::process::getppid().is_none_or(|parent| parent.is_init()) {
         return Err(io::Error::other("the agent is gone"));
     }
+    die_first();
     rustix::thread::set_no_new_privs(true)?;
     // What is saved is the user's alone.
     rustix::process::umask(Mode::RWXG | Mode::RWXO);
@@ -83,6 +86,12 @@ pub(super) fn confine(folders: &[PathBuf]) -> io::Result<Walls> {
         files: restrict_files(folders).unwrap_or(false),
         calls: calls::refuse(),
     })
+}
+
+/// When memory is short a host is killed before the agent. Where the system does not keep such a
+/// number it chooses by size.
+fn die_first() {
+    let _ = std::fs::write("/proc/self/oom_score_adj", OOM_SCORE_ADJ);
 }
 
 fn limit() -> io::Result<()> {

@@ -14,6 +14,7 @@ use std::process::{ExitStatus, Stdio};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite};
 use tokio::net::UnixStream;
 use tokio::process::{Child, ChildStderr, Command};
+use tokio::runtime::Handle;
 use tokio::task::JoinHandle;
 
 use super::confine::Walls;
@@ -68,18 +69,20 @@ impl Launcher {
     }
 
     /// Starts a host that can open no files but those in `folders`, which are made if need be; also
-    /// the agent's ends of its pipe. To be called from a thread that lives as long as the agent: the
-    /// host dies with the thread that started it.
+    /// the agent's ends of its pipe, which are served by the runtime of `core`. Waits for the disk and
+    /// for the new process, so never to be called on the driving core; and from a thread that lives as
+    /// long as the agent: the host dies with the thread that started it.
     ///
     /// # Errors
     /// Whatever the system says.
     pub(super) fn start(
         &self,
         folders: &[&Path],
+        core: &Handle,
     ) -> io::Result<(HostProcess, PipeReader, PipeWriter)> {
         folders.iter().for_each(|folder| make_private(folder));
         match &self.executable {
-            Some(executable) => start_child(executable, folders),
+            Some(executable) => start_child(executable, folders, core),
             None => Ok(start_task()),
         }
     }
@@ -88,6 +91,7 @@ impl Launcher {
 fn start_child(
     executable: &Path,
     folders: &[&Path],
+    core: &Handle,
 ) -> io::Result<(HostProcess, PipeReader, PipeWriter)> {
     Walls::say_what_is_missing();
     let (ours, theirs) = std::os::unix::net::UnixStream::pair()?;
@@ -105,7 +109,10 @@ fn start_child(
         // Ctrl-C in a terminal is for the agent: it has the script say its last words.
         .process_group(0)
         .spawn()?;
-    let (reader, writer) = UnixStream::from_std(ours)?.into_split();
+    let (reader, writer) = {
+        let _served_by = core.enter();
+        UnixStream::from_std(ours)?.into_split()
+    };
     let process = HostProcess {
         life: Life::Child(child),
     };

@@ -1,12 +1,17 @@
 //! The agent side of one behaviour: starts its host, passes messages on in both directions, and
 //! sees to it that a host that has ended, for whatever reason, moves nothing any more.
+//!
+//! Messages are passed on by the driving core. What may wait for the system, to start a host, to read
+//! a module for it, to find out why it ended, is done by the caller's runtime.
 
 use std::io;
 use std::time::Duration;
 
+use tokio::runtime::Handle as Runtime;
 use tokio::sync::{mpsc, watch};
 use tokio::task::AbortHandle;
 use tokio::time::{Instant, sleep_until, timeout};
+use tokio_util::task::AbortOnDropHandle;
 use tracing::{debug, warn};
 
 use super::ahead::Ahead;
@@ -82,13 +87,14 @@ pub struct Supervisor {
 }
 
 impl Prepared {
-    /// Starts a host and has it load the script.
+    /// Starts a host and has it load the script. Its pipe is served by the runtime of `core`.
     ///
     /// # Errors
     /// The script's own failure as an [`Ending`], in words for its author; a host that cannot be
     /// started likewise.
     pub async fn start(
         launcher: &Launcher,
+        core: &Runtime,
         by: BehaviourId,
         priority: Priority,
         launch: Launch,
@@ -100,9 +106,9 @@ impl Prepared {
                 &format!("{name}: its host cannot be started: {error}"),
             )
         };
-        let started = launcher.start(&launch.options.folders());
+        let started = launcher.start(&launch.options.folders(), core);
         let (process, reader, writer) = started.map_err(broken)?;
-        let (from_host, to_host, pump) = connect(reader, writer);
+        let (from_host, to_host, pump) = connect(reader, writer, core);
         let modules = librarian(
             launch.library.clone(),
             to_host.clone(),
@@ -160,9 +166,12 @@ impl Drop for Prepared {
 fn connect(
     reader: PipeReader,
     writer: PipeWriter,
+    core: &Runtime,
 ) -> (Receiver<FromHost>, mpsc::Sender<ToHost>, AbortHandle) {
     let (to_host, waiting) = mpsc::channel(MAX_WAITING);
-    let pump = tokio::spawn(pump(waiting, Sender::new(writer))).abort_handle();
+    let pump = core
+        .spawn(pump(waiting, Sender::new(writer)))
+        .abort_handle();
     (Receiver::new(reader), to_host, pump)
 }
 
@@ -244,21 +253,37 @@ impl Supervisor {
         }
     }
 
-    /// Runs the behaviour to its end. The moment it has ended the pilot knows.
-    pub async fn run(mut self, handle: Handle) -> Ending {
-        let mut stop = handle.stop.subscribe();
-        let ending = self.serve(&mut stop).await;
-        let _ = self.requests.send(Request::Gone(self.host.by)).await;
+    /// Runs the behaviour to its end, its messages served by the runtime of `core`. The moment it has
+    /// ended the pilot knows.
+    pub async fn run(self, handle: Handle, core: &Runtime) -> Ending {
+        let (requests, by) = (self.requests.clone(), self.host.by);
+        let served = core.spawn(self.serve_to_the_end(handle.stop.subscribe()));
+        let Ok((mut supervisor, ending)) = AbortOnDropHandle::new(served).await else {
+            let _ = requests.send(Request::Gone(by)).await;
+            return self::ending(
+                EndReason::Error,
+                "internal error: its supervisor broke down",
+            );
+        };
         let ending = match ending {
             Some(ending) => ending,
             // Why it broke takes time to find out; its motion has stopped by then.
-            None => self.host.broken().await,
+            None => supervisor.host.broken().await,
         };
-        self.bury().await;
+        supervisor.reap().await;
+        ending
+    }
+
+    async fn serve_to_the_end(
+        mut self,
+        mut stop: watch::Receiver<Option<EndReason>>,
+    ) -> (Supervisor, Option<Ending>) {
+        let ending = self.serve(&mut stop).await;
+        let _ = self.requests.send(Request::Gone(self.host.by)).await;
         if self.dropped > 0 {
             warn!(behaviour = %self.host.name, dropped = self.dropped, "events did not reach it");
         }
-        ending
+        (self, ending)
     }
 
     /// Until it has ended; `None` if its host has, without a word.
@@ -377,7 +402,7 @@ impl Supervisor {
     }
 
     /// No host outlives its behaviour.
-    async fn bury(&mut self) {
+    async fn reap(&mut self) {
         if timeout(EXIT_TIME, self.host.process.wait()).await.is_ok() {
             return;
         }

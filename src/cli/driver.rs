@@ -8,9 +8,10 @@ use tokio::task::JoinHandle;
 use tokio::time::{MissedTickBehavior, interval, timeout};
 
 use super::interrupt::interruption;
+use super::run::{driving_core, pulse};
 use super::{Exit, Failure};
 use crate::link::LinkError;
-use crate::pilot::{Dial, Ending, LinkState, Pilot, Settings, Status};
+use crate::pilot::{Delivery, Dial, DrivingCore, Ending, LinkState, Pilot, Settings, Status};
 use crate::robot::channel::{Inbox, MAX_REQUESTS, Request, Told, events};
 use crate::robot::{
     BehaviourId, CallId, DockEnd, DockPlan, Event, Intent, MotionEnd, MotionId, Priority, Setpoint,
@@ -20,16 +21,18 @@ const ME: BehaviourId = BehaviourId(0);
 /// How often a driver that moves shows that it lives; the watchdog's patience is 0.25 s.
 const BEAT: Duration = Duration::from_millis(50);
 /// How long the last writes and the closing of the link may take.
-const LINK_END: Duration = Duration::from_millis(1500);
+const LINK_END: Duration = Duration::from_millis(2500);
 
 /// A seat in front of the pilot.
 pub(super) struct Driver {
     requests: mpsc::Sender<Request>,
     inbox: Inbox,
     status: watch::Receiver<Status>,
-    flight: JoinHandle<Result<(), LinkError>>,
+    flight: JoinHandle<Result<Delivery, LinkError>>,
     ending: Ending,
     last: u64,
+    /// Dropped last: what runs on it ends first.
+    _core: DrivingCore,
 }
 
 /// Connects, lets `job` drive, and stops the robot before it lets go of it, however the job ends;
@@ -43,7 +46,7 @@ pub(super) async fn drive(
     job: impl AsyncFnOnce(&mut Driver) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
     let interrupted = interruption()?;
-    let mut driver = Driver::launch(dial, settings);
+    let mut driver = Driver::launch(dial, settings)?;
     let work = async {
         driver.board().await?;
         job(&mut driver).await
@@ -58,21 +61,26 @@ pub(super) async fn drive(
 }
 
 impl Driver {
-    fn launch(dial: Dial, settings: Settings) -> Driver {
-        let (pilot, _frames, status) = Pilot::new(&settings);
+    fn launch(dial: Dial, settings: Settings) -> Result<Driver, Failure> {
+        let core = driving_core()?;
+        let (mut pilot, _frames, status) = Pilot::new(&settings);
+        pilot.set_pulse(Some(pulse(settings.simulated)));
         let (requests, received) = mpsc::channel(MAX_REQUESTS);
         let ending = Ending::default();
-        let flight = tokio::spawn(pilot.run(dial, settings, received, ending.clone()));
+        let flight = core
+            .handle()
+            .spawn(pilot.run(dial, settings, received, ending.clone()));
         // Replaced by the one that the pilot knows as soon as it is connected.
         let (_, inbox) = events();
-        Driver {
+        Ok(Driver {
             requests,
             inbox,
             status,
             flight,
             ending,
             last: 0,
-        }
+            _core: core,
+        })
     }
 
     async fn board(&mut self) -> Result<(), Failure> {
@@ -210,10 +218,10 @@ impl Driver {
     }
 }
 
-fn failed(ended: Result<Result<(), LinkError>, tokio::task::JoinError>) -> Failure {
+fn failed(ended: Result<Result<Delivery, LinkError>, tokio::task::JoinError>) -> Failure {
     match ended {
         Ok(Err(error)) => error.into(),
-        Ok(Ok(())) | Err(_) => Failure::new(
+        Ok(Ok(_)) | Err(_) => Failure::new(
             Exit::Unreachable,
             "internal error: the pilot broke down; the robot was told to stop",
         ),

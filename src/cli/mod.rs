@@ -47,6 +47,7 @@ use std::time::Duration;
 
 use crate::behaviour::{HOST_ARGUMENT, host_main};
 use crate::config::Format;
+use crate::guardian::{GUARDIAN_ARGUMENT, guardian_main};
 use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 
 pub use connection::{ConnectionArgs, LoginArgs, Place};
@@ -153,8 +154,12 @@ impl Command {
 /// Parses the command line, does what it says, and tells how it went.
 pub fn main() -> ExitCode {
     let mut args = std::env::args_os().skip(1);
-    if args.next().is_some_and(|first| first == HOST_ARGUMENT) {
-        return host_main(&args.map(PathBuf::from).collect::<Vec<_>>());
+    match args.next() {
+        Some(first) if first == HOST_ARGUMENT => {
+            return host_main(&args.map(PathBuf::from).collect::<Vec<_>>());
+        }
+        Some(first) if first == GUARDIAN_ARGUMENT => return guardian_main(),
+        _ => {}
     }
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,

@@ -11,12 +11,13 @@ use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::signal::unix::Signal;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
 
-use super::run::{dial, place, reach};
+use super::interrupt::{EndingSignals, listen};
+use super::run::{dial, driving_core, place, pulse, reach};
 use super::settings::SettingsArgs;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::agent::{AgentError, Talk, TalkError};
@@ -69,7 +70,10 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
         Failure::usage(format_args!("cannot find this program's own file: {error}"))
     })?;
     let (target, sim) = reach(place, &login, seed)?;
+    let core = driving_core()?;
     let talk = Talk {
+        core: core.handle().clone(),
+        pulse: Some(pulse(sim.is_some())),
         launch: launch(&config, seed)?,
         settings: config.pilot(sim.is_some(), seed),
         dial: dial(target, login, config.link.clone()),
@@ -77,6 +81,7 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     };
     let terminal = Terminal::remember();
     let outcome = runtime.block_on(converse(talk, console));
+    drop(core);
     console.divert(None);
     terminal.restore();
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
@@ -147,23 +152,17 @@ async fn at(moment: Option<Instant>) {
     }
 }
 
-/// SIGINT interrupts; SIGTERM and a terminal that is closed end.
+/// SIGINT interrupts; the others end.
 struct Signals {
     interrupt: Signal,
-    terminate: Signal,
-    hangup: Signal,
+    ending: EndingSignals,
 }
 
 impl Signals {
     fn listen() -> Result<Signals, Failure> {
-        let listen = |kind| {
-            signal(kind)
-                .map_err(|error| Failure::usage(format_args!("cannot hear signals: {error}")))
-        };
         Ok(Signals {
-            interrupt: listen(SignalKind::interrupt())?,
-            terminate: listen(SignalKind::terminate())?,
-            hangup: listen(SignalKind::hangup())?,
+            interrupt: listen(libc::SIGINT)?,
+            ending: EndingSignals::but(&[libc::SIGINT])?,
         })
     }
 
@@ -171,8 +170,7 @@ impl Signals {
     async fn next(&mut self) -> (Exit, bool) {
         tokio::select! {
             _ = self.interrupt.recv() => (Exit::Interrupted, false),
-            _ = self.terminate.recv() => (Exit::Interrupted, true),
-            _ = self.hangup.recv() => (Exit::Interrupted, true),
+            () = self.ending.next() => (Exit::Interrupted, true),
         }
     }
 }

@@ -9,13 +9,14 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use tokio::runtime::Handle;
 use tokio::sync::{mpsc, watch};
 use tokio::time::{MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
 
 use super::embedded::EmbeddedSim;
 use super::fast::{EventFile, Fast};
-use super::interrupt::interruption;
+use super::interrupt::{interruption, listen};
 use super::params::{self, Param};
 use super::settings::SettingsArgs;
 use super::source::read_source;
@@ -25,16 +26,20 @@ use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
 use crate::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure};
 use crate::config::{Config, Entry};
+use crate::guardian::Guardian;
 use crate::lab;
 use crate::link::{self, Target};
-use crate::pilot::{Dial, Status};
+use crate::pilot::{Dial, DrivingCore, Pulse, Status};
 use crate::robot::EndReason;
+use crate::robot::channel::{Request, Sleep};
 use crate::script::{self, GivenParam};
 use crate::sim;
 use crate::wire::Login;
 
 /// How often the status line is drawn anew.
 pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
+/// How long the signal that stops this program may take to do so.
+const FALLING_ASLEEP: Duration = Duration::from_millis(50);
 /// The longest `--for`: a year.
 const LONGEST_RUN: f64 = 366.0 * 86_400.0;
 
@@ -151,11 +156,14 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     })?;
     let names = names(&behaviours);
     let dial = dial(target, login, config.link.clone());
+    let core = driving_core()?;
     let plan = Plan {
         behaviours,
         settings,
         dial,
         launcher,
+        core: core.handle().clone(),
+        pulse: Some(pulse(sim.is_some())),
         limit: args.limit,
     };
     let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle));
@@ -165,6 +173,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         }
         drive(plan, line, console).await
     });
+    drop(core);
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
     // Also of a run that failed or was interrupted: then people want to see it most.
     let drawn = match (trace, &sim) {
@@ -234,18 +243,80 @@ fn fast(
 
 async fn drive(plan: Plan, line: StatusLine, console: &Console) -> Result<Exit, Failure> {
     let stop = CancellationToken::new();
-    let interrupted = interruption()?;
+    stop_on_signal(&plan.core, stop.clone())?;
+    let core = plan.core.clone();
     let (agent, status) = Agent::new(plan);
-    let (showing, watching) = (show(line, status, console), async {
+    sleep_on_ctrl_z(&core, agent.requests())?;
+    let showing = show(line, status, console);
+    tokio::select! {
+        outcome = agent.run(stop) => exit(outcome),
+        never = showing => match never {},
+    }
+}
+
+/// Cancels `stop` at the first signal that ends a program. The driving core hears it: this thread may
+/// be waiting for a disk.
+pub(super) fn stop_on_signal(core: &Handle, stop: CancellationToken) -> Result<(), Failure> {
+    let interrupted = {
+        let _heard_by = core.enter();
+        interruption()?
+    };
+    core.spawn(async move {
         interrupted.await;
         stop.cancel();
-        std::future::pending::<Infallible>().await
     });
-    tokio::select! {
-        outcome = agent.run(stop.clone()) => exit(outcome),
-        never = showing => match never {},
-        never = watching => match never {},
+    Ok(())
+}
+
+/// On Ctrl-Z the robot is stopped first, then this program.
+fn sleep_on_ctrl_z(core: &Handle, requests: mpsc::Sender<Request>) -> Result<(), Failure> {
+    let mut stopped = {
+        let _heard_by = core.enter();
+        listen(libc::SIGTSTP)?
+    };
+    core.spawn(async move {
+        while stopped.recv().await.is_some() {
+            let sleep = Request::Sleep(Sleep(Box::new(sleep_here)));
+            if requests.send(sleep).await.is_err() {
+                return;
+            }
+        }
+    });
+    Ok(())
+}
+
+/// Stops this program as the terminal would have done; returns when it goes on.
+fn sleep_here() {
+    use rustix::process::{Signal, getpid, kill_process};
+    tracing::info!("stopped by Ctrl-Z, and so is the robot");
+    let _ = kill_process(getpid(), Signal::STOP);
+    // The signal may reach another thread first: nothing may be done in the meantime.
+    std::thread::sleep(FALLING_ASLEEP);
+}
+
+/// The heartbeat of a run, with a guardian unless the robot is simulated in this program and ends with
+/// it.
+pub(super) fn pulse(simulated: bool) -> Pulse {
+    if simulated {
+        return Pulse::new(None);
     }
+    let started = std::env::current_exe().and_then(|executable| Guardian::start(&executable));
+    Pulse::new(match started {
+        Ok(guardian) => Some(guardian),
+        Err(error) => {
+            tracing::warn!(
+                "this run has no guardian ({error}): if this program is killed or stopped, nobody \
+                 stops the robot"
+            );
+            None
+        }
+    })
+}
+
+/// The thread on which the pilot runs.
+pub(super) fn driving_core() -> Result<DrivingCore, Failure> {
+    DrivingCore::start()
+        .map_err(|error| Failure::usage(format_args!("no thread to drive on: {error}")))
 }
 
 fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
@@ -317,9 +388,9 @@ pub(super) fn reach(
 }
 
 pub(super) fn dial(target: Target, login: Login, options: link::Options) -> Dial {
-    Box::new(move || {
+    Box::new(move |last_words| {
         let (target, login, options) = (target.clone(), login.clone(), options.clone());
-        Box::pin(async move { link::connect(&target, &login, &options).await })
+        Box::pin(async move { link::connect(&target, &login, last_words, &options).await })
     })
 }
 

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use tokio::runtime;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
@@ -43,6 +44,8 @@ impl Running {
                 options.link.clone(),
             ),
             launcher: Launcher::in_this_thread(),
+            core: runtime::Handle::current(),
+            pulse: None,
             limit,
         };
         let stop = options.stop.child_token();
@@ -91,13 +94,13 @@ impl Drop for Running {
 
 /// A pipe to the simulator for each try to connect.
 fn dial(sim: Handle, login: Login, options: Options) -> Dial {
-    Box::new(move || {
+    Box::new(move |last_words| {
         let (sim, login, options) = (sim.clone(), login.clone(), options.clone());
         Box::pin(async move {
             let (ours, theirs) = tokio::io::duplex(LINK_LEN);
             sim.connect(theirs);
             let (reader, writer) = tokio::io::split(ours);
-            link::open(reader, writer, ADDRESS, &login, &options).await
+            link::open(reader, writer, ADDRESS, &login, last_words, &options).await
         })
     })
 }

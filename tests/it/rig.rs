@@ -145,6 +145,23 @@ pub fn children_of(pid: rustix::process::Pid) -> Vec<rustix::process::Pid> {
     numbers.filter_map(rustix::process::Pid::from_raw).collect()
 }
 
+/// The process numbers of the hosts of an agent's behaviours.
+pub fn hosts_of(agent: rustix::process::Pid) -> Vec<rustix::process::Pid> {
+    let mut children = children_of(agent);
+    children.retain(|pid| is_called(*pid, "__host"));
+    children
+}
+
+/// Whether a process runs with this first argument.
+fn is_called(pid: rustix::process::Pid, argument: &str) -> bool {
+    let line = std::fs::read(format!("/proc/{}/cmdline", pid.as_raw_nonzero()));
+    let line = line.unwrap_or_default();
+    let mut words = line.split(|byte| *byte == 0).skip(1);
+    words
+        .next()
+        .is_some_and(|first| first == argument.as_bytes())
+}
+
 /// A MOVE that moves.
 pub fn moves(command: &Command) -> bool {
     matches!(command, Command::Move { left, right } if (*left, *right) != (0, 0))
@@ -205,7 +222,15 @@ impl Run {
 
     /// The process numbers of its behaviours' hosts.
     pub fn hosts(&self) -> Vec<rustix::process::Pid> {
-        children_of(self.pid())
+        hosts_of(self.pid())
+    }
+
+    /// The process number of its guardian.
+    pub fn guardian(&self) -> Option<rustix::process::Pid> {
+        let children = children_of(self.pid());
+        children
+            .into_iter()
+            .find(|pid| is_called(*pid, "__guardian"))
     }
 
     /// Whether it still runs.

@@ -16,7 +16,7 @@ use spykee::wire::{Command, EngineNews, Led, Login, Report, Sound};
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep, timeout};
 
-use crate::rig::{PATIENCE, Rig, Run, children_of};
+use crate::rig::{PATIENCE, Rig, Run, hosts_of};
 
 /// Beats until the robot says that a sound has ended.
 const WITNESS: &str = "
@@ -292,11 +292,13 @@ fn agent_that_is_told_to_reload() {
                 link,
                 streams: Default::default(),
             },
-            dial: Box::new(move || {
+            dial: Box::new(move |words| {
                 let (target, login, times) = (target.clone(), login.clone(), times.clone());
-                Box::pin(async move { link::connect(&target, &login, &times).await })
+                Box::pin(async move { link::connect(&target, &login, words, &times).await })
             }),
             launcher: Launcher::new(env!("CARGO_BIN_EXE_spykee").into()),
+            core: tokio::runtime::Handle::current(),
+            pulse: None,
             limit: None,
         };
         let (agent, _status) = Agent::new(plan);
@@ -350,7 +352,7 @@ impl Reloader {
     async fn footprint(&self) -> Footprint {
         let pid = Pid::from_child(&self.process);
         let begun = Instant::now();
-        while children_of(pid).len() > 1 && begun.elapsed() < PATIENCE {
+        while hosts_of(pid).len() > 1 && begun.elapsed() < PATIENCE {
             sleep(Duration::from_millis(5)).await;
         }
         let folder = format!("/proc/{}", pid.as_raw_nonzero());
@@ -366,7 +368,7 @@ impl Reloader {
             resident_kib: resident.parse().unwrap(),
             threads: count("task"),
             descriptors: count("fd"),
-            children: children_of(pid).len(),
+            children: hosts_of(pid).len(),
         }
     }
 }

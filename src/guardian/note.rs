@@ -1,0 +1,141 @@
+//! What the agent tells the guardian, one datagram each.
+
+use std::io::{self, IoSlice, IoSliceMut};
+use std::mem::MaybeUninit;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+
+use rustix::io::Errno;
+use rustix::net::{
+    RecvAncillaryBuffer, RecvAncillaryMessage, RecvFlags, SendAncillaryBuffer,
+    SendAncillaryMessage, SendFlags, recvmsg, sendmsg,
+};
+use serde::{Deserialize, Serialize};
+
+/// The longest note: last words of some bytes, and the rest of a half-written message.
+pub(super) const MAX_NOTE_LEN: usize = 128 * 1024;
+
+/// What is to be written to the robot if the agent cannot.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Words {
+    /// The rest of a message of which a part is out. Must come first, or the robot is out of step.
+    pub(super) rest: Vec<u8>,
+    /// Whole messages; none where the robot is best left alone.
+    pub(super) last: Vec<u8>,
+}
+
+/// What the agent tells the guardian.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) enum Note {
+    /// A link is open; its socket comes with this note.
+    Guard(Words),
+    /// What to say has changed.
+    Words(Words),
+    /// The driving core is alive.
+    Beat,
+    /// The link is closed; nothing is left to say.
+    Release,
+}
+
+/// What was received.
+#[derive(Debug)]
+pub(super) enum Received {
+    /// A note, with the socket that came with it.
+    Note(Note, Option<OwnedFd>),
+    /// Nothing more just now.
+    Nothing,
+    /// The agent is gone.
+    End,
+}
+
+impl Note {
+    /// Sends the note, with a socket if there is one, without waiting.
+    ///
+    /// # Errors
+    /// `WouldBlock` if the guardian does not read; whatever else the system says.
+    pub(super) fn send(&self, to: impl AsFd, socket: Option<BorrowedFd<'_>>) -> io::Result<()> {
+        let bytes = postcard::to_allocvec(self).map_err(io::Error::other)?;
+        let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
+        let mut ancillary = SendAncillaryBuffer::new(&mut space);
+        let sockets = socket.map(|socket| [socket]);
+        if let Some(sockets) = &sockets {
+            ancillary.push(SendAncillaryMessage::ScmRights(sockets));
+        }
+        let flags = SendFlags::DONTWAIT | SendFlags::NOSIGNAL;
+        sendmsg(to, &[IoSlice::new(&bytes)], &mut ancillary, flags)?;
+        Ok(())
+    }
+
+    /// Receives the next note without waiting.
+    ///
+    /// # Errors
+    /// What came is no note, or what the system says.
+    pub(super) fn receive(from: impl AsFd, buffer: &mut [u8]) -> io::Result<Received> {
+        let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
+        let mut ancillary = RecvAncillaryBuffer::new(&mut space);
+        let flags = RecvFlags::DONTWAIT | RecvFlags::CMSG_CLOEXEC;
+        let received = recvmsg(from, &mut [IoSliceMut::new(buffer)], &mut ancillary, flags);
+        let count = match received {
+            Ok(message) if message.bytes == 0 => return Ok(Received::End),
+            Ok(message) => message.bytes,
+            Err(Errno::AGAIN | Errno::INTR) => return Ok(Received::Nothing),
+            Err(Errno::CONNRESET) => return Ok(Received::End),
+            Err(error) => return Err(error.into()),
+        };
+        let socket = ancillary.drain().find_map(|message| match message {
+            RecvAncillaryMessage::ScmRights(mut sockets) => sockets.next(),
+            _ => None,
+        });
+        let note = postcard::from_bytes(&buffer[..count]).map_err(io::Error::other)?;
+        Ok(Received::Note(note, socket))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use rustix::net::{AddressFamily, SocketFlags, SocketType, socketpair};
+    use std::io::{Read, Write};
+
+    #[test]
+    fn a_socket_crosses_with_its_note() {
+        let (ours, theirs) = socketpair(
+            AddressFamily::UNIX,
+            SocketType::SEQPACKET,
+            SocketFlags::CLOEXEC,
+            None,
+        )
+        .unwrap();
+        let (mut near, far) = std::os::unix::net::UnixStream::pair().unwrap();
+        let words = Words {
+            rest: vec![1],
+            last: vec![2, 3],
+        };
+        let note = Note::Guard(words);
+        note.send(&ours, Some(far.as_fd())).unwrap();
+        Note::Beat.send(&ours, None).unwrap();
+        drop((ours, far));
+        let mut buffer = vec![0; MAX_NOTE_LEN];
+        let Ok(Received::Note(received, Some(socket))) = Note::receive(&theirs, &mut buffer) else {
+            panic!("no socket")
+        };
+        assert_eq!(received, note);
+        std::os::unix::net::UnixStream::from(socket)
+            .write_all(b"stop")
+            .unwrap();
+        let mut heard = String::new();
+        near.read_to_string(&mut heard).unwrap();
+        assert_eq!(heard, "stop");
+        let beat = Note::receive(&theirs, &mut buffer).unwrap();
+        assert!(matches!(beat, Received::Note(Note::Beat, None)));
+        let end = Note::receive(&theirs, &mut buffer).unwrap();
+        assert!(matches!(end, Received::End));
+    }
+
+    proptest! {
+        #[test]
+        fn random_bytes_are_no_panic(bytes in prop::collection::vec(any::<u8>(), 0..60)) {
+            let _ = postcard::from_bytes::<Note>(&bytes);
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! The guardian's own process: waits for notes and the time, and writes to the robot's socket.
+
+use std::io;
+use std::os::fd::{AsFd, OwnedFd};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+use rustix::net::Shutdown;
+use tokio::signal::unix::{Signal, SignalKind, signal};
+use tokio::time::Instant;
+
+use super::guard::{Guard, Speech};
+use super::note::{MAX_NOTE_LEN, Note, Received};
+
+/// The hidden argument by which the executable knows that it is to be a guardian.
+pub const GUARDIAN_ARGUMENT: &str = "__guardian";
+/// How long a socket that takes nothing is tried.
+const WRITE_LIMIT: Duration = Duration::from_secs(3);
+/// How long the socket is held open for the kernel to deliver the last words again and again.
+const LINGER: Duration = Duration::from_secs(3);
+/// Signals that end or stop a program and are not meant for the guardian: it ends when the agent has.
+const OUTLIVED: [SignalKind; 8] = [
+    SignalKind::hangup(),
+    SignalKind::interrupt(),
+    SignalKind::terminate(),
+    SignalKind::quit(),
+    SignalKind::user_defined1(),
+    SignalKind::user_defined2(),
+    SignalKind::alarm(),
+    SignalKind::from_raw(libc::SIGTSTP),
+];
+
+/// The life of a guardian process: until the agent's end of its standard input is closed.
+pub fn guardian_main() -> ExitCode {
+    // A session of its own: no terminal reaches it. Fails only for the leader of a process group.
+    let _ = rustix::process::setsid();
+    match outlive_signals().and_then(|_outlived| serve(&rustix::stdio::stdin())) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(_) => ExitCode::FAILURE,
+    }
+}
+
+/// From now on the signals do nothing, for as long as the returned value lives.
+fn outlive_signals() -> io::Result<(tokio::runtime::Runtime, Vec<Signal>)> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_io()
+        .build()?;
+    let signals = {
+        let _within = runtime.enter();
+        let signals = OUTLIVED.into_iter().map(signal);
+        signals.collect::<io::Result<_>>()?
+    };
+    Ok((runtime, signals))
+}
+
+fn serve(notes: &impl AsFd) -> io::Result<()> {
+    let (mut guard, mut robot) = (Guard::default(), None::<OwnedFd>);
+    let mut buffer = vec![0; MAX_NOTE_LEN];
+    loop {
+        wait_readable(notes, guard.next_deadline())?;
+        // Drain pending notes before evaluating timeouts: the whole machine may have slept.
+        loop {
+            match Note::receive(notes, &mut buffer)? {
+                Received::Note(note, socket) => {
+                    robot = match note {
+                        Note::Release => None,
+                        _ => socket.or(robot),
+                    };
+                    guard.take(note, Instant::now());
+                }
+                Received::Nothing => break,
+                Received::End => {
+                    if let (Some(robot), Some(speech)) = (&robot, guard.end()) {
+                        write(robot, &speech.bytes);
+                        linger(robot);
+                    }
+                    return Ok(());
+                }
+            }
+        }
+        if let (Some(robot), Some(speech)) = (&robot, guard.poll(Instant::now())) {
+            speak(robot, &speech);
+        }
+    }
+}
+
+fn speak(robot: &OwnedFd, speech: &Speech) {
+    write(robot, &speech.bytes);
+    if speech.closes {
+        let _ = rustix::net::shutdown(robot, Shutdown::Both);
+    }
+}
+
+/// Writes all, as long as the socket takes it. Nothing can be done about one that does not.
+fn write(robot: &OwnedFd, mut bytes: &[u8]) {
+    let until = Instant::now() + WRITE_LIMIT;
+    while !bytes.is_empty() && Instant::now() < until {
+        match rustix::io::write(robot, bytes) {
+            Ok(count) => bytes = &bytes[count..],
+            Err(Errno::INTR) => {}
+            Err(Errno::AGAIN) => wait(robot, PollFlags::OUT, Some(until)).unwrap_or(()),
+            Err(_) => return,
+        }
+    }
+}
+
+/// Says that nothing more comes, and reads what the robot still sends, which would otherwise make the
+/// kernel reset the connection and drop what is not delivered yet.
+fn linger(robot: &OwnedFd) {
+    let until = Instant::now() + LINGER;
+    let _ = rustix::net::shutdown(robot, Shutdown::Write);
+    let mut chunk = [0; 16 * 1024];
+    while Instant::now() < until {
+        match rustix::io::read(robot, &mut chunk) {
+            Ok(0) => return,
+            Ok(_) | Err(Errno::INTR) => {}
+            Err(Errno::AGAIN) => wait(robot, PollFlags::IN, Some(until)).unwrap_or(()),
+            Err(_) => return,
+        }
+    }
+}
+
+fn wait_readable(socket: &impl AsFd, until: Option<Instant>) -> io::Result<()> {
+    wait(socket, PollFlags::IN, until)
+}
+
+/// Waits until the socket is ready, or until then; a signal may end the wait early.
+fn wait(socket: &impl AsFd, ready: PollFlags, until: Option<Instant>) -> io::Result<()> {
+    let left = until.map(|until| until.saturating_duration_since(Instant::now()));
+    let left = left.and_then(|left| Timespec::try_from(left).ok());
+    match poll(&mut [PollFd::new(socket, ready)], left.as_ref()) {
+        Ok(_) | Err(Errno::INTR) => Ok(()),
+        Err(error) => Err(error.into()),
+    }
+}

@@ -1,0 +1,262 @@
+//! Whatever becomes of the agent, the robot stops: killed, stopped, hung, told to end in any way.
+//! The simulated robot drives on when its user goes away, the worst that a firmware can do.
+
+use std::time::Duration;
+
+use rustix::process::{Pid, Signal, kill_process, kill_process_group};
+use spykee::wire::{Command, Engage};
+use tokio::time::{Instant, timeout};
+
+use crate::rig::{PATIENCE, Rig, Run};
+
+/// Twice what the guardian promises, for a busy machine.
+const LIMIT: Duration = Duration::from_secs(2);
+
+const DRIVE: &str = "robot.move(40, 40) task.wait(600)";
+
+/// A robot that drives, and whose guardian has had the time to begin.
+async fn driving() -> (Rig, Run) {
+    let rig = Rig::quiet().await;
+    let run = rig.run(DRIVE);
+    rig.heard_motion(0).await;
+    assert!(run.guardian().is_some(), "no guardian: {}", run.text());
+    (rig, run)
+}
+
+/// Waits until the tracks rest: how long that took.
+async fn rests(rig: &Rig) -> Duration {
+    let began = Instant::now();
+    let resting = rig.sim.wait_state(|state| !state.moving());
+    timeout(PATIENCE, resting).await.expect("the tracks rest");
+    began.elapsed()
+}
+
+fn state_of(pid: Pid) -> char {
+    let path = format!("/proc/{}/stat", pid.as_raw_nonzero());
+    let stat = std::fs::read_to_string(path).unwrap_or_default();
+    let behind = stat.rsplit(") ").next().unwrap_or_default();
+    behind.chars().next().unwrap_or('?')
+}
+
+async fn becomes(pid: Pid, state: char) {
+    let became = async {
+        while state_of(pid) != state {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+    };
+    let waited = timeout(PATIENCE, became).await;
+    waited.unwrap_or_else(|_| panic!("{pid:?} is {}, not {state}", state_of(pid)));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_agent_that_is_killed_leaves_a_robot_that_stands_still() {
+    let (rig, run) = driving().await;
+    run.signal(Signal::KILL);
+    let took = rests(&rig).await;
+    assert!(took < LIMIT, "{took:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_agent_and_its_whole_process_group_that_are_killed_leave_a_robot_that_stands_still() {
+    use std::os::unix::process::CommandExt as _;
+    let rig = Rig::quiet().await;
+    let script = rig.file("script.lua", DRIVE);
+    let mut agent = std::process::Command::new(env!("CARGO_BIN_EXE_spykee"))
+        .args(["run", script.to_str().unwrap(), "--robot", &rig.address])
+        .current_dir(rig.folder())
+        .process_group(0)
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    rig.heard_motion(0).await;
+    for signal in [Signal::HUP, Signal::KILL] {
+        let _ = kill_process_group(Pid::from_child(&agent), signal);
+    }
+    agent.wait().unwrap();
+    let took = rests(&rig).await;
+    assert!(took < LIMIT, "{took:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stopped_agent_leaves_a_robot_that_stands_still_and_goes_on_when_it_wakes() {
+    let (rig, run) = driving().await;
+    run.signal(Signal::STOP);
+    let took = rests(&rig).await;
+    assert!(took < LIMIT, "{took:?}");
+    tokio::time::sleep(Duration::from_secs(2)).await;
+    let slept = rig.sim.heard_count();
+    run.signal(Signal::CONT);
+    rig.heard(slept, |_| true).await;
+    assert_eq!(
+        rig.commands(slept)[0],
+        Command::STOP,
+        "going on begins with a stop"
+    );
+    rig.sim.set_battery(10.0);
+    rig.heard_dock(slept).await;
+}
+
+/// The driving core does not return from a wait, as if it hung in a driver.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_core_that_hangs_leaves_a_robot_that_stands_still() {
+    let (rig, run) = driving().await;
+    let core = thread_called(run.pid(), "core");
+    let Some(mut tracer) = crate::slow_system::trace(
+        core,
+        &[
+            "-e",
+            "trace=epoll_wait",
+            "-e",
+            "inject=epoll_wait:delay_exit=8000000",
+        ],
+    ) else {
+        return;
+    };
+    let took = rests(&rig).await;
+    let _ = tracer.kill();
+    let _ = tracer.wait();
+    // The tracer needs its time to begin.
+    assert!(took < 2 * LIMIT, "{took:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_killed_agent_does_not_end_the_search_of_a_low_robot() {
+    let rig = Rig::quiet().await;
+    let run = rig.run(DRIVE);
+    rig.heard_motion(0).await;
+    rig.sim.set_battery(10.0);
+    let dock = rig.heard_dock(0).await;
+    let searching = rig.sim.wait_state(|state| state.searching);
+    timeout(PATIENCE, searching).await.unwrap();
+    run.signal(Signal::KILL);
+    let home = rig.sim.wait_state(|state| state.charging);
+    timeout(2 * PATIENCE, home).await.expect("it comes home");
+    // Killed between two of its own steps, the agent may have left the same words once more.
+    let find = Command::Engine(Engage::Dock);
+    let later = rig.commands(dock + 1);
+    let alone = |pair: &[Command]| pair[0] == Command::STOP && pair[1] != find;
+    assert!(!later.windows(2).any(alone), "{later:?}");
+    assert_ne!(later.last(), Some(&Command::STOP));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_low_robot_between_two_searches_is_sent_home_by_the_guardian() {
+    let firmware = spykee::sim::Firmware {
+        search_limit: Duration::from_millis(300),
+        ..Default::default()
+    };
+    let rig = Rig::new(crate::rig::QUIET_WORLD, firmware).await;
+    let config = rig.file(
+        "spykee.yaml",
+        "watchdog: { recovery_legs: 0, dock_pause: 60 }\n",
+    );
+    let script = rig.file("script.lua", DRIVE);
+    let (config, script) = (config.to_str().unwrap(), script.to_str().unwrap());
+    let run = rig.spykee(&["run", script, "--robot", &rig.address, "--config", config]);
+    rig.heard_motion(0).await;
+    rig.sim.hide_station(true);
+    rig.sim.set_battery(10.0);
+    let dock = rig.heard_dock(0).await;
+    let ended = rig.sim.wait_state(|state| !state.searching);
+    timeout(PATIENCE, ended).await.unwrap();
+    rig.heard_stop(dock).await;
+    let killed = rig.sim.heard_count();
+    run.signal(Signal::KILL);
+    let again = rig.heard_dock(killed).await;
+    let words = [Command::STOP, Command::Engine(Engage::Dock)];
+    assert_eq!(rig.commands(again - 1)[..2], words);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_signal_that_ends_a_program_ends_a_run_in_order() {
+    for signal in [
+        Signal::INT,
+        Signal::TERM,
+        Signal::HUP,
+        Signal::QUIT,
+        Signal::USR1,
+        Signal::USR2,
+        Signal::ALARM,
+        Signal::VTALARM,
+        Signal::XCPU,
+    ] {
+        let (rig, mut run) = driving().await;
+        let told = rig.sim.heard_count();
+        run.signal(signal);
+        rig.heard_stop(told).await;
+        assert_eq!(run.code().await, Some(130), "{signal:?}: {}", run.text());
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn ctrl_z_stops_the_tracks_before_it_stops_the_program() {
+    let (rig, run) = driving().await;
+    let told = rig.sim.heard_count();
+    run.signal(Signal::TSTP);
+    rig.heard_stop(told).await;
+    becomes(run.pid(), 'T').await;
+    assert!(!rig.sim.state().moving());
+    let slept = rig.sim.heard_count();
+    run.signal(Signal::CONT);
+    rig.heard(slept, |_| true).await;
+    assert_eq!(
+        rig.commands(slept)[0],
+        Command::STOP,
+        "going on begins with a stop"
+    );
+    rig.sim.set_battery(10.0);
+    rig.heard_dock(slept).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_guardian_outlives_signals_that_are_not_meant_for_it() {
+    let (rig, run) = driving().await;
+    let guardian = run.guardian().unwrap();
+    for signal in [
+        Signal::HUP,
+        Signal::INT,
+        Signal::TERM,
+        Signal::QUIT,
+        Signal::TSTP,
+    ] {
+        kill_process(guardian, signal).unwrap();
+    }
+    run.signal(Signal::KILL);
+    let took = rests(&rig).await;
+    assert!(took < LIMIT, "{took:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_guardian_ends_with_a_run_that_ends_in_order() {
+    let (_rig, mut run) = driving().await;
+    let guardian = run.guardian().unwrap();
+    run.signal(Signal::TERM);
+    assert_eq!(run.code().await, Some(130));
+    let gone = async {
+        while !matches!(state_of(guardian), '?' | 'Z') {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    };
+    timeout(PATIENCE, gone).await.expect("it has ended");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn hosts_are_killed_before_the_agent_when_memory_is_short() {
+    let (_rig, run) = driving().await;
+    for host in run.hosts() {
+        let path = format!("/proc/{}/oom_score_adj", host.as_raw_nonzero());
+        assert_eq!(std::fs::read_to_string(path).unwrap().trim(), "500");
+    }
+}
+
+/// The thread of a process with this name.
+pub fn thread_called(process: Pid, name: &str) -> Pid {
+    let tasks = std::fs::read_dir(format!("/proc/{}/task", process.as_raw_nonzero())).unwrap();
+    let mut tasks = tasks.map(|task| task.unwrap().path());
+    let named = |path: &std::path::PathBuf| {
+        std::fs::read_to_string(path.join("comm")).is_ok_and(|comm| comm.trim() == name)
+    };
+    let path = tasks.find(named).expect("a thread of that name");
+    let number = path.file_name().unwrap().to_str().unwrap();
+    Pid::from_raw(number.parse().unwrap()).unwrap()
+}
