@@ -2,6 +2,7 @@
 //! everything to an end within two seconds, whoever asks for it and whatever hangs.
 
 mod keeper;
+mod rescue;
 mod talk;
 
 use std::time::Duration;
@@ -15,11 +16,12 @@ use tokio_util::task::AbortOnDropHandle;
 use tracing::{error, info, warn};
 
 use self::keeper::{Keeper, Surroundings};
+pub use self::rescue::{RESCUE_NAME, rescue};
 pub use self::talk::{Talk, TalkError};
 use crate::behaviour::{Launch, Launcher, Prepared, Reload, RestartPolicy};
 use crate::link::LinkError;
 use crate::pilot::{self, Delivery, Dial, LinkState, Pilot, Pulse, Settings, Status};
-use crate::robot::channel::{MAX_REQUESTS, Request};
+use crate::robot::channel::{MAX_REQUESTS, Request, Role};
 use crate::robot::{BehaviourId, EndReason, Priority};
 use crate::script::Ending;
 
@@ -61,6 +63,8 @@ pub struct Plan {
     pub core: runtime::Handle,
     /// Of a run in real time.
     pub pulse: Option<Pulse>,
+    /// The rescue behaviour, if there is to be one: see [`rescue`].
+    pub rescue: Option<Launch>,
     /// End after this time.
     pub limit: Option<Duration>,
 }
@@ -140,6 +144,10 @@ impl Agent {
             frames,
             stop: ended.subscribe(),
         };
+        let rescue = plan.rescue.map(|launch| {
+            let standing_by = rescue::stand_by(around.clone(), launch, status.clone());
+            AbortOnDropHandle::new(tokio::spawn(standing_by))
+        });
         let prepared = match prepare(around, plan.behaviours).await {
             Ok(prepared) => prepared,
             Err(refused) => return Ok(refused),
@@ -153,6 +161,7 @@ impl Agent {
             parting.cancel();
         }));
         let mut run = Run {
+            _rescue: rescue,
             flight: AbortOnDropHandle::new(plan.core.spawn(flight)),
             scripts: JoinSet::new(),
             endings: Vec::new(),
@@ -179,7 +188,7 @@ async fn prepare(around: Surroundings, behaviours: Vec<Behaviour>) -> Result<Vec
     let mut prepared = Vec::new();
     for (number, behaviour) in behaviours.into_iter().enumerate() {
         let by = BehaviourId(u16::try_from(number).unwrap_or(u16::MAX));
-        let keeper = Keeper::new(around.clone(), by, behaviour);
+        let keeper = Keeper::new(around.clone(), by, Role::Behaviour, behaviour);
         match keeper.prepare().await {
             Err(ending) if !keeper.is_watched() => return Err(refused(keeper.name(), ending)),
             first => prepared.push((keeper, first)),
@@ -208,6 +217,8 @@ struct Run {
     ended: watch::Sender<Option<EndReason>>,
     status: watch::Receiver<Status>,
     ending: pilot::Ending,
+    /// Ends with the run.
+    _rescue: Option<AbortOnDropHandle<()>>,
 }
 
 impl Run {

@@ -163,7 +163,12 @@ impl Config {
         let mut config = Config::parse(text, &path.display().to_string())?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let paths = config.behaviours.iter_mut().map(|entry| &mut entry.file);
+        let rescue = match &mut config.watchdog.rescue {
+            safety::Rescue::File(path) => Some(path),
+            safety::Rescue::Builtin | safety::Rescue::Off => None,
+        };
         for path in paths
+            .chain(rescue)
             .chain(&mut config.data)
             .chain(&mut config.password_file)
         {

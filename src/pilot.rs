@@ -361,6 +361,7 @@ impl Pilot {
             safety: self.watchdog.state(),
             battery: self.watchdog.battery(),
             low: self.watchdog.low().is_some(),
+            rescue: self.watchdog.wants_rescue(),
             docked: self.watchdog.docked(),
             frames,
         };

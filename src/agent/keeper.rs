@@ -14,7 +14,7 @@ use super::{Behaviour, report};
 use crate::behaviour::{
     Handle, Launch, Launcher, Patience, Prepared, Reload, RestartPolicy, Supervisor, Verdict,
 };
-use crate::robot::channel::Request;
+use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
 use crate::script::Ending;
 use crate::script::check;
@@ -45,6 +45,7 @@ type Loading = Pin<Box<dyn Future<Output = Result<Loaded, Ending>> + Send>>;
 pub(super) struct Keeper {
     around: Surroundings,
     by: BehaviourId,
+    role: Role,
     priority: Priority,
     /// With the text that runs, or ran last.
     launch: Launch,
@@ -57,7 +58,12 @@ pub(super) struct Keeper {
 }
 
 impl Keeper {
-    pub(super) fn new(around: Surroundings, by: BehaviourId, plan: Behaviour) -> Keeper {
+    pub(super) fn new(
+        around: Surroundings,
+        by: BehaviourId,
+        role: Role,
+        plan: Behaviour,
+    ) -> Keeper {
         let Behaviour {
             priority,
             launch,
@@ -68,6 +74,7 @@ impl Keeper {
         Keeper {
             around,
             by,
+            role,
             priority,
             patience: Patience::new(policy, launch.options.seed),
             launch,
@@ -123,7 +130,7 @@ impl Keeper {
             ..
         } = self.around.clone();
         let handle = Handle::default();
-        let supervisor = Supervisor::board(host, requests, frames).await;
+        let supervisor = Supervisor::board(host, self.role, requests, frames).await;
         let mut life = pin!(supervisor.run(handle.clone(), &core));
         let (mut loading, mut successor, mut parting) = (None, None, false);
         let ending = loop {

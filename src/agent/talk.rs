@@ -14,7 +14,7 @@ use super::{Flight, LINK_END, SCRIPTS_END, broken_flight};
 use crate::behaviour::{Dialogue, Handle, Launch, Launcher, Order, Prepared, Said, Supervisor};
 use crate::link::LinkError;
 use crate::pilot::{self, Dial, LinkState, Pilot, Pulse, Settings, Status};
-use crate::robot::channel::{MAX_REQUESTS, Request};
+use crate::robot::channel::{MAX_REQUESTS, Request, Role};
 use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
 use crate::script::Ending;
 
@@ -166,7 +166,13 @@ impl Session {
         let (by, launch) = (BehaviourId(self.last), self.launch.clone());
         let prepared = Prepared::start(&self.launcher, &self.core, by, Priority(0), launch).await;
         let prepared = prepared.map_err(TalkError::Host)?;
-        Ok(Supervisor::board(prepared, self.requests.clone(), self.frames.clone()).await)
+        Ok(Supervisor::board(
+            prepared,
+            Role::Behaviour,
+            self.requests.clone(),
+            self.frames.clone(),
+        )
+        .await)
     }
 
     /// The stop is written; now the link.

@@ -20,7 +20,7 @@ use super::library::Library;
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
 use super::process::{HostProcess, Launcher, PipeReader, PipeWriter};
-use crate::robot::channel::{Inbox, Request, Told, events};
+use crate::robot::channel::{Inbox, Request, Role, Told, events};
 use crate::robot::{BehaviourId, Coming, EndReason, Pictures, Priority};
 use crate::script::{Ending, Level, LogLine, ModuleName};
 
@@ -219,6 +219,7 @@ impl Supervisor {
     /// Brings a prepared behaviour aboard: the pilot knows it from now on.
     pub async fn board(
         host: Prepared,
+        role: Role,
         requests: mpsc::Sender<Request>,
         frames: watch::Receiver<Pictures>,
     ) -> Supervisor {
@@ -227,6 +228,7 @@ impl Supervisor {
             by: host.by,
             name: host.name.clone(),
             priority: host.priority,
+            role,
             outbox,
         };
         let _ = requests.send(join).await;

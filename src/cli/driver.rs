@@ -12,7 +12,7 @@ use super::run::{driving_core, pulse};
 use super::{Exit, Failure};
 use crate::link::LinkError;
 use crate::pilot::{Delivery, Dial, DrivingCore, Ending, LinkState, Pilot, Settings, Status};
-use crate::robot::channel::{Inbox, MAX_REQUESTS, Request, Told, events};
+use crate::robot::channel::{Inbox, MAX_REQUESTS, Request, Role, Told, events};
 use crate::robot::{
     BehaviourId, CallId, DockEnd, DockPlan, Event, Intent, MotionEnd, MotionId, Priority, Setpoint,
 };
@@ -96,6 +96,7 @@ impl Driver {
             by,
             name: "spykee".into(),
             priority,
+            role: Role::Behaviour,
             outbox,
         })
         .await

@@ -23,7 +23,7 @@ use super::source::read_source;
 use super::status::StatusLine;
 use super::trace::TraceFile;
 use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
-use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
+use crate::agent::{self, Agent, AgentError, Behaviour, Outcome, Plan, RESCUE_NAME};
 use crate::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure};
 use crate::config::{Config, Entry};
 use crate::guardian::Guardian;
@@ -164,6 +164,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         launcher,
         core: core.handle().clone(),
         pulse: Some(pulse(sim.is_some())),
+        rescue: rescue(&config, seed)?,
         limit: args.limit,
     };
     let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle));
@@ -310,6 +311,18 @@ pub(super) fn pulse(simulated: bool) -> Pulse {
             );
             None
         }
+    })
+}
+
+/// The rescue behaviour that the config wants.
+fn rescue(config: &Config, seed: u64) -> Result<Option<Launch>, Failure> {
+    let choice = &config.watchdog.rescue;
+    let options = config.script(RESCUE_NAME, choice.to_string(), seed);
+    agent::rescue(choice, options).map_err(|error| {
+        Failure::usage(format_args!(
+            "cannot read the rescue behaviour {choice}: {error}"
+        ))
+        .help("watchdog: { rescue: builtin } uses the one that comes along")
     })
 }
 

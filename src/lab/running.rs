@@ -8,10 +8,11 @@ use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
 use super::{ADDRESS, Lab};
-use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
-use crate::behaviour::Launcher;
+use crate::agent::{self, Agent, AgentError, Behaviour, Outcome, Plan, RESCUE_NAME};
+use crate::behaviour::{Launch, Launcher};
 use crate::link::{self, Options};
 use crate::pilot::{Dial, Settings, Status};
+use crate::script;
 use crate::sim::Handle;
 use crate::wire::Login;
 
@@ -46,6 +47,7 @@ impl Running {
             launcher: Launcher::in_this_thread(),
             core: runtime::Handle::current(),
             pulse: None,
+            rescue: rescue(options),
             limit,
         };
         let stop = options.stop.child_token();
@@ -90,6 +92,19 @@ impl Drop for Running {
     fn drop(&mut self) {
         self.agent.abort();
     }
+}
+
+/// The rescue behaviour; one whose file cannot be read is left out, and said so.
+fn rescue(options: &super::Options) -> Option<Launch> {
+    let choice = &options.limits.rescue;
+    let script = script::Options {
+        seed: options.seed,
+        ..script::Options::new(RESCUE_NAME, choice.to_string())
+    };
+    agent::rescue(choice, script).unwrap_or_else(|error| {
+        tracing::error!("cannot read the rescue behaviour {choice}: {error}");
+        None
+    })
 }
 
 /// A pipe to the simulator for each try to connect.

@@ -8,7 +8,7 @@ use tokio::time::Instant;
 
 use super::Pilot;
 use super::lost::LinkLost;
-use crate::robot::channel::Request;
+use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, CallId, DockEnd, Event, Intent, Priority};
 use crate::safety::{Ask, Fact};
 use crate::wire::{Command, Engage, Sound, Stream};
@@ -24,10 +24,14 @@ impl Pilot {
                 by,
                 name,
                 priority,
+                role,
                 outbox,
             } => {
                 let welcome = self.welcome();
                 self.seats.join(by, name, priority, outbox, &welcome);
+                if role == Role::Rescuer {
+                    self.defer(Fact::Rescuer(Some(by)));
+                }
                 Ok(())
             }
             Request::Intent(by, intent) => match self.seats.priority(by) {

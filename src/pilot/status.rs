@@ -26,6 +26,8 @@ pub struct Status {
     pub battery: Option<Battery>,
     /// The battery counts as low and the watchdog has the robot.
     pub low: bool,
+    /// A rescue behaviour should be there.
+    pub rescue: bool,
     /// On the station, as far as is known; without a link as far as was known.
     pub docked: bool,
     /// Frames that have come so far, damaged ones included. Counting alone wakes nobody who waits for a change.
@@ -40,6 +42,7 @@ impl Default for Status {
             safety,
             battery: None,
             low: false,
+            rescue: false,
             docked: false,
             frames: 0,
         }

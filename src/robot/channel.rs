@@ -23,6 +23,8 @@ pub enum Request {
         name: String,
         /// Its priority.
         priority: Priority,
+        /// What it is there for.
+        role: Role,
         /// Where it is told.
         outbox: Outbox,
     },
@@ -36,6 +38,16 @@ pub enum Request {
     Alarm,
     /// Stop the robot, and then this program by this function, which returns when it goes on.
     Sleep(Sleep),
+}
+
+/// What a behaviour is there for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Role {
+    /// What its user wants.
+    #[default]
+    Behaviour,
+    /// To bring a robot with a low battery to its station, with the tracks that the watchdog lends it.
+    Rescuer,
 }
 
 /// Stops this program, and returns when it goes on.

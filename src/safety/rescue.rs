@@ -1,5 +1,6 @@
 //! Who drives between two searches of a low robot: the `rescue` setting.
 
+use std::fmt;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
@@ -36,13 +37,19 @@ impl TryFrom<String> for Rescue {
     }
 }
 
+impl fmt::Display for Rescue {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Rescue::Builtin => f.write_str("builtin"),
+            Rescue::Off => f.write_str("off"),
+            Rescue::File(file) => file.display().fmt(f),
+        }
+    }
+}
+
 impl From<Rescue> for String {
     fn from(rescue: Rescue) -> String {
-        match rescue {
-            Rescue::Builtin => "builtin".into(),
-            Rescue::Off => "off".into(),
-            Rescue::File(file) => file.to_string_lossy().into_owned(),
-        }
+        rescue.to_string()
     }
 }
 

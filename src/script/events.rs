@@ -53,6 +53,7 @@ event_names! {
     Noise = "noise",
     SoundFinished = "sound_finished",
     Safety = "safety",
+    Loan = "loan",
     Engine = "engine",
 }
 
@@ -87,6 +88,7 @@ impl EventName {
             Event::Audio(_) => EventName::Audio,
             Event::SoundFinished => EventName::SoundFinished,
             Event::Safety { .. } => EventName::Safety,
+            Event::Loan { .. } => EventName::Loan,
             Event::Engine { .. } => EventName::Engine,
             Event::MotionEnded { .. } | Event::DockEnded { .. } | Event::UndockEnded { .. } => {
                 return None;
@@ -137,6 +139,10 @@ fn event_table(lua: &Lua, event: &Event) -> LuaResult<LuaTable> {
         Event::Safety { action, reason } => {
             table.raw_set("action", action.name())?;
             table.raw_set("reason", reason.as_str())?;
+        }
+        Event::Loan { seconds, power } => {
+            table.raw_set("seconds", seconds.as_secs_f64())?;
+            table.raw_set("power", power.get())?;
         }
         Event::Engine { code } => table.raw_set("code", *code)?,
         _ => {}

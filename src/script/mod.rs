@@ -73,6 +73,7 @@ pub use sandbox::MAX_SOURCE;
 pub use sighting::{Seen, Sighting};
 pub use stage::Stage;
 pub use state::Usage;
+pub use stdlib::RESCUE;
 
 /// A script with its VM. Stays on the thread that made it.
 ///

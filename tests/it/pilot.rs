@@ -58,6 +58,7 @@ impl Cockpit {
             by: WHO,
             name: "script".to_owned(),
             priority: Priority(0),
+            role: Default::default(),
             outbox,
         };
         requests.send(join).await.unwrap();

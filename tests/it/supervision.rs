@@ -299,6 +299,7 @@ fn agent_that_is_told_to_reload() {
             launcher: Launcher::new(env!("CARGO_BIN_EXE_spykee").into()),
             core: tokio::runtime::Handle::current(),
             pulse: None,
+            rescue: None,
             limit: None,
         };
         let (agent, _status) = Agent::new(plan);

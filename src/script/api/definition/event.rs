@@ -50,5 +50,10 @@ pub(super) const EVENTS: &[Event] = &[
     event("noise", "A sound was louder than the set level.").with("Noise"),
     event("sound_finished", "The robot has finished playing music."),
     event("safety", "The watchdog has done something.").with("Safety"),
+    event(
+        "loan",
+        "The watchdog lends this behaviour the tracks of a robot with a low battery. Only the rescue behaviour of the config hears of it.",
+    )
+    .with("Loan"),
     event("engine", "The robot has sent a code that nobody knows.").with("Engine"),
 ];

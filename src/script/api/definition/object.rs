@@ -340,6 +340,18 @@ pub(super) const OBJECTS: &[Object] = &[
         &[choice("action", SAFETY_ACTION, ""), text("reason", "")],
     ),
     table(
+        "Loan",
+        "The tracks of a robot with a low battery, lent for a while.",
+        &[
+            number(
+                "seconds",
+                "how long at most; a stop ends it, and so does a second without motion",
+            )
+            .unit("s"),
+            number("power", "the most power of each track; more is scaled down").unit("%"),
+        ],
+    ),
+    table(
         "Engine",
         "A code of the robot's that nobody knows.",
         &[whole("code", "")],
