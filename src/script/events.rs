@@ -90,7 +90,11 @@ impl EventName {
             Event::Safety { .. } => EventName::Safety,
             Event::Loan { .. } => EventName::Loan,
             Event::Engine { .. } => EventName::Engine,
-            Event::MotionEnded { .. } | Event::DockEnded { .. } | Event::UndockEnded { .. } => {
+            // A loan has no name for scripts yet: only a rescue behaviour is told of one.
+            Event::MotionEnded { .. }
+            | Event::DockEnded { .. }
+            | Event::UndockEnded { .. }
+            | Event::Loan { .. } => {
                 return None;
             }
         })

@@ -141,9 +141,8 @@ pub async fn alarms_and_searches_on(stage: Stage) {
     stage.rig.sim.set_battery(LOW);
     let stop = stage.goes_home(from).await;
     hears_the_alarm_twice(&stage, stop).await;
-    // Two tries, one after each of the two legs that the config allows, and two after pauses.
     let mut search = stop;
-    for _ in 0..6 {
+    for _ in 0..2 {
         search = stage.rig.heard_dock(search + 1).await;
         assert_eq!(stage.rig.commands(search - 1)[0], Command::STOP);
     }
@@ -151,8 +150,8 @@ pub async fn alarms_and_searches_on(stage: Stage) {
     let mut tracks: Vec<(i8, i8)> = heard.iter().filter_map(setpoint).collect();
     tracks.dedup();
     let (still, ahead, left) = ((0, 0), (27, 27), (-27, 27));
-    assert_eq!(tracks, [still, ahead, still, left, ahead, still]);
-    stage.run.says("drives a short leg, 2 of 2").await;
+    assert_eq!(tracks[..6], [still, ahead, still, left, ahead, still]);
+    stage.run.says("drives short leg 2").await;
     stage.says_more("moved false safety", 1).await;
     stage.ends_well();
 }
