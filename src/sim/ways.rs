@@ -55,6 +55,12 @@ impl Ways {
         near.min_by(f64::total_cmp)
     }
 
+    /// Whether a robot stands there without touching a wall, a piece of furniture, a post or the
+    /// station. What encloses a place, such as a wide piece of furniture, does not touch it.
+    pub fn has_room(&self, place: Point) -> bool {
+        self.obstacles.clearance(place) >= RADIUS
+    }
+
     /// All places of the grid from which a way leads home, with its length in metres.
     pub fn places(&self) -> impl Iterator<Item = (Point, f64)> {
         let columns = self.columns;
@@ -73,7 +79,7 @@ impl Ways {
         for (column, row) in self.around(staging.point()) {
             let place = place(column, row);
             let length = straight_on + staging.point().distance(place);
-            if self.is_free(place) {
+            if self.has_room(place) {
                 open.push(Reverse(((length * 1e4) as u32, column, row)));
             }
         }
@@ -81,7 +87,7 @@ impl Ways {
             let Some(index) = self.index(column, row) else {
                 continue;
             };
-            if self.lengths[index].is_some() || !self.is_free(place(column, row)) {
+            if self.lengths[index].is_some() || !self.has_room(place(column, row)) {
                 continue;
             }
             self.lengths[index] = Some(length);
@@ -91,10 +97,6 @@ impl Ways {
                 open.push(Reverse((length + step, column + right, row + up)));
             }
         }
-    }
-
-    fn is_free(&self, place: Point) -> bool {
-        self.obstacles.clearance(place) >= RADIUS
     }
 
     fn around(&self, place: Point) -> impl Iterator<Item = (i64, i64)> + use<> {
@@ -159,7 +161,11 @@ mod tests {
     #[test]
     fn a_robot_that_touches_a_wall_can_leave_it() {
         assert!(ways("").length(Point::new(6.0 - RADIUS, 1.234)).is_some());
-        assert!(ways("").length(Point::new(6.0 - RADIUS + 1e-4, 1.234)).is_some());
+        assert!(
+            ways("")
+                .length(Point::new(6.0 - RADIUS + 1e-4, 1.234))
+                .is_some()
+        );
     }
 
     #[test]
