@@ -18,16 +18,15 @@ use self::keeper::{Keeper, Surroundings};
 pub use self::talk::{Talk, TalkError};
 use crate::behaviour::{Launch, Launcher, Prepared, Reload, RestartPolicy};
 use crate::link::LinkError;
-use crate::pilot::{self, Dial, LinkState, Pilot, Settings, Status};
+use crate::pilot::{self, Delivery, Dial, LinkState, Pilot, Pulse, Settings, Status};
 use crate::robot::channel::{MAX_REQUESTS, Request};
 use crate::robot::{BehaviourId, EndReason, Priority};
-use crate::safety::WatchdogState;
 use crate::script::Ending;
 
 /// How long the scripts' last words and the end of their hosts may take together.
 const SCRIPTS_END: Duration = Duration::from_millis(1100);
 /// How long the last writes and the closing of the link may take.
-const LINK_END: Duration = Duration::from_millis(500);
+const LINK_END: Duration = Duration::from_millis(2500);
 
 /// A script and what is to be made of it.
 #[derive(Debug)]
@@ -60,6 +59,8 @@ pub struct Plan {
     /// Runs the pilot and serves the hosts' pipes: that of a [`pilot::DrivingCore`], or in virtual time
     /// the only one there is.
     pub core: runtime::Handle,
+    /// Of a run in real time.
+    pub pulse: Option<Pulse>,
     /// End after this time.
     pub limit: Option<Duration>,
 }
@@ -97,8 +98,9 @@ pub struct Agent {
 
 impl Agent {
     /// Also returns the newest status of robot and watchdog.
-    pub fn new(plan: Plan) -> (Agent, watch::Receiver<Status>) {
-        let (pilot, frames, status) = Pilot::new(&plan.settings);
+    pub fn new(mut plan: Plan) -> (Agent, watch::Receiver<Status>) {
+        let (mut pilot, frames, status) = Pilot::new(&plan.settings);
+        pilot.set_pulse(plan.pulse.take());
         let requests = mpsc::channel(MAX_REQUESTS);
         (
             Agent {
@@ -110,6 +112,11 @@ impl Agent {
             },
             status,
         )
+    }
+
+    /// Puts this program to sleep when asked, the robot first; see [`Request::Sleep`].
+    pub fn requests(&self) -> mpsc::Sender<Request> {
+        self.requests.0.clone()
     }
 
     /// Runs until every behaviour has ended, the time is over, or `stop` is cancelled. Scripts that
@@ -139,6 +146,12 @@ impl Agent {
         };
         let ending = pilot::Ending::default();
         let flight = pilot.run(plan.dial, plan.settings, received, ending.clone());
+        // At once, even if this thread waits for the system just then.
+        let (stopped, parting) = (stop.clone(), ending.parting.clone());
+        let _part = AbortOnDropHandle::new(plan.core.spawn(async move {
+            stopped.cancelled().await;
+            parting.cancel();
+        }));
         let mut run = Run {
             flight: AbortOnDropHandle::new(plan.core.spawn(flight)),
             scripts: JoinSet::new(),
@@ -184,7 +197,7 @@ fn refused(name: &str, ending: Ending) -> Outcome {
     }
 }
 
-type Flight = AbortOnDropHandle<Result<(), LinkError>>;
+type Flight = AbortOnDropHandle<Result<Delivery, LinkError>>;
 
 /// A run under way.
 struct Run {
@@ -257,8 +270,8 @@ impl Run {
     }
 }
 
-/// Waits until every behaviour has ended, and then until a robot with a low battery is home or has
-/// given up.
+/// Waits until every behaviour has ended, and then, through dropped links too, until a robot with a
+/// low battery is home.
 async fn run_out(
     scripts: &mut JoinSet<(String, Ending)>,
     endings: &mut Vec<(String, Ending)>,
@@ -267,19 +280,19 @@ async fn run_out(
     while let Some(ended) = scripts.join_next().await {
         endings.push(ended.map_err(|_| AgentError::Broken("a supervisor"))?);
     }
-    let going_home = |status: &Status| status.safety == WatchdogState::LowGoingHome;
-    if going_home(&status.borrow_and_update()) {
+    let away = |status: &Status| status.low && !status.docked;
+    if away(&status.borrow_and_update()) {
         info!("battery low: staying until the robot is on its station (Ctrl-C leaves now)");
-        let _ = status.wait_for(|status| !going_home(status)).await;
+        let _ = status.wait_for(|status| !away(status)).await;
         return Ok(EndReason::Safety);
     }
     Ok(EndReason::Done)
 }
 
-fn broken_flight(ended: Result<Result<(), LinkError>, tokio::task::JoinError>) -> AgentError {
+fn broken_flight(ended: Result<Result<Delivery, LinkError>, tokio::task::JoinError>) -> AgentError {
     match ended {
         Ok(Err(error)) => AgentError::Link(error),
-        Ok(Ok(())) | Err(_) => AgentError::Broken("the pilot"),
+        Ok(Ok(_)) | Err(_) => AgentError::Broken("the pilot"),
     }
 }
 

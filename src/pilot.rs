@@ -2,35 +2,47 @@
 //! robot. Facts go into the watchdog, its acts come out and are done here, all commands of one
 //! batch in one write. Knows no script, no decoder and no lock.
 //!
-//! However this task ends, by order, by a panic or by being dropped, the [`Writer`]'s own drop
-//! tells the tracks to stop.
+//! However this task ends, by order, by a panic or by being dropped, the [`Writer`]'s own drop says
+//! the last words that the watchdog has left with it.
+//!
+//! Nothing here waits for the robot to take a command: see [`Writer::send`].
 
 mod core;
 mod hearing;
 mod lights;
 mod line;
+mod lost;
+mod pulse;
 mod seats;
 mod serving;
+mod silence;
 mod status;
 mod throttle;
+
+use std::pin::pin;
+use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
-use tracing::warn;
+use tracing::{info, warn};
 
-use crate::link::{LinkError, Writer};
-use crate::robot::channel::{MAX_REQUESTS, Request};
+pub use crate::link::Delivery;
+use crate::link::{LinkError, Writer, farewell};
+use crate::robot::channel::{MAX_REQUESTS, Request, Sleep};
 use crate::robot::{Event, Pictures, RobotInfo, Streams};
 use crate::safety::{Act, Fact, Limits, Watchdog};
 use crate::vision::Damage;
-use crate::wire::{Command, Power};
+use crate::wire::Command;
 
 pub use self::core::DrivingCore;
 use self::lights::Lights;
 pub use self::line::Dial;
 use self::line::Line;
+use self::lost::LinkLost;
+pub use self::pulse::Pulse;
 use self::seats::Seats;
+use self::silence::{Silence, Verdict};
 pub use self::status::{LinkState, Status};
 
 /// Requests served in a row before the robot is heard again.
@@ -38,6 +50,9 @@ const REQUESTS_IN_A_ROW: usize = 32;
 
 /// How often the other tasks get a turn before a deadline is judged: once to read, once to pass on.
 const HEARINGS: usize = 2;
+
+/// How long the robot may take at the end to acknowledge what it was told last.
+pub const DELIVERY: Duration = Duration::from_secs(2);
 
 /// How the run is told to come to its end.
 #[derive(Debug, Clone, Default)]
@@ -70,10 +85,10 @@ pub struct Pilot {
     writer: Option<Writer>,
     seats: Seats,
     lights: Lights,
+    silence: Silence,
     pictures: watch::Sender<Pictures>,
     damage: Damage,
     status: watch::Sender<Status>,
-    battery: Option<Power>,
     info: Option<RobotInfo>,
     simulated: bool,
     unknown_kinds: Vec<u8>,
@@ -82,6 +97,8 @@ pub struct Pilot {
     unsettled: bool,
     /// A behaviour was given up, and the robot has not heard of it yet.
     alarm_due: bool,
+    /// In real time only.
+    pulse: Option<Pulse>,
 }
 
 impl Pilot {
@@ -94,21 +111,28 @@ impl Pilot {
             writer: None,
             seats: Seats::new(settings.streams),
             lights: Lights::default(),
+            silence: Silence::new(Instant::now()),
             pictures,
             damage: Damage::default(),
             status,
-            battery: None,
             info: None,
             simulated: settings.simulated,
             unknown_kinds: Vec::new(),
             streams_due: None,
             unsettled: false,
             alarm_due: false,
+            pulse: None,
         };
         (pilot, shown, newest_status)
     }
 
-    /// Connects, serves and reconnects until told to close.
+    /// In real time: beats for a guardian, and notices when the program was asleep.
+    pub fn set_pulse(&mut self, pulse: Option<Pulse>) {
+        self.pulse = pulse;
+    }
+
+    /// Connects, serves and reconnects until told to close. Then says whether what the robot was told
+    /// last has arrived, for which it waits up to [`DELIVERY`].
     ///
     /// # Errors
     /// [`LinkError`] if the very first connection fails: then a person is there to read it. Later
@@ -119,40 +143,105 @@ impl Pilot {
         settings: Settings,
         mut requests: mpsc::Receiver<Request>,
         ending: Ending,
-    ) -> Result<(), LinkError> {
-        let mut line = Line::new(dial, &settings.link, settings.seed);
+    ) -> Result<Delivery, LinkError> {
+        let mut line = Line::new(dial, &settings.link, settings.seed, self.last_words());
         let mut parted = false;
         loop {
-            let deadline = [self.watchdog.next_deadline(), self.streams_due];
-            let deadline = deadline.into_iter().flatten().min();
-            let lost = tokio::select! {
+            self.deposit(&mut line);
+            let deadline = self.next_deadline();
+            let turn = tokio::select! {
                 biased;
                 () = ending.closing.cancelled() => break,
                 () = ending.parting.cancelled(), if !parted => {
                     parted = true;
-                    self.take(Fact::Parting).await
+                    self.take(Fact::Parting)
                 }
                 () = until(deadline) => self.tick(&mut requests).await,
-                news = line.next() => self.hear(news).await?,
-                Some(request) = requests.recv() => self.serve(request).await,
+                error = progress(self.writer.as_mut()) => Err(error.into()),
+                news = line.next() => self.hear(news)?,
+                Some(request) = requests.recv() => self.serve(request),
             };
-            let lost = self.serve_waiting(&mut requests).await.or(lost);
-            if let Some(reason) = lost {
-                line.hang_up();
-                self.lose(reason).await;
+            if let Err(lost) = turn.and(self.serve_waiting(&mut requests)) {
+                self.lose(&lost, &mut line);
             }
             self.publish();
         }
-        self.serve_last(&mut requests).await;
-        self.close().await;
-        Ok(())
+        self.serve_last(&mut requests);
+        Ok(self.close(line).await)
+    }
+
+    fn next_deadline(&self) -> Option<Instant> {
+        let silence = self.writer.as_ref().map(|_| self.silence.next_deadline());
+        let beat = self.pulse.as_ref().map(Pulse::due);
+        let deadlines = [
+            self.watchdog.next_deadline(),
+            self.streams_due,
+            silence,
+            beat,
+        ];
+        deadlines.into_iter().flatten().min()
+    }
+
+    /// Leaves with the writer and the line what is to be said if everything else dies.
+    fn deposit(&mut self, line: &mut Line) {
+        let last_words = self.last_words();
+        line.set_last_words(last_words.clone());
+        let Some(writer) = &mut self.writer else {
+            return;
+        };
+        writer.set_last_words(last_words);
+        tell_guardian(&mut self.pulse, writer);
+    }
+
+    /// What is to be said if everything else dies.
+    fn last_words(&self) -> Vec<Command> {
+        self.watchdog.last_words().commands()
+    }
+
+    /// From now on the guardian holds the new link's last words.
+    fn guard(&mut self) {
+        let guardian = self.pulse.as_mut().and_then(Pulse::guardian);
+        let socket = self.writer.as_ref().and_then(Writer::socket);
+        if let (Some(guardian), Some(socket), Some(writer)) = (guardian, socket, &self.writer) {
+            guardian.guard(socket, writer.last_words().1);
+        }
+    }
+
+    /// The link is closed and its last words are said.
+    fn release_guard(&mut self) {
+        if let Some(guardian) = self.pulse.as_mut().and_then(Pulse::guardian) {
+            guardian.release();
+        }
+    }
+
+    /// To be called before anything else is done in a turn: beats, and if the program was asleep nothing
+    /// from before is repeated.
+    fn wake(&mut self) -> Result<(), LinkLost> {
+        let pulse = self.pulse.as_mut();
+        match pulse.and_then(|pulse| pulse.beat(Instant::now())) {
+            Some(slept) => {
+                warn!(
+                    "asleep for {:.1} s: the robot is stopped first",
+                    slept.as_secs_f64()
+                );
+                self.take(Fact::Suspended)
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Stops the robot, then this program; when it goes on, the robot again.
+    fn sleep(&mut self, Sleep(sleep): Sleep) -> Result<(), LinkLost> {
+        let stopped = self.take(Fact::Suspended);
+        sleep();
+        stopped.and_then(|()| self.take(Fact::Suspended))
     }
 
     /// What the behaviours asked for with their last words has come before the order to close.
-    async fn serve_last(&mut self, requests: &mut mpsc::Receiver<Request>) {
+    fn serve_last(&mut self, requests: &mut mpsc::Receiver<Request>) {
         let rounds = MAX_REQUESTS / REQUESTS_IN_A_ROW;
         for _ in 0..rounds {
-            if requests.is_empty() || self.serve_waiting(requests).await.is_some() {
+            if requests.is_empty() || self.serve_waiting(requests).is_err() {
                 return;
             }
         }
@@ -160,43 +249,56 @@ impl Pilot {
 
     /// What has come while this task, or the whole machine, slept is heard before anybody is judged
     /// by his silence.
-    async fn tick(&mut self, requests: &mut mpsc::Receiver<Request>) -> Option<String> {
+    async fn tick(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
+        let woken = self.wake();
         for _ in 0..HEARINGS {
             tokio::task::yield_now().await;
         }
-        let lost = self.serve_waiting(requests).await;
+        let served = self.serve_waiting(requests);
         let acts = self.watchdog.tick(Instant::now());
-        let lost = self.perform(acts).await.or(lost);
-        self.catch_up_streams().await.or(lost)
+        woken.and(served).and(self.perform(acts))?;
+        self.catch_up_streams()?;
+        self.check_silence()
+    }
+
+    /// Is the robot still there, though nothing is heard of it?
+    fn check_silence(&mut self) -> Result<(), LinkLost> {
+        if self.writer.is_none() {
+            return Ok(());
+        }
+        match self.silence.poll(Instant::now()) {
+            Some(Verdict::Ask) => self.send(&[Command::PowerQuery]),
+            Some(Verdict::Gone(silence)) => {
+                let silence = silence.as_secs();
+                let reason = format!("nothing was heard of the robot for {silence} s");
+                Err(LinkLost::because(reason))
+            }
+            None => Ok(()),
+        }
     }
 
     /// Requests get their turn even if the robot never stops talking.
-    async fn serve_waiting(&mut self, requests: &mut mpsc::Receiver<Request>) -> Option<String> {
+    fn serve_waiting(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
         for _ in 0..REQUESTS_IN_A_ROW {
             let Ok(request) = requests.try_recv() else {
                 break;
             };
-            if let Some(reason) = self.serve(request).await {
-                return Some(reason);
-            }
+            self.serve(request)?;
         }
-        self.settle().await
+        self.settle()
     }
 
-    /// Takes a fact to the watchdog and does what it wants. Like all below it returns why the link is
-    /// lost, if it is.
-    async fn take(&mut self, fact: Fact) -> Option<String> {
+    /// Takes a fact to the watchdog and does what it wants. Like all below it fails if the link is
+    /// lost.
+    fn take(&mut self, fact: Fact) -> Result<(), LinkLost> {
         let acts = self.watchdog.take(fact, Instant::now());
-        self.perform(acts).await
+        self.perform(acts)
     }
 
     /// Does what the watchdog wants: first all commands in one write, then the rest.
-    async fn perform(&mut self, acts: Vec<Act>) -> Option<String> {
+    fn perform(&mut self, acts: Vec<Act>) -> Result<(), LinkLost> {
         let commands: Vec<Command> = acts.iter().filter_map(Act::command).collect();
-        let mut lost = match commands.is_empty() {
-            true => None,
-            false => self.write(&commands).await,
-        };
+        let mut done = self.send(&commands);
         for act in acts {
             match act {
                 Act::Send(_) => {}
@@ -208,30 +310,43 @@ impl Pilot {
                     self.seats.tell_all(&event);
                 }
                 Act::Kill(by, reason) => self.seats.kill(by, reason),
-                Act::Reconnect(reason) => lost = lost.or(Some(reason)),
+                Act::Reconnect(reason) => done = done.and(Err(LinkLost::because(reason))),
             }
         }
-        lost
+        done
     }
 
-    /// Without a link nothing is kept for later: the robot's next login begins with a stop.
-    async fn write(&mut self, commands: &[Command]) -> Option<String> {
-        let writer = self.writer.as_mut()?;
-        writer
-            .write(commands)
-            .await
-            .err()
-            .map(|error| error.to_string())
+    /// Never waits. Without a link nothing is kept for later: the robot's next login begins with a
+    /// stop.
+    fn send(&mut self, commands: &[Command]) -> Result<(), LinkLost> {
+        commands
+            .iter()
+            .for_each(|command| self.lights.note(command));
+        let last_words = self.last_words();
+        let Some(writer) = self.writer.as_mut().filter(|_| !commands.is_empty()) else {
+            return Ok(());
+        };
+        writer.set_last_words(last_words);
+        writer.queue(commands, Instant::now())?;
+        // Before the robot hears them: the guardian may have to say them in our place.
+        tell_guardian(&mut self.pulse, writer);
+        Ok(writer.write_ready()?)
     }
 
-    /// The link is gone: a last stop is tried without waiting, by the writer's drop.
-    async fn lose(&mut self, reason: String) {
-        if self.writer.take().is_none() {
-            return;
-        }
-        warn!("disconnected: {reason}; connecting anew");
+    /// The link is gone: the last words are tried without waiting, and the line sees to them.
+    fn lose(&mut self, lost: &LinkLost, line: &mut Line) {
+        self.deposit(line);
+        let Some(mut writer) = self.writer.take() else {
+            return line.hang_up(None);
+        };
+        writer.say_last_words();
+        line.hang_up(Some(writer));
+        warn!("disconnected: {lost}; connecting anew");
         let acts = self.watchdog.take(Fact::LinkDown, Instant::now());
-        self.perform(acts).await;
+        // Without a link nothing is sent, so nothing can fail.
+        let _ = self.perform(acts);
+        self.release_guard();
+        let reason = lost.to_string();
         self.seats.tell_all(&Event::Disconnected { reason });
     }
 
@@ -241,25 +356,80 @@ impl Pilot {
             (None, Some(_)) => LinkState::Lost,
             (None, None) => LinkState::Connecting,
         };
-        let (safety, battery) = (self.watchdog.state(), self.battery.map(Into::into));
-        let low = self.watchdog.low().is_some();
+        let newest = |frames| Status {
+            link,
+            safety: self.watchdog.state(),
+            battery: self.watchdog.battery(),
+            low: self.watchdog.low().is_some(),
+            docked: self.watchdog.docked(),
+            frames,
+        };
         self.status
-            .send_if_modified(|status| status.update(link, safety, battery, low));
+            .send_if_modified(|status| status.update(newest(status.frames)));
     }
 
-    /// Streams off, everything flushed, then closed. The stop was written when the run parted.
-    async fn close(mut self) {
-        let parting = self.take(Fact::Parting).await;
+    /// The last words, streams off, and closed when that has arrived.
+    async fn close(mut self, mut line: Line) -> Delivery {
+        let parting = self.take(Fact::Parting);
         let off = self.seats.streams_off();
-        if !off.is_empty() && parting.is_none() {
-            self.write(&off).await;
+        if let Err(lost) = parting.and_then(|()| self.send(&off)) {
+            warn!("at the end: {lost}");
         }
         if let Some(words) = self.damage.rest() {
             warn!("{words}");
         }
-        if let Some(writer) = self.writer.take() {
-            writer.close().await;
+        self.deposit(&mut line);
+        let delivery = match (self.writer.take(), line.into_reader()) {
+            (Some(writer), Some(reader)) => {
+                self.beat_during(farewell(reader, writer, DELIVERY)).await
+            }
+            _ => Delivery::Offline,
+        };
+        match delivery {
+            Delivery::Acknowledged => info!("{delivery}"),
+            Delivery::NotAcknowledged { .. } | Delivery::Offline => warn!("{delivery}"),
         }
+        // What has not arrived yet is the guardian's, which says it again.
+        if delivery == Delivery::Acknowledged {
+            self.release_guard();
+        }
+        delivery
+    }
+
+    /// The guardian has nothing to do yet.
+    async fn beat_during<T>(&mut self, work: impl Future<Output = T>) -> T {
+        let mut work = pin!(work);
+        loop {
+            let due = self.pulse.as_ref().map(Pulse::due);
+            tokio::select! {
+                biased;
+                done = &mut work => return done,
+                () = until(due) => {
+                    if let Some(pulse) = &mut self.pulse {
+                        pulse.beat(Instant::now());
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Has the guardian hold what this writer would say last.
+fn tell_guardian(pulse: &mut Option<Pulse>, writer: &Writer) {
+    if let Some(guardian) = pulse.as_mut().and_then(Pulse::guardian) {
+        let (half_out, words) = writer.last_words();
+        guardian.note(half_out, &words);
+    }
+}
+
+/// Writes what waits; returns only if that fails.
+async fn progress(writer: Option<&mut Writer>) -> LinkError {
+    match writer {
+        Some(writer) => match writer.progress().await {
+            Ok(never) => match never {},
+            Err(error) => error,
+        },
+        None => std::future::pending().await,
     }
 }
 

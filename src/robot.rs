@@ -74,21 +74,30 @@ impl Setpoint {
     }
 }
 
-/// The battery as last reported.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+/// The battery, as far as it is believed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Battery {
     /// Level.
     pub percent: Percent,
     /// On the charger.
     pub charging: bool,
+    /// Minutes until it is empty, if it goes on as of late. `None` until known, and while it charges.
+    pub minutes_left: Option<f32>,
 }
 
-impl From<Power> for Battery {
-    fn from(power: Power) -> Battery {
+impl Battery {
+    /// As one report says it, with nothing learnt of it yet.
+    pub fn reported(power: Power) -> Battery {
         Battery {
             percent: Percent::saturating(power.percent),
             charging: power.charging,
+            minutes_left: None,
         }
+    }
+
+    /// The level or the sign differs.
+    pub fn is_news_after(&self, before: &Battery) -> bool {
+        (self.percent, self.charging) != (before.percent, before.charging)
     }
 }
 
@@ -203,13 +212,13 @@ pub enum Event {
         /// In words.
         reason: String,
     },
-    /// Level or sign changed.
+    /// The believed level or sign changed.
     Battery(Battery),
     /// The watchdog's low threshold was reached.
     BatteryLow(Battery),
     /// The watchdog has released the robot again.
     BatteryOk(Battery),
-    /// The sign of POWER changed.
+    /// Charging began or ended, and that is believed.
     Charging {
         /// On the charger.
         on: bool,
@@ -372,6 +381,8 @@ named! {
         NotCharging = "not_charging",
         /// Given up by a behaviour.
         Cancelled = "cancelled",
+        /// A behaviour of higher priority drives or docks.
+        Preempted = "preempted",
         /// The link was lost.
         Disconnected = "disconnected",
         /// The watchdog refuses it.

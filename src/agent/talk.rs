@@ -13,7 +13,7 @@ use tracing::warn;
 use super::{Flight, LINK_END, SCRIPTS_END, broken_flight};
 use crate::behaviour::{Dialogue, Handle, Launch, Launcher, Order, Prepared, Said, Supervisor};
 use crate::link::LinkError;
-use crate::pilot::{self, Dial, LinkState, Pilot, Settings, Status};
+use crate::pilot::{self, Dial, LinkState, Pilot, Pulse, Settings, Status};
 use crate::robot::channel::{MAX_REQUESTS, Request};
 use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
 use crate::script::Ending;
@@ -32,6 +32,8 @@ pub struct Talk {
     pub launcher: Launcher,
     /// Runs the pilot and serves the host's pipe.
     pub core: runtime::Handle,
+    /// Of a session in real time.
+    pub pulse: Option<Pulse>,
 }
 
 /// Why a session could not go on.
@@ -75,7 +77,8 @@ impl Talk {
         said: mpsc::Sender<Said>,
         stop: CancellationToken,
     ) -> Result<(), TalkError> {
-        let (pilot, frames, status) = Pilot::new(&self.settings);
+        let (mut pilot, frames, status) = Pilot::new(&self.settings);
+        pilot.set_pulse(self.pulse);
         let (requests, received) = mpsc::channel(MAX_REQUESTS);
         let ending = pilot::Ending::default();
         let flight = pilot.run(self.dial, self.settings, received, ending.clone());

@@ -8,10 +8,10 @@ use tokio::task::JoinHandle;
 use tokio::time::{MissedTickBehavior, interval, timeout};
 
 use super::interrupt::interruption;
-use super::run::driving_core;
+use super::run::{driving_core, pulse};
 use super::{Exit, Failure};
 use crate::link::LinkError;
-use crate::pilot::{Dial, DrivingCore, Ending, LinkState, Pilot, Settings, Status};
+use crate::pilot::{Delivery, Dial, DrivingCore, Ending, LinkState, Pilot, Settings, Status};
 use crate::robot::channel::{Inbox, MAX_REQUESTS, Request, Told, events};
 use crate::robot::{
     BehaviourId, CallId, DockEnd, DockPlan, Event, Intent, MotionEnd, MotionId, Priority, Setpoint,
@@ -21,14 +21,14 @@ const ME: BehaviourId = BehaviourId(0);
 /// How often a driver that moves shows that it lives; the watchdog's patience is 0.25 s.
 const BEAT: Duration = Duration::from_millis(50);
 /// How long the last writes and the closing of the link may take.
-const LINK_END: Duration = Duration::from_millis(1500);
+const LINK_END: Duration = Duration::from_millis(2500);
 
 /// A seat in front of the pilot.
 pub(super) struct Driver {
     requests: mpsc::Sender<Request>,
     inbox: Inbox,
     status: watch::Receiver<Status>,
-    flight: JoinHandle<Result<(), LinkError>>,
+    flight: JoinHandle<Result<Delivery, LinkError>>,
     ending: Ending,
     last: u64,
     /// Dropped last: what runs on it ends first.
@@ -63,7 +63,8 @@ pub(super) async fn drive(
 impl Driver {
     fn launch(dial: Dial, settings: Settings) -> Result<Driver, Failure> {
         let core = driving_core()?;
-        let (pilot, _frames, status) = Pilot::new(&settings);
+        let (mut pilot, _frames, status) = Pilot::new(&settings);
+        pilot.set_pulse(Some(pulse(settings.simulated)));
         let (requests, received) = mpsc::channel(MAX_REQUESTS);
         let ending = Ending::default();
         let flight = core
@@ -217,10 +218,10 @@ impl Driver {
     }
 }
 
-fn failed(ended: Result<Result<(), LinkError>, tokio::task::JoinError>) -> Failure {
+fn failed(ended: Result<Result<Delivery, LinkError>, tokio::task::JoinError>) -> Failure {
     match ended {
         Ok(Err(error)) => error.into(),
-        Ok(Ok(())) | Err(_) => Failure::new(
+        Ok(Ok(_)) | Err(_) => Failure::new(
             Exit::Unreachable,
             "internal error: the pilot broke down; the robot was told to stop",
         ),

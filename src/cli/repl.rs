@@ -17,7 +17,7 @@ use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
 
 use super::interrupt::{EndingSignals, listen};
-use super::run::{dial, driving_core, place, reach};
+use super::run::{dial, driving_core, place, pulse, reach};
 use super::settings::SettingsArgs;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::agent::{AgentError, Talk, TalkError};
@@ -73,6 +73,7 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     let core = driving_core()?;
     let talk = Talk {
         core: core.handle().clone(),
+        pulse: Some(pulse(sim.is_some())),
         launch: launch(&config, seed)?,
         settings: config.pilot(sim.is_some(), seed),
         dial: dial(target, login, config.link.clone()),

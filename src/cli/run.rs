@@ -16,7 +16,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::embedded::EmbeddedSim;
 use super::fast::{EventFile, Fast};
-use super::interrupt::interruption;
+use super::interrupt::{interruption, listen};
 use super::params::{self, Param};
 use super::settings::SettingsArgs;
 use super::source::read_source;
@@ -26,16 +26,20 @@ use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{Agent, AgentError, Behaviour, Outcome, Plan};
 use crate::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure};
 use crate::config::{Config, Entry};
+use crate::guardian::Guardian;
 use crate::lab;
 use crate::link::{self, Target};
-use crate::pilot::{Dial, DrivingCore, Status};
+use crate::pilot::{Dial, DrivingCore, Pulse, Status};
 use crate::robot::EndReason;
+use crate::robot::channel::{Request, Sleep};
 use crate::script::{self, GivenParam};
 use crate::sim;
 use crate::wire::Login;
 
 /// How often the status line is drawn anew.
 pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
+/// How long the signal that stops this program may take to do so.
+const FALLING_ASLEEP: Duration = Duration::from_millis(50);
 /// The longest `--for`: a year.
 const LONGEST_RUN: f64 = 366.0 * 86_400.0;
 
@@ -159,6 +163,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         dial,
         launcher,
         core: core.handle().clone(),
+        pulse: Some(pulse(sim.is_some())),
         limit: args.limit,
     };
     let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle));
@@ -239,7 +244,9 @@ fn fast(
 async fn drive(plan: Plan, line: StatusLine, console: &Console) -> Result<Exit, Failure> {
     let stop = CancellationToken::new();
     stop_on_signal(&plan.core, stop.clone())?;
+    let core = plan.core.clone();
     let (agent, status) = Agent::new(plan);
+    sleep_on_ctrl_z(&core, agent.requests())?;
     let showing = show(line, status, console);
     tokio::select! {
         outcome = agent.run(stop) => exit(outcome),
@@ -259,6 +266,51 @@ pub(super) fn stop_on_signal(core: &Handle, stop: CancellationToken) -> Result<(
         stop.cancel();
     });
     Ok(())
+}
+
+/// On Ctrl-Z the robot is stopped first, then this program.
+fn sleep_on_ctrl_z(core: &Handle, requests: mpsc::Sender<Request>) -> Result<(), Failure> {
+    let mut stopped = {
+        let _heard_by = core.enter();
+        listen(libc::SIGTSTP)?
+    };
+    core.spawn(async move {
+        while stopped.recv().await.is_some() {
+            let sleep = Request::Sleep(Sleep(Box::new(sleep_here)));
+            if requests.send(sleep).await.is_err() {
+                return;
+            }
+        }
+    });
+    Ok(())
+}
+
+/// Stops this program as the terminal would have done; returns when it goes on.
+fn sleep_here() {
+    use rustix::process::{Signal, getpid, kill_process};
+    tracing::info!("stopped by Ctrl-Z, and so is the robot");
+    let _ = kill_process(getpid(), Signal::STOP);
+    // The signal may reach another thread first: nothing may be done in the meantime.
+    std::thread::sleep(FALLING_ASLEEP);
+}
+
+/// The heartbeat of a run, with a guardian unless the robot is simulated in this program and ends with
+/// it.
+pub(super) fn pulse(simulated: bool) -> Pulse {
+    if simulated {
+        return Pulse::new(None);
+    }
+    let started = std::env::current_exe().and_then(|executable| Guardian::start(&executable));
+    Pulse::new(match started {
+        Ok(guardian) => Some(guardian),
+        Err(error) => {
+            tracing::warn!(
+                "this run has no guardian ({error}): if this program is killed or stopped, nobody \
+                 stops the robot"
+            );
+            None
+        }
+    })
 }
 
 /// The thread on which the pilot runs.
@@ -336,9 +388,9 @@ pub(super) fn reach(
 }
 
 pub(super) fn dial(target: Target, login: Login, options: link::Options) -> Dial {
-    Box::new(move || {
+    Box::new(move |last_words| {
         let (target, login, options) = (target.clone(), login.clone(), options.clone());
-        Box::pin(async move { link::connect(&target, &login, &options).await })
+        Box::pin(async move { link::connect(&target, &login, last_words, &options).await })
     })
 }
 

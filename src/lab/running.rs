@@ -45,6 +45,7 @@ impl Running {
             ),
             launcher: Launcher::in_this_thread(),
             core: runtime::Handle::current(),
+            pulse: None,
             limit,
         };
         let stop = options.stop.child_token();
@@ -93,13 +94,13 @@ impl Drop for Running {
 
 /// A pipe to the simulator for each try to connect.
 fn dial(sim: Handle, login: Login, options: Options) -> Dial {
-    Box::new(move || {
+    Box::new(move |last_words| {
         let (sim, login, options) = (sim.clone(), login.clone(), options.clone());
         Box::pin(async move {
             let (ours, theirs) = tokio::io::duplex(LINK_LEN);
             sim.connect(theirs);
             let (reader, writer) = tokio::io::split(ours);
-            link::open(reader, writer, ADDRESS, &login, &options).await
+            link::open(reader, writer, ADDRESS, &login, last_words, &options).await
         })
     })
 }

@@ -6,6 +6,7 @@
 //! any transport that reads and writes bytes.
 
 mod backoff;
+mod delivery;
 mod dial;
 pub mod discover;
 mod error;
@@ -13,10 +14,13 @@ mod options;
 mod outbox;
 mod reader;
 mod session;
+mod speech;
 mod target;
+mod unsent;
 mod writer;
 
 pub use backoff::Backoff;
+pub use delivery::{Delivery, farewell};
 pub use error::LinkError;
 pub use options::Options;
 pub use reader::{Heard, Reader};

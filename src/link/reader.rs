@@ -85,6 +85,16 @@ impl Reader {
         }
     }
 
+    /// Reads and forgets whatever comes, garbage too, until the robot has hung up. Cancel-safe.
+    pub(super) async fn discard(&mut self) -> Result<(), LinkError> {
+        loop {
+            let read = self.io.read(&mut self.chunk).await;
+            if read.map_err(|error| LinkError::from_io(error, self.dead_after))? == 0 {
+                return Ok(());
+            }
+        }
+    }
+
     fn growth(&mut self) -> Option<Bytes> {
         let beginning = self.decoder.coming_frame()?;
         (beginning.len() >= self.told + GROWTH).then(|| {

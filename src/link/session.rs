@@ -7,12 +7,16 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::time::{Instant, timeout_at};
 
+use super::delivery::farewell;
 use super::dial::{dial, duplicate};
 use super::{LinkError, Options, Reader, Target, Writer, discover};
 use crate::wire::{Accepted, Command, Login, Power, Report};
 
 /// The most [`Session::early`] ever holds; what comes beyond is dropped.
 pub const MAX_EARLY_REPORTS: usize = 32;
+
+/// How long the last words may take to arrive when a login has failed.
+const PARTING: Duration = Duration::from_millis(500);
 
 /// How long discovery may take to tell who is connected.
 const WHO_TIMEOUT: Duration = Duration::from_secs(1);
@@ -38,11 +42,15 @@ pub struct Session {
 /// returns. A refusal because of another user is returned with that user's name, if discovery tells
 /// it within a second.
 ///
+/// Once the robot has accepted the login, it hears `last_words` if anything goes wrong from then on,
+/// until the writer is given others (see [`Writer::set_last_words`]).
+///
 /// # Errors
 /// Every kind of [`LinkError`].
 pub async fn connect(
     target: &Target,
     login: &Login,
+    last_words: Vec<Command>,
     options: &Options,
 ) -> Result<Session, LinkError> {
     let stream = dial(target, options).await?;
@@ -51,7 +59,8 @@ pub async fn connect(
     let direct = duplicate(&stream);
     let (reader, writer) = stream.into_split();
     let reader = Reader::new(Box::new(reader), options.dead_after);
-    let writer = Writer::new(Box::new(writer), direct, options.dead_after);
+    let mut writer = Writer::new(Box::new(writer), direct, options.dead_after);
+    writer.set_last_words(last_words);
     match log_in(reader, writer, peer, login, options.login_timeout).await {
         Err(LinkError::InUse { .. }) => Err(LinkError::InUse {
             by: discover::connected_user(peer, WHO_TIMEOUT).await,
@@ -69,10 +78,12 @@ pub async fn open(
     writer: impl AsyncWrite + Unpin + Send + 'static,
     peer: SocketAddr,
     login: &Login,
+    last_words: Vec<Command>,
     options: &Options,
 ) -> Result<Session, LinkError> {
     let reader = Reader::new(Box::new(reader), options.dead_after);
-    let writer = Writer::new(Box::new(writer), None, options.dead_after);
+    let mut writer = Writer::new(Box::new(writer), None, options.dead_after);
+    writer.set_last_words(last_words);
     log_in(reader, writer, peer, login, options.login_timeout).await
 }
 
@@ -83,27 +94,28 @@ async fn log_in(
     login: &Login,
     limit: Duration,
 ) -> Result<Session, LinkError> {
-    let deadline = Instant::now() + limit;
-    writer.write(&[Command::Login(login.clone())]).await?;
     let mut answers = Answers::default();
-    let (accepted, power) = loop {
-        let report = timeout_at(deadline, reader.next()).await;
-        answers.take(report.map_err(|_| answers.late(limit))??, &login.user)?;
-        if let (Some(accepted), Some(power)) = (&answers.accepted, answers.power) {
-            break (accepted.clone(), power);
+    match answers
+        .await_all(&mut reader, &mut writer, login, limit)
+        .await
+    {
+        Ok((accepted, power)) => Ok(Session {
+            accepted,
+            power,
+            peer,
+            early: answers.early,
+            reader,
+            writer,
+        }),
+        Err(error) => {
+            // It has let us in and may be driving, for all we know.
+            if answers.accepted.is_some() {
+                writer.say_last_words();
+                farewell(reader, writer, PARTING).await;
+            }
+            Err(error)
         }
-    };
-    writer.arm();
-    writer.write(&[Command::STOP]).await?;
-    let early = answers.early;
-    Ok(Session {
-        accepted,
-        power,
-        peer,
-        early,
-        reader,
-        writer,
-    })
+    }
 }
 
 /// What has come since the login was sent.
@@ -115,6 +127,30 @@ struct Answers {
 }
 
 impl Answers {
+    /// From the login to the first stop.
+    async fn await_all(
+        &mut self,
+        reader: &mut Reader,
+        writer: &mut Writer,
+        login: &Login,
+        limit: Duration,
+    ) -> Result<(Accepted, Power), LinkError> {
+        let deadline = Instant::now() + limit;
+        writer.write(&[Command::Login(login.clone())]).await?;
+        loop {
+            let report = timeout_at(deadline, reader.next()).await;
+            self.take(report.map_err(|_| self.late(limit))??, &login.user)?;
+            let Some(accepted) = &self.accepted else {
+                continue;
+            };
+            writer.arm();
+            if let Some(power) = self.power {
+                writer.write(&[Command::STOP]).await?;
+                return Ok((accepted.clone(), power));
+            }
+        }
+    }
+
     fn take(&mut self, report: Report, user: &str) -> Result<(), LinkError> {
         match report {
             Report::Accepted(accepted) => self.accepted = Some(accepted),

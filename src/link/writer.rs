@@ -1,32 +1,45 @@
 //! The half that speaks to the robot.
 
+use std::convert::Infallible;
 use std::future::Future;
 use std::io::{self, Write};
 use std::net::TcpStream;
+use std::os::fd::{AsFd, BorrowedFd};
 use std::pin::{Pin, pin};
-use std::task::{Context, Poll, Waker};
+use std::task::{Context, Poll, Waker, ready};
 use std::time::Duration;
 
+use bytes::Bytes;
 use tokio::io::{AsyncWrite, AsyncWriteExt};
 use tokio::task::coop;
-use tokio::time::timeout;
+use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::LinkError;
 use super::outbox::Outbox;
+use super::unsent::unacknowledged;
 use crate::wire::Command;
+
+/// How often it is looked whether the robot has acknowledged what was written.
+const LOOK_AGAIN: Duration = Duration::from_millis(2);
 
 /// The write half of a [`super::Session`]. Whoever owns it, and nobody else, moves the robot.
 ///
-/// Dropped without [`Writer::close`], be it by a panic, it stops the tracks as [`Writer::stop_now`]
-/// does.
+/// [`Writer::send`] and [`Writer::say`] never wait: what the robot does not take at once is written
+/// while somebody waits for [`Writer::progress`] or [`Writer::written`].
+///
+/// Dropped without [`Writer::close`], be it by a panic, it says its last words as
+/// [`Writer::say_last_words`] does.
 pub struct Writer {
     io: Box<dyn AsyncWrite + Send + Unpin>,
     /// The same socket once more: writes without a runtime, in the middle of a panic.
     direct: Option<TcpStream>,
     outbox: Outbox,
+    last_words: Vec<Command>,
     dead_after: Duration,
-    /// The tracks may be on: a drop must stop them.
+    /// The tracks may be on: a drop must say the last words.
     armed: bool,
+    /// Something was written since the last flush.
+    unflushed: bool,
 }
 
 impl Writer {
@@ -39,52 +52,202 @@ impl Writer {
             io,
             direct,
             outbox: Outbox::default(),
+            last_words: vec![Command::STOP],
             dead_after,
             armed: false,
+            unflushed: false,
         }
     }
 
-    /// From now on a drop stops the tracks. Before the login is through a MOVE would be refused.
+    /// From now on a drop says the last words. Before the login is accepted nobody would heed them.
     pub(super) fn arm(&mut self) {
         self.armed = true;
     }
 
-    /// Writes all commands in one write, and flushes. If the wait is dropped, what is left goes out
-    /// first with the next write: messages are never cut or mixed.
+    /// What is said to the robot if everything else dies: MOVE 0 0 unless set. Empty: nothing.
+    pub fn set_last_words(&mut self, commands: Vec<Command>) {
+        self.last_words = commands;
+    }
+
+    /// What another process must write if this one cannot any more: what is left of a message of which
+    /// a part is out, then whole messages.
+    pub fn last_words(&self) -> (&[u8], Vec<u8>) {
+        self.outbox.after_replacing(&self.last_words)
+    }
+
+    /// The socket, if there is one: not in virtual time.
+    pub fn socket(&self) -> Option<BorrowedFd<'_>> {
+        self.direct.as_ref().map(AsFd::as_fd)
+    }
+
+    /// Sends commands that belong together, in one write if the robot takes them at once, and never
+    /// waits. MOVEs that still wait are replaced by a newer one. AUDIO is as with [`Writer::say`].
     ///
     /// # Errors
-    /// [`LinkError::Dead`] when the robot does not take them within `dead_after`,
-    /// [`LinkError::Closed`] when it has gone. Then drop the session; bytes may be left unwritten.
+    /// [`LinkError::Dead`] when too much waits already, [`LinkError::Closed`] when the robot has
+    /// gone. Then drop the session.
+    pub fn send(&mut self, commands: &[Command], now: Instant) -> Result<(), LinkError> {
+        self.queue(commands, now)?;
+        self.write_ready()
+    }
+
+    /// As [`Writer::send`], but writes nothing yet: [`Writer::write_ready`] does.
+    ///
+    /// # Errors
+    /// [`LinkError::Dead`] when too much waits already.
+    pub fn queue(&mut self, commands: &[Command], now: Instant) -> Result<(), LinkError> {
+        if self.outbox.push(commands, now) {
+            Ok(())
+        } else {
+            let after = self.dead_after;
+            Err(LinkError::Dead { after })
+        }
+    }
+
+    /// Sends samples for the loudspeaker, at the speed at which they are spoken and after all
+    /// commands. `false`, and nothing done, when four seconds of them wait already.
+    ///
+    /// # Errors
+    /// As [`Writer::send`].
+    pub fn say(&mut self, samples: &Bytes) -> Result<bool, LinkError> {
+        let taken = self.outbox.say(samples);
+        self.write_ready()?;
+        Ok(taken)
+    }
+
+    /// Forgets the samples of which no byte is out yet.
+    pub fn drop_audio(&mut self) {
+        self.outbox.drop_audio();
+    }
+
+    /// Writes what waits, for ever. Cancel-safe: messages are never cut or mixed.
+    ///
+    /// # Errors
+    /// [`LinkError::Dead`] when a command has waited for `dead_after`, [`LinkError::Closed`] when
+    /// the robot has gone. Then drop the session.
+    pub async fn progress(&mut self) -> Result<Infallible, LinkError> {
+        self.written().await?;
+        std::future::pending().await
+    }
+
+    /// Waits until nothing waits any more, speech included. Cancel-safe.
+    ///
+    /// # Errors
+    /// As [`Writer::progress`].
+    pub async fn written(&mut self) -> Result<(), LinkError> {
+        self.write_ready()?;
+        loop {
+            let look = self.next_look(Instant::now())?;
+            let writing = std::future::poll_fn(|cx| self.poll_written(cx));
+            if let Ok(written) = timeout_at(look, writing).await {
+                return written.map_err(|error| LinkError::from_io(error, self.dead_after));
+            }
+        }
+    }
+
+    /// [`Writer::send`], and waits until nothing waits any more.
+    ///
+    /// # Errors
+    /// As [`Writer::progress`].
     pub async fn write(&mut self, commands: &[Command]) -> Result<(), LinkError> {
+        self.send(commands, Instant::now())?;
+        self.written().await
+    }
+
+    /// Waits until everything is written and the robot's system has acknowledged it, as far as ours
+    /// tells. Cancel-safe.
+    pub(super) async fn acknowledged(&mut self) -> Result<(), LinkError> {
+        self.written().await?;
+        while let Some(direct) = &self.direct {
+            if let Ok(Some(error)) = direct.take_error() {
+                return Err(LinkError::from_io(error, self.dead_after));
+            }
+            if unacknowledged(direct).is_none_or(|bytes| bytes == 0) {
+                break;
+            }
+            sleep(LOOK_AGAIN).await;
+        }
+        Ok(())
+    }
+
+    /// Ends our half of the connection. Nothing is said any more, at a drop neither.
+    pub(super) async fn shut_down(&mut self) {
+        self.armed = false;
+        let _ = self.io.shutdown().await;
+    }
+
+    /// When to look again though the robot takes nothing.
+    fn next_look(&self, now: Instant) -> Result<Instant, LinkError> {
         let after = self.dead_after;
-        if !self.outbox.push(commands) {
+        let dead = self.outbox.waits_since().unwrap_or(now) + after;
+        if dead <= now {
             return Err(LinkError::Dead { after });
         }
-        match timeout(after, self.drain()).await {
-            Ok(written) => written.map_err(|error| LinkError::from_io(error, after)),
-            Err(_) => Err(LinkError::Dead { after }),
-        }
+        let offer = self.outbox.next_offer(now);
+        Ok(offer.map_or(dead, |offer| offer.min(dead)))
     }
 
-    async fn drain(&mut self) -> io::Result<()> {
-        while !self.outbox.rest().is_empty() {
-            let count = self.io.write(self.outbox.rest()).await?;
-            if count == 0 {
-                return Err(io::ErrorKind::WriteZero.into());
+    /// Ready when all is written. Pending as well while speech waits for its time: look again then.
+    fn poll_written(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        loop {
+            let now = Instant::now();
+            let offer = self.offer(now);
+            if offer.is_empty() {
+                break;
             }
-            self.outbox.advance(count);
+            let count = ready!(Pin::new(&mut self.io).poll_write(cx, &offer))?;
+            self.advance(count, now)?;
         }
-        self.io.flush().await
+        if self.unflushed {
+            ready!(Pin::new(&mut self.io).poll_flush(cx))?;
+            self.unflushed = false;
+        }
+        if self.outbox.is_empty() {
+            Poll::Ready(Ok(()))
+        } else {
+            Poll::Pending
+        }
     }
 
-    /// MOVE 0 0 without waiting, as well as can be: for panics and drops, inside a runtime or not.
-    /// A message that is partly out is finished first, others that wait are forgotten: they might
-    /// be motion.
-    pub fn stop_now(&mut self) {
-        self.outbox.replace_unstarted(&Command::STOP);
-        while !self.outbox.rest().is_empty() {
-            match self.write_now() {
-                Ok(count @ 1..) => self.outbox.advance(count),
+    fn offer(&mut self, now: Instant) -> Bytes {
+        let direct = &self.direct;
+        self.outbox
+            .offer(now, || direct.as_ref().and_then(unacknowledged))
+    }
+
+    fn advance(&mut self, count: usize, now: Instant) -> io::Result<()> {
+        if count == 0 {
+            return Err(io::ErrorKind::WriteZero.into());
+        }
+        self.unflushed = true;
+        self.outbox.advance(count, now);
+        Ok(())
+    }
+
+    /// Writes what the robot takes at once.
+    ///
+    /// # Errors
+    /// As [`Writer::send`].
+    pub fn write_ready(&mut self) -> Result<(), LinkError> {
+        let after = self.dead_after;
+        match poll_once(|cx| self.poll_written(cx)) {
+            Err(error) if error.kind() != io::ErrorKind::WouldBlock => {
+                Err(LinkError::from_io(error, after))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Says the last words without waiting, as well as can be: for panics and drops, inside a runtime
+    /// or not. A message that is partly out is finished first, others that wait are forgotten: they
+    /// might be motion.
+    pub fn say_last_words(&mut self) {
+        let now = Instant::now();
+        self.outbox.replace_unstarted(&self.last_words, now);
+        while !self.outbox.is_calm() {
+            let offer = self.offer(now);
+            match self.write_now(&offer) {
+                Ok(count @ 1..) => self.outbox.advance(count, now),
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
                 Ok(0) | Err(_) => return,
             }
@@ -94,25 +257,25 @@ impl Writer {
         }
     }
 
-    fn write_now(&mut self) -> io::Result<usize> {
-        let rest = self.outbox.rest();
+    fn write_now(&mut self, bytes: &[u8]) -> io::Result<usize> {
         match &self.direct {
             // Shares the non-blocking mode of the socket it was cloned from.
-            Some(direct) => (&mut &*direct).write(rest),
-            None => poll_once(|cx| Pin::new(&mut self.io).poll_write(cx, rest)),
+            Some(direct) => (&mut &*direct).write(bytes),
+            None => poll_once(|cx| Pin::new(&mut self.io).poll_write(cx, bytes)),
         }
     }
 
-    /// Writes what is left, and ends the connection, within `dead_after`. Sends nothing of its own
-    /// when that works: stop the tracks first.
+    /// Writes the commands that are left, and ends the connection, within `dead_after`. Sends nothing
+    /// of its own when that works: stop the tracks first.
     pub async fn close(mut self) {
+        self.drop_audio();
         let limit = self.dead_after;
         let closing = async {
-            self.drain().await?;
-            self.io.shutdown().await
+            self.written().await.ok()?;
+            self.io.shutdown().await.ok()
         };
         let closed = timeout(limit, closing).await;
-        self.armed = !matches!(closed, Ok(Ok(())));
+        self.armed = !matches!(closed, Ok(Some(())));
     }
 }
 
@@ -130,7 +293,7 @@ fn poll_once<T>(
 impl Drop for Writer {
     fn drop(&mut self) {
         if self.armed {
-            self.stop_now();
+            self.say_last_words();
         }
     }
 }

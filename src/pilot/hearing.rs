@@ -1,5 +1,5 @@
-//! What the pilot does with what comes over the line: a login, reports, the loss of the link. Each
-//! function returns why the link is lost, if it is.
+//! What the pilot does with what comes over the line: a login, reports, the loss of the link. A
+//! function that fails with [`LinkLost`] has found that the link is lost.
 
 use bytes::Bytes;
 use tokio::time::Instant;
@@ -7,31 +7,35 @@ use tracing::{debug, info, warn};
 
 use super::Pilot;
 use super::line::{Greeting, News};
+use super::lost::LinkLost;
 use crate::link::LinkError;
 use crate::robot::{Coming, Event, Frame, Pictures, RobotInfo};
 use crate::safety::Fact;
 use crate::vision::judge;
-use crate::wire::{Accepted, EngineNews, Power, Report};
+use crate::wire::{Accepted, EngineNews, Report};
 
 impl Pilot {
-    pub(super) async fn hear(&mut self, news: News) -> Result<Option<String>, LinkError> {
+    pub(super) fn hear(&mut self, news: News) -> Result<Result<(), LinkLost>, LinkError> {
+        if let Err(lost) = self.wake() {
+            return Ok(Err(lost));
+        }
         match news {
-            News::Up(greeting) => Ok(self.connected(*greeting).await),
-            News::Report(report) => Ok(self.report(report).await),
+            News::Up(greeting) => Ok(self.connected(*greeting)),
+            News::Report(report) => Ok(self.report(report)),
             News::Coming(beginning) => {
                 self.coming(beginning);
-                Ok(None)
+                Ok(Ok(()))
             }
-            News::Lost(error) => Ok(Some(error.to_string())),
+            News::Lost(error) => Ok(Err(error.into())),
             News::Failed(error) if self.info.is_none() => Err(error),
             News::Failed(error) => {
                 warn!("still not connected: {error}");
-                Ok(None)
+                Ok(Ok(()))
             }
         }
     }
 
-    async fn connected(&mut self, greeting: Greeting) -> Option<String> {
+    fn connected(&mut self, greeting: Greeting) -> Result<(), LinkLost> {
         let Greeting {
             accepted,
             power,
@@ -56,21 +60,23 @@ impl Pilot {
             simulated: self.simulated,
         };
         self.writer = Some(writer);
+        self.guard();
         self.lights.forget();
+        self.silence.begin(Instant::now());
         self.info = Some(info);
-        self.battery = Some(power);
-        let mut lost = self.take(Fact::LinkUp { docked, power }).await;
+        let mut lost = self.take(Fact::LinkUp { docked, power });
         self.seats.welcome_all(&self.welcome());
         for report in early {
-            lost = self.report(report).await.or(lost);
+            lost = lost.and(self.report(report));
         }
-        lost = self.apply_streams(true).await.or(lost);
-        self.sound_alarm().await.or(lost)
+        lost?;
+        self.apply_streams(true)?;
+        self.sound_alarm()
     }
 
     /// What a behaviour must know of a robot that is connected.
     pub(super) fn welcome(&self) -> Vec<Event> {
-        let (Some(info), Some(power)) = (&self.info, self.battery) else {
+        let (Some(info), Some(battery)) = (&self.info, self.watchdog.battery()) else {
             return vec![];
         };
         if self.writer.is_none() {
@@ -80,14 +86,18 @@ impl Pilot {
             info: info.clone(),
             docked: self.watchdog.docked(),
         };
-        vec![Event::Battery(power.into()), connected]
+        vec![Event::Battery(battery), connected]
     }
 
-    async fn report(&mut self, report: Report) -> Option<String> {
-        let lost = self.take(Fact::Heard).await;
+    fn report(&mut self, report: Report) -> Result<(), LinkLost> {
+        self.silence.heard(Instant::now());
+        let lost = self.take(Fact::Heard);
         match report {
-            Report::Power(power) => return self.power(power).await.or(lost),
-            Report::Engine(news) => return self.engine(news).await.or(lost),
+            Report::Power(power) => {
+                self.silence.level(Instant::now());
+                return lost.and(self.learn(Fact::Power(power)));
+            }
+            Report::Engine(news) => return lost.and(self.engine(news)),
             Report::Video(jpeg) => self.frame(jpeg),
             Report::Audio(samples) => self.seats.tell_audience(&Event::Audio(samples)),
             Report::SoundFinished => self.seats.tell_all(&Event::SoundFinished),
@@ -101,18 +111,23 @@ impl Pilot {
     // A behaviour hears of a fact before it hears what came of it: an answer to a waiting call must
     // not overtake the news that brought it about. Telling never waits, so nothing is delayed.
 
-    async fn power(&mut self, power: Power) -> Option<String> {
-        let before = self.battery.replace(power);
-        if before != Some(power) {
-            self.seats.tell_all(&Event::Battery(power.into()));
+    /// Takes a fact that may change what is believed of the battery, and tells of such a change.
+    fn learn(&mut self, fact: Fact) -> Result<(), LinkLost> {
+        let before = self.watchdog.battery();
+        let acts = self.watchdog.take(fact, Instant::now());
+        if let (Some(before), Some(battery)) = (before, self.watchdog.battery()) {
+            if battery.is_news_after(&before) {
+                self.seats.tell_all(&Event::Battery(battery));
+            }
+            if battery.charging != before.charging {
+                let on = battery.charging;
+                self.seats.tell_all(&Event::Charging { on });
+            }
         }
-        if before.map(|power| power.charging) != Some(power.charging) {
-            self.seats.tell_all(&Event::Charging { on: power.charging });
-        }
-        self.take(Fact::Power(power)).await
+        self.perform(acts)
     }
 
-    async fn engine(&mut self, news: EngineNews) -> Option<String> {
+    fn engine(&mut self, news: EngineNews) -> Result<(), LinkLost> {
         let event = match news {
             EngineNews::Docked => Event::Docked,
             EngineNews::Undocked => Event::Undocked,
@@ -122,7 +137,7 @@ impl Pilot {
         };
         info!("the robot says: {}", words(news));
         self.seats.tell_all(&event);
-        self.take(Fact::Engine(news)).await
+        self.learn(Fact::Engine(news))
     }
 
     /// One that its markers already give away as no picture takes no good one's place. Reading the
@@ -149,6 +164,7 @@ impl Pilot {
     }
 
     fn coming(&mut self, jpeg: Bytes) {
+        self.silence.heard(Instant::now());
         let seq = self.status.borrow().frames + 1;
         self.pictures
             .send_modify(|pictures| pictures.coming = Some(Coming { seq, jpeg }));

@@ -8,15 +8,22 @@ use std::time::Duration;
 use bytes::Bytes;
 use rand::SeedableRng;
 use rand::rngs::StdRng;
-use tokio::time::sleep;
+use tokio::time::{Sleep, sleep};
+use tracing::debug;
 
-use crate::link::{Backoff, Heard, LinkError, Options, Reader, Session, Writer};
-use crate::wire::{Accepted, Power, Report};
+use crate::link::{self, Backoff, Delivery, Heard, LinkError, Options, Reader, Session, Writer};
+use crate::wire::{Accepted, Command, Power, Report};
 
 type Dialling = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send>>;
 
-/// Makes one try to connect and log in, over whatever transport.
-pub type Dial = Box<dyn FnMut() -> Dialling + Send>;
+/// How long the last words of a link that is given up may take to arrive.
+const PARTING: Duration = Duration::from_millis(500);
+
+type Parting = Pin<Box<dyn Future<Output = Delivery> + Send>>;
+
+/// Makes one try to connect and log in, over whatever transport, with these last words (see
+/// [`connect`](crate::link::connect)).
+pub type Dial = Box<dyn FnMut(Vec<Command>) -> Dialling + Send>;
 
 /// A session without its reader, which stays with the line.
 pub(super) struct Greeting {
@@ -42,6 +49,9 @@ pub(super) enum News {
 }
 
 enum State {
+    /// The last words are on their way.
+    Parting(Parting),
+    Pausing(Pin<Box<Sleep>>),
     Dialling(Dialling),
     Up(Reader),
 }
@@ -52,42 +62,89 @@ pub(super) struct Line {
     state: State,
     backoff: Backoff,
     rng: StdRng,
+    last_words: Vec<Command>,
 }
 
 impl Line {
     /// Begins to dial at once.
-    pub(super) fn new(mut dial: Dial, options: &Options, seed: u64) -> Line {
-        let state = State::Dialling(dial());
+    pub(super) fn new(
+        mut dial: Dial,
+        options: &Options,
+        seed: u64,
+        last_words: Vec<Command>,
+    ) -> Line {
+        let state = State::Dialling(dial(last_words.clone()));
         Line {
             dial,
             state,
             backoff: Backoff::new(options),
             rng: StdRng::seed_from_u64(seed),
+            last_words,
         }
+    }
+
+    /// For the logins that begin from now on.
+    pub(super) fn set_last_words(&mut self, last_words: Vec<Command>) {
+        self.last_words = last_words;
     }
 
     /// The next news. Cancel-safe.
     pub(super) async fn next(&mut self) -> News {
-        match &mut self.state {
-            State::Dialling(dialling) => match dialling.await {
-                Ok(session) => self.up(session),
-                Err(error) => {
+        loop {
+            match &mut self.state {
+                State::Parting(parting) => {
+                    debug!("at a link's end: {}", parting.await);
                     self.redial();
-                    News::Failed(error)
+                    continue;
                 }
-            },
-            State::Up(reader) => match reader.hear().await {
-                Ok(Heard::Report(report)) => News::Report(report),
-                Ok(Heard::Coming(beginning)) => News::Coming(beginning),
-                Err(error) => News::Lost(error),
-            },
+                State::Pausing(pause) => pause.await,
+                State::Dialling(dialling) => {
+                    let result = dialling.await;
+                    return self.dialled(result);
+                }
+                State::Up(reader) => {
+                    return match reader.hear().await {
+                        Ok(Heard::Report(report)) => News::Report(report),
+                        Ok(Heard::Coming(beginning)) => News::Coming(beginning),
+                        Err(error) => News::Lost(error),
+                    };
+                }
+            }
+            self.state = State::Dialling((self.dial)(self.last_words.clone()));
         }
     }
 
-    /// Lets go of an open link and dials anew after a pause.
-    pub(super) fn hang_up(&mut self) {
-        if matches!(self.state, State::Up(_)) {
-            self.redial();
+    fn dialled(&mut self, result: Result<Session, LinkError>) -> News {
+        match result {
+            Ok(session) => self.up(session),
+            Err(error) => {
+                self.redial();
+                News::Failed(error)
+            }
+        }
+    }
+
+    /// Lets go of an open link whose last words are with its writer, and dials anew after a pause.
+    pub(super) fn hang_up(&mut self, writer: Option<Writer>) {
+        let none: Parting = Box::pin(std::future::ready(Delivery::Offline));
+        match (
+            std::mem::replace(&mut self.state, State::Parting(none)),
+            writer,
+        ) {
+            (State::Up(reader), Some(writer)) => {
+                let parting = link::farewell(reader, writer, PARTING);
+                self.state = State::Parting(Box::pin(parting));
+            }
+            (State::Up(_), None) => self.redial(),
+            (other, _) => self.state = other,
+        }
+    }
+
+    /// The reader of an open link.
+    pub(super) fn into_reader(self) -> Option<Reader> {
+        match self.state {
+            State::Up(reader) => Some(reader),
+            _ => None,
         }
     }
 
@@ -113,13 +170,6 @@ impl Line {
 
     fn redial(&mut self) {
         let pause = self.backoff.next(&mut self.rng);
-        self.state = State::Dialling(after(pause, (self.dial)()));
+        self.state = State::Pausing(Box::pin(sleep(pause)));
     }
-}
-
-fn after(pause: Duration, dialling: Dialling) -> Dialling {
-    Box::pin(async move {
-        sleep(pause).await;
-        dialling.await
-    })
 }

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use tokio::time::Instant;
 use tracing::warn;
 
-use super::throttle::Throttle;
+use super::throttle::{Throttle, Together};
 use crate::robot::channel::Outbox;
 use crate::robot::{BehaviourId, EndReason, Event, Priority, Streams, Use};
 use crate::wire::{Command, Stream};
@@ -19,12 +19,27 @@ struct Seat {
     throttle: Throttle,
 }
 
+impl Seat {
+    /// Says that commands were dropped, when that is worth a word.
+    fn complain(&self) {
+        if let Some(count) = self.throttle.complaint() {
+            let behaviour = &self.name;
+            warn!(
+                behaviour,
+                count, "sends more than the robot can take: commands were dropped"
+            );
+        }
+    }
+}
+
 /// All behaviours aboard.
 #[derive(Debug, Default)]
 pub(super) struct Seats {
     seats: BTreeMap<BehaviourId, Seat>,
     streaming: BTreeSet<Stream>,
     usage: Streams,
+    /// `None` before the first command.
+    together: Option<Together>,
 }
 
 impl Seats {
@@ -63,15 +78,24 @@ impl Seats {
         let Some(seat) = self.seats.get_mut(&by) else {
             return false;
         };
-        let admitted = seat.throttle.admits(command, now);
-        if !admitted && let Some(count) = seat.throttle.complaint() {
-            let behaviour = &seat.name;
-            warn!(
-                behaviour,
-                count, "sends more than the robot can take: commands were dropped"
-            );
+        let together = self.together.get_or_insert_with(|| Together::new(now));
+        if !seat.throttle.admits(command, now) {
+            seat.complain();
+            return false;
         }
-        admitted
+        if !together.admits(command, now) {
+            self.refuse(by);
+            return false;
+        }
+        true
+    }
+
+    /// What was within a behaviour's own share is beyond that of all, or of the line to the robot.
+    pub(super) fn refuse(&mut self, by: BehaviourId) {
+        if let Some(seat) = self.seats.get_mut(&by) {
+            seat.throttle.refuse();
+            seat.complain();
+        }
     }
 
     /// A behaviour is no more.

@@ -1,22 +1,24 @@
 //! What the pilot does with what behaviours ask: motion goes to the watchdog, lights, sounds and
-//! streams to the robot if they change anything. Each function returns why the link is lost, if it
-//! is.
+//! streams to the robot if they change anything. Each function fails if the link is lost.
 
 use std::time::Duration;
 
+use bytes::Bytes;
 use tokio::time::Instant;
 
 use super::Pilot;
+use super::lost::LinkLost;
 use crate::robot::channel::Request;
-use crate::robot::{BehaviourId, Intent, Priority};
+use crate::robot::{BehaviourId, CallId, DockEnd, Event, Intent, Priority};
 use crate::safety::{Ask, Fact};
-use crate::wire::{Command, Sound, Stream};
+use crate::wire::{Command, Engage, Sound, Stream};
 
 /// When streams are switched that a behaviour switches faster than it may.
 const STREAMS_LATER: Duration = Duration::from_millis(100);
 
 impl Pilot {
-    pub(super) async fn serve(&mut self, request: Request) -> Option<String> {
+    pub(super) fn serve(&mut self, request: Request) -> Result<(), LinkLost> {
+        self.wake()?;
         match request {
             Request::Join {
                 by,
@@ -26,135 +28,172 @@ impl Pilot {
             } => {
                 let welcome = self.welcome();
                 self.seats.join(by, name, priority, outbox, &welcome);
-                None
+                Ok(())
             }
             Request::Intent(by, intent) => match self.seats.priority(by) {
-                Some(priority) => self.intent(by, priority, intent).await,
-                None => None,
+                Some(priority) => self.intent(by, priority, intent),
+                None => Ok(()),
             },
-            Request::Alive(by) => self.put_off(Fact::Alive(by)),
+            Request::Alive(by) => {
+                self.defer(Fact::Alive(by));
+                Ok(())
+            }
             Request::Gone(by) => {
                 self.seats.leave(by);
-                self.put_off(Fact::Gone(by));
-                self.apply_streams(false).await
+                self.defer(Fact::Gone(by));
+                self.apply_streams(false)
             }
             Request::Alarm => {
                 self.alarm_due = true;
-                self.sound_alarm().await
+                self.sound_alarm()
             }
+            Request::Sleep(sleep) => self.sleep(sleep),
         }
     }
 
-    async fn intent(
+    fn intent(
         &mut self,
         by: BehaviourId,
         priority: Priority,
         intent: Intent,
-    ) -> Option<String> {
+    ) -> Result<(), LinkLost> {
         let command = match intent {
             Intent::Move {
                 motion,
                 setpoint,
                 duration,
             } => {
-                return self
-                    .ask(
-                        by,
-                        priority,
-                        Ask::Move {
-                            motion,
-                            setpoint,
-                            duration,
-                        },
-                    )
-                    .await;
+                return self.ask(
+                    by,
+                    priority,
+                    Ask::Move {
+                        motion,
+                        setpoint,
+                        duration,
+                    },
+                );
             }
             Intent::Release { motion } => {
                 let ask = Ask::Release(motion);
-                return self.put_off(Fact::Asked { by, priority, ask });
+                self.defer(Fact::Asked { by, priority, ask });
+                return Ok(());
             }
-            Intent::Stop => return self.ask(by, priority, Ask::Stop).await,
+            Intent::Stop => return self.ask(by, priority, Ask::Stop),
             Intent::Dock { call, plan } => {
-                return self.ask(by, priority, Ask::Dock(call, plan)).await;
+                let find = Command::Engine(Engage::Dock);
+                if !self.seats.admits(by, &find, Instant::now()) {
+                    self.seats.tell(by, refused_docking(call));
+                    return Ok(());
+                }
+                return self.ask(by, priority, Ask::Dock(call, plan));
             }
             Intent::Undock { call, timeout } => {
-                return self.ask(by, priority, Ask::Undock(call, timeout)).await;
+                let leave = Command::Engine(Engage::Undock);
+                if !self.seats.admits(by, &leave, Instant::now()) {
+                    let end = DockEnd::Safety;
+                    self.seats.tell(by, Event::UndockEnded { call, end });
+                    return Ok(());
+                }
+                return self.ask(by, priority, Ask::Undock(call, timeout));
             }
-            Intent::CancelDock => return self.ask(by, priority, Ask::CancelDock).await,
+            Intent::CancelDock => return self.ask(by, priority, Ask::CancelDock),
             Intent::Stream { stream, on } => {
                 self.seats.want(by, stream, on);
                 let command = Command::Stream { stream, on };
                 let now = Instant::now();
                 if self.seats.admits(by, &command, now) {
-                    return self.apply_streams(false).await;
+                    return self.apply_streams(false);
                 }
                 self.streams_due.get_or_insert(now + STREAMS_LATER);
-                return None;
+                return Ok(());
             }
             Intent::Led { led, on } => Command::Led { led, on },
             Intent::Play(sound) => Command::Play(sound),
             Intent::StopSound => Command::StopSound,
             Intent::Volume(percent) => Command::Volume(percent.get()),
-            Intent::Say(_) if self.seats.forbids(Stream::AudioOut) => return None,
-            Intent::Say(samples) => Command::Audio(samples.into()),
+            Intent::Say(_) if self.seats.forbids(Stream::AudioOut) => return Ok(()),
+            Intent::Say(samples) => return self.say(by, samples.into()),
         };
         if !self.lights.is_news(&command) || !self.seats.admits(by, &command, Instant::now()) {
-            return None;
+            return Ok(());
         }
-        self.lights.note(&command);
-        let lost = self.settle().await;
-        self.write(&[command]).await.or(lost)
+        self.settle()?;
+        self.send(&[command])
     }
 
     /// A behaviour that lets go of the tracks may take them again at once, and what waits below it
     /// must not drive for that instant: what comes of it is seen when all that has come is served.
     /// Nothing is written in between.
-    fn put_off(&mut self, fact: Fact) -> Option<String> {
+    fn defer(&mut self, fact: Fact) {
         self.watchdog.absorb(fact, Instant::now());
         self.unsettled = true;
-        None
     }
 
-    /// Does what was put off.
-    pub(super) async fn settle(&mut self) -> Option<String> {
+    /// Does what was deferred.
+    pub(super) fn settle(&mut self) -> Result<(), LinkLost> {
         if !std::mem::take(&mut self.unsettled) {
-            return None;
+            return Ok(());
         }
         let acts = self.watchdog.tick(Instant::now());
-        self.perform(acts).await
+        self.perform(acts)
     }
 
     /// The alarm of a behaviour that was given up, as soon as there is a robot to sound it.
-    pub(super) async fn sound_alarm(&mut self) -> Option<String> {
+    pub(super) fn sound_alarm(&mut self) -> Result<(), LinkLost> {
         if !self.alarm_due || self.writer.is_none() {
-            return None;
+            return Ok(());
         }
         self.alarm_due = false;
         let alarm = Command::Play(Sound::Alarm);
-        self.lights.note(&alarm);
-        let lost = self.settle().await;
-        self.write(&[alarm]).await.or(lost)
+        self.settle()?;
+        self.send(&[alarm])
     }
 
-    async fn ask(&mut self, by: BehaviourId, priority: Priority, ask: Ask) -> Option<String> {
-        self.take(Fact::Asked { by, priority, ask }).await
+    fn say(&mut self, by: BehaviourId, samples: Bytes) -> Result<(), LinkLost> {
+        let command = Command::Audio(samples.clone());
+        if !self.seats.admits(by, &command, Instant::now()) {
+            return Ok(());
+        }
+        self.settle()?;
+        if let Some(writer) = &mut self.writer
+            && !writer.say(&samples)?
+        {
+            self.seats.refuse(by);
+        }
+        Ok(())
+    }
+
+    fn ask(&mut self, by: BehaviourId, priority: Priority, ask: Ask) -> Result<(), LinkLost> {
+        self.take(Fact::Asked { by, priority, ask })
     }
 
     /// The streams of a behaviour that switched them too often are switched after a while.
-    pub(super) async fn catch_up_streams(&mut self) -> Option<String> {
-        self.streams_due.take_if(|at| *at <= Instant::now())?;
-        self.apply_streams(false).await
+    pub(super) fn catch_up_streams(&mut self) -> Result<(), LinkLost> {
+        match self.streams_due.take_if(|at| *at <= Instant::now()) {
+            Some(_) => self.apply_streams(false),
+            None => Ok(()),
+        }
     }
 
     /// Switches the streams that the behaviours want; `anew` after a login, which forgets them.
-    pub(super) async fn apply_streams(&mut self, anew: bool) -> Option<String> {
+    pub(super) fn apply_streams(&mut self, anew: bool) -> Result<(), LinkLost> {
         let commands = self.seats.stream_changes(anew);
         if commands.is_empty() || self.writer.is_none() {
-            return None;
+            return Ok(());
         }
-        let settled = self.settle().await;
+        self.settle()?;
         let listening = self.seats.streams(Stream::Video) || self.seats.streams(Stream::AudioIn);
-        let lost = self.take(Fact::Listening(listening)).await;
-        self.write(&commands).await.or(lost).or(settled)
+        self.take(Fact::Listening(listening))?;
+        self.send(&commands)
+    }
+}
+
+/// The answer to a docking that is asked for faster than the robot can take.
+fn refused_docking(call: CallId) -> Event {
+    Event::DockEnded {
+        call,
+        end: DockEnd::Safety,
+        attempts: 0,
+        took: Duration::ZERO,
     }
 }

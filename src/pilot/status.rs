@@ -16,16 +16,18 @@ pub enum LinkState {
 }
 
 /// The newest state of robot and watchdog.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Status {
     /// The link.
     pub link: LinkState,
     /// The watchdog.
     pub safety: WatchdogState,
-    /// The battery as last reported.
+    /// The battery, as far as it is believed.
     pub battery: Option<Battery>,
     /// The battery counts as low and the watchdog has the robot.
     pub low: bool,
+    /// On the station, as far as is known; without a link as far as was known.
+    pub docked: bool,
     /// Frames that have come so far, damaged ones included. Counting alone wakes nobody who waits for a change.
     pub frames: u64,
 }
@@ -38,6 +40,7 @@ impl Default for Status {
             safety,
             battery: None,
             low: false,
+            docked: false,
             frames: 0,
         }
     }
@@ -45,20 +48,7 @@ impl Default for Status {
 
 impl Status {
     /// Takes the newest state over; says whether anything is new.
-    pub(super) fn update(
-        &mut self,
-        link: LinkState,
-        safety: WatchdogState,
-        battery: Option<Battery>,
-        low: bool,
-    ) -> bool {
-        let newest = Status {
-            link,
-            safety,
-            battery,
-            low,
-            frames: self.frames,
-        };
+    pub(super) fn update(&mut self, newest: Status) -> bool {
         std::mem::replace(self, newest) != newest
     }
 

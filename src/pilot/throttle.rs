@@ -1,14 +1,16 @@
-//! How much a behaviour may send besides motion. The robot's link is slow, and what stands in it
+//! How much behaviours may send besides motion, each and all together. The robot's link is slow, and what stands in it
 //! stands before the next stop: lights, sounds and speech beyond this are dropped.
 
 use std::time::Duration;
 
 use tokio::time::Instant;
 
-use crate::wire::Command;
+use crate::wire::{Command, Engage};
 
-/// Lights, sounds, volumes and streams: so many at once, and so many a second.
+/// Lights, sounds, volumes, streams and what comes of dockings: so many at once, and so many a second.
 const COMMANDS: f64 = 100.0;
+/// The same of all behaviours together.
+const TOGETHER: f64 = 200.0;
 /// Bytes of speech at once: four seconds of it.
 const SPEECH: f64 = 128_000.0;
 /// Bytes of speech a second: twice as fast as it is spoken.
@@ -35,10 +37,17 @@ impl Throttle {
     pub(super) fn admits(&mut self, command: &Command, now: Instant) -> bool {
         let admitted = match command {
             Command::Audio(samples) => self.speech.take(samples.len() as f64, now),
-            _ => self.commands.take(1.0, now),
+            _ => self.commands.take(cost(command), now),
         };
-        self.refused += u64::from(!admitted);
+        if !admitted {
+            self.refuse();
+        }
         admitted
+    }
+
+    /// Counts what was admitted and could not be sent all the same.
+    pub(super) fn refuse(&mut self) {
+        self.refused += 1;
     }
 
     /// How many were refused so far, when that is worth a word: the first, and then ever more
@@ -46,6 +55,30 @@ impl Throttle {
     pub(super) fn complaint(&self) -> Option<u64> {
         let refused = self.refused;
         (refused > 0 && 10_u64.pow(refused.ilog10()) == refused).then_some(refused)
+    }
+}
+
+/// How many commands of the robot's come of it, its own end included: a docking is a stop, a search,
+/// the end of the search and a stop.
+fn cost(command: &Command) -> f64 {
+    match command {
+        Command::Engine(Engage::Dock) => 4.0,
+        _ => 1.0,
+    }
+}
+
+/// What all behaviours may send together besides motion and speech.
+#[derive(Debug)]
+pub(super) struct Together(Bucket);
+
+impl Together {
+    pub(super) fn new(now: Instant) -> Together {
+        Together(Bucket::new(TOGETHER, TOGETHER, now))
+    }
+
+    /// Whether a command may go out.
+    pub(super) fn admits(&mut self, command: &Command, now: Instant) -> bool {
+        matches!(command, Command::Audio(_)) || self.0.take(cost(command), now)
     }
 }
 

@@ -34,6 +34,17 @@ pub enum Request {
     Gone(BehaviourId),
     /// Something went wrong for good that a person should know: sound the alarm, once.
     Alarm,
+    /// Stop the robot, and then this program by this function, which returns when it goes on.
+    Sleep(Sleep),
+}
+
+/// Stops this program, and returns when it goes on.
+pub struct Sleep(pub Box<dyn FnOnce() + Send>);
+
+impl std::fmt::Debug for Sleep {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Sleep")
+    }
 }
 
 /// Makes the two ends of a behaviour's line from the pilot.

@@ -38,6 +38,9 @@ pub enum Fact {
     Alive(BehaviourId),
     /// A behaviour is no more, for whatever reason.
     Gone(BehaviourId),
+    /// The machine or the program has slept: nobody knows for how long, or what the robot has done
+    /// meanwhile.
+    Suspended,
     /// The run ends: nothing may move any more but a robot with a low battery, by itself.
     Parting,
 }

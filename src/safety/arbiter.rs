@@ -153,6 +153,11 @@ impl Arbiter {
         self.wishes.first().map(|wish| wish.by)
     }
 
+    /// The priority of whose wish the tracks follow, held or not.
+    pub fn priority(&self) -> Option<Priority> {
+        self.wishes.first().map(|wish| wish.priority)
+    }
+
     /// Behaviours that have a wish, driving or standing by.
     pub fn wishing(&self) -> impl Iterator<Item = BehaviourId> + '_ {
         self.wishes.iter().map(|wish| wish.by)

@@ -1,10 +1,12 @@
-//! When the battery is low: hysteresis between two levels, and silence that counts as low.
+//! What is believed of the battery: its level, whether it charges, and when it is low. Bad news is
+//! believed at one report, good news only when several bear it out; silence counts as low.
 
 use std::time::Duration;
 
 use tokio::time::Instant;
 
 use super::Limits;
+use super::streak::{FASTEST_CHARGE, Latch, Proof, Streak};
 use crate::robot::Percent;
 use crate::wire::Power;
 
@@ -37,45 +39,116 @@ pub enum BatteryChange {
     Released,
 }
 
+/// Whether the battery charges.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Charging {
+    /// The last report says that it does not, or nobody knows.
+    No,
+    /// One report says so, and nothing else does yet. Enough to drive nowhere, not enough to be
+    /// released: the robot waits where it is.
+    Said,
+    /// Several reports say so, or one while the robot says that it is on its station.
+    Believed,
+}
+
 /// Remembers whether the battery is low. One report is enough to be low; charging or the `ok`
-/// level is needed to be released.
+/// level, each borne out, is needed to be released.
 #[derive(Debug)]
 pub struct BatteryGuard {
     low: Percent,
     ok: Percent,
-    critical: Percent,
     silence: Duration,
-    level: Option<Percent>,
+    level: Option<(Percent, Instant)>,
+    leapt: Streak,
     low_cause: Option<LowCause>,
+    good: Streak,
+    low_level: Latch,
+    critical: Percent,
+    critical_level: Latch,
+    charging: Charging,
+    charged: Streak,
+    /// Since when charging is said and not believed.
+    doubted: Option<Instant>,
     reported: Option<Instant>,
 }
 
 impl BatteryGuard {
+    /// How long one report of charging is enough to wait for the next.
+    pub const DOUBT: Duration = Duration::from_secs(120);
+
+    /// From one report to the next, a level changes by so many points at most, besides ...
+    const STEP: f64 = 10.0;
+    /// ... so many points a second that driving explains.
+    const FASTEST_DRAIN: f64 = 0.3;
+
     /// Nothing is known yet; what is not known moves nothing, because there is no link.
     pub fn new(limits: &Limits) -> BatteryGuard {
         BatteryGuard {
             low: limits.low,
             ok: limits.ok,
-            critical: limits.critical,
             silence: limits.power_silence.get(),
             level: None,
+            leapt: Streak::new(Proof::LEVEL),
             low_cause: None,
+            good: Streak::new(Proof::LEVEL),
+            low_level: Latch::new(),
+            critical: limits.critical,
+            critical_level: Latch::new(),
+            charging: Charging::No,
+            charged: Streak::new(Proof::CHARGING),
+            doubted: None,
             reported: None,
         }
     }
 
-    /// A report came.
-    pub fn report(&mut self, power: Power, now: Instant) -> Option<BatteryChange> {
+    /// A report came; `contact`: the robot has said that it is on its station.
+    pub fn report(&mut self, power: Power, contact: bool, now: Instant) -> Option<BatteryChange> {
         let level = Percent::saturating(power.percent);
-        (self.level, self.reported) = (Some(level), Some(now));
-        if power.charging || level >= self.ok {
-            return self.low_cause.take().map(|_| BatteryChange::Released);
+        self.reported = Some(now);
+        self.judge_charging(power, contact, now);
+        self.judge_level(level, power, now);
+        self.low_level.see(level <= self.low, power, now);
+        self.critical_level.see(level <= self.critical, power, now);
+        let good = self.good.see(level >= self.ok, power, now);
+        if good || self.charging == Charging::Believed {
+            return self.release();
         }
-        if level <= self.low {
+        if level <= self.low && self.charging == Charging::No {
             self.become_low(LowCause::Level(level))
         } else {
             None
         }
+    }
+
+    /// The robot says that it is on its station, which bears a report of charging out.
+    pub fn contact(&mut self) -> Option<BatteryChange> {
+        if self.charging != Charging::Said {
+            return None;
+        }
+        (self.charging, self.doubted) = (Charging::Believed, None);
+        self.release()
+    }
+
+    /// The robot says that it has left its station.
+    pub fn undocked(&mut self) {
+        (self.charging, self.doubted) = (Charging::No, None);
+        self.charged.forget();
+    }
+
+    /// Time passes: one report of charging that no other has followed is worth nothing any more.
+    pub fn end_doubt(&mut self, now: Instant) -> Option<BatteryChange> {
+        if self.doubt_deadline().is_none_or(|due| due > now) {
+            return None;
+        }
+        (self.charging, self.doubted) = (Charging::No, None);
+        let level = self.level().filter(|level| *level <= self.low)?;
+        self.become_low(LowCause::Level(level))
+    }
+
+    /// When [`BatteryGuard::end_doubt`] has something to do.
+    pub fn doubt_deadline(&self) -> Option<Instant> {
+        let since = self.doubted?;
+        Some(since + BatteryGuard::DOUBT)
     }
 
     /// Time passes off the station: silence counts as low.
@@ -110,14 +183,67 @@ impl BatteryGuard {
         self.low_cause
     }
 
-    /// The last level is at or below the low threshold, charging or not.
-    pub fn at_or_below_low(&self) -> bool {
-        self.level.is_some_and(|level| level <= self.low)
+    /// The level that is believed: the last one, unless it leapt and nothing bears that out yet.
+    pub fn level(&self) -> Option<Percent> {
+        self.level.map(|(level, _)| level)
     }
 
-    /// The last level is at or below the critical one, charging or not.
+    /// Whether the battery charges.
+    pub fn charging(&self) -> Charging {
+        self.charging
+    }
+
+    /// At or below the low threshold, charging or not, until several reports deny it.
+    pub fn at_or_below_low(&self) -> bool {
+        self.low_level.is_on()
+    }
+
+    /// At or below the critical level, charging or not, until several reports deny it.
     pub fn critical(&self) -> bool {
-        self.level.is_some_and(|level| level <= self.critical)
+        self.critical_level.is_on()
+    }
+
+    fn judge_charging(&mut self, power: Power, contact: bool, now: Instant) {
+        let proved = self.charged.see(power.charging, power, now);
+        let stale = self.doubt_deadline().is_some_and(|due| due <= now);
+        self.charging = match self.charging {
+            _ if !power.charging => Charging::No,
+            Charging::Believed => Charging::Believed,
+            _ if contact || proved => Charging::Believed,
+            _ => Charging::Said,
+        };
+        self.doubted = match self.charging {
+            Charging::Said => self.doubted.filter(|_| !stale).or(Some(now)),
+            Charging::No | Charging::Believed => None,
+        };
+    }
+
+    /// Levels that leap are believed when borne out; those that fall to low at once.
+    fn judge_level(&mut self, level: Percent, power: Power, now: Instant) {
+        let leaps = self
+            .level
+            .is_some_and(|before| self.leaps(before, level, now));
+        let falls = self.level().is_some_and(|before| level < before);
+        let proved = self.leapt.see(leaps, power, now);
+        if !leaps || proved || (falls && level <= self.low) {
+            self.level = Some((level, now));
+            self.leapt.forget();
+        }
+    }
+
+    fn leaps(&self, (before, at): (Percent, Instant), level: Percent, now: Instant) -> bool {
+        let seconds = now.saturating_duration_since(at).as_secs_f64();
+        let change = f64::from(level.get()) - f64::from(before.get());
+        let explained = match self.charging {
+            Charging::Believed if change > 0.0 => FASTEST_CHARGE * seconds,
+            _ if change < 0.0 => BatteryGuard::FASTEST_DRAIN * seconds,
+            _ => 0.0,
+        };
+        change.abs() > BatteryGuard::STEP + explained
+    }
+
+    fn release(&mut self) -> Option<BatteryChange> {
+        self.low_cause.take().map(|_| BatteryChange::Released)
     }
 
     fn become_low(&mut self, cause: LowCause) -> Option<BatteryChange> {
@@ -131,101 +257,4 @@ impl BatteryGuard {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn guard() -> (BatteryGuard, Instant) {
-        (BatteryGuard::new(&Limits::default()), Instant::now())
-    }
-
-    fn power(percent: u8, charging: bool) -> Power {
-        Power { percent, charging }
-    }
-
-    fn low_at(percent: u8) -> Option<BatteryChange> {
-        Some(BatteryChange::BecameLow(LowCause::Level(
-            Percent::new(percent).unwrap(),
-        )))
-    }
-
-    #[test]
-    fn one_report_at_the_low_level_is_enough() {
-        let (mut guard, now) = guard();
-        assert_eq!(guard.report(power(21, false), now), None);
-        assert_eq!(guard.report(power(20, false), now), low_at(20));
-        assert_eq!(guard.report(power(19, false), now), None, "said once");
-    }
-
-    #[test]
-    fn a_cause_is_told_in_words() {
-        let level = LowCause::Level(Percent::saturating(20));
-        assert_eq!(level.to_string(), "battery at 20 %");
-        let silence = LowCause::Silence(Duration::from_secs(600));
-        assert_eq!(silence.to_string(), "no battery level for 600 s");
-    }
-
-    #[test]
-    fn released_at_the_ok_level_and_not_before() {
-        let (mut guard, now) = guard();
-        guard.report(power(20, false), now);
-        assert_eq!(guard.report(power(49, false), now), None);
-        assert!(guard.low().is_some());
-        assert_eq!(
-            guard.report(power(50, false), now),
-            Some(BatteryChange::Released)
-        );
-    }
-
-    #[test]
-    fn released_by_charging() {
-        let (mut guard, now) = guard();
-        guard.report(power(10, false), now);
-        assert_eq!(
-            guard.report(power(10, true), now),
-            Some(BatteryChange::Released)
-        );
-        assert!(guard.at_or_below_low());
-    }
-
-    #[test]
-    fn silence_counts_as_low_until_a_good_report() {
-        let (mut guard, now) = guard();
-        guard.report(power(80, false), now);
-        let due = now + Duration::from_secs(600);
-        assert_eq!(guard.next_deadline(), Some(due));
-        let silence = LowCause::Silence(Duration::from_secs(600));
-        assert_eq!(guard.poll(due), Some(BatteryChange::BecameLow(silence)));
-        assert_eq!(guard.next_deadline(), None);
-        assert_eq!(
-            guard.report(power(80, false), due),
-            Some(BatteryChange::Released)
-        );
-    }
-
-    #[test]
-    fn a_level_is_fresh_until_silence_counts() {
-        let (mut guard, now) = guard();
-        assert!(!guard.is_fresh(now), "never heard");
-        guard.report(power(10, false), now);
-        assert!(guard.is_fresh(now + Duration::from_millis(599_999)));
-        assert!(!guard.is_fresh(now + Duration::from_secs(600)));
-    }
-
-    #[test]
-    fn on_the_station_silence_is_excused() {
-        let (mut guard, now) = guard();
-        guard.report(power(80, true), now);
-        let later = now + Duration::from_secs(599);
-        guard.excuse_silence(later);
-        assert_eq!(guard.poll(now + Duration::from_secs(700)), None);
-    }
-
-    #[test]
-    fn critical_holds_even_while_charging() {
-        let (mut guard, now) = guard();
-        guard.report(power(8, true), now);
-        assert!(guard.critical());
-        guard.report(power(9, true), now);
-        assert!(!guard.critical());
-    }
-}
+mod tests;

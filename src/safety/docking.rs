@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
+use super::Doubt;
 use crate::robot::{DockEnd, DockPlan};
 use crate::wire::EngineNews;
 
@@ -78,7 +79,7 @@ pub struct Docking {
 
 impl Docking {
     /// How long leaving the station may take before another try.
-    const LEAVE_TIMEOUT: Duration = Duration::from_secs(20);
+    pub const LEAVE_TIMEOUT: Duration = Duration::from_secs(20);
     /// The longest pause between two tries.
     const LONGEST_PAUSE: Duration = Duration::from_secs(120);
 
@@ -109,6 +110,9 @@ impl Docking {
             (Phase::Searching { .. }, EngineNews::BaseNotFound) => {
                 self.failed(DockEnd::BaseNotFound, now)
             }
+            (Phase::AwaitingCharge { .. }, EngineNews::Undocked) if self.goes_on_at_once() => {
+                self.search(now)
+            }
             (Phase::AwaitingCharge { .. }, EngineNews::Undocked) => {
                 self.failed(DockEnd::NotCharging, now)
             }
@@ -117,11 +121,21 @@ impl Docking {
         }
     }
 
-    /// A POWER message said that the robot charges: this is what docked means.
+    /// The robot charges, and that is believed: this is what docked means.
     pub fn charging(&mut self, now: Instant) -> Vec<Order> {
         let orders = self.halt_if_backing_off();
         self.finish(DockEnd::Done, now);
         orders
+    }
+
+    /// The robot may charge: it stands still until that is known. The time of a try runs on.
+    pub fn wait(&self) -> Vec<Order> {
+        self.halt_if_backing_off()
+    }
+
+    /// The robot searches by itself.
+    pub fn is_searching(&self) -> bool {
+        matches!(self.phase, Phase::Searching { .. })
     }
 
     /// Time passes.
@@ -154,6 +168,18 @@ impl Docking {
         orders
     }
 
+    /// The contact whose charging it waits for is not believed any more.
+    pub fn lost_contact(&mut self, doubt: Doubt, now: Instant) -> Vec<Order> {
+        match (self.phase, doubt) {
+            (Phase::AwaitingCharge { .. }, Doubt::Leaving) => self.search(now),
+            (Phase::AwaitingCharge { .. }, Doubt::Contact) => {
+                self.finish(DockEnd::NotCharging, now);
+                vec![]
+            }
+            _ => vec![],
+        }
+    }
+
     /// How it went, once it is over.
     pub fn outcome(&self) -> Option<Outcome> {
         match self.phase {
@@ -171,6 +197,12 @@ impl Docking {
             | Phase::BackingOff { until } => Some(until),
             Phase::Over(_) => None,
         }
+    }
+
+    /// A robot with a low battery that has slid off its station is right before it.
+    fn goes_on_at_once(&self) -> bool {
+        matches!(self.approach.retry, Retry::Pause(_))
+            && self.attempts <= self.approach.plan.retries
     }
 
     fn halt_if_backing_off(&self) -> Vec<Order> {

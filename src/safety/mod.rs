@@ -2,28 +2,37 @@
 //! come out; nothing here waits, asks the clock, or knows a socket or a script's VM.
 //!
 //! [`Watchdog`] is the whole; its parts can be read one by one: [`Arbiter`] (who may drive),
-//! [`Tracks`] (what the robot was told, how often), [`BatteryGuard`] (when it is low),
-//! [`Docking`] (the way home), [`Recovery`] (what
-//! follows when it failed), [`Leg`] (a short way to search from elsewhere), [`Leases`] (which hosts are alive), [`Limits`] (every number).
+//! [`Tracks`] (what the robot was told, how often), [`BatteryGuard`] (what is believed of the
+//! battery, and when it is low), [`Drain`] (how fast it empties), [`Whereabouts`] (where the robot is,
+//! by whose word), [`Docking`] (the way home), [`Recovery`] (what follows when it failed), [`Leg`] (a
+//! short way to search from elsewhere), [`Leases`] (which hosts are alive), [`LastWords`] (what the
+//! robot hears if nobody is left), [`Limits`] (every number).
 
 mod act;
 mod arbiter;
 mod battery;
 mod docking;
+mod drain;
+mod last_words;
 mod leases;
 mod leg;
 mod limits;
+mod place;
 mod recovery;
+mod streak;
 mod tracks;
 mod watchdog;
 
 pub use act::{Act, Ask, Fact};
 pub use arbiter::{Arbiter, Ended};
-pub use battery::{BatteryChange, BatteryGuard, LowCause};
+pub use battery::{BatteryChange, BatteryGuard, Charging, LowCause};
 pub use docking::{Approach, Docking, Order, Outcome, Retry};
+pub use drain::{Activity, Drain};
+pub use last_words::LastWords;
 pub use leases::{Leases, Pulse};
 pub use leg::Leg;
 pub use limits::Limits;
+pub use place::{Doubt, Place, Whereabouts, Word};
 pub use recovery::{Recovery, Try};
 pub use tracks::Tracks;
 pub use watchdog::{Watchdog, WatchdogState};

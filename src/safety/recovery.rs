@@ -82,9 +82,10 @@ impl Recovery {
     /// The search has failed. Says how long the pause is that begins: none before a leg.
     pub fn failed(&mut self, end: DockEnd, may_drive: bool, now: Instant) -> Duration {
         self.blind = end == DockEnd::BaseNotFound;
-        let pause = match self.has_leg(may_drive) {
-            true => Duration::ZERO,
-            false => self.longest_pause.min(self.next_pause),
+        let pause = if self.has_leg(may_drive) || end == DockEnd::NotCharging {
+            Duration::ZERO
+        } else {
+            self.longest_pause.min(self.next_pause)
         };
         if !pause.is_zero() {
             self.next_pause = pause * 2;
@@ -114,6 +115,12 @@ impl Recovery {
             let until = now + Recovery::MOMENT;
             self.phase = Phase::Waiting { until };
         }
+    }
+
+    /// Whatever was waited for is over: a search comes next, at once.
+    pub fn search_at_once(&mut self, now: Instant) {
+        self.blind = false;
+        self.phase = Phase::Waiting { until: now };
     }
 
     /// Legs begun so far.
@@ -184,10 +191,10 @@ mod tests {
 
     #[test]
     fn only_a_station_not_found_leads_to_a_leg() {
-        for end in [DockEnd::Timeout, DockEnd::NotCharging] {
+        for (end, pause) in [(DockEnd::Timeout, 60), (DockEnd::NotCharging, 0)] {
             let (mut recovery, now) = recovery(5);
-            assert_eq!(recovery.failed(end, true, now), 60 * SECOND, "{end}");
-            let due = now + 60 * SECOND;
+            assert_eq!(recovery.failed(end, true, now), pause * SECOND, "{end}");
+            let due = now + pause * SECOND;
             assert_eq!(recovery.next_deadline(now), Some(due));
             assert_eq!(recovery.poll(true, due), Some(Try::Search));
         }

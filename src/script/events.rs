@@ -146,10 +146,11 @@ fn event_table(lua: &Lua, event: &Event) -> LuaResult<LuaTable> {
 
 /// What `robot.battery()` answers.
 pub(super) fn battery_table(lua: &Lua, battery: Battery, age: Duration) -> LuaResult<LuaTable> {
-    let table = lua.create_table_with_capacity(0, 3)?;
+    let table = lua.create_table_with_capacity(0, 4)?;
     table.raw_set("percent", battery.percent.get())?;
     table.raw_set("charging", battery.charging)?;
     table.raw_set("age", age.as_secs_f64())?;
+    table.raw_set("minutes_left", battery.minutes_left)?;
     Ok(table)
 }
 

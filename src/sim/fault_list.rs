@@ -65,6 +65,7 @@ enum Name {
     FlippedFrames,
     NoPower,
     PowerJumps,
+    PowerGarbage,
     Reboot,
     RefuseLogin,
     TakeOver,
@@ -202,6 +203,7 @@ impl Name {
             Name::HugeFrames
             | Name::TruncatedFrames
             | Name::NoPower
+            | Name::PowerGarbage
             | Name::TakeOver
             | Name::BaseNotFound
             | Name::NoCharge => &["for"],
@@ -289,6 +291,7 @@ impl Entry {
             Name::PowerJumps => Trouble::PowerJumps {
                 percent: self.percent.map(|percent| percent as u8),
             },
+            Name::PowerGarbage => Trouble::PowerGarbage,
             Name::Reboot => Trouble::Reboot {
                 forgets: self.state != Some(Memory::Kept),
             },

@@ -79,6 +79,8 @@ pub enum Trouble {
         /// 0 to 100; drawn by lot if left out.
         percent: Option<u8>,
     },
+    /// POWER is any byte.
+    PowerGarbage,
     /// The robot is gone for a while and must be logged in to anew.
     Reboot {
         /// It starts afresh: tracks, lights, sounds and streams are off. Else only its Wi-Fi was
@@ -152,6 +154,7 @@ impl Trouble {
                 | Trouble::FlippedFrames { .. }
                 | Trouble::NoPower
                 | Trouble::PowerJumps { .. }
+                | Trouble::PowerGarbage
         )
     }
 }

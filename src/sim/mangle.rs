@@ -77,6 +77,7 @@ pub(super) fn spoil<'a>(
             _ if !hit => continue,
             Trouble::NoPower => return None,
             Trouble::PowerJumps { percent } => jump(&packet.payload, percent, rng),
+            Trouble::PowerGarbage => garbage(1, rng),
             Trouble::HugeFrames => pad(&packet.payload),
             Trouble::TruncatedFrames => truncate(&packet.payload, rng),
             Trouble::FlippedFrames { bytes } => flip(&packet.payload, bytes, rng),
@@ -88,7 +89,7 @@ pub(super) fn spoil<'a>(
 
 fn kind_of(trouble: Trouble) -> u8 {
     match trouble {
-        Trouble::NoPower | Trouble::PowerJumps { .. } => kind::POWER,
+        Trouble::NoPower | Trouble::PowerJumps { .. } | Trouble::PowerGarbage => kind::POWER,
         _ => kind::VIDEO,
     }
 }
@@ -96,7 +97,8 @@ fn kind_of(trouble: Trouble) -> u8 {
 fn jump(payload: &[u8], percent: Option<u8>, rng: &mut StdRng) -> Bytes {
     let charging = payload
         .first()
-        .is_some_and(|&byte| Power::from_byte(byte).charging);
+        .and_then(|&byte| Power::from_byte(byte))
+        .is_some_and(|power| power.charging);
     let percent = percent.unwrap_or_else(|| rng.random_range(0..=100));
     Bytes::from(vec![Power { percent, charging }.to_byte()])
 }
@@ -195,6 +197,16 @@ mod tests {
     }
 
     #[test]
+    fn garbage_for_power_is_any_byte_and_pictures_stay() {
+        let (power, mut rng) = (Packet::new(kind::POWER, vec![80]), dice());
+        let faults = [Fault::new(Trouble::PowerGarbage)];
+        let bytes = (0..2000).filter_map(|_| spoil(power.clone(), faults.iter(), &mut rng));
+        let seen: std::collections::BTreeSet<u8> = bytes.map(|packet| packet.payload[0]).collect();
+        assert_eq!(seen.len(), 256);
+        assert_eq!(spoilt(&frame(), Trouble::PowerGarbage), Some(frame()));
+    }
+
+    #[test]
     fn a_lie_changes_the_length_alone() {
         let stop = [0x50, 0x4B, 5, 0, 2, 0, 0];
         let mut lies = stop;
@@ -235,7 +247,7 @@ mod tests {
             for kind in [kind::VIDEO, kind::POWER] {
                 for trouble in [
                     Trouble::HugeFrames, Trouble::TruncatedFrames, Trouble::FlippedFrames { bytes: 9 },
-                    Trouble::PowerJumps { percent: None },
+                    Trouble::PowerJumps { percent: None }, Trouble::PowerGarbage,
                 ] {
                     spoil(Packet::new(kind, payload.clone()), [Fault::new(trouble)].iter(), &mut rng);
                 }

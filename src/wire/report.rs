@@ -29,7 +29,7 @@ pub enum Report {
     Engine(EngineNews),
     /// LOG: text of the robot's log.
     Log(Bytes),
-    /// A type or a length that the protocol does not know; MUTE and NONE included.
+    /// A type, a length or a battery level that the protocol does not know; MUTE and NONE included.
     Unknown(Packet),
 }
 
@@ -60,14 +60,15 @@ impl Report {
         out.freeze()
     }
 
-    /// Gives a packet its meaning. Payloads too short for their type are [`Report::Unknown`];
-    /// bytes beyond what a type needs are ignored.
+    /// Gives a packet its meaning. Payloads too short for their type and battery levels beyond
+    /// 100 % are [`Report::Unknown`]; bytes beyond what a type needs are ignored.
     pub fn parse(packet: Packet) -> Report {
         let payload = &packet.payload;
         match (packet.kind, &payload[..]) {
             (kind::AUDIO, _) => Report::Audio(payload.clone()),
             (kind::VIDEO, _) => Report::Video(payload.clone()),
-            (kind::POWER, &[level, ..]) => Report::Power(Power::from_byte(level)),
+            (kind::POWER, &[level, ..]) => Power::from_byte(level)
+                .map_or_else(|| Report::Unknown(packet.clone()), Report::Power),
             (kind::STOP, _) => Report::SoundFinished,
             (kind::AUTH_REPLY, &[0, ..]) => Report::Refused(Refusal::parse(&payload[1..])),
             (kind::AUTH_REPLY, &[_, ref rest @ ..]) => Accepted::parse(rest)
@@ -91,13 +92,14 @@ pub struct Power {
 }
 
 impl Power {
-    /// Reads the byte; levels beyond 100 count as 100.
-    pub fn from_byte(byte: u8) -> Power {
+    /// Reads the byte; `None` for levels beyond 100, which mean nothing.
+    pub fn from_byte(byte: u8) -> Option<Power> {
         let level = i8::from_be_bytes([byte]);
-        Power {
-            percent: level.unsigned_abs().min(100),
+        let percent = level.unsigned_abs();
+        (percent <= 100).then_some(Power {
+            percent,
             charging: level < 0,
-        }
+        })
     }
 
     /// The byte on the wire.
@@ -324,28 +326,19 @@ mod tests {
     }
 
     #[test]
-    fn levels_beyond_a_hundred_count_as_a_hundred() {
-        assert_eq!(
-            Power::from_byte(0x80),
-            Power {
-                percent: 100,
-                charging: true
-            }
-        );
-        assert_eq!(
-            Power::from_byte(0x7F),
-            Power {
-                percent: 100,
-                charging: false
-            }
-        );
-        assert_eq!(
-            Power::from_byte(0),
-            Power {
-                percent: 0,
-                charging: false
-            }
-        );
+    fn levels_up_to_a_hundred_are_levels_and_what_is_beyond_is_unknown() {
+        for byte in 0..=u8::MAX {
+            let level = i16::from(i8::from_be_bytes([byte]));
+            let packet = Packet::new(kind::POWER, vec![byte]);
+            let expected = match level.abs() {
+                0..=100 => Report::Power(Power {
+                    percent: level.unsigned_abs() as u8,
+                    charging: level < 0,
+                }),
+                _ => Report::Unknown(packet.clone()),
+            };
+            assert_eq!(Report::parse(packet), expected, "{level}");
+        }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::process::{Child, ChildStderr, ChildStdout, Command, Output, Stdio};
 use std::time::Duration;
 
 use spykee::link;
-use spykee::wire::Login;
+use spykee::wire::{Command as Said, Login};
 
 /// The command with nothing of this machine's environment that changes its doings.
 fn spykee(args: &[&str]) -> Command {
@@ -69,7 +69,12 @@ impl Sim {
         let target = self.address.parse().unwrap();
         let login = Login::new(user, password);
         let runtime = tokio::runtime::Runtime::new().unwrap();
-        runtime.block_on(link::connect(&target, &login, &link::Options::default()))
+        runtime.block_on(link::connect(
+            &target,
+            &login,
+            vec![Said::STOP],
+            &link::Options::default(),
+        ))
     }
 }
 

@@ -31,7 +31,7 @@ while true do
 end
 ";
 
-fn behaviour(name: &str, source: &str, priority: i16, seed: u64) -> Behaviour {
+pub fn behaviour(name: &str, source: &str, priority: i16, seed: u64) -> Behaviour {
     let options = script::Options {
         seed,
         ..script::Options::new(name.to_owned(), format!("{name}.lua"))
@@ -50,7 +50,7 @@ fn behaviour(name: &str, source: &str, priority: i16, seed: u64) -> Behaviour {
     }
 }
 
-fn quiet_world() -> World {
+pub fn quiet_world() -> World {
     World::from_yaml(QUIET_WORLD, "test world").unwrap()
 }
 

@@ -131,7 +131,12 @@ async fn a_killed_agent_does_not_end_the_search_of_a_low_robot() {
     run.signal(Signal::KILL);
     let home = rig.sim.wait_state(|state| state.charging);
     timeout(2 * PATIENCE, home).await.expect("it comes home");
-    assert!(!rig.commands(dock + 1).contains(&Command::STOP));
+    // Killed between two of its own steps, the agent may have left the same words once more.
+    let find = Command::Engine(Engage::Dock);
+    let later = rig.commands(dock + 1);
+    let alone = |pair: &[Command]| pair[0] == Command::STOP && pair[1] != find;
+    assert!(!later.windows(2).any(alone), "{later:?}");
+    assert_ne!(later.last(), Some(&Command::STOP));
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -143,7 +148,7 @@ async fn a_low_robot_between_two_searches_is_sent_home_by_the_guardian() {
     let rig = Rig::new(crate::rig::QUIET_WORLD, firmware).await;
     let config = rig.file(
         "spykee.yaml",
-        "watchdog: { recovery_legs: 0, rescue: off, dock_pause: 60 }\n",
+        "watchdog: { recovery_legs: 0, dock_pause: 60 }\n",
     );
     let script = rig.file("script.lua", DRIVE);
     let (config, script) = (config.to_str().unwrap(), script.to_str().unwrap());

@@ -33,6 +33,10 @@ fn admin() -> Login {
     Login::new("admin", "admin")
 }
 
+fn stop() -> Vec<Command> {
+    vec![Command::STOP]
+}
+
 fn nowhere() -> SocketAddr {
     SocketAddr::from(([0, 0, 0, 0], 0))
 }
@@ -42,7 +46,7 @@ async fn open_to(answers: &[u8], options: &Options) -> (Result<Session, LinkErro
     let (ours, mut robot) = duplex(1 << 20);
     robot.write_all(answers).await.unwrap();
     let (reader, writer) = tokio::io::split(ours);
-    let session = link::open(reader, writer, nowhere(), &admin(), options).await;
+    let session = link::open(reader, writer, nowhere(), &admin(), stop(), options).await;
     (session, robot)
 }
 
@@ -85,7 +89,9 @@ async fn answer(listener: TcpListener, answers: &'static [u8]) -> TcpStream {
 async fn nothing_is_said_before_power_and_the_first_command_is_a_stop() {
     let (listener, target) = listen().await;
     let connecting =
-        tokio::spawn(async move { link::connect(&target, &admin(), &Options::default()).await });
+        tokio::spawn(
+            async move { link::connect(&target, &admin(), stop(), &Options::default()).await },
+        );
     let mut robot = answer(listener, ACCEPTED).await;
     let mut byte = [0];
     let heard = tokio::time::timeout(Duration::from_millis(200), robot.read(&mut byte)).await;
@@ -110,6 +116,17 @@ async fn nothing_is_said_before_power_and_the_first_command_is_a_stop() {
     assert_eq!(robot.read(&mut byte).await.unwrap(), 0);
 }
 
+#[tokio::test(start_paused = true)]
+async fn a_level_beyond_a_hundred_is_no_power_and_the_login_waits_on_for_a_good_one() {
+    for garbage in [101u8, 127, 128, 155] {
+        let power = [&[0x50, 0x4B, 3, 0, 1, garbage][..], POWER_80].concat();
+        let (session, _robot) = open_to(&[ACCEPTED, &power].concat(), &Options::default()).await;
+        let session = session.unwrap();
+        assert_eq!(session.power.percent, 80);
+        assert!(matches!(session.early[..], [Report::Unknown(_)]));
+    }
+}
+
 #[tokio::test]
 async fn answers_may_come_byte_by_byte() {
     let (ours, mut robot) = duplex(1);
@@ -124,7 +141,7 @@ async fn answers_may_come_byte_by_byte() {
         robot
     });
     let options = Options::default();
-    let session = link::open(reader, writer, nowhere(), &admin(), &options)
+    let session = link::open(reader, writer, nowhere(), &admin(), stop(), &options)
         .await
         .unwrap();
     assert_eq!(session.accepted.firmware, "1.0.22");
@@ -166,7 +183,7 @@ async fn a_wrong_password_is_named_final_and_never_shown() {
         heard
     });
     let login = Login::new("anna", "hunter2");
-    let error = link::connect(&target, &login, &Options::default())
+    let error = link::connect(&target, &login, stop(), &Options::default())
         .await
         .unwrap_err();
     assert!(matches!(&error, LinkError::WrongPassword { user } if user == "anna"));
@@ -191,7 +208,7 @@ async fn a_robot_in_use_is_asked_by_whom() {
         let reply = b"DSCV\x02\x23uid=SPYKEE0001,connected-user=berta";
         discovery.send_to(reply, from).await.unwrap();
     });
-    let error = link::connect(&target, &admin(), &Options::default())
+    let error = link::connect(&target, &admin(), stop(), &Options::default())
         .await
         .unwrap_err();
     who.await.unwrap();
@@ -207,7 +224,7 @@ async fn a_robot_in_use_is_asked_by_whom() {
 async fn a_robot_in_use_that_does_not_tell_by_whom_is_still_in_use() {
     let (listener, target) = listen().await;
     tokio::spawn(answer(listener, IN_USE));
-    let error = link::connect(&target, &admin(), &Options::default())
+    let error = link::connect(&target, &admin(), stop(), &Options::default())
         .await
         .unwrap_err();
     assert!(matches!(error, LinkError::InUse { by: None }), "{error}");
@@ -230,13 +247,17 @@ async fn a_robot_that_never_answers_the_login_is_given_up() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_login_without_power_is_given_up() {
+async fn a_login_without_power_is_given_up_with_the_last_words() {
     let (session, mut robot) = open_to(ACCEPTED, &Options::default()).await;
     let error = session.unwrap_err();
     assert!(matches!(error, LinkError::NoPower { .. }), "{error}");
     let mut heard = Vec::new();
     within_limit(robot.read_to_end(&mut heard)).await.unwrap();
-    assert_eq!(heard, LOGIN, "nothing may move before POWER");
+    assert_eq!(
+        heard,
+        [LOGIN, STOP].concat(),
+        "nothing may move before POWER"
+    );
 }
 
 #[tokio::test(start_paused = true)]
@@ -249,7 +270,7 @@ async fn chatter_does_not_prolong_the_wait_for_the_login() {
         }
     });
     let options = Options::default();
-    let error = link::open(reader, writer, nowhere(), &admin(), &options)
+    let error = link::open(reader, writer, nowhere(), &admin(), stop(), &options)
         .await
         .unwrap_err();
     assert!(matches!(error, LinkError::TimedOut { .. }), "{error}");
@@ -297,7 +318,9 @@ async fn a_robot_that_resets_the_connection_has_closed() {
     let (listener, target) = listen().await;
     let robot = tokio::spawn(answer(listener, b""));
     let connecting =
-        tokio::spawn(async move { link::connect(&target, &admin(), &Options::default()).await });
+        tokio::spawn(
+            async move { link::connect(&target, &admin(), stop(), &Options::default()).await },
+        );
     let robot = robot.await.unwrap();
     socket2::SockRef::from(&robot)
         .set_linger(Some(Duration::ZERO))
@@ -313,7 +336,7 @@ async fn a_robot_that_resets_the_connection_has_closed() {
 async fn nobody_listening_is_named_with_the_address() {
     let (listener, target) = listen().await;
     drop(listener);
-    let error = link::connect(&target, &admin(), &Options::default())
+    let error = link::connect(&target, &admin(), stop(), &Options::default())
         .await
         .unwrap_err();
     assert!(matches!(error, LinkError::Unreachable { .. }));
@@ -389,7 +412,15 @@ async fn two_hundred_thousand_strings_of_garbage_neither_panic_nor_hang() {
     for _ in 0..200_000 {
         let robot = io::Cursor::new(astray(&mut rng));
         let options = Options::default();
-        let opened = link::open(robot, tokio::io::sink(), nowhere(), &admin(), &options).await;
+        let opened = link::open(
+            robot,
+            tokio::io::sink(),
+            nowhere(),
+            &admin(),
+            stop(),
+            &options,
+        )
+        .await;
         let Ok(mut session) = opened else { continue };
         sessions += 1;
         loop {

@@ -26,11 +26,11 @@ struct Cockpit {
 
 fn dial(rig: &Rig) -> Dial {
     let address = rig.address.clone();
-    Box::new(move || {
+    Box::new(move |words| {
         let target = address.parse().unwrap();
         Box::pin(async move {
             let login = Login::new("admin", "admin");
-            link::connect(&target, &login, &link::Options::default()).await
+            link::connect(&target, &login, words, &link::Options::default()).await
         })
     })
 }

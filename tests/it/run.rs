@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use spykee::wire::Login;
+use spykee::wire::{Command, Login};
 use tokio::time::Instant;
 
 use crate::rig::Rig;
@@ -158,7 +158,7 @@ async fn a_robot_in_use_is_exit_code_3_and_its_user_is_named() {
     let target = rig.address.parse().unwrap();
     let login = Login::new("admin", "admin");
     let options = spykee::link::Options::default();
-    let _held = spykee::link::connect(&target, &login, &options)
+    let _held = spykee::link::connect(&target, &login, vec![Command::STOP], &options)
         .await
         .unwrap();
     let mut run = rig.run("print('never')");

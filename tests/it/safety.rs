@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use rustix::process::Signal;
 use spykee::sim::Firmware;
-use spykee::wire::{Command, EngineNews, Led, Power, Report, Sound};
+use spykee::wire::{Command, Engage, EngineNews, Led, Packet, Power, Report, Sound, kind};
 use tokio::time::{Instant, timeout};
 
 use crate::rig::{PATIENCE, QUIET_WORLD, Rig, moves};
@@ -89,6 +89,46 @@ async fn while_low_no_script_moves_the_robot() {
         "{:?}",
         rig.commands(dock)
     );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn one_garbage_level_neither_frees_a_low_robot_nor_ends_its_search() {
+    let rig = Rig::quiet().await;
+    let run = rig.run(
+        "robot.on('engine', function(e) print('engine', e.code, robot.move(40, 40, 0.3)) end)\n\
+         while true do robot.move(40, 40, 0.3) task.wait(0.05) end\n",
+    );
+    let moving = rig.heard_motion(0).await;
+    rig.sim.hide_station(true);
+    rig.sim.set_battery(10.0);
+    let dock = rig.heard_dock(moving).await;
+    let charging = |percent| {
+        let charging = true;
+        Report::Power(Power { percent, charging })
+    };
+    let beyond = |byte: u8| Report::Unknown(Packet::new(kind::POWER, vec![byte]));
+    let garbage = [
+        beyond(127),
+        power(60),
+        beyond(0x80),
+        power(100),
+        charging(60),
+        power(10),
+        charging(10),
+    ];
+    for (code, report) in (100..).zip(garbage) {
+        rig.sim.inject(report);
+        rig.sim.inject(Report::Engine(EngineNews::Unknown(code)));
+        run.says(&format!("engine {code} false safety")).await;
+    }
+    let heard = rig.commands(dock);
+    let frees = |command: &Command| *command == Command::Engine(Engage::CancelDock);
+    assert!(
+        !heard.iter().any(|one| moves(one) || frees(one)),
+        "{heard:?}"
+    );
+    let finds = |command: &&Command| **command == Command::Engine(Engage::Dock);
+    assert_eq!(heard.iter().filter(finds).count(), 1, "{heard:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -292,12 +292,13 @@ fn agent_that_is_told_to_reload() {
                 link,
                 streams: Default::default(),
             },
-            dial: Box::new(move || {
+            dial: Box::new(move |words| {
                 let (target, login, times) = (target.clone(), login.clone(), times.clone());
-                Box::pin(async move { link::connect(&target, &login, &times).await })
+                Box::pin(async move { link::connect(&target, &login, words, &times).await })
             }),
             launcher: Launcher::new(env!("CARGO_BIN_EXE_spykee").into()),
             core: tokio::runtime::Handle::current(),
+            pulse: None,
             limit: None,
         };
         let (agent, _status) = Agent::new(plan);

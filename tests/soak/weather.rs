@@ -13,7 +13,7 @@ const LONGEST_CALM: f64 = 240.0;
 const AFTERMATH: Duration = Duration::from_secs(45);
 
 /// In place of `SECONDS` comes how long.
-const FAULTS: [&str; 20] = [
+const FAULTS: [&str; 21] = [
     "{ fault: delay, seconds: 0.2, jitter: 0.3, for: SECONDS }",
     "{ fault: delay, seconds: 0.05, jitter: 0.1, towards: client, for: SECONDS }",
     "{ fault: split, for: SECONDS }",
@@ -28,6 +28,7 @@ const FAULTS: [&str; 20] = [
     "{ fault: truncated_frames, for: SECONDS }",
     "{ fault: flipped_frames, bytes: 40, for: SECONDS }",
     "{ fault: no_power, for: SECONDS }",
+    "{ fault: power_garbage, chance: 0.3, for: SECONDS }",
     "{ fault: reboot, for: SECONDS, state: lost }",
     "{ fault: reboot, for: SECONDS, state: kept }",
     "{ fault: refuse_login, for: SECONDS }",

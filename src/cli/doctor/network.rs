@@ -106,7 +106,8 @@ async fn robot(
     if !open {
         return Ok(());
     }
-    let mut session = match link::connect(&target, &login, &config.link).await {
+    let mut session = match link::connect(&target, &login, vec![Command::STOP], &config.link).await
+    {
         Ok(session) => session,
         Err(error) => {
             return diagnosis.tell(Finding::fail("login", error.to_string(), error.help()));

@@ -46,7 +46,7 @@ pub(super) struct LogArgs {
 pub(super) fn info(args: &InfoArgs) -> Result<Exit, Failure> {
     talk(&args.aim, async |talk| {
         let robot = &talk.session.accepted;
-        let battery = Battery::from(talk.session.power);
+        let battery = Battery::reported(talk.session.power);
         let address = talk.session.peer.to_string();
         let text = if args.json {
             let object = json!({
@@ -76,7 +76,7 @@ pub(super) fn info(args: &InfoArgs) -> Result<Exit, Failure> {
 
 pub(super) fn battery(args: &BatteryArgs) -> Result<Exit, Failure> {
     talk(&args.aim, async |talk| {
-        let battery = Battery::from(talk.session.power);
+        let battery = Battery::reported(talk.session.power);
         if args.json {
             let object = json!({ "percent": battery.percent.get(), "charging": battery.charging });
             print(&format!("{object}\n"))?;

@@ -22,7 +22,7 @@ use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::config::Config;
 use crate::link::{self, Target};
 use crate::pilot::{Dial, Settings};
-use crate::wire::Login;
+use crate::wire::{self, Login};
 
 /// Ask the robot for one thing: battery, docking, lights, a picture, its settings
 ///
@@ -144,7 +144,13 @@ impl Aim {
     /// # Errors
     /// Every kind of [`link::LinkError`].
     pub(super) async fn connect(&self) -> Result<link::Session, link::LinkError> {
-        link::connect(&self.target, &self.login, &self.config.link).await
+        link::connect(
+            &self.target,
+            &self.login,
+            vec![wire::Command::STOP],
+            &self.config.link,
+        )
+        .await
     }
 
     /// For the pilot: how to dial, and the numbers of its rules.

@@ -5,7 +5,7 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::Watchdog;
-use crate::robot::{SafetyAction, Setpoint};
+use crate::robot::{DockEnd, SafetyAction, Setpoint};
 use crate::safety::{Outcome, Recovery, Try};
 use crate::wire::{Command, Led, Sound};
 
@@ -32,6 +32,7 @@ impl Watchdog {
         let pause = alarm.recovery.failed(outcome.end, may_drive, now);
         let next = match self.docked() {
             true => "stays on the station".to_owned(),
+            false if outcome.end == DockEnd::NotCharging => "searches again".to_owned(),
             false if pause.is_zero() => "tries again from elsewhere".to_owned(),
             false => format!("tries again in {} s", pause.as_secs_f64()),
         };
@@ -85,6 +86,13 @@ impl Watchdog {
     pub(super) fn interrupt_recovery(&mut self, now: Instant) {
         if let Some(alarm) = &mut self.alarm {
             alarm.recovery.interrupt(now);
+        }
+    }
+
+    /// The robot is somewhere else, or nobody knows what it does: a low one searches from there now.
+    pub(super) fn search_at_once(&mut self, now: Instant) {
+        if let Some(alarm) = &mut self.alarm {
+            alarm.recovery.search_at_once(now);
         }
     }
 

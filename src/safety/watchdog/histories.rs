@@ -12,13 +12,11 @@ use proptest::strategy::ValueTree;
 use proptest::test_runner::{Config, TestRunner};
 use tokio::time::Instant;
 
-use super::tests::{CANCEL, FIND, sent, told};
+use super::rig::{CANCEL, FIND, LEAVE, SECOND, sent, told};
 use super::*;
 use crate::robot::{DockPlan, MotionId, Percent, Priority, Seconds};
-use crate::safety::{Ask, Leg};
+use crate::safety::{Ask, LastWords, Leg};
 use crate::wire::Sound;
-
-const SECOND: Duration = Duration::from_secs(1);
 
 /// One step of a random history.
 #[derive(Debug, Clone)]
@@ -32,14 +30,34 @@ enum Step {
     Still,
 }
 
-/// What the facts say, without any of the watchdog's rules.
+/// What the facts say, without any of the watchdog's rules but one: where it is free to believe good
+/// news of the battery later, it is followed, if there are reports enough for what it believes.
 #[derive(Debug, Default)]
 struct Known {
     online: bool,
     on_station: bool,
     charging: bool,
+    /// So it does, where it was when it was asked last to leave its station.
+    charges_here: bool,
+    /// Since when it has stood on its contacts, by its own word, without charging.
+    contact: Option<Instant>,
+    /// It was told to leave the station, and has said nothing since.
+    told_to_leave: bool,
+    /// It was low and did not charge in time, and has said nothing since.
+    idle: bool,
     low: bool,
     critical: bool,
+    /// Reports in a row that say: charging; at least ok; more than critical.
+    charges: u32,
+    good: u32,
+    uncritical: u32,
+    /// One of charging came while the robot said that it is on its station.
+    touched: bool,
+    /// And nobody had asked it to leave.
+    surely_touched: bool,
+    /// Charging is said and not believed, and since when.
+    doubted: bool,
+    said: Option<Instant>,
     /// The last that was heard of a search is that it failed.
     not_found: bool,
     parted: bool,
@@ -49,49 +67,150 @@ struct Known {
 
 impl Known {
     fn docked(&self) -> bool {
-        self.on_station || self.charging
+        self.on_station || self.charges_here
+    }
+
+    /// On the station, and nothing gives a reason to doubt it.
+    fn surely_docked(&self, limits: &Limits, now: Instant) -> bool {
+        self.docked() && !self.told_to_leave && !self.idle && !self.is_idle(limits, now)
+    }
+
+    fn is_idle(&self, limits: &Limits, now: Instant) -> bool {
+        let due = |since: Instant| since + limits.charge_timeout.get() <= now;
+        self.low && self.contact.is_some_and(due)
     }
 
     fn note(&mut self, fact: &Fact, limits: &Limits, now: Instant) {
+        self.idle |= self.is_idle(limits, now);
         match fact {
             Fact::LinkUp { docked, power } => {
                 (self.online, self.on_station) = (true, *docked);
-                self.not_found = false;
+                (self.not_found, self.told_to_leave) = (false, false);
                 self.power(*power, limits, now);
             }
             Fact::LinkDown => self.online = false,
             Fact::Parting => self.parted = true,
             Fact::Engine(EngineNews::BaseNotFound) => self.not_found = true,
             Fact::Power(power) => self.power(*power, limits, now),
-            Fact::Engine(EngineNews::Docked) => (self.on_station, self.not_found) = (true, false),
+            Fact::Engine(EngineNews::Docked) => {
+                (self.on_station, self.not_found) = (true, false);
+                self.charges_here &= !self.told_to_leave;
+                self.told_to_leave = false;
+                self.touched |= self.charging;
+                self.surely_touched |= self.charging;
+            }
             Fact::Engine(EngineNews::Undocked) => {
                 (self.on_station, self.charging) = (false, false);
+                self.charges_here = false;
+                (self.charges, self.touched, self.doubted) = (0, false, false);
+                self.surely_touched = false;
+                self.told_to_leave = false;
                 self.reported = self.reported.map(|_| now);
             }
             _ => {}
         }
+        let said = matches!(
+            fact,
+            Fact::Engine(EngineNews::Docked | EngineNews::Undocked)
+        );
+        self.idle &= self.on_station && !self.charges_here && !said;
+        let contact = self.on_station && !self.charges_here;
+        self.contact = contact.then(|| self.contact.unwrap_or(now));
+    }
+
+    /// What the watchdog has said.
+    fn hear(&mut self, acts: &[Act]) {
+        self.told_to_leave |= sent(acts).contains(&LEAVE);
     }
 
     fn power(&mut self, power: Power, limits: &Limits, now: Instant) {
-        (self.charging, self.reported) = (power.charging, Some(now));
-        self.critical = power.percent <= limits.critical.get();
-        if power.charging || power.percent >= limits.ok.get() {
-            self.low = false;
-        } else if power.percent <= limits.low.get() {
-            self.low = true;
+        self.end_doubt(now);
+        if power.charging && !self.charging {
+            self.said = Some(now);
         }
+        (self.charging, self.reported) = (power.charging, Some(now));
+        self.charges_here = power.charging;
+        self.doubted &= power.charging;
+        let count = |counted: &mut u32, says: bool| *counted = if says { *counted + 1 } else { 0 };
+        count(&mut self.charges, power.charging);
+        count(&mut self.good, power.percent >= limits.ok.get());
+        let critical = power.percent <= limits.critical.get();
+        count(&mut self.uncritical, !critical);
+        self.touched = power.charging && (self.touched || self.on_station);
+        let surely = self.surely_touched || (self.on_station && !self.told_to_leave);
+        self.surely_touched = power.charging && surely;
+        self.critical |= critical;
+        self.low |= !power.charging && power.percent <= limits.low.get();
+    }
+
+    /// Follows the watchdog in what it believes, if it may believe that.
+    fn agree(&mut self, dog: &Watchdog, limits: &Limits) -> Kept {
+        let charging = dog.guard.charging();
+        prop_assert_eq!(self.charging, charging != Charging::No);
+        let enough = self.touched || self.charges >= 2;
+        prop_assert!(
+            enough || charging != Charging::Believed,
+            "one report of charging"
+        );
+        prop_assert!(
+            !self.surely_touched || charging != Charging::Said,
+            "charging on its station"
+        );
+        self.doubted = charging == Charging::Said;
+        let released = charging == Charging::Believed || self.good >= 3;
+        prop_assert!(dog.low().is_some() || !self.low || released, "{:?}", self);
+        let low = dog.guard.level().is_some_and(|level| level <= limits.low);
+        let late = self.charges > 0 && !self.charging && low;
+        prop_assert!(dog.low().is_none() || self.low || late, "{:?}", self);
+        self.low = dog.low().is_some();
+        prop_assert!(dog.guard.critical() || !self.critical || self.uncritical >= 3);
+        prop_assert!(!dog.guard.critical() || self.critical);
+        self.critical = dog.guard.critical();
+        Ok(())
+    }
+
+    /// Whether the robot searches by itself after this moment.
+    fn still_searches(&self, moment: &Moment<'_>, before: bool) -> bool {
+        use EngineNews::{BaseNotFound, Docked};
+        let over = match moment.fact {
+            Some(Fact::Power(_)) => moment.play.dog.guard.charging() == Charging::Believed,
+            Some(Fact::Engine(news)) => matches!(news, Docked | BaseNotFound),
+            Some(Fact::LinkDown | Fact::LinkUp { .. }) => true,
+            _ => false,
+        };
+        let ends = |command: &Command| match command {
+            Command::Move { .. } | Command::Engine(Engage::Undock | Engage::CancelDock) => {
+                Some(false)
+            }
+            Command::Engine(Engage::Dock) => Some(true),
+            _ => None,
+        };
+        let said = sent(&moment.acts).iter().filter_map(ends).next_back();
+        self.online && said.unwrap_or(before && !over)
     }
 
     /// Whether the watchdog may drive a leg of its own.
     fn allows_a_leg(&self, limits: &Limits, now: Instant) -> bool {
         let fresh = |at: Instant| now < at + limits.power_silence.get();
-        let lost = self.low && self.not_found && !self.docked();
+        let lost = self.low && self.not_found && !self.surely_docked(limits, now);
         self.online && lost && !self.parted && !self.critical && self.reported.is_some_and(fresh)
     }
 
-    fn pass(&mut self, limits: &Limits, now: Instant) {
+    fn end_doubt(&mut self, now: Instant) {
+        let over = |since: Instant| now >= since + BatteryGuard::DOUBT;
+        if self.doubted && self.said.is_some_and(over) {
+            (self.charging, self.doubted) = (false, false);
+            self.charges_here = false;
+        }
+    }
+
+    fn pass(&mut self, limits: &Limits, excused: bool, now: Instant) {
+        self.idle |= self.is_idle(limits, now);
+        if self.online {
+            self.end_doubt(now);
+        }
         match self.reported {
-            Some(_) if self.online && self.docked() => self.reported = Some(now),
+            Some(_) if self.online && excused => self.reported = Some(now),
             Some(at) if self.online => self.low |= now >= at + limits.power_silence.get(),
             _ => {}
         }
@@ -196,8 +315,10 @@ impl Play {
 
     fn take(&mut self, fact: &Fact, see: &mut impl FnMut(Moment<'_>) -> Kept) -> Kept {
         self.known.note(fact, &self.limits, self.now);
-        self.known.pass(&self.limits, self.now);
         let acts = self.dog.take(fact.clone(), self.now);
+        self.known.pass(&self.limits, self.dog.docked(), self.now);
+        self.known.hear(&acts);
+        self.known.agree(&self.dog, &self.limits)?;
         see(Moment {
             play: self,
             fact: Some(fact),
@@ -206,8 +327,10 @@ impl Play {
     }
 
     fn tick(&mut self, see: &mut impl FnMut(Moment<'_>) -> Kept) -> Kept {
-        self.known.pass(&self.limits, self.now);
         let acts = self.dog.tick(self.now);
+        self.known.pass(&self.limits, self.dog.docked(), self.now);
+        self.known.hear(&acts);
+        self.known.agree(&self.dog, &self.limits)?;
         see(Moment {
             play: self,
             fact: None,
@@ -271,7 +394,7 @@ fn any_ask() -> impl Strategy<Value = Ask> {
         3 => (0..50u64, plan).prop_map(|(call, (timeout, retries, charge_timeout))| {
             Ask::Dock(CallId(call), DockPlan { timeout, retries, charge_timeout })
         }),
-        3 => (0..50u64, any_duration()).prop_map(|(call, timeout)| Ask::Undock(CallId(call), timeout)),
+        4 => (0..50u64, any_duration()).prop_map(|(call, timeout)| Ask::Undock(CallId(call), timeout)),
         1 => Just(Ask::CancelDock),
     ]
 }
@@ -294,6 +417,7 @@ fn any_fact() -> impl Strategy<Value = Fact> {
             ask,
         }),
         1 => Just(Fact::Parting),
+        2 => Just(Fact::Suspended),
     ]
 }
 
@@ -440,10 +564,31 @@ proptest! {
     #[test]
     fn the_station_is_never_searched_from_the_station(limits in any_limits(), history in any_history()) {
         Play::new(&limits).steps(&history, &mut |moment| {
-            let Play { dog, known, .. } = moment.play;
-            prop_assert_eq!(dog.docked(), known.docked());
+            let Play { dog, known, now, limits } = moment.play;
+            let surely = known.surely_docked(limits, *now);
+            prop_assert!(dog.docked() || !surely, "{:?}", known);
+            prop_assert!(known.docked() || !dog.docked(), "{:?}", known);
             let wrong = moment.sends(&FIND) || moment.moves();
-            prop_assert!(!(known.docked() && wrong), "{:?}", moment.acts);
+            prop_assert!(!(surely && wrong), "{:?}", moment.acts);
+            Ok(())
+        })?;
+    }
+
+    #[test]
+    fn the_last_words_never_leave_a_low_robot_standing_off_its_station(
+        limits in any_limits(),
+        history in any_history(),
+    ) {
+        let mut searching = false;
+        Play::new(&limits).steps(&history, &mut |moment| {
+            let Play { dog, known, .. } = moment.play;
+            searching = known.still_searches(&moment, searching);
+            let left = known.low && !known.docked();
+            match dog.last_words() {
+                LastWords::Stop => prop_assert!(!left),
+                LastWords::StopAndDock => prop_assert!(known.low),
+                LastWords::Nothing => prop_assert!(known.online && (searching || dog.docked())),
+            }
             Ok(())
         })?;
     }
@@ -458,6 +603,11 @@ proptest! {
         let mut play = Play::new(&limits);
         play.steps(&history, &mut |_| Ok(()))?;
         let (was_moving, online) = (play.dog.moving(), play.known.online);
+        let asked = matches!(stop, Stop::Asked);
+        if asked && play.known.low {
+            // A leg of the watchdog is no script's to stop.
+            return Ok(());
+        }
         let asked_home = play.dog.homing.as_ref().is_some_and(|homing| !homing.forced);
         play.take(&stop.fact(), &mut |moment| {
             let must = was_moving || (online && matches!(stop, Stop::Parting));
@@ -522,11 +672,18 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     );
     note("low on the station", dog.low().is_some() && known.docked());
     note("critical", dog.guard.critical());
+    let said = dog.guard.charging() == Charging::Said;
+    note(
+        "low, and charging is only said",
+        said && dog.low().is_some(),
+    );
+    note(
+        "low when the doubt ends",
+        moment.fact.is_none() && known.charges > 0 && dog.low().is_some() && !known.docked(),
+    );
     note("several wish to drive", dog.arbiter.wishing().count() > 1);
     note("backs off", homing.is_some() && dog.moving());
     let alarm = dog.state() == WatchdogState::Alarm;
-    let stops = |command: &Command| *command == Command::STOP;
-    let stopped = sent(&moment.acts).iter().any(stops) && !dog.moving();
     note("drives a leg", alarm && dog.moving());
     note("searches under alarm", alarm && moment.sends(&FIND));
     note(
@@ -535,7 +692,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     );
     note(
         "asked to stop in a leg",
-        alarm && stopped && matches!(moment.fact, Some(Fact::Asked { ask: Ask::Stop, .. })),
+        alarm && dog.moving() && matches!(moment.fact, Some(Fact::Asked { ask: Ask::Stop, .. })),
     );
     note(
         "asked to stop while it moves",
@@ -547,6 +704,13 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
         forced && homing.is_some_and(|homing| !homing.callers.is_empty()),
     );
     note("the run ends while low", dog.parting && forced);
+    note("place unknown", dog.place() == Place::Unknown);
+    note(
+        "place unknown while low",
+        known.low && dog.place() == Place::Unknown,
+    );
+    note("backs out", dog.whereabouts.is_leaving());
+    note(&format!("last words {:?}", dog.last_words()), true);
     note(
         "an engine code nobody knows",
         matches!(moment.fact, Some(Fact::Engine(EngineNews::Unknown(_)))),
@@ -579,6 +743,7 @@ fn all_there_is() -> Vec<String> {
         DockEnd::NotDocked,
         DockEnd::Timeout,
         DockEnd::Cancelled,
+        DockEnd::Preempted,
         DockEnd::Disconnected,
         DockEnd::Safety,
     ];
@@ -612,12 +777,20 @@ fn all_there_is() -> Vec<String> {
         "low by silence",
         "low on the station",
         "critical",
+        "low, and charging is only said",
+        "low when the doubt ends",
         "sounds the alarm",
         "several wish to drive",
         "asked to stop while it moves",
         "a behaviour waits for the watchdog's docking",
         "the run ends while low",
         "an engine code nobody knows",
+        "place unknown",
+        "place unknown while low",
+        "backs out",
+        "last words Stop",
+        "last words StopAndDock",
+        "last words Nothing",
         "kill",
         "reconnect",
     ];
@@ -629,7 +802,7 @@ fn all_there_is() -> Vec<String> {
 fn histories_reach_all_there_is_to_reach() {
     let mut runner = TestRunner::deterministic();
     let mut reached = BTreeMap::<String, u32>::new();
-    for _ in 0..1000 {
+    for _ in 0..2000 {
         let history = any_history().new_tree(&mut runner).unwrap().current();
         let mut of_this = BTreeSet::new();
         let mut see = |moment: Moment<'_>| {

@@ -5,12 +5,10 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::Watchdog;
-use crate::robot::{
-    Battery, BehaviourId, CallId, DockEnd, DockPlan, Event, MotionEnd, SafetyAction, Setpoint,
-};
+use super::{Caller, Watchdog};
+use crate::robot::{DockEnd, DockPlan, Event, MotionEnd, Priority, SafetyAction, Setpoint};
 use crate::safety::{Act, Approach, Docking, LowCause, Order, Retry};
-use crate::wire::{Command, Engage, Power};
+use crate::wire::{Command, Engage};
 
 /// A docking under way and who waits for it.
 #[derive(Debug)]
@@ -18,7 +16,14 @@ pub(super) struct Homing {
     pub(super) docking: Docking,
     /// Begun by the watchdog: no behaviour can end it.
     pub(super) forced: bool,
-    pub(super) callers: Vec<(BehaviourId, CallId)>,
+    pub(super) callers: Vec<Caller>,
+}
+
+impl Homing {
+    /// The highest of those that wait for it.
+    pub(super) fn priority(&self) -> Option<Priority> {
+        self.callers.iter().map(|caller| caller.priority).max()
+    }
 }
 
 impl Watchdog {
@@ -30,28 +35,29 @@ impl Watchdog {
     /// The rule above all others: stop and go home, in one batch of acts.
     pub(super) fn became_low(&mut self, cause: LowCause, now: Instant) {
         self.end_motion(MotionEnd::Safety);
-        if let Some(battery) = self.battery.map(Battery::from) {
+        self.whereabouts.expect_charge(now);
+        if let Some(battery) = self.battery() {
             self.acts.push(Act::Announce(Event::BatteryLow(battery)));
         }
-        let (action, what) = match self.on_station {
-            true => (
-                SafetyAction::Hold,
-                "stays on the station and waits for charging",
-            ),
-            false => (SafetyAction::Dock, "stops and goes home"),
+        let (action, what) = if self.docked() {
+            let what = "stays on the station and waits for charging";
+            (SafetyAction::Hold, what)
+        } else {
+            (SafetyAction::Dock, "stops and goes home")
         };
         self.notice(action, format!("{cause}: {what}"));
         self.pursue_home(now);
     }
 
-    pub(super) fn released(&mut self, power: Power, now: Instant) {
+    pub(super) fn released(&mut self, now: Instant) {
         self.end_alarm();
-        self.notice(
-            SafetyAction::Release,
-            format!("battery at {} %", power.percent),
-        );
-        self.acts
-            .push(Act::Announce(Event::BatteryOk(power.into())));
+        if let Some(battery) = self.battery() {
+            self.notice(
+                SafetyAction::Release,
+                format!("battery at {}", battery.percent),
+            );
+            self.acts.push(Act::Announce(Event::BatteryOk(battery)));
+        }
         let Some(homing) = &mut self.homing else {
             return;
         };
@@ -95,14 +101,9 @@ impl Watchdog {
         }
     }
 
-    pub(super) fn start_homing(
-        &mut self,
-        approach: Approach,
-        callers: Vec<(BehaviourId, CallId)>,
-        now: Instant,
-    ) {
+    pub(super) fn start_homing(&mut self, approach: Approach, callers: Vec<Caller>, now: Instant) {
         self.end_motion(MotionEnd::Preempted);
-        let (docking, orders) = Docking::start(approach, self.on_station, now);
+        let (docking, orders) = Docking::start(approach, self.docked(), now);
         self.homing = Some(Homing {
             docking,
             forced: false,
@@ -112,7 +113,7 @@ impl Watchdog {
     }
 
     pub(super) fn continue_homing(&mut self, now: Instant) {
-        if !self.online {
+        if !self.online || self.may_charge() {
             return;
         }
         let orders = self.homing.as_mut().map(|homing| homing.docking.poll(now));
@@ -138,7 +139,11 @@ impl Watchdog {
                     self.tracks.want(Watchdog::back_off());
                 }
                 Order::Halt => self.halt(now),
-                Order::Undock => self.send(Command::Engine(Engage::Undock)),
+                Order::Undock => {
+                    let timeout = Docking::LEAVE_TIMEOUT;
+                    self.whereabouts.leave_station(timeout, now);
+                    self.send(Command::Engine(Engage::Undock));
+                }
             }
         }
         self.answer_homing(now);

@@ -5,11 +5,21 @@
 
 mod asks;
 mod distress;
+mod docks;
 #[cfg(test)]
 mod handover;
 #[cfg(test)]
 mod histories;
 mod homing;
+mod link;
+#[cfg(test)]
+mod parting_tests;
+#[cfg(test)]
+mod place_tests;
+#[cfg(test)]
+mod priority_tests;
+#[cfg(test)]
+mod rig;
 mod rules;
 #[cfg(test)]
 mod tests;
@@ -21,9 +31,12 @@ use tokio::time::Instant;
 use self::distress::Alarm;
 use self::homing::Homing;
 use super::{
-    Act, Arbiter, BatteryChange, BatteryGuard, Ended, Fact, Leases, Limits, LowCause, Tracks,
+    Act, Activity, Arbiter, BatteryChange, BatteryGuard, Charging, Drain, Ended, Fact, Leases,
+    Limits, LowCause, Place, Tracks, Whereabouts,
 };
-use crate::robot::{BehaviourId, CallId, DockEnd, Event, MotionEnd, SafetyAction, Setpoint};
+use crate::robot::{
+    Battery, BehaviourId, CallId, DockEnd, Event, MotionEnd, Priority, SafetyAction, Setpoint,
+};
 use crate::wire::{Command, Engage, EngineNews, Power};
 
 /// What a person wants to know at a glance.
@@ -56,10 +69,18 @@ impl std::fmt::Display for WatchdogState {
     }
 }
 
+/// A behaviour that waits for a docking or an undocking.
+#[derive(Debug, Clone, Copy)]
+struct Caller {
+    by: BehaviourId,
+    priority: Priority,
+    call: CallId,
+}
+
 /// An undocking that a behaviour waits for.
 #[derive(Debug)]
 struct Leaving {
-    caller: (BehaviourId, CallId),
+    caller: Caller,
     until: Instant,
 }
 
@@ -69,9 +90,11 @@ pub struct Watchdog {
     limits: Limits,
     online: bool,
     parting: bool,
-    on_station: bool,
-    battery: Option<Power>,
+    whereabouts: Whereabouts,
+    /// BASE_FIND was sent, and neither a word of the robot nor another command has ended the search.
+    searching: bool,
     guard: BatteryGuard,
+    drain: Drain,
     arbiter: Arbiter,
     leases: Leases,
     tracks: Tracks,
@@ -92,11 +115,12 @@ impl Watchdog {
         Watchdog {
             guard: BatteryGuard::new(&limits),
             leases: Leases::new(limits.host_silence.get(), limits.host_grace.get()),
+            whereabouts: Whereabouts::new(limits.charge_timeout.get()),
             limits,
             online: false,
             parting: false,
-            on_station: false,
-            battery: None,
+            searching: false,
+            drain: Drain::default(),
             arbiter: Arbiter::default(),
             tracks: Tracks::new(now),
             homing: None,
@@ -133,6 +157,7 @@ impl Watchdog {
             Fact::Asked { by, priority, ask } => self.asked(by, priority, ask, now),
             Fact::Alive(by) => self.leases.renew(by, now),
             Fact::Gone(by) => self.gone(by, now),
+            Fact::Suspended => self.wake(now),
             Fact::Parting => self.part(now),
         }
     }
@@ -142,6 +167,7 @@ impl Watchdog {
         self.ticked = now;
         self.check_hosts(now);
         self.check_stream(now);
+        self.check_place(now);
         self.check_power_silence(now);
         self.continue_homing(now);
         self.check_leaving(now);
@@ -149,6 +175,7 @@ impl Watchdog {
         let over = self.arbiter.expire(now);
         self.tell_ended(over);
         self.drive(now);
+        self.drain.advance(self.activity(), now);
         std::mem::take(&mut self.acts)
     }
 
@@ -158,6 +185,7 @@ impl Watchdog {
         let homing = self
             .homing
             .as_ref()
+            .filter(|_| !self.may_charge())
             .and_then(|homing| homing.docking.next_deadline());
         let silence = if self.docked() {
             None
@@ -171,9 +199,11 @@ impl Watchdog {
             self.tracks.next_deadline(),
             self.stream_deadline(),
             self.leaving.as_ref().map(|leaving| leaving.until),
+            self.whereabouts.next_deadline(self.guard.low().is_some()),
             self.alarm.as_ref().map(|alarm| alarm.next),
             self.recovery_deadline(),
             silence,
+            self.guard.doubt_deadline(),
             homing,
         ]
         .into_iter()
@@ -199,9 +229,29 @@ impl Watchdog {
         self.guard.low()
     }
 
+    /// Where the robot is.
+    pub fn place(&self) -> Place {
+        self.whereabouts.place()
+    }
+
     /// On the station, by the robot's word or because it charges.
     pub fn docked(&self) -> bool {
-        self.on_station || self.battery.is_some_and(|power| power.charging)
+        self.whereabouts.on_station()
+    }
+
+    /// What is believed of the battery; `None` before the first report.
+    pub fn battery(&self) -> Option<Battery> {
+        let minutes = self.drain.minutes_left();
+        Some(Battery {
+            percent: self.guard.level()?,
+            charging: self.guard.charging() == Charging::Believed,
+            minutes_left: minutes.map(|minutes| (minutes * 10.0).round() as f32 / 10.0),
+        })
+    }
+
+    /// One report says that it charges and nothing bears that out yet: nothing is to drive it away.
+    fn may_charge(&self) -> bool {
+        self.place() == Place::Charging && self.guard.charging() == Charging::Said
     }
 
     /// The tracks have been told to move.
@@ -217,7 +267,7 @@ impl Watchdog {
             Some(MotionEnd::Cancelled)
         } else if self.guard.low().is_some() || self.guard.critical() {
             Some(MotionEnd::Safety)
-        } else if self.docked() {
+        } else if self.docked() || self.whereabouts.is_leaving() {
             Some(MotionEnd::Docked)
         } else if self.homing.is_some() {
             Some(MotionEnd::Preempted)
@@ -226,51 +276,19 @@ impl Watchdog {
         }
     }
 
-    fn link_up(&mut self, docked: bool, power: Power, now: Instant) {
-        if self.online {
-            self.link_down(now);
-        }
-        (self.online, self.on_station) = (true, docked);
-        self.listening = false;
-        self.tracks.told_to_stop(now);
-        self.hear(now);
-        self.power(power, now);
-    }
-
-    fn hear(&mut self, now: Instant) {
-        self.unheard_motion = self.tracks.moving_since().map(|_| now);
-    }
-
-    fn link_down(&mut self, now: Instant) {
-        self.online = false;
-        self.tracks.told_to_stop(now);
-        self.end_motion(MotionEnd::Disconnected);
-        if let Some(leaving) = self.leaving.take() {
-            self.answer_undock(leaving.caller, DockEnd::Disconnected);
-        }
-        if let Some(homing) = &mut self.homing {
-            homing.docking.cancel(DockEnd::Disconnected, now);
-            self.answer_homing(now);
-        }
-        self.interrupt_recovery(now);
-    }
-
     fn power(&mut self, power: Power, now: Instant) {
         let was_critical = self.guard.critical();
-        self.battery = Some(power);
-        if power.charging {
-            self.end_alarm();
-            let orders = self
-                .homing
-                .as_mut()
-                .map(|homing| homing.docking.charging(now));
-            self.follow(orders.unwrap_or_default(), now);
+        let contact = self.whereabouts.has_contact();
+        let change = self.guard.report(power, contact, now);
+        let charges = self.guard.charging() != Charging::No;
+        self.whereabouts.power(charges, now);
+        if let Some(Battery {
+            percent, charging, ..
+        }) = self.battery()
+        {
+            self.drain.level(percent.get(), charging, now);
         }
-        match self.guard.report(power, now) {
-            Some(BatteryChange::BecameLow(cause)) => self.became_low(cause, now),
-            Some(BatteryChange::Released) => self.released(power, now),
-            None => {}
-        }
+        self.believe(change, now);
         if self.guard.critical() && !was_critical {
             self.end_motion(MotionEnd::Safety);
             let reason = format!(
@@ -281,48 +299,70 @@ impl Watchdog {
         }
     }
 
+    /// Does what follows from news of the battery.
+    pub(super) fn believe(&mut self, change: Option<BatteryChange>, now: Instant) {
+        let orders = self
+            .homing
+            .as_mut()
+            .map(|homing| match self.guard.charging() {
+                Charging::No => vec![],
+                Charging::Said => homing.docking.wait(),
+                Charging::Believed => homing.docking.charging(now),
+            });
+        if self.guard.charging() == Charging::Believed {
+            self.searching = false;
+            self.end_alarm();
+        }
+        self.follow(orders.unwrap_or_default(), now);
+        match change {
+            Some(BatteryChange::BecameLow(cause)) => self.became_low(cause, now),
+            Some(BatteryChange::Released) => self.released(now),
+            None => {}
+        }
+    }
+
+    fn activity(&self) -> Activity {
+        let searches = |homing: &Homing| homing.docking.is_searching();
+        if self.moving() {
+            Activity::Driving
+        } else if self.homing.as_ref().is_some_and(searches) {
+            Activity::Searching
+        } else {
+            Activity::Standing
+        }
+    }
+
     fn engine(&mut self, news: EngineNews, now: Instant) {
         match news {
             EngineNews::Docked => {
-                self.on_station = true;
+                self.searching = false;
+                self.whereabouts.docked(now);
                 self.end_motion(MotionEnd::Docked);
                 self.interrupt_recovery(now);
             }
             EngineNews::Undocked => self.undocked(now),
-            EngineNews::Charged | EngineNews::BaseNotFound | EngineNews::Unknown(_) => {}
+            EngineNews::BaseNotFound => self.searching = false,
+            EngineNews::Charged | EngineNews::Unknown(_) => {}
         }
         let orders = self
             .homing
             .as_mut()
             .map(|homing| homing.docking.engine(news, now));
         self.follow(orders.unwrap_or_default(), now);
+        let change = match news {
+            EngineNews::Docked => self.guard.contact(),
+            _ => None,
+        };
+        self.believe(change, now);
     }
 
     fn undocked(&mut self, now: Instant) {
-        self.on_station = false;
-        self.battery = self.battery.map(|power| Power {
-            charging: false,
-            ..power
-        });
+        self.whereabouts.undocked();
+        self.guard.undocked();
         self.guard.excuse_silence(now);
+        self.search_at_once(now);
         if let Some(leaving) = self.leaving.take() {
             self.answer_undock(leaving.caller, DockEnd::Done);
-        }
-    }
-
-    /// Stops whatever moves. A robot that the watchdog sends home hears of that again, since the
-    /// stop may have ended its search.
-    fn part(&mut self, now: Instant) {
-        self.parting = true;
-        self.end_motion(MotionEnd::Cancelled);
-        self.end_leg(now);
-        self.cancel_dock_asked(now);
-        if !self.online {
-            return;
-        }
-        self.halt(now);
-        if self.homing.as_ref().is_some_and(|homing| homing.forced) && !self.docked() {
-            self.send(Command::Engine(Engage::Dock));
         }
     }
 
@@ -332,14 +372,14 @@ impl Watchdog {
         if self
             .leaving
             .as_ref()
-            .is_some_and(|leaving| leaving.caller.0 == by)
+            .is_some_and(|leaving| leaving.caller.by == by)
         {
             self.leaving = None;
         }
         let Some(homing) = &mut self.homing else {
             return;
         };
-        homing.callers.retain(|(caller, _)| *caller != by);
+        homing.callers.retain(|caller| caller.by != by);
         if homing.callers.is_empty() && !homing.forced {
             let orders = homing.docking.cancel(DockEnd::Cancelled, now);
             self.follow(orders, now);
@@ -372,7 +412,7 @@ impl Watchdog {
         let sent = |act: &Act| matches!(act, Act::Send(_));
         let stop = Act::Send(Command::STOP);
         if self.acts.iter().rfind(|act| sent(act)) != Some(&stop) {
-            self.acts.push(stop);
+            self.send(Command::STOP);
         }
     }
 
@@ -388,7 +428,7 @@ impl Watchdog {
 
     fn answer_dock(
         &mut self,
-        (by, call): (BehaviourId, CallId),
+        Caller { by, call, .. }: Caller,
         end: DockEnd,
         attempts: u32,
         took: Duration,
@@ -404,7 +444,7 @@ impl Watchdog {
         ));
     }
 
-    fn answer_undock(&mut self, (by, call): (BehaviourId, CallId), end: DockEnd) {
+    fn answer_undock(&mut self, Caller { by, call, .. }: Caller, end: DockEnd) {
         self.acts
             .push(Act::Tell(by, Event::UndockEnded { call, end }));
     }
@@ -415,6 +455,11 @@ impl Watchdog {
     }
 
     fn send(&mut self, command: Command) {
+        match command {
+            Command::Engine(Engage::Dock) => self.searching = true,
+            Command::Engine(_) | Command::Move { .. } => self.searching = false,
+            _ => {}
+        }
         self.acts.push(Act::Send(command));
     }
 }

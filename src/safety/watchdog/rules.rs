@@ -69,11 +69,30 @@ impl Watchdog {
         if !self.online {
             return;
         }
+        if self.guard.doubt_deadline().is_some_and(|due| due <= now) {
+            let change = self.guard.end_doubt(now);
+            self.whereabouts.power(false, now);
+            self.believe(change, now);
+        }
         if self.docked() {
             self.guard.excuse_silence(now);
         } else if let Some(BatteryChange::BecameLow(cause)) = self.guard.poll(now) {
             self.became_low(cause, now);
         }
+    }
+
+    /// A low robot that may not be on its station any more searches it. If it was on its contacts
+    /// and they do not charge, a person is needed as well.
+    pub(super) fn check_place(&mut self, now: Instant) {
+        let low = self.guard.low().is_some();
+        let Some(doubt) = self.whereabouts.poll(low, now).filter(|_| low) else {
+            return;
+        };
+        if let Some(homing) = self.homing.as_mut().filter(|homing| homing.forced) {
+            let orders = homing.docking.lost_contact(doubt, now);
+            self.follow(orders, now);
+        }
+        self.search_at_once(now);
     }
 
     pub(super) fn check_leaving(&mut self, now: Instant) {

@@ -1,135 +1,10 @@
 //! Every rule by numbers: facts and times in, acts out.
 
-use std::time::Duration;
-
-use tokio::time::Instant;
-
+use super::rig::*;
 use super::*;
-use crate::robot::{DockPlan, EndReason, MotionId, Priority};
+use crate::robot::{DockPlan, EndReason};
 use crate::safety::Ask;
 use crate::wire::{Engage, Led, Sound};
-
-const SECOND: Duration = Duration::from_secs(1);
-const MS: Duration = Duration::from_millis(1);
-const WHO: BehaviourId = BehaviourId(0);
-
-/// A watchdog and a clock that only moves when told.
-struct Rig {
-    dog: Watchdog,
-    now: Instant,
-}
-
-impl Rig {
-    /// Logged in off the station with a level.
-    fn online(percent: u8) -> Rig {
-        let mut rig = Rig::with(Limits::default());
-        rig.take(Fact::LinkUp {
-            docked: false,
-            power: power(percent),
-        });
-        rig.now += 20 * MS;
-        rig
-    }
-
-    fn with(limits: Limits) -> Rig {
-        let now = Instant::now();
-        Rig {
-            dog: Watchdog::new(limits, now),
-            now,
-        }
-    }
-
-    fn take(&mut self, fact: Fact) -> Vec<Act> {
-        self.dog.take(fact, self.now)
-    }
-
-    fn ask(&mut self, ask: Ask) -> Vec<Act> {
-        self.take(Fact::Asked {
-            by: WHO,
-            priority: Priority(0),
-            ask,
-        })
-    }
-
-    fn drive(&mut self, motion: u64, duration: Option<Duration>) -> Vec<Act> {
-        let setpoint = Setpoint::from_percent(50.0, 50.0).unwrap();
-        self.ask(Ask::Move {
-            motion: MotionId(motion),
-            setpoint,
-            duration,
-        })
-    }
-
-    /// Lets time pass as the pilot does: from deadline to deadline, with the host alive or not.
-    fn pass(&mut self, span: Duration, alive: bool) -> Vec<Act> {
-        let (end, mut acts) = (self.now + span, Vec::new());
-        loop {
-            let beat = self.now + 50 * MS;
-            let next = self
-                .dog
-                .next_deadline()
-                .map_or(end, |due| due.max(self.now))
-                .min(end);
-            self.now = if alive { next.min(beat).min(end) } else { next };
-            if alive {
-                acts.extend(self.take(Fact::Alive(WHO)));
-            }
-            acts.extend(self.dog.tick(self.now));
-            let due = self.dog.next_deadline();
-            assert!(due.is_none_or(|due| due > self.now), "would tick for ever");
-            if self.now >= end {
-                return acts;
-            }
-        }
-    }
-}
-
-fn power(percent: u8) -> Power {
-    Power {
-        percent,
-        charging: false,
-    }
-}
-
-fn charging(percent: u8) -> Power {
-    Power {
-        percent,
-        charging: true,
-    }
-}
-
-pub(super) fn sent(acts: &[Act]) -> Vec<Command> {
-    acts.iter().filter_map(Act::command).collect()
-}
-
-pub(super) fn told(acts: &[Act]) -> Vec<Event> {
-    let event = |act: &Act| match act {
-        Act::Tell(_, event) => Some(event.clone()),
-        _ => None,
-    };
-    acts.iter().filter_map(event).collect()
-}
-
-fn ended(motion: u64, end: MotionEnd) -> Event {
-    Event::MotionEnded {
-        motion: MotionId(motion),
-        end,
-    }
-}
-
-fn dock_ended(acts: &[Act]) -> Option<(DockEnd, u32)> {
-    told(acts).into_iter().find_map(|event| match event {
-        Event::DockEnded { end, attempts, .. } => Some((end, attempts)),
-        _ => None,
-    })
-}
-
-const FORWARD: Command = Command::Move {
-    left: 45,
-    right: 45,
-};
-pub(super) const FIND: Command = Command::Engine(Engage::Dock);
-pub(super) const CANCEL: Command = Command::Engine(Engage::CancelDock);
 
 #[test]
 fn a_low_report_stops_and_sends_home_in_one_batch() {
@@ -172,13 +47,106 @@ fn low_motion_is_refused_until_the_ok_level() {
         (vec![], vec![ended(1, MotionEnd::Safety)])
     );
     rig.take(Fact::Power(power(49)));
-    assert_eq!(sent(&rig.drive(2, None)), []);
-    assert_eq!(
-        sent(&rig.take(Fact::Power(power(50)))),
-        [CANCEL, Command::STOP]
-    );
+    for _ in 0..2 {
+        assert_eq!(sent(&rig.drive(2, None)), []);
+        assert_eq!(sent(&rig.hear(power(50))), []);
+    }
+    assert_eq!(sent(&rig.hear(power(50))), [CANCEL, Command::STOP]);
     rig.now += SECOND;
     assert_eq!(sent(&rig.drive(3, None)), [FORWARD]);
+}
+
+#[test]
+fn one_garbage_report_neither_frees_a_low_robot_nor_disturbs_its_search() {
+    for garbage in [power(60), power(100), charging(60), charging(10)] {
+        let mut rig = Rig::online(60);
+        rig.hear(power(10));
+        for _ in 0..5 {
+            rig.hear(power(10));
+            let acts = [rig.hear(garbage), rig.drive(1, None)].concat();
+            assert_eq!(sent(&acts), [], "{garbage:?}");
+            assert_eq!(told(&acts), [ended(1, MotionEnd::Safety)]);
+        }
+        assert_eq!(sent(&rig.hear(power(10))), []);
+        assert_eq!(sent(&rig.pass(100 * SECOND, false)), [], "searches on");
+    }
+}
+
+#[test]
+fn while_one_report_says_charging_no_search_and_no_leg_begins() {
+    let (mut rig, _) = lost(20, standing());
+    rig.hear(charging(15));
+    let acts = rig.pass(BatteryGuard::DOUBT - SECOND, false);
+    assert_eq!((count(&acts, &FIND), tracks(&acts)), (0, vec![]));
+    assert_eq!(
+        count(&rig.pass(2 * SECOND, false), &FIND),
+        1,
+        "then it does"
+    );
+
+    let mut rig = Rig::online(20);
+    rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    rig.hear(charging(20));
+    assert_eq!(
+        sent(&rig.pass(100 * SECOND, false)),
+        [],
+        "the next try waits"
+    );
+    assert_eq!(sent(&rig.hear(power(20))), [Command::STOP, FIND]);
+}
+
+#[test]
+fn the_contact_bears_charging_out_before_and_after() {
+    for contact_first in [true, false] {
+        let mut rig = Rig::online(20);
+        let mut facts = [Fact::Engine(EngineNews::Docked), Fact::Power(charging(20))];
+        if !contact_first {
+            facts.reverse();
+        }
+        let [first, second] = facts;
+        rig.take(first);
+        assert!(rig.dog.low().is_some());
+        assert_eq!(sent(&rig.take(second)), []);
+        assert_eq!(rig.dog.low(), None);
+        assert!(rig.dog.docked() && rig.dog.battery().unwrap().charging);
+    }
+}
+
+#[test]
+fn a_docking_that_backs_off_stands_still_while_one_report_says_charging() {
+    let mut rig = Rig::online(60);
+    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    rig.pass(500 * MS, false);
+    assert!(rig.dog.moving());
+    let acts = rig.take(Fact::Power(charging(60)));
+    assert_eq!(sent(&acts), [Command::STOP]);
+    assert_eq!(dock_ended(&acts), None);
+    assert_eq!(
+        dock_ended(&rig.hear(charging(60))),
+        Some((DockEnd::Done, 1))
+    );
+
+    let mut rig = Rig::online(60);
+    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    rig.take(Fact::Power(charging(60)));
+    let acts = rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    assert_eq!(tracks(&acts), [(0, 0)], "it does not back off either");
+}
+
+#[test]
+fn it_learns_how_long_the_battery_lasts() {
+    let mut rig = Rig::online(60);
+    assert_eq!(rig.dog.battery().unwrap().minutes_left, None);
+    for percent in (50..60).rev() {
+        rig.pass(60 * SECOND, false);
+        rig.take(Fact::Power(power(percent)));
+    }
+    let left = rig.dog.battery().unwrap().minutes_left;
+    assert!(
+        left.is_some_and(|left| (45.0..55.0).contains(&left)),
+        "{left:?}"
+    );
 }
 
 #[test]
@@ -189,59 +157,6 @@ fn charging_releases_and_the_station_still_holds() {
     assert_eq!(rig.dog.low(), None);
     assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
 }
-
-/// Low, and the station was not found in any of the first tries: the alarm.
-fn lost(percent: u8, limits: Limits) -> (Rig, Vec<Act>) {
-    let mut rig = Rig::with(limits);
-    rig.take(Fact::LinkUp {
-        docked: false,
-        power: power(percent),
-    });
-    rig.now += 20 * MS;
-    for _ in 0..3 {
-        rig.take(Fact::Engine(EngineNews::BaseNotFound));
-        rig.pass(30 * SECOND, false);
-    }
-    let acts = rig.take(Fact::Engine(EngineNews::BaseNotFound));
-    assert_eq!(rig.dog.state(), WatchdogState::Alarm);
-    (rig, acts)
-}
-
-fn standing() -> Limits {
-    Limits {
-        recovery_legs: 0,
-        ..Limits::default()
-    }
-}
-
-fn count(acts: &[Act], wanted: &Command) -> usize {
-    let sent = sent(acts);
-    sent.iter().filter(|command| *command == wanted).count()
-}
-
-/// What the tracks were told, repetitions left out.
-fn tracks(acts: &[Act]) -> Vec<(i8, i8)> {
-    let setpoint = |command| match command {
-        Command::Move { left, right } => Some((left, right)),
-        _ => None,
-    };
-    let mut tracks: Vec<(i8, i8)> = sent(acts).into_iter().filter_map(setpoint).collect();
-    tracks.dedup();
-    tracks
-}
-
-fn reasons(acts: &[Act]) -> Vec<String> {
-    let reason = |act: &Act| match act {
-        Act::Announce(Event::Safety { reason, .. }) => Some(reason.clone()),
-        _ => None,
-    };
-    acts.iter().filter_map(reason).collect()
-}
-
-const LEG: Command = Command::Move {
-    left: 27,
-    right: 27,
-};
 
 #[test]
 fn base_not_found_is_tried_three_times_more_without_motion_then_alarm() {
@@ -276,7 +191,9 @@ fn the_alarm_is_repeated_and_without_legs_nothing_moves() {
     assert!((3..=5).contains(&alarms), "{alarms}");
     assert_eq!((count(&acts, &FIND), tracks(&acts)), (0, vec![]));
     assert_eq!(told(&rig.drive(9, None)), [ended(9, MotionEnd::Safety)]);
-    rig.take(Fact::Power(charging(21)));
+    rig.hear(charging(21));
+    assert_eq!(rig.dog.state(), WatchdogState::Alarm, "one report");
+    rig.hear(charging(21));
     assert_eq!(rig.dog.state(), WatchdogState::Docked);
 }
 
@@ -364,44 +281,10 @@ fn all_legs_together_are_as_many_as_the_config_allows() {
 }
 
 #[test]
-fn who_asks_to_stop_stops_a_leg_at_once_and_the_search_from_there_goes_on() {
-    let (mut rig, _) = lost(20, Limits::default());
-    rig.pass(SECOND, false);
-    assert!(rig.dog.moving());
-    assert_eq!(sent(&rig.ask(Ask::Stop)), [Command::STOP, FIND]);
-    assert_eq!(tracks(&rig.pass(100 * SECOND, false)), []);
-    assert_eq!(
-        sent(&rig.ask(Ask::Stop)),
-        [],
-        "no behaviour ends the search"
-    );
-    assert_eq!(
-        tracks(&rig.take(Fact::Engine(EngineNews::BaseNotFound))),
-        [(0, 0)]
-    );
-    assert_eq!(tracks(&rig.pass(SECOND, false)), [(-27, 27), (27, 27)]);
-}
-
-#[test]
-fn a_stop_in_the_instant_in_which_a_leg_is_due_prevents_it() {
-    let (mut rig, _) = lost(20, Limits::default());
-    rig.pass(3 * SECOND, false);
-    rig.dog
-        .absorb(Fact::Engine(EngineNews::BaseNotFound), rig.now);
-    assert_eq!(sent(&rig.ask(Ask::Stop)), [Command::STOP, FIND]);
-    assert!(!rig.dog.moving());
-}
-
-#[test]
 fn whatever_releases_takes_over_or_cuts_off_the_robot_ends_a_leg() {
     let stop = || vec![Command::STOP];
-    let off = Command::Led {
-        led: Led::Flash,
-        on: false,
-    };
     let ends = [
-        (Fact::Power(charging(19)), vec![off.clone(), Command::STOP]),
-        (Fact::Power(power(50)), vec![off, Command::STOP]),
+        (Fact::Power(charging(19)), stop()),
         (Fact::Power(power(8)), [stop(), vec![FIND]].concat()),
         (Fact::Engine(EngineNews::Docked), stop()),
         (Fact::Parting, [stop(), vec![FIND]].concat()),
@@ -459,19 +342,6 @@ fn after_a_reconnect_under_alarm_it_searches_before_it_drives_a_leg() {
 }
 
 #[test]
-fn a_station_without_current_that_is_lost_under_alarm_is_searched_again() {
-    let (mut rig, _) = lost(20, Limits::default());
-    rig.pass(3 * SECOND, false);
-    rig.take(Fact::Engine(EngineNews::Docked));
-    let acts = rig.pass(100 * SECOND, false);
-    assert_eq!(count(&acts, &FIND), 0);
-    let failed = "docking failed (not_charging) 1 times: stays on the station";
-    assert_eq!(reasons(&acts), [failed]);
-    let acts = rig.take(Fact::Engine(EngineNews::Undocked));
-    assert_eq!(sent(&acts), [Command::STOP, FIND]);
-}
-
-#[test]
 fn a_leg_over_a_silent_stream_stops_and_nothing_is_said_behind_it() {
     let limits = Limits {
         stream_silence: crate::robot::Seconds::from_secs(1),
@@ -492,7 +362,8 @@ fn an_alarm_that_ends_leaves_no_light_on() {
         led: Led::Flash,
         on: false,
     };
-    assert_eq!(sent(&rig.take(Fact::Power(charging(21)))), [off]);
+    assert_eq!(sent(&rig.take(Fact::Power(charging(21)))), []);
+    assert_eq!(sent(&rig.hear(charging(21))), [off]);
 }
 
 #[test]
@@ -536,19 +407,6 @@ fn the_state_says_at_a_glance_how_things_stand() {
             "battery low, ALARM"
         ]
     );
-}
-
-#[test]
-fn on_the_station_a_low_battery_never_searches_and_without_charge_sounds_the_alarm() {
-    let mut rig = Rig::with(Limits::default());
-    let acts = rig.take(Fact::LinkUp {
-        docked: true,
-        power: power(10),
-    });
-    assert_eq!(sent(&acts), []);
-    let sent = sent(&rig.pass(40 * SECOND, false));
-    assert!(!sent.contains(&FIND), "{sent:?}");
-    assert!(sent.contains(&Command::Play(Sound::Alarm)), "{sent:?}");
 }
 
 #[test]
@@ -745,10 +603,6 @@ fn a_silent_stream_while_moving_stops_and_reconnects() {
     assert_eq!(told(&acts), [ended(1, MotionEnd::Disconnected)]);
 }
 
-fn reconnects(acts: &[Act]) -> bool {
-    acts.iter().any(|act| matches!(act, Act::Reconnect(_)))
-}
-
 #[test]
 fn a_stream_that_begins_late_has_its_time_and_no_more() {
     let mut rig = Rig::online(60);
@@ -914,7 +768,10 @@ fn a_docking_that_was_taken_over_is_given_back_at_the_ok_level() {
     let mut rig = Rig::online(60);
     rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
     rig.take(Fact::Power(power(20)));
-    assert_eq!(sent(&rig.take(Fact::Power(power(50)))), []);
+    for _ in 0..3 {
+        assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
+        assert_eq!(sent(&rig.hear(power(50))), []);
+    }
     assert_eq!(rig.dog.state(), WatchdogState::Docking);
     assert_eq!(sent(&rig.ask(Ask::CancelDock)), [CANCEL, Command::STOP]);
 }
@@ -981,24 +838,4 @@ fn only_the_one_who_asked_is_told_how_an_undocking_ends() {
         let acts = rig.take(Fact::Engine(EngineNews::Undocked));
         assert_eq!(told(&acts).len(), told_at_the_end);
     }
-}
-
-#[test]
-fn undocking_that_takes_too_long_says_so() {
-    let mut rig = Rig::with(Limits::default());
-    rig.take(Fact::LinkUp {
-        docked: true,
-        power: charging(80),
-    });
-    rig.ask(Ask::Undock(CallId(1), 20 * SECOND));
-    let told = told(&rig.pass(20 * SECOND, false));
-    assert_eq!(
-        told,
-        [Event::UndockEnded {
-            call: CallId(1),
-            end: DockEnd::Timeout
-        }]
-    );
-    let acts = rig.ask(Ask::Dock(CallId(2), DockPlan::default()));
-    assert_eq!(dock_ended(&acts), Some((DockEnd::AlreadyDocked, 0)));
 }

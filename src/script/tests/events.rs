@@ -7,6 +7,7 @@ fn battery(percent: u8, charging: bool) -> Battery {
     Battery {
         percent: Percent::new(percent).unwrap(),
         charging,
+        minutes_left: None,
     }
 }
 
@@ -294,7 +295,7 @@ fn the_robots_state_is_known_from_its_events() {
     let mut rig = Rig::new(
         "local function show()
              local b = robot.battery()
-             print(robot.connected(), robot.docked(), b and b.percent, b and b.charging, b and b.age)
+             print(robot.connected(), robot.docked(), b and b.percent, b and b.charging, b and b.age, b and b.minutes_left)
          end
          print(robot.info()) show()
          while true do task.wait(1) show() if robot.info() then name = robot.info().uid end end",
@@ -304,7 +305,10 @@ fn the_robots_state_is_known_from_its_events() {
     rig.deliver(Event::Battery(battery(42, false)));
     rig.deliver(Event::Undocked);
     rig.pass(1.0);
-    rig.deliver(Event::Battery(battery(43, true)));
+    rig.deliver(Event::Battery(Battery {
+        minutes_left: Some(12.5),
+        ..battery(43, true)
+    }));
     rig.deliver(Event::Disconnected {
         reason: String::new(),
     });
@@ -313,10 +317,10 @@ fn the_robots_state_is_known_from_its_events() {
         rig.texts(),
         [
             "nil",
-            "false false nil nil nil",
-            "true true nil nil nil",
-            "true false 42 false 1",
-            "false true 43 true 1",
+            "false false nil nil nil nil",
+            "true true nil nil nil nil",
+            "true false 42 false 1 nil",
+            "false true 43 true 1 12.5",
         ]
     );
 }

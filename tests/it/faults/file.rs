@@ -30,7 +30,13 @@ async fn simulator(rig: &Rig, faults: &str) -> (Run, Target) {
 }
 
 async fn log_in(target: &Target) -> Result<Session, LinkError> {
-    connect(target, &Login::new("admin", "admin"), &Options::default()).await
+    connect(
+        target,
+        &Login::new("admin", "admin"),
+        vec![spykee::wire::Command::STOP],
+        &Options::default(),
+    )
+    .await
 }
 
 #[tokio::test(flavor = "multi_thread")]

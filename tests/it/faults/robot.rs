@@ -99,6 +99,17 @@ pub async fn goes_home_in_one_write(stage: Stage) {
     stage.ends_well();
 }
 
+pub async fn gets_home_through_garbage(stage: Stage) {
+    let from = stage.trouble();
+    stage.rig.sim.set_battery(LOW);
+    let stop = stage.goes_home(from).await;
+    stage
+        .until("home", |state| state.docked && state.charging)
+        .await;
+    stage.no_motion_since(stop);
+    stage.ends_well();
+}
+
 pub async fn goes_home_though(stage: Stage) {
     let from = stage.trouble();
     stage.drives_on().await;

@@ -96,6 +96,8 @@ pub const SCENARIOS: &[Scenario] = scenarios! {
         "nothing moves before the first level has come", robot::waits_for_a_level, Drives;
     "a battery level that jumps", "{fault: power_jumps, percent: 5, for: 1}",
         "one low level is enough: stop and BASE_FIND in one write; no motion until it is good again", robot::goes_home_in_one_write, Drives;
+    "battery levels of random bytes", "{fault: power_garbage, chance: 0.4}",
+        "one low level is enough; the garbage that follows frees nothing, and the robot still gets home", robot::gets_home_through_garbage, Drives;
     "low on a bad line", "{fault: split}, {fault: delay, seconds: 0.2, jitter: 0.1}",
         "low battery still sends home", robot::goes_home_though, Drives;
     "low while the line is down", "{fault: reboot, state: kept, for: 1}",

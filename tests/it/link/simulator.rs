@@ -36,7 +36,7 @@ impl Sim {
             dead_after: Duration::from_millis(500),
             ..Options::default()
         };
-        link::connect(&self.target, login, &options).await
+        link::connect(&self.target, login, stop(), &options).await
     }
 
     /// Waits until the robot has heard a command since the one with index `from`; its index.
@@ -110,7 +110,12 @@ async fn a_robot_whose_power_never_comes_is_not_driven() {
     let sim = sim(firmware).await;
     let error = sim.connect(&admin()).await.unwrap_err();
     assert!(matches!(error, LinkError::NoPower { .. }), "{error}");
-    assert_eq!(sim.heard(0), [Command::Login(admin())]);
+    let heard = sim.heard(0);
+    assert_eq!(heard[0], Command::Login(admin()));
+    assert!(
+        heard[1..].iter().all(|command| *command == Command::STOP),
+        "{heard:?}"
+    );
 }
 
 #[tokio::test]

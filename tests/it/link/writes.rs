@@ -55,7 +55,7 @@ impl Watched {
         };
         let answers = io::Cursor::new([ACCEPTED, POWER_80].concat());
         let options = Options::default();
-        let session = link::open(answers, narrow, nowhere(), &admin(), &options)
+        let session = link::open(answers, narrow, nowhere(), &admin(), stop(), &options)
             .await
             .unwrap();
         taken.lock().unwrap().clear();
@@ -124,7 +124,7 @@ async fn a_stop_after_a_cut_write_finishes_the_message_and_forgets_the_motion_be
                 .is_err()
         );
         watched.make_room();
-        watched.session.writer.stop_now();
+        watched.session.writer.say_last_words();
         let expected = [&GO_BYTES.repeat(cut.div_ceil(7))[..], STOP].concat();
         assert_eq!(watched.writes().concat(), expected, "cut at {cut}");
     }
@@ -175,7 +175,7 @@ fn a_writer_dropped_after_its_runtime_has_ended_still_stops_the_tracks() {
             listener,
             b"PK\x0B\x00\x06\x01\x00\x00\x00\x00\x01PK\x03\x00\x01\x50",
         ));
-        let session = link::connect(&target, &admin(), &Options::default())
+        let session = link::connect(&target, &admin(), stop(), &Options::default())
             .await
             .unwrap();
         (session, robot.await.unwrap().into_std().unwrap())

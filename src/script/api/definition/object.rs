@@ -248,6 +248,12 @@ pub(super) const OBJECTS: &[Object] = &[
             whole("percent", "its level").unit("%"),
             boolean("charging", ""),
             number("age", "since the robot said so").unit("s"),
+            number(
+                "minutes_left",
+                "until it is empty, if it goes on as of late; nil until known, and while it charges",
+            )
+            .unit("min")
+            .optional(),
         ],
     ),
     table(

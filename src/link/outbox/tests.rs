@@ -1,0 +1,297 @@
+use proptest::prelude::*;
+
+use super::*;
+use crate::wire::{Decoder, Engage, Led};
+
+const GO: Command = Command::Move {
+    left: 50,
+    right: 50,
+};
+const GO_BYTES: [u8; 7] = [0x50, 0x4B, 0x05, 0x00, 0x02, 0x32, 0x32];
+const STOP_BYTES: [u8; 7] = [0x50, 0x4B, 0x05, 0x00, 0x02, 0x00, 0x00];
+const DOCK: Command = Command::Engine(Engage::Dock);
+const MS: Duration = Duration::from_millis(1);
+
+fn samples(length: usize) -> Bytes {
+    Bytes::from(vec![7; length])
+}
+
+/// An outbox whose clock and transport are the test's.
+struct Rig {
+    outbox: Outbox,
+    now: Instant,
+    out: Vec<u8>,
+}
+
+impl Rig {
+    fn new() -> Rig {
+        Rig {
+            outbox: Outbox::default(),
+            now: Instant::now(),
+            out: Vec::new(),
+        }
+    }
+
+    fn push(&mut self, commands: &[Command]) -> bool {
+        self.outbox.push(commands, self.now)
+    }
+
+    /// Writes at most so many bytes of what is on offer; how many.
+    fn write(&mut self, room: usize) -> usize {
+        let offer = self.outbox.offer(self.now, || Some(0));
+        let count = offer.len().min(room);
+        self.out.extend_from_slice(&offer[..count]);
+        self.outbox.advance(count, self.now);
+        count
+    }
+
+    /// Writes all that is on offer without time passing.
+    fn drain(&mut self) {
+        while self.write(usize::MAX) > 0 {}
+    }
+
+    /// What has been written: whole commands.
+    fn said(&self) -> Vec<Command> {
+        let (mut decoder, mut input) = (Decoder::new(), &self.out[..]);
+        let mut said = Vec::new();
+        while let Some(packet) = decoder.decode(&mut input).unwrap() {
+            said.push(Command::parse(packet));
+        }
+        assert_eq!(decoder.buffered(), 0, "a message is cut");
+        said
+    }
+}
+
+proptest! {
+    #[test]
+    fn a_message_cut_anywhere_is_finished_and_later_motion_forgotten(cut in 0usize..21) {
+        let mut rig = Rig::new();
+        prop_assert!(rig.push(&[GO, GO, GO]));
+        rig.write(cut);
+        rig.outbox.replace_unstarted(&[Command::STOP], rig.now);
+        rig.drain();
+        let (messages, last) = rig.out.split_at(rig.out.len() - 7);
+        prop_assert_eq!(messages, GO_BYTES.repeat(cut.div_ceil(7)));
+        prop_assert_eq!(last, STOP_BYTES);
+    }
+}
+
+#[test]
+fn what_is_wholly_out_is_forgotten() {
+    let mut rig = Rig::new();
+    rig.push(&[GO]);
+    rig.drain();
+    assert!(rig.outbox.is_empty());
+    rig.outbox.replace_unstarted(&[Command::STOP], rig.now);
+    rig.drain();
+    assert_eq!(rig.said(), [GO, Command::STOP]);
+}
+
+#[test]
+fn what_waits_is_bounded() {
+    let mut rig = Rig::new();
+    let light = Command::Led {
+        led: Led::Left,
+        on: true,
+    };
+    let pushes = (0..1_000_000).take_while(|_| rig.push(std::slice::from_ref(&light)));
+    assert!(pushes.count() < 1_000_000);
+    assert!(!rig.outbox.say(&samples(128_002)) && rig.outbox.say(&samples(128_000)));
+    assert!(!rig.outbox.say(&samples(2)));
+    rig.outbox.drop_audio();
+    assert!(rig.outbox.say(&samples(128_000)));
+}
+
+#[test]
+fn a_newer_move_takes_the_place_of_those_that_wait() {
+    let mut rig = Rig::new();
+    rig.push(&[GO]);
+    rig.push(&[GO]);
+    rig.push(&[Command::STOP]);
+    rig.drain();
+    assert_eq!(rig.said(), [Command::STOP]);
+}
+
+#[test]
+fn a_newer_move_overtakes_nothing_and_leaves_a_search_its_stop() {
+    let mut rig = Rig::new();
+    rig.push(&[GO]);
+    rig.push(&[Command::STOP, DOCK]);
+    rig.push(&[Command::Volume(3)]);
+    rig.push(&[GO]);
+    rig.push(&[Command::Engine(Engage::CancelDock), Command::STOP]);
+    rig.push(&[GO]);
+    rig.drain();
+    let cancel = Command::Engine(Engage::CancelDock);
+    let expected = [Command::STOP, DOCK, Command::Volume(3), GO, cancel, GO];
+    assert_eq!(rig.said(), expected);
+}
+
+#[test]
+fn a_move_that_takes_anothers_place_has_waited_as_long() {
+    let mut rig = Rig::new();
+    let began = rig.now;
+    for _ in 0..10 {
+        rig.push(&[GO]);
+        rig.now += 500 * MS;
+    }
+    assert_eq!(rig.outbox.waits_since(), Some(began));
+    rig.drain();
+    assert_eq!(rig.outbox.waits_since(), None);
+}
+
+#[test]
+fn commands_go_before_speech_that_has_not_begun() {
+    let mut rig = Rig::new();
+    rig.outbox.say(&samples(4096));
+    rig.write(100);
+    rig.push(&[Command::STOP, DOCK]);
+    rig.drain();
+    let said = rig.said();
+    assert_eq!(
+        said[..3],
+        [Command::Audio(samples(1024)), Command::STOP, DOCK]
+    );
+    assert_eq!(
+        said[3..],
+        [const { () }; 3].map(|()| Command::Audio(samples(1024)))
+    );
+}
+
+#[test]
+fn speech_waits_while_the_system_holds_much_and_a_link_that_takes_none_is_noticed() {
+    let mut rig = Rig::new();
+    rig.outbox.say(&samples(1024));
+    assert!(rig.outbox.offer(rig.now, || Some(4097)).is_empty());
+    assert_eq!(rig.outbox.waits_since(), Some(rig.now));
+    assert_eq!(rig.outbox.next_offer(rig.now), Some(rig.now + LOOK_AGAIN));
+    assert_eq!(rig.outbox.offer(rig.now, || Some(4096)).len(), 1029);
+    assert_eq!(rig.outbox.offer(rig.now, || None).len(), 1029);
+}
+
+#[test]
+fn with_nothing_to_say_at_the_end_a_search_that_waits_is_still_asked_for() {
+    let mut rig = Rig::new();
+    rig.push(&[GO]);
+    rig.push(&[Command::STOP, DOCK]);
+    rig.push(&[GO]);
+    rig.outbox.replace_unstarted(&[], rig.now);
+    rig.drain();
+    assert_eq!(rig.said(), [Command::STOP, DOCK]);
+}
+
+#[test]
+fn talk_goes_out_at_the_speed_of_speech_with_a_small_lead() {
+    let mut rig = Rig::new();
+    let began = rig.now;
+    for _ in 0..60 {
+        assert!(rig.outbox.say(&samples(32_000)));
+        let next = rig.now + 1000 * MS;
+        while let Some(look) = rig.outbox.next_offer(rig.now).filter(|look| *look < next) {
+            rig.drain();
+            let passed = (rig.now - began).as_secs_f64();
+            let most = 32_000.0 * (passed + 0.2) + 1030.0;
+            assert!(
+                rig.out.len() as f64 <= most,
+                "{} after {passed} s",
+                rig.out.len()
+            );
+            rig.now = look;
+        }
+        rig.drain();
+        rig.now = next;
+    }
+    let wanted = 60.0 * 32_000.0 - 1029.0;
+    assert!(rig.out.len() as f64 >= wanted, "{}", rig.out.len());
+}
+
+/// What may happen to an outbox.
+#[derive(Debug, Clone)]
+enum Step {
+    Push(Vec<Command>),
+    Say(usize),
+    Write(usize),
+    Pass(u64),
+    DropAudio,
+}
+
+fn command() -> impl Strategy<Value = Command> {
+    prop_oneof![
+        (-90i8..=90).prop_map(|power| Command::Move {
+            left: power,
+            right: power
+        }),
+        Just(Command::STOP),
+        Just(DOCK),
+        Just(Command::Engine(Engage::CancelDock)),
+        (0u8..=100).prop_map(Command::Volume),
+    ]
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    prop_oneof![
+        3 => prop::collection::vec(command(), 0..4).prop_map(Step::Push),
+        2 => (0usize..40_000).prop_map(Step::Say),
+        4 => (0usize..1500).prop_map(Step::Write),
+        1 => (0u64..300).prop_map(Step::Pass),
+        1 => Just(Step::DropAudio),
+    ]
+}
+
+/// The newest thing said of the tracks' fate: the last MOVE or ENGINE.
+fn last_of(commands: &[Command]) -> Option<&Command> {
+    let fate = |command: &&Command| matches!(command, Command::Move { .. } | Command::Engine(_));
+    commands.iter().rev().find(fate)
+}
+
+proptest! {
+    #[test]
+    fn no_order_of_events_cuts_a_message_or_lets_speech_go_before_a_command(
+        steps in prop::collection::vec(step(), 1..80),
+    ) {
+        let mut rig = Rig::new();
+        let (mut pushed, mut said) = (Vec::new(), 0);
+        for step in steps {
+            match step {
+                Step::Push(commands) => {
+                    let before = rig.out.len();
+                    let half_out = rig.outbox.half_out.len();
+                    prop_assert!(half_out <= 1029);
+                    prop_assert!(rig.push(&commands));
+                    // Were it written now, nothing but that half message would go before it.
+                    let offer = rig.outbox.offer(rig.now, || Some(0));
+                    if rig.outbox.waiting > 0 {
+                        prop_assert_eq!(offer.len(), half_out + rig.outbox.waiting);
+                    }
+                    prop_assert_eq!(before, rig.out.len());
+                    pushed.extend(commands);
+                }
+                Step::Say(length) => {
+                    said += usize::from(rig.outbox.say(&samples(length))) * length;
+                }
+                Step::Write(room) => {
+                    rig.write(room);
+                }
+                Step::Pass(ms) => rig.now += ms as u32 * MS,
+                Step::DropAudio => rig.outbox.drop_audio(),
+            }
+            prop_assert!(rig.outbox.waiting <= MAX_WAITING + 100);
+        }
+        rig.now += Duration::from_secs(60);
+        while !rig.outbox.is_empty() {
+            rig.write(usize::MAX);
+            rig.now += 50 * MS;
+        }
+        let heard = rig.said();
+        let spoken: usize = heard
+            .iter()
+            .map(|command| if let Command::Audio(samples) = command { samples.len() } else { 0 })
+            .sum();
+        prop_assert!(spoken <= said);
+        prop_assert_eq!(last_of(&heard), last_of(&pushed));
+        let engines = |commands: &[Command]| {
+            commands.iter().filter(|command| matches!(command, Command::Engine(_))).cloned().collect::<Vec<_>>()
+        };
+        prop_assert_eq!(engines(&heard), engines(&pushed), "none is lost, none overtakes another");
+    }
+}

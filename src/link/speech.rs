@@ -1,0 +1,78 @@
+//! Samples for the loudspeaker that wait to be written: in small messages, bounded, and no faster
+//! than they are spoken. Whatever the robot has been sent and not read yet stands in front of the
+//! next stop, and no counter of this computer's system shows it: only the pace bounds it.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use bytes::Bytes;
+use tokio::time::Instant;
+
+use crate::wire::Command;
+
+/// Bytes of samples in one message: 32 ms.
+const MESSAGE: usize = 1024;
+/// Bytes of samples that may wait: four seconds.
+const MOST: usize = 128_000;
+/// The time of one byte on its way: 32,000 a second is the speed of speech (16 kHz, 16 bits, mono).
+const PER_BYTE: Duration = Duration::from_nanos(31_250);
+/// So far ahead of that pace it may be, so that a late packet makes no gap.
+const LEAD: Duration = Duration::from_millis(200);
+
+/// See the module.
+#[derive(Debug, Default)]
+pub(super) struct Speech {
+    waiting: VecDeque<Bytes>,
+    bytes: usize,
+    due: Option<Instant>,
+}
+
+impl Speech {
+    /// Takes samples, or none of them if they do not fit.
+    pub(super) fn push(&mut self, samples: &Bytes) -> bool {
+        if self.bytes + samples.len() > MOST {
+            return false;
+        }
+        self.bytes += samples.len();
+        let messages = samples
+            .chunks(MESSAGE)
+            .map(|chunk| samples.slice_ref(chunk));
+        self.waiting.extend(messages);
+        true
+    }
+
+    /// Forgets all that waits.
+    pub(super) fn clear(&mut self) {
+        self.waiting.clear();
+        self.bytes = 0;
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.waiting.is_empty()
+    }
+
+    /// When the first message may be written, `None` if none waits. In the past: now.
+    pub(super) fn due(&self, now: Instant) -> Option<Instant> {
+        self.waiting.front().map(|_| self.due.unwrap_or(now))
+    }
+
+    /// The first message.
+    pub(super) fn first(&self) -> Option<Bytes> {
+        let samples = self.waiting.front()?.clone();
+        Some(Command::Audio(samples).to_bytes())
+    }
+
+    /// The first message is on its way.
+    pub(super) fn advance(&mut self) {
+        if let Some(samples) = self.waiting.pop_front() {
+            self.bytes -= samples.len();
+        }
+    }
+
+    /// So many bytes of whatever kind were written.
+    pub(super) fn charge(&mut self, count: usize, now: Instant) {
+        let earliest = now.checked_sub(LEAD).unwrap_or(now);
+        let spent = PER_BYTE.saturating_mul(u32::try_from(count).unwrap_or(u32::MAX));
+        self.due = Some(self.due.unwrap_or(earliest).max(earliest) + spent);
+    }
+}

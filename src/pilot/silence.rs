@@ -1,0 +1,197 @@
+//! A robot whose system acknowledges everything while its program is dead: notices that nothing is
+//! heard any more, even when no stream is on. Nobody knows how often a real robot says its battery
+//! level, or whether it answers when asked (`PROTOCOL.md`, *Not known*), so silence means something
+//! only after the robot has shown that it talks. Pure: knows no clock.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+/// After so long a silence the robot is asked for its battery level, and then again.
+const ASK_AFTER: Duration = Duration::from_secs(20);
+/// A level that comes so soon after the question is the answer to it.
+const ANSWER: Duration = Duration::from_secs(2);
+/// The shortest silence that is the end of a link, two questions included.
+const SHORTEST: Duration = Duration::from_secs(60);
+/// A robot that says its level regularly has missed so many turns then.
+const MISSED: u32 = 6;
+/// So many pauses between two levels show whether they come regularly.
+const PAUSES: usize = 4;
+
+/// What is to be done about a silence.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// Ask for the battery level.
+    Ask,
+    /// The robot is not there any more, whatever its system says.
+    Gone(Duration),
+}
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct Silence {
+    heard: Instant,
+    asked: Option<Instant>,
+    level: Option<Instant>,
+    pauses: Vec<Duration>,
+    answers: bool,
+}
+
+impl Silence {
+    /// Nothing is known of the robot.
+    pub(super) fn new(now: Instant) -> Silence {
+        Silence {
+            heard: now,
+            asked: None,
+            level: None,
+            pauses: Vec::new(),
+            answers: false,
+        }
+    }
+
+    /// Another login. What is known of the robot stays.
+    pub(super) fn begin(&mut self, now: Instant) {
+        (self.heard, self.asked, self.level) = (now, None, Some(now));
+    }
+
+    /// Something came from the robot.
+    pub(super) fn heard(&mut self, now: Instant) {
+        self.heard = now;
+    }
+
+    /// A battery level came.
+    pub(super) fn level(&mut self, now: Instant) {
+        let answer = self.asked.take().is_some_and(|asked| now < asked + ANSWER);
+        self.answers |= answer;
+        if let Some(before) = self.level.replace(now)
+            && !answer
+        {
+            self.pauses.push(now.saturating_duration_since(before));
+            let old = self.pauses.len().saturating_sub(PAUSES);
+            self.pauses.drain(..old);
+        }
+        self.heard(now);
+    }
+
+    /// Time passes.
+    pub(super) fn poll(&mut self, now: Instant) -> Option<Verdict> {
+        let silence = now.saturating_duration_since(self.heard);
+        if self.limit().is_some_and(|limit| silence >= limit) {
+            self.begin(now);
+            return Some(Verdict::Gone(silence));
+        }
+        if self.next_question() > now {
+            return None;
+        }
+        self.asked = Some(now);
+        Some(Verdict::Ask)
+    }
+
+    /// When [`Silence::poll`] has something to say.
+    pub(super) fn next_deadline(&self) -> Instant {
+        let gone = self.limit().map(|limit| self.heard + limit);
+        gone.into_iter()
+            .fold(self.next_question(), |next, gone| next.min(gone))
+    }
+
+    fn next_question(&self) -> Instant {
+        let since = self.asked.map_or(self.heard, |asked| asked.max(self.heard));
+        since + ASK_AFTER
+    }
+
+    /// The silence that means the end; `None` for a robot of which none means anything.
+    fn limit(&self) -> Option<Duration> {
+        if self.answers {
+            return Some(SHORTEST);
+        }
+        let (shortest, longest) = (self.pauses.iter().min()?, self.pauses.iter().max()?);
+        let regular = self.pauses.len() == PAUSES && *longest <= *shortest * 2;
+        regular.then(|| SHORTEST.max(*longest * MISSED))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    /// Lets time pass; when there was a verdict, in seconds from the start, and which.
+    fn pass(silence: &mut Silence, start: Instant, from: u32, until: u32) -> Vec<(u32, Verdict)> {
+        let verdict = |second| Some((second, silence.poll(start + second * SECOND)?));
+        (from..until).filter_map(verdict).collect()
+    }
+
+    fn new() -> (Silence, Instant) {
+        let start = Instant::now();
+        let mut silence = Silence::new(start);
+        silence.begin(start);
+        (silence, start)
+    }
+
+    #[test]
+    fn a_robot_that_never_answered_is_only_asked() {
+        let (mut silence, start) = new();
+        let verdicts = pass(&mut silence, start, 0, 1000);
+        assert_eq!(verdicts.len(), 49);
+        assert!(verdicts.iter().all(|(_, verdict)| *verdict == Verdict::Ask));
+    }
+
+    #[test]
+    fn a_robot_that_answered_once_is_gone_when_it_does_no_more() {
+        let (mut silence, start) = new();
+        assert_eq!(pass(&mut silence, start, 0, 21), [(20, Verdict::Ask)]);
+        silence.level(start + 21 * SECOND);
+        let gone = Verdict::Gone(60 * SECOND);
+        let expected = [(41, Verdict::Ask), (61, Verdict::Ask), (81, gone)];
+        assert_eq!(pass(&mut silence, start, 21, 82), expected);
+        silence.begin(start + 82 * SECOND);
+        let verdicts = pass(&mut silence, start, 82, 200);
+        assert_eq!(verdicts.len(), 4, "known after another login: {verdicts:?}");
+    }
+
+    #[test]
+    fn a_robot_that_told_its_level_regularly_is_gone_when_it_does_no_more() {
+        let (mut silence, start) = new();
+        for turn in 1..=4 {
+            silence.level(start + 15 * turn * SECOND);
+        }
+        let verdicts = pass(&mut silence, start, 61, 200);
+        let gone = (60 + 90, Verdict::Gone(90 * SECOND));
+        assert_eq!(
+            verdicts.iter().find(|one| one.1 != Verdict::Ask),
+            Some(&gone)
+        );
+    }
+
+    #[test]
+    fn levels_that_come_now_and_then_promise_nothing() {
+        let (mut silence, start) = new();
+        for second in [15, 100, 103, 160, 300] {
+            silence.level(start + second * SECOND);
+        }
+        let verdicts = pass(&mut silence, start, 301, 3000);
+        assert!(verdicts.iter().all(|(_, verdict)| *verdict == Verdict::Ask));
+    }
+
+    #[test]
+    fn whatever_is_heard_ends_the_silence_and_a_late_level_is_no_answer() {
+        let (mut silence, start) = new();
+        pass(&mut silence, start, 0, 21);
+        silence.level(start + 25 * SECOND);
+        for second in 26..500 {
+            silence.heard(start + second * SECOND);
+            assert_eq!(silence.poll(start + second * SECOND), None);
+        }
+        let verdicts = pass(&mut silence, start, 500, 700);
+        assert!(verdicts.iter().all(|(_, verdict)| *verdict == Verdict::Ask));
+    }
+
+    #[test]
+    fn it_is_asked_at_its_deadlines_and_never_before() {
+        let (mut silence, start) = new();
+        assert_eq!(silence.next_deadline(), start + 20 * SECOND);
+        silence.poll(start + 20 * SECOND);
+        assert_eq!(silence.next_deadline(), start + 40 * SECOND);
+    }
+}

@@ -1,0 +1,211 @@
+//! How fast the battery empties and fills, learnt from its levels: percent a minute for each of the
+//! things that a robot does, and the minutes that are left.
+//!
+//! Levels come in whole percents, so time is counted from one change of the level to the next. A
+//! level that leaps says nothing about the time before it.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use super::streak::FASTEST_CHARGE;
+
+/// What a robot spends its battery on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Activity {
+    /// Tracks at rest.
+    Standing,
+    /// It searches its station by itself.
+    Searching,
+    /// It is told to move.
+    Driving,
+}
+
+impl Activity {
+    /// All there are.
+    const ALL: [Activity; 3] = [Activity::Standing, Activity::Searching, Activity::Driving];
+
+    /// How much it needs beside the others, as long as nothing is known.
+    fn guess(self) -> f64 {
+        match self {
+            Activity::Standing => 1.0,
+            Activity::Searching => 1.5,
+            Activity::Driving => 2.0,
+        }
+    }
+}
+
+/// Percents and the minutes that they took; old ones fade.
+#[derive(Debug, Clone, Copy, Default)]
+struct Account {
+    percent: f64,
+    minutes: f64,
+}
+
+impl Account {
+    /// So many percents are remembered.
+    const MEMORY: f64 = 10.0;
+    /// So many are needed to know a rate.
+    const ENOUGH: f64 = 2.0;
+
+    fn add(&mut self, percent: f64, minutes: f64) {
+        let (percent, minutes) = (self.percent + percent, self.minutes + minutes);
+        let kept = (Account::MEMORY / percent.max(Account::MEMORY)).min(1.0);
+        (self.percent, self.minutes) = (percent * kept, minutes * kept);
+    }
+
+    fn rate(self) -> Option<f64> {
+        let known = self.percent >= Account::ENOUGH - 1e-6 && self.minutes > 0.0;
+        known.then(|| self.percent / self.minutes)
+    }
+}
+
+/// Learns from levels and activities.
+#[derive(Debug, Default)]
+pub struct Drain {
+    activities: [Account; Activity::ALL.len()],
+    charge: Account,
+    /// Whatever it did of late.
+    recent: Account,
+    level: Option<u8>,
+    charging: bool,
+    /// The level changed when the minutes below began to be counted.
+    edge: bool,
+    /// Minutes of each activity since then.
+    spent: [f64; Activity::ALL.len()],
+    activity: Option<Activity>,
+    /// Counted up to here.
+    counted: Option<Instant>,
+}
+
+impl Drain {
+    /// A level that goes back so far has only been rounded otherwise.
+    const FLICKER: u8 = 2;
+    /// A change beyond so many points is a leap, unless the time explains it.
+    const LEAP: f64 = 5.0;
+    /// The fastest drain that is taken for true, percent a minute.
+    const FASTEST_DRAIN: f64 = 20.0;
+
+    /// From now on it does this.
+    pub fn advance(&mut self, activity: Activity, now: Instant) {
+        self.count(now);
+        self.activity = Some(activity);
+    }
+
+    /// What it did is not known until the next level: the link is gone.
+    pub fn interrupt(&mut self) {
+        (self.level, self.activity, self.counted) = (None, None, None);
+    }
+
+    /// A level that is believed.
+    pub fn level(&mut self, percent: u8, charging: bool, now: Instant) {
+        self.count(now);
+        let Some(before) = self.level.filter(|_| self.charging == charging) else {
+            return self.begin(percent, charging);
+        };
+        let (ahead, back) = match charging {
+            true => (
+                percent.saturating_sub(before),
+                before.saturating_sub(percent),
+            ),
+            false => (
+                before.saturating_sub(percent),
+                percent.saturating_sub(before),
+            ),
+        };
+        if back > Drain::FLICKER || f64::from(ahead) > Drain::LEAP + self.explained() {
+            self.begin(percent, charging);
+            self.recent = Account::default();
+        } else if ahead > 0 {
+            self.learn(f64::from(ahead));
+            self.begin(percent, charging);
+            self.edge = true;
+        }
+    }
+
+    /// Percent a minute; `None` until two percent of it have been seen.
+    pub fn rate(&self, activity: Activity) -> Option<f64> {
+        self.activities[activity as usize].rate()
+    }
+
+    /// Percent a minute on the charger; `None` until two percent of it have been seen.
+    pub fn charging_rate(&self) -> Option<f64> {
+        self.charge.rate()
+    }
+
+    /// Minutes until the battery is empty, at the average rate of the last ten percent. `None` while
+    /// it charges, and until two percent without a leap have been seen.
+    pub fn minutes_left(&self) -> Option<f64> {
+        let level = self.level.filter(|_| !self.charging)?;
+        Some(f64::from(level) / self.recent.rate()?)
+    }
+
+    /// Minutes until the battery is empty if it does nothing but this; `None` until its rate is known.
+    pub fn minutes_left_if(&self, activity: Activity) -> Option<f64> {
+        Some(f64::from(self.level?) / self.rate(activity)?)
+    }
+
+    fn begin(&mut self, percent: u8, charging: bool) {
+        (self.level, self.charging) = (Some(percent), charging);
+        (self.edge, self.spent) = (false, [0.0; Activity::ALL.len()]);
+    }
+
+    fn count(&mut self, now: Instant) {
+        if let (Some(activity), Some(counted)) = (self.activity, self.counted) {
+            self.spent[activity as usize] += minutes(now.saturating_duration_since(counted));
+        }
+        self.counted = Some(now);
+    }
+
+    fn explained(&self) -> f64 {
+        let fastest = match self.charging {
+            true => 60.0 * FASTEST_CHARGE,
+            false => Drain::FASTEST_DRAIN,
+        };
+        fastest * self.spent.iter().sum::<f64>()
+    }
+
+    /// The level has changed by so much since its last change.
+    fn learn(&mut self, percent: f64) {
+        let total: f64 = self.spent.iter().sum();
+        if !self.edge || total <= 0.0 {
+            return;
+        }
+        if self.charging {
+            return self.charge.add(percent, total);
+        }
+        self.recent.add(percent, total);
+        let needs = self.needs();
+        let all: f64 = Activity::ALL
+            .iter()
+            .map(|one| self.share(*one, &needs))
+            .sum();
+        for activity in Activity::ALL {
+            let share = self.share(activity, &needs) / all;
+            let minutes = self.spent[activity as usize];
+            self.activities[activity as usize].add(percent * share, minutes);
+        }
+    }
+
+    fn share(&self, activity: Activity, needs: &[f64; Activity::ALL.len()]) -> f64 {
+        needs[activity as usize] * self.spent[activity as usize]
+    }
+
+    /// What each activity needs: as learnt, or as guessed beside what is learnt of the others.
+    fn needs(&self) -> [f64; Activity::ALL.len()] {
+        let ratio = |one: &Activity| Some(self.rate(*one)? / one.guess());
+        let ratios: Vec<f64> = Activity::ALL.iter().filter_map(ratio).collect();
+        let scale = match ratios.is_empty() {
+            true => 1.0,
+            false => ratios.iter().sum::<f64>() / ratios.len() as f64,
+        };
+        Activity::ALL.map(|one| self.rate(one).unwrap_or(one.guess() * scale))
+    }
+}
+
+fn minutes(span: Duration) -> f64 {
+    span.as_secs_f64() / 60.0
+}
+
+#[cfg(test)]
+mod tests;

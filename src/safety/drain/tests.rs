@@ -1,0 +1,177 @@
+use super::*;
+use proptest::prelude::*;
+
+/// A battery with a true level, and what it teaches.
+struct Rig {
+    drain: Drain,
+    level: f64,
+    now: Instant,
+}
+
+impl Rig {
+    fn at(level: f64) -> Rig {
+        let (drain, now) = (Drain::default(), Instant::now());
+        let mut rig = Rig { drain, level, now };
+        rig.say(false);
+        rig
+    }
+
+    fn say(&mut self, charging: bool) {
+        self.drain
+            .level(self.level.round() as u8, charging, self.now);
+    }
+
+    /// Does this for so many minutes; the level is told every five seconds.
+    fn spend(&mut self, activity: Activity, minutes: f64, rate: f64) {
+        self.drain.advance(activity, self.now);
+        for _ in 0..(minutes * 12.0).round() as u32 {
+            self.now += Duration::from_secs(5);
+            self.level -= rate / 12.0;
+            self.say(rate < 0.0);
+        }
+    }
+
+    fn left(&self) -> f64 {
+        self.drain.minutes_left().unwrap()
+    }
+}
+
+fn near(found: f64, expected: f64, share: f64) -> bool {
+    (found - expected).abs() <= expected * share
+}
+
+#[test]
+fn nothing_is_known_until_two_percent_were_seen_to_go() {
+    let mut rig = Rig::at(80.2);
+    rig.spend(Activity::Standing, 2.6, 1.0);
+    assert_eq!(rig.level.round(), 78.0);
+    assert_eq!(rig.drain.minutes_left(), None);
+    assert_eq!(rig.drain.rate(Activity::Standing), None);
+    rig.spend(Activity::Standing, 1.0, 1.0);
+    assert!(near(rig.left(), 77.0, 0.1), "{}", rig.left());
+    assert_eq!(rig.drain.rate(Activity::Driving), None);
+}
+
+#[test]
+fn after_a_leap_nothing_is_known_of_the_time_that_is_left() {
+    let mut rig = Rig::at(80.0);
+    rig.spend(Activity::Standing, 6.0, 1.0);
+    assert!(rig.drain.minutes_left().is_some());
+    rig.level = 40.0;
+    rig.say(false);
+    assert_eq!(rig.drain.minutes_left(), None);
+    let rate = rig.drain.rate(Activity::Standing).unwrap();
+    assert!(near(rate, 1.0, 0.1), "what was learnt stays: {rate}");
+    rig.spend(Activity::Standing, 5.0, 1.0);
+    assert!(near(rig.left(), rig.level, 0.1));
+}
+
+#[test]
+fn a_level_that_flickers_teaches_nothing_wrong() {
+    let mut rig = Rig::at(80.0);
+    rig.drain.advance(Activity::Standing, rig.now);
+    for step in 0..600u32 {
+        rig.now += Duration::from_secs(5);
+        rig.level -= 1.0 / 12.0;
+        let flicker = u8::from(step % 3 == 0);
+        rig.drain
+            .level(rig.level.round() as u8 + flicker, false, rig.now);
+    }
+    assert!(near(rig.left(), rig.level, 0.1), "{}", rig.left());
+}
+
+#[test]
+fn charging_is_learnt_by_itself_and_leaves_no_minutes_that_are_left() {
+    let mut rig = Rig::at(30.0);
+    rig.spend(Activity::Standing, 5.0, 1.0);
+    rig.spend(Activity::Standing, 5.0, -2.0);
+    assert_eq!(rig.drain.minutes_left(), None);
+    assert!(near(rig.drain.charging_rate().unwrap(), 2.0, 0.1));
+    rig.spend(Activity::Standing, 1.0, 1.0);
+    assert!(near(rig.left(), rig.level, 0.1), "the rate before");
+}
+
+#[test]
+fn what_happened_without_a_link_teaches_nothing() {
+    let mut rig = Rig::at(80.0);
+    rig.spend(Activity::Standing, 6.0, 1.0);
+    rig.drain.interrupt();
+    rig.now += Duration::from_secs(3600);
+    rig.level = 71.0;
+    rig.say(false);
+    assert!(near(rig.left(), 71.0, 0.1), "{}", rig.left());
+    rig.spend(Activity::Standing, 6.0, 1.0);
+    assert!(near(rig.left(), rig.level, 0.1));
+}
+
+#[test]
+fn fast_batteries_of_demonstrations_are_no_leaps() {
+    let mut rig = Rig::at(90.0);
+    rig.drain.advance(Activity::Driving, rig.now);
+    for _ in 0..4 {
+        rig.now += Duration::from_secs(60);
+        rig.level -= 17.0;
+        rig.say(false);
+    }
+    assert!(near(rig.left(), 22.0 / 17.0, 0.01), "{}", rig.left());
+}
+
+#[test]
+fn each_activity_has_its_rate_though_they_take_turns() {
+    let mut rig = Rig::at(99.0);
+    for _ in 0..20 {
+        rig.spend(Activity::Standing, 1.3, 0.6);
+        rig.spend(Activity::Driving, 0.7, 2.4);
+        rig.spend(Activity::Searching, 0.5, 1.2);
+    }
+    for (activity, rate) in [
+        (Activity::Standing, 0.6),
+        (Activity::Searching, 1.2),
+        (Activity::Driving, 2.4),
+    ] {
+        let found = rig.drain.rate(activity).unwrap();
+        assert!(near(found, rate, 0.35), "{activity:?} {found}");
+    }
+    let driving = rig.drain.minutes_left_if(Activity::Driving).unwrap();
+    let standing = rig.drain.minutes_left_if(Activity::Standing).unwrap();
+    assert!(driving < rig.left() && rig.left() < standing);
+}
+
+proptest! {
+    #[test]
+    fn after_five_percent_of_steady_drain_the_minutes_left_are_right_within_a_fifth(
+        level in 30.0..100.0f64,
+        rate in 0.2..15.0f64,
+        period in 1..40u64,
+    ) {
+        let mut rig = Rig::at(level);
+        rig.drain.advance(Activity::Standing, rig.now);
+        let start = level;
+        // A report comes at least once in half a percent.
+        let period = Duration::from_secs_f64((period as f64).min(30.0 / rate));
+        while rig.level > start - 6.0 {
+            rig.now += period;
+            rig.level -= rate * minutes(period);
+            rig.say(false);
+        }
+        let true_left = rig.level / rate;
+        prop_assert!(near(rig.left(), true_left, 0.2), "{} for {true_left}", rig.left());
+    }
+
+    #[test]
+    fn whatever_comes_rates_are_positive_and_finite(
+        steps in prop::collection::vec((0..=100u8, any::<bool>(), 0..3usize, 0..5_000u64), 0..200),
+    ) {
+        let (mut drain, mut now) = (Drain::default(), Instant::now());
+        for (level, charging, activity, seconds) in steps {
+            drain.advance(Activity::ALL[activity], now);
+            now += Duration::from_secs(seconds);
+            drain.level(level, charging, now);
+            let rates = Activity::ALL.map(|one| drain.rate(one));
+            for rate in rates.into_iter().chain([drain.charging_rate()]).flatten() {
+                prop_assert!(rate.is_finite() && rate > 0.0);
+            }
+            prop_assert!(drain.minutes_left().is_none_or(|left| left.is_finite() && left >= 0.0));
+        }
+    }
+}

@@ -1,0 +1,344 @@
+//! Where the robot is: what it has said about that, and how long it is believed.
+//!
+//! | place | by | a script's motion | `undock` | `dock` | low battery |
+//! | --- | --- | --- | --- | --- | --- |
+//! | [`Place::Charging`] | a POWER that says so | refused, `docked` | CHARGE_STOP | `already_docked` | stays |
+//! | [`Place::ContactSaid`] | ENGINE 2, or the login's word | refused, `docked` | CHARGE_STOP | waits for charging | waits for charging, at most `charge_timeout`; then [`Place::Unknown`] |
+//! | [`Place::Left`] | ENGINE 1, the login's word, or a POWER that charges no more after CHARGE_STOP | allowed | `not_docked` | BASE_FIND | BASE_FIND |
+//! | [`Place::Unknown`] | a CHARGE_STOP that nobody confirms in time; contact without charging while low; charging that ends though nobody has ever spoken of contact | allowed | CHARGE_STOP | BASE_FIND | BASE_FIND |
+//!
+//! From CHARGE_STOP until the robot has confirmed it, or its time is over, motion is refused as on
+//! the station: the robot backs out by itself. What is allowed here may still be refused because the
+//! battery is low.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+/// Where the robot is. See the module for what each allows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// On the station: it charges.
+    Charging,
+    /// On the station, it has said; it does not charge.
+    ContactSaid,
+    /// Off the station.
+    Left(Word),
+    /// On the station or off it.
+    Unknown,
+}
+
+/// By whose word the robot is off its station.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Word {
+    /// ENGINE 1.
+    Engine,
+    /// The answer to the login.
+    Login,
+    /// A POWER without charging, after CHARGE_STOP.
+    Power,
+}
+
+/// Why a place is not believed any more.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Doubt {
+    /// Nobody has confirmed a CHARGE_STOP in time.
+    Leaving,
+    /// Contact has not become charging in time.
+    Contact,
+}
+
+/// Follows what is said about the place.
+#[derive(Debug)]
+pub struct Whereabouts {
+    place: Place,
+    charge_timeout: Duration,
+    /// The robot has spoken of contact, and of nothing else since.
+    contact: bool,
+    /// Contact is believed until then if the battery is low.
+    charge_due: Option<Instant>,
+    /// CHARGE_STOP was sent; the robot's word is awaited until then.
+    leaving: Option<Instant>,
+}
+
+impl Whereabouts {
+    /// The longest time that the robot's word is awaited after CHARGE_STOP.
+    pub const LONGEST_LEAVING: Duration = Duration::from_secs(60);
+
+    /// Nothing has been said yet.
+    pub fn new(charge_timeout: Duration) -> Whereabouts {
+        Whereabouts {
+            place: Place::Unknown,
+            charge_timeout,
+            contact: false,
+            charge_due: None,
+            leaving: None,
+        }
+    }
+
+    /// Where it is.
+    pub fn place(&self) -> Place {
+        self.place
+    }
+
+    /// On the station, by its word or because it charges.
+    pub fn on_station(&self) -> bool {
+        matches!(self.place, Place::Charging | Place::ContactSaid)
+    }
+
+    /// The robot has said that it is on its station, and nothing since denies it.
+    pub fn has_contact(&self) -> bool {
+        self.contact
+    }
+
+    /// CHARGE_STOP was sent and neither confirmed nor given up.
+    pub fn is_leaving(&self) -> bool {
+        self.leaving.is_some()
+    }
+
+    /// The login has said whether it is docked. While the battery is low that word gives contact no
+    /// new time: a link that drops again and again does not keep the robot from searching.
+    pub fn login(&mut self, docked: bool, low: bool, now: Instant) {
+        self.leaving = None;
+        let tried = low && self.charge_due.is_some_and(|due| due <= now);
+        if !docked {
+            return self.leave(Word::Login);
+        }
+        self.contact = true;
+        if tried {
+            self.doubt(Doubt::Contact);
+        } else {
+            self.place = Place::ContactSaid;
+            self.charge_due.get_or_insert(now + self.charge_timeout);
+        }
+    }
+
+    /// ENGINE 2: on the station. Said again in time it changes nothing.
+    pub fn docked(&mut self, now: Instant) {
+        (self.contact, self.leaving) = (true, None);
+        let late = self.charge_due.is_some_and(|due| due <= now);
+        if late || !self.on_station() {
+            self.place = Place::ContactSaid;
+            self.charge_due = Some(now + self.charge_timeout);
+        }
+    }
+
+    /// ENGINE 1: has left the station.
+    pub fn undocked(&mut self) {
+        self.leaving = None;
+        self.leave(Word::Engine);
+    }
+
+    /// A battery level came.
+    pub fn power(&mut self, charging: bool, now: Instant) {
+        if charging {
+            (self.place, self.charge_due) = (Place::Charging, None);
+        } else if self.place == Place::Charging {
+            self.charging_ended(now);
+        }
+    }
+
+    /// CHARGE_STOP was sent; the robot's word is awaited for so long, at most
+    /// [`Whereabouts::LONGEST_LEAVING`].
+    pub fn leave_station(&mut self, timeout: Duration, now: Instant) {
+        self.leaving = Some(now + timeout.min(Whereabouts::LONGEST_LEAVING));
+    }
+
+    /// Nobody can say any more what has become of a CHARGE_STOP.
+    pub fn doubt_leaving(&mut self) -> Option<Doubt> {
+        self.leaving.take()?;
+        self.on_station().then(|| self.doubt(Doubt::Leaving))
+    }
+
+    /// The battery has become low: from now on contact has its time to become charging.
+    pub fn expect_charge(&mut self, now: Instant) {
+        if self.place == Place::ContactSaid {
+            self.charge_due = Some(now + self.charge_timeout);
+        }
+    }
+
+    /// Time passes. Says why the robot is not believed to be on its station any more.
+    pub fn poll(&mut self, low: bool, now: Instant) -> Option<Doubt> {
+        if self.leaving.is_some_and(|until| until <= now) {
+            return self.doubt_leaving();
+        }
+        self.charge_due.filter(|due| *due <= now)?;
+        if !low {
+            self.charge_due = None;
+        }
+        let waits = low && self.place == Place::ContactSaid;
+        waits.then(|| self.doubt(Doubt::Contact))
+    }
+
+    /// When [`Whereabouts::poll`] has something to do.
+    pub fn next_deadline(&self, low: bool) -> Option<Instant> {
+        let waits = low && self.place == Place::ContactSaid;
+        let charge_due = self.charge_due.filter(|_| waits);
+        [self.leaving, charge_due].into_iter().flatten().min()
+    }
+
+    /// Should it charge after all, its word of contact was right.
+    fn doubt(&mut self, why: Doubt) -> Doubt {
+        self.place = Place::Unknown;
+        self.contact &= why == Doubt::Contact;
+        why
+    }
+
+    fn leave(&mut self, word: Word) {
+        (self.place, self.contact, self.charge_due) = (Place::Left(word), false, None);
+    }
+
+    fn charging_ended(&mut self, now: Instant) {
+        if self.is_leaving() {
+            self.leave(Word::Power);
+        } else if self.contact {
+            self.place = Place::ContactSaid;
+            self.charge_due = Some(now + self.charge_timeout);
+        } else {
+            self.place = Place::Unknown;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    fn nowhere() -> (Whereabouts, Instant) {
+        (Whereabouts::new(30 * SECOND), Instant::now())
+    }
+
+    fn on_contact() -> (Whereabouts, Instant) {
+        let (mut place, now) = nowhere();
+        place.login(true, false, now);
+        (place, now)
+    }
+
+    #[test]
+    fn each_word_has_its_place() {
+        let (mut place, now) = nowhere();
+        assert_eq!(place.place(), Place::Unknown);
+        place.login(false, false, now);
+        assert_eq!(place.place(), Place::Left(Word::Login));
+        place.docked(now);
+        assert_eq!(place.place(), Place::ContactSaid);
+        place.power(true, now);
+        assert_eq!(place.place(), Place::Charging);
+        place.docked(now);
+        assert_eq!(place.place(), Place::Charging, "said late");
+        place.power(false, now);
+        assert_eq!(place.place(), Place::ContactSaid, "full, or no current");
+        place.undocked();
+        assert_eq!(place.place(), Place::Left(Word::Engine));
+    }
+
+    #[test]
+    fn charging_that_ends_without_a_word_of_contact_leaves_the_place_unknown() {
+        let (mut place, now) = nowhere();
+        place.login(false, false, now);
+        place.power(true, now);
+        place.power(false, now);
+        assert_eq!(place.place(), Place::Unknown);
+    }
+
+    #[test]
+    fn an_undocking_that_nobody_confirms_in_time_leaves_the_place_unknown() {
+        let (mut place, now) = on_contact();
+        place.power(true, now);
+        place.leave_station(20 * SECOND, now);
+        assert_eq!(place.next_deadline(false), Some(now + 20 * SECOND));
+        place.poll(false, now + 19 * SECOND);
+        assert!(place.on_station() && place.is_leaving());
+        assert_eq!(place.poll(false, now + 20 * SECOND), Some(Doubt::Leaving));
+        assert_eq!(place.place(), Place::Unknown);
+        assert!(!place.is_leaving());
+        assert_eq!(place.next_deadline(false), None);
+    }
+
+    #[test]
+    fn no_word_is_awaited_for_longer_than_a_minute() {
+        let (mut place, now) = on_contact();
+        place.leave_station(Duration::MAX, now);
+        place.poll(false, now + 60 * SECOND);
+        assert_eq!(place.place(), Place::Unknown);
+    }
+
+    #[test]
+    fn current_that_ends_after_charge_stop_is_a_word_and_the_robot_still_backs_out() {
+        let (mut place, now) = on_contact();
+        place.power(true, now);
+        place.leave_station(20 * SECOND, now);
+        place.power(false, now + SECOND);
+        assert_eq!(place.place(), Place::Left(Word::Power));
+        assert!(place.is_leaving());
+        place.poll(false, now + 20 * SECOND);
+        assert_eq!(place.place(), Place::Left(Word::Power));
+        assert!(!place.is_leaving());
+    }
+
+    #[test]
+    fn a_word_ends_the_waiting_for_one() {
+        for docked in [true, false] {
+            let (mut place, now) = on_contact();
+            place.leave_station(20 * SECOND, now);
+            if docked {
+                place.docked(now);
+            } else {
+                place.undocked();
+            }
+            assert!(!place.is_leaving());
+            place.poll(false, now + 60 * SECOND);
+            assert_eq!(place.on_station(), docked);
+        }
+    }
+
+    #[test]
+    fn contact_without_charging_is_believed_for_its_time_while_low_and_for_ever_otherwise() {
+        let (mut place, now) = on_contact();
+        place.poll(false, now + 3600 * SECOND);
+        assert_eq!(place.place(), Place::ContactSaid);
+        let low = now + 7200 * SECOND;
+        place.expect_charge(low);
+        assert_eq!(place.next_deadline(true), Some(low + 30 * SECOND));
+        assert_eq!(place.next_deadline(false), None);
+        place.poll(true, low + 29 * SECOND);
+        assert_eq!(place.place(), Place::ContactSaid);
+        assert_eq!(place.poll(true, low + 30 * SECOND), Some(Doubt::Contact));
+        assert_eq!(place.place(), Place::Unknown);
+    }
+
+    #[test]
+    fn logging_in_again_gives_contact_no_new_time_while_low() {
+        let (mut place, now) = on_contact();
+        for second in 1..30 {
+            place.login(true, true, now + second * SECOND);
+            assert_eq!(place.next_deadline(true), Some(now + 30 * SECOND));
+        }
+        place.login(true, true, now + 30 * SECOND);
+        assert_eq!(place.place(), Place::Unknown);
+        place.docked(now + 40 * SECOND);
+        assert_eq!(place.next_deadline(true), Some(now + 70 * SECOND));
+    }
+
+    #[test]
+    fn a_new_login_believes_contact_again_once_the_battery_was_good() {
+        let (mut place, now) = on_contact();
+        place.expect_charge(now);
+        place.poll(true, now + 30 * SECOND);
+        place.poll(false, now + 31 * SECOND);
+        place.login(true, true, now + 40 * SECOND);
+        assert_eq!(place.place(), Place::ContactSaid);
+    }
+
+    #[test]
+    fn after_a_pause_of_the_machine_an_undocking_is_in_doubt() {
+        let (mut place, now) = on_contact();
+        place.doubt_leaving();
+        assert_eq!(place.place(), Place::ContactSaid);
+        place.leave_station(20 * SECOND, now);
+        place.doubt_leaving();
+        assert_eq!(place.place(), Place::Unknown);
+    }
+}

@@ -1,0 +1,197 @@
+//! Reports in a row that bear each other out: what one report claims may be garbage, what several
+//! agree on is believed.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use crate::wire::Power;
+
+/// Points a second that a battery on a charger may gain at most. Real ones need hours; the small
+/// ones of demonstrations need a minute.
+pub(super) const FASTEST_CHARGE: f64 = 2.0;
+
+/// What makes a claim believed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Proof {
+    /// So many reports in a row ...
+    pub(super) count: u32,
+    /// ... the first and the last at least so far apart ...
+    pub(super) span: Duration,
+    /// ... with levels within so many points of each other, besides what charging explains.
+    pub(super) spread: u8,
+}
+
+impl Proof {
+    /// Of a level.
+    pub(super) const LEVEL: Proof = Proof {
+        count: 3,
+        span: Duration::from_secs(2),
+        spread: 5,
+    };
+    /// Of charging, which is a sign in each report and not a number that drifts.
+    pub(super) const CHARGING: Proof = Proof {
+        count: 2,
+        span: Duration::from_secs(1),
+        spread: 10,
+    };
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    began: Instant,
+    count: u32,
+    lowest: u8,
+    highest: u8,
+    charging: bool,
+}
+
+impl Run {
+    fn new(power: Power, now: Instant) -> Run {
+        Run {
+            began: now,
+            count: 1,
+            lowest: power.percent,
+            highest: power.percent,
+            charging: power.charging,
+        }
+    }
+
+    /// The run with one report more; `None` if that contradicts those before.
+    fn with(self, power: Power, spread: u8, now: Instant) -> Option<Run> {
+        let (lowest, highest) = (
+            self.lowest.min(power.percent),
+            self.highest.max(power.percent),
+        );
+        let gain = match power.charging {
+            true => FASTEST_CHARGE * (now - self.began).as_secs_f64(),
+            false => 0.0,
+        };
+        let agrees = f64::from(highest - lowest) <= f64::from(spread) + gain;
+        (agrees && power.charging == self.charging).then_some(Run {
+            count: self.count.saturating_add(1),
+            lowest,
+            highest,
+            ..self
+        })
+    }
+}
+
+/// Counts the reports in a row that claim the same.
+#[derive(Debug)]
+pub(super) struct Streak {
+    proof: Proof,
+    run: Option<Run>,
+}
+
+impl Streak {
+    pub(super) fn new(proof: Proof) -> Streak {
+        Streak { proof, run: None }
+    }
+
+    /// Takes every report in; `claims` says whether this one makes the claim. True once it is proved.
+    pub(super) fn see(&mut self, claims: bool, power: Power, now: Instant) -> bool {
+        let longer = |run: Run| run.with(power, self.proof.spread, now);
+        self.run = claims.then(|| {
+            self.run
+                .and_then(longer)
+                .unwrap_or_else(|| Run::new(power, now))
+        });
+        self.run
+            .is_some_and(|run| run.count >= self.proof.count && now - run.began >= self.proof.span)
+    }
+
+    /// What was claimed so far counts no more.
+    pub(super) fn forget(&mut self) {
+        self.run = None;
+    }
+}
+
+/// True from the first report that says so, until several in a row deny it.
+#[derive(Debug)]
+pub(super) struct Latch {
+    on: bool,
+    denied: Streak,
+}
+
+impl Latch {
+    pub(super) fn new() -> Latch {
+        Latch {
+            on: false,
+            denied: Streak::new(Proof::LEVEL),
+        }
+    }
+
+    pub(super) fn see(&mut self, says: bool, power: Power, now: Instant) {
+        let denied = self.denied.see(!says, power, now);
+        self.on = says || (self.on && !denied);
+    }
+
+    pub(super) fn is_on(&self) -> bool {
+        self.on
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whether the last of these reports (seconds, level, charging) proves a level of 50 or more.
+    fn proves(proof: Proof, reports: &[(f64, u8, bool)]) -> bool {
+        let (start, mut streak) = (Instant::now(), Streak::new(proof));
+        let mut proved = false;
+        for &(at, percent, charging) in reports {
+            let power = Power { percent, charging };
+            let claims = percent >= 50 || proof == Proof::CHARGING && charging;
+            proved = streak.see(claims, power, start + Duration::from_secs_f64(at));
+        }
+        proved
+    }
+
+    #[test]
+    fn a_level_is_proved_by_three_reports_in_a_row_that_agree_over_two_seconds() {
+        let level = |reports: &[(f64, u8, bool)]| proves(Proof::LEVEL, reports);
+        let yes = [(0.0, 60, false), (1.0, 57, false), (2.0, 62, false)];
+        assert!(level(&yes));
+        assert!(!level(&yes[..2]), "two");
+        for (why, at, percent, charging) in [
+            ("too soon", 1.9, 60, false),
+            ("another level", 2.0, 63, false),
+            ("not the claim", 2.0, 49, false),
+            ("another sign", 2.0, 60, true),
+        ] {
+            let no = [yes[0], yes[1], (at, percent, charging)];
+            assert!(!level(&no), "{why}");
+            let later = [2.5, 3.5, 4.5].map(|at| (at, 60, false));
+            assert!(level(&[&no[..], &later[..]].concat()), "{why}");
+        }
+    }
+
+    #[test]
+    fn charging_explains_levels_that_rise() {
+        let slow = [(0.0, 50, true), (60.0, 80, true), (120.0, 100, true)];
+        assert!(proves(Proof::LEVEL, &slow));
+        let fast = [(0.0, 10, true), (1.0, 60, true)];
+        assert!(!proves(Proof::CHARGING, &fast));
+        assert!(proves(Proof::CHARGING, &[fast[0], (1.0, 11, true)]));
+        assert!(!proves(Proof::CHARGING, &[fast[0], (0.9, 10, true)]));
+    }
+
+    #[test]
+    fn a_latch_holds_until_it_is_denied_by_several() {
+        let (start, mut latch) = (Instant::now(), Latch::new());
+        let mut says = |seconds, percent: u8| {
+            let power = Power {
+                percent,
+                charging: false,
+            };
+            latch.see(percent <= 8, power, start + Duration::from_secs(seconds));
+            latch.is_on()
+        };
+        assert!(!says(0, 9));
+        assert!(says(1, 8));
+        assert!(says(2, 9) && says(3, 9) && says(4, 8));
+        assert!(says(5, 10) && says(6, 9));
+        assert!(!says(7, 9));
+    }
+}

@@ -1,0 +1,145 @@
+//! Docking and undocking that behaviours ask for: who may, who waits, and who is told how it ended.
+//!
+//! A docking belongs to the callers that wait for it and has the highest of their priorities. Like a
+//! setpoint it is refused while a higher priority drives, ends as `preempted` when a higher priority
+//! wants to drive, and is given up only by its own callers and by equal or higher priorities.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use super::asks::LONGEST;
+use super::homing::Homing;
+use super::{Caller, Leaving, Watchdog};
+use crate::robot::{BehaviourId, DockEnd, DockPlan, Priority};
+use crate::safety::{Approach, Place, Retry};
+use crate::wire::{Command, Engage};
+
+/// The shortest time of a docking: with none at all there is nothing to wait for.
+const SHORTEST: Duration = Duration::from_millis(1);
+
+/// Calls that wait for one docking; what a host asks beyond that is refused.
+const MOST_CALLERS: usize = 64;
+
+impl Watchdog {
+    pub(super) fn dock_asked(&mut self, caller: Caller, plan: DockPlan, now: Instant) {
+        if let Some(end) = self.dock_refusal(caller) {
+            return self.answer_dock(caller, end, 0, Duration::ZERO);
+        }
+        if let Some(homing) = &mut self.homing {
+            return homing.callers.push(caller);
+        }
+        let plan = DockPlan {
+            timeout: plan.timeout.clamp(SHORTEST, LONGEST),
+            charge_timeout: plan.charge_timeout.clamp(SHORTEST, LONGEST),
+            ..plan
+        };
+        let approach = Approach {
+            plan,
+            retry: Retry::Reverse(Watchdog::BACK_OFF_TIME),
+        };
+        self.start_homing(approach, vec![caller], now);
+    }
+
+    fn dock_refusal(&self, caller: Caller) -> Option<DockEnd> {
+        let crowded = |callers: &Vec<Caller>| callers.len() >= MOST_CALLERS;
+        if !self.online {
+            Some(DockEnd::Disconnected)
+        } else if self.parting {
+            Some(DockEnd::Cancelled)
+        } else if self.place() == Place::Charging {
+            Some(DockEnd::AlreadyDocked)
+        } else if self.alarm.is_some()
+            || self
+                .homing
+                .as_ref()
+                .is_some_and(|homing| crowded(&homing.callers))
+        {
+            Some(DockEnd::Safety)
+        } else if self.is_outranked(caller.priority) {
+            Some(DockEnd::Preempted)
+        } else {
+            None
+        }
+    }
+
+    pub(super) fn undock_asked(&mut self, caller: Caller, timeout: Duration, now: Instant) {
+        if let Some(end) = self.undock_refusal(caller) {
+            return self.answer_undock(caller, end);
+        }
+        if let Some(earlier) = self.leaving.take() {
+            self.answer_undock(earlier.caller, DockEnd::Cancelled);
+        }
+        let timeout = timeout.min(LONGEST);
+        let until = now + timeout;
+        self.leaving = Some(Leaving { caller, until });
+        self.whereabouts.leave_station(timeout, now);
+        self.send(Command::Engine(Engage::Undock));
+    }
+
+    fn undock_refusal(&self, caller: Caller) -> Option<DockEnd> {
+        let left = matches!(self.place(), Place::Left(_)) && !self.whereabouts.is_leaving();
+        let low = self.guard.low().is_some() || self.guard.at_or_below_low();
+        if !self.online {
+            Some(DockEnd::Disconnected)
+        } else if self.parting {
+            Some(DockEnd::Cancelled)
+        } else if left {
+            Some(DockEnd::NotDocked)
+        } else if low || self.guard.critical() {
+            Some(DockEnd::Safety)
+        } else if self.is_outranked(caller.priority) || self.docks_above(caller.priority) {
+            Some(DockEnd::Preempted)
+        } else {
+            None
+        }
+    }
+
+    /// Whoever waits for the docking hears `cancelled`, if `by` is that behaviour or one of equal or
+    /// higher priority; `None` is above all. With nobody left the docking ends, unless it is the
+    /// watchdog's own.
+    pub(super) fn cancel_docks(&mut self, by: Option<(BehaviourId, Priority)>, now: Instant) {
+        let Some(homing) = &mut self.homing else {
+            return;
+        };
+        let stays = |caller: &Caller| {
+            by.is_some_and(|(by, priority)| caller.by != by && caller.priority > priority)
+        };
+        let (stay, over): (Vec<Caller>, Vec<Caller>) =
+            homing.callers.iter().partition(|caller| stays(caller));
+        if stay.is_empty() && !homing.forced {
+            return self.end_docking(DockEnd::Cancelled, now);
+        }
+        homing.callers = stay;
+        for caller in over {
+            self.answer_dock(caller, DockEnd::Cancelled, 0, Duration::ZERO);
+        }
+    }
+
+    /// Ends a docking under way and tells its callers.
+    pub(super) fn end_docking(&mut self, end: DockEnd, now: Instant) {
+        let orders = self
+            .homing
+            .as_mut()
+            .map(|homing| homing.docking.cancel(end, now));
+        self.follow(orders.unwrap_or_default(), now);
+    }
+
+    /// Whether the docking under way is of behaviours, all of lower priority.
+    pub(super) fn outranks_docking(&self, priority: Priority) -> bool {
+        let lower = |homing: &Homing| !homing.forced && homing.priority() < Some(priority);
+        self.homing.as_ref().is_some_and(lower)
+    }
+
+    /// Somebody of higher priority drives, or waits for an undocking.
+    fn is_outranked(&self, priority: Priority) -> bool {
+        let leaves = self.leaving.as_ref().map(|leaving| leaving.caller.priority);
+        self.arbiter.priority().max(leaves) > Some(priority)
+    }
+
+    /// Somebody of higher priority waits for a docking.
+    fn docks_above(&self, priority: Priority) -> bool {
+        let homing = self.homing.as_ref();
+        homing.and_then(Homing::priority) > Some(priority)
+    }
+}

@@ -1,0 +1,100 @@
+//! The link comes and goes, the machine sleeps, the run ends: what is said then, and what would be
+//! said if nobody were left.
+
+use tokio::time::Instant;
+
+use super::Watchdog;
+use crate::robot::{DockEnd, MotionEnd};
+use crate::safety::LastWords;
+use crate::wire::{Command, Engage, Power};
+
+impl Watchdog {
+    /// What the robot is to hear if this is the last that is ever said to it; right after every
+    /// batch of acts has been done.
+    ///
+    /// - [`LastWords::Nothing`] on the station, and while the robot searches it because its battery
+    ///   is low.
+    /// - [`LastWords::StopAndDock`] while the battery is low otherwise: waiting for the next search,
+    ///   driven by the watchdog, or backing out of the station.
+    /// - [`LastWords::Stop`] else. A search that a behaviour asked for ends with it too: with a good
+    ///   battery the robot stands where it is until somebody knows again what it is to do.
+    ///
+    /// Without a link it is what to say in the place of a login that is given up half way: a stop,
+    /// and BASE_FIND if the battery was low and the robot not on its station when it was heard last.
+    pub fn last_words(&self) -> LastWords {
+        let low = self.guard.low().is_some();
+        let stays = self.docked() && !self.whereabouts.is_leaving();
+        if self.online && (stays || (low && self.searching)) {
+            LastWords::Nothing
+        } else if low && !stays {
+            LastWords::StopAndDock
+        } else {
+            LastWords::Stop
+        }
+    }
+
+    pub(super) fn link_up(&mut self, docked: bool, power: Power, now: Instant) {
+        if self.online {
+            self.link_down(now);
+        }
+        (self.online, self.listening) = (true, false);
+        let low = self.guard.low().is_some();
+        self.whereabouts.login(docked, low, now);
+        self.tracks.told_to_stop(now);
+        self.hear(now);
+        self.search_at_once(now);
+        self.power(power, now);
+    }
+
+    pub(super) fn hear(&mut self, now: Instant) {
+        self.unheard_motion = self.tracks.moving_since().map(|_| now);
+    }
+
+    pub(super) fn link_down(&mut self, now: Instant) {
+        (self.online, self.searching) = (false, false);
+        self.drain.interrupt();
+        self.tracks.told_to_stop(now);
+        self.end_motion(MotionEnd::Disconnected);
+        if let Some(leaving) = self.leaving.take() {
+            self.answer_undock(leaving.caller, DockEnd::Disconnected);
+        }
+        if let Some(homing) = &mut self.homing {
+            homing.docking.cancel(DockEnd::Disconnected, now);
+            self.answer_homing(now);
+        }
+        self.interrupt_recovery(now);
+    }
+
+    /// After a sleep nothing old is repeated: all that was asked for ends as if the link had dropped,
+    /// the tracks stop, and a low robot searches at once.
+    pub(super) fn wake(&mut self, now: Instant) {
+        if !self.online {
+            return;
+        }
+        let gives_up = self.homing.as_ref().is_some_and(|homing| !homing.forced) && self.searching;
+        self.link_down(now);
+        self.online = true;
+        if gives_up {
+            self.send(Command::Engine(Engage::CancelDock));
+        }
+        self.halt(now);
+        self.whereabouts.doubt_leaving();
+        self.search_at_once(now);
+    }
+
+    /// Stops whatever moves. A robot that the watchdog sends home hears of that again, since the
+    /// stop may have ended its search.
+    pub(super) fn part(&mut self, now: Instant) {
+        self.parting = true;
+        self.end_motion(MotionEnd::Cancelled);
+        self.end_leg(now);
+        self.cancel_docks(None, now);
+        if !self.online {
+            return;
+        }
+        self.halt(now);
+        if self.homing.as_ref().is_some_and(|homing| homing.forced) && !self.docked() {
+            self.send(Command::Engine(Engage::Dock));
+        }
+    }
+}

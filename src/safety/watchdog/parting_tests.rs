@@ -1,0 +1,128 @@
+//! Last words, and what is said after a pause of the link or of the whole machine.
+
+use super::rig::*;
+use super::*;
+use crate::safety::LastWords;
+
+#[test]
+fn before_a_login_and_with_a_good_battery_the_last_word_is_a_stop() {
+    let mut rig = Rig::with(Limits::default());
+    assert_eq!(rig.dog.last_words(), LastWords::Stop);
+    rig.take(Fact::LinkUp {
+        docked: false,
+        power: power(60),
+    });
+    assert_eq!(rig.dog.last_words(), LastWords::Stop);
+    rig.drive(1, None);
+    assert_eq!(rig.dog.last_words(), LastWords::Stop);
+}
+
+#[test]
+fn a_low_robot_that_searches_is_left_alone_and_one_that_does_not_is_sent() {
+    let mut rig = Rig::online(20);
+    assert_eq!(rig.dog.last_words(), LastWords::Nothing);
+    rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    assert_eq!(rig.dog.last_words(), LastWords::StopAndDock);
+    rig.pass(5 * SECOND, false);
+    assert_eq!(rig.dog.last_words(), LastWords::Nothing);
+    let (mut rig, _) = lost(20, Limits::default());
+    rig.pass(SECOND, false);
+    assert!(rig.dog.moving());
+    assert_eq!(rig.dog.last_words(), LastWords::StopAndDock);
+}
+
+#[test]
+fn on_the_station_nothing_is_said_unless_the_robot_backs_out() {
+    let mut rig = Rig::docked(charging(80));
+    assert_eq!(rig.dog.last_words(), LastWords::Nothing);
+    rig.undock(1);
+    assert_eq!(rig.dog.last_words(), LastWords::Stop);
+    let mut rig = Rig::docked(power(21));
+    rig.undock(1);
+    rig.take(Fact::Power(power(20)));
+    assert_eq!(rig.dog.last_words(), LastWords::StopAndDock);
+}
+
+#[test]
+fn a_search_of_a_behaviour_with_a_good_battery_ends_with_a_stop() {
+    let mut rig = Rig::online(60);
+    rig.dock(1);
+    assert_eq!(rig.dog.last_words(), LastWords::Stop);
+}
+
+#[test]
+fn without_a_link_the_next_words_are_those_of_a_robot_that_has_not_come_home() {
+    for (rig, expected) in [
+        (Rig::online(20), LastWords::StopAndDock),
+        (Rig::online(60), LastWords::Stop),
+        (Rig::docked(charging(80)), LastWords::Stop),
+        (Rig::docked(power(10)), LastWords::Stop),
+    ] {
+        let mut rig = rig;
+        rig.take(Fact::LinkDown);
+        assert_eq!(rig.dog.last_words(), expected);
+    }
+}
+
+#[test]
+fn at_the_end_of_a_run_a_low_robot_has_heard_that_it_is_to_go_home() {
+    let mut rig = Rig::online(20);
+    rig.take(Fact::Parting);
+    assert_eq!(rig.dog.last_words(), LastWords::Nothing);
+}
+
+#[test]
+fn a_reconnect_under_alarm_searches_at_once() {
+    for limits in [standing(), Limits::default()] {
+        let (mut rig, _) = lost(20, limits);
+        rig.pass(SECOND, false);
+        rig.take(Fact::LinkDown);
+        rig.now += SECOND;
+        let acts = rig.take(Fact::LinkUp {
+            docked: false,
+            power: power(19),
+        });
+        assert_eq!(count(&acts, &FIND), 1, "{acts:?}");
+    }
+}
+
+#[test]
+fn after_a_sleep_nothing_old_is_repeated() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    let acts = rig.take(Fact::Suspended);
+    assert_eq!(sent(&acts), [Command::STOP]);
+    assert_eq!(told(&acts), [ended(1, MotionEnd::Disconnected)]);
+    assert_eq!(sent(&rig.pass(SECOND, true)), []);
+    assert_eq!(sent(&rig.drive(2, None)), [FORWARD]);
+}
+
+#[test]
+fn after_a_sleep_a_behaviours_docking_is_over() {
+    let mut rig = Rig::online(60);
+    rig.dock(1);
+    let acts = rig.take(Fact::Suspended);
+    assert_eq!(sent(&acts), [CANCEL, Command::STOP]);
+    assert_eq!(dock_ended(&acts), Some((DockEnd::Disconnected, 1)));
+    let mut rig = Rig::docked(charging(80));
+    rig.undock(1);
+    let acts = rig.take(Fact::Suspended);
+    assert_eq!(undock_ended(&acts), Some(DockEnd::Disconnected));
+    assert_eq!(rig.dog.place(), Place::Unknown);
+}
+
+#[test]
+fn after_a_sleep_a_low_robot_searches_at_once() {
+    let mut rig = Rig::online(20);
+    assert_eq!(sent(&rig.take(Fact::Suspended)), [Command::STOP, FIND]);
+    let (mut rig, _) = lost(20, standing());
+    rig.pass(2 * SECOND, false);
+    assert_eq!(sent(&rig.take(Fact::Suspended)), [Command::STOP, FIND]);
+}
+
+#[test]
+fn a_sleep_without_a_link_says_nothing() {
+    let mut rig = Rig::online(20);
+    rig.take(Fact::LinkDown);
+    assert_eq!(rig.take(Fact::Suspended), []);
+}

@@ -1,0 +1,120 @@
+//! What the place allows, and what a low robot does whose place is in doubt.
+
+use super::rig::*;
+use super::*;
+use crate::safety::Word;
+use crate::wire::Sound;
+
+/// CHARGE_STOP was sent and nobody has said anything.
+fn undocked_by_nobodys_word(percent: u8) -> Rig {
+    let mut rig = Rig::docked(power(percent));
+    assert_eq!(sent(&rig.undock(1)), [LEAVE]);
+    rig
+}
+
+#[test]
+fn an_undocking_that_nobody_confirms_leaves_a_robot_that_searches_when_it_becomes_low() {
+    let mut rig = undocked_by_nobodys_word(80);
+    let acts = rig.pass(20 * SECOND, false);
+    assert_eq!(undock_ended(&acts), Some(DockEnd::Timeout));
+    assert_eq!(rig.dog.place(), Place::Unknown);
+    assert_eq!(
+        sent(&rig.take(Fact::Power(power(20)))),
+        [Command::STOP, FIND]
+    );
+}
+
+#[test]
+fn low_while_an_undocking_is_unconfirmed_it_searches_when_its_time_is_over() {
+    let mut rig = undocked_by_nobodys_word(21);
+    assert_eq!(sent(&rig.take(Fact::Power(power(20)))), []);
+    assert_eq!(sent(&rig.pass(19 * SECOND, false)), []);
+    assert_eq!(sent(&rig.pass(2 * SECOND, false)), [Command::STOP, FIND]);
+    assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
+}
+
+#[test]
+fn while_the_robot_backs_out_no_script_drives_and_in_an_unknown_place_it_may() {
+    let mut rig = undocked_by_nobodys_word(80);
+    assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
+    rig.pass(20 * SECOND, false);
+    assert_eq!(sent(&rig.drive(2, None)), [FORWARD]);
+}
+
+#[test]
+fn current_that_ends_while_the_robot_backs_out_lets_nobody_drive_yet() {
+    let mut rig = Rig::docked(charging(80));
+    rig.undock(1);
+    rig.take(Fact::Power(power(80)));
+    assert_eq!(rig.dog.place(), Place::Left(Word::Power));
+    assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
+    let acts = rig.take(Fact::Engine(EngineNews::Undocked));
+    assert_eq!(undock_ended(&acts), Some(DockEnd::Done));
+    assert_eq!(sent(&rig.drive(2, None)), [FORWARD]);
+}
+
+#[test]
+fn in_an_unknown_place_undocking_and_docking_are_tried_again() {
+    let mut rig = undocked_by_nobodys_word(80);
+    rig.pass(20 * SECOND, false);
+    assert_eq!(sent(&rig.undock(2)), [LEAVE]);
+    rig.pass(20 * SECOND, false);
+    assert_eq!(sent(&rig.dock(3)), [Command::STOP, FIND]);
+}
+
+#[test]
+fn a_wrong_word_of_the_login_is_believed_for_as_long_as_charging_may_take() {
+    let mut rig = Rig::docked(power(10));
+    assert_eq!(sent(&rig.pass(28 * SECOND, false)), []);
+    let acts = rig.pass(2 * SECOND, false);
+    assert_eq!(count(&acts, &FIND), 1);
+    assert_eq!(count(&acts, &Command::Play(Sound::Alarm)), 1);
+    assert_eq!(
+        reasons(&acts),
+        ["docking failed (not_charging) 0 times: searches again"]
+    );
+}
+
+#[test]
+fn a_link_that_drops_again_and_again_does_not_renew_that_belief() {
+    let mut rig = Rig::docked(power(10));
+    let mut acts = Vec::new();
+    for _ in 0..4 {
+        acts.extend(rig.pass(10 * SECOND, false));
+        rig.take(Fact::LinkDown);
+        acts.extend(rig.take(Fact::LinkUp {
+            docked: true,
+            power: power(10),
+        }));
+    }
+    assert!(count(&acts, &FIND) >= 1, "{acts:?}");
+}
+
+#[test]
+fn on_a_station_without_current_it_sounds_the_alarm_and_searches_at_once_when_it_is_lost() {
+    let (mut rig, _) = lost(20, Limits::default());
+    rig.pass(3 * SECOND, false);
+    rig.take(Fact::Engine(EngineNews::Docked));
+    let acts = rig.pass(29 * SECOND, false);
+    assert_eq!(count(&acts, &FIND), 0);
+    let acts = rig.take(Fact::Engine(EngineNews::Undocked));
+    assert_eq!(sent(&acts), [Command::STOP, FIND]);
+}
+
+#[test]
+fn a_low_robot_that_slides_off_its_station_searches_in_the_same_instant() {
+    let mut rig = Rig::docked(power(10));
+    let acts = rig.take(Fact::Engine(EngineNews::Undocked));
+    assert_eq!(sent(&acts), [Command::STOP, FIND]);
+    rig.take(Fact::Engine(EngineNews::Docked));
+    let acts = rig.take(Fact::Engine(EngineNews::Undocked));
+    assert_eq!(sent(&acts), [Command::STOP, FIND]);
+}
+
+#[test]
+fn a_robot_whose_charge_is_held_by_hysteresis_is_not_undocked() {
+    let mut rig = Rig::online(20);
+    rig.take(Fact::Engine(EngineNews::Docked));
+    rig.take(Fact::Power(power(30)));
+    assert_eq!(undock_ended(&rig.undock(1)), Some(DockEnd::Safety));
+}

@@ -1,0 +1,223 @@
+//! What the tests of the rules share: a watchdog whose clock only moves when told.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use super::*;
+use crate::robot::{DockPlan, MotionId};
+use crate::safety::Ask;
+use crate::wire::Engage;
+
+pub(super) const SECOND: Duration = Duration::from_secs(1);
+pub(super) const MS: Duration = Duration::from_millis(1);
+pub(super) const WHO: BehaviourId = BehaviourId(0);
+
+/// A watchdog and a clock that only moves when told.
+pub(super) struct Rig {
+    pub(super) dog: Watchdog,
+    pub(super) now: Instant,
+}
+
+impl Rig {
+    /// Logged in off the station with a level.
+    pub(super) fn online(percent: u8) -> Rig {
+        let mut rig = Rig::with(Limits::default());
+        rig.take(Fact::LinkUp {
+            docked: false,
+            power: power(percent),
+        });
+        rig.now += 20 * MS;
+        rig
+    }
+
+    pub(super) fn with(limits: Limits) -> Rig {
+        let now = Instant::now();
+        Rig {
+            dog: Watchdog::new(limits, now),
+            now,
+        }
+    }
+
+    pub(super) fn take(&mut self, fact: Fact) -> Vec<Act> {
+        self.dog.take(fact, self.now)
+    }
+
+    /// A report, a second later.
+    pub(super) fn hear(&mut self, power: Power) -> Vec<Act> {
+        self.now += SECOND;
+        self.take(Fact::Power(power))
+    }
+
+    /// Logged in on the station, with a level.
+    pub(super) fn docked(power: Power) -> Rig {
+        let mut rig = Rig::with(Limits::default());
+        rig.take(Fact::LinkUp {
+            docked: true,
+            power,
+        });
+        rig.now += SECOND;
+        rig
+    }
+
+    pub(super) fn ask(&mut self, ask: Ask) -> Vec<Act> {
+        self.ask_as(WHO, 0, ask)
+    }
+
+    pub(super) fn ask_as(&mut self, by: BehaviourId, priority: i16, ask: Ask) -> Vec<Act> {
+        let priority = Priority(priority);
+        self.take(Fact::Asked { by, priority, ask })
+    }
+
+    pub(super) fn dock(&mut self, call: u64) -> Vec<Act> {
+        self.ask(Ask::Dock(CallId(call), DockPlan::default()))
+    }
+
+    pub(super) fn undock(&mut self, call: u64) -> Vec<Act> {
+        self.ask(Ask::Undock(CallId(call), 20 * SECOND))
+    }
+
+    pub(super) fn drive(&mut self, motion: u64, duration: Option<Duration>) -> Vec<Act> {
+        let setpoint = Setpoint::from_percent(50.0, 50.0).unwrap();
+        self.ask(Ask::Move {
+            motion: MotionId(motion),
+            setpoint,
+            duration,
+        })
+    }
+
+    /// Lets time pass as the pilot does: from deadline to deadline, with the host alive or not.
+    pub(super) fn pass(&mut self, span: Duration, alive: bool) -> Vec<Act> {
+        let (end, mut acts) = (self.now + span, Vec::new());
+        loop {
+            let beat = self.now + 50 * MS;
+            let next = self
+                .dog
+                .next_deadline()
+                .map_or(end, |due| due.max(self.now))
+                .min(end);
+            self.now = if alive { next.min(beat).min(end) } else { next };
+            if alive {
+                acts.extend(self.take(Fact::Alive(WHO)));
+            }
+            acts.extend(self.dog.tick(self.now));
+            let due = self.dog.next_deadline();
+            assert!(due.is_none_or(|due| due > self.now), "would tick for ever");
+            if self.now >= end {
+                return acts;
+            }
+        }
+    }
+}
+
+pub(super) fn power(percent: u8) -> Power {
+    Power {
+        percent,
+        charging: false,
+    }
+}
+
+pub(super) fn charging(percent: u8) -> Power {
+    Power {
+        percent,
+        charging: true,
+    }
+}
+
+pub(super) fn sent(acts: &[Act]) -> Vec<Command> {
+    acts.iter().filter_map(Act::command).collect()
+}
+
+pub(super) fn told(acts: &[Act]) -> Vec<Event> {
+    let event = |act: &Act| match act {
+        Act::Tell(_, event) => Some(event.clone()),
+        _ => None,
+    };
+    acts.iter().filter_map(event).collect()
+}
+
+pub(super) fn ended(motion: u64, end: MotionEnd) -> Event {
+    Event::MotionEnded {
+        motion: MotionId(motion),
+        end,
+    }
+}
+
+pub(super) fn dock_ended(acts: &[Act]) -> Option<(DockEnd, u32)> {
+    told(acts).into_iter().find_map(|event| match event {
+        Event::DockEnded { end, attempts, .. } => Some((end, attempts)),
+        _ => None,
+    })
+}
+
+pub(super) fn undock_ended(acts: &[Act]) -> Option<DockEnd> {
+    told(acts).into_iter().find_map(|event| match event {
+        Event::UndockEnded { end, .. } => Some(end),
+        _ => None,
+    })
+}
+
+pub(super) const FORWARD: Command = Command::Move {
+    left: 45,
+    right: 45,
+};
+pub(super) const FIND: Command = Command::Engine(Engage::Dock);
+pub(super) const CANCEL: Command = Command::Engine(Engage::CancelDock);
+pub(super) const LEAVE: Command = Command::Engine(Engage::Undock);
+
+/// Low, and the station was not found in any of the first tries: the alarm.
+pub(super) fn lost(percent: u8, limits: Limits) -> (Rig, Vec<Act>) {
+    let mut rig = Rig::with(limits);
+    rig.take(Fact::LinkUp {
+        docked: false,
+        power: power(percent),
+    });
+    rig.now += 20 * MS;
+    for _ in 0..3 {
+        rig.take(Fact::Engine(EngineNews::BaseNotFound));
+        rig.pass(30 * SECOND, false);
+    }
+    let acts = rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    assert_eq!(rig.dog.state(), WatchdogState::Alarm);
+    (rig, acts)
+}
+
+pub(super) fn standing() -> Limits {
+    Limits {
+        recovery_legs: 0,
+        ..Limits::default()
+    }
+}
+
+pub(super) fn count(acts: &[Act], wanted: &Command) -> usize {
+    let sent = sent(acts);
+    sent.iter().filter(|command| *command == wanted).count()
+}
+
+/// What the tracks were told, repetitions left out.
+pub(super) fn tracks(acts: &[Act]) -> Vec<(i8, i8)> {
+    let setpoint = |command| match command {
+        Command::Move { left, right } => Some((left, right)),
+        _ => None,
+    };
+    let mut tracks: Vec<(i8, i8)> = sent(acts).into_iter().filter_map(setpoint).collect();
+    tracks.dedup();
+    tracks
+}
+
+pub(super) fn reasons(acts: &[Act]) -> Vec<String> {
+    let reason = |act: &Act| match act {
+        Act::Announce(Event::Safety { reason, .. }) => Some(reason.clone()),
+        _ => None,
+    };
+    acts.iter().filter_map(reason).collect()
+}
+
+pub(super) const LEG: Command = Command::Move {
+    left: 27,
+    right: 27,
+};
+
+pub(super) fn reconnects(acts: &[Act]) -> bool {
+    acts.iter().any(|act| matches!(act, Act::Reconnect(_)))
+}

@@ -1,0 +1,270 @@
+//! What is written last arrives: the real binary and a simulated robot in network namespaces of their
+//! own, and between them one that forwards, or drops what goes to the robot.
+
+use std::fs::File;
+use std::os::fd::AsFd;
+use std::path::Path;
+use std::process::{Child, Command as Process, Output, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+use rustix::thread::{LinkNameSpaceType, move_into_link_name_space};
+use spykee::sim::{Handle, Options, Server, World};
+use spykee::wire::{Command, Engage, Power, Report};
+use tokio::time::{sleep, timeout};
+
+use crate::rig::{PATIENCE, QUIET_WORLD, moves};
+
+const ROBOT: &str = "10.9.0.1:9000";
+
+/// Makes the namespaces `$N-robot`, `$N-relay` and `$N-agent`.
+const SET_UP: &str = "set -e
+for ns in robot relay agent; do ip netns add $N-$ns; ip -n $N-$ns link set lo up; done
+ip link add r0 netns $N-robot type veth peer name r1 netns $N-relay
+ip link add a0 netns $N-agent type veth peer name a1 netns $N-relay
+ip -n $N-robot addr add 10.9.0.1/24 dev r0
+ip -n $N-relay addr add 10.9.0.2/24 dev r1
+ip -n $N-relay addr add 10.9.1.2/24 dev a1
+ip -n $N-agent addr add 10.9.1.1/24 dev a0
+ip -n $N-robot link set r0 up
+ip -n $N-relay link set r1 up
+ip -n $N-relay link set a1 up
+ip -n $N-agent link set a0 up
+ip -n $N-robot route add default via 10.9.0.2
+ip -n $N-agent route add default via 10.9.1.2
+ip netns exec $N-relay sh -c 'echo 1 > /proc/sys/net/ipv4/ip_forward'
+ip netns exec $N-relay tc qdisc add dev r1 root pfifo limit 0
+ip netns exec $N-relay tc qdisc del dev r1 root";
+const TEAR_DOWN: &str = "for ns in robot relay agent; do ip netns del $N-$ns; done";
+/// A queue in which nothing has room.
+const DROP: &str = "ip netns exec $N-relay tc qdisc add dev r1 root pfifo limit 0";
+const FORWARD: &str = "ip netns exec $N-relay tc qdisc del dev r1 root";
+
+/// The three namespaces; gone with this.
+struct Net {
+    name: String,
+}
+
+impl Net {
+    /// `None`, and a word about it, where a test may not make namespaces.
+    fn new() -> Option<Net> {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
+        let net = Net {
+            name: format!("spykee-{}-{count}", std::process::id()),
+        };
+        let made = net.shell(SET_UP);
+        if made.status.success() {
+            return Some(net);
+        }
+        let why = String::from_utf8_lossy(&made.stderr);
+        println!(
+            "skipped, no network namespaces can be made here: {}",
+            why.trim()
+        );
+        None
+    }
+
+    fn shell(&self, script: &str) -> Output {
+        let mut shell = Process::new("sh");
+        shell.args(["-c", script]).env("N", &self.name);
+        shell.output().unwrap()
+    }
+
+    /// A robot in its namespace, served by a thread of its own.
+    fn robot(&self) -> Handle {
+        let namespace = File::open(format!("/run/netns/{}-robot", self.name)).unwrap();
+        let (told, handle) = std::sync::mpsc::channel();
+        std::thread::spawn(move || {
+            move_into_link_name_space(namespace.as_fd(), Some(LinkNameSpaceType::Network)).unwrap();
+            let mut runtime = tokio::runtime::Builder::new_current_thread();
+            runtime.enable_all().build().unwrap().block_on(async {
+                let world = World::from_yaml(QUIET_WORLD, "test world").unwrap();
+                let options = Options {
+                    listen: ROBOT.parse().unwrap(),
+                    ..Options::default()
+                };
+                let server = Server::bind(world, options).await.unwrap();
+                told.send(server.handle()).unwrap();
+                server.run().await.unwrap();
+            });
+        });
+        handle.recv().unwrap()
+    }
+
+    /// `spykee run` in the agent's namespace.
+    fn run(&self, script: &Path) -> Agent {
+        let binary = std::env::var("SPYKEE_BINARY");
+        let binary = binary.unwrap_or_else(|_| env!("CARGO_BIN_EXE_spykee").to_owned());
+        let mut process = Process::new("ip");
+        process.args(["netns", "exec", &format!("{}-agent", self.name), &binary]);
+        process.arg("run").arg(script);
+        process.args(["--robot", ROBOT, "--seed", "7"]);
+        process.env_remove("RUST_LOG").stdin(Stdio::null());
+        process.stdout(Stdio::null()).stderr(Stdio::piped());
+        Agent(process.spawn().unwrap())
+    }
+}
+
+impl Drop for Net {
+    fn drop(&mut self) {
+        self.shell(TEAR_DOWN);
+    }
+}
+
+/// A run; killed with the test.
+struct Agent(Child);
+
+impl Agent {
+    fn interrupt(&self) {
+        kill_process(Pid::from_child(&self.0), Signal::TERM).unwrap();
+    }
+
+    /// Waits for its end; what it said.
+    async fn ended(&mut self) -> String {
+        let ended = async {
+            while self.0.try_wait().unwrap().is_none() {
+                sleep(Duration::from_millis(5)).await;
+            }
+        };
+        timeout(PATIENCE, ended).await.expect("it ends");
+        let mut said = String::new();
+        let mut stderr = self.0.stderr.take().unwrap();
+        std::io::Read::read_to_string(&mut stderr, &mut said).unwrap();
+        said
+    }
+}
+
+impl Drop for Agent {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A robot, a script that drives it and looks, and the net between them.
+struct Stage {
+    net: Net,
+    sim: Handle,
+    folder: tempfile::TempDir,
+}
+
+const LOOKS: &str = "robot.stream('video', true) robot.move(40, -40) task.wait(600)";
+/// Speech for a minute queues up beside the rest.
+const TALKS: &str = "robot.stream('video', true) robot.stream('audio_out', true)
+robot.move(40, -40)
+local tone = buffer.create(32000)
+while true do robot.say(tone) task.wait(0.5) end";
+
+impl Stage {
+    fn new() -> Option<Stage> {
+        let net = Net::new()?;
+        let (sim, folder) = (net.robot(), tempfile::tempdir().unwrap());
+        Some(Stage { net, sim, folder })
+    }
+
+    /// A run that drives and sees; from which command on it does.
+    async fn driving(&self, script: &str) -> (Agent, usize) {
+        let path = self.folder.path().join("script.lua");
+        std::fs::write(&path, script).unwrap();
+        let free = self.sim.wait_state(|state| state.user.is_none());
+        timeout(PATIENCE, free).await.expect("nobody is connected");
+        let (from, frames) = (self.sim.heard_count(), self.sim.state().frames);
+        let agent = self.net.run(&path);
+        let moving = timeout(PATIENCE, self.sim.wait_heard(from, moves)).await;
+        let seen = self.sim.wait_state(|state| state.frames > frames + 10);
+        timeout(PATIENCE, seen).await.expect("frames");
+        (agent, moving.expect("drives"))
+    }
+
+    /// Ends a run while nothing reaches the robot for a while; what it said.
+    async fn interrupt(&self, agent: &mut Agent, outage: Duration) -> String {
+        assert!(self.net.shell(DROP).status.success());
+        agent.interrupt();
+        sleep(outage).await;
+        assert!(self.net.shell(FORWARD).status.success());
+        agent.ended().await
+    }
+
+    /// Whether the robot has heard a command, or hears it before the connection is gone.
+    async fn hears(&self, from: usize, wanted: Command) -> bool {
+        let heard = || {
+            let heard = self.sim.heard_since(from).into_iter();
+            heard.map(|heard| heard.command).any(|one| one == wanted)
+        };
+        let ended = self.sim.wait_state(|state| state.user.is_none());
+        let _ = timeout(Duration::from_secs(10), ended).await;
+        heard()
+    }
+
+    /// Whether a stop arrives at the end of a run with this outage, and what the run said.
+    async fn stop_arrives(&self, script: &str, outage: Duration) -> (bool, String) {
+        let (mut agent, moving) = self.driving(script).await;
+        let said = self.interrupt(&mut agent, outage).await;
+        (self.hears(moving, Command::STOP).await, said)
+    }
+}
+
+const OUTAGES: [Duration; 2] = [Duration::from_millis(150), Duration::from_millis(400)];
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_last_stop_arrives_through_an_outage_with_the_camera_on() {
+    let Some(stage) = Stage::new() else { return };
+    for script in [LOOKS, TALKS] {
+        for outage in OUTAGES {
+            let (arrived, said) = stage.stop_arrives(script, outage).await;
+            assert!(arrived, "outage of {outage:?}: no stop was heard\n{said}");
+            assert!(said.contains("has acknowledged the stop"), "{said}");
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_low_robot_is_still_sent_home_at_the_end() {
+    let Some(stage) = Stage::new() else { return };
+    stage.sim.hide_station(true);
+    let (mut agent, moving) = stage.driving(LOOKS).await;
+    let percent = 10;
+    let charging = false;
+    stage.sim.inject(Report::Power(Power { percent, charging }));
+    let dock = |command: &Command| *command == Command::Engine(Engage::Dock);
+    let first = timeout(PATIENCE, stage.sim.wait_heard(moving, dock)).await;
+    stage.interrupt(&mut agent, OUTAGES[1]).await;
+    let again = first.expect("goes home") + 1;
+    assert!(stage.hears(again, Command::Engine(Engage::Dock)).await);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stop_that_does_not_arrive_is_said_to_be_lost_in_time() {
+    let Some(stage) = Stage::new() else { return };
+    let (mut agent, _) = stage.driving(LOOKS).await;
+    assert!(stage.net.shell(DROP).status.success());
+    agent.interrupt();
+    let began = Instant::now();
+    let said = agent.ended().await;
+    assert!(
+        said.contains("has not acknowledged the last stop"),
+        "{said}"
+    );
+    assert!(
+        began.elapsed() < Duration::from_secs(5),
+        "{:?}",
+        began.elapsed()
+    );
+}
+
+/// `SPYKEE_BINARY=... cargo test --test it -- --ignored --nocapture fifty` counts for any binary.
+#[tokio::test(flavor = "multi_thread")]
+#[ignore = "takes minutes"]
+async fn fifty_of_fifty_stops_arrive() {
+    let Some(stage) = Stage::new() else { return };
+    for outage in OUTAGES {
+        let mut arrived = 0;
+        for _ in 0..50 {
+            arrived += u32::from(stage.stop_arrives(LOOKS, outage).await.0);
+        }
+        println!("outage of {outage:?}: {arrived} of 50 stops heard");
+        assert!(arrived == 50 || std::env::var_os("SPYKEE_BINARY").is_some());
+    }
+}

@@ -1,0 +1,186 @@
+//! What the robot hears, and when, while scripts send as much as they can. In virtual time.
+
+use std::time::Duration;
+
+use spykee::lab::{self, Lab};
+use spykee::pilot::LinkState;
+use spykee::sim::{self, Fault, Heard, Towards, Trouble};
+use spykee::wire::{Command, Engage, Power, Report};
+use tokio::time::sleep;
+
+use crate::fast::{behaviour, quiet_world};
+
+const SECOND: Duration = Duration::from_secs(1);
+
+/// Talks without a pause, a second in each call, while it drives.
+const TALKS: &str = "
+robot.stream('audio_out', true)
+local second = buffer.create(32000)
+robot.move(20, -20)
+while true do
+    robot.say(second)
+    task.wait(1)
+end
+";
+
+/// Says as much as it is let.
+const SHOUTS: &str = "
+robot.stream('audio_out', true)
+local second = buffer.create(32000)
+robot.move(20, -20)
+while true do
+    robot.say(second)
+    task.wait(0.05)
+end
+";
+
+/// The fastest change of mind.
+const DITHERS: &str = "
+while true do
+    task.race(function() robot.dock() end, function() task.wait(0) end)
+end
+";
+
+/// A robot whose network may be spoilt.
+fn troubled() -> lab::Options {
+    let sim = sim::Options {
+        faults: Some(vec![]),
+        ..sim::Options::default()
+    };
+    lab::Options {
+        sim,
+        ..lab::Options::default()
+    }
+}
+
+/// A robot that takes so many bytes a second.
+fn slow(rate: u32) -> Fault {
+    Fault {
+        towards: Towards::Robot,
+        ..Fault::new(Trouble::Drip { rate })
+    }
+}
+
+fn low() -> Report {
+    Report::Power(Power {
+        percent: 10,
+        charging: false,
+    })
+}
+
+/// What was heard from the last moment on in which the battery became low, after `talk`.
+fn heard_of(scripts: &[&str], rate: Option<u32>, talk: Duration) -> (Vec<Heard>, Duration) {
+    lab::run(quiet_world(), troubled(), async |lab: &Lab| {
+        if let Some(rate) = rate {
+            lab.sim().begin(slow(rate));
+        }
+        let behaviours = scripts.iter().enumerate();
+        let behaviours = behaviours
+            .map(|(number, source)| behaviour(&format!("talks{number}"), source, 0, 1))
+            .collect();
+        let run = lab.start(behaviours, None);
+        sleep(talk).await;
+        let low_at = lab.now();
+        lab.sim().inject(low());
+        sleep(SECOND).await;
+        drop(run);
+        (lab.sim().heard(), low_at)
+    })
+    .unwrap()
+}
+
+/// How late a command was heard, in seconds.
+fn lateness((heard, since): &(Vec<Heard>, Duration), command: &Command) -> f64 {
+    let found = heard
+        .iter()
+        .find(|heard| heard.at >= *since && heard.command == *command);
+    let found = found.unwrap_or_else(|| panic!("{command:?} was not heard within a second"));
+    (found.at - *since).as_secs_f64()
+}
+
+#[test]
+fn a_robot_that_reads_as_fast_as_speech_hears_stop_and_search_in_time_however_long_the_talk() {
+    for (scripts, seconds) in [(&[TALKS][..], 30), (&[SHOUTS], 3), (&[SHOUTS, SHOUTS], 120)] {
+        let heard = heard_of(scripts, Some(32_000), SECOND * seconds);
+        for command in [Command::STOP, Command::Engine(Engage::Dock)] {
+            let late = lateness(&heard, &command);
+            assert!(late < 0.5, "{command:?} came {late} s late");
+        }
+    }
+}
+
+/// Plays what it has heard once a fifth of a second of it is there, and counts how often it ran dry
+/// while more was to come.
+fn gaps(heard: &[Heard]) -> usize {
+    const FIRST: f64 = 0.2;
+    let (mut gaps, mut buffered, mut playing, mut at) = (0, 0.0, false, 0.0);
+    for heard in heard {
+        let Command::Audio(samples) = &heard.command else {
+            continue;
+        };
+        let now = heard.at.as_secs_f64();
+        if playing {
+            buffered -= now - at;
+        }
+        if playing && buffered < -1e-9 {
+            (gaps, playing, buffered) = (gaps + 1, false, 0.0);
+        }
+        buffered += samples.len() as f64 / 32_000.0;
+        playing |= buffered >= FIRST;
+        at = now;
+    }
+    gaps
+}
+
+#[test]
+fn talk_plays_without_a_gap() {
+    for rate in [None, Some(64_000)] {
+        let (heard, _) = heard_of(&[TALKS], rate, SECOND * 30);
+        let spoken: usize = heard
+            .iter()
+            .map(|heard| match &heard.command {
+                Command::Audio(samples) => samples.len(),
+                _ => 0,
+            })
+            .sum();
+        assert!(spoken > 29 * 32_000, "{spoken}");
+        assert_eq!(gaps(&heard), 0, "at {rate:?} bytes a second");
+    }
+}
+
+#[test]
+fn a_script_that_asks_for_dockings_without_end_floods_nobody() {
+    let heard = lab::run(quiet_world(), troubled(), async |lab: &Lab| {
+        let run = lab.start(vec![behaviour("dithers", DITHERS, 0, 1)], None);
+        sleep(SECOND * 10).await;
+        drop(run);
+        lab.sim().heard()
+    })
+    .unwrap();
+    let engine = |heard: &&Heard| matches!(heard.command, Command::Engine(_));
+    assert!(heard.iter().filter(engine).count() > 50, "it was not asked");
+    assert!(
+        heard.len() < 100 * 11 + 20,
+        "{} commands in 10 s",
+        heard.len()
+    );
+}
+
+#[test]
+fn a_robot_that_acknowledges_and_says_nothing_any_more_is_dialled_anew() {
+    lab::run(quiet_world(), troubled(), async |lab: &Lab| {
+        let run = lab.start(vec![behaviour("idles", "task.wait(10000)", 0, 1)], None);
+        sleep(SECOND * 60).await;
+        let mut status = run.status();
+        assert_eq!(status.borrow().link, LinkState::Up);
+        lab.sim().mute(true);
+        let lost = status.wait_for(|status| status.link != LinkState::Up);
+        let lost = tokio::time::timeout(SECOND * 100, lost).await.is_ok();
+        assert!(lost, "a dumb robot is not noticed");
+        lab.sim().mute(false);
+        let up = status.wait_for(|status| status.link == LinkState::Up);
+        let up = tokio::time::timeout(SECOND * 100, up).await.is_ok();
+        assert!(up, "not dialled anew");
+    })
+    .unwrap();
+}
