@@ -56,6 +56,7 @@ mod timing;
 mod trace;
 mod troubles;
 mod view;
+mod ways;
 mod world;
 
 pub use battery::BatterySettings;
@@ -80,4 +81,5 @@ pub use things::{Ball, Floor, Furniture, Place, Post, Room, Rug, Spot, Wall};
 pub use timing::Timing;
 pub use trace::{Happening, Sample, Trace, What};
 pub use view::{CameraSettings, HEIGHT, Subsampling, WIDTH};
+pub use ways::Ways;
 pub use world::{World, WorldError};

@@ -22,6 +22,7 @@ mod new;
 mod pilot;
 mod priorities;
 mod repl;
+mod rescue;
 mod rig;
 mod run;
 mod safety;

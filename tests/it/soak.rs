@@ -1,4 +1,4 @@
-//! An hour alone with everything going wrong; `scripts/soak` runs as many as one likes.
+//! Hours alone with everything going wrong; `scripts/soak` runs as many as one likes.
 
 use std::time::Duration;
 
@@ -13,15 +13,23 @@ use tokio::time::timeout;
 #[path = "../soak/mod.rs"]
 mod weeks;
 
+/// Runs of an hour, each with its own troubles.
+const SEEDS: std::ops::RangeInclusive<u64> = 1..=3;
+
 #[test]
 fn an_hour_alone_with_faults_keeps_every_promise() {
-    let folder = tempfile::tempdir().unwrap();
-    let ledger = weeks::soak(1, 1, folder.path(), &mut |_, _| {});
-    assert!(ledger.is_kept(), "\n{ledger}");
-    let untested = ledger.untested(&weeks::CORE);
+    let mut total = weeks::Ledger::default();
+    for seed in SEEDS {
+        let folder = tempfile::tempdir().unwrap();
+        let ledger = weeks::soak(1, seed, folder.path(), &mut |_, _| {});
+        println!("seed {seed}: {}", ledger.summary());
+        total.add(&format!("seed {seed}"), ledger);
+    }
+    assert!(total.is_kept(), "\n{total}");
+    let untested = total.untested(&weeks::CORE);
     assert!(
         untested.is_empty(),
-        "never put to the test: {untested:?}\n{ledger}"
+        "never put to the test: {untested:?}\n{total}"
     );
 }
 

@@ -3,6 +3,11 @@
 use std::collections::VecDeque;
 use std::fmt;
 
+use super::spell::Loss;
+
+/// The promise that each robot which runs flat puts to the test.
+pub const HOME: &str = "never flat off the station while a way exists and the energy suffices";
+
 /// One promise.
 #[derive(Debug, Clone)]
 pub struct Promise {
@@ -20,11 +25,14 @@ pub struct Promise {
 const MAX_KEPT: usize = 5;
 /// What happened last, so that a break can be understood.
 const RECENT: usize = 60;
+/// Columns of a paragraph.
+const WIDTH: usize = 100;
 
 /// All of them, by name.
 #[derive(Debug, Clone, Default)]
 pub struct Ledger {
     promises: Vec<Promise>,
+    losses: Vec<Loss>,
     recent: VecDeque<String>,
 }
 
@@ -47,9 +55,36 @@ impl Ledger {
             if promise.breaks == 1 {
                 promise.before = recent.into_iter().flatten().collect();
             }
-            if promise.broken.len() < MAX_KEPT {
-                promise.broken.push(how);
+            promise.keep(how);
+        }
+    }
+
+    /// Notes that a robot ran flat off its station. If it could have come home, a promise is broken.
+    pub fn lose(&mut self, Loss { avoidable, story }: Loss) {
+        let name = format!("loss {}", self.losses.len() + 1);
+        self.note(HOME, avoidable.then(|| name.clone()));
+        let story = format!("{name}: {story}");
+        self.losses.push(Loss { avoidable, story });
+    }
+
+    /// Adds what another run found, under its name.
+    pub fn add(&mut self, name: &str, other: Ledger) {
+        for theirs in other.promises {
+            let ours = self.promise(theirs.words);
+            if ours.breaks == 0 {
+                ours.before = theirs.before;
             }
+            ours.tested += theirs.tested;
+            ours.breaks += theirs.breaks;
+            let named = theirs
+                .broken
+                .into_iter()
+                .map(|how| format!("{name}: {how}"));
+            named.for_each(|how| ours.keep(how));
+        }
+        for Loss { avoidable, story } in other.losses {
+            let story = format!("{name}, {story}");
+            self.losses.push(Loss { avoidable, story });
         }
     }
 
@@ -78,6 +113,60 @@ impl Ledger {
         let tested = |words: &str| self.promises.iter().any(|one| one.words == words);
         words.iter().copied().filter(|one| !tested(one)).collect()
     }
+
+    /// One line: how much was put to the test, and what came of it.
+    pub fn summary(&self) -> String {
+        let tested: u64 = self.promises.iter().map(|one| one.tested).sum();
+        let broken: u64 = self.promises.iter().map(|one| one.breaks).sum();
+        let helpless = self.losses.iter().filter(|loss| !loss.avoidable).count();
+        format!(
+            "{} promises looked at {tested} times, broken {broken} times; {} robots flat, {helpless} \
+             of them could not be helped",
+            self.promises.len(),
+            self.losses.len()
+        )
+    }
+
+    fn write_losses(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let helpless = self.losses.iter().filter(|loss| !loss.avoidable).count();
+        let count = self.losses.len();
+        writeln!(
+            f,
+            "{count:>9} robots flat off the station, {helpless} could not be helped"
+        )?;
+        for loss in &self.losses {
+            for (at, line) in wrapped(&loss.story, WIDTH).into_iter().enumerate() {
+                writeln!(f, "{:>9}{line}", if at == 0 { "- " } else { "" })?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Promise {
+    fn keep(&mut self, how: String) {
+        if self.broken.len() < MAX_KEPT {
+            self.broken.push(how);
+        }
+    }
+}
+
+/// The lines of a paragraph.
+fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        let last = lines.len() - 1;
+        let line = &mut lines[last];
+        if line.is_empty() {
+            line.push_str(word);
+        } else if line.len() + 1 + word.len() > width {
+            lines.push(word.to_owned());
+        } else {
+            line.push(' ');
+            line.push_str(word);
+        }
+    }
+    lines
 }
 
 impl fmt::Display for Ledger {
@@ -102,6 +191,6 @@ impl fmt::Display for Ledger {
                 writeln!(f, "{:>19}    {text}", "")?;
             }
         }
-        Ok(())
+        self.write_losses(f)
     }
 }

@@ -5,6 +5,7 @@
 mod ledger;
 mod observer;
 mod process;
+mod spell;
 mod weather;
 
 use std::path::Path;
@@ -25,7 +26,7 @@ use weather::Weather;
 
 /// An hour without one of these put to the test proves nothing.
 pub const CORE: [&str; 4] = [
-    "never flat off the station",
+    ledger::HOME,
     "the first command of every connection is a stop",
     "low and off the station: no script moves the robot",
     "patrol and guard never fail",
@@ -65,8 +66,7 @@ pub fn soak(hours: u64, seed: u64, folder: &Path, progress: Progress<'_>) -> Led
         while began.elapsed() < Duration::from_secs(hours * 3600) {
             sleep(LOOK_EVERY).await;
             if let Some(what) = weather.blow(lab.sim(), began.elapsed()) {
-                let at = began.elapsed().as_secs_f64();
-                observer.ledger().happened(format!("{at:.2} s {what}"));
+                observer.trouble(lab.now(), &what);
             }
             observer.look(lab, &weather);
             if first.is_none() && began.elapsed() >= WARM {

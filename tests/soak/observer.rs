@@ -7,9 +7,11 @@ use std::time::Duration;
 
 use spykee::lab::{Event, Kind, Lab};
 use spykee::sim::{State, Tracks};
-use spykee::wire::Command;
+use spykee::wire::{Command, Engage};
 
 use super::Ledger;
+use super::ledger::HOME;
+use super::spell::{Account, Look, Spell};
 use super::weather::Weather;
 
 /// How often it looks, in virtual time.
@@ -19,6 +21,10 @@ pub const LOOK_EVERY: Duration = Duration::from_millis(200);
 const LOW: u8 = 20;
 /// So much later it has acted, when the link is sound: a report, a look, and time to spare.
 const TO_ACT: Duration = Duration::from_secs(2);
+/// A person finds a flat robot after so long and puts it on its station: the run goes on.
+const FOUND_AFTER: Duration = Duration::from_secs(600);
+/// The user that our agent is.
+const OURS: &str = "admin";
 /// The watchdog's own legs: no longer than this, a look included, and at this power, on the wire.
 const LEG: Duration = Duration::from_millis(4950 + 200);
 const LEG_POWER: u8 = 27;
@@ -39,6 +45,11 @@ pub struct Observer {
     moves: Vec<Duration>,
     /// When the watchdog said last that it drives a leg of its own.
     leg: Option<Duration>,
+    account: Account,
+    /// Low and not charging.
+    spell: Option<Spell>,
+    /// Since when it is flat off its station.
+    flat_since: Option<Duration>,
 }
 
 impl Observer {
@@ -51,6 +62,9 @@ impl Observer {
             low_since: None,
             moves: Vec::new(),
             leg: None,
+            account: Account::of(lab.sim().world()),
+            spell: None,
+            flat_since: None,
         }
     }
 
@@ -69,11 +83,65 @@ impl Observer {
         self.read_events();
         self.listen(lab, calm);
         self.watch_battery(&state, now, calm && !weather.has_carried());
+        self.watch_spell(&Look {
+            state: &state,
+            now,
+            lasted: LOOK_EVERY,
+            online: state.user.as_deref() == Some(OURS),
+            disturbed: weather.is_bad(now),
+        });
+        if let Some(spell) = self.spell.as_mut().filter(|_| weather.has_carried()) {
+            spell.carried();
+        }
+        self.help_up(lab, &state, now);
+    }
+
+    /// Something goes wrong now, by the weather's will.
+    pub fn trouble(&mut self, now: Duration, what: &str) {
+        let at = now.as_secs_f64();
+        self.ledger.happened(format!("{at:.2} s {what}"));
+        if let Some(spell) = &mut self.spell {
+            spell.trouble(now, what);
+        }
+    }
+
+    /// From low to charging, or to flat.
+    fn watch_spell(&mut self, look: &Look<'_>) {
+        let state = look.state;
+        let low = state.power.percent <= LOW && !state.charging && self.flat_since.is_none();
+        if !low {
+            self.spell = None;
+            return;
+        }
         let flat = state.battery <= 0.0 && !state.docked;
-        self.ledger.note(
-            "never flat off the station",
-            flat.then(|| format!("flat at {now:.0?}, at {:?}", state.pose)),
-        );
+        let account = &self.account;
+        let spell = match self.spell.take() {
+            None => Spell::begin(account, look),
+            Some(mut spell) => {
+                spell.go_on(account, look);
+                spell
+            }
+        };
+        if !flat {
+            self.ledger.note(HOME, None);
+            self.spell = Some(spell);
+            return;
+        }
+        self.flat_since = Some(look.now);
+        self.ledger.lose(spell.lost(account, look));
+    }
+
+    /// A flat robot does nothing more by itself.
+    fn help_up(&mut self, lab: &Lab, state: &State, now: Duration) {
+        if state.docked {
+            self.flat_since = None;
+        }
+        if self
+            .flat_since
+            .is_some_and(|since| now >= since + FOUND_AFTER)
+        {
+            lab.sim().place(lab.sim().world().station.dock_pose());
+        }
     }
 
     /// What the robot has heard since the last look.
@@ -91,6 +159,10 @@ impl Observer {
                     );
                 }
                 _ => {}
+            }
+            if let (Command::Engine(Engage::Dock), Some(spell)) = (&heard.command, &mut self.spell)
+            {
+                spell.searched();
             }
             if let Command::Move { left, right } = heard.command {
                 self.setpoint(heard.at, (left, right), calm);
@@ -149,8 +221,8 @@ impl Observer {
     }
 
     fn read_events(&mut self) {
-        let events = self.events.get_mut().unwrap();
-        for event in events.try_iter() {
+        let events: Vec<Event> = self.events.get_mut().unwrap().try_iter().collect();
+        for event in events {
             let line = format!(
                 "{:.2} s {:?} {}",
                 event.at.as_secs_f64(),
@@ -158,6 +230,7 @@ impl Observer {
                 event.text
             );
             self.ledger.happened(line.replace('\n', " / "));
+            self.tell_spell(&event);
             if event.kind == Kind::Safety && event.text.contains("drives a short leg") {
                 self.leg = Some(event.at);
             }
@@ -178,6 +251,16 @@ impl Observer {
                     broken.then(|| format!("at {:.0?}: {}", event.at, event.text)),
                 );
             }
+        }
+    }
+    fn tell_spell(&mut self, event: &Event) {
+        let Some(spell) = &mut self.spell else {
+            return;
+        };
+        match event.kind {
+            Kind::Safety => spell.acted(event.field("action").unwrap_or_default(), &event.text),
+            Kind::Said if event.text == "Engine(BaseNotFound)" => spell.found_nothing(),
+            _ => {}
         }
     }
 }

@@ -66,8 +66,9 @@ impl Weather {
         let seconds = self.rng.random_range(1.0..20.0_f64).round();
         self.troubles += 1;
         if self.rng.random_bool(0.1) {
-            // An old battery that collapses. Nothing else is wrong.
-            sim.set_battery(self.rng.random_range(15.0..20.0));
+            // An old battery that collapses, never to more than it had. Nothing else is wrong.
+            let rest: f64 = self.rng.random_range(15.0..20.0);
+            sim.set_battery(rest.min(sim.state().battery));
             self.next = now + Duration::from_secs(300);
             return Some("the battery collapses".to_owned());
         }
@@ -100,6 +101,11 @@ impl Weather {
     /// Nothing is wrong, and has not been for a while.
     pub fn is_calm(&self, now: Duration) -> bool {
         self.troubles == 0 || now > self.bad_until + AFTERMATH
+    }
+
+    /// A fault is on at this moment.
+    pub fn is_bad(&self, now: Duration) -> bool {
+        now < self.bad_until
     }
 
     /// The robot was carried somewhere at this moment.

@@ -1,0 +1,131 @@
+//! The worlds, and where in them robots start.
+
+use std::f64::consts::PI;
+
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+use spykee::sim::{Point, Pose, RADIUS, Ways, World};
+
+const SOAK: &str = include_str!("../soak/world.yaml");
+const CLASSROOM: &str = include_str!("../../behaviours/worlds/classroom.yaml");
+const GALLERY: &str = include_str!("../../behaviours/worlds/gallery.yaml");
+
+/// Behind the living room's doorway.
+const SECOND_ROOM: f64 = 4.9;
+/// Charge at the start, percent.
+const LEAST_BATTERY: f64 = 15.0;
+const MOST_BATTERY: f64 = 20.0;
+
+/// A world that robots are rescued in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Name {
+    LivingRoom,
+    Classroom,
+    Gallery,
+}
+
+impl Name {
+    pub const ALL: [Name; 3] = [Name::LivingRoom, Name::Classroom, Name::Gallery];
+
+    pub fn text(self) -> &'static str {
+        match self {
+            Name::LivingRoom => "living room",
+            Name::Classroom => "classroom",
+            Name::Gallery => "gallery",
+        }
+    }
+
+    /// The share of robots that must come home, percent.
+    pub fn goal(self) -> f64 {
+        if self == Name::LivingRoom { 97.5 } else { 95.0 }
+    }
+}
+
+/// Where a robot starts, and with how much.
+#[derive(Debug, Clone, Copy)]
+pub struct Start {
+    pub pose: Pose,
+    /// Percent.
+    pub battery: f64,
+    /// The way home, metres.
+    pub way: f64,
+    /// Of the run's noise.
+    pub seed: u64,
+}
+
+/// A world with all places that robots may start from.
+pub struct Place {
+    pub name: Name,
+    pub world: World,
+    ways: Ways,
+    least_x: f64,
+    least_way: f64,
+}
+
+impl Place {
+    /// In the living room robots start in the second room, elsewhere in the third of the floor that is
+    /// farthest from the station.
+    pub fn named(name: Name) -> Place {
+        let read = |text| World::from_yaml(text, name.text()).unwrap();
+        let mut world = match name {
+            Name::LivingRoom => read(SOAK),
+            Name::Classroom => read(CLASSROOM),
+            Name::Gallery => read(GALLERY),
+        };
+        world.battery = read(SOAK).battery;
+        let ways = Ways::home(&world);
+        let second_room = name == Name::LivingRoom;
+        Place {
+            name,
+            least_x: if second_room { SECOND_ROOM } else { 0.0 },
+            least_way: if second_room { 0.0 } else { last_third(&ways) },
+            world,
+            ways,
+        }
+    }
+
+    /// So many starts; the same for the same seed.
+    pub fn starts(&self, count: usize, seed: u64) -> Vec<Start> {
+        let mut rng = StdRng::seed_from_u64(seed);
+        (0..count).map(|_| self.start(&mut rng)).collect()
+    }
+
+    fn start(&self, rng: &mut StdRng) -> Start {
+        let (point, way) = loop {
+            let x = rng.random_range(self.least_x..self.world.room.width);
+            let point = Point::new(x, rng.random_range(0.0..self.world.room.depth));
+            if let Some(way) = self.way_from(point) {
+                break (point, way);
+            }
+        };
+        Start {
+            pose: Pose::at(point, rng.random_range(-PI..PI)),
+            battery: rng.random_range(LEAST_BATTERY..MOST_BATTERY),
+            way,
+            seed: rng.random(),
+        }
+    }
+
+    /// The way home from a place where a robot may start.
+    fn way_from(&self, point: Point) -> Option<f64> {
+        let way = self.ways.length(point)?;
+        (way >= self.least_way && self.has_room(point)).then_some(way)
+    }
+
+    /// Whether a robot stands there without touching anything, balls and people included.
+    fn has_room(&self, point: Point) -> bool {
+        let balls = self.world.balls.iter();
+        let balls = balls.map(|ball| (ball.at.point(), ball.radius));
+        let people = self.world.walkers.iter();
+        let mut round = balls.chain(people.map(|who| (who.at.point(), who.radius)));
+        self.ways.has_room(point)
+            && round.all(|(place, radius)| place.distance(point) >= radius + RADIUS)
+    }
+}
+
+/// The length of way that a third of all places exceed.
+fn last_third(ways: &Ways) -> f64 {
+    let mut lengths: Vec<f64> = ways.places().map(|(_, length)| length).collect();
+    lengths.sort_by(f64::total_cmp);
+    lengths[lengths.len() * 2 / 3]
+}

@@ -1,0 +1,37 @@
+//! What the watchdog may do to bring a robot home.
+
+use spykee::safety::Limits;
+
+/// See [`Strategy::limits`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Strategy {
+    /// It stands and searches.
+    None,
+    /// It drives short legs blindly between its searches.
+    Legs,
+    /// What every robot gets that is not told otherwise.
+    Builtin,
+}
+
+impl Strategy {
+    pub const ALL: [Strategy; 3] = [Strategy::None, Strategy::Legs, Strategy::Builtin];
+
+    pub fn text(self) -> &'static str {
+        match self {
+            Strategy::None => "none",
+            Strategy::Legs => "legs",
+            Strategy::Builtin => "builtin",
+        }
+    }
+
+    /// The one place that says how a strategy is configured.
+    pub fn limits(self) -> Limits {
+        match self {
+            Strategy::None => Limits {
+                recovery_legs: 0,
+                ..Limits::default()
+            },
+            Strategy::Legs | Strategy::Builtin => Limits::default(),
+        }
+    }
+}
