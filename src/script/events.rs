@@ -90,11 +90,7 @@ impl EventName {
             Event::Safety { .. } => EventName::Safety,
             Event::Loan { .. } => EventName::Loan,
             Event::Engine { .. } => EventName::Engine,
-            // A loan has no name for scripts yet: only a rescue behaviour is told of one.
-            Event::MotionEnded { .. }
-            | Event::DockEnded { .. }
-            | Event::UndockEnded { .. }
-            | Event::Loan { .. } => {
+            Event::MotionEnded { .. } | Event::DockEnded { .. } | Event::UndockEnded { .. } => {
                 return None;
             }
         })
