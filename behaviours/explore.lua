@@ -1,9 +1,9 @@
 -- explore: drives about by the camera alone, to where the floor is free the farthest, and turns away
 -- from whatever stands in the way. When the picture stands still although it drives, something that it
--- does not see holds it: it backs off. How it sees the floor is in lib/floor.lua. The watchdog takes it
+-- does not see holds it: it backs off. How it sees the floor is in @spykee/floor. The watchdog takes it
 -- home when its battery is low; charged, it goes out again.
 
-local floor = require("./lib/floor")
+local floor = require("@spykee/floor")
 
 local settings = params.declare({
 	speed = { default = 0.2, min = 0.05, max = 0.3, unit = "m/s", doc = "straight ahead" },

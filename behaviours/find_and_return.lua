@@ -2,7 +2,7 @@
 -- the station. It looks around, and if it sees nothing it drives on to where there is room and looks
 -- around there. Ends on the station, or with an error when it found nothing or did not get home.
 
-local floor = require("./lib/floor")
+local floor = require("@spykee/floor")
 
 local settings = params.declare({
 	colour = { default = "red", doc = "what to look for: a name, or one of the config's own colours" },

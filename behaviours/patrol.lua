@@ -3,7 +3,7 @@
 -- and takes up the beat at the leg that it had not finished; so it does after a restart. Runs until it
 -- is ended.
 
-local floor = require("./lib/floor")
+local floor = require("@spykee/floor")
 
 local settings = params.declare({
 	leg = { default = 0.9, min = 0.1, max = 10, unit = "m", doc = "length of one leg" },

@@ -1,6 +1,6 @@
 //! What the watchdog may do to bring a robot home.
 
-use spykee::safety::Limits;
+use spykee::safety::{Limits, Rescue};
 
 /// See [`Strategy::limits`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -29,9 +29,14 @@ impl Strategy {
         match self {
             Strategy::None => Limits {
                 recovery_legs: 0,
+                rescue: Rescue::Off,
                 ..Limits::default()
             },
-            Strategy::Legs | Strategy::Builtin => Limits::default(),
+            Strategy::Legs => Limits {
+                rescue: Rescue::Off,
+                ..Limits::default()
+            },
+            Strategy::Builtin => Limits::default(),
         }
     }
 }
