@@ -151,7 +151,8 @@ fn after_a_reconnect_it_searches_before_it_drives_a_leg() {
     assert_eq!(tracks(&acts), [(0, 0)]);
     assert_eq!(tracks(&rig.pass(100 * SECOND, false)), []);
     rig.take(NOT_FOUND);
-    assert!(tracks(&rig.pass(SECOND, false)).len() > 0 || rig.dog.moving());
+    rig.pass(SECOND, false);
+    assert!(rig.dog.moving());
 }
 
 #[test]

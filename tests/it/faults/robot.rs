@@ -142,7 +142,7 @@ pub async fn alarms_and_searches_on(stage: Stage) {
     let stop = stage.goes_home(from).await;
     hears_the_alarm_twice(&stage, stop).await;
     let mut search = stop;
-    for _ in 0..2 {
+    for _ in 0..3 {
         search = stage.rig.heard_dock(search + 1).await;
         assert_eq!(stage.rig.commands(search - 1)[0], Command::STOP);
     }
