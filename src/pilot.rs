@@ -8,6 +8,7 @@
 //! Nothing here waits for the robot to take a command: see [`Writer::send`].
 
 mod core;
+mod distress;
 mod hearing;
 mod lights;
 mod line;
@@ -36,6 +37,7 @@ use crate::vision::Damage;
 use crate::wire::Command;
 
 pub use self::core::DrivingCore;
+use self::distress::Distress;
 use self::lights::Lights;
 pub use self::line::Dial;
 use self::line::Line;
@@ -93,6 +95,8 @@ pub struct Pilot {
     simulated: bool,
     unknown_kinds: Vec<u8>,
     streams_due: Option<Instant>,
+    /// What lights, sounds and streams were last made to follow.
+    distress: Distress,
     /// The watchdog knows something that it has not acted upon yet.
     unsettled: bool,
     /// A behaviour was given up, and the robot has not heard of it yet.
@@ -119,6 +123,7 @@ impl Pilot {
             simulated: settings.simulated,
             unknown_kinds: Vec::new(),
             streams_due: None,
+            distress: Distress::default(),
             unsettled: false,
             alarm_due: false,
             pulse: None,
@@ -161,7 +166,8 @@ impl Pilot {
                 news = line.next() => self.hear(news)?,
                 Some(request) = requests.recv() => self.serve(request),
             };
-            if let Err(lost) = turn.and(self.serve_waiting(&mut requests)) {
+            let served = turn.and(self.serve_waiting(&mut requests));
+            if let Err(lost) = served.and_then(|()| self.follow_distress()) {
                 self.lose(&lost, &mut line);
             }
             self.publish();

@@ -24,6 +24,18 @@ impl Lights {
         }
     }
 
+    /// The commands after which all is dark and silent, but for what the alarm needs if it sounds.
+    pub(super) fn off(&self, alarm: bool) -> Vec<Command> {
+        let sound = (!alarm).then_some(Command::StopSound);
+        let lights = [Led::Left, Led::Right, Led::Flash].into_iter();
+        lights
+            .filter(|led| *led != Led::Flash || !alarm)
+            .map(|led| Command::Led { led, on: false })
+            .filter(|command| self.is_news(command))
+            .chain(sound)
+            .collect()
+    }
+
     /// A command goes out. Some sounds switch lights too, so that the lights are unknown afterwards
     /// (`PROTOCOL.md`, *sound id*).
     pub(super) fn note(&mut self, command: &Command) {
@@ -63,6 +75,16 @@ mod tests {
         assert!(news(Command::Volume(3)) && !news(Command::Volume(3)));
         lights.forget();
         assert!(lights.is_news(&Command::Volume(3)));
+    }
+
+    #[test]
+    fn what_is_switched_off_is_whatever_may_be_on_but_for_the_alarm() {
+        let dark = |led| Command::Led { led, on: false };
+        let mut lights = Lights::default();
+        lights.note(&dark(Led::Left));
+        let off = [dark(Led::Right), dark(Led::Flash), Command::StopSound];
+        assert_eq!(lights.off(false), off);
+        assert_eq!(lights.off(true), off[..1]);
     }
 
     #[test]

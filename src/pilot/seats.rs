@@ -5,8 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use tokio::time::Instant;
 use tracing::warn;
 
+use super::distress::Distress;
 use super::throttle::{Throttle, Together};
-use crate::robot::channel::Outbox;
+use crate::robot::channel::{Outbox, Role};
 use crate::robot::{BehaviourId, EndReason, Event, Priority, Streams, Use};
 use crate::wire::{Command, Stream};
 
@@ -14,6 +15,7 @@ use crate::wire::{Command, Stream};
 struct Seat {
     name: String,
     priority: Priority,
+    role: Role,
     outbox: Outbox,
     streams: BTreeSet<Stream>,
     throttle: Throttle,
@@ -57,6 +59,7 @@ impl Seats {
         by: BehaviourId,
         name: String,
         priority: Priority,
+        role: Role,
         mut outbox: Outbox,
         welcome: &[Event],
     ) {
@@ -66,11 +69,18 @@ impl Seats {
             Seat {
                 name,
                 priority,
+                role,
                 outbox,
                 streams: BTreeSet::new(),
                 throttle: Throttle::new(Instant::now()),
             },
         );
+    }
+
+    /// Whether a behaviour may have this of the robot as things stand.
+    pub(super) fn allows(&self, by: BehaviourId, command: &Command, distress: Distress) -> bool {
+        let seat = self.seats.get(&by);
+        seat.is_some_and(|seat| distress.allows(seat.role, command))
     }
 
     /// Whether a behaviour may send one more command that is no motion.
@@ -167,19 +177,27 @@ impl Seats {
         self.usage.usage(stream) == Use::Off
     }
 
-    /// The commands that make the robot's streams what is wanted; after a login (`anew`) the robot
-    /// streams nothing.
-    pub(super) fn stream_changes(&mut self, anew: bool) -> Vec<Command> {
+    /// What may be on of the streams that behaviours, or the config, want.
+    fn wanted(&self, distress: Distress) -> BTreeSet<Stream> {
+        let always = self.usage.used(Use::On);
+        let always = always.map(|stream| (Role::Behaviour, stream));
+        self.seats
+            .values()
+            .flat_map(|seat| seat.streams.iter().map(|stream| (seat.role, *stream)))
+            .chain(always)
+            .filter(|(role, stream)| distress.streams(*role, *stream))
+            .map(|(_, stream)| stream)
+            .filter(|stream| !self.forbids(*stream))
+            .collect()
+    }
+
+    /// The commands that make the robot's streams what is wanted and may be; after a login (`anew`)
+    /// the robot streams nothing.
+    pub(super) fn stream_changes(&mut self, anew: bool, distress: Distress) -> Vec<Command> {
         if anew {
             self.streaming.clear();
         }
-        let wanted: BTreeSet<Stream> = self
-            .seats
-            .values()
-            .flat_map(|seat| seat.streams.iter().copied())
-            .chain(self.usage.used(Use::On))
-            .filter(|stream| !self.forbids(*stream))
-            .collect();
+        let wanted = self.wanted(distress);
         let off = self
             .streaming
             .difference(&wanted)
@@ -199,7 +217,7 @@ impl Seats {
     pub(super) fn streams_off(&mut self) -> Vec<Command> {
         self.seats.clear();
         self.usage = Streams::default();
-        self.stream_changes(false)
+        self.stream_changes(false, Distress::default())
     }
 }
 
@@ -210,6 +228,10 @@ mod tests {
 
     const ONE: BehaviourId = BehaviourId(1);
     const TWO: BehaviourId = BehaviourId(2);
+    const USUAL: Distress = Distress {
+        shed: false,
+        alarm: false,
+    };
 
     fn video(on: bool) -> Command {
         Command::Stream {
@@ -222,20 +244,27 @@ mod tests {
     fn a_stream_is_on_while_any_behaviour_wants_it() {
         let mut seats = Seats::default();
         for by in [ONE, TWO] {
-            seats.join(by, "one".to_owned(), Priority(0), events().0, &[]);
+            seats.join(
+                by,
+                "one".to_owned(),
+                Priority(0),
+                Role::Behaviour,
+                events().0,
+                &[],
+            );
             seats.want(by, Stream::Video, true);
         }
-        assert_eq!(seats.stream_changes(false), [video(true)]);
-        assert_eq!(seats.stream_changes(false), []);
+        assert_eq!(seats.stream_changes(false, USUAL), [video(true)]);
+        assert_eq!(seats.stream_changes(false, USUAL), []);
         assert_eq!(
-            seats.stream_changes(true),
+            seats.stream_changes(true, USUAL),
             [video(true)],
             "a login forgets streams"
         );
         seats.want(ONE, Stream::Video, false);
-        assert_eq!(seats.stream_changes(false), []);
+        assert_eq!(seats.stream_changes(false, USUAL), []);
         seats.leave(TWO);
-        assert_eq!(seats.stream_changes(false), [video(false)]);
+        assert_eq!(seats.stream_changes(false, USUAL), [video(false)]);
     }
 
     #[test]
@@ -245,20 +274,64 @@ mod tests {
             audio_in: Use::Off,
             ..Streams::default()
         });
-        seats.join(ONE, "one".to_owned(), Priority(0), events().0, &[]);
+        seats.join(
+            ONE,
+            "one".to_owned(),
+            Priority(0),
+            Role::Behaviour,
+            events().0,
+            &[],
+        );
         seats.want(ONE, Stream::AudioIn, true);
-        assert_eq!(seats.stream_changes(true), [video(true)]);
+        assert_eq!(seats.stream_changes(true, USUAL), [video(true)]);
         assert!(seats.streams(Stream::Video) && !seats.streams(Stream::AudioIn));
         seats.want(ONE, Stream::Video, false);
-        assert_eq!(seats.stream_changes(false), []);
+        assert_eq!(seats.stream_changes(false, USUAL), []);
         assert_eq!(seats.streams_off(), [video(false)]);
+    }
+
+    #[test]
+    fn of_a_nearly_empty_battery_the_camera_is_the_rescuers() {
+        let empty = Distress {
+            shed: true,
+            ..USUAL
+        };
+        let mut seats = Seats::new(Streams {
+            video: Use::On,
+            ..Streams::default()
+        });
+        for (by, role) in [(ONE, Role::Behaviour), (TWO, Role::Rescuer)] {
+            seats.join(by, "one".to_owned(), Priority(0), role, events().0, &[]);
+            seats.want(by, Stream::AudioIn, true);
+        }
+        let audio = |on| Command::Stream {
+            stream: Stream::AudioIn,
+            on,
+        };
+        assert_eq!(
+            seats.stream_changes(true, USUAL),
+            [video(true), audio(true)]
+        );
+        let off = [video(false), audio(false)];
+        assert_eq!(seats.stream_changes(false, empty), off);
+        seats.want(TWO, Stream::Video, true);
+        assert_eq!(seats.stream_changes(false, empty), [video(true)]);
+        assert!(seats.allows(TWO, &audio(true), empty));
+        assert_eq!(seats.stream_changes(false, USUAL), [audio(true)]);
     }
 
     #[tokio::test]
     async fn a_killed_behaviour_is_heard_no_more() {
         let mut seats = Seats::default();
         let (outbox, mut inbox) = events();
-        seats.join(ONE, "one".to_owned(), Priority(3), outbox, &[]);
+        seats.join(
+            ONE,
+            "one".to_owned(),
+            Priority(3),
+            Role::Behaviour,
+            outbox,
+            &[],
+        );
         assert_eq!(seats.priority(ONE), Some(Priority(3)));
         seats.kill(ONE, EndReason::Cpu);
         assert_eq!(seats.priority(ONE), None);

@@ -7,11 +7,12 @@ use bytes::Bytes;
 use tokio::time::Instant;
 
 use super::Pilot;
+use super::distress::Distress;
 use super::lost::LinkLost;
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, CallId, DockEnd, Event, Intent, Priority};
-use crate::safety::{Ask, Fact};
-use crate::wire::{Command, Engage, Sound, Stream};
+use crate::safety::{ALARM, Ask, Fact};
+use crate::wire::{Command, Engage, Stream};
 
 /// When streams are switched that a behaviour switches faster than it may.
 const STREAMS_LATER: Duration = Duration::from_millis(100);
@@ -28,7 +29,7 @@ impl Pilot {
                 outbox,
             } => {
                 let welcome = self.welcome();
-                self.seats.join(by, name, priority, outbox, &welcome);
+                self.seats.join(by, name, priority, role, outbox, &welcome);
                 if role == Role::Rescuer {
                     self.defer(Fact::Rescuer(Some(by)));
                 }
@@ -118,11 +119,20 @@ impl Pilot {
             Intent::Say(_) if self.seats.forbids(Stream::AudioOut) => return Ok(()),
             Intent::Say(samples) => return self.say(by, samples.into()),
         };
-        if !self.lights.is_news(&command) || !self.seats.admits(by, &command, Instant::now()) {
+        if !self.allows(by, &command)
+            || !self.lights.is_news(&command)
+            || !self.seats.admits(by, &command, Instant::now())
+        {
             return Ok(());
         }
         self.settle()?;
         self.send(&[command])
+    }
+
+    /// Whether a behaviour may have lights and sounds as things stand.
+    fn allows(&self, by: BehaviourId, command: &Command) -> bool {
+        let distress = Distress::of(&self.watchdog);
+        self.seats.allows(by, command, distress)
     }
 
     /// A behaviour that lets go of the tracks may take them again at once, and what waits below it
@@ -142,20 +152,20 @@ impl Pilot {
         self.perform(acts)
     }
 
-    /// The alarm of a behaviour that was given up, as soon as there is a robot to sound it.
+    /// The alarm of a behaviour that was given up, as soon as there is a robot to sound it. It is as
+    /// loud as the watchdog's own.
     pub(super) fn sound_alarm(&mut self) -> Result<(), LinkLost> {
         if !self.alarm_due || self.writer.is_none() {
             return Ok(());
         }
         self.alarm_due = false;
-        let alarm = Command::Play(Sound::Alarm);
         self.settle()?;
-        self.send(&[alarm])
+        self.send(&ALARM)
     }
 
     fn say(&mut self, by: BehaviourId, samples: Bytes) -> Result<(), LinkLost> {
         let command = Command::Audio(samples.clone());
-        if !self.seats.admits(by, &command, Instant::now()) {
+        if !self.allows(by, &command) || !self.seats.admits(by, &command, Instant::now()) {
             return Ok(());
         }
         self.settle()?;
@@ -181,7 +191,8 @@ impl Pilot {
 
     /// Switches the streams that the behaviours want; `anew` after a login, which forgets them.
     pub(super) fn apply_streams(&mut self, anew: bool) -> Result<(), LinkLost> {
-        let commands = self.seats.stream_changes(anew);
+        let distress = Distress::of(&self.watchdog);
+        let commands = self.seats.stream_changes(anew, distress);
         if commands.is_empty() || self.writer.is_none() {
             return Ok(());
         }
@@ -189,6 +200,25 @@ impl Pilot {
         let listening = self.seats.streams(Stream::Video) || self.seats.streams(Stream::AudioIn);
         self.take(Fact::Listening(listening))?;
         self.send(&commands)
+    }
+
+    /// Switches off what a nearly empty battery must not feed, and the streams on again when it
+    /// charges; speech that waits is not spoken into an alarm. What the watchdog wants has gone out
+    /// before.
+    pub(super) fn follow_distress(&mut self) -> Result<(), LinkLost> {
+        let now = Distress::of(&self.watchdog);
+        let before = std::mem::replace(&mut self.distress, now);
+        if before == now {
+            return Ok(());
+        }
+        if let Some(writer) = self.writer.as_mut().filter(|_| now.shed || now.alarm) {
+            writer.drop_audio();
+        }
+        if now.shed && !before.shed {
+            let off = self.lights.off(now.alarm);
+            self.send(&off)?;
+        }
+        self.apply_streams(false)
     }
 }
 

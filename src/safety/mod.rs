@@ -39,4 +39,4 @@ pub use place::{Doubt, Place, Whereabouts, Word};
 pub use recovery::{Means, Next, Recovery, Try};
 pub use rescue::{Rescue, UnknownRescue};
 pub use tracks::Tracks;
-pub use watchdog::{Watchdog, WatchdogState};
+pub use watchdog::{ALARM, Watchdog, WatchdogState};

@@ -7,6 +7,7 @@ mod check;
 mod cli;
 mod config;
 mod delivery;
+mod distress;
 mod doctor;
 mod eyes;
 mod fast;

@@ -191,6 +191,65 @@ async fn a_robot_that_cannot_get_home_and_may_drive_no_leg_stays_still_alarms_an
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn no_script_silences_the_alarm() {
+    let search_limit = Duration::from_millis(200);
+    let firmware = Firmware {
+        search_limit,
+        ..Firmware::default()
+    };
+    let rig = Rig::new(QUIET_WORLD, firmware).await;
+    rig.sim.hide_station(true);
+    let config = rig.file(
+        "spykee.yaml",
+        "watchdog: { dock_pause: 0.1, alarm_every: 2, recovery_legs: 0, recovery_pause: 0.2, rescue: off }\n",
+    );
+    let script = rig.file(
+        "script.lua",
+        "robot.stream('audio_out', true)\n\
+         while true do\n\
+         robot.volume(0) robot.stop_sound() robot.led('flash', false) robot.play('bip_2')\n\
+         robot.say(buffer.create(3200))\n\
+         task.wait(0.1)\n\
+         end\n",
+    );
+    let (script, config) = (script.to_str().unwrap(), config.to_str().unwrap());
+    let _run = rig.spykee(&["run", script, "--config", config, "--robot", &rig.address]);
+    let hushed = rig.heard(0, |command| *command == Command::Volume(0)).await;
+    rig.heard(hushed, |command| *command == Command::StopSound)
+        .await;
+    rig.sim.set_battery(15.0);
+    let alarm = |command: &Command| *command == Command::Play(Sound::Alarm);
+    let first = rig.heard(hushed, alarm).await;
+    let last = rig.heard(first + 1, alarm).await;
+    assert_eq!(rig.commands(first - 1)[0], Command::Volume(100));
+    assert_eq!(rig.at(first - 1).1, rig.at(first).1, "in one write");
+    let heard = &rig.commands(first)[..last - first];
+    let silences = |command: &Command| match command {
+        Command::Volume(percent) => *percent < 100,
+        Command::Play(sound) => *sound != Sound::Alarm,
+        Command::StopSound => true,
+        _ => false,
+    };
+    assert!(!heard.iter().any(silences), "{heard:?}");
+    let speaks = |command: &&Command| matches!(command, Command::Audio(_));
+    // One message may have been half out.
+    assert!(heard.iter().filter(speaks).count() <= 1, "{heard:?}");
+    let dark = Command::Led {
+        led: Led::Flash,
+        on: false,
+    };
+    let lit = Command::Led {
+        led: Led::Flash,
+        on: true,
+    };
+    let flash: Vec<&Command> = heard
+        .iter()
+        .filter(|one| **one == dark || **one == lit)
+        .collect();
+    assert_eq!(flash, [&lit, &dark], "the watchdog's own");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn an_interrupt_stops_the_tracks_before_the_link_closes() {
     for signal in [Signal::INT, Signal::TERM] {
         let rig = Rig::quiet().await;
@@ -424,4 +483,23 @@ async fn a_run_whose_script_ends_while_low_stays_until_the_robot_is_home_and_is_
     );
     let state = rig.sim.state();
     assert!(state.docked && state.charging, "{state:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_that_waits_for_a_low_robot_outlives_a_dropped_link_and_an_interrupt_leaves() {
+    let rig = Rig::quiet().await;
+    rig.sim.hide_station(true);
+    let mut run = rig.run("robot.move(20, 20, 600) task.wait(0.5)");
+    rig.heard_motion(0).await;
+    rig.sim.set_battery(15.0);
+    run.says("staying until the robot is on its station").await;
+    let dropped = rig.sim.heard_count();
+    rig.sim.cut();
+    rig.heard_dock(dropped).await;
+    assert!(run.lives(), "{}", run.text());
+    run.signal(Signal::INT);
+    assert_eq!(run.code().await, Some(5), "{}", run.text());
+    let tracks = |command: &Command| matches!(command, Command::Move { .. } | Command::Engine(_));
+    let last = rig.commands(dropped).into_iter().rfind(tracks);
+    assert_eq!(last, Some(Command::Engine(Engage::Dock)));
 }

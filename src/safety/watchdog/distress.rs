@@ -9,6 +9,9 @@ use crate::robot::{BehaviourId, DockEnd, Event, MotionEnd, SafetyAction, Setpoin
 use crate::safety::{Act, Activity, Means, Next, Outcome, Place, Pulse, Rescue, Try};
 use crate::wire::{Command, Led, Sound};
 
+/// What is said to sound the alarm: at full volume, whatever it was set to before.
+pub const ALARM: [Command; 2] = [Command::Volume(100), Command::Play(Sound::Alarm)];
+
 /// A person is needed.
 #[derive(Debug)]
 pub(super) struct Alarm {
@@ -33,7 +36,9 @@ impl Watchdog {
         self.guard.critical() && self.place() != Place::Charging
     }
 
-    /// While the alarm sounds, volume, flash and STOP of sounds are the watchdog's.
+    /// While the alarm sounds, volume, headlight and sounds are the watchdog's. It sets the volume to
+    /// 100 % each time, because a script may have set it to 0 before, and nobody sets it back: after
+    /// the alarm it is what the next script says.
     pub fn alarm_sounds(&self) -> bool {
         self.alarm.is_some() && self.online
     }
@@ -233,7 +238,7 @@ impl Watchdog {
         alarm.next = now + pause.max(Watchdog::ALARM_FLASH);
         let on = alarm.flash_on;
         if on {
-            self.send(Command::Play(Sound::Alarm));
+            ALARM.into_iter().for_each(|command| self.send(command));
         }
         self.send(Command::Led {
             led: Led::Flash,

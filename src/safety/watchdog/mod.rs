@@ -32,6 +32,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
+pub use self::distress::ALARM;
 use self::distress::Alarm;
 use self::homing::Homing;
 use super::{

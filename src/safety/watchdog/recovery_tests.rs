@@ -79,7 +79,8 @@ fn the_fourth_failure_sounds_the_alarm() {
         on: true,
     };
     let alarm = Command::Play(Sound::Alarm);
-    assert_eq!(sent(&acts), [Command::STOP, alarm.clone(), flash]);
+    let loud = Command::Volume(100);
+    assert_eq!(sent(&acts), [Command::STOP, loud, alarm.clone(), flash]);
     assert!(rig.dog.alarm_sounds());
     assert_eq!(sent(&rig.take(Fact::Heard)), [], "not at every occasion");
     let alarms = count(&rig.pass(59 * SECOND, false), &alarm);

@@ -103,7 +103,7 @@ pub const SCENARIOS: &[Scenario] = scenarios! {
     "low while the line is down", "{fault: reboot, state: kept, for: 1}",
         "after the reconnect: a stop, BASE_FIND, and no motion", robot::goes_home_after_the_reconnect, Drives;
     "the station is never found", "{fault: base_not_found}",
-        "a pause, another try, then the alarm; it searches on after a few short, slow legs, then after pauses", robot::alarms_and_searches_on, Drives;
+        "a short, slow drive before each further search, again and again; then the alarm beside it", robot::alarms_and_searches_on, Drives;
     "a station without current", "{fault: no_charge}",
         "docked without charging is not home: it stays there and sounds the alarm", robot::stays_on_the_dead_station, Drives;
     "docking lost again", "{fault: dock_lost, seconds: 0.5}",

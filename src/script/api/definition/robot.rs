@@ -127,14 +127,14 @@ pub(super) const FUNCTIONS: &[Function] = &[
         "robot.stop_sound",
         &[],
         &[],
-        "Ends what is playing.",
+        "Ends what is playing, but not the watchdog's alarm: while that sounds, no script plays, talks or stops sounds.",
         "robot.play(\"music\")\ntask.wait(2)\nrobot.stop_sound()",
     ),
     call(
         "robot.volume",
         &[bounded("percent", VOLUME, "").unit("%")],
         &[],
-        "Sets how loud the robot is.",
+        "Sets how loud the robot is. The watchdog's alarm is always at 100 %, and leaves it so.",
         "robot.volume(60)",
     ),
     call(

@@ -1,0 +1,117 @@
+//! What behaviours may still have of the robot while its battery is nearly empty, or the watchdog's
+//! alarm sounds. Motion is no matter of this: the watchdog decides on it.
+
+use crate::robot::channel::Role;
+use crate::safety::Watchdog;
+use crate::wire::{Command, Led, Stream};
+
+/// How bad things are.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Distress {
+    /// Whatever the way home does not need is off: see [`Watchdog::shed`].
+    pub(super) shed: bool,
+    /// Sounds, volume and headlight are the alarm's: see [`Watchdog::alarm_sounds`].
+    pub(super) alarm: bool,
+}
+
+impl Distress {
+    /// By the watchdog's word.
+    pub(super) fn of(watchdog: &Watchdog) -> Distress {
+        Distress {
+            shed: watchdog.shed(),
+            alarm: watchdog.alarm_sounds(),
+        }
+    }
+
+    /// Whether a command of a behaviour's that is no motion may go out. A rescue behaviour may need the
+    /// headlight to see. Another sound takes the place of the one that plays, so that none may while the
+    /// alarm does.
+    pub(super) fn allows(self, role: Role, command: &Command) -> bool {
+        match command {
+            Command::Led {
+                led: Led::Flash, ..
+            } => role == Role::Rescuer || !(self.shed || self.alarm),
+            Command::Led { .. } => !self.shed,
+            Command::StopSound => !self.alarm,
+            Command::Play(_) | Command::Volume(_) | Command::Audio(_) => !(self.shed || self.alarm),
+            _ => true,
+        }
+    }
+
+    /// Whether a stream that a behaviour wants may be on.
+    pub(super) fn streams(self, role: Role, stream: Stream) -> bool {
+        let sees = role == Role::Rescuer && stream == Stream::Video;
+        sees || !self.shed
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::Sound;
+
+    const EMPTY: Distress = Distress {
+        shed: true,
+        alarm: false,
+    };
+    const ALARM: Distress = Distress {
+        shed: false,
+        alarm: true,
+    };
+
+    fn led(led: Led) -> Command {
+        Command::Led { led, on: true }
+    }
+
+    fn sounds() -> [Command; 3] {
+        [
+            Command::Play(Sound::Laser),
+            Command::Volume(0),
+            Command::Audio(vec![0; 4].into()),
+        ]
+    }
+
+    #[test]
+    fn usually_everything_is_allowed() {
+        let usual = Distress::default();
+        let lights = [led(Led::Flash), led(Led::Left), Command::StopSound];
+        for command in sounds().iter().chain(&lights) {
+            assert!(usual.allows(Role::Behaviour, command), "{command:?}");
+        }
+        assert!(usual.streams(Role::Behaviour, Stream::AudioIn));
+    }
+
+    #[test]
+    fn while_the_alarm_sounds_nobody_silences_it() {
+        for role in [Role::Behaviour, Role::Rescuer] {
+            for command in sounds().iter().chain(&[Command::StopSound]) {
+                assert!(!ALARM.allows(role, command), "{command:?}");
+            }
+            assert!(ALARM.allows(role, &led(Led::Left)));
+            assert!(ALARM.streams(role, Stream::AudioIn));
+        }
+        assert!(!ALARM.allows(Role::Behaviour, &led(Led::Flash)));
+    }
+
+    #[test]
+    fn of_a_nearly_empty_battery_nobody_has_lights_and_sounds() {
+        for role in [Role::Behaviour, Role::Rescuer] {
+            for command in sounds().iter().chain(&[led(Led::Left), led(Led::Right)]) {
+                assert!(!EMPTY.allows(role, command), "{command:?}");
+            }
+            assert!(EMPTY.allows(role, &Command::StopSound));
+            assert!(!EMPTY.streams(role, Stream::AudioIn));
+            assert!(!EMPTY.streams(role, Stream::AudioOut));
+        }
+    }
+
+    #[test]
+    fn the_rescuer_alone_sees_to_the_end() {
+        for distress in [EMPTY, ALARM] {
+            assert!(distress.streams(Role::Rescuer, Stream::Video));
+            assert!(distress.allows(Role::Rescuer, &led(Led::Flash)));
+        }
+        assert!(!EMPTY.streams(Role::Behaviour, Stream::Video));
+        assert!(!EMPTY.allows(Role::Behaviour, &led(Led::Flash)));
+    }
+}

@@ -1,0 +1,129 @@
+//! A nearly empty battery is kept for the way home. In virtual time.
+
+use std::time::Duration;
+
+use spykee::lab::{self, Lab};
+use spykee::safety::{Limits, Rescue};
+use spykee::sim::State;
+use spykee::wire::{Command, Led, Stream};
+use tokio::time::{sleep, timeout};
+
+use crate::fast::{behaviour, quiet_world};
+
+const SECOND: Duration = Duration::from_secs(1);
+
+/// Uses all that the robot has.
+const USES_ALL: &str = "
+for _, stream in { 'video', 'audio_in', 'audio_out' } do robot.stream(stream, true) end
+while true do
+    robot.led('all', true)
+    robot.play('laser')
+    robot.volume(math.random(1, 50))
+    robot.say(buffer.create(32000))
+    task.wait(0.5)
+    robot.led('all', false)
+    task.wait(0.5)
+end
+";
+
+fn options(rescue: Rescue) -> lab::Options {
+    let limits = Limits {
+        rescue,
+        ..Limits::default()
+    };
+    lab::Options {
+        limits,
+        ..lab::Options::default()
+    }
+}
+
+async fn becomes(lab: &Lab, what: &str, wanted: impl Fn(&State) -> bool) -> State {
+    let state = timeout(SECOND * 300, lab.sim().wait_state(wanted)).await;
+    state.unwrap_or_else(|_| panic!("never {what}: {:?}", lab.sim().state()))
+}
+
+/// Busy, then nearly empty and without a way home.
+async fn nearly_empty(lab: &Lab) -> lab::Running {
+    let run = lab.start(vec![behaviour("uses all", USES_ALL, 0, 1)], None);
+    becomes(lab, "all on", |state| {
+        state.streams.video && state.streams.audio_in && state.streams.audio_out
+    })
+    .await;
+    lab.sim().hide_station(true);
+    lab.sim().set_battery(5.0);
+    run
+}
+
+/// What is neither motion nor the watchdog's alarm.
+fn is_luxury(command: &Command) -> bool {
+    match command {
+        Command::Led { led, .. } => *led != Led::Flash,
+        Command::Audio(_) => true,
+        Command::Stream { on, .. } => *on,
+        _ => false,
+    }
+}
+
+#[test]
+fn a_nearly_empty_battery_feeds_no_camera_no_light_and_no_talk() {
+    lab::run(quiet_world(), options(Rescue::Off), async |lab: &Lab| {
+        let _run = nearly_empty(lab).await;
+        let off = |state: &State| {
+            !(state.streams.video || state.streams.audio_in || state.streams.audio_out)
+        };
+        becomes(lab, "all off", off).await;
+        let since = lab.sim().heard_count();
+        sleep(SECOND * 60).await;
+        let heard = lab.sim().heard_since(since);
+        let luxury = heard.iter().find(|heard| is_luxury(&heard.command));
+        assert_eq!(luxury, None);
+        assert!(off(&lab.sim().state()));
+    })
+    .unwrap();
+}
+
+#[test]
+fn of_a_nearly_empty_battery_the_rescue_behaviour_has_the_camera_and_nothing_else() {
+    lab::run(
+        quiet_world(),
+        options(Rescue::Builtin),
+        async |lab: &Lab| {
+            let _run = nearly_empty(lab).await;
+            becomes(lab, "deaf and dumb", |state| {
+                !(state.streams.audio_in || state.streams.audio_out)
+            })
+            .await;
+            let since = lab.sim().heard_count();
+            becomes(lab, "driving", State::moving).await;
+            assert!(lab.sim().state().streams.video, "it drives without seeing");
+            sleep(SECOND * 60).await;
+            let heard = lab.sim().heard_since(since);
+            let camera = Command::Stream {
+                stream: Stream::Video,
+                on: true,
+            };
+            let luxury = |command: &Command| is_luxury(command) && *command != camera;
+            let luxury = heard.iter().find(|heard| luxury(&heard.command));
+            assert_eq!(luxury, None);
+        },
+    )
+    .unwrap();
+}
+
+#[test]
+fn what_was_switched_off_is_on_again_when_the_battery_is_good() {
+    lab::run(quiet_world(), options(Rescue::Off), async |lab: &Lab| {
+        let _run = nearly_empty(lab).await;
+        becomes(lab, "blind", |state| !state.streams.video).await;
+        lab.sim().set_battery(80.0);
+        becomes(lab, "all on", |state| {
+            state.streams.video && state.streams.audio_in && state.streams.audio_out
+        })
+        .await;
+        let since = lab.sim().heard_count();
+        let lights = |command: &Command| matches!(command, Command::Led { on: true, .. });
+        let lit = timeout(SECOND * 5, lab.sim().wait_heard(since, lights)).await;
+        assert!(lit.is_ok(), "no lights any more");
+    })
+    .unwrap();
+}
