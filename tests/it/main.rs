@@ -8,6 +8,7 @@ mod cli;
 mod config;
 mod delivery;
 mod doctor;
+mod explore;
 mod eyes;
 mod fast;
 mod faults;

@@ -10,7 +10,7 @@ use crate::safety::{Act, Activity, Means, Next, Outcome, Place, Pulse, Rescue, T
 use crate::wire::{Command, Led, Sound};
 
 /// A person is needed.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Alarm {
     pub(super) next: Instant,
     flash_on: bool,
