@@ -94,7 +94,10 @@ fn lateness((heard, since): &(Vec<Heard>, Duration), command: &Command) -> f64 {
     let found = heard
         .iter()
         .find(|heard| heard.at >= *since && heard.command == *command);
-    let found = found.unwrap_or_else(|| panic!("{command:?} was not heard within a second"));
+    let found = found.unwrap_or_else(|| {
+        let said = heard.iter().rev().take(20).collect::<Vec<_>>();
+        panic!("{command:?} was not heard since {since:?}; the newest is {said:?}")
+    });
     (found.at - *since).as_secs_f64()
 }
 
