@@ -43,7 +43,7 @@ impl Wish {
 }
 
 /// Holds at most one wish of each behaviour, the one that drives first.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Arbiter {
     wishes: Vec<Wish>,
 }

@@ -53,7 +53,7 @@ pub enum Charging {
 
 /// Remembers whether the battery is low. One report is enough to be low; charging or the `ok`
 /// level, each borne out, is needed to be released.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct BatteryGuard {
     low: Percent,
     ok: Percent,

@@ -68,7 +68,7 @@ enum Phase {
 }
 
 /// One docking, from the first try to its outcome.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Docking {
     approach: Approach,
     started: Instant,

@@ -61,7 +61,7 @@ impl Account {
 }
 
 /// Learns from levels and activities.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Drain {
     activities: [Account; Activity::ALL.len()],
     charge: Account,

@@ -9,7 +9,7 @@ use tokio::time::Instant;
 use crate::robot::BehaviourId;
 
 /// When each host was last heard.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Leases {
     silence: Duration,
     grace: Duration,

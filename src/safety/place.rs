@@ -49,7 +49,7 @@ pub enum Doubt {
 }
 
 /// Follows what is said about the place.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Whereabouts {
     place: Place,
     charge_timeout: Duration,

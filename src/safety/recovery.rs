@@ -62,7 +62,7 @@ enum Phase {
 }
 
 /// From the moment the battery is low until it is not. See the module.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Recovery {
     began: Instant,
     loan_time: Duration,

@@ -78,7 +78,7 @@ impl Run {
 }
 
 /// Counts the reports in a row that claim the same.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Streak {
     proof: Proof,
     run: Option<Run>,
@@ -108,7 +108,7 @@ impl Streak {
 }
 
 /// True from the first report that says so, until several in a row deny it.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Latch {
     on: bool,
     denied: Streak,

@@ -9,7 +9,7 @@ use tokio::time::Instant;
 use crate::robot::Setpoint;
 
 /// Turns a wanted setpoint into the moments at which it is sent.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Tracks {
     wanted: Setpoint,
     told: Setpoint,

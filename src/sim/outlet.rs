@@ -21,6 +21,9 @@ const PIECE_SHARE: usize = 16;
 /// A trickle comes in so many sips a second.
 const SIPS: u32 = 50;
 
+/// A timer comes so late at most: a trickle makes up for it, or it would be slower than its rate.
+const LATE: Duration = Duration::from_millis(2);
+
 /// How one direction has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum End {
@@ -43,6 +46,8 @@ pub(super) struct Outlet {
     pub(super) towards: Towards,
     pub(super) conditions: watch::Receiver<Conditions>,
     pub(super) rng: StdRng,
+    /// A trickle goes on then.
+    pub(super) free: Instant,
 }
 
 impl Outlet {
@@ -74,19 +79,24 @@ impl Outlet {
         mut bytes: Bytes,
     ) -> std::io::Result<()> {
         while !bytes.is_empty() {
-            let (length, pause) = self.piece(bytes.len());
+            let (length, pause, drip) = self.piece(bytes.len());
             to.write_all(&bytes.split_to(length)).await?;
             to.flush().await?;
             if !pause.is_zero() {
                 sleep(pause).await;
             }
+            if !drip.is_zero() {
+                let now = Instant::now();
+                self.free = self.free.max(now.checked_sub(LATE).unwrap_or(now)) + drip;
+                sleep_until(self.free).await;
+            }
         }
         Ok(())
     }
 
-    /// How much of what is left goes out now, and the pause after it.
-    fn piece(&mut self, left: usize) -> (usize, Duration) {
-        let (mut length, mut pause) = (left, Duration::ZERO);
+    /// How much of what is left goes out now, the pause after it, and how long that takes in a trickle.
+    fn piece(&mut self, left: usize) -> (usize, Duration, Duration) {
+        let (mut length, mut pause, mut slowest) = (left, Duration::ZERO, None::<u32>);
         let conditions = self.conditions.borrow_and_update().clone();
         for fault in conditions.towards(self.towards) {
             match fault.trouble {
@@ -97,13 +107,14 @@ impl Outlet {
                 }
                 Trouble::Drip { rate } => {
                     length = length.min((rate / SIPS).max(1) as usize);
-                    pause = pause.max(Duration::from_secs_f64(
-                        length as f64 / f64::from(rate.max(1)),
-                    ));
+                    slowest = Some(slowest.map_or(rate, |slowest| slowest.min(rate)));
                 }
                 _ => {}
             }
         }
-        (length, pause)
+        let drip = slowest.map_or(Duration::ZERO, |rate| {
+            Duration::from_secs_f64(length as f64 / f64::from(rate.max(1)))
+        });
+        (length, pause, drip)
     }
 }

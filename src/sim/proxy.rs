@@ -127,6 +127,7 @@ impl Lane {
             towards: self.towards,
             conditions: self.conditions.clone(),
             rng: StdRng::seed_from_u64(self.rng.random()),
+            free: Instant::now(),
         };
         let mut outlet = Box::pin(outlet.run(to, waiting));
         tokio::select! {

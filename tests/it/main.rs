@@ -9,6 +9,7 @@ mod config;
 mod delivery;
 mod distress;
 mod doctor;
+mod explore;
 mod eyes;
 mod fast;
 mod faults;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use spykee::lab::{self, Lab};
+use spykee::lab::{self, Lab, Recorder};
 use spykee::pilot::LinkState;
 use spykee::sim::{self, Fault, Heard, Towards, Trouble};
 use spykee::wire::{Command, Engage, Power, Report};
@@ -49,6 +49,7 @@ fn troubled() -> lab::Options {
     };
     lab::Options {
         sim,
+        events: Some(Recorder::keeping().0),
         ..lab::Options::default()
     }
 }

@@ -13,7 +13,7 @@ use crate::wire::{Command, Led, Sound};
 pub const ALARM: [Command; 2] = [Command::Volume(100), Command::Play(Sound::Alarm)];
 
 /// A person is needed.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Alarm {
     pub(super) next: Instant,
     flash_on: bool,

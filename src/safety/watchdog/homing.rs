@@ -11,7 +11,7 @@ use crate::safety::{Act, Approach, Docking, LowCause, Order, Recovery, Retry};
 use crate::wire::{Command, Engage};
 
 /// A docking under way and who waits for it.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Homing {
     pub(super) docking: Docking,
     /// Begun by the watchdog: no behaviour can end it.

@@ -83,14 +83,14 @@ struct Caller {
 }
 
 /// An undocking that a behaviour waits for.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Leaving {
     caller: Caller,
     until: Instant,
 }
 
 /// The pure safety rules. See the module.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Watchdog {
     limits: Limits,
     online: bool,
