@@ -158,7 +158,7 @@ async fn a_robot_that_cannot_get_home_and_may_drive_no_leg_stays_still_alarms_an
     rig.sim.hide_station(true);
     let config = rig.file(
         "spykee.yaml",
-        "watchdog: { dock_pause: 0.1, alarm_every: 1, recovery_legs: 0, recovery_pause: 0.2 }\n",
+        "watchdog: { dock_pause: 0.1, alarm_every: 1, recovery_legs: 0, rescue: off, recovery_pause: 0.2 }\n",
     );
     let script = rig.file(
         "script.lua",
@@ -201,7 +201,7 @@ async fn no_script_silences_the_alarm() {
     rig.sim.hide_station(true);
     let config = rig.file(
         "spykee.yaml",
-        "watchdog: { dock_pause: 0.1, alarm_every: 2, recovery_legs: 0, recovery_pause: 0.2, rescue: off }\n",
+        "watchdog: { dock_pause: 0.1, alarm_every: 2, recovery_legs: 0, rescue: off, recovery_pause: 0.2, rescue: off }\n",
     );
     let script = rig.file(
         "script.lua",
