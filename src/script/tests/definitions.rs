@@ -64,7 +64,7 @@ const PROMISED: &str = "
 
 /// The events that `API.md` promises.
 const EVENTS: &str = "connected disconnected battery battery_low battery_ok charging charged docked
-    undocked base_not_found frame audio noise sound_finished safety engine";
+    undocked base_not_found frame audio noise sound_finished safety loan engine";
 
 /// What a script sees: the paths of all functions and fields of our own namespaces and globals.
 fn seen_by_scripts() -> BTreeSet<String> {
