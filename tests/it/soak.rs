@@ -6,6 +6,7 @@ use spykee::agent::Behaviour;
 use spykee::behaviour::{Launch, Library};
 use spykee::lab::{self, Lab, Recorder};
 use spykee::robot::Priority;
+use spykee::safety::{Limits, Rescue};
 use spykee::script;
 use spykee::sim::{Pose, World};
 use tokio::time::timeout;
@@ -37,12 +38,13 @@ fn an_hour_alone_with_faults_keeps_every_promise() {
 const BLIND: [(f64, f64, f64); 2] = [(0.35, 4.0, -1.15), (0.4, 0.9, 0.5)];
 
 /// Low, with a behaviour that does nothing: whether it charges within ten minutes, and how often the
-/// watchdog drove a leg.
-fn comes_home_from((x, y, heading): (f64, f64, f64)) -> (bool, usize) {
+/// watchdog did this.
+fn comes_home_from((x, y, heading): (f64, f64, f64), limits: &Limits, does: &str) -> (bool, usize) {
     let world = World::from_yaml(include_str!("../soak/world.yaml"), "soak").unwrap();
     let (told, events) = std::sync::mpsc::sync_channel(10_000);
     let options = lab::Options {
         events: Some(Recorder::new(move |event| drop(told.try_send(event)))),
+        limits: limits.clone(),
         ..lab::Options::default()
     };
     let idle = Behaviour {
@@ -65,14 +67,23 @@ fn comes_home_from((x, y, heading): (f64, f64, f64)) -> (bool, usize) {
         run.stop();
         home && run.outcome().await.is_ok()
     });
-    let leg = |event: &lab::Event| event.text.contains("drives a short leg");
-    (home.unwrap(), events.iter().filter(leg).count())
+    let done = |event: &lab::Event| event.text.contains(does);
+    (home.unwrap(), events.iter().filter(done).count())
 }
 
 #[test]
 fn a_low_robot_beside_its_station_that_cannot_find_it_from_there_comes_home_all_the_same() {
+    let blind = Limits {
+        rescue: Rescue::Off,
+        ..Limits::default()
+    };
     for place in BLIND {
-        let (home, legs) = comes_home_from(place);
-        assert!(home && legs > 0, "from {place:?} after {legs} legs");
+        for (limits, does) in [
+            (&blind, "drives short leg"),
+            (&Limits::default(), "a rescue behaviour may drive"),
+        ] {
+            let (home, times) = comes_home_from(place, limits, does);
+            assert!(home && times > 0, "from {place:?}: {does} {times} times");
+        }
     }
 }
