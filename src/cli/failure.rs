@@ -17,7 +17,7 @@ pub enum Exit {
     Unreachable = 3,
     /// A check or a test of a behaviour failed.
     Check = 4,
-    /// The watchdog ended the run.
+    /// At the end the watchdog had the robot: its battery is low.
     Safety = 5,
     /// Ended by a person or the system: SIGINT, SIGTERM.
     Interrupted = 130,

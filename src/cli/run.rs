@@ -342,7 +342,9 @@ fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
         let mut endings = outcome.endings.iter();
         endings.any(|(_, ending)| is(ending.reason))
     };
-    Ok(if outcome.interrupted {
+    Ok(if outcome.interrupted && outcome.safety {
+        Exit::Safety
+    } else if outcome.interrupted {
         Exit::Interrupted
     } else if ended_by(is_failure) {
         Exit::Script

@@ -316,7 +316,6 @@ mod tests {
         assert_eq!(seats.stream_changes(false, empty), off);
         seats.want(TWO, Stream::Video, true);
         assert_eq!(seats.stream_changes(false, empty), [video(true)]);
-        assert!(seats.allows(TWO, &audio(true), empty));
         assert_eq!(seats.stream_changes(false, USUAL), [audio(true)]);
     }
 

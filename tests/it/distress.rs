@@ -9,6 +9,7 @@ use spykee::wire::{Command, Led, Stream};
 use tokio::time::{sleep, timeout};
 
 use crate::fast::{behaviour, quiet_world};
+use crate::rig::moves;
 
 const SECOND: Duration = Duration::from_secs(1);
 
@@ -94,8 +95,10 @@ fn of_a_nearly_empty_battery_the_rescue_behaviour_has_the_camera_and_nothing_els
             })
             .await;
             let since = lab.sim().heard_count();
-            becomes(lab, "driving", State::moving).await;
-            assert!(lab.sim().state().streams.video, "it drives without seeing");
+            let driven = timeout(SECOND * 300, lab.sim().wait_heard(since, moves)).await;
+            assert!(driven.is_ok(), "nobody drives it");
+            let state = lab.sim().state();
+            assert!(state.streams.video, "it drives without seeing");
             sleep(SECOND * 60).await;
             let heard = lab.sim().heard_since(since);
             let camera = Command::Stream {

@@ -145,7 +145,8 @@ async fn the_watchdog_brings_a_low_robot_home_and_it_charges() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_robot_that_cannot_get_home_and_may_drive_no_leg_stays_still_alarms_and_searches_on() {
+async fn a_robot_that_cannot_get_home_and_that_nobody_may_drive_stays_still_alarms_and_searches_on()
+{
     let search_limit = Duration::from_millis(200);
     let rig = Rig::new(
         QUIET_WORLD,
