@@ -2,8 +2,8 @@
 //!
 //! The agent gives it a duplicate of the robot's socket, the *last words* of the watchdog whenever they
 //! change, and a heartbeat. If the agent is gone (killed, out of memory) or its driving core has not
-//! beaten for [`guard::PATIENCE`] (stopped, hung), the guardian says the last words in its place. It has
-//! a session of its own and outlives every signal that is meant for the agent.
+//! beaten for 0.3 s (stopped, hung), the guardian says the last words in its place. It has a session of
+//! its own and outlives every signal that is meant for the agent.
 //!
 //! Knows bytes only: what the words mean is decided by the watchdog, and where a message ends by the
 //! writer, which tells the guardian the rest of one that is half out.

@@ -1,6 +1,6 @@
 //! `scripts/explore`: the pure watchdog, explored deeper than in the tests.
 
-#![allow(unreachable_pub)]
+#![allow(clippy::unwrap_used, unreachable_pub)]
 
 use clap::Parser;
 use spykee::safety::{Limits, Rescue};

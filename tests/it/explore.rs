@@ -3,7 +3,7 @@
 use spykee::safety::{Limits, Rescue};
 
 #[path = "../explore/mod.rs"]
-mod explore;
+mod explorer;
 
 /// Enough to see every pair of events in every order, and most threes.
 const MOST_STATES: usize = 20_000;
@@ -16,7 +16,7 @@ fn whatever_happens_in_whatever_order_a_low_robot_is_sent_home() {
         ..Limits::default()
     };
     for limits in [Limits::default(), bare] {
-        let found = explore::explore(&limits, 4, MOST_STATES);
+        let found = explorer::explore(&limits, 4, MOST_STATES);
         println!("{} states to a depth of {}", found.states, found.depth);
         assert_eq!(found.broken, [] as [String; 0]);
         assert!(found.states > 1000, "{}", found.states);
