@@ -202,7 +202,7 @@ async fn no_script_silences_the_alarm() {
     rig.sim.hide_station(true);
     let config = rig.file(
         "spykee.yaml",
-        "watchdog: { dock_pause: 0.1, alarm_every: 2, recovery_legs: 0, rescue: off, recovery_pause: 0.2, rescue: off }\n",
+        "watchdog: { dock_pause: 0.1, alarm_every: 2, recovery_legs: 0, rescue: off, recovery_pause: 0.2 }\n",
     );
     let script = rig.file(
         "script.lua",
