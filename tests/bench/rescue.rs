@@ -93,7 +93,7 @@ fn row(arguments: &Arguments, place: &Place, strategy: Strategy) -> Row {
         Instant::now(),
     );
     let told = |done: usize| {
-        if done % TELL_EVERY == 0 || done == starts.len() {
+        if done.is_multiple_of(TELL_EVERY) || done == starts.len() {
             let (all, seconds) = (starts.len(), began.elapsed().as_secs_f64());
             eprintln!("{what}: {done} of {all} played, {seconds:.0} s");
         }

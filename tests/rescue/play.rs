@@ -150,8 +150,8 @@ impl Efforts {
         match event.kind {
             Kind::Heard => self.searches += usize::from(event.text == "Engine(Dock)"),
             Kind::Safety => {
-                self.legs += usize::from(event.text.contains("drives a short leg"));
-                self.loans += usize::from(event.text.contains("lends the tracks"));
+                self.legs += usize::from(event.text.contains("drives short leg"));
+                self.loans += usize::from(event.text.contains("a rescue behaviour may drive"));
             }
             _ => {}
         }

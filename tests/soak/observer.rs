@@ -27,6 +27,8 @@ const FOUND_AFTER: Duration = Duration::from_secs(600);
 const OURS: &str = "admin";
 /// The watchdog's own legs: no longer than this, a look included, and at this power, on the wire.
 const LEG: Duration = Duration::from_millis(4950 + 200);
+/// The longest loan of the tracks to the rescue behaviour, and a look.
+const LOAN: Duration = Duration::from_millis(8000 + 200);
 const LEG_POWER: u8 = 27;
 /// Setpoints a second; a look's grain of room on top.
 const MOST_MOVES: usize = 50 + 2;
@@ -44,7 +46,7 @@ pub struct Observer {
     /// Times of setpoints within the last second.
     moves: Vec<Duration>,
     /// When the watchdog said last that it drives a leg of its own.
-    leg: Option<Duration>,
+    homeward: Option<Duration>,
     account: Account,
     /// Low and not charging.
     spell: Option<Spell>,
@@ -61,7 +63,7 @@ impl Observer {
             clients: BTreeMap::new(),
             low_since: None,
             moves: Vec::new(),
-            leg: None,
+            homeward: None,
             account: Account::of(lab.sim().world()),
             spell: None,
             flat_since: None,
@@ -206,7 +208,7 @@ impl Observer {
         }
         let Tracks { left, right } = state.commanded;
         let driven = (left != 0 || right != 0) && !state.searching;
-        let own = self.leg.is_some_and(|began| now <= began + LEG);
+        let own = self.homeward.is_some_and(|until| now <= until);
         self.ledger.note(
             "low and off the station: no script moves the robot",
             (driven && !own).then(|| format!("{left} {right} at {now:.1?}")),
@@ -214,7 +216,7 @@ impl Observer {
         if own {
             let slow = left.unsigned_abs() <= LEG_POWER && right.unsigned_abs() <= LEG_POWER;
             self.ledger.note(
-                "the watchdog's own legs are slow",
+                "legs and lent tracks are slow",
                 (!slow).then(|| format!("{left} {right} at {now:.1?}")),
             );
         }
@@ -231,8 +233,11 @@ impl Observer {
             );
             self.ledger.happened(line.replace('\n', " / "));
             self.tell_spell(&event);
-            if event.kind == Kind::Safety && event.text.contains("drives a short leg") {
-                self.leg = Some(event.at);
+            if event.kind == Kind::Safety && event.text.contains("drives short leg") {
+                self.homeward = Some(event.at + LEG);
+            }
+            if event.kind == Kind::Safety && event.text.contains("a rescue behaviour may drive") {
+                self.homeward = Some(event.at + LOAN);
             }
             if event.kind == Kind::Ended {
                 let name = event.field("behaviour").unwrap_or_default();

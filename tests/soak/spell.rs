@@ -183,8 +183,8 @@ impl Spell {
     /// The watchdog has acted.
     pub fn acted(&mut self, action: &str, text: &str) {
         *self.acts.entry(action.to_owned()).or_default() += 1;
-        self.legs += usize::from(text.contains("drives a short leg"));
-        self.loans += usize::from(text.contains("lends the tracks"));
+        self.legs += usize::from(text.contains("drives short leg"));
+        self.loans += usize::from(text.contains("a rescue behaviour may drive"));
     }
 
     /// The robot is flat now: why.
