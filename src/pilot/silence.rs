@@ -147,8 +147,8 @@ mod tests {
         assert_eq!(pass(&mut silence, start, 21, 82), expected);
         silence.begin(start + 82 * SECOND);
         let expected = [(102, Verdict::Ask), (122, Verdict::Ask), (142, gone)];
-        let verdicts = pass(&mut silence, start, 82, 143);
-        assert_eq!(verdicts, expected, "known after another login");
+        let again = pass(&mut silence, start, 82, 143);
+        assert_eq!(again, expected, "known after another login too");
     }
 
     #[test]

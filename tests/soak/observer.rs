@@ -25,10 +25,11 @@ const TO_ACT: Duration = Duration::from_secs(2);
 const FOUND_AFTER: Duration = Duration::from_secs(600);
 /// The user that our agent is.
 const OURS: &str = "admin";
-/// The watchdog's own legs: no longer than this, a look included, and at this power, on the wire.
+/// The longest of the watchdog's own legs, a look included.
 const LEG: Duration = Duration::from_millis(4950 + 200);
-/// The longest loan of the tracks to the rescue behaviour, and a look.
+/// The longest loan of the tracks to the rescue behaviour, a look included.
 const LOAN: Duration = Duration::from_millis(8000 + 200);
+/// The most power of both, on the wire.
 const LEG_POWER: u8 = 27;
 /// Setpoints a second; a look's grain of room on top.
 const MOST_MOVES: usize = 50 + 2;
@@ -45,7 +46,7 @@ pub struct Observer {
     low_since: Option<Duration>,
     /// Times of setpoints within the last second.
     moves: Vec<Duration>,
-    /// When the watchdog said last that it drives a leg of its own.
+    /// Until when a leg or loan may last that the watchdog has announced.
     homeward: Option<Duration>,
     account: Account,
     /// Low and not charging.

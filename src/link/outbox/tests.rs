@@ -152,7 +152,7 @@ fn commands_go_before_speech_that_has_not_begun() {
         said[..3],
         [Command::Audio(samples(1024)), Command::STOP, DOCK]
     );
-    assert_eq!(said[3..], [0; 3].map(|_| Command::Audio(samples(1024))));
+    assert_eq!(said[3..], vec![Command::Audio(samples(1024)); 3]);
 }
 
 #[test]
