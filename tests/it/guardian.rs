@@ -31,6 +31,16 @@ async fn rests(rig: &Rig) -> Duration {
     began.elapsed()
 }
 
+/// Wakes a stopped agent: its first word is a stop, and it drives a low robot home as before.
+async fn goes_on_with_a_stop(rig: &Rig, run: &Run) {
+    let slept = rig.sim.heard_count();
+    run.signal(Signal::CONT);
+    rig.heard(slept, |_| true).await;
+    assert_eq!(rig.commands(slept)[0], Command::STOP);
+    rig.sim.set_battery(10.0);
+    rig.heard_dock(slept).await;
+}
+
 fn state_of(pid: Pid) -> char {
     let path = format!("/proc/{}/stat", pid.as_raw_nonzero());
     let stat = std::fs::read_to_string(path).unwrap_or_default();
@@ -84,16 +94,7 @@ async fn a_stopped_agent_leaves_a_robot_that_stands_still_and_goes_on_when_it_wa
     let took = rests(&rig).await;
     assert!(took < LIMIT, "{took:?}");
     tokio::time::sleep(Duration::from_secs(2)).await;
-    let slept = rig.sim.heard_count();
-    run.signal(Signal::CONT);
-    rig.heard(slept, |_| true).await;
-    assert_eq!(
-        rig.commands(slept)[0],
-        Command::STOP,
-        "going on begins with a stop"
-    );
-    rig.sim.set_battery(10.0);
-    rig.heard_dock(slept).await;
+    goes_on_with_a_stop(&rig, &run).await;
 }
 
 /// The driving core does not return from a wait, as if it hung in a driver.
@@ -196,16 +197,7 @@ async fn ctrl_z_stops_the_tracks_before_it_stops_the_program() {
     rig.heard_stop(told).await;
     becomes(run.pid(), 'T').await;
     assert!(!rig.sim.state().moving());
-    let slept = rig.sim.heard_count();
-    run.signal(Signal::CONT);
-    rig.heard(slept, |_| true).await;
-    assert_eq!(
-        rig.commands(slept)[0],
-        Command::STOP,
-        "going on begins with a stop"
-    );
-    rig.sim.set_battery(10.0);
-    rig.heard_dock(slept).await;
+    goes_on_with_a_stop(&rig, &run).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -48,8 +48,8 @@ pub fn soak(hours: u64, seed: u64, folder: &Path, progress: Progress<'_>) -> Led
         seed,
         events: Some(Recorder::new(move |event| drop(told.try_send(event)))),
         sim: spykee::sim::Options {
-            // A picture a second: what is on trial here is not the eyes.
-            fps: Some(1.0),
+            // Enough for the rescue behaviour to find its way; a robot's camera sends more.
+            fps: Some(5.0),
             faults: Some(Vec::new()),
             ..spykee::sim::Options::default()
         },
