@@ -5,81 +5,48 @@
 //! [`World`] says what stands where, [`Robot`] lives in it and knows no clock and no socket,
 //! [`Server`] connects it with clients and with `tokio::time`, [`Handle`] looks on and makes
 //! trouble; a [`Fault`] is trouble with its time, of the network or of the robot.
+//!
+//! | room | holds | imports |
+//! | --- | --- | --- |
+//! | `yaml` | numbers with ranges, errors with line and column | |
+//! | `geometry` | points, poses, lines and circles on the floor | |
+//! | `world` | what stands where, and what moves besides the robot | `yaml`, `geometry` |
+//! | `camera` | frames of a world from a pose | `world` |
+//! | `body` | the robot and its parts | `world`, `camera` |
+//! | `map` | pictures of worlds and runs for people | `world`, `camera`, `body` |
+//! | `faults` | what goes wrong, and the proxy that spoils bytes | `yaml` |
+//! | `server` | sockets and the clock around the robot and its clients | all of them |
 
-mod battery;
 mod body;
 mod camera;
-mod canvas;
-mod clients;
-mod connection;
-mod docking;
-mod fault_list;
 mod faults;
-mod firmware;
-mod fittings;
 mod geometry;
-mod grain;
-mod ground;
-mod handle;
-mod journal;
-mod journey;
-mod jpeg;
-mod light;
-mod locate;
-mod mangle;
 mod map;
-mod memory;
-mod microphone;
-mod movers;
-mod number;
-mod obstacles;
-mod outbox;
-mod outlet;
-mod paint;
-mod proxy;
-mod ready;
-mod robot;
-mod route;
-mod scene;
-mod schedule;
 mod server;
-mod sign;
-mod site;
-mod slip;
-mod speaker;
-mod state;
-mod station;
-mod surface;
-mod texture;
-mod things;
-mod timing;
-mod trace;
-mod troubles;
-mod view;
-mod ways;
 mod world;
+mod yaml;
 
-pub use battery::BatterySettings;
-pub use body::{FULL_POWER, FULL_SPEED, RADIUS, TRACK_WIDTH, Tracks};
-pub use connection::Transport;
-pub use fault_list::FaultsError;
-pub use faults::{Fault, Towards, Trouble};
-pub use firmware::Firmware;
-pub use fittings::{Lamp, Noise, NoiseKind, Sign, Tape};
+pub use body::battery::BatterySettings;
+pub use body::chassis::{FULL_POWER, FULL_SPEED, RADIUS, TRACK_WIDTH, Tracks};
+pub use body::firmware::Firmware;
+pub use body::grip::TrackSettings;
+pub use body::robot::Robot;
+pub use body::state::{Leds, State, Streams};
+pub use body::trace::{Happening, Sample, Trace, What};
+pub use camera::view::{CameraSettings, HEIGHT, Subsampling, WIDTH};
+pub use faults::fault::{Fault, Towards, Trouble};
+pub use faults::list::FaultsError;
+pub use faults::timing::Timing;
 pub use geometry::{Point, Pose};
-pub use handle::Handle;
-pub use journal::Heard;
-pub use paint::Paint;
-pub use robot::Robot;
-pub use route::{Route, Walker};
-pub use schedule::{Schedule, Seconds};
+pub use server::connection::Transport;
+pub use server::handle::Handle;
+pub use server::journal::Heard;
 pub use server::{Options, Server};
-pub use slip::TrackSettings;
-pub use state::{Leds, State, Streams};
-pub use station::Station;
-pub use things::{Ball, Floor, Furniture, Place, Post, Room, Rug, Spot, Wall};
-pub use timing::Timing;
-pub use trace::{Happening, Sample, Trace, What};
-pub use view::{CameraSettings, HEIGHT, Subsampling, WIDTH};
-pub use ways::Ways;
-pub use world::{World, WorldError};
+pub use world::document::{World, WorldError};
+pub use world::fittings::{Lamp, Noise, NoiseKind, Sign, Tape};
+pub use world::paint::Paint;
+pub use world::route::{Route, Walker};
+pub use world::schedule::{Schedule, Seconds};
+pub use world::station::Station;
+pub use world::things::{Ball, Floor, Furniture, Place, Post, Room, Rug, Spot, Wall};
+pub use world::ways::Ways;

@@ -1,0 +1,191 @@
+//! The battery: drains faster while driving, charges on the station, and says what POWER says.
+
+use std::time::Duration;
+
+use serde::Deserialize;
+
+use crate::wire::Power;
+
+use crate::sim::yaml::number;
+
+/// How the battery empties and fills. The defaults are a real robot's: hours.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BatterySettings {
+    /// Level at the start, percent.
+    #[serde(deserialize_with = "number::percent")]
+    pub level: f64,
+    /// Percent a minute while standing.
+    #[serde(deserialize_with = "number::percent_per_minute")]
+    pub idle_drain_per_minute: f64,
+    /// Percent a minute while both tracks run at full speed.
+    #[serde(deserialize_with = "number::percent_per_minute")]
+    pub driving_drain_per_minute: f64,
+    /// Percent a minute on the station.
+    #[serde(deserialize_with = "number::percent_per_minute")]
+    pub charge_per_minute: f64,
+}
+
+impl Default for BatterySettings {
+    fn default() -> BatterySettings {
+        BatterySettings {
+            level: 90.0,
+            idle_drain_per_minute: 0.4,
+            driving_drain_per_minute: 1.2,
+            charge_per_minute: 0.8,
+        }
+    }
+}
+
+/// A battery with its level.
+#[derive(Debug, Clone)]
+pub(crate) struct Battery {
+    settings: BatterySettings,
+    percent: f64,
+    charging: bool,
+    full_told: bool,
+}
+
+impl Battery {
+    /// At the level that the settings name.
+    pub(crate) fn new(settings: BatterySettings) -> Battery {
+        Battery {
+            settings,
+            percent: settings.level,
+            charging: false,
+            full_told: false,
+        }
+    }
+
+    /// 0..=100, unrounded.
+    pub(crate) fn percent(&self) -> f64 {
+        self.percent
+    }
+
+    /// Sets the level, kept within 0..=100; NaN counts as 0.
+    pub(crate) fn set_percent(&mut self, percent: f64) {
+        self.percent = if percent.is_nan() {
+            0.0
+        } else {
+            percent.clamp(0.0, 100.0)
+        };
+    }
+
+    /// Whether current flows in; it does not stop at 100 %.
+    pub(crate) fn charging(&self) -> bool {
+        self.charging
+    }
+
+    /// Connects or disconnects the charger.
+    pub(crate) fn set_charging(&mut self, charging: bool) {
+        if charging != self.charging {
+            self.full_told = false;
+        }
+        self.charging = charging;
+    }
+
+    /// Whether the motors have nothing left to run on.
+    pub(crate) fn empty(&self) -> bool {
+        self.percent <= 0.0 && !self.charging
+    }
+
+    /// Lets `dt` pass; `effort` says how hard the motors work, 0..=1.
+    pub(crate) fn step(&mut self, dt: Duration, effort: f64) {
+        let rate = if self.charging {
+            self.settings.charge_per_minute
+        } else {
+            let driving = self.settings.driving_drain_per_minute;
+            let idle = self.settings.idle_drain_per_minute;
+            -(idle + (driving - idle) * effort.clamp(0.0, 1.0))
+        };
+        self.set_percent(self.percent + rate * dt.as_secs_f64() / 60.0);
+    }
+
+    /// True once for each time on the charger: the battery has become full.
+    pub(crate) fn take_full(&mut self) -> bool {
+        let news = self.charging && self.percent >= 100.0 && !self.full_told;
+        self.full_told |= news;
+        news
+    }
+
+    /// What POWER says. A charging battery says at least 1: the wire has no negative zero.
+    pub(crate) fn power(&self) -> Power {
+        let percent = self.percent.round() as u8;
+        Power {
+            percent: percent.max(u8::from(self.charging)),
+            charging: self.charging,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn battery(level: f64) -> Battery {
+        Battery::new(BatterySettings {
+            level,
+            idle_drain_per_minute: 1.0,
+            driving_drain_per_minute: 4.0,
+            charge_per_minute: 10.0,
+        })
+    }
+
+    const MINUTE: Duration = Duration::from_secs(60);
+
+    #[test]
+    fn driving_costs_more_than_standing() {
+        let (mut standing, mut driving) = (battery(50.0), battery(50.0));
+        standing.step(MINUTE, 0.0);
+        driving.step(MINUTE, 1.0);
+        assert!((standing.percent() - 49.0).abs() < 1e-9);
+        assert!((driving.percent() - 46.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn charging_is_said_by_the_sign_even_at_zero() {
+        let mut battery = battery(0.0);
+        assert!(battery.empty());
+        battery.set_charging(true);
+        assert_eq!(
+            battery.power(),
+            Power {
+                percent: 1,
+                charging: true
+            }
+        );
+        battery.step(MINUTE, 0.0);
+        assert_eq!(
+            battery.power(),
+            Power {
+                percent: 10,
+                charging: true
+            }
+        );
+        assert!(!battery.empty());
+    }
+
+    #[test]
+    fn full_is_told_once_for_each_time_on_the_charger() {
+        let mut battery = battery(95.0);
+        battery.set_charging(true);
+        battery.step(MINUTE, 0.0);
+        assert_eq!(battery.percent(), 100.0);
+        assert!(battery.take_full());
+        assert!(!battery.take_full());
+        battery.set_charging(false);
+        battery.set_charging(true);
+        assert!(battery.take_full());
+    }
+
+    #[test]
+    fn levels_stay_within_their_range() {
+        let mut battery = battery(0.5);
+        battery.step(MINUTE, 1.0);
+        assert_eq!(battery.percent(), 0.0);
+        battery.set_percent(f64::NAN);
+        assert_eq!(battery.percent(), 0.0);
+        battery.set_percent(1e9);
+        assert_eq!(battery.percent(), 100.0);
+    }
+}

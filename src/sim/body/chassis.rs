@@ -1,0 +1,234 @@
+//! The robot's body: two tracks with a speed ramp, and walls that stop it. Knows neither the
+//! protocol nor the battery.
+
+use std::time::Duration;
+
+use crate::sim::geometry::obstacles::Obstacles;
+use crate::sim::geometry::{Pose, wrap};
+
+/// The body seen from above is a circle of this radius, metres.
+pub const RADIUS: f64 = 0.15;
+/// Between the middles of the tracks, metres.
+pub const TRACK_WIDTH: f64 = 0.24;
+/// A track's speed at [`FULL_POWER`], metres a second.
+pub const FULL_SPEED: f64 = 0.45;
+/// The power that the protocol calls full; clients in the wild send up to 127, which is no faster.
+pub const FULL_POWER: i8 = 90;
+/// Below this power the tracks do not overcome their own friction.
+const DEAD_POWER: i8 = 5;
+/// How fast a track changes its speed, metres a second squared.
+const ACCELERATION: f64 = 1.5;
+
+/// One number for each track.
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
+pub struct Tracks<T> {
+    /// The left track.
+    pub left: T,
+    /// The right track.
+    pub right: T,
+}
+
+impl<T> Tracks<T> {
+    /// Of a left and a right.
+    pub const fn new(left: T, right: T) -> Tracks<T> {
+        Tracks { left, right }
+    }
+}
+
+impl Tracks<i8> {
+    /// The speeds, metres a second, that these powers are worth.
+    pub(crate) fn speeds(self) -> Tracks<f64> {
+        Tracks::new(speed_of(self.left), speed_of(self.right))
+    }
+}
+
+fn speed_of(power: i8) -> f64 {
+    if power.unsigned_abs() < DEAD_POWER.unsigned_abs() {
+        return 0.0;
+    }
+    let share = f64::from(power) / f64::from(FULL_POWER);
+    share.clamp(-1.0, 1.0) * FULL_SPEED
+}
+
+/// The body, somewhere in a world.
+#[derive(Debug, Clone)]
+pub(crate) struct Body {
+    pub(crate) pose: Pose,
+    wanted: Tracks<f64>,
+    speeds: Tracks<f64>,
+    blocked: bool,
+    collisions: u64,
+}
+
+impl Body {
+    /// At rest.
+    pub(crate) fn new(pose: Pose) -> Body {
+        Body {
+            pose,
+            wanted: Tracks::default(),
+            speeds: Tracks::default(),
+            blocked: false,
+            collisions: 0,
+        }
+    }
+
+    /// The speeds, metres a second, that the tracks now try to reach.
+    pub(crate) fn want(&mut self, speeds: Tracks<f64>) {
+        self.wanted = speeds;
+    }
+
+    /// The tracks' speeds, metres a second. Against a wall they turn and the body does not move.
+    pub(crate) fn speeds(&self) -> Tracks<f64> {
+        self.speeds
+    }
+
+    /// Whether something is in the way.
+    pub(crate) fn blocked(&self) -> bool {
+        self.blocked
+    }
+
+    /// How often it ran into something.
+    pub(crate) fn collisions(&self) -> u64 {
+        self.collisions
+    }
+
+    /// How hard the motors work, 0..=1.
+    pub(crate) fn effort(&self) -> f64 {
+        (self.speeds.left.abs() + self.speeds.right.abs()) / (2.0 * FULL_SPEED)
+    }
+
+    /// Lets `dt` pass; a few hundredths of a second at most, or walls become thin.
+    pub(crate) fn step(&mut self, dt: Duration, obstacles: &Obstacles) {
+        let seconds = dt.as_secs_f64();
+        self.speeds.left = ramp(self.speeds.left, self.wanted.left, ACCELERATION * seconds);
+        self.speeds.right = ramp(self.speeds.right, self.wanted.right, ACCELERATION * seconds);
+        let forward = (self.speeds.left + self.speeds.right) / 2.0 * seconds;
+        let turned = (self.speeds.right - self.speeds.left) / TRACK_WIDTH * seconds;
+        let way = self.pose.heading + turned / 2.0;
+        self.pose.heading = wrap(self.pose.heading + turned);
+        self.advance(way, forward, obstacles);
+    }
+
+    /// Moves as far as nothing is in the way.
+    fn advance(&mut self, way: f64, forward: f64, obstacles: &Obstacles) {
+        /// A body that moves less in one step, metres, has not come free of what stopped it.
+        const CREEP: f64 = 0.0005;
+        let here = self.pose.point();
+        let free = |part: f64| obstacles.way_free(here, here.ahead(way, forward * part), RADIUS);
+        if forward == 0.0 {
+            return;
+        }
+        let part = if free(1.0) { 1.0 } else { largest(free) };
+        self.pose = Pose::at(here.ahead(way, forward * part), self.pose.heading);
+        if part < 1.0 {
+            self.collisions += u64::from(!self.blocked);
+            self.blocked = true;
+        } else if forward.abs() > CREEP {
+            self.blocked = false;
+        }
+    }
+}
+
+/// The largest part of a step, found by halving, that is still possible.
+fn largest(possible: impl Fn(f64) -> bool) -> f64 {
+    let halves = (1..=6).map(|i| 0.5_f64.powi(i));
+    halves.fold(0.0, |part, half| {
+        if possible(part + half) {
+            part + half
+        } else {
+            part
+        }
+    })
+}
+
+fn ramp(from: f64, to: f64, most: f64) -> f64 {
+    from + (to - from).clamp(-most, most)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::World;
+    use std::f64::consts::PI;
+
+    const TICK: Duration = Duration::from_millis(20);
+
+    fn obstacles() -> Obstacles {
+        let text = "room: {width: 6, depth: 4}\nstation: {at: [0, 2], heading_degrees: 0}\n\
+                    balls: [{at: [4, 2], colour: red}]\n";
+        Obstacles::of(&World::from_yaml(text, "test").unwrap())
+    }
+
+    fn driven(from: Pose, left: i8, right: i8, seconds: u32) -> Body {
+        let (mut body, obstacles) = (Body::new(from), obstacles());
+        body.want(Tracks::new(left, right).speeds());
+        (0..seconds * 50).for_each(|_| body.step(TICK, &obstacles));
+        body
+    }
+
+    #[test]
+    fn equal_tracks_drive_straight_at_the_calibrated_speed() {
+        let body = driven(Pose::new(1.0, 3.0, 0.0), 90, 90, 4);
+        let lost_in_the_ramp = FULL_SPEED * FULL_SPEED / ACCELERATION / 2.0;
+        assert!((body.pose.x - 1.0 - 4.0 * FULL_SPEED + lost_in_the_ramp).abs() < 0.02);
+        assert!((body.pose.y - 3.0).abs() < 1e-9 && body.pose.heading.abs() < 1e-9);
+    }
+
+    #[test]
+    fn left_back_and_right_forward_turns_left_on_the_spot() {
+        let (mut body, obstacles) = (Body::new(Pose::new(2.0, 3.0, 0.0)), obstacles());
+        body.want(Tracks::new(-45, 45).speeds());
+        (0..50).for_each(|_| body.step(TICK, &obstacles));
+        assert!((1.0..2.0).contains(&body.pose.heading), "{:?}", body.pose);
+        assert!(body.pose.point().distance(Pose::new(2.0, 3.0, 0.0).point()) < 1e-6);
+    }
+
+    #[test]
+    fn speed_comes_and_goes_in_a_ramp() {
+        let (mut body, obstacles) = (Body::new(Pose::new(1.0, 3.0, 0.0)), obstacles());
+        body.want(Tracks::new(90, 90).speeds());
+        body.step(TICK, &obstacles);
+        assert!(body.speeds().left > 0.0 && body.speeds().left < FULL_SPEED / 2.0);
+        (0..50).for_each(|_| body.step(TICK, &obstacles));
+        assert_eq!(body.speeds(), Tracks::new(FULL_SPEED, FULL_SPEED));
+        body.want(Tracks::default());
+        body.step(TICK, &obstacles);
+        assert!(body.speeds().left > FULL_SPEED / 2.0);
+        (0..50).for_each(|_| body.step(TICK, &obstacles));
+        assert_eq!(body.speeds(), Tracks::default());
+    }
+
+    #[test]
+    fn walls_stop_it_once_and_let_it_go_again() {
+        let mut body = driven(Pose::new(5.0, 3.0, 0.0), 90, 90, 5);
+        assert!(body.blocked() && body.collisions() == 1);
+        assert!((6.0 - RADIUS - body.pose.x).abs() < 0.02, "{:?}", body.pose);
+        body.want(Tracks::new(-90, -90).speeds());
+        (0..100).for_each(|_| body.step(TICK, &obstacles()));
+        assert!(body.pose.x < 5.5 && !body.blocked() && body.collisions() == 1);
+    }
+
+    #[test]
+    fn balls_stop_it_too_and_turning_is_always_possible() {
+        let mut body = driven(Pose::new(3.0, 2.0, 0.0), 90, 90, 5);
+        assert!(
+            (4.0 - 0.1 - RADIUS - body.pose.x).abs() < 0.02,
+            "{:?}",
+            body.pose
+        );
+        body.want(Tracks::new(-45, 45).speeds());
+        (0..100).for_each(|_| body.step(TICK, &obstacles()));
+        assert!(wrap(body.pose.heading).abs() > 0.5);
+    }
+
+    #[test]
+    fn power_beyond_full_is_no_faster_and_a_little_does_not_move() {
+        assert_eq!(
+            Tracks::new(127i8, -128).speeds(),
+            Tracks::new(FULL_SPEED, -FULL_SPEED)
+        );
+        assert_eq!(Tracks::new(4i8, -4).speeds(), Tracks::default());
+        let turned = driven(Pose::new(1.0, 3.0, PI), 4, 4, 2);
+        assert_eq!(turned.pose, Pose::new(1.0, 3.0, PI));
+    }
+}

@@ -1,0 +1,341 @@
+//! The robot's own manoeuvres: BASE_FIND searches the station's beacon and drives onto the
+//! contacts, CHARGE_STOP backs out. Decides track speeds; the body drives them.
+//!
+//! How a real robot searches, and for how long, is not known (`PROTOCOL.md`, *Not known*).
+
+use std::f64::consts::PI;
+use std::time::Duration;
+
+use super::chassis::{RADIUS, TRACK_WIDTH, Tracks};
+use crate::sim::geometry::obstacles::Obstacles;
+use crate::sim::geometry::{Point, Pose, wrap};
+use crate::sim::world::station::Station;
+
+/// The whole manoeuvre, search included, is given up after this.
+const DOCKING_LIMIT: Duration = Duration::from_secs(150);
+/// Without the beacon for this long, the robot stops approaching and searches again.
+const LOST_AFTER: Duration = Duration::from_secs(3);
+/// One try to get from before the station onto its contacts.
+const ENTER_LIMIT: Duration = Duration::from_secs(15);
+/// Backing out ends after this even if something is in the way.
+const LEAVE_LIMIT: Duration = Duration::from_secs(6);
+/// Metres from the contacts at which the robot has left the station.
+const LEFT_AT: f64 = 0.40;
+/// The receiver sees this far to each side, radians.
+const RECEIVER_VIEW: f64 = 0.6;
+/// Kept between body and obstacles on the way, metres.
+const MARGIN: f64 = 0.03;
+
+/// What a manoeuvre needs to know of the world.
+pub(crate) struct Senses<'a> {
+    pub(crate) pose: Pose,
+    pub(crate) station: &'a Station,
+    pub(crate) obstacles: &'a Obstacles,
+    /// The station is switched on.
+    pub(crate) beacon: bool,
+}
+
+impl Senses<'_> {
+    fn in_light(&self) -> bool {
+        self.beacon
+            && self
+                .station
+                .beacon_reaches(self.pose.point(), self.obstacles)
+    }
+
+    fn sees_beacon(&self) -> bool {
+        self.in_light() && self.pose.bearing_of(self.station.beacon()).abs() < RECEIVER_VIEW
+    }
+}
+
+/// What the tracks have to do.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Order {
+    /// No manoeuvre: whoever commands the tracks goes on.
+    Free,
+    /// Speeds of the tracks, metres a second.
+    Drive(Tracks<f64>),
+    /// The search has failed and is over.
+    NotFound,
+    /// The robot has backed out of the station.
+    Left,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Phase {
+    Idle,
+    Searching,
+    Approaching,
+    Aligning,
+    Entering { since: Duration },
+    Leaving { since: Duration },
+}
+
+/// The manoeuvre under way, if any.
+#[derive(Debug, Clone)]
+pub(crate) struct Docking {
+    phase: Phase,
+    search_limit: Duration,
+    elapsed: Duration,
+    unseen: Duration,
+}
+
+impl Docking {
+    /// Idle; a search ends without the beacon after `search_limit`.
+    pub(crate) fn new(search_limit: Duration) -> Docking {
+        let (elapsed, unseen) = (Duration::ZERO, Duration::ZERO);
+        Docking {
+            phase: Phase::Idle,
+            search_limit,
+            elapsed,
+            unseen,
+        }
+    }
+
+    /// Begins to search the station.
+    pub(crate) fn find_base(&mut self) {
+        *self = Docking {
+            phase: Phase::Searching,
+            ..Docking::new(self.search_limit)
+        };
+    }
+
+    /// Begins to back out of the station.
+    pub(crate) fn leave(&mut self) {
+        self.phase = Phase::Leaving {
+            since: Duration::ZERO,
+        };
+    }
+
+    /// Ends any manoeuvre.
+    pub(crate) fn stop(&mut self) {
+        self.phase = Phase::Idle;
+    }
+
+    /// Whether the robot is on its way to the station, searching included.
+    pub(crate) fn searching(&self) -> bool {
+        !matches!(self.phase, Phase::Idle | Phase::Leaving { .. })
+    }
+
+    /// Whether the robot is backing out.
+    pub(crate) fn leaving(&self) -> bool {
+        matches!(self.phase, Phase::Leaving { .. })
+    }
+
+    /// Lets `dt` pass and says what the tracks have to do.
+    pub(crate) fn step(&mut self, dt: Duration, senses: &Senses<'_>) -> Order {
+        if self.searching() && self.given_up(dt, senses) {
+            self.stop();
+            return Order::NotFound;
+        }
+        match self.phase {
+            Phase::Idle => Order::Free,
+            Phase::Searching => self.search(senses),
+            Phase::Approaching => self.approach(senses),
+            Phase::Aligning => self.align(senses),
+            Phase::Entering { since } => self.enter(since + dt, senses),
+            Phase::Leaving { since } => self.back_out(since + dt, senses),
+        }
+    }
+
+    fn given_up(&mut self, dt: Duration, senses: &Senses<'_>) -> bool {
+        let seen = match self.phase {
+            Phase::Searching => senses.sees_beacon(),
+            _ => senses.in_light(),
+        };
+        self.elapsed += dt;
+        self.unseen = if seen {
+            Duration::ZERO
+        } else {
+            self.unseen + dt
+        };
+        self.unseen > self.search_limit || self.elapsed > DOCKING_LIMIT
+    }
+
+    fn search(&mut self, senses: &Senses<'_>) -> Order {
+        const TURNING: f64 = 0.8;
+        if senses.sees_beacon() {
+            self.phase = Phase::Approaching;
+        }
+        Order::Drive(twist(0.0, TURNING))
+    }
+
+    /// Drives to the place from which the last way is straight.
+    fn approach(&mut self, senses: &Senses<'_>) -> Order {
+        const ARRIVED: f64 = 0.04;
+        let target = senses.station.staging_pose().point();
+        let distance = senses.pose.point().distance(target);
+        if self.unseen > LOST_AFTER {
+            self.phase = Phase::Searching;
+        } else if distance < ARRIVED {
+            self.phase = Phase::Aligning;
+        }
+        let off = wrap(free_direction(senses, target) - senses.pose.heading);
+        let speed = if off.abs() < 0.5 {
+            (0.04 + 0.8 * distance).min(0.25)
+        } else {
+            0.0
+        };
+        Order::Drive(twist(speed, (2.5 * off).clamp(-1.2, 1.2)))
+    }
+
+    fn align(&mut self, senses: &Senses<'_>) -> Order {
+        let off = wrap(senses.station.dock_pose().heading - senses.pose.heading);
+        if off.abs() < 0.03 {
+            self.phase = Phase::Entering {
+                since: Duration::ZERO,
+            };
+        }
+        Order::Drive(twist(0.0, (2.0 * off).clamp(-0.8, 0.8)))
+    }
+
+    /// Slowly along the station's axis until the contacts touch, which the robot notices.
+    fn enter(&mut self, since: Duration, senses: &Senses<'_>) -> Order {
+        let (ahead, aside) = senses.station.offset(senses.pose);
+        let heading = senses.station.dock_pose().heading + (3.0 * aside).clamp(-0.4, 0.4);
+        let off = wrap(heading - senses.pose.heading);
+        self.phase = match since > ENTER_LIMIT {
+            true => Phase::Approaching,
+            false => Phase::Entering { since },
+        };
+        Order::Drive(twist(
+            (0.05 + 0.3 * ahead).clamp(0.05, 0.15),
+            (3.0 * off).clamp(-0.6, 0.6),
+        ))
+    }
+
+    fn back_out(&mut self, since: Duration, senses: &Senses<'_>) -> Order {
+        let (ahead, _) = senses.station.offset(senses.pose);
+        if ahead >= LEFT_AT || since > LEAVE_LIMIT {
+            self.stop();
+            return Order::Left;
+        }
+        self.phase = Phase::Leaving { since };
+        Order::Drive(twist(-0.15, 0.0))
+    }
+}
+
+/// Speeds of the tracks for a speed (m/s) and a turning speed (rad/s, left positive).
+fn twist(speed: f64, turning: f64) -> Tracks<f64> {
+    let difference = turning * TRACK_WIDTH / 2.0;
+    Tracks::new(speed - difference, speed + difference)
+}
+
+/// The direction nearest to that of `target` in which nothing stands in the way for a while; the
+/// one nearest to the present heading if two are as good, so that the robot does not waver.
+fn free_direction(senses: &Senses<'_>, target: Point) -> f64 {
+    const LOOK_AHEAD: f64 = 0.5;
+    let here = senses.pose.point();
+    let direct = here.direction_of(target);
+    let look = here.distance(target).min(LOOK_AHEAD);
+    let cost =
+        |angle: f64| wrap(angle - direct).abs() + 0.3 * wrap(angle - senses.pose.heading).abs();
+    let free = |angle: &f64| {
+        senses
+            .obstacles
+            .way_free(here, here.ahead(*angle, look), RADIUS + MARGIN)
+    };
+    let fan = (-8..=8).map(|i| direct + f64::from(i) * PI / 12.0);
+    fan.filter(free)
+        .min_by(|a, b| cost(*a).total_cmp(&cost(*b)))
+        .unwrap_or(direct)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::{World, body::Body};
+
+    const TICK: Duration = Duration::from_millis(20);
+
+    /// Drives until the manoeuvre ends or the contacts touch: seconds, and whether they do.
+    fn dock_from(world: &World, from: Pose, beacon: bool) -> (f64, bool) {
+        let obstacles = Obstacles::of(world);
+        let (mut body, mut docking) = (Body::new(from), Docking::new(Duration::from_secs(20)));
+        docking.find_base();
+        for step in 0.. {
+            let station = &world.station;
+            let senses = Senses {
+                pose: body.pose,
+                station,
+                obstacles: &obstacles,
+                beacon,
+            };
+            match docking.step(TICK, &senses) {
+                Order::Drive(speeds) => body.want(speeds),
+                Order::NotFound => return (f64::from(step) / 50.0, false),
+                other => panic!("{other:?}"),
+            }
+            body.step(TICK, &obstacles);
+            if station.touched(body.pose, false) {
+                return (f64::from(step) / 50.0, true);
+            }
+        }
+        unreachable!()
+    }
+
+    #[test]
+    fn finds_home_from_all_over_the_living_room() {
+        let world = World::default_world();
+        let obstacles = Obstacles::of(&world);
+        let (mut tried, mut slowest) = (0, 0.0);
+        for i in 0..80 {
+            let at = Point::new(
+                0.3 + f64::from(i % 10) * 0.44,
+                0.3 + f64::from(i / 10) * 0.6,
+            );
+            let lit = world.station.beacon_reaches(at, &obstacles);
+            if !lit || obstacles.clearance(at) < RADIUS {
+                continue;
+            }
+            let (seconds, found) = dock_from(&world, Pose::at(at, f64::from(i)), true);
+            assert!(found, "not from {at:?}: gave up after {seconds} s");
+            (tried, slowest) = (tried + 1, f64::max(slowest, seconds));
+        }
+        assert!(
+            tried > 40 && slowest < 60.0,
+            "{tried} tries, slowest {slowest} s"
+        );
+    }
+
+    #[test]
+    fn a_dark_station_is_not_found_and_the_search_ends() {
+        let world = World::default_world();
+        let (seconds, found) = dock_from(&world, Pose::new(2.0, 2.5, 0.0), false);
+        assert!(!found && (15.0..30.0).contains(&seconds), "{seconds}");
+    }
+
+    #[test]
+    fn a_station_behind_a_wall_is_not_found() {
+        let world = World::default_world();
+        let (_, found) = dock_from(&world, Pose::new(5.5, 0.6, 0.0), true);
+        assert!(!found);
+    }
+
+    #[test]
+    fn backing_out_ends_clear_of_the_station() {
+        let world = World::default_world();
+        let (station, obstacles) = (&world.station, Obstacles::of(&world));
+        let mut body = Body::new(station.dock_pose());
+        let mut docking = Docking::new(Duration::ZERO);
+        docking.leave();
+        for _ in 0..1000 {
+            let senses = Senses {
+                pose: body.pose,
+                station,
+                obstacles: &obstacles,
+                beacon: true,
+            };
+            match docking.step(TICK, &senses) {
+                Order::Drive(speeds) => body.want(speeds),
+                end => {
+                    assert_eq!(end, Order::Left);
+                    break;
+                }
+            }
+            body.step(TICK, &obstacles);
+        }
+        assert!(!docking.leaving() && station.offset(body.pose).0 >= LEFT_AT);
+        assert_eq!(body.collisions(), 0);
+    }
+}

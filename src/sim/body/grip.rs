@@ -1,0 +1,106 @@
+//! What keeps a robot from driving straight: tracks that differ, and tracks that slip.
+
+use std::time::Duration;
+
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+use serde::Deserialize;
+
+use super::chassis::Tracks;
+use crate::sim::yaml::number;
+
+/// How long a slip lasts until the next one is drawn.
+const SPELL: Duration = Duration::from_millis(400);
+
+/// How unlike each other the tracks are, and how they slip. Left out, they are perfect.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrackSettings {
+    /// How much slower than asked for each track may be, as a share; the seed says how much it is.
+    #[serde(deserialize_with = "number::slip")]
+    pub unequal: f64,
+    /// How much of its way a track may lose or win by slipping, as a share, another again and again.
+    #[serde(deserialize_with = "number::slip")]
+    pub slip: f64,
+}
+
+/// The grip of one robot's tracks.
+#[derive(Debug)]
+pub(crate) struct Grip {
+    settings: TrackSettings,
+    random: StdRng,
+    motors: Tracks<f64>,
+    slip: Tracks<f64>,
+    left: Duration,
+}
+
+impl Grip {
+    /// The seed says which track is the slower one.
+    pub(crate) fn new(settings: TrackSettings, seed: u64) -> Grip {
+        // Not the numbers that the picture's noise has.
+        let mut random = StdRng::seed_from_u64(seed ^ 0x7472_6163_6b73);
+        let mut motor = || 1.0 - settings.unequal * random.random_range(0.0..=1.0);
+        let motors = Tracks::new(motor(), motor());
+        Grip {
+            settings,
+            random,
+            motors,
+            slip: Tracks::new(1.0, 1.0),
+            left: Duration::ZERO,
+        }
+    }
+
+    /// What comes of wanted speeds.
+    pub(crate) fn step(&mut self, wanted: Tracks<f64>, dt: Duration) -> Tracks<f64> {
+        if self.settings == TrackSettings::default() {
+            return wanted;
+        }
+        self.left = self.left.saturating_sub(dt);
+        if self.left.is_zero() {
+            self.left = SPELL;
+            let most = self.settings.slip;
+            let mut slip = || 1.0 + most * self.random.random_range(-1.0..=1.0);
+            self.slip = Tracks::new(slip(), slip());
+        }
+        Tracks::new(
+            wanted.left * self.motors.left * self.slip.left,
+            wanted.right * self.motors.right * self.slip.right,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn speeds(settings: TrackSettings, seed: u64) -> Vec<Tracks<f64>> {
+        let mut grip = Grip::new(settings, seed);
+        let wanted = Tracks::new(1.0, 1.0);
+        (0..100)
+            .map(|_| grip.step(wanted, Duration::from_millis(20)))
+            .collect()
+    }
+
+    #[test]
+    fn tracks_differ_by_seed_and_within_their_limits() {
+        let settings = TrackSettings {
+            unequal: 0.1,
+            slip: 0.05,
+        };
+        assert_eq!(speeds(settings, 1), speeds(settings, 1));
+        assert_ne!(speeds(settings, 1), speeds(settings, 2));
+        let seen = speeds(settings, 3);
+        assert!(
+            seen.iter()
+                .all(|s| (0.85..=1.05).contains(&s.left) && (0.85..=1.05).contains(&s.right))
+        );
+        assert!(seen.iter().any(|s| s.left != seen[0].left), "no slip");
+        assert!(seen.iter().all(|s| s.left != s.right));
+    }
+
+    #[test]
+    fn perfect_tracks_do_what_they_are_told() {
+        let perfect = speeds(TrackSettings::default(), 1);
+        assert!(perfect.iter().all(|s| *s == Tracks::new(1.0, 1.0)));
+    }
+}

@@ -1,0 +1,136 @@
+//! What the simulated robot keeps for its user: settings (CONFIG) and uploaded sounds (FILE).
+//! Which settings the real robot has is not known; these are made up.
+
+use bytes::{Bytes, BytesMut};
+
+use crate::wire::{FileChunk, parse_settings};
+
+/// The longest upload; more is thrown away.
+const MAX_UPLOAD: usize = 4 << 20;
+/// The longest value of a setting.
+const MAX_VALUE: usize = 256;
+/// Settings of a made-up robot: the volume comes from the speaker, the version from the firmware.
+const SETTINGS: [(&str, &str); 5] = [
+    ("name", "Spykee"),
+    ("motor-speed", "90"),
+    ("wifi-mode", "adhoc"),
+    ("wifi-essid", "SPYKEE0001"),
+    ("wifi-key", "made-up-key"),
+];
+
+/// See the module.
+#[derive(Debug, Clone)]
+pub(crate) struct Memory {
+    version: String,
+    settings: Vec<(&'static str, String)>,
+    upload: Option<(u8, BytesMut)>,
+}
+
+impl Memory {
+    /// As it came from the factory.
+    pub(crate) fn new(version: &str) -> Memory {
+        Memory {
+            version: version.to_owned(),
+            settings: SETTINGS
+                .map(|(key, value)| (key, value.to_owned()))
+                .to_vec(),
+            upload: None,
+        }
+    }
+
+    /// What a CONFIG query is answered, in two messages: clients must put them together.
+    pub(crate) fn settings(&self, volume: u8) -> [Bytes; 2] {
+        let listed: Vec<String> = self
+            .settings
+            .iter()
+            .map(|(key, value)| format!("{key}={value}"))
+            .collect();
+        let first = format!("version={}&volume={volume}&", self.version);
+        [first, listed.join("&")].map(|text| latin1_bytes(&text))
+    }
+
+    /// Takes the settings that it has, and says so for the log; others have no effect.
+    pub(crate) fn configure(&mut self, text: &[u8]) -> String {
+        let mut changed = Vec::new();
+        for setting in parse_settings(text) {
+            let known = self
+                .settings
+                .iter_mut()
+                .find(|(key, _)| *key == setting.key);
+            if let Some((key, value)) = known.filter(|_| setting.value.len() <= MAX_VALUE) {
+                *value = setting.value;
+                changed.push(*key);
+            }
+        }
+        format!("config set: {}", changed.join(" "))
+    }
+
+    /// Takes a chunk of an upload; what there is to say in the log, at its end or when it is wrong.
+    pub(crate) fn store(&mut self, chunk: &FileChunk) -> Option<String> {
+        let id = chunk.id();
+        if chunk.flags() & FileChunk::FIRST != 0 {
+            self.upload = Some((id, BytesMut::new()));
+        }
+        let Some((_, content)) = self.upload.as_mut().filter(|(open, _)| *open == id) else {
+            return Some(format!("file {id}: a chunk without a beginning"));
+        };
+        if content.len() + chunk.content().len() > MAX_UPLOAD {
+            self.upload = None;
+            return Some(format!("file {id}: too long"));
+        }
+        content.extend_from_slice(chunk.content());
+        if chunk.flags() & FileChunk::LAST == 0 {
+            return None;
+        }
+        let length = content.len();
+        self.upload = None;
+        Some(format!("file {id} stored, {length} bytes"))
+    }
+}
+
+/// The inverse of what the parser does: characters of ISO-8859-1 are their numbers.
+fn latin1_bytes(text: &str) -> Bytes {
+    let byte = |c| u8::try_from(u32::from(c)).unwrap_or(b'?');
+    text.chars().map(byte).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::Sound;
+
+    fn chunk(flags: u8, content: &'static [u8]) -> FileChunk {
+        FileChunk::of_sound(Sound::User0, flags, Bytes::from_static(content)).unwrap()
+    }
+
+    #[test]
+    fn settings_it_has_are_taken_and_told_again() {
+        let mut memory = Memory::new("1.0.22");
+        let line = memory.configure(b"name=Anna&nonsense=1&version=9");
+        assert_eq!(line, "config set: name");
+        let told = memory.settings(80).concat();
+        let told = parse_settings(&told);
+        let value = |key: &str| told.iter().find(|s| s.key == key).map(|s| s.value.as_str());
+        assert_eq!(
+            (value("name"), value("version")),
+            (Some("Anna"), Some("1.0.22"))
+        );
+        assert_eq!((value("nonsense"), value("volume")), (None, Some("80")));
+    }
+
+    #[test]
+    fn an_upload_ends_with_its_last_chunk() {
+        let mut memory = Memory::new("1");
+        assert!(
+            memory
+                .store(&chunk(0, b"x"))
+                .unwrap()
+                .contains("without a beginning")
+        );
+        assert_eq!(memory.store(&chunk(FileChunk::FIRST, b"ab")), None);
+        assert_eq!(memory.store(&chunk(0, b"cd")), None);
+        let stored = memory.store(&chunk(FileChunk::LAST, b"e")).unwrap();
+        assert_eq!(stored, "file 6 stored, 5 bytes");
+        assert!(memory.store(&chunk(3, b"")).unwrap().contains("0 bytes"));
+    }
+}

@@ -1,0 +1,234 @@
+//! The microphone: a quiet room, what sounds in it, the hum of the own motors and the own speaker, as raw samples
+//! (`PROTOCOL.md`, AUDIO: signed 16-bit little-endian, 16,000 Hz, mono).
+
+use std::f64::consts::TAU;
+use std::time::Duration;
+
+use bytes::{BufMut, Bytes, BytesMut};
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+
+use super::speaker::Speaker;
+use crate::sim::geometry::Point;
+use crate::sim::geometry::obstacles::Obstacles;
+use crate::sim::world::fittings::{Noise, NoiseKind};
+
+/// Samples a second.
+pub(crate) const RATE: u32 = 16_000;
+/// Samples in one AUDIO message: 50 ms.
+pub(crate) const CHUNK: usize = 800;
+
+const ROOM_NOISE: f64 = 40.0;
+const HUM_LOUDNESS: f64 = 1800.0;
+const SPEAKER_LOUDNESS: f64 = 12_000.0;
+/// Of a source of loudness 1 at 1 m.
+const SOURCE_LOUDNESS: f64 = 20_000.0;
+/// Nearer than this, metres, a source is no louder.
+const NEAREST: f64 = 0.3;
+/// Of a disturbance.
+const BURST_HERTZ: f64 = 700.0;
+/// What gets through walls.
+const THROUGH_WALLS: f64 = 0.25;
+
+/// Listens while its stream is on.
+#[derive(Debug)]
+pub(crate) struct Microphone {
+    random: StdRng,
+    chunk: BytesMut,
+    owed: f64,
+    phase: f64,
+    sources: Vec<Source>,
+    burst: Option<Burst>,
+}
+
+/// A loud sound close by, for a while.
+#[derive(Debug)]
+struct Burst {
+    amplitude: f64,
+    until: Duration,
+    phase: f64,
+}
+
+/// One source of sound, as it is heard now.
+#[derive(Debug)]
+struct Source {
+    noise: Noise,
+    loudness: f64,
+    phase: f64,
+}
+
+impl Microphone {
+    /// With noise of a seed, in a world with these sources.
+    pub(crate) fn new(seed: u64, sources: &[Noise]) -> Microphone {
+        let source = |noise: &Noise| Source {
+            noise: noise.clone(),
+            loudness: 0.0,
+            phase: 0.0,
+        };
+        let random = StdRng::seed_from_u64(seed);
+        Microphone {
+            random,
+            chunk: BytesMut::new(),
+            owed: 0.0,
+            phase: 0.0,
+            sources: sources.iter().map(source).collect(),
+            burst: None,
+        }
+    }
+
+    /// Until that time a tone is heard, whatever else sounds; its level is in dBFS (0 is full
+    /// scale).
+    pub(crate) fn disturb(&mut self, dbfs: f64, until: Duration) {
+        self.burst = Some(Burst {
+            amplitude: f64::from(i16::MAX) * 10_f64.powf(dbfs / 20.0) * std::f64::consts::SQRT_2,
+            until,
+            phase: 0.0,
+        });
+    }
+
+    /// Where it is now, and what sounds at this time.
+    pub(crate) fn turn_to(&mut self, time: Duration, here: Point, obstacles: &Obstacles) {
+        if self.burst.as_ref().is_some_and(|burst| time >= burst.until) {
+            self.burst = None;
+        }
+        for source in &mut self.sources {
+            let (noise, at) = (&source.noise, source.noise.at.point());
+            let wall = if obstacles.walled_off(at, here) {
+                THROUGH_WALLS
+            } else {
+                1.0
+            };
+            let near = noise.loudness * wall / at.distance(here).max(NEAREST);
+            source.loudness = if noise.sounds(time.as_secs_f64()) {
+                near
+            } else {
+                0.0
+            };
+        }
+    }
+
+    /// Listens for `dt`; `effort` says how hard the motors work, 0..=1. A chunk whenever one is
+    /// full.
+    pub(crate) fn listen(
+        &mut self,
+        dt: Duration,
+        effort: f64,
+        speaker: &mut Speaker,
+    ) -> Option<Bytes> {
+        self.owed += dt.as_secs_f64() * f64::from(RATE);
+        while self.owed >= 1.0 {
+            self.owed -= 1.0;
+            let sample = self.sample(effort, speaker);
+            self.chunk.put_i16_le(sample);
+        }
+        (self.chunk.len() >= CHUNK * 2).then(|| self.chunk.split_to(CHUNK * 2).freeze())
+    }
+
+    /// Forgets what it has heard of a chunk.
+    pub(crate) fn forget(&mut self) {
+        self.chunk.clear();
+        self.owed = 0.0;
+    }
+
+    fn sample(&mut self, effort: f64, speaker: &mut Speaker) -> i16 {
+        let seconds = 1.0 / f64::from(RATE);
+        let noise = self.random.random_range(-ROOM_NOISE..ROOM_NOISE);
+        let hum = if effort > 0.0 {
+            self.hum(effort, seconds)
+        } else {
+            0.0
+        };
+        let own = speaker.sample(seconds) * SPEAKER_LOUDNESS;
+        let others = self.others(seconds) + self.burst(seconds);
+        (noise + hum + own + others) as i16
+    }
+
+    fn burst(&mut self, seconds: f64) -> f64 {
+        let Some(burst) = &mut self.burst else {
+            return 0.0;
+        };
+        burst.phase = (burst.phase + TAU * BURST_HERTZ * seconds) % TAU;
+        burst.amplitude * burst.phase.sin()
+    }
+
+    fn others(&mut self, seconds: f64) -> f64 {
+        let mut sum = 0.0;
+        for source in self
+            .sources
+            .iter_mut()
+            .filter(|source| source.loudness > 0.0)
+        {
+            let tone = match source.noise.kind {
+                NoiseKind::Knock => 0.01,
+                _ => 1.0,
+            };
+            source.phase = (source.phase + TAU * tone * source.noise.hertz * seconds) % TAU;
+            let wave = match source.noise.kind {
+                NoiseKind::Tone => source.phase.sin(),
+                NoiseKind::Hiss => self.random.random_range(-1.0..1.0),
+                NoiseKind::Knock => (40.0 * source.phase).sin() * (-6.0 * source.phase).exp(),
+            };
+            sum += wave * source.loudness * SOURCE_LOUDNESS;
+        }
+        sum
+    }
+
+    fn hum(&mut self, effort: f64, seconds: f64) -> f64 {
+        self.phase = (self.phase + TAU * (60.0 + 120.0 * effort) * seconds) % TAU;
+        let rattle = self.random.random_range(-0.3..0.3);
+        let tone = self.phase.sin() + 0.5 * (2.0 * self.phase).sin() + rattle;
+        HUM_LOUDNESS * (0.3 + 0.7 * effort) * tone
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::Sound;
+
+    const TICK: Duration = Duration::from_millis(20);
+
+    fn loudness(effort: f64, sound: Option<Sound>) -> f64 {
+        let mut microphone = Microphone::new(7, &[]);
+        let mut speaker = Speaker::new(Duration::ZERO);
+        sound.into_iter().for_each(|sound| speaker.play(sound));
+        let chunk = (0..10)
+            .find_map(|_| microphone.listen(TICK, effort, &mut speaker))
+            .unwrap();
+        let samples = chunk
+            .chunks_exact(2)
+            .map(|two| i16::from_le_bytes([two[0], two[1]]));
+        samples.map(|s| f64::from(s).powi(2)).sum::<f64>().sqrt()
+    }
+
+    #[test]
+    fn motors_are_louder_than_the_room_and_the_speaker_louder_than_both() {
+        assert!(loudness(0.0, None) > 0.0);
+        assert!(loudness(1.0, None) > 10.0 * loudness(0.0, None));
+        assert!(loudness(0.0, Some(Sound::Record)) > 2.0 * loudness(1.0, None));
+    }
+
+    #[test]
+    fn a_second_is_sixteen_thousand_samples() {
+        let mut microphone = Microphone::new(1, &[]);
+        let mut speaker = Speaker::new(Duration::ZERO);
+        let heard: usize = (0..50)
+            .filter_map(|_| microphone.listen(TICK, 0.0, &mut speaker))
+            .map(|chunk| chunk.len())
+            .sum();
+        assert!((32_000 - 2 * CHUNK..=32_000).contains(&heard), "{heard}");
+    }
+
+    #[test]
+    fn the_same_seed_hears_the_same() {
+        let listen = |seed| {
+            let mut speaker = Speaker::new(Duration::ZERO);
+            let mut microphone = Microphone::new(seed, &[]);
+            (0..10)
+                .find_map(|_| microphone.listen(TICK, 0.5, &mut speaker))
+                .unwrap()
+        };
+        assert_eq!(listen(3), listen(3));
+        assert_ne!(listen(3), listen(4));
+    }
+}

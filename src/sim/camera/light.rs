@@ -1,0 +1,177 @@
+//! How bright a world is and in which colour: daylight and lamps, which switch by their schedules.
+
+use crate::sim::geometry::Point;
+use crate::sim::geometry::obstacles::Obstacles;
+use crate::sim::world::document::World;
+use crate::sim::world::fittings::Lamp;
+
+/// Points of the map along the longer side of a room, at most.
+const MOST_POINTS: usize = 96;
+/// Between points of the map, metres, at least.
+const FINEST: f64 = 0.15;
+/// What gets through doors and over walls of a lamp that is not seen.
+const SPILL: f32 = 0.06;
+
+/// Light by colour, 1 is full.
+pub(crate) type Light = [f32; 3];
+
+/// The light of a world.
+#[derive(Debug)]
+pub(crate) struct Lighting {
+    day: f32,
+    lamps: Vec<Lamp>,
+    /// What each lamp gives to each point of the map.
+    shares: Vec<Vec<f32>>,
+    lit: Vec<bool>,
+    columns: usize,
+    rows: usize,
+    cell: f32,
+    map: Vec<Light>,
+    /// On top of the world's own light.
+    gain: f32,
+}
+
+impl Lighting {
+    /// As at the start of a world.
+    pub(crate) fn of(world: &World) -> Lighting {
+        let room = &world.room;
+        let cell = (room.width.max(room.depth) / MOST_POINTS as f64).max(FINEST);
+        let points = |side: f64| (side / cell).ceil() as usize + 2;
+        let (columns, rows) = (points(room.width), points(room.depth));
+        let obstacles = Obstacles::fixed(world);
+        let share = |lamp: &Lamp| {
+            let place = |index: usize| {
+                let (row, column) = (index / columns, index % columns);
+                Point::new(column as f64 * cell, row as f64 * cell)
+            };
+            (0..columns * rows)
+                .map(|index| share_of(lamp, place(index), &obstacles))
+                .collect()
+        };
+        let mut lighting = Lighting {
+            day: world.light as f32,
+            shares: world.lamps.iter().map(share).collect(),
+            lit: vec![false; world.lamps.len()],
+            lamps: world.lamps.clone(),
+            columns,
+            rows,
+            cell: cell as f32,
+            map: Vec::new(),
+            gain: 1.0,
+        };
+        lighting.draw();
+        lighting.pass_to(0.0);
+        lighting
+    }
+
+    /// The lamps as they are at a time, in seconds; whether one of them was switched.
+    pub(crate) fn pass_to(&mut self, seconds: f64) -> bool {
+        let now = |lamp: &Lamp| lamp.lit(seconds);
+        let mut lamps = self.lamps.iter().zip(&self.lit);
+        let switched = lamps.any(|(lamp, lit)| now(lamp) != *lit);
+        if switched {
+            self.lit = self.lamps.iter().map(now).collect();
+            self.draw();
+        }
+        switched
+    }
+
+    /// Makes all of it so many times as bright as in the world itself.
+    pub(crate) fn set_gain(&mut self, gain: f32) {
+        self.gain = gain;
+        self.draw();
+    }
+
+    fn draw(&mut self) {
+        let lit = self.lamps.iter().zip(&self.shares).zip(&self.lit);
+        let lit: Vec<(Light, &Vec<f32>)> = lit
+            .filter(|(_, lit)| **lit)
+            .map(|((lamp, shares), _)| {
+                let bright = lamp.brightness as f32 / 255.0;
+                (
+                    lamp.colour.0.map(|channel| f32::from(channel) * bright),
+                    shares,
+                )
+            })
+            .collect();
+        let light = |index: usize| {
+            let light = lit.iter().fold([self.day; 3], |sum, (colour, shares)| {
+                std::array::from_fn(|i| sum[i] + colour[i] * shares[index])
+            });
+            light.map(|channel| channel * self.gain)
+        };
+        self.map = (0..self.columns * self.rows).map(light).collect();
+    }
+
+    /// The light at a place.
+    pub(crate) fn at(&self, x: f32, y: f32) -> Light {
+        if self.lamps.is_empty() {
+            return [self.day * self.gain; 3];
+        }
+        let x = (x / self.cell).clamp(0.0, (self.columns - 2) as f32);
+        let y = (y / self.cell).clamp(0.0, (self.rows - 2) as f32);
+        let (column, row) = (x as usize, y as usize);
+        let (dx, dy) = (x - column as f32, y - row as f32);
+        let near = row * self.columns + column;
+        let far = near + self.columns;
+        std::array::from_fn(|i| {
+            let front = self.map[near][i] * (1.0 - dx) + self.map[near + 1][i] * dx;
+            let back = self.map[far][i] * (1.0 - dx) + self.map[far + 1][i] * dx;
+            front * (1.0 - dy) + back * dy
+        })
+    }
+
+    /// Whether it is the same everywhere.
+    pub(crate) fn even(&self) -> bool {
+        self.lamps.is_empty()
+    }
+}
+
+fn share_of(lamp: &Lamp, place: Point, obstacles: &Obstacles) -> f32 {
+    let at = lamp.at.point();
+    let far = (at.distance(place) / lamp.reach) as f32;
+    let seen = if obstacles.walled_off(at, place) {
+        SPILL
+    } else {
+        1.0
+    };
+    seen / (1.0 + far * far)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lighting() -> Lighting {
+        let text = "room: {width: 6, depth: 4}\nstation: {at: [0, 2], heading_degrees: 0}\nlight: 0.1\n\
+                    walls: [{from: [3, 0], to: [3, 4]}]\n\
+                    lamps: [{at: [1, 2], colour: \"#ff8000\", on: {after: 10, for: 5}}]\n";
+        Lighting::of(&World::from_yaml(text, "test").unwrap())
+    }
+
+    #[test]
+    fn a_lamp_switches_and_casts_its_colour() {
+        let mut lighting = lighting();
+        assert!(lighting.at(1.0, 2.0)[0] < 0.11);
+        lighting.pass_to(12.0);
+        let [red, green, blue] = lighting.at(1.0, 2.0);
+        assert!(
+            red > 1.0 && (0.5..0.7).contains(&green) && blue < 0.11,
+            "{red} {green} {blue}"
+        );
+        lighting.pass_to(15.0);
+        assert!(lighting.at(1.0, 2.0)[0] < 0.11);
+    }
+
+    #[test]
+    fn light_fades_and_walls_keep_it_in_its_room() {
+        let mut lighting = lighting();
+        lighting.pass_to(12.0);
+        assert!(lighting.at(1.0, 2.0)[0] > lighting.at(2.5, 3.5)[0] + 0.1);
+        assert!(
+            lighting.at(4.0, 2.0)[0] < 0.2,
+            "{:?}",
+            lighting.at(4.0, 2.0)
+        );
+    }
+}

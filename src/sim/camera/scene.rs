@@ -1,0 +1,330 @@
+//! The world as the camera needs it: upright panels, posts, people and balls, and in which columns
+//! of the picture they appear.
+
+use super::sign::Code;
+use super::surface::{Place, Rgb, Surface, rgb};
+use super::texture::Texture;
+use super::view::View;
+use crate::sim::geometry::obstacles::Obstacles;
+use crate::sim::geometry::{Point, Segment};
+use crate::sim::world::document::World;
+use crate::sim::world::fittings::Sign;
+use crate::sim::world::paint::Paint;
+use crate::sim::world::station;
+
+/// Nearer than this nothing is drawn, metres.
+const NEAR: f32 = 0.01;
+/// Side of a pixel of a panel's picture, metres, if the panel is not huge.
+const PIXEL: f32 = 0.01;
+/// Pixels of a panel's picture, about, at most.
+const MOST_PIXELS: f32 = 4e5;
+/// A sign hangs so far before what it hangs on, metres.
+const HANGS_OFF: f64 = 0.01;
+/// Things that a sign hangs on are not thicker than this, metres.
+const THICKEST: f64 = 0.6;
+
+/// An upright rectangle.
+#[derive(Debug)]
+pub(crate) struct Panel {
+    line: Segment,
+    pub(crate) length: f32,
+    pub(crate) bottom: f32,
+    pub(crate) top: f32,
+    pub(crate) surface: Surface,
+    /// How much of the room's light falls on it, from the way it faces.
+    pub(crate) light: f32,
+    picture: Option<Texture>,
+}
+
+/// What a round thing is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Kind {
+    Ball,
+    Post { top: f32 },
+    Person { top: f32 },
+}
+
+/// A post, a person or a ball.
+#[derive(Debug)]
+pub(crate) struct Round {
+    pub(crate) middle: Point,
+    pub(crate) radius: f32,
+    pub(crate) kind: Kind,
+    pub(crate) paint: Rgb,
+}
+
+/// Everything that stands in a world.
+#[derive(Debug)]
+pub(crate) struct Scene {
+    pub(crate) panels: Vec<Panel>,
+    /// Balls and people, as in the world's lists, then posts.
+    pub(crate) rounds: Vec<Round>,
+    codes: Vec<(Code, Sign)>,
+}
+
+/// A column of something, `depth` metres ahead.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Hit {
+    pub(crate) depth: f32,
+    pub(crate) what: What,
+}
+
+/// The thing that was met, as an index into the scene.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum What {
+    /// A panel, at this share of its line.
+    Panel { index: usize, share: f32 },
+    /// A round thing, `aside` of its radius to the right of the middle, -1..=1.
+    Round { index: usize, aside: f32 },
+}
+
+impl Scene {
+    /// The scene of a world.
+    pub(crate) fn of(world: &World) -> Scene {
+        let mut scene = Scene {
+            panels: Vec::new(),
+            rounds: Vec::new(),
+            codes: Vec::new(),
+        };
+        scene.add_walls(world);
+        for item in &world.furniture {
+            scene.add_box(item.sides(), item.height, item.colour.into());
+        }
+        scene.add_box(world.station.sides(), station::HEIGHT, Surface::StationSide);
+        scene.mark_station(&world.station);
+        scene.hang_signs(world);
+        let balls = world.balls.iter();
+        let balls = balls.map(|b| Round::of(b.at.point(), b.radius, Kind::Ball, b.colour));
+        let people = world.walkers.iter().map(|w| {
+            let top = w.height as f32;
+            Round::of(w.at.point(), w.radius, Kind::Person { top }, w.colour)
+        });
+        let posts = world.posts.iter().map(|p| {
+            let top = p.height as f32;
+            Round::of(p.at.point(), p.radius, Kind::Post { top }, p.colour)
+        });
+        scene.rounds.extend(balls.chain(people).chain(posts));
+        scene
+    }
+
+    /// Balls and people are somewhere else now.
+    pub(crate) fn move_rounds(&mut self, places: impl Iterator<Item = Point>) -> bool {
+        let mut moved = false;
+        for (round, place) in self.rounds.iter_mut().zip(places) {
+            moved |= round.middle != place;
+            round.middle = place;
+        }
+        moved
+    }
+
+    /// The picture of a panel, painted when it is first asked for.
+    pub(crate) fn picture(&mut self, index: usize) -> &Texture {
+        let (panel, codes) = (&mut self.panels[index], &self.codes);
+        let (surface, length, height) = (panel.surface, panel.length, panel.top - panel.bottom);
+        panel.picture.get_or_insert_with(|| {
+            if let Surface::Sign(code) = surface {
+                let (code, sign) = &codes[code];
+                return code.picture(sign);
+            }
+            let size = PIXEL.max((length * height / MOST_PIXELS).sqrt());
+            Texture::paint([length, height], size, |along| {
+                let strip = surface.strip(Place {
+                    along,
+                    length,
+                    top: height,
+                });
+                move |up| strip.colour(up)
+            })
+        })
+    }
+
+    fn add_walls(&mut self, world: &World) {
+        let paint = rgb(world.room.walls);
+        let inner = world.walls.iter().flat_map(|wall| wall.sides());
+        for (number, line) in (0..).zip(world.room.sides().into_iter().chain(inner)) {
+            let surface = Surface::Wall { paint, number };
+            let top = world.room.height;
+            self.panels.push(Panel::of(line, 0.0, top, surface));
+        }
+    }
+
+    fn add_box(&mut self, sides: [Segment; 4], height: f64, surface: Surface) {
+        self.panels
+            .extend(sides.map(|side| Panel::of(side, 0.0, height, surface)));
+    }
+
+    fn mark_station(&mut self, station: &station::Station) {
+        let front = station.sides()[0];
+        let panel = self.panels.iter_mut().rfind(|panel| panel.line == front);
+        panel
+            .into_iter()
+            .for_each(|panel| panel.surface = Surface::StationFront);
+    }
+
+    fn hang_signs(&mut self, world: &World) {
+        let obstacles = Obstacles::fixed(world);
+        for sign in &world.signs {
+            let Some(code) = Code::of(&sign.text) else {
+                continue;
+            };
+            let heading = sign.heading_degrees.to_radians();
+            let middle = outside(world, &obstacles, sign.at.point(), heading);
+            let left = std::f64::consts::FRAC_PI_2;
+            // Seen from before it, its left end is on the left.
+            let line = Segment {
+                from: middle.ahead(heading - left, sign.side / 2.0),
+                to: middle.ahead(heading + left, sign.side / 2.0),
+            };
+            let bottom = (sign.height - sign.side / 2.0).max(0.0);
+            let surface = Surface::Sign(self.codes.len());
+            let top = bottom + sign.side;
+            self.panels.push(Panel::of(line, bottom, top, surface));
+            self.codes.push((code, sign.clone()));
+        }
+    }
+
+    /// Each column of a panel that is seen.
+    pub(crate) fn columns_of_panel(
+        &self,
+        index: usize,
+        view: &View,
+        mut found: impl FnMut(usize, Hit),
+    ) {
+        let line = self.panels[index].line;
+        let (a, b) = (view.relative(line.from), view.relative(line.to));
+        let (da, dr) = (b.0 - a.0, b.1 - a.1);
+        // A sign has a front only.
+        let back = a.0 * dr - a.1 * da < 0.0;
+        if matches!(self.panels[index].surface, Surface::Sign(_)) && back {
+            return;
+        }
+        let Some([left, right]) = slopes(a, b) else {
+            return;
+        };
+        for column in view.columns(left, right) {
+            let slope = view.column(column).slope;
+            let share = (slope * a.0 - a.1) / (dr - slope * da);
+            if !(-1e-3..=1.001).contains(&share) {
+                continue;
+            }
+            let share = share.clamp(0.0, 1.0);
+            let depth = a.0 + share * da;
+            if depth > NEAR {
+                let what = What::Panel { index, share };
+                found(column, Hit { depth, what });
+            }
+        }
+    }
+
+    /// Each column of a round thing that is seen.
+    pub(crate) fn columns_of_round(
+        &self,
+        index: usize,
+        view: &View,
+        mut found: impl FnMut(usize, Hit),
+    ) {
+        let Round { middle, radius, .. } = self.rounds[index];
+        let (ahead, right) = view.relative(middle);
+        let distance = ahead.hypot(right);
+        if distance <= radius || ahead < -radius {
+            return;
+        }
+        let (towards, half) = (right.atan2(ahead), (radius / distance).asin());
+        let edge = |angle: f32| angle.clamp(-1.5, 1.5).tan();
+        for column in view.columns(edge(towards - half), edge(towards + half)) {
+            let slope = view.column(column).slope;
+            let length = (1.0 + slope * slope).sqrt();
+            let aside = (slope * ahead - right) / length;
+            if aside.abs() >= radius {
+                continue;
+            }
+            let nearest = (ahead + right * slope) / length;
+            let depth = (nearest - (radius * radius - aside * aside).sqrt()) / length;
+            if depth > NEAR {
+                let aside = aside / radius;
+                let what = What::Round { index, aside };
+                found(column, Hit { depth, what });
+            }
+        }
+    }
+}
+
+/// The slopes, from left to right, between which a line is seen that is ahead and to the right as
+/// its ends say; `None` if it is behind.
+fn slopes(a: (f32, f32), b: (f32, f32)) -> Option<[f32; 2]> {
+    let (near, far) = if a.0 < b.0 { (a, b) } else { (b, a) };
+    if far.0 <= NEAR {
+        return None;
+    }
+    let near = if near.0 < NEAR {
+        let share = (NEAR - near.0) / (far.0 - near.0);
+        (NEAR, near.1 + share * (far.1 - near.1))
+    } else {
+        near
+    };
+    let (one, other) = (near.1 / near.0, far.1 / far.0);
+    Some([one.min(other), one.max(other)])
+}
+
+/// Where a sign hangs: a little outside of the wall, furniture or post that its place is in.
+fn outside(world: &World, obstacles: &Obstacles, at: Point, heading: f64) -> Point {
+    let on_post = world
+        .posts
+        .iter()
+        .find(|p| p.at.point().distance(at) < p.radius);
+    if let Some(post) = on_post {
+        return post.at.point().ahead(heading, post.radius + HANGS_OFF);
+    }
+    let inside = |point: Point| world.solid(point);
+    let out = if inside(at) {
+        let beyond = at.ahead(heading, THICKEST);
+        obstacles
+            .first_side(at, beyond)
+            .map_or(0.0, |share| share * THICKEST)
+    } else {
+        0.0
+    };
+    at.ahead(heading, out + HANGS_OFF)
+}
+
+impl Panel {
+    fn of(line: Segment, bottom: f64, top: f64, surface: Surface) -> Panel {
+        // A lamp somewhere to the upper left of the plan: sides that face it are brighter.
+        const LAMP: f64 = 2.3;
+        let angle = line.from.direction_of(line.to);
+        Panel {
+            line,
+            length: (line.from.distance(line.to) as f32).max(1e-3),
+            bottom: bottom as f32,
+            top: top as f32,
+            surface,
+            light: (0.88 + 0.12 * (angle - LAMP).cos()) as f32,
+            picture: None,
+        }
+    }
+}
+
+impl Round {
+    fn of(middle: Point, radius: f64, kind: Kind, colour: Paint) -> Round {
+        Round {
+            middle,
+            radius: radius as f32,
+            kind,
+            paint: rgb(colour),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::camera::view::WIDTH;
+
+    #[test]
+    fn slopes_are_those_of_what_is_ahead() {
+        assert_eq!(slopes((1.0, 1.0), (1.0, -1.0)), Some([-1.0, 1.0]));
+        assert_eq!(slopes((-1.0, 1.0), (-1.0, -1.0)), None);
+        let [left, right] = slopes((-1.0, 1.0), (1.0, 1.0)).unwrap();
+        assert!(left >= 0.99 && right > WIDTH as f32 / 4.0, "{left} {right}");
+    }
+}

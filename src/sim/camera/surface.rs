@@ -1,0 +1,244 @@
+//! What vertical surfaces look like: a colour for each place on a wall, a piece of furniture or
+//! the station. Everything but balls, posts and what a world paints is kept pale, so that a
+//! behaviour that looks for a colour finds the things that have it.
+
+use crate::sim::world::paint::Paint;
+
+/// A colour under full light, 0..=255 for each of red, green and blue.
+pub(crate) type Rgb = [f32; 3];
+
+/// Between the middles of what hangs on a wall, metres.
+const BAY: f32 = 1.7;
+/// Height of a door, metres; lower walls have nothing on them.
+const DOOR: f32 = 2.0;
+
+/// Kinds of vertical surfaces.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Surface {
+    /// A wall; the number makes walls differ.
+    Wall { paint: Rgb, number: u32 },
+    /// A side of a piece of furniture.
+    Furniture { paint: Rgb },
+    /// The side of the station that the robot drives up to.
+    StationFront,
+    /// The other sides of the station.
+    StationSide,
+    /// A sign; the number is that of its code.
+    Sign(usize),
+}
+
+/// Where on a surface an upright strip runs, metres.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Place {
+    /// From its left end.
+    pub(crate) along: f32,
+    /// From the left end to the right.
+    pub(crate) length: f32,
+    /// From the floor to its top.
+    pub(crate) top: f32,
+}
+
+/// An upright strip of a surface: all that does not change with the height is known.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Strip {
+    Wall {
+        paper: Rgb,
+        thing: Option<(Thing, f32)>,
+    },
+    Furniture {
+        paint: Rgb,
+        top: f32,
+        grain: i32,
+    },
+    Station {
+        aside: f32,
+        top: f32,
+    },
+    Plain(Rgb),
+}
+
+/// What hangs or stands at a wall.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Thing {
+    /// A picture; the number, 0..1, makes them differ.
+    Picture(f32),
+    Window,
+    Door,
+}
+
+impl Surface {
+    /// The strip at a place.
+    pub(crate) fn strip(self, place: Place) -> Strip {
+        match self {
+            Surface::Wall { paint, number } => Strip::Wall {
+                paper: wallpaper(paint, number, place),
+                thing: hanging(number, place),
+            },
+            Surface::Furniture { paint } => furniture(paint, place),
+            Surface::StationFront => Strip::Station {
+                aside: (place.along - place.length / 2.0).abs(),
+                top: place.top,
+            },
+            // Its code is painted by `sign`; this is its back.
+            Surface::StationSide | Surface::Sign(_) => Strip::Plain([46.0, 48.0, 54.0]),
+        }
+    }
+}
+
+impl Strip {
+    /// The colour at a height above the floor.
+    pub(crate) fn colour(&self, height: f32) -> Rgb {
+        match *self {
+            Strip::Wall { paper, thing } => wall(paper, thing, height),
+            Strip::Furniture { paint, top, grain } => cabinet(paint, top, grain, height),
+            Strip::Station { aside, top } => station(aside, top, height),
+            Strip::Plain(paint) => paint,
+        }
+    }
+}
+
+impl From<Paint> for Surface {
+    fn from(paint: Paint) -> Surface {
+        Surface::Furniture { paint: rgb(paint) }
+    }
+}
+
+/// The colour as numbers to reckon with.
+pub(crate) fn rgb(paint: Paint) -> Rgb {
+    paint.0.map(f32::from)
+}
+
+/// The colour, brighter or darker.
+pub(crate) fn scaled(colour: Rgb, gain: f32) -> Rgb {
+    colour.map(|channel| channel * gain)
+}
+
+/// A number that looks random, 0..1, and is the same for the same two numbers.
+pub(crate) fn scatter(a: i32, b: i32) -> f32 {
+    let mut mixed = (a as u32).wrapping_mul(0x9E37_79B1) ^ (b as u32).wrapping_mul(0x85EB_CA77);
+    mixed = (mixed ^ (mixed >> 15)).wrapping_mul(0x2C1B_3C6D);
+    mixed ^= mixed >> 13;
+    (mixed & 0xFFFF) as f32 / 65_536.0
+}
+
+fn wall(paper: Rgb, thing: Option<(Thing, f32)>, height: f32) -> Rgb {
+    const SKIRTING: f32 = 0.09;
+    if height < SKIRTING {
+        let edge = if height > SKIRTING - 0.012 { 0.82 } else { 1.0 };
+        return scaled([228.0, 226.0, 220.0], edge * contact_shadow(height));
+    }
+    let colour = thing.and_then(|(thing, aside)| match thing {
+        Thing::Picture(kind) => picture(aside, height, kind),
+        Thing::Window => window(aside, height),
+        Thing::Door => door(aside, height),
+    });
+    colour.unwrap_or(paper)
+}
+
+fn wallpaper(paint: Rgb, number: u32, place: Place) -> Rgb {
+    let stripe = if (place.along / 0.18) as i32 % 2 == 0 {
+        1.0
+    } else {
+        0.955
+    };
+    let tone = 0.94 + 0.06 * scatter(number as i32, 7);
+    let to_corner = place.along.min(place.length - place.along);
+    let corner = 0.86 + 0.14 * (to_corner / 0.35).clamp(0.0, 1.0);
+    scaled(paint, stripe * tone * corner)
+}
+
+/// What hangs or stands at a wall, one thing to a bay or none, and how far beside its middle.
+fn hanging(number: u32, place: Place) -> Option<(Thing, f32)> {
+    let bay = (place.along / BAY) as i32;
+    let middle = (bay as f32 + 0.5) * BAY;
+    if middle + BAY / 2.0 > place.length || place.top < DOOR + 0.1 {
+        return None;
+    }
+    let aside = place.along - middle;
+    let kind = scatter(number as i32, bay + 100);
+    let thing = match () {
+        () if kind < 0.30 => Thing::Picture(kind / 0.30),
+        () if kind < 0.55 => Thing::Window,
+        () if kind < 0.70 => Thing::Door,
+        () => return None,
+    };
+    Some((thing, aside))
+}
+
+fn picture(aside: f32, height: f32, kind: f32) -> Option<Rgb> {
+    let (half, low, high) = (0.22 + 0.12 * kind, 0.75, 1.25);
+    let edge = (half - aside.abs()).min(height - low).min(high - height);
+    let hills = 0.85 + 0.15 * (aside * 9.0 + kind * 30.0).sin();
+    match edge {
+        _ if edge < 0.0 => None,
+        _ if edge < 0.03 => Some([70.0, 60.0, 52.0]),
+        _ if edge < 0.07 => Some([226.0, 222.0, 212.0]),
+        _ if height < low + 0.32 * hills => Some([104.0, 112.0, 98.0]),
+        _ => Some([176.0, 184.0, 190.0]),
+    }
+}
+
+fn window(aside: f32, height: f32) -> Option<Rgb> {
+    let (half, low, high) = (0.5, 0.65, 1.75);
+    let edge = (half - aside.abs()).min(height - low).min(high - height);
+    match edge {
+        _ if edge < 0.0 => None,
+        _ if edge < 0.05 || aside.abs() < 0.02 => Some([236.0, 236.0, 232.0]),
+        _ => Some([
+            206.0 + 14.0 * (height - low),
+            218.0 + 10.0 * (height - low),
+            228.0,
+        ]),
+    }
+}
+
+fn door(aside: f32, height: f32) -> Option<Rgb> {
+    let edge = (0.42 - aside.abs()).min(DOOR - height);
+    let inset = (0.28 - aside.abs()).min((height - 0.25).min(0.95 - height));
+    match edge {
+        _ if edge < 0.0 => None,
+        _ if edge < 0.05 => Some([222.0, 218.0, 210.0]),
+        _ if inset.abs() < 0.012 => Some([126.0, 116.0, 106.0]),
+        _ => Some(scaled([158.0, 147.0, 135.0], contact_shadow(height))),
+    }
+}
+
+fn furniture(paint: Rgb, place: Place) -> Strip {
+    let to_side = place.along.min(place.length - place.along);
+    let door = place.length / ((place.length / 0.5 + 0.5) as i32).max(1) as f32;
+    let joint = place.along - (place.along / door) as i32 as f32 * door;
+    let dark = to_side < 0.02 || joint < 0.008;
+    let paint = if dark { scaled(paint, 0.62) } else { paint };
+    Strip::Furniture {
+        paint,
+        top: place.top,
+        grain: (place.along * 90.0) as i32,
+    }
+}
+
+fn cabinet(paint: Rgb, top: f32, grain: i32, height: f32) -> Rgb {
+    let gain = match () {
+        () if top - height < 0.035 => 1.18,
+        () if height < 0.06 => 0.45,
+        () => 0.96 + 0.06 * scatter(grain, (height * 12.0) as i32),
+    };
+    scaled(paint, gain * contact_shadow(height))
+}
+
+/// A white plate with a black target between two bars: seen from afar, and no colour of a ball.
+fn station(aside: f32, top: f32, height: f32) -> Rgb {
+    let from_middle = aside.max((height - 0.18).abs());
+    match () {
+        () if height < 0.05 => [30.0, 31.0, 34.0],
+        () if aside > 0.165 || top - height < 0.025 => [52.0, 54.0, 60.0],
+        () if (0.115..0.15).contains(&aside) => [24.0, 24.0, 26.0],
+        () if from_middle < 0.03 => [240.0, 240.0, 236.0],
+        () if from_middle < 0.07 => [24.0, 24.0, 26.0],
+        () => [238.0, 238.0, 234.0],
+    }
+}
+
+/// Little light gets to where a thing meets the floor.
+fn contact_shadow(height: f32) -> f32 {
+    0.72 + 0.28 * (height * (1.0 / 0.12)).clamp(0.0, 1.0)
+}

@@ -1,0 +1,241 @@
+//! Pictures of surfaces, painted once when first seen, in several sizes: far things are shown by
+//! small ones, so that they do not flicker.
+
+use super::surface::Rgb;
+
+/// Red, green, blue and nothing, 0..=255.
+pub(crate) type Pixel = [u8; 4];
+
+/// A picture in full size and in halves of it.
+#[derive(Debug)]
+pub(crate) struct Texture {
+    levels: Vec<Level>,
+}
+
+/// One size. Pixels that are neighbours along the second axis are neighbours in memory.
+#[derive(Debug)]
+pub(crate) struct Level {
+    first: usize,
+    second: usize,
+    /// Pixels a metre along both axes.
+    pub(crate) scale: [f32; 2],
+    pixels: Vec<Pixel>,
+}
+
+impl Texture {
+    /// Of a surface so many metres long along two axes, with pixels of about `size` metres, from
+    /// the colours along the second axis for each place on the first.
+    pub(crate) fn paint<C: Fn(f32) -> Rgb>(
+        sides: [f32; 2],
+        size: f32,
+        strip: impl Fn(f32) -> C,
+    ) -> Texture {
+        let count = sides.map(|side| ((side / size).ceil() as usize).max(1));
+        let scale = [count[0] as f32 / sides[0], count[1] as f32 / sides[1]];
+        let place = |i: usize, axis: usize| (i as f32 + 0.5) / scale[axis];
+        let mut pixels = Vec::with_capacity(count[0] * count[1]);
+        for first in 0..count[0] {
+            let colour = strip(place(first, 0));
+            let colours = (0..count[1]).map(|second| colour(place(second, 1)));
+            pixels.extend(colours.map(|[r, g, b]| [r as u8, g as u8, b as u8, 0]));
+        }
+        Texture::of(pixels, count, scale)
+    }
+
+    /// Of pixels that are there already.
+    pub(crate) fn of(pixels: Vec<Pixel>, [first, second]: [usize; 2], scale: [f32; 2]) -> Texture {
+        let full = Level {
+            first,
+            second,
+            scale,
+            pixels,
+        };
+        let halves = std::iter::successors(Some(full), |level| {
+            (level.first > 8 && level.second > 8).then(|| level.half())
+        });
+        Texture {
+            levels: halves.take(6).collect(),
+        }
+    }
+
+    /// The size whose pixels are about as large as those of the camera are there, in metres.
+    pub(crate) fn level(&self, size: f32) -> &Level {
+        let mut level = &self.levels[0];
+        for smaller in &self.levels[1..] {
+            if size * smaller.scale[1] < 1.0 {
+                break;
+            }
+            level = smaller;
+        }
+        level
+    }
+}
+
+impl Level {
+    fn half(&self) -> Level {
+        let (first, second) = (self.first / 2, self.second / 2);
+        let at = |i: usize, j: usize| self.pixels[i * self.second + j];
+        let mean = |index: usize| {
+            let (i, j) = (index / second * 2, index % second * 2);
+            let four = [at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)];
+            std::array::from_fn(|c| (four.iter().map(|p| u16::from(p[c])).sum::<u16>() / 4) as u8)
+        };
+        Level {
+            first,
+            second,
+            scale: [
+                self.scale[0] * first as f32 / self.first as f32,
+                self.scale[1] * second as f32 / self.second as f32,
+            ],
+            pixels: (0..first * second).map(mean).collect(),
+        }
+    }
+
+    /// The pixels along the second axis at a place on the first.
+    pub(crate) fn strip(&self, place: f32) -> &[Pixel] {
+        let first = ((place * self.scale[0]) as usize).min(self.first - 1);
+        &self.pixels[first * self.second..][..self.second]
+    }
+
+    /// The smooth colour at a place, in pixels times 256; beyond the edge, that of the edge.
+    pub(crate) fn smooth(&self, first: i32, second: i32) -> Pixel {
+        let (first, second) = (first.max(0) as usize, second.max(0) as usize);
+        let (last_i, last_j) = (self.first - 1, self.second - 1);
+        let (i, j) = ((first >> 8).min(last_i), (second >> 8).min(last_j));
+        let (near, far) = (i * self.second, (i + 1).min(last_i) * self.second);
+        let after = (j + 1).min(last_j);
+        let at = |index: usize| u32::from_le_bytes(self.pixels[index]);
+        let (di, dj) = ((first & 255) as u32, (second & 255) as u32);
+        let near = mix(at(near + j), at(near + after), dj);
+        let far = mix(at(far + j), at(far + after), dj);
+        mix(near, far, di).to_le_bytes()
+    }
+}
+
+/// Every other byte: two channels are reckoned with at once.
+const EVEN: u32 = 0x00FF_00FF;
+
+/// As [`between`], of packed pixels.
+fn mix(a: u32, b: u32, share: u32) -> u32 {
+    let rest = 256 - share;
+    let even = ((a & EVEN) * rest + (b & EVEN) * share) >> 8;
+    let odd = ((a >> 8) & EVEN) * rest + ((b >> 8) & EVEN) * share;
+    (even & EVEN) | (odd & !EVEN)
+}
+
+/// Between two pixels, `share` of 256 of the second.
+pub(crate) fn between(a: Pixel, b: Pixel, share: u32) -> Pixel {
+    mix(u32::from_le_bytes(a), u32::from_le_bytes(b), share).to_le_bytes()
+}
+
+/// A pixel in a light of which 128 is full; what is brighter than white is white.
+pub(crate) fn lit(pixel: Pixel, light: Pixel) -> Pixel {
+    let [r, g, b, _] = light;
+    if r != g || g != b {
+        return std::array::from_fn(|i| {
+            ((u16::from(pixel[i]) * u16::from(light[i])) >> 7).min(255) as u8
+        });
+    }
+    let (pixel, light) = (u32::from_le_bytes(pixel), u32::from(r));
+    if light <= 128 {
+        let (even, odd) = ((pixel & EVEN) * light, ((pixel >> 8) & EVEN) * light);
+        return (((even >> 7) & EVEN) | ((odd << 1) & !EVEN)).to_le_bytes();
+    }
+    let two = |channels: u32| {
+        let lit = ((channels * light) >> 7) & 0x01FF_01FF;
+        let over = (lit >> 8) & 0x0001_0001;
+        (lit | (over * 255)) & EVEN
+    };
+    (two(pixel & EVEN) | (two((pixel >> 8) & EVEN) << 8)).to_le_bytes()
+}
+
+/// A moving mean over so many pixels of a row.
+pub(crate) fn smear(row: &mut [Pixel], length: usize, sums: &mut Vec<u64>) {
+    // Sixteen bits for each channel: enough for 256 pixels.
+    const EVEN_SUMS: u64 = 0x0000_FFFF_0000_FFFF;
+    const LOW_BYTES: u64 = 0x0000_00FF_0000_00FF;
+    const HALF: u64 = 0x0000_8000_0000_8000;
+    let length = length.clamp(1, 255);
+    let spread = |pixel: Pixel| {
+        let pixel = u64::from(u32::from_le_bytes(pixel));
+        let pairs = (pixel | (pixel << 16)) & EVEN_SUMS;
+        (pairs | (pairs << 8)) & 0x00FF_00FF_00FF_00FF
+    };
+    let (Some(first), Some(last)) = (row.first(), row.last()) else {
+        return;
+    };
+    let before = length / 2;
+    sums.clear();
+    sums.extend(std::iter::repeat_n(spread(*first), before));
+    sums.extend(row.iter().map(|pixel| spread(*pixel)));
+    sums.extend(std::iter::repeat_n(spread(*last), length - before));
+    let mut sum: u64 = sums[..length].iter().sum();
+    let share = 65_536 / length as u64;
+    for (index, pixel) in row.iter_mut().enumerate() {
+        let even = (((sum & EVEN_SUMS) * share + HALF) >> 16) & LOW_BYTES;
+        let odd = ((((sum >> 16) & EVEN_SUMS) * share + HALF) >> 16) & LOW_BYTES;
+        let together = even | (odd << 8);
+        *pixel = ((together | (together >> 16)) as u32).to_le_bytes();
+        sum = sum + sums[index + length] - sums[index];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_are_smooth_between_pixels_and_stop_at_the_edge() {
+        let texture = Texture::paint([2.0, 2.0], 0.1, |_| {
+            |y| [if y < 1.0 { 0.0 } else { 200.0 }; 3]
+        });
+        let level = texture.level(0.0);
+        assert_eq!(level.smooth(5 * 256, 3 * 256)[0], 0);
+        assert_eq!(level.smooth(5 * 256, 9 * 256 + 128)[0], 100);
+        assert_eq!(level.smooth(5 * 256, 15 * 256)[..3], [200; 3]);
+        assert_eq!(level.smooth(i32::MAX, i32::MAX)[0], 200);
+        assert_eq!(level.smooth(i32::MIN, i32::MIN)[0], 0);
+    }
+
+    #[test]
+    fn light_of_one_colour_and_of_many_agree() {
+        for level in [0, 1, 77, 128, 200, 255] {
+            let pixel = [3, 128, 255, 0];
+            let expected = pixel
+                .map(|channel: u8| ((u32::from(channel) * u32::from(level)) >> 7).min(255) as u8);
+            assert_eq!(lit(pixel, [level; 4])[..3], expected[..3], "{level}");
+        }
+        assert_eq!(lit([100; 4], [128, 64, 255, 0])[..3], [100, 50, 199]);
+    }
+
+    #[test]
+    fn a_smeared_row_is_a_moving_mean_that_keeps_its_ends() {
+        let mut row = [[10, 20, 30, 0]; 40];
+        row[20] = [250, 20, 0, 0];
+        let mut smeared = row;
+        smear(&mut smeared, 4, &mut Vec::new());
+        assert_eq!((smeared[0], smeared[39]), (row[0], row[39]));
+        let changed = smeared
+            .iter()
+            .filter(|pixel| **pixel == [70, 20, 23, 0])
+            .count();
+        assert_eq!(changed, 4, "{smeared:?}");
+        let mut same = row;
+        smear(&mut same, 1, &mut Vec::new());
+        assert_eq!(same, row);
+    }
+
+    #[test]
+    fn from_afar_fine_lines_are_their_mean() {
+        let texture = Texture::paint([1.0, 1.0], 0.01, |x: f32| {
+            let shade = if (x * 100.0) as i32 % 2 == 0 {
+                0.0
+            } else {
+                200.0
+            };
+            move |_| [shade; 3]
+        });
+        assert_eq!(texture.level(0.02).strip(0.5)[10][0], 100);
+        assert_ne!(texture.level(0.005).strip(0.5)[10][0], 100);
+    }
+}

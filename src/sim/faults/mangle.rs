@@ -1,0 +1,265 @@
+//! How messages are spoilt, byte by byte. Pure, but for the dice that it is given.
+
+use bytes::{BufMut, Bytes, BytesMut};
+use rand::rngs::StdRng;
+use rand::{Rng, RngExt};
+
+use crate::wire::{Decoder, HEADER_LEN, MAX_PAYLOAD_LEN, Packet, Power, kind};
+
+use super::fault::{Fault, Trouble};
+
+/// Where the payload's length stands in a header (`PROTOCOL.md`, *TCP messages*).
+const LENGTH: std::ops::Range<usize> = 3..5;
+/// A JPEG begins with this, and comments follow well.
+const JPEG_START: &[u8] = &[0xFF, 0xD8];
+/// The marker of a comment in a JPEG, and its length, which counts itself.
+const COMMENT: [u8; 2] = [0xFF, 0xFE];
+const COMMENT_OVERHEAD: usize = 4;
+
+/// A stretch of a stream.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) enum Stretch {
+    /// A whole message.
+    Message(Packet),
+    /// Bytes of a stream that is out of step: passed on as they are.
+    Raw(Bytes),
+}
+
+/// Cuts a stream where messages end.
+#[derive(Debug, Default)]
+pub(crate) struct Splitter {
+    decoder: Decoder,
+    /// The bytes since the last message.
+    unsure: BytesMut,
+    lost: bool,
+}
+
+impl Splitter {
+    /// What has become whole with these bytes.
+    pub(crate) fn feed(&mut self, mut input: &[u8]) -> Vec<Stretch> {
+        let mut stretches = Vec::new();
+        while !self.lost {
+            let before = input;
+            match self.decoder.decode(&mut input) {
+                Ok(Some(packet)) => {
+                    self.unsure.clear();
+                    stretches.push(Stretch::Message(packet));
+                }
+                Ok(None) => {
+                    self.unsure.extend_from_slice(before);
+                    return stretches;
+                }
+                Err(_) => (self.lost, input) = (true, before),
+            }
+        }
+        self.unsure.extend_from_slice(input);
+        stretches.extend(self.rest());
+        stretches
+    }
+
+    /// What is left of a message that will never be whole.
+    pub(crate) fn rest(&mut self) -> Option<Stretch> {
+        let rest = self.unsure.split().freeze();
+        (!rest.is_empty()).then_some(Stretch::Raw(rest))
+    }
+}
+
+/// A message after all that is wrong with it; `None`: it does not arrive.
+pub(crate) fn spoil<'a>(
+    mut packet: Packet,
+    faults: impl Iterator<Item = &'a Fault>,
+    rng: &mut StdRng,
+) -> Option<Packet> {
+    for fault in faults.filter(|fault| fault.trouble.spoils_messages()) {
+        let hit =
+            packet.kind == kind_of(fault.trouble) && rng.random_bool(fault.chance.clamp(0.0, 1.0));
+        packet.payload = match fault.trouble {
+            _ if !hit => continue,
+            Trouble::NoPower => return None,
+            Trouble::PowerJumps { percent } => jump(&packet.payload, percent, rng),
+            Trouble::PowerGarbage => garbage(1, rng),
+            Trouble::HugeFrames => pad(&packet.payload),
+            Trouble::TruncatedFrames => truncate(&packet.payload, rng),
+            Trouble::FlippedFrames { bytes } => flip(&packet.payload, bytes, rng),
+            _ => continue,
+        };
+    }
+    Some(packet)
+}
+
+fn kind_of(trouble: Trouble) -> u8 {
+    match trouble {
+        Trouble::NoPower | Trouble::PowerJumps { .. } | Trouble::PowerGarbage => kind::POWER,
+        _ => kind::VIDEO,
+    }
+}
+
+fn jump(payload: &[u8], percent: Option<u8>, rng: &mut StdRng) -> Bytes {
+    let charging = payload
+        .first()
+        .and_then(|&byte| Power::from_byte(byte))
+        .is_some_and(|power| power.charging);
+    let percent = percent.unwrap_or_else(|| rng.random_range(0..=100));
+    Bytes::from(vec![Power { percent, charging }.to_byte()])
+}
+
+/// A picture as long as a message can be, which shows what it showed.
+fn pad(jpeg: &Bytes) -> Bytes {
+    let missing = MAX_PAYLOAD_LEN.saturating_sub(jpeg.len());
+    if !jpeg.starts_with(JPEG_START) || missing < COMMENT_OVERHEAD {
+        return jpeg.clone();
+    }
+    let mut huge = BytesMut::with_capacity(MAX_PAYLOAD_LEN);
+    huge.put_slice(JPEG_START);
+    huge.put_slice(&COMMENT);
+    huge.put_u16((missing - COMMENT.len()) as u16);
+    huge.put_bytes(b' ', missing - COMMENT_OVERHEAD);
+    huge.put_slice(&jpeg[JPEG_START.len()..]);
+    huge.freeze()
+}
+
+fn truncate(payload: &Bytes, rng: &mut StdRng) -> Bytes {
+    payload.slice(..rng.random_range(0..payload.len().max(1)))
+}
+
+fn flip(payload: &Bytes, count: usize, rng: &mut StdRng) -> Bytes {
+    let mut flipped = BytesMut::from(&payload[..]);
+    for _ in 0..count.min(payload.len()) {
+        let at = rng.random_range(0..flipped.len());
+        flipped[at] ^= rng.random_range(1..=u8::MAX);
+    }
+    flipped.freeze()
+}
+
+/// Random bytes.
+pub(crate) fn garbage(count: usize, rng: &mut StdRng) -> Bytes {
+    let mut bytes = vec![0; count];
+    rng.fill_bytes(&mut bytes);
+    Bytes::from(bytes)
+}
+
+/// Has a message's header claim another length than is true.
+pub(crate) fn lie(message: &mut [u8], claim: Option<u16>, rng: &mut StdRng) {
+    let truth = message.len().saturating_sub(HEADER_LEN) as u16;
+    let claim = claim.unwrap_or_else(|| truth.wrapping_add(rng.random_range(1..=u16::MAX)));
+    if let Some(length) = message.get_mut(LENGTH) {
+        length.copy_from_slice(&claim.to_be_bytes());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use rand::SeedableRng;
+
+    fn dice() -> StdRng {
+        StdRng::seed_from_u64(5)
+    }
+
+    fn spoilt(packet: &Packet, trouble: Trouble) -> Option<Packet> {
+        spoil(packet.clone(), [Fault::new(trouble)].iter(), &mut dice())
+    }
+
+    fn frame() -> Packet {
+        Packet::new(
+            kind::VIDEO,
+            [&[0xFF, 0xD8][..], &[7; 500], &[0xFF, 0xD9]].concat(),
+        )
+    }
+
+    #[test]
+    fn frames_are_spoilt_and_nothing_else() {
+        let power = Packet::new(kind::POWER, vec![80]);
+        for trouble in [
+            Trouble::HugeFrames,
+            Trouble::TruncatedFrames,
+            Trouble::FlippedFrames { bytes: 3 },
+        ] {
+            assert_ne!(spoilt(&frame(), trouble), Some(frame()), "{trouble:?}");
+            assert_eq!(spoilt(&power, trouble), Some(power.clone()));
+        }
+        let huge = spoilt(&frame(), Trouble::HugeFrames).unwrap();
+        assert_eq!(huge.payload.len(), MAX_PAYLOAD_LEN);
+        assert_eq!(huge.payload[..4], [0xFF, 0xD8, 0xFF, 0xFE]);
+        assert!(huge.payload.ends_with(&frame().payload[2..]));
+    }
+
+    #[test]
+    fn power_is_swallowed_or_wrong_and_keeps_its_sign() {
+        for (byte, jumped) in [(80u8, 5u8), (176, 251)] {
+            let power = Packet::new(kind::POWER, vec![byte]);
+            assert_eq!(spoilt(&power, Trouble::NoPower), None);
+            let wrong = spoilt(&power, Trouble::PowerJumps { percent: Some(5) });
+            assert_eq!(wrong.unwrap().payload[..], [jumped]);
+        }
+        assert_eq!(spoilt(&frame(), Trouble::NoPower), Some(frame()));
+    }
+
+    #[test]
+    fn garbage_for_power_is_any_byte_and_pictures_stay() {
+        let (power, mut rng) = (Packet::new(kind::POWER, vec![80]), dice());
+        let faults = [Fault::new(Trouble::PowerGarbage)];
+        let bytes = (0..2000).filter_map(|_| spoil(power.clone(), faults.iter(), &mut rng));
+        let seen: std::collections::BTreeSet<u8> = bytes.map(|packet| packet.payload[0]).collect();
+        assert_eq!(seen.len(), 256);
+        assert_eq!(spoilt(&frame(), Trouble::PowerGarbage), Some(frame()));
+    }
+
+    #[test]
+    fn a_lie_changes_the_length_alone() {
+        let stop = [0x50, 0x4B, 5, 0, 2, 0, 0];
+        let mut lies = stop;
+        lie(&mut lies, Some(0xFFFF), &mut dice());
+        assert_eq!(lies, [0x50, 0x4B, 5, 0xFF, 0xFF, 0, 0]);
+        let mut lies = stop;
+        lie(&mut lies, None, &mut dice());
+        assert_ne!(lies, stop);
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_cut_and_put_together_is_what_it_was(
+            slices in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..40), 0..20),
+            in_step in any::<bool>(),
+        ) {
+            let (mut splitter, mut sent, mut came) = (Splitter::default(), BytesMut::new(), BytesMut::new());
+            let slices = slices.iter().map(|slice| {
+                if !in_step { return Bytes::from(slice.clone()); }
+                let mut message = BytesMut::new();
+                Packet::new(9, slice.clone()).emit(&mut message);
+                message.freeze()
+            });
+            for slice in slices {
+                sent.extend_from_slice(&slice);
+                for stretch in splitter.feed(&slice) {
+                    prop_assert!(!in_step || matches!(stretch, Stretch::Message(_)));
+                    put(stretch, &mut came);
+                }
+            }
+            splitter.rest().into_iter().for_each(|stretch| put(stretch, &mut came));
+            prop_assert_eq!(came, sent);
+        }
+
+        #[test]
+        fn any_payload_is_spoilt_without_panic(payload in prop::collection::vec(any::<u8>(), 0..50), seed in any::<u64>()) {
+            let mut rng = StdRng::seed_from_u64(seed);
+            for kind in [kind::VIDEO, kind::POWER] {
+                for trouble in [
+                    Trouble::HugeFrames, Trouble::TruncatedFrames, Trouble::FlippedFrames { bytes: 9 },
+                    Trouble::PowerJumps { percent: None }, Trouble::PowerGarbage,
+                ] {
+                    spoil(Packet::new(kind, payload.clone()), [Fault::new(trouble)].iter(), &mut rng);
+                }
+            }
+            lie(&mut payload.clone(), None, &mut rng);
+        }
+    }
+
+    fn put(stretch: Stretch, out: &mut BytesMut) {
+        match stretch {
+            Stretch::Message(packet) => packet.emit(out),
+            Stretch::Raw(bytes) => out.extend_from_slice(&bytes),
+        }
+    }
+}

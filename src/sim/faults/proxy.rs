@@ -1,0 +1,443 @@
+//! The middleware between a client and the robot: carries a connection's bytes both ways and
+//! spoils them as the faults of the moment say. Knows no robot; works over anything that reads and
+//! writes bytes, and over its seed alone.
+
+use std::future::pending;
+use std::time::Duration;
+
+use bytes::BytesMut;
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, ReadHalf, WriteHalf};
+use tokio::sync::{broadcast, mpsc, watch};
+use tokio::time::{Instant, sleep_until, timeout};
+
+use super::fault::{Fault, Towards, Trouble};
+use super::mangle::{self, Splitter, Stretch};
+use super::outlet::{End, Outlet, Parcel};
+use super::troubles::{Conditions, Weather};
+use crate::sim::server::connection::Transport;
+
+const READ_LEN: usize = 8 * 1024;
+/// Reads that may wait on their way; then the sender waits. More than a delay of seconds needs.
+const MAX_WAITING: usize = 256;
+/// When one end has closed, the other gets this long to do so too.
+const FAREWELL: Duration = Duration::from_secs(1);
+/// Makes the end of a connection a reset; its drop alone is an orderly end.
+pub(crate) struct Breaker(pub(crate) socket2::Socket);
+
+impl Breaker {
+    fn arm(&self) {
+        // A connection that cannot be reset any more has gone already.
+        let _ = self.0.set_linger(Some(Duration::ZERO));
+    }
+}
+
+/// Carries bytes between a client and the robot until both have closed, or until a fault ends it.
+pub(crate) async fn carry(
+    client: impl Transport,
+    breaker: Option<Breaker>,
+    robot: impl Transport,
+    weather: Weather,
+) {
+    let (client_reader, client_writer) = tokio::io::split(client);
+    let (robot_reader, robot_writer) = tokio::io::split(robot);
+    let Weather {
+        mut conditions,
+        strikes,
+        seed,
+        unacknowledged,
+    } = weather;
+    let lane = |towards, strikes, seed| Lane::new(towards, conditions.clone(), strikes, seed);
+    let mut to_robot = lane(Towards::Robot, strikes.resubscribe(), seed);
+    to_robot.unacknowledged = unacknowledged;
+    let to_client = lane(Towards::Client, strikes, seed.wrapping_add(1));
+    let mut to_robot = Box::pin(to_robot.run(client_reader, robot_writer));
+    let mut to_client = Box::pin(to_client.run(robot_reader, client_writer));
+    let end = tokio::select! {
+        biased;
+        end = &mut to_robot => end.or(timeout(FAREWELL, &mut to_client)).await,
+        end = &mut to_client => end.or(timeout(FAREWELL, &mut to_robot)).await,
+    };
+    if end == End::Reset {
+        breaker.iter().for_each(Breaker::arm);
+    } else {
+        // While its side is half-open nobody tells the robot that its client has gone.
+        let _ = conditions
+            .wait_for(|now| !now.swallow(Towards::Robot))
+            .await;
+    }
+}
+
+impl End {
+    /// A reset waits for nothing; else the other direction may still end in its own way.
+    async fn or<E>(self, other: impl Future<Output = Result<End, E>>) -> End {
+        match self {
+            End::Reset => self,
+            End::Closed => other.await.unwrap_or(End::Closed),
+        }
+    }
+}
+
+/// One direction of a connection.
+struct Lane {
+    towards: Towards,
+    conditions: watch::Receiver<Conditions>,
+    strikes: broadcast::Receiver<Fault>,
+    rng: StdRng,
+    splitter: Splitter,
+    /// Strikes that wait for a message.
+    aimed: Vec<Trouble>,
+    /// Bytes were swallowed: nothing arrives any more.
+    swallowed: bool,
+    /// How long its sender waits for an acknowledgement of what was swallowed, and until when.
+    unacknowledged: Option<Duration>,
+    given_up: Option<Instant>,
+    last_due: Instant,
+}
+
+impl Lane {
+    fn new(
+        towards: Towards,
+        conditions: watch::Receiver<Conditions>,
+        strikes: broadcast::Receiver<Fault>,
+        seed: u64,
+    ) -> Lane {
+        Lane {
+            towards,
+            conditions,
+            strikes,
+            rng: StdRng::seed_from_u64(seed),
+            splitter: Splitter::default(),
+            aimed: Vec::new(),
+            swallowed: false,
+            unacknowledged: None,
+            given_up: None,
+            last_due: Instant::now(),
+        }
+    }
+
+    async fn run<R: AsyncRead, W: AsyncWrite>(
+        mut self,
+        mut from: ReadHalf<R>,
+        to: WriteHalf<W>,
+    ) -> End {
+        let (queue, waiting) = mpsc::channel(MAX_WAITING);
+        let outlet = Outlet {
+            towards: self.towards,
+            conditions: self.conditions.clone(),
+            rng: StdRng::seed_from_u64(self.rng.random()),
+            free: Instant::now(),
+        };
+        let mut outlet = Box::pin(outlet.run(to, waiting));
+        tokio::select! {
+            biased;
+            end = &mut outlet => end,
+            () = self.take_in(&mut from, queue) => outlet.await,
+        }
+    }
+
+    /// Ends when nothing more will come; what is on its way still arrives.
+    async fn take_in(&mut self, from: &mut (impl AsyncRead + Unpin), queue: mpsc::Sender<Parcel>) {
+        let mut buffer = vec![0; READ_LEN];
+        loop {
+            let parcels = tokio::select! {
+                biased;
+                strike = self.strikes.recv() => match strike {
+                    Ok(fault) => self.struck(&fault),
+                    Err(broadcast::error::RecvError::Lagged(_)) => vec![],
+                    Err(broadcast::error::RecvError::Closed) => return,
+                },
+                () = at(self.given_up) => {
+                    send(&queue, vec![Parcel::Reset]).await;
+                    return;
+                }
+                read = from.read(&mut buffer) => match read {
+                    Ok(length @ 1..) => self.passed(&buffer[..length]),
+                    Ok(0) | Err(_) => {
+                        let rest = self.splitter.rest();
+                        let parcels = self.load(rest);
+                        send(&queue, parcels).await;
+                        return;
+                    }
+                },
+            };
+            if !send(&queue, parcels).await {
+                return;
+            }
+        }
+    }
+
+    fn struck(&mut self, fault: &Fault) -> Vec<Parcel> {
+        if !fault.towards.covers(self.towards) {
+            return vec![];
+        }
+        match fault.trouble {
+            Trouble::Garbage { bytes } => {
+                let bytes = mangle::garbage(bytes, &mut self.rng);
+                self.load([Stretch::Raw(bytes)])
+            }
+            Trouble::Reset if self.towards == Towards::Robot => vec![],
+            Trouble::Reset | Trouble::LengthLie { .. } => {
+                self.aimed.push(fault.trouble);
+                vec![]
+            }
+            _ => vec![],
+        }
+    }
+
+    fn passed(&mut self, bytes: &[u8]) -> Vec<Parcel> {
+        let stretches = self.splitter.feed(bytes);
+        self.load(stretches)
+    }
+
+    /// What came in one read goes on in one parcel, unless a reset cuts it.
+    fn load(&mut self, stretches: impl IntoIterator<Item = Stretch>) -> Vec<Parcel> {
+        let conditions = self.conditions.borrow_and_update().clone();
+        self.swallowed |= conditions.swallow(self.towards);
+        if self.swallowed {
+            let limit = self.unacknowledged.map(|limit| Instant::now() + limit);
+            self.given_up = self.given_up.or(limit);
+            return vec![];
+        }
+        let due = self.due(&conditions);
+        let mut bytes = BytesMut::new();
+        for stretch in stretches {
+            let packet = match stretch {
+                Stretch::Raw(raw) => {
+                    bytes.extend_from_slice(&raw);
+                    continue;
+                }
+                Stretch::Message(packet) => packet,
+            };
+            let faults = conditions.towards(self.towards);
+            let Some(packet) = mangle::spoil(packet, faults, &mut self.rng) else {
+                continue;
+            };
+            let start = bytes.len();
+            packet.emit(&mut bytes);
+            if self.strike(&mut bytes, start) {
+                let bytes = bytes.freeze();
+                return vec![Parcel::Bytes { due, bytes }, Parcel::Reset];
+            }
+        }
+        let bytes = bytes.freeze();
+        if bytes.is_empty() {
+            vec![]
+        } else {
+            vec![Parcel::Bytes { due, bytes }]
+        }
+    }
+
+    /// Lets the strikes that wait hit the message at the end of `bytes`; true if that cuts it off.
+    fn strike(&mut self, bytes: &mut BytesMut, start: usize) -> bool {
+        for trouble in std::mem::take(&mut self.aimed) {
+            match trouble {
+                Trouble::LengthLie { claim } => {
+                    mangle::lie(&mut bytes[start..], claim, &mut self.rng)
+                }
+                _ => {
+                    bytes.truncate(start + (bytes.len() - start) / 2);
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// When what comes now is to arrive: never before what came earlier.
+    fn due(&mut self, conditions: &Conditions) -> Instant {
+        let mut due = Instant::now();
+        for fault in conditions.towards(self.towards) {
+            if let Trouble::Delay { by, jitter } = fault.trouble {
+                due += by + jitter.mul_f64(self.rng.random_range(0.0..=1.0));
+            }
+        }
+        self.last_due = self.last_due.max(due);
+        self.last_due
+    }
+}
+
+async fn at(time: Option<Instant>) {
+    match time {
+        Some(time) => sleep_until(time).await,
+        None => pending().await,
+    }
+}
+
+/// False if nobody takes them any more.
+async fn send(queue: &mpsc::Sender<Parcel>, parcels: Vec<Parcel>) -> bool {
+    for parcel in parcels {
+        if queue.send(parcel).await.is_err() {
+            return false;
+        }
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::faults::timing::Timing;
+    use crate::sim::faults::troubles::Troubles;
+    use tokio::io::{AsyncWriteExt, DuplexStream};
+    use tokio::task::JoinHandle;
+    use tokio::time::sleep;
+
+    const SECOND: Duration = Duration::from_secs(1);
+    const POWER_80: &[u8] = &[0x50, 0x4B, 3, 0, 1, 0x50];
+
+    /// A connection that is carried, and its ends.
+    struct Line {
+        troubles: Troubles,
+        client: DuplexStream,
+        robot: DuplexStream,
+        carried: JoinHandle<()>,
+    }
+
+    fn line(seed: u64) -> Line {
+        let mut troubles = Troubles::new(seed, Some(4 * SECOND));
+        let (client, near) = tokio::io::duplex(64 * 1024);
+        let (far, robot) = tokio::io::duplex(64 * 1024);
+        let carried = tokio::spawn(carry(near, None, far, troubles.weather()));
+        Line {
+            troubles,
+            client,
+            robot,
+            carried,
+        }
+    }
+
+    impl Line {
+        fn begin(&mut self, trouble: Trouble, towards: Towards, lasts: Option<Duration>) {
+            let mut fault = Fault {
+                towards,
+                ..Fault::new(trouble)
+            };
+            fault.timing = Timing {
+                lasts: lasts.or(fault.timing.lasts),
+                ..fault.timing
+            };
+            self.troubles.begin(fault, Instant::now());
+            self.troubles.poll(Instant::now());
+        }
+    }
+
+    async fn rest(end: &mut DuplexStream) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        end.read_to_end(&mut bytes).await.unwrap();
+        bytes
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn without_faults_bytes_and_the_end_pass_unchanged_even_if_they_are_no_messages() {
+        let mut line = line(1);
+        line.client.write_all(b"GET / HTTP/1.0").await.unwrap();
+        line.client.shutdown().await.unwrap();
+        assert_eq!(rest(&mut line.robot).await, b"GET / HTTP/1.0");
+        line.robot
+            .write_all(&[POWER_80, &POWER_80[..3]].concat())
+            .await
+            .unwrap();
+        drop(line.robot);
+        assert_eq!(
+            rest(&mut line.client).await,
+            [POWER_80, &POWER_80[..3]].concat()
+        );
+        line.carried.await.unwrap();
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn delayed_bytes_arrive_later_and_in_order() {
+        let mut line = line(1);
+        let (by, jitter) = (SECOND, SECOND);
+        line.begin(Trouble::Delay { by, jitter }, Towards::Client, None);
+        let start = Instant::now();
+        for level in 0..20 {
+            line.robot
+                .write_all(&[0x50, 0x4B, 3, 0, 1, level])
+                .await
+                .unwrap();
+            sleep(Duration::from_millis(50)).await;
+        }
+        let mut levels = Vec::new();
+        for _ in 0..20 {
+            let mut message = [0; 6];
+            line.client.read_exact(&mut message).await.unwrap();
+            levels.push(message[5]);
+            assert!(levels.len() > 1 || start.elapsed() >= SECOND);
+        }
+        assert_eq!(levels, (0..20).collect::<Vec<u8>>());
+        assert!(start.elapsed() < 4 * SECOND, "{:?}", start.elapsed());
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn what_is_cut_or_trickles_arrives_whole() {
+        for trouble in [Trouble::Split, Trouble::Drip { rate: 100 }] {
+            let mut line = line(3);
+            line.begin(trouble, Towards::Both, None);
+            let (start, sent) = (Instant::now(), POWER_80.repeat(100));
+            line.robot.write_all(&sent).await.unwrap();
+            drop(line.robot);
+            assert_eq!(rest(&mut line.client).await, sent);
+            let seconds = start.elapsed().as_secs();
+            assert_eq!(seconds, if trouble == Trouble::Split { 0 } else { 6 });
+        }
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_connection_that_lost_bytes_stays_dead_and_its_end_is_noticed_late() {
+        let mut line = line(1);
+        line.begin(Trouble::HalfOpen, Towards::Both, Some(5 * SECOND));
+        line.client.write_all(POWER_80).await.unwrap();
+        sleep(3 * SECOND).await;
+        drop(line.client);
+        let mut byte = [0];
+        let read = timeout(SECOND, line.robot.read(&mut byte)).await;
+        assert!(read.is_err(), "the robot noticed {read:?}");
+        sleep(SECOND).await;
+        line.troubles.poll(Instant::now());
+        assert_eq!(rest(&mut line.robot).await, b"");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_client_whose_bytes_are_swallowed_loses_its_connection_in_the_end() {
+        let mut line = line(1);
+        line.begin(Trouble::HalfOpen, Towards::Robot, None);
+        let start = Instant::now();
+        line.client.write_all(POWER_80).await.unwrap();
+        sleep(SECOND).await;
+        line.client.write_all(POWER_80).await.unwrap();
+        assert_eq!(rest(&mut line.client).await, b"");
+        assert_eq!(start.elapsed().as_secs(), 4);
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_reset_leaves_half_a_message() {
+        let mut line = line(1);
+        line.begin(Trouble::Reset, Towards::Both, None);
+        line.robot.write_all(&POWER_80.repeat(2)).await.unwrap();
+        assert_eq!(rest(&mut line.client).await, POWER_80[..3]);
+        line.carried.await.unwrap();
+        assert!(line.robot.write_all(POWER_80).await.is_err());
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn the_same_seed_spoils_the_same_bytes() {
+        let spoilt = async |seed| {
+            let mut line = line(seed);
+            line.begin(Trouble::Garbage { bytes: 50 }, Towards::Client, None);
+            line.begin(Trouble::LengthLie { claim: None }, Towards::Client, None);
+            // The strikes hit what is there: let them in before the end.
+            sleep(SECOND).await;
+            line.robot.write_all(POWER_80).await.unwrap();
+            drop(line.robot);
+            rest(&mut line.client).await
+        };
+        let first = spoilt(4).await;
+        assert_eq!(first.len(), 56);
+        assert!(!first.ends_with(POWER_80), "the length is a lie");
+        assert_eq!(first, spoilt(4).await);
+        assert_ne!(first, spoilt(5).await);
+    }
+}

@@ -1,0 +1,205 @@
+//! All faults with their times: which are on now, which strike at this moment, what the robot is to
+//! be told. Asks no clock; what it says to the connections goes through channels that never block.
+
+use std::time::Duration;
+
+use std::sync::Arc;
+
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+use tokio::sync::{broadcast, watch};
+use tokio::time::Instant;
+
+use super::fault::{Fault, Towards, Trouble};
+use super::timing::{Beat, Turn};
+
+/// Strikes that a connection may have unread; older ones miss it.
+const MAX_STRIKES: usize = 64;
+
+/// The faults that are on.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Conditions(Arc<[Fault]>);
+
+impl Conditions {
+    /// Of some faults.
+    pub(crate) fn of(faults: impl IntoIterator<Item = Fault>) -> Conditions {
+        Conditions(faults.into_iter().collect())
+    }
+
+    /// Those that concern bytes on their way to one end.
+    pub(crate) fn towards(&self, end: Towards) -> impl Iterator<Item = &Fault> {
+        self.0.iter().filter(move |fault| fault.towards.covers(end))
+    }
+
+    /// Bytes to this end are swallowed.
+    pub(crate) fn swallow(&self, end: Towards) -> bool {
+        self.towards(end)
+            .any(|fault| fault.trouble == Trouble::HalfOpen)
+    }
+}
+
+/// What a connection hears of the faults.
+#[derive(Debug)]
+pub(crate) struct Weather {
+    pub(crate) conditions: watch::Receiver<Conditions>,
+    pub(crate) strikes: broadcast::Receiver<Fault>,
+    /// Of the connection's own luck.
+    pub(crate) seed: u64,
+    /// See [`Options::unacknowledged`](crate::sim::Options::unacknowledged).
+    pub(crate) unacknowledged: Option<Duration>,
+}
+
+struct Running {
+    fault: Fault,
+    beat: Beat,
+    /// Its time has come, and the dice were for it.
+    on: bool,
+}
+
+/// All faults.
+pub(crate) struct Troubles {
+    running: Vec<Running>,
+    conditions: watch::Sender<Conditions>,
+    strikes: broadcast::Sender<Fault>,
+    rng: StdRng,
+    unacknowledged: Option<Duration>,
+}
+
+impl Troubles {
+    /// None yet. `seed` gives the luck.
+    pub(crate) fn new(seed: u64, unacknowledged: Option<Duration>) -> Troubles {
+        Troubles {
+            unacknowledged,
+            running: Vec::new(),
+            conditions: watch::Sender::default(),
+            strikes: broadcast::Sender::new(MAX_STRIKES),
+            rng: StdRng::seed_from_u64(seed),
+        }
+    }
+
+    /// A fault's times count from now.
+    pub(crate) fn begin(&mut self, fault: Fault, now: Instant) {
+        let (beat, on) = (Beat::new(fault.timing, now), false);
+        self.running.push(Running { fault, beat, on });
+    }
+
+    /// No more faults: those that were on, for the robot to be told.
+    pub(crate) fn clear(&mut self) -> Vec<(Trouble, Turn)> {
+        let all = std::mem::take(&mut self.running);
+        self.conditions.send_replace(Conditions::default());
+        let on = all.into_iter().filter(|running| running.on);
+        on.map(|running| (running.fault.trouble, Turn::Ends))
+            .collect()
+    }
+
+    /// A new connection's ties.
+    pub(crate) fn weather(&mut self) -> Weather {
+        Weather {
+            conditions: self.conditions.subscribe(),
+            strikes: self.strikes.subscribe(),
+            seed: self.rng.random(),
+            unacknowledged: self.unacknowledged,
+        }
+    }
+
+    /// Lets time pass: what has begun and ended, in order. Connections have been told already.
+    pub(crate) fn poll(&mut self, now: Instant) -> Vec<(Trouble, Turn)> {
+        let mut turns = Vec::new();
+        for running in &mut self.running {
+            while let Some(turn) = running.beat.poll(now) {
+                let was_on = running.on;
+                running.on = turn == Turn::Begins && lucky(&mut self.rng, &running.fault);
+                if running.on {
+                    // Without a connection nobody is struck.
+                    let _ = self.strikes.send(running.fault);
+                }
+                if running.on != was_on {
+                    turns.push((running.fault.trouble, turn));
+                }
+            }
+        }
+        if !turns.is_empty() {
+            let on = self.running.iter().filter(|running| running.on);
+            let conditions = Conditions::of(on.map(|running| running.fault));
+            self.conditions.send_replace(conditions);
+            self.running.retain(|running| !running.beat.is_over());
+        }
+        turns
+    }
+}
+
+fn lucky(rng: &mut StdRng, fault: &Fault) -> bool {
+    fault.trouble.spoils_messages() || rng.random_bool(fault.chance.clamp(0.0, 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::faults::timing::Timing;
+    use std::time::Duration;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    fn fault(trouble: Trouble, lasts: u64, every: u64, chance: f64) -> Fault {
+        let timing = Timing {
+            after: SECOND,
+            lasts: Some(SECOND * lasts as u32),
+            every: Some(SECOND * every as u32),
+        };
+        Fault {
+            timing,
+            chance,
+            ..Fault::new(trouble)
+        }
+    }
+
+    #[test]
+    fn lasting_faults_are_conditions_and_momentary_ones_strike() {
+        let (mut troubles, now) = (Troubles::new(1, None), Instant::now());
+        let mut weather = troubles.weather();
+        troubles.begin(fault(Trouble::HalfOpen, 2, 9, 1.0), now);
+        troubles.begin(fault(Trouble::Reset, 0, 9, 1.0), now);
+        assert_eq!(troubles.poll(now), []);
+        let turns = troubles.poll(now + SECOND);
+        let expected = [
+            (Trouble::HalfOpen, Turn::Begins),
+            (Trouble::Reset, Turn::Begins),
+            (Trouble::Reset, Turn::Ends),
+        ];
+        assert_eq!(turns, expected);
+        assert!(weather.conditions.borrow().swallow(Towards::Robot));
+        assert_eq!(
+            weather.strikes.try_recv().unwrap().trouble,
+            Trouble::HalfOpen
+        );
+        assert_eq!(weather.strikes.try_recv().unwrap().trouble, Trouble::Reset);
+        assert_eq!(
+            troubles.poll(now + 3 * SECOND),
+            [(Trouble::HalfOpen, Turn::Ends)]
+        );
+        assert!(!weather.conditions.borrow().swallow(Towards::Robot));
+    }
+
+    #[test]
+    fn the_same_seed_has_the_same_luck() {
+        let times = |seed| {
+            let (mut troubles, now) = (Troubles::new(seed, None), Instant::now());
+            troubles.begin(fault(Trouble::Drop, 0, 1, 0.5), now);
+            let happens = |second: u32| !troubles.poll(now + SECOND * second).is_empty();
+            (0..64).map(happens).collect::<Vec<bool>>()
+        };
+        assert_eq!(times(3), times(3));
+        assert_ne!(times(3), times(4));
+        let count = times(3).iter().filter(|happened| **happened).count();
+        assert!((10..54).contains(&count), "{count}");
+    }
+
+    #[test]
+    fn cleared_faults_end_at_once_and_for_good() {
+        let (mut troubles, now) = (Troubles::new(1, None), Instant::now());
+        troubles.begin(fault(Trouble::NoCharge, 5, 9, 1.0), now);
+        troubles.poll(now + SECOND);
+        assert_eq!(troubles.clear(), [(Trouble::NoCharge, Turn::Ends)]);
+        assert_eq!(troubles.poll(now + 60 * SECOND), []);
+    }
+}

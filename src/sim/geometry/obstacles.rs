@@ -1,0 +1,228 @@
+//! What stops the robot and what hides the station from it: the world, reduced to lines and circles.
+
+use super::{Point, Segment};
+use crate::sim::world::document::World;
+
+/// A round thing, seen from above.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Circle {
+    pub(crate) middle: Point,
+    pub(crate) radius: f64,
+}
+
+impl Circle {
+    /// Of a radius in metres.
+    pub(crate) fn new(middle: Point, radius: f64) -> Circle {
+        Circle { middle, radius }
+    }
+
+    /// Metres between two round things; below 0 if they overlap.
+    pub(crate) fn gap(self, other: Circle) -> f64 {
+        self.middle.distance(other.middle) - self.radius - other.radius
+    }
+}
+
+/// Something that a robot can run into; the number is its place in the world's list.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Obstacle {
+    Wall,
+    Furniture(usize),
+    Station,
+    Post(usize),
+    Ball(usize),
+    Walker(usize),
+}
+
+/// Everything that a robot can run into.
+#[derive(Debug, Clone)]
+pub(crate) struct Obstacles {
+    /// Walls and furniture: high, so they also hide the station. Walls come first.
+    high: Vec<Segment>,
+    walls: usize,
+    /// The station's body.
+    station: [Segment; 4],
+    /// Posts, which hide the station.
+    posts: Vec<Circle>,
+    /// Balls, which do not, and then people.
+    round: Vec<Circle>,
+    balls: usize,
+}
+
+impl Obstacles {
+    /// Those of a world.
+    pub(crate) fn of(world: &World) -> Obstacles {
+        let mut high = world.room.sides().to_vec();
+        high.extend(world.walls.iter().flat_map(|wall| wall.sides()));
+        let walls = high.len();
+        high.extend(world.furniture.iter().flat_map(|item| item.sides()));
+        let posts = world.posts.iter();
+        let balls = world.balls.iter();
+        let people = world.walkers.iter();
+        let people = people.map(|walker| Circle::new(walker.at.point(), walker.radius));
+        let round = balls.map(|ball| Circle::new(ball.at.point(), ball.radius));
+        Obstacles {
+            high,
+            walls,
+            station: world.station.sides(),
+            posts: posts
+                .map(|post| Circle::new(post.at.point(), post.radius))
+                .collect(),
+            round: round.chain(people).collect(),
+            balls: world.balls.len(),
+        }
+    }
+
+    /// The same without all that moves.
+    pub(crate) fn fixed(world: &World) -> Obstacles {
+        let mut fixed = Obstacles::of(world);
+        fixed.round.clear();
+        fixed.balls = 0;
+        fixed
+    }
+
+    /// A ball, or a person after all balls, is somewhere else now.
+    pub(crate) fn move_round(&mut self, index: usize, place: Point) {
+        self.round[index].middle = place;
+    }
+
+    /// Metres from a point to the nearest obstacle; below 0 inside a round one.
+    pub(crate) fn clearance(&self, point: Point) -> f64 {
+        let lines = self.lines().map(|line| line.distance(point));
+        let circles = self
+            .circles()
+            .map(|circle| circle.gap(Circle::new(point, 0.0)));
+        lines.chain(circles).fold(f64::MAX, f64::min)
+    }
+
+    /// Whether nothing but itself is where the ball or person `index` wants to be.
+    pub(crate) fn has_room(&self, wanted: Circle, index: usize) -> bool {
+        let others = self
+            .round
+            .iter()
+            .enumerate()
+            .filter(|(other, _)| *other != index);
+        let mut circles = self.posts.iter().chain(others.map(|(_, circle)| circle));
+        self.lines()
+            .all(|line| line.distance(wanted.middle) >= wanted.radius)
+            && circles.all(|circle| circle.gap(wanted) >= 0.0)
+    }
+
+    /// What is nearest to a point.
+    pub(crate) fn nearest(&self, point: Point) -> Obstacle {
+        let here = Circle::new(point, 0.0);
+        let lines = self.high.iter().enumerate().map(|(index, line)| {
+            let what = match index.checked_sub(self.walls) {
+                Some(side) => Obstacle::Furniture(side / 4),
+                None => Obstacle::Wall,
+            };
+            (line.distance(point), what)
+        });
+        let station = self.station.iter();
+        let station = station.map(|line| (line.distance(point), Obstacle::Station));
+        let posts = self.posts.iter().enumerate();
+        let posts = posts.map(|(index, post)| (post.gap(here), Obstacle::Post(index)));
+        let round = self.round.iter().enumerate().map(|(index, circle)| {
+            let what = match index.checked_sub(self.balls) {
+                Some(walker) => Obstacle::Walker(walker),
+                None => Obstacle::Ball(index),
+            };
+            (circle.gap(here), what)
+        });
+        let all = lines.chain(station).chain(posts).chain(round);
+        let nearest = all.min_by(|a, b| a.0.total_cmp(&b.0));
+        nearest.map_or(Obstacle::Wall, |(_, what)| what)
+    }
+
+    /// Whether light gets from `a` to `b`.
+    pub(crate) fn sight(&self, a: Point, b: Point) -> bool {
+        let way = Segment { from: a, to: b };
+        let people = &self.round[self.balls..];
+        !self.high.iter().any(|line| line.crosses(a, b))
+            && !self
+                .posts
+                .iter()
+                .chain(people)
+                .any(|circle| way.distance(circle.middle) < circle.radius)
+    }
+
+    /// Whether walls, which reach up to the ceiling, are between `a` and `b`.
+    pub(crate) fn walled_off(&self, a: Point, b: Point) -> bool {
+        self.high[..self.walls]
+            .iter()
+            .any(|line| line.crosses(a, b))
+    }
+
+    /// The first side of a wall or piece of furniture on the way from `a` to `b`, as a share of it.
+    pub(crate) fn first_side(&self, a: Point, b: Point) -> Option<f64> {
+        let sides = self.high.iter().filter_map(|line| line.met_between(a, b));
+        sides.min_by(f64::total_cmp)
+    }
+
+    /// Whether a body of `radius` gets from `a` to `b` in a straight line. A body that already
+    /// stands too near to something may leave it.
+    pub(crate) fn way_free(&self, a: Point, b: Point, radius: f64) -> bool {
+        // Between rounding errors, the start itself must not seem nearer than it is.
+        const ROUNDING: f64 = 1e-9;
+        let way = Segment { from: a, to: b };
+        let here = Circle::new(a, 0.0);
+        let free = |gap: f64, before: &dyn Fn() -> f64| gap >= radius || gap >= before() - ROUNDING;
+        self.lines()
+            .all(|line| free(line.gap(way), &|| line.distance(a)))
+            && self.circles().all(|circle| {
+                let gap = way.distance(circle.middle) - circle.radius;
+                free(gap, &|| circle.gap(here))
+            })
+    }
+
+    fn lines(&self) -> impl Iterator<Item = &Segment> {
+        self.high.iter().chain(&self.station)
+    }
+
+    fn circles(&self) -> impl Iterator<Item = &Circle> {
+        self.posts.iter().chain(&self.round)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn world() -> World {
+        let text = "room: {width: 6, depth: 4}\nstation: {at: [0, 2], heading_degrees: 0}\n\
+                    walls: [{from: [3, 0], to: [3, 2.5]}]\nballs: [{at: [2, 3.2], colour: red}]\n";
+        World::from_yaml(text, "test").unwrap()
+    }
+
+    #[test]
+    fn walls_hide_the_station_and_balls_do_not() {
+        let obstacles = Obstacles::of(&world());
+        let beacon = Point::new(0.2, 2.0);
+        assert!(!obstacles.sight(beacon, Point::new(5.0, 1.0)));
+        assert!(obstacles.sight(beacon, Point::new(2.0, 1.0)));
+        assert!(obstacles.sight(Point::new(1.0, 3.2), Point::new(2.8, 3.2)));
+    }
+
+    #[test]
+    fn a_way_needs_room_for_the_whole_body() {
+        let obstacles = Obstacles::of(&world());
+        let (a, b) = (Point::new(2.0, 2.8), Point::new(4.0, 2.8));
+        assert!(!obstacles.way_free(a, b, 0.3));
+        let (a, b) = (Point::new(2.6, 3.0), Point::new(4.0, 3.0));
+        assert!(obstacles.way_free(a, b, 0.15));
+    }
+
+    #[test]
+    fn clearance_counts_what_is_nearest() {
+        let obstacles = Obstacles::of(&world());
+        assert!((obstacles.clearance(Point::new(2.0, 3.5)) - 0.2).abs() < 1e-9);
+        assert!((obstacles.clearance(Point::new(4.0, 0.3)) - 0.3).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_nearest_obstacle_has_its_kind_and_number() {
+        let obstacles = Obstacles::of(&world());
+        assert_eq!(obstacles.nearest(Point::new(2.0, 3.0)), Obstacle::Ball(0));
+        assert_eq!(obstacles.nearest(Point::new(5.9, 1.0)), Obstacle::Wall);
+        assert_eq!(obstacles.nearest(Point::new(0.3, 2.0)), Obstacle::Station);
+    }
+}

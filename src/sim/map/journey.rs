@@ -1,0 +1,313 @@
+//! The picture of a run: the way that the robot went, on the map, with what happened.
+
+use image::RgbImage;
+
+use super::canvas::{Canvas, Ink, Script};
+use super::plan;
+use crate::sim::body::trace::{Happening, Sample, Trace, What};
+use crate::sim::geometry::{Point, Pose};
+use crate::sim::world::document::World;
+
+/// Pixels beside the map for the legend.
+const BESIDE: u32 = 320;
+/// Labels of time along the way, about.
+const CLOCKS: u32 = 6;
+/// Marks of one kind nearer than this are drawn once, metres.
+const SAME: f64 = 0.08;
+
+const START: Ink = [20, 150, 90, 255];
+const END: Ink = [30, 90, 200, 255];
+const PALE: Ink = [110, 112, 118, 255];
+
+/// What the legend has a row for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Mark {
+    Collision,
+    FindBase,
+    Docked,
+    Undocked,
+    NotFound,
+    Photo,
+    Sound,
+    Light,
+    Note,
+}
+
+const MARKS: [(Mark, &str, Ink); 9] = [
+    (Mark::Collision, "ran into", [220, 20, 20, 255]),
+    (Mark::FindBase, "sent home", [235, 120, 0, 255]),
+    (Mark::Docked, "on the station", [0, 130, 60, 255]),
+    (Mark::Undocked, "left the station", [90, 190, 120, 255]),
+    (Mark::NotFound, "station not found", [120, 0, 60, 255]),
+    (Mark::Photo, "photo", [0, 110, 220, 255]),
+    (Mark::Sound, "sound", [150, 60, 190, 255]),
+    (Mark::Light, "light", [225, 170, 0, 255]),
+    (Mark::Note, "note", [60, 60, 66, 255]),
+];
+
+impl Trace {
+    /// The way on the map of its world, green at the start and blue at the end, with times, marks
+    /// for what happened, and a legend.
+    pub fn draw(&self, world: &World) -> RgbImage {
+        let Some(mut canvas) = plan::paper(world, BESIDE) else {
+            return RgbImage::new(1, 1);
+        };
+        plan::draw_onto(world, &mut canvas);
+        let samples: Vec<Sample> = self.samples().collect();
+        draw_way(&mut canvas, &samples);
+        for (ball, place) in world.balls.iter().zip(self.balls()) {
+            let [r, g, b] = ball.colour.0;
+            canvas.dot(*place, ball.radius as f32 * canvas.scale, [r, g, b, 255]);
+        }
+        draw_marks(&mut canvas, self.events());
+        if let (Some(first), Some(last)) = (samples.first(), samples.last()) {
+            plan::robot(&mut canvas, first.pose, START);
+            plan::robot(&mut canvas, last.pose, END);
+        }
+        draw_clocks(&mut canvas, &samples);
+        draw_legend(&mut canvas, world, self);
+        canvas.finish()
+    }
+}
+
+fn draw_way(canvas: &mut Canvas, samples: &[Sample]) {
+    const PIECES: usize = 64;
+    let legs: Vec<&[Sample]> = samples.chunk_by(|_, next| !next.leapt).collect();
+    for leg in &legs {
+        let places: Vec<Point> = leg.iter().map(|sample| sample.pose.point()).collect();
+        canvas.line(&places, 5.0, None, [255, 255, 255, 220]);
+    }
+    let end = samples
+        .last()
+        .map_or(0.0, |last| last.at.as_secs_f64())
+        .max(1e-3);
+    for leg in legs {
+        for piece in 0..leg.len().div_ceil(PIECES) {
+            // One more at the end joins the piece to the next one.
+            let part = &leg[piece * PIECES..leg.len().min((piece + 1) * PIECES + 1)];
+            let places: Vec<Point> = part.iter().map(|sample| sample.pose.point()).collect();
+            let share = part
+                .first()
+                .map_or(0.0, |first| first.at.as_secs_f64() / end);
+            canvas.line(&places, 2.5, None, between(share as f32));
+        }
+    }
+    for two in samples.windows(2).filter(|two| two[1].leapt) {
+        let ends = [two[0].pose.point(), two[1].pose.point()];
+        canvas.line(&ends, 1.0, Some(4.0), PALE);
+    }
+}
+
+/// The colour of the way after a share of the time.
+fn between(share: f32) -> Ink {
+    std::array::from_fn(|i| {
+        let (from, to) = (f32::from(START[i]), f32::from(END[i]));
+        (from + (to - from) * share.clamp(0.0, 1.0)) as u8
+    })
+}
+
+fn draw_clocks(canvas: &mut Canvas, samples: &[Sample]) {
+    let Some(last) = samples.last() else {
+        return;
+    };
+    let mut due = last.at / CLOCKS;
+    for sample in samples.iter().filter(|sample| !sample.at.is_zero()) {
+        if sample.at < due {
+            continue;
+        }
+        canvas.dot(sample.pose.point(), 3.5, PALE);
+        let script = Script::small([60, 62, 70, 255]);
+        canvas.label(
+            sample.pose.point(),
+            8.0,
+            &clock(sample.at.as_secs_f64()),
+            script,
+        );
+        while due <= sample.at {
+            due += last.at / CLOCKS;
+        }
+    }
+}
+
+/// Minutes and seconds.
+fn clock(seconds: f64) -> String {
+    let seconds = seconds.round() as u64;
+    format!("{}:{:02}", seconds / 60, seconds % 60)
+}
+
+fn kind_of(what: &What) -> Option<Mark> {
+    Some(match what {
+        What::Collision(_) => Mark::Collision,
+        What::FindBase => Mark::FindBase,
+        What::Docked => Mark::Docked,
+        What::Undocked => Mark::Undocked,
+        What::BaseNotFound => Mark::NotFound,
+        What::Photo => Mark::Photo,
+        What::Sound(_) => Mark::Sound,
+        What::Light { on: true, .. } => Mark::Light,
+        What::Light { .. } => return None,
+        What::Note(_) => Mark::Note,
+    })
+}
+
+fn draw_marks(canvas: &mut Canvas, events: &[Happening]) {
+    let mut drawn: Vec<(Mark, Point)> = Vec::new();
+    // The gravest kinds come first in the table, and on top of the paper.
+    for (mark, _, ink) in MARKS.iter().rev() {
+        for event in events
+            .iter()
+            .filter(|event| kind_of(&event.what) == Some(*mark))
+        {
+            let place = event.pose.point();
+            let near = |(other, at): &(Mark, Point)| other == mark && at.distance(place) < SAME;
+            if drawn.iter().any(near) {
+                continue;
+            }
+            drawn.push((*mark, place));
+            let place = canvas.at(aside(*mark, event.pose));
+            symbol(canvas, *mark, place, *ink);
+            if let What::Note(text) = &event.what {
+                canvas.label(event.pose.point(), 14.0, text, Script::small(*ink));
+            }
+        }
+    }
+}
+
+/// A run-in is where the bumper is, all else where the robot is.
+fn aside(mark: Mark, pose: Pose) -> Point {
+    match mark {
+        Mark::Collision => pose
+            .point()
+            .ahead(pose.heading, crate::sim::body::chassis::RADIUS * 0.8),
+        _ => pose.point(),
+    }
+}
+
+fn symbol(canvas: &mut Canvas, mark: Mark, (x, y): (f32, f32), ink: Ink) {
+    let polygon = |size: f32, corners: &[(f32, f32)]| -> Vec<(f32, f32)> {
+        corners
+            .iter()
+            .map(|(dx, dy)| (x + dx * size, y + dy * size))
+            .collect()
+    };
+    let house = [
+        (0.0, -1.2),
+        (1.0, -0.2),
+        (1.0, 1.0),
+        (-1.0, 1.0),
+        (-1.0, -0.2),
+    ];
+    let square = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+    let diamond = [(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)];
+    let star = [
+        (0.0, -1.0),
+        (0.3, -0.3),
+        (1.0, 0.0),
+        (0.3, 0.3),
+        (0.0, 1.0),
+        (-0.3, 0.3),
+        (-1.0, 0.0),
+        (-0.3, -0.3),
+    ];
+    let flag = [
+        (0.0, 1.0),
+        (0.0, -1.2),
+        (1.4, -0.7),
+        (0.2, -0.2),
+        (0.2, 1.0),
+    ];
+    let (shape, size): (&[(f32, f32)], f32) = match mark {
+        Mark::Collision | Mark::NotFound => {
+            for sign in [-1.0, 1.0] {
+                let (from, to) = ((x - 6.0, y - 6.0 * sign), (x + 6.0, y + 6.0 * sign));
+                canvas.rule(from, to, 6.0, [255, 255, 255, 220]);
+                canvas.rule(from, to, 3.0, ink);
+            }
+            return;
+        }
+        Mark::FindBase | Mark::Docked | Mark::Undocked => (&house, 7.0),
+        Mark::Photo => (&square, 5.0),
+        Mark::Sound => (&diamond, 6.5),
+        Mark::Light => (&star, 8.0),
+        Mark::Note => (&flag, 8.0),
+    };
+    let white = polygon(size + 1.5, shape);
+    canvas.fill_pixels(&white, [255, 255, 255, 230]);
+    let corners = polygon(size, shape);
+    canvas.fill_pixels(&corners, ink);
+}
+
+fn draw_legend(canvas: &mut Canvas, world: &World, trace: &Trace) {
+    let left = canvas.at(Point::new(world.room.width, 0.0)).0 + 28.0;
+    let mut y = 14.0;
+    let title = Script {
+        ink: END,
+        large: true,
+        bold: true,
+    };
+    canvas.write(
+        (left, y),
+        &format!("run of {}", clock(trace.duration().as_secs_f64())),
+        title,
+    );
+    y += 28.0;
+    canvas.write(
+        (left, y),
+        &format!("{:.1} m driven", trace.distance()),
+        Script::small(PALE),
+    );
+    y += 32.0;
+    for (ink, text) in [(START, "start"), (END, "end")] {
+        canvas.fill_pixels(
+            &[(left, y + 3.0), (left + 12.0, y + 8.0), (left, y + 13.0)],
+            ink,
+        );
+        canvas.write((left + 26.0, y), text, plan::NAME);
+        y += 24.0;
+    }
+    for (mark, name, ink) in MARKS {
+        let all = trace.events().iter();
+        let events: Vec<&Happening> = all
+            .filter(|event| kind_of(&event.what) == Some(mark))
+            .collect();
+        if events.is_empty() {
+            continue;
+        }
+        symbol(canvas, mark, (left + 6.0, y + 8.0), ink);
+        canvas.write(
+            (left + 26.0, y),
+            &format!("{name}: {}", events.len()),
+            plan::NAME,
+        );
+        y += 20.0;
+        for line in details(&events) {
+            canvas.write((left + 26.0, y), &line, Script::small(PALE));
+            y += 18.0;
+        }
+        y += 6.0;
+    }
+    if trace.missed() > 0 {
+        let text = format!("and {} more", trace.missed());
+        canvas.write((left, y), &text, Script::small(PALE));
+    }
+}
+
+/// When it happened the first times, and what was run into.
+fn details(events: &[&Happening]) -> Vec<String> {
+    const MOST: usize = 4;
+    let line = |event: &&Happening| {
+        let at = clock(event.at.as_secs_f64());
+        match &event.what {
+            What::Collision(name) => format!("{at} {name:.18}"),
+            What::Sound(sound) => format!("{at} {sound:?}"),
+            What::Light { led, .. } => format!("{at} {led:?}"),
+            What::Note(text) => format!("{at} {text:.18}"),
+            _ => at,
+        }
+    };
+    let mut lines: Vec<String> = events.iter().take(MOST).map(line).collect();
+    if events.len() > MOST {
+        lines.push("...".to_owned());
+    }
+    lines
+}

@@ -1,0 +1,344 @@
+//! The map of a world as a picture for people: to scale, with names.
+
+use std::f64::consts::PI;
+
+use image::RgbImage;
+
+use super::canvas::{Canvas, Ink, Script};
+use crate::sim::body::chassis::RADIUS;
+use crate::sim::camera::ground;
+use crate::sim::geometry::obstacles::Obstacles;
+use crate::sim::geometry::{Point, Pose, Segment};
+use crate::sim::world::document::World;
+use crate::sim::world::paint::Paint;
+use crate::sim::world::route::Route;
+
+/// Pixels of the longer side of the room, about.
+const SIDE: f64 = 1000.0;
+/// White around the room, pixels.
+const MARGIN: f32 = 56.0;
+const HEAD: f32 = 64.0;
+const FOOT: f32 = 84.0;
+
+const DARK: Ink = [40, 42, 48, 255];
+const PALE: Ink = [120, 122, 128, 255];
+const WALL: Ink = [70, 72, 78, 255];
+const FLOOR: Ink = [246, 243, 236, 255];
+const GRID: Ink = [0, 0, 0, 16];
+const BEACON: Ink = [220, 40, 60, 34];
+const LAMP: Ink = [250, 190, 20, 255];
+const GLOW: Ink = [255, 210, 60, 40];
+const SOUND: Ink = [130, 60, 170, 255];
+const SIGN: Ink = [20, 90, 150, 255];
+const ROBOT: Ink = [30, 120, 200, 255];
+pub(crate) const NAME: Script = Script::small(DARK);
+
+impl World {
+    /// The map: walls, furniture, lines, station with its infrared cone, balls and people with
+    /// their ways, lamps, signs, sounds and where the robot starts, with names and a scale.
+    pub fn draw(&self) -> RgbImage {
+        let Some(mut canvas) = paper(self, 0) else {
+            return RgbImage::new(1, 1);
+        };
+        draw_onto(self, &mut canvas);
+        robot(&mut canvas, self.start_pose(), ROBOT);
+        canvas.label(
+            self.start_pose().point(),
+            0.2 * canvas.scale,
+            "start",
+            Script::small(ROBOT),
+        );
+        canvas.finish()
+    }
+}
+
+/// White paper for the map of a world, and so many pixels to the right of it.
+pub(crate) fn paper(world: &World, beside: u32) -> Option<Canvas> {
+    let (width, depth) = (world.room.width, world.room.depth);
+    let scale = SIDE / width.max(depth);
+    let pixels = |side: f64| (side * scale) as f32;
+    let (right, down) = (MARGIN * 2.0 + pixels(width), HEAD + FOOT + pixels(depth));
+    let size = (right as u32 + beside, down as u32);
+    Canvas::new(size, scale as f32, (MARGIN, HEAD + pixels(depth)))
+}
+
+/// Everything but the robot.
+pub(crate) fn draw_onto(world: &World, canvas: &mut Canvas) {
+    floor(world, canvas);
+    station(world, canvas);
+    walls(world, canvas);
+    lamps_and_sounds(world, canvas);
+    movers(world, canvas);
+    frame(world, canvas);
+    names(world, canvas);
+}
+
+fn floor(world: &World, canvas: &mut Canvas) {
+    canvas.fill(&corners(&world.room.sides()), FLOOR);
+    for rug in &world.rugs {
+        let middle = rug.at.point();
+        let sides = crate::sim::geometry::rectangle(middle, rug.width, rug.depth, 0.0);
+        canvas.fill(&corners(&sides), ink(rug.colour, 90));
+    }
+    let (width, depth) = (world.room.width, world.room.depth);
+    for metre in 1..width.max(depth).ceil() as u32 {
+        let along = f64::from(metre);
+        let (low, high) = (Point::new(along, 0.0), Point::new(along, depth));
+        if along < width {
+            canvas.line(&[low, high], 1.0, None, GRID);
+        }
+        if along < depth {
+            canvas.line(
+                &[Point::new(0.0, along), Point::new(width, along)],
+                1.0,
+                None,
+                GRID,
+            );
+        }
+    }
+    for line in &world.lines {
+        if let Some(path) = ground::outline(&line.path()) {
+            let least = 2.0 / f64::from(canvas.scale);
+            canvas.tape(&path, line.width.max(least) as f32, ink(line.colour, 255));
+        }
+    }
+}
+
+/// The station and what its beacon reaches.
+fn station(world: &World, canvas: &mut Canvas) {
+    let (station, obstacles) = (&world.station, Obstacles::fixed(world));
+    let beacon = station.beacon();
+    let half = station.beacon_degrees.abs().min(180.0).to_radians();
+    const RAYS: i32 = 180;
+    let mut cone = vec![beacon];
+    for ray in 0..=RAYS {
+        let angle = station.heading() + half * (2.0 * f64::from(ray) / f64::from(RAYS) - 1.0);
+        let end = beacon.ahead(angle, station.beacon_range);
+        let share = obstacles.first_side(beacon, end).unwrap_or(1.0);
+        cone.push(beacon.towards(end, share));
+    }
+    canvas.fill(&cone, BEACON);
+    canvas.fill(&corners(&station.sides()), [200, 30, 50, 255]);
+}
+
+fn walls(world: &World, canvas: &mut Canvas) {
+    for wall in &world.walls {
+        canvas.fill(&corners(&wall.sides()), WALL);
+    }
+    for item in &world.furniture {
+        canvas.fill(&corners(&item.sides()), ink(item.colour, 210));
+        outline(canvas, &item.sides());
+    }
+    for post in &world.posts {
+        let radius = post.radius as f32 * canvas.scale;
+        canvas.dot(post.at.point(), radius, ink(post.colour, 255));
+        canvas.ring(post.at.point(), radius, 2.0, DARK);
+    }
+    for sign in &world.signs {
+        let (at, heading) = (sign.at.point(), sign.heading_degrees.to_radians());
+        let (left, right) = (heading + PI / 2.0, heading - PI / 2.0);
+        let ends = [
+            at.ahead(left, sign.side / 2.0),
+            at.ahead(right, sign.side / 2.0),
+        ];
+        canvas.line(&ends, 6.0, None, SIGN);
+        canvas.line(&[at, at.ahead(heading, 0.18)], 2.0, None, SIGN);
+    }
+    let sides = world.room.sides();
+    for side in sides {
+        canvas.line(&[side.from, side.to], 5.0, None, WALL);
+    }
+}
+
+fn lamps_and_sounds(world: &World, canvas: &mut Canvas) {
+    for lamp in &world.lamps {
+        let at = lamp.at.point();
+        let scale = canvas.scale;
+        canvas.dot(at, (lamp.reach as f32 * scale / 2.0).min(90.0), GLOW);
+        for ray in 0..8 {
+            let angle = f64::from(ray) * PI / 4.0;
+            let pixel = 1.0 / f64::from(scale);
+            let ends = [at.ahead(angle, 9.0 * pixel), at.ahead(angle, 14.0 * pixel)];
+            canvas.line(&ends, 2.0, None, LAMP);
+        }
+        canvas.dot(at, 7.0, LAMP);
+    }
+    for sound in &world.sounds {
+        let at = sound.at.point();
+        canvas.dot(at, 5.0, SOUND);
+        canvas.ring(at, 10.0, 2.0, SOUND);
+        canvas.ring(at, 15.0, 1.5, SOUND);
+    }
+}
+
+fn movers(world: &World, canvas: &mut Canvas) {
+    for ball in &world.balls {
+        way(
+            canvas,
+            ball.at.point(),
+            ball.path.as_ref(),
+            ink(ball.colour, 200),
+        );
+        let radius = ball.radius as f32 * canvas.scale;
+        canvas.dot(ball.at.point(), radius, ink(ball.colour, 255));
+        canvas.ring(ball.at.point(), radius, 1.0, PALE);
+    }
+    for walker in &world.walkers {
+        way(canvas, walker.at.point(), walker.path.as_ref(), PALE);
+        let radius = walker.radius as f32 * canvas.scale;
+        canvas.dot(walker.at.point(), radius, ink(walker.colour, 255));
+        canvas.dot(walker.at.point(), radius * 0.5, [224, 190, 164, 255]);
+    }
+}
+
+/// The dashed way of something that moves, with its corners.
+fn way(canvas: &mut Canvas, from: Point, route: Option<&Route>, ink: Ink) {
+    let Some(route) = route else {
+        return;
+    };
+    let mut corners: Vec<Point> = route.through.iter().map(|spot| spot.point()).collect();
+    corners
+        .iter()
+        .for_each(|corner| canvas.dot(*corner, 3.5, ink));
+    if route.closed {
+        corners.extend(corners.first().copied());
+    }
+    if let Some(first) = corners.first() {
+        canvas.line(&[from, *first], 1.5, Some(3.0), ink);
+    }
+    canvas.line(&corners, 2.0, Some(8.0), ink);
+}
+
+/// Title, numbers along the walls and the scale.
+fn frame(world: &World, canvas: &mut Canvas) {
+    let room = &world.room;
+    let title = Script {
+        ink: DARK,
+        large: true,
+        bold: true,
+    };
+    let name = if world.name.is_empty() {
+        "a world"
+    } else {
+        &world.name
+    };
+    canvas.write((MARGIN, 14.0), name, title);
+    let after = MARGIN + title.size(name).0 + 20.0;
+    let size = format!("{} m x {} m", room.width, room.depth);
+    canvas.write((after, 17.0), &size, Script::small(PALE));
+    let every = if room.width.max(room.depth) > 15.0 {
+        5
+    } else {
+        1
+    };
+    for metre in (0..=room.width as u32).step_by(every) {
+        let (x, y) = canvas.at(Point::new(f64::from(metre), 0.0));
+        let text = metre.to_string();
+        let width = Script::small(PALE).size(&text).0;
+        canvas.write((x - width / 2.0, y + 8.0), &text, Script::small(PALE));
+    }
+    for metre in (0..=room.depth as u32).step_by(every) {
+        let (x, y) = canvas.at(Point::new(0.0, f64::from(metre)));
+        let text = metre.to_string();
+        let (width, height) = Script::small(PALE).size(&text);
+        canvas.write(
+            (x - width - 10.0, y - height / 2.0),
+            &text,
+            Script::small(PALE),
+        );
+    }
+    let (x, y) = canvas.at(Point::new(0.0, 0.0));
+    let (y, end) = (y + 54.0, x + canvas.scale);
+    canvas.rule((x, y), (end, y), 3.0, DARK);
+    canvas.rule((x, y - 6.0), (x, y + 6.0), 3.0, DARK);
+    canvas.rule((end, y - 6.0), (end, y + 6.0), 3.0, DARK);
+    canvas.write((end + 10.0, y - 8.0), "1 m", NAME);
+}
+
+fn names(world: &World, canvas: &mut Canvas) {
+    let scale = canvas.scale;
+    let away = |metres: f64| metres as f32 * scale + 4.0;
+    let station = world
+        .station
+        .at
+        .point()
+        .ahead(world.station.heading(), 0.05);
+    canvas.label(
+        station,
+        away(0.19),
+        "station",
+        Script::small([170, 20, 40, 255]),
+    );
+    for sign in &world.signs {
+        let text = format!("\"{}\"", short(&sign.text));
+        canvas.label(sign.at.point(), 12.0, &text, Script::small(SIGN));
+    }
+    for item in &world.furniture {
+        canvas.label(item.at.point(), -8.0, &item.name, NAME);
+    }
+    for walker in &world.walkers {
+        let name = if walker.name.is_empty() {
+            "walker"
+        } else {
+            &walker.name
+        };
+        canvas.label(walker.at.point(), away(walker.radius), name, NAME);
+    }
+    for lamp in &world.lamps {
+        let name = if lamp.name.is_empty() {
+            "lamp"
+        } else {
+            &lamp.name
+        };
+        canvas.label(
+            lamp.at.point(),
+            16.0,
+            name,
+            Script::small([140, 96, 0, 255]),
+        );
+    }
+    for sound in &world.sounds {
+        let name = if sound.name.is_empty() {
+            "sound"
+        } else {
+            &sound.name
+        };
+        canvas.label(sound.at.point(), 18.0, name, Script::small(SOUND));
+    }
+}
+
+/// The robot from above, with its nose.
+pub(crate) fn robot(canvas: &mut Canvas, pose: Pose, ink: Ink) {
+    let radius = RADIUS as f32 * canvas.scale;
+    canvas.dot(pose.point(), radius, [ink[0], ink[1], ink[2], 70]);
+    canvas.ring(pose.point(), radius, 2.0, ink);
+    let tip = pose.point().ahead(pose.heading, RADIUS * 1.25);
+    let side = |angle: f64| pose.point().ahead(pose.heading + angle, RADIUS * 0.7);
+    canvas.fill(&[tip, side(2.4), side(-2.4)], ink);
+}
+
+fn corners(sides: &[Segment; 4]) -> [Point; 4] {
+    sides.map(|side| side.from)
+}
+
+fn outline(canvas: &mut Canvas, sides: &[Segment; 4]) {
+    for side in sides {
+        canvas.line(&[side.from, side.to], 1.5, None, PALE);
+    }
+}
+
+fn ink(paint: Paint, opaque: u8) -> Ink {
+    let [r, g, b] = paint.0;
+    [r, g, b, opaque]
+}
+
+/// The beginning of a long text.
+fn short(text: &str) -> String {
+    const MOST: usize = 28;
+    let printable = |letter: char| if letter.is_control() { ' ' } else { letter };
+    let mut short: String = text.chars().take(MOST).map(printable).collect();
+    if text.chars().count() > MOST {
+        short.push_str("...");
+    }
+    short
+}

@@ -1,0 +1,158 @@
+//! Who is connected and who is the one user (`PROTOCOL.md`, *Network*: users at once).
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::time::Instant;
+use tokio_util::sync::CancellationToken;
+
+use crate::wire::{Login, Refusal, Report};
+
+use super::outbox::Outbox;
+
+/// Connections at once, those that have not logged in included.
+const MAX_CLIENTS: usize = 8;
+/// Whoever has not logged in by then is cut off.
+const LOGIN_LIMIT: Duration = Duration::from_secs(30);
+
+struct Client {
+    outbox: Arc<Outbox>,
+    cut: CancellationToken,
+    since: Instant,
+}
+
+/// All connections.
+#[derive(Default)]
+pub(crate) struct Clients {
+    all: BTreeMap<u64, Client>,
+    user: Option<(u64, String)>,
+    next: u64,
+    dropped: u64,
+}
+
+/// The number of a user whom no connection of ours has.
+const STRANGER: u64 = u64::MAX;
+
+/// A new client's number, its outbox and the token that cuts it off.
+pub(crate) type Admission = (u64, Arc<Outbox>, CancellationToken);
+
+impl Clients {
+    /// Lets a connection in; `None` if there are too many.
+    pub(crate) fn admit(&mut self, now: Instant) -> Option<Admission> {
+        if self.all.len() >= MAX_CLIENTS {
+            return None;
+        }
+        let (id, outbox, cut) = (self.next, Arc::new(Outbox::new()), CancellationToken::new());
+        self.next += 1;
+        self.all.insert(
+            id,
+            Client {
+                outbox: outbox.clone(),
+                cut: cut.clone(),
+                since: now,
+            },
+        );
+        Some((id, outbox, cut))
+    }
+
+    /// Whether `id` is the one that may command the robot.
+    pub(crate) fn is_user(&self, id: u64) -> bool {
+        self.user.as_ref().is_some_and(|(user, _)| *user == id)
+    }
+
+    /// Whether the connection is still there.
+    pub(crate) fn knows(&self, id: u64) -> bool {
+        self.all.contains_key(&id)
+    }
+
+    /// The name of the connected user.
+    pub(crate) fn user(&self) -> Option<&str> {
+        self.user.as_ref().map(|(_, name)| name.as_str())
+    }
+
+    /// Makes `id` the user, if the login is right and nobody else is.
+    pub(crate) fn log_in(&mut self, id: u64, login: &Login, right: &Login) -> Result<(), Refusal> {
+        if login != right {
+            return Err(Refusal::WrongPassword);
+        }
+        if self.user.as_ref().is_some_and(|(user, _)| *user != id) {
+            return Err(Refusal::InUse);
+        }
+        self.user = Some((id, login.user.clone()));
+        Ok(())
+    }
+
+    /// Somebody whom we do not serve is the user now: true if another user had to go.
+    pub(crate) fn take_over(&mut self, name: &str) -> bool {
+        let had_to_go = self.user_id().is_some_and(|id| self.cut(id));
+        self.user = Some((STRANGER, name.to_owned()));
+        had_to_go
+    }
+
+    /// That somebody has gone.
+    pub(crate) fn give_back(&mut self) {
+        if self.is_user(STRANGER) {
+            self.user = None;
+        }
+    }
+
+    /// Tells `id` why it may not in, and lets it go when it has read that.
+    pub(crate) fn refuse(&mut self, id: u64, refusal: Refusal) {
+        if let Some(client) = self.all.get(&id) {
+            let _ = client.outbox.push(&Report::Refused(refusal));
+            client.outbox.close();
+        }
+    }
+
+    /// Sends the user a report; false if the user never reads and must go.
+    pub(crate) fn tell(&self, report: &Report) -> bool {
+        let Some(client) = self.user.as_ref().and_then(|(id, _)| self.all.get(id)) else {
+            return true;
+        };
+        client.outbox.push(report).is_ok()
+    }
+
+    /// Cuts a connection off and forgets it; true if it was the user's.
+    pub(crate) fn cut(&mut self, id: u64) -> bool {
+        if let Some(client) = self.all.remove(&id) {
+            client.cut.cancel();
+            self.dropped += client.outbox.dropped();
+        }
+        let was_user = self.is_user(id);
+        if was_user {
+            self.user = None;
+        }
+        was_user
+    }
+
+    /// Every connection's number.
+    pub(crate) fn ids(&self) -> Vec<u64> {
+        self.all.keys().copied().collect()
+    }
+
+    /// The user's number.
+    pub(crate) fn user_id(&self) -> Option<u64> {
+        self.user.as_ref().map(|(id, _)| *id)
+    }
+
+    /// Those who should have logged in by now.
+    pub(crate) fn overdue(&self, now: Instant) -> Vec<u64> {
+        let late = |client: &Client| now.duration_since(client.since) > LOGIN_LIMIT;
+        let all = self
+            .all
+            .iter()
+            .filter(|(id, client)| !self.is_user(**id) && late(client));
+        all.map(|(id, _)| *id).collect()
+    }
+
+    /// Frames and audio chunks thrown away so far, of all connections.
+    pub(crate) fn dropped(&self) -> u64 {
+        self.dropped
+            + self
+                .all
+                .values()
+                .map(|client| client.outbox.dropped())
+                .sum::<u64>()
+    }
+}

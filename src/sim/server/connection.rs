@@ -1,0 +1,143 @@
+//! One client's connection over anything that reads and writes bytes: cuts what comes into
+//! commands for the server, writes what waits in the outbox.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
+use tokio::sync::{mpsc, watch};
+use tokio_util::sync::CancellationToken;
+
+use crate::wire::{Command, Decoder, FramingError};
+
+use super::outbox::Outbox;
+
+const READ_LEN: usize = 8 * 1024;
+/// After a refusal the client gets this long to read it before the connection is gone.
+const FAREWELL: Duration = Duration::from_millis(500);
+
+/// A byte stream to a client: a socket or a pipe in memory.
+pub trait Transport: AsyncRead + AsyncWrite + Send + Unpin + 'static {}
+
+impl<T: AsyncRead + AsyncWrite + Send + Unpin + 'static> Transport for T {}
+
+/// What a connection tells the server.
+#[derive(Debug)]
+pub(crate) enum Event {
+    /// Commands of one read.
+    Heard {
+        client: u64,
+        write: u64,
+        /// AUTH_REPLY and the first POWER were on their way when these bytes came.
+        opened: bool,
+        commands: Vec<Command>,
+    },
+    /// The connection has ended.
+    Gone { client: u64 },
+}
+
+/// A connection's ties to the server.
+pub(crate) struct Line {
+    pub(crate) client: u64,
+    pub(crate) outbox: Arc<Outbox>,
+    pub(crate) events: mpsc::Sender<Event>,
+    pub(crate) muted: watch::Receiver<bool>,
+    /// Counts the reads of all connections.
+    pub(crate) writes: Arc<AtomicU64>,
+    pub(crate) cut: CancellationToken,
+}
+
+/// Serves a client until one side ends the connection.
+pub(crate) async fn serve(transport: impl Transport, line: Line) {
+    let (mut reader, mut writer) = tokio::io::split(transport);
+    let refused = tokio::select! {
+        biased;
+        () = line.cut.cancelled() => false,
+        end = read(&mut reader, &line) => {
+            if let Err(error) = end {
+                tracing::debug!(target: "spykee::sim", client = line.client, %error, "garbage");
+            }
+            false
+        }
+        end = write(&mut writer, &line) => end.is_ok(),
+    };
+    if refused {
+        let _ = tokio::time::timeout(FAREWELL, say_farewell(&mut reader, &mut writer)).await;
+    }
+    let _ = line
+        .events
+        .send(Event::Gone {
+            client: line.client,
+        })
+        .await;
+}
+
+async fn read(reader: &mut (impl AsyncRead + Unpin), line: &Line) -> Result<(), FramingError> {
+    let mut decoder = Decoder::new();
+    let mut buffer = vec![0; READ_LEN];
+    loop {
+        line.unmuted().await;
+        let Ok(length @ 1..) = reader.read(&mut buffer).await else {
+            return Ok(());
+        };
+        let opened = line.outbox.opened();
+        line.unmuted().await;
+        let write = line.writes.fetch_add(1, Ordering::Relaxed);
+        let (commands, end) = cut(&mut decoder, &buffer[..length]);
+        let event = Event::Heard {
+            client: line.client,
+            write,
+            opened,
+            commands,
+        };
+        if line.events.send(event).await.is_err() {
+            return Ok(());
+        }
+        end?;
+    }
+}
+
+/// The whole commands in `bytes`, and the error that ended them.
+fn cut(decoder: &mut Decoder, mut bytes: &[u8]) -> (Vec<Command>, Result<(), FramingError>) {
+    let mut commands = Vec::new();
+    loop {
+        match decoder.decode(&mut bytes) {
+            Ok(Some(packet)) => commands.push(Command::parse(packet)),
+            Ok(None) => return (commands, Ok(())),
+            Err(error) => return (commands, Err(error)),
+        }
+    }
+}
+
+/// Ends well when the outbox is closed.
+async fn write(writer: &mut (impl AsyncWrite + Unpin), line: &Line) -> std::io::Result<()> {
+    loop {
+        line.unmuted().await;
+        let Some(bytes) = line.outbox.next().await else {
+            return Ok(());
+        };
+        line.unmuted().await;
+        writer.write_all(&bytes).await?;
+        writer.flush().await?;
+    }
+}
+
+/// Closing with bytes unread would make the network throw our last words away.
+async fn say_farewell(
+    reader: &mut (impl AsyncRead + Unpin),
+    writer: &mut (impl AsyncWrite + Unpin),
+) {
+    let _ = writer.shutdown().await;
+    let mut rest = [0; 1024];
+    while let Ok(1..) = reader.read(&mut rest).await {}
+}
+
+impl Line {
+    /// Waits while the robot plays dead.
+    async fn unmuted(&self) {
+        let mut muted = self.muted.clone();
+        // The sender lives as long as the server; without it this task ends too.
+        let _ = muted.wait_for(|muted| !*muted).await;
+    }
+}

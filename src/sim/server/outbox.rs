@@ -1,0 +1,228 @@
+//! What waits to be written to a client: bounded, so that a client that does not read costs no
+//! memory and gets the newest picture when it reads again.
+
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use bytes::{Bytes, BytesMut};
+use tokio::sync::Notify;
+
+use crate::wire::Report;
+
+/// Bytes of messages, pictures and sound not counted, that may wait. Whoever asks for more
+/// without reading is cut off.
+const MAX_WAITING: usize = 256 * 1024;
+/// Audio chunks that may wait; older ones are dropped.
+const MAX_AUDIO: usize = 8;
+
+/// What must have gone out before a client may drive (`PROTOCOL.md`, *Order after login*).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
+enum Opening {
+    Waiting,
+    Accepted,
+    Done,
+}
+
+#[derive(Debug)]
+struct Waiting {
+    messages: VecDeque<(Opening, Bytes)>,
+    length: usize,
+    audio: VecDeque<Bytes>,
+    frame: Option<Bytes>,
+    dropped: u64,
+    opening: Opening,
+    closing: bool,
+}
+
+/// The queue of one client.
+#[derive(Debug)]
+pub(crate) struct Outbox {
+    waiting: Mutex<Waiting>,
+    news: Notify,
+}
+
+/// The client does not read what it asked for.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Overflow;
+
+impl Outbox {
+    /// Empty.
+    pub(crate) fn new() -> Outbox {
+        let waiting = Waiting {
+            messages: VecDeque::new(),
+            length: 0,
+            audio: VecDeque::new(),
+            frame: None,
+            dropped: 0,
+            opening: Opening::Waiting,
+            closing: false,
+        };
+        Outbox {
+            waiting: Mutex::new(waiting),
+            news: Notify::new(),
+        }
+    }
+
+    /// Adds a report. A frame replaces the frame that still waits.
+    pub(crate) fn push(&self, report: &Report) -> Result<(), Overflow> {
+        let mut waiting = self.lock();
+        match report {
+            Report::Video(_) => waiting.put_frame(report.to_bytes()),
+            Report::Audio(_) => waiting.put_audio(report.to_bytes()),
+            Report::Accepted(_) => waiting.put_message(Opening::Accepted, report.to_bytes()),
+            Report::Power(_) => waiting.put_message(Opening::Done, report.to_bytes()),
+            _ => waiting.put_message(Opening::Waiting, report.to_bytes()),
+        }
+        self.news.notify_one();
+        if waiting.length > MAX_WAITING {
+            Err(Overflow)
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Ends the connection when everything is written.
+    pub(crate) fn close(&self) {
+        self.lock().closing = true;
+        self.news.notify_one();
+    }
+
+    /// Whether AUTH_REPLY and the first POWER are on their way.
+    pub(crate) fn opened(&self) -> bool {
+        self.lock().opening == Opening::Done
+    }
+
+    /// Frames and audio chunks thrown away so far.
+    pub(crate) fn dropped(&self) -> u64 {
+        self.lock().dropped
+    }
+
+    /// The bytes to write next; `None` when the connection is to end.
+    pub(crate) async fn next(&self) -> Option<Bytes> {
+        loop {
+            let news = self.news.notified();
+            match self.lock().take() {
+                (bytes, _) if !bytes.is_empty() => return Some(bytes),
+                (_, true) => return None,
+                (_, false) => {}
+            }
+            news.await;
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Waiting> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Waiting {
+    fn put_frame(&mut self, bytes: Bytes) {
+        self.dropped += u64::from(self.frame.is_some());
+        self.frame = Some(bytes);
+    }
+
+    fn put_audio(&mut self, bytes: Bytes) {
+        if self.audio.len() == MAX_AUDIO {
+            self.audio.pop_front();
+            self.dropped += 1;
+        }
+        self.audio.push_back(bytes);
+    }
+
+    fn put_message(&mut self, opening: Opening, bytes: Bytes) {
+        self.length += bytes.len();
+        self.messages.push_back((opening, bytes));
+    }
+
+    /// Everything that waits, messages first, and whether nothing will follow.
+    fn take(&mut self) -> (Bytes, bool) {
+        let mut batch = BytesMut::new();
+        for (opening, bytes) in self.messages.drain(..) {
+            self.opening = match (self.opening, opening) {
+                (Opening::Waiting, Opening::Accepted) => Opening::Accepted,
+                (Opening::Accepted, Opening::Done) => Opening::Done,
+                (before, _) => before,
+            };
+            batch.extend_from_slice(&bytes);
+        }
+        self.length = 0;
+        self.audio
+            .drain(..)
+            .for_each(|bytes| batch.extend_from_slice(&bytes));
+        self.frame
+            .take()
+            .into_iter()
+            .for_each(|bytes| batch.extend_from_slice(&bytes));
+        (batch.freeze(), self.closing)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::{Accepted, Power};
+
+    fn frame(byte: u8) -> Report {
+        Report::Video(Bytes::from(vec![byte; 100]))
+    }
+
+    fn power() -> Report {
+        Report::Power(Power {
+            percent: 50,
+            charging: false,
+        })
+    }
+
+    #[tokio::test]
+    async fn only_the_newest_frame_waits_and_messages_go_first() {
+        let outbox = Outbox::new();
+        for report in [frame(1), frame(2), power(), frame(3)] {
+            outbox.push(&report).unwrap();
+        }
+        let expected = [power().to_bytes(), frame(3).to_bytes()].concat();
+        assert_eq!(outbox.next().await.unwrap(), expected);
+        assert_eq!(outbox.dropped(), 2);
+    }
+
+    #[tokio::test]
+    async fn what_waits_is_written_before_the_end() {
+        let outbox = Outbox::new();
+        outbox.push(&power()).unwrap();
+        outbox.close();
+        assert_eq!(outbox.next().await.unwrap(), power().to_bytes());
+        assert_eq!(outbox.next().await, None);
+    }
+
+    #[tokio::test]
+    async fn driving_is_open_after_the_reply_and_then_a_power() {
+        let accepted = Accepted {
+            uid: "S".into(),
+            name: String::new(),
+            place: String::new(),
+            firmware: String::new(),
+            docked: false,
+        };
+        let outbox = Outbox::new();
+        outbox.push(&power()).unwrap();
+        outbox.push(&Report::Accepted(accepted)).unwrap();
+        outbox.next().await.unwrap();
+        assert!(!outbox.opened());
+        outbox.push(&power()).unwrap();
+        assert!(!outbox.opened());
+        outbox.next().await.unwrap();
+        assert!(outbox.opened());
+    }
+
+    #[test]
+    fn a_client_that_never_reads_overflows_by_messages_alone() {
+        let outbox = Outbox::new();
+        for _ in 0..10_000 {
+            outbox.push(&frame(0)).unwrap();
+            outbox
+                .push(&Report::Audio(Bytes::from(vec![0; 1600])))
+                .unwrap();
+        }
+        let log = Report::Log(Bytes::from(vec![b'x'; 60_000]));
+        assert!((0..10).any(|_| outbox.push(&log) == Err(Overflow)));
+    }
+}

@@ -1,0 +1,362 @@
+//! The robot with all who talk to it: decides who may command it, passes time on to it and its
+//! reports to its user. Knows no sockets.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
+use std::time::Duration;
+
+use tokio::sync::mpsc;
+use tokio::task::JoinSet;
+use tokio::time::Instant;
+
+use crate::wire::{Accepted, Command, Login, Refusal, Report, discovery};
+
+use super::Options;
+use super::clients::Clients;
+use super::connection::{self, Event, Line, Transport};
+use super::handle::{self, Ends, Order};
+use crate::sim::body::robot::{Robot, describe};
+use crate::sim::faults::fault::{Fault, Trouble};
+use crate::sim::faults::proxy::{self, Breaker};
+use crate::sim::faults::timing::Turn;
+use crate::sim::faults::troubles::Troubles;
+use crate::sim::geometry::Pose;
+
+/// One step of the physics.
+pub(crate) const STEP: Duration = Duration::from_millis(20);
+/// Steps made up for in one go after the machine was busy; time beyond that is lost.
+const MAX_CATCH_UP: u32 = 10;
+/// Bytes that may wait between the proxy and the robot.
+const PIPE_LEN: usize = 16 * 1024;
+/// What discovery calls a second user who has taken over.
+const SECOND_USER: &str = "second-user";
+/// How far the robot slides when it loses its station, metres.
+const SLIDE: f64 = 0.12;
+
+/// The robot with all who talk to it.
+pub(crate) struct Site {
+    robot: Robot,
+    clients: Clients,
+    login: Login,
+    uid: String,
+    version: String,
+    ends: Ends,
+    events: mpsc::Sender<Event>,
+    writes: Arc<AtomicU64>,
+    connections: JoinSet<()>,
+    started: Instant,
+    stepped: Instant,
+    /// Only if faults are possible at all: else clients are served without the proxy.
+    troubles: Option<Troubles>,
+    away: bool,
+    refusing: Option<Refusal>,
+    slides_after: Option<Duration>,
+    docked_for: Duration,
+    /// The last MOVE; clients repeat it many times a second.
+    moved: Option<Command>,
+}
+
+impl Site {
+    /// Nobody is connected yet. Connections report to `events`.
+    pub(crate) fn new(
+        robot: Robot,
+        options: &Options,
+        ends: Ends,
+        events: mpsc::Sender<Event>,
+    ) -> Site {
+        let now = Instant::now();
+        Site {
+            robot,
+            clients: Clients::default(),
+            login: options.login.clone(),
+            uid: options.uid.clone(),
+            version: options.firmware.version.clone(),
+            ends,
+            events,
+            writes: Arc::default(),
+            connections: JoinSet::new(),
+            started: now,
+            stepped: now,
+            troubles: (options.faults.as_ref())
+                .map(|_| Troubles::new(options.seed, options.unacknowledged)),
+            away: false,
+            refusing: None,
+            slides_after: None,
+            docked_for: Duration::ZERO,
+            moved: None,
+        }
+    }
+
+    /// The robot's time begins now, and that of these faults.
+    pub(crate) fn begin(&mut self, faults: impl IntoIterator<Item = Fault>) {
+        (self.started, self.stepped) = (Instant::now(), Instant::now());
+        faults.into_iter().for_each(|fault| self.begin_fault(fault));
+    }
+
+    /// The robot reboots: nobody can reach it.
+    pub(crate) fn away(&self) -> bool {
+        self.away
+    }
+
+    /// Frees what an ended connection leaves behind; pending while there is none.
+    pub(crate) async fn reap(&mut self) {
+        if self.connections.join_next().await.is_none() {
+            std::future::pending().await
+        }
+    }
+
+    /// What discovery says.
+    pub(crate) fn introduction(&self) -> discovery::Reply {
+        let connected_user = self.clients.user().map(str::to_owned);
+        discovery::Reply {
+            uid: self.uid.clone(),
+            connected_user,
+        }
+    }
+
+    /// Steps the robot up to the present.
+    pub(crate) fn pass_time(&mut self) {
+        let now = Instant::now();
+        for _ in 0..MAX_CATCH_UP {
+            if now.duration_since(self.stepped) < STEP {
+                break;
+            }
+            self.stepped += STEP;
+            self.robot.step(STEP);
+            self.slide();
+            self.deliver();
+        }
+        if now.duration_since(self.stepped) >= STEP {
+            self.stepped = now;
+        }
+        self.clients
+            .overdue(now)
+            .into_iter()
+            .for_each(|id| self.cut(id));
+        let turns = self.troubles.as_mut().map(|troubles| troubles.poll(now));
+        self.turn(turns.unwrap_or_default());
+        self.publish();
+    }
+
+    /// Does what a handle asks.
+    pub(crate) fn follow(&mut self, order: Order) {
+        match order {
+            Order::Battery(percent) => self.robot.set_battery(percent),
+            Order::ChargerWorks(works) => self.robot.set_charger_works(works),
+            Order::Place(pose) => self.robot.place(pose),
+            Order::Beacon(on) => self.robot.set_beacon(on),
+            Order::Inject(report) => self.tell(&report),
+            Order::Cut => self.cut_all(),
+            Order::Begin(fault) => self.begin_fault(fault),
+            Order::ClearFaults => {
+                let turns = self.troubles.as_mut().map(Troubles::clear);
+                self.turn(turns.unwrap_or_default());
+            }
+            Order::Connect(transport) => self.admit(transport, None),
+            Order::Alter(alter) => alter(&mut self.robot),
+        }
+        self.deliver();
+        self.publish();
+    }
+
+    /// Takes what a connection tells.
+    pub(crate) fn take(&mut self, event: Event) {
+        match event {
+            Event::Gone { client } => self.cut(client),
+            Event::Heard {
+                client,
+                write,
+                opened,
+                commands,
+            } => {
+                for command in commands {
+                    self.hear(client, write, opened, command);
+                }
+            }
+        }
+        self.publish();
+    }
+
+    /// Serves a new connection, if there is room and somebody is there.
+    pub(crate) fn admit(&mut self, transport: impl Transport, breaker: Option<Breaker>) {
+        if self.away {
+            return;
+        }
+        let Some((client, outbox, cut)) = self.clients.admit(Instant::now()) else {
+            tracing::warn!(target: "spykee::sim", "too many connections: one is turned away");
+            return;
+        };
+        let line = Line {
+            client,
+            outbox,
+            events: self.events.clone(),
+            muted: self.ends.muted.clone(),
+            writes: self.writes.clone(),
+            cut,
+        };
+        let Some(troubles) = &mut self.troubles else {
+            self.connections.spawn(connection::serve(transport, line));
+            return;
+        };
+        let (near, far) = tokio::io::duplex(PIPE_LEN);
+        let carried = proxy::carry(transport, breaker, far, troubles.weather());
+        self.connections.spawn(carried);
+        self.connections.spawn(connection::serve(near, line));
+    }
+
+    fn begin_fault(&mut self, fault: Fault) {
+        let Some(troubles) = &mut self.troubles else {
+            tracing::warn!(target: "spykee::sim", "this simulator was started without faults");
+            return;
+        };
+        let now = Instant::now();
+        troubles.begin(fault, now);
+        let turns = troubles.poll(now);
+        self.turn(turns);
+    }
+
+    /// Does to the robot what begins or ends; what concerns bytes alone is the proxy's.
+    fn turn(&mut self, turns: Vec<(Trouble, Turn)>) {
+        for (trouble, turn) in turns {
+            tracing::info!(target: "spykee::sim", ?trouble, ?turn, "a fault");
+            let begins = turn == Turn::Begins;
+            match trouble {
+                Trouble::Drop if begins => self.cut_all(),
+                Trouble::Reboot { forgets } => {
+                    self.away = begins;
+                    self.cut_all();
+                    if forgets && begins {
+                        self.robot.reboot();
+                    }
+                }
+                Trouble::TakeOver => self.hand_over(begins),
+                Trouble::RefuseLogin(refusal) => self.refusing = begins.then_some(refusal),
+                Trouble::BaseNotFound => self.robot.set_beacon(!begins),
+                Trouble::NoCharge => self.robot.set_charger_works(!begins),
+                Trouble::DockLost { after } => self.slides_after = begins.then_some(after),
+                _ => {}
+            }
+        }
+        self.deliver();
+    }
+
+    /// Somebody whom we do not serve becomes the user, or has gone.
+    fn hand_over(&mut self, taken: bool) {
+        if !taken {
+            self.clients.give_back();
+        } else if self.clients.take_over(SECOND_USER) {
+            self.robot.end_session();
+        }
+    }
+
+    /// A robot that loses its station slides off it a while after each docking.
+    fn slide(&mut self) {
+        self.docked_for = if self.robot.docked() {
+            self.docked_for + STEP
+        } else {
+            Duration::ZERO
+        };
+        if self
+            .slides_after
+            .is_some_and(|after| self.docked_for > after)
+        {
+            let Pose { x, y, heading } = self.robot.state().pose;
+            let back = (x - SLIDE * heading.cos(), y - SLIDE * heading.sin());
+            self.robot.place(Pose::new(back.0, back.1, heading));
+        }
+    }
+
+    /// One command of one client: kept in the journal, and obeyed if the client may.
+    fn hear(&mut self, client: u64, write: u64, opened: bool, command: Command) {
+        if !self.clients.knows(client) {
+            return;
+        }
+        let at = self.started.elapsed();
+        handle::lock(&self.ends.journal).write(at, write, client, command.clone());
+        self.log_heard(client, &command);
+        match command {
+            Command::Login(login) => self.log_in(client, &login),
+            Command::Move { .. } if !self.clients.is_user(client) || !opened => {
+                tracing::info!(target: "spykee::sim", client, "MOVE before login and POWER");
+                self.cut(client);
+            }
+            _ if !self.clients.is_user(client) => {}
+            command => self.robot.obey(&command),
+        }
+        self.deliver();
+    }
+
+    /// For logs of all that was said; a setpoint that is only repeated is left out.
+    fn log_heard(&mut self, client: u64, command: &Command) {
+        if let Command::Move { .. } = command {
+            if self.moved.as_ref() == Some(command) {
+                return;
+            }
+            self.moved = Some(command.clone());
+        }
+        tracing::debug!(target: "spykee::sim::heard", client, "{}", describe(command));
+    }
+
+    fn log_in(&mut self, client: u64, login: &Login) {
+        let refused = match self.refusing {
+            Some(refusal) => Err(refusal),
+            None => self.clients.log_in(client, login, &self.login),
+        };
+        if let Err(refusal) = refused {
+            tracing::info!(target: "spykee::sim", client, ?refusal, "login refused");
+            self.clients.refuse(client, refusal);
+            return;
+        }
+        let accepted = Accepted {
+            uid: self.uid.clone(),
+            name: "Spykee".into(),
+            place: "home".into(),
+            firmware: self.version.clone(),
+            docked: self.robot.docked(),
+        };
+        self.robot.take_reports();
+        self.tell(&Report::Accepted(accepted));
+        self.robot.begin_session();
+    }
+
+    fn cut_all(&mut self) {
+        self.clients.ids().into_iter().for_each(|id| self.cut(id));
+    }
+
+    fn cut(&mut self, client: u64) {
+        if self.clients.cut(client) {
+            self.robot.end_session();
+        }
+    }
+
+    /// Passes on what the robot says; without a user nobody hears it.
+    fn deliver(&mut self) {
+        for report in self.robot.take_reports() {
+            self.tell(&report);
+        }
+    }
+
+    fn tell(&mut self, report: &Report) {
+        if !matches!(report, Report::Video(_) | Report::Audio(_)) {
+            tracing::debug!(target: "spykee::sim::said", "{report:?}");
+        }
+        if !self.clients.tell(report) {
+            tracing::info!(target: "spykee::sim", "the client asks and never reads: cut off");
+            self.clients
+                .user_id()
+                .into_iter()
+                .for_each(|id| self.cut(id));
+        }
+    }
+
+    fn publish(&mut self) {
+        let mut state = self.robot.state();
+        state.user = self.clients.user().map(str::to_owned);
+        state.dropped = self.clients.dropped();
+        self.ends.state.send_replace(state);
+        let count = handle::lock(&self.ends.journal).count();
+        self.ends
+            .heard
+            .send_if_modified(|heard| std::mem::replace(heard, count) != count);
+    }
+}

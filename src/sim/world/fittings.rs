@@ -1,0 +1,291 @@
+//! What is fixed in a world and does something, as its YAML says it: lines on the floor, lamps,
+//! signs and sources of sound.
+
+use kurbo::{BezPath, ParamCurveNearest, Shape};
+use serde::Deserialize;
+
+use super::paint::Paint;
+use super::schedule::{Schedule, lit};
+use super::things::Spot;
+use crate::sim::geometry::Point;
+use crate::sim::yaml::number;
+
+/// A line of tape on the floor: straight legs with rounded corners.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tape {
+    /// Its corners, from end to end.
+    pub through: Vec<Spot>,
+    /// Metres across.
+    #[serde(default = "tape_width", deserialize_with = "number::tape")]
+    pub width: f64,
+    /// Its colour.
+    pub colour: Paint,
+    /// Radius of the arcs in place of its corners, metres; as much of it as the legs have room for.
+    #[serde(default, deserialize_with = "number::rounding")]
+    pub rounding: f64,
+    /// The last corner is joined to the first.
+    #[serde(default)]
+    pub closed: bool,
+}
+
+/// A lamp under the ceiling.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Lamp {
+    /// What people call it.
+    #[serde(default)]
+    pub name: String,
+    /// Above which place it hangs.
+    pub at: Spot,
+    /// Its light straight below it, 0..=1.
+    #[serde(default = "full", deserialize_with = "number::share")]
+    pub brightness: f64,
+    /// Colour cast of its light.
+    #[serde(default = "white")]
+    pub colour: Paint,
+    /// Metres at which half of its light is left.
+    #[serde(default = "lamp_reach", deserialize_with = "number::lamp_reach")]
+    pub reach: f64,
+    /// When it is on; left out, always.
+    #[serde(default)]
+    pub on: Option<Schedule>,
+    /// When it is off all the same.
+    #[serde(default)]
+    pub off: Option<Schedule>,
+}
+
+/// A QR code on a board, upright, on a wall or a post or by itself.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sign {
+    /// Where it hangs; in a wall, piece of furniture or post, it hangs on the outside of it.
+    pub at: Spot,
+    /// Which way it looks, degrees.
+    #[serde(deserialize_with = "number::degrees")]
+    pub heading_degrees: f64,
+    /// What the code says, at most 100 bytes.
+    pub text: String,
+    /// Side of the board with its white margin, metres.
+    #[serde(default = "sign_side", deserialize_with = "number::sign_side")]
+    pub side: f64,
+    /// Its middle above the floor, metres; the camera is at 0.2 m.
+    #[serde(default = "sign_height", deserialize_with = "number::sign_height")]
+    pub height: f64,
+}
+
+/// Something that the microphone hears, the louder the nearer.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Noise {
+    /// What people call it.
+    #[serde(default)]
+    pub name: String,
+    /// Where it stands.
+    pub at: Spot,
+    /// What it sounds like.
+    #[serde(default)]
+    pub kind: NoiseKind,
+    /// Pitch of a tone and rate of knocks times 100, hertz.
+    #[serde(default = "pitch", deserialize_with = "number::hertz")]
+    pub hertz: f64,
+    /// At 1 m, 0..=1 of what the microphone can take.
+    #[serde(default = "half", deserialize_with = "number::share")]
+    pub loudness: f64,
+    /// When it sounds; left out, always.
+    #[serde(default)]
+    pub on: Option<Schedule>,
+    /// When it is silent all the same.
+    #[serde(default)]
+    pub off: Option<Schedule>,
+}
+
+/// Kinds of sound.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NoiseKind {
+    /// A pure tone.
+    #[default]
+    Tone,
+    /// A hiss.
+    Hiss,
+    /// Short knocks.
+    Knock,
+}
+
+impl Tape {
+    /// The middle of the tape, with its rounded corners.
+    pub(crate) fn path(&self) -> BezPath {
+        let corners: Vec<kurbo::Point> = self.through.iter().map(|spot| point(*spot)).collect();
+        let mut path = BezPath::new();
+        let count = corners.len();
+        let Some(&first) = corners.first() else {
+            return path;
+        };
+        if !self.closed || count < 3 {
+            path.move_to(first);
+        }
+        let bends = if self.closed && count >= 3 {
+            0..count
+        } else {
+            1..count.saturating_sub(1)
+        };
+        for index in bends {
+            let (before, after) = (
+                corners[(index + count - 1) % count],
+                corners[(index + 1) % count],
+            );
+            bend(&mut path, before, corners[index], after, self.rounding);
+        }
+        if self.closed && count >= 3 {
+            path.close_path();
+        } else if count >= 2 {
+            path.line_to(corners[count - 1]);
+        }
+        path
+    }
+
+    /// Metres from a place to the middle of the tape.
+    pub fn distance(&self, place: Point) -> f64 {
+        let place = kurbo::Point::new(place.x, place.y);
+        let path = self.path();
+        let nearest = path
+            .segments()
+            .map(|part| part.nearest(place, 1e-3).distance_sq);
+        nearest.fold(f64::MAX, f64::min).sqrt()
+    }
+
+    /// Metres from end to end, or once round.
+    pub fn length(&self) -> f64 {
+        self.path().perimeter(1e-3)
+    }
+}
+
+/// Goes on to a corner and round it in an arc of at most `radius`.
+fn bend(
+    path: &mut BezPath,
+    before: kurbo::Point,
+    corner: kurbo::Point,
+    after: kurbo::Point,
+    radius: f64,
+) {
+    let start = |path: &mut BezPath, to| match path.elements().is_empty() {
+        true => path.move_to(to),
+        false => path.line_to(to),
+    };
+    let (back, on) = (before - corner, after - corner);
+    let room = back.hypot().min(on.hypot()) / 2.0;
+    // Half of the angle between the legs says how much of them an arc takes.
+    let half = (back.cross(on).abs().atan2(back.dot(on))) / 2.0;
+    if radius <= 0.0 || room <= 0.0 || half.sin() < 1e-6 || half.cos() < 1e-6 {
+        return start(path, corner);
+    }
+    let taken = (radius / half.tan()).min(room);
+    let turned = std::f64::consts::PI - 2.0 * half;
+    let handle = 4.0 / 3.0 * (turned / 4.0).tan() * taken * half.tan();
+    let (from, to) = (
+        corner + back.normalize() * taken,
+        corner + on.normalize() * taken,
+    );
+    start(path, from);
+    path.curve_to(
+        from - back.normalize() * handle,
+        to - on.normalize() * handle,
+        to,
+    );
+}
+
+fn point(spot: Spot) -> kurbo::Point {
+    let Point { x, y } = spot.point();
+    kurbo::Point::new(x, y)
+}
+
+impl Lamp {
+    /// Whether it is on at a time, in seconds.
+    pub(crate) fn lit(&self, seconds: f64) -> bool {
+        lit(self.on, self.off, seconds)
+    }
+}
+
+impl Noise {
+    /// Whether it sounds at a time, in seconds.
+    pub(crate) fn sounds(&self, seconds: f64) -> bool {
+        lit(self.on, self.off, seconds)
+    }
+}
+
+fn tape_width() -> f64 {
+    0.03
+}
+
+fn full() -> f64 {
+    1.0
+}
+
+fn half() -> f64 {
+    0.5
+}
+
+fn white() -> Paint {
+    Paint([255, 255, 255])
+}
+
+fn lamp_reach() -> f64 {
+    2.5
+}
+
+fn sign_side() -> f64 {
+    0.3
+}
+
+fn sign_height() -> f64 {
+    0.3
+}
+
+fn pitch() -> f64 {
+    880.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::PI;
+
+    fn tape(yaml: &str) -> Tape {
+        serde_yaml::from_str(yaml).unwrap()
+    }
+
+    #[test]
+    fn a_square_that_is_rounded_by_half_its_side_is_a_circle() {
+        let tape = tape(
+            "{through: [[1, 1], [3, 1], [3, 3], [1, 3]], closed: true, rounding: 1, colour: black}",
+        );
+        assert!((tape.length() - 2.0 * PI).abs() < 0.01, "{}", tape.length());
+        for i in 0..24 {
+            let place = Point::new(2.0, 2.0).ahead(f64::from(i), 1.0);
+            assert!(tape.distance(place) < 0.01, "{place:?}");
+        }
+        assert!((tape.distance(Point::new(2.0, 2.0)) - 1.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_tape_without_rounding_goes_through_its_corners_and_ends() {
+        let tape = tape("{through: [[1, 1], [3, 1], [3, 3]], colour: black}");
+        assert!((tape.length() - 4.0).abs() < 1e-9);
+        assert!(tape.distance(Point::new(3.0, 1.0)) < 1e-6);
+        assert!((tape.distance(Point::new(3.0, 3.5)) - 0.5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn corners_that_leave_no_room_or_are_none_still_make_a_path() {
+        for yaml in [
+            "{through: [[1, 1], [1, 1], [1, 1]], rounding: 1, colour: black}",
+            "{through: [[1, 1], [2, 1], [1, 1]], rounding: 5, closed: true, colour: black}",
+            "{through: [[1, 1], [2, 1], [3, 1]], rounding: 5, colour: black}",
+        ] {
+            let tape = tape(yaml);
+            assert!(tape.distance(Point::new(1.0, 1.0)) < 1e-6, "{yaml}");
+            assert!(tape.length().is_finite());
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! What moves in a world besides the robot: balls, which roll on their paths and when they are
+//! pushed, and people on their ways.
+
+use super::document::World;
+use super::route::Trip;
+use crate::sim::geometry::Point;
+use crate::sim::geometry::obstacles::{Circle, Obstacles};
+
+/// How a rolling ball slows down, metres a second squared.
+const FRICTION: f64 = 0.35;
+/// Room that people and rolling balls leave before the robot, metres.
+const RESPECT: f64 = 0.05;
+/// Kept between what touches, metres.
+const SLACK: f64 = 0.001;
+
+/// Everything that moves.
+#[derive(Debug, Clone)]
+pub(crate) struct Movers {
+    /// Balls first, then people, as in [`Obstacles`].
+    all: Vec<Mover>,
+}
+
+#[derive(Debug, Clone)]
+struct Mover {
+    body: Circle,
+    ball: bool,
+    trip: Option<Trip>,
+    /// Of a ball that was pushed, metres a second.
+    rolling: Point,
+}
+
+impl Movers {
+    /// Those of a world, where they are first.
+    pub(crate) fn of(world: &World) -> Movers {
+        let balls = world.balls.iter().map(|ball| Mover {
+            body: Circle::new(ball.at.point(), ball.radius),
+            ball: true,
+            trip: ball.path.as_ref().map(Trip::of),
+            rolling: Point::default(),
+        });
+        let people = world.walkers.iter().map(|walker| Mover {
+            body: Circle::new(walker.at.point(), walker.radius),
+            ball: false,
+            trip: walker.path.as_ref().map(Trip::of),
+            rolling: Point::default(),
+        });
+        Movers {
+            all: balls.chain(people).collect(),
+        }
+    }
+
+    /// Where all are, balls first.
+    pub(crate) fn places(&self) -> impl Iterator<Item = Point> {
+        self.all.iter().map(|mover| mover.body.middle)
+    }
+
+    /// Puts a ball somewhere, at rest: one on a path leaves it for good.
+    pub(crate) fn put_ball(&mut self, index: usize, place: Point) {
+        let balls = self.all.iter_mut().filter(|mover| mover.ball);
+        if let Some(ball) = balls.skip(index).take(1).next() {
+            (ball.body.middle, ball.rolling) = (place, Point::default());
+            ball.trip = None;
+        }
+    }
+
+    /// Lets time pass; nothing of this runs into the robot.
+    pub(crate) fn step(&mut self, seconds: f64, robot: Circle, obstacles: &mut Obstacles) {
+        for index in 0..self.all.len() {
+            let mover = &mut self.all[index];
+            let here = mover.body.middle;
+            let next = mover.next(seconds);
+            if next == here {
+                continue;
+            }
+            let wanted = Circle::new(next, mover.body.radius);
+            let nearer = robot.gap(wanted) < robot.gap(mover.body);
+            let in_the_way = nearer && robot.gap(wanted) < RESPECT;
+            // A ball that rolls stops at what it meets; whoever is on a path keeps to it.
+            let hits = mover.rolling != Point::default() && !obstacles.has_room(wanted, index);
+            if in_the_way || hits {
+                mover.rolling = Point::default();
+                continue;
+            }
+            mover.body = wanted;
+            obstacles.move_round(index, next);
+        }
+    }
+
+    /// The robot is about to be at `robot`, at that speed: balls in its way roll, if they can.
+    pub(crate) fn make_way(&mut self, robot: Circle, speed: f64, obstacles: &mut Obstacles) {
+        for index in 0..self.all.len() {
+            let mover = &mut self.all[index];
+            if !mover.ball || robot.gap(mover.body) >= SLACK {
+                continue;
+            }
+            let away = robot.middle.direction_of(mover.body.middle);
+            let place = robot
+                .middle
+                .ahead(away, robot.radius + mover.body.radius + 2.0 * SLACK);
+            let wanted = Circle::new(place, mover.body.radius);
+            if obstacles.has_room(wanted, index) {
+                mover.body = wanted;
+                mover.rolling = Point::default().ahead(away, speed.abs());
+                obstacles.move_round(index, place);
+            }
+        }
+    }
+}
+
+impl Mover {
+    /// Where it would be after so many seconds.
+    fn next(&mut self, seconds: f64) -> Point {
+        let (here, speed) = (self.body.middle, self.rolling.distance(Point::default()));
+        if speed > 0.0 {
+            let slower = (speed - FRICTION * seconds).max(0.0);
+            self.rolling = Point::default().towards(self.rolling, slower / speed);
+            return Point::new(
+                here.x + self.rolling.x * seconds,
+                here.y + self.rolling.y * seconds,
+            );
+        }
+        let trip = self.trip.as_mut();
+        trip.map_or(here, |trip| trip.step(here, seconds))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn world(things: &str) -> World {
+        let text = format!(
+            "room: {{width: 6, depth: 4}}\nstation: {{at: [0, 2], heading_degrees: 0}}\n{things}\n"
+        );
+        World::from_yaml(&text, "test").unwrap()
+    }
+
+    fn after(things: &str, robot: (f64, f64), seconds: u32) -> Point {
+        let world = world(things);
+        let (mut movers, mut obstacles) = (Movers::of(&world), Obstacles::of(&world));
+        let robot = Circle::new(Point::new(robot.0, robot.1), 0.15);
+        (0..seconds * 50).for_each(|_| movers.step(0.02, robot, &mut obstacles));
+        movers.places().next().unwrap()
+    }
+
+    const WALKER: &str = "walkers: [{at: [1, 3], path: {through: [[1, 3], [5, 3]], speed: 0.5}}]";
+
+    #[test]
+    fn people_walk_and_wait_for_a_robot_in_their_way() {
+        let place = after(WALKER, (3.0, 1.0), 4);
+        assert!(
+            (place.x - 3.0).abs() < 0.1 && (place.y - 3.0).abs() < 1e-9,
+            "{place:?}"
+        );
+        let place = after(WALKER, (3.0, 3.0), 20);
+        assert!((2.5..2.65).contains(&place.x), "{place:?}");
+    }
+
+    #[test]
+    fn a_ball_that_was_put_somewhere_stays_there_though_it_had_a_path() {
+        let ball =
+            "balls: [{at: [1, 3], colour: red, path: {through: [[1, 3], [5, 3]], speed: 0.5}}]";
+        let world = world(ball);
+        let (mut movers, mut obstacles) = (Movers::of(&world), Obstacles::of(&world));
+        let (robot, place) = (
+            Circle::new(Point::new(3.0, 1.0), 0.15),
+            Point::new(2.0, 2.0),
+        );
+        movers.put_ball(0, place);
+        (0..200).for_each(|_| movers.step(0.02, robot, &mut obstacles));
+        assert_eq!(movers.places().next(), Some(place));
+    }
+
+    #[test]
+    fn a_pushed_ball_rolls_on_and_comes_to_rest() {
+        let world = world("balls: [{at: [3, 2], colour: red}]");
+        let (mut movers, mut obstacles) = (Movers::of(&world), Obstacles::of(&world));
+        let robot = Circle::new(Point::new(2.76, 2.0), 0.15);
+        movers.make_way(robot, 0.4, &mut obstacles);
+        for _ in 0..200 {
+            movers.step(0.02, robot, &mut obstacles);
+        }
+        let place = movers.places().next().unwrap();
+        assert!((3.15..3.4).contains(&place.x), "{place:?}");
+        assert!((obstacles.clearance(Point::new(place.x, 2.5)) - 0.4).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_ball_at_the_wall_does_not_give_way() {
+        let world = world("balls: [{at: [5.9, 2], colour: red}]");
+        let (mut movers, mut obstacles) = (Movers::of(&world), Obstacles::of(&world));
+        let robot = Circle::new(Point::new(5.7, 2.0), 0.15);
+        movers.make_way(robot, 0.4, &mut obstacles);
+        assert_eq!(movers.places().next(), Some(Point::new(5.9, 2.0)));
+    }
+}

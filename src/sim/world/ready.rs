@@ -1,0 +1,79 @@
+//! The worlds that come along, inside the program: they need no file.
+
+use super::document::World;
+
+/// Name and YAML of each; the names are those of the files in `behaviours/worlds/`.
+const READY: [(&str, &str); 8] = [
+    (
+        "living_room",
+        include_str!("../../../behaviours/worlds/living_room.yaml"),
+    ),
+    (
+        "playpen",
+        include_str!("../../../behaviours/worlds/playpen.yaml"),
+    ),
+    ("yard", include_str!("../../../behaviours/worlds/yard.yaml")),
+    (
+        "line_loop",
+        include_str!("../../../behaviours/worlds/line_loop.yaml"),
+    ),
+    (
+        "classroom",
+        include_str!("../../../behaviours/worlds/classroom.yaml"),
+    ),
+    ("hall", include_str!("../../../behaviours/worlds/hall.yaml")),
+    (
+        "night",
+        include_str!("../../../behaviours/worlds/night.yaml"),
+    ),
+    (
+        "gallery",
+        include_str!("../../../behaviours/worlds/gallery.yaml"),
+    ),
+];
+
+impl World {
+    /// The names of the worlds that come along; the first is the built-in one.
+    pub fn ready_names() -> impl Iterator<Item = &'static str> {
+        READY.iter().map(|(name, _)| *name)
+    }
+
+    /// The world of such a name.
+    pub fn ready(name: &str) -> Option<World> {
+        let (name, yaml) = READY.iter().find(|(known, _)| *known == name)?;
+        World::from_yaml(yaml, &format!("{name}.yaml")).ok()
+    }
+
+    /// The first comment of such a world: what is there, and what it is for.
+    pub fn ready_about(name: &str) -> Option<String> {
+        let (_, yaml) = READY.iter().find(|(known, _)| *known == name)?;
+        let comment = yaml.lines().map_while(|line| line.strip_prefix("# "));
+        Some(comment.collect::<Vec<_>>().join(" "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_world_that_comes_along_is_valid_and_says_what_it_is_for() {
+        for (name, yaml) in READY {
+            let world = World::from_yaml(yaml, &format!("{name}.yaml"));
+            let world = world.unwrap_or_else(|error| panic!("{error}"));
+            assert!(!world.name.is_empty());
+            assert!(World::ready(name).is_some());
+            assert!(World::ready_about(name).unwrap().len() > 40, "{name}");
+        }
+        assert!(World::ready("nowhere").is_none());
+    }
+
+    #[test]
+    fn the_page_about_worlds_shows_a_valid_one() {
+        let page = include_str!("../../../behaviours/worlds/README.md");
+        let (_, yaml) = page.split_once("```yaml\n").unwrap();
+        let yaml = yaml.split("```").next().unwrap();
+        let world = World::from_yaml(yaml, "README.md").unwrap();
+        assert!(!world.lamps.is_empty() && !world.walkers.is_empty() && !world.sounds.is_empty());
+    }
+}

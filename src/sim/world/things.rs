@@ -1,0 +1,237 @@
+//! What stands in a world, as its YAML says it, with the shapes that follow from it.
+
+use serde::Deserialize;
+
+use super::paint::Paint;
+use super::route::Route;
+use crate::sim::geometry::{Point, Pose, Segment, in_rectangle, rectangle};
+use crate::sim::yaml::number;
+
+/// The outer walls, from (0, 0) to (`width`, `depth`), and the floor between them.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Room {
+    /// Metres along x.
+    #[serde(deserialize_with = "number::room_side")]
+    pub width: f64,
+    /// Metres along y.
+    #[serde(deserialize_with = "number::room_side")]
+    pub depth: f64,
+    /// Height of all walls, metres.
+    #[serde(default = "room_height", deserialize_with = "number::height")]
+    pub height: f64,
+    /// What lies on the ground.
+    #[serde(default)]
+    pub floor: Floor,
+    /// Colour of the walls.
+    #[serde(default = "wall_paint")]
+    pub walls: Paint,
+}
+
+/// What the ground is made of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Floor {
+    /// Planks.
+    #[default]
+    Wood,
+    /// Light and dark squares.
+    Tiles,
+    /// One colour with a fine grain.
+    Concrete,
+}
+
+/// An inner wall.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wall {
+    /// Where its middle line begins.
+    pub from: Spot,
+    /// Where its middle line ends.
+    pub to: Spot,
+    /// Metres.
+    #[serde(default = "wall_thickness", deserialize_with = "number::thickness")]
+    pub thickness: f64,
+}
+
+/// A box that stands on the floor.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Furniture {
+    /// Its middle.
+    pub at: Spot,
+    /// Metres along its heading.
+    #[serde(deserialize_with = "number::side")]
+    pub length: f64,
+    /// Metres across.
+    #[serde(deserialize_with = "number::side")]
+    pub width: f64,
+    /// Metres; at least as high as the robot looks.
+    #[serde(deserialize_with = "number::height")]
+    pub height: f64,
+    /// How it is turned, degrees.
+    #[serde(default, deserialize_with = "number::degrees")]
+    pub heading_degrees: f64,
+    /// Its colour.
+    pub colour: Paint,
+    /// What people call it.
+    #[serde(default)]
+    pub name: String,
+}
+
+/// A carpet.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rug {
+    /// Its middle.
+    pub at: Spot,
+    /// Metres along x.
+    #[serde(deserialize_with = "number::side")]
+    pub width: f64,
+    /// Metres along y.
+    #[serde(deserialize_with = "number::side")]
+    pub depth: f64,
+    /// Its colour.
+    pub colour: Paint,
+}
+
+/// A ball on the floor.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Ball {
+    /// Where it touches the floor.
+    pub at: Spot,
+    /// Metres.
+    #[serde(default = "ball_radius", deserialize_with = "number::radius")]
+    pub radius: f64,
+    /// Its colour.
+    pub colour: Paint,
+    /// Where it rolls by itself.
+    #[serde(default)]
+    pub path: Option<Route>,
+}
+
+/// A round post.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Post {
+    /// Its middle.
+    pub at: Spot,
+    /// Metres.
+    #[serde(default = "post_radius", deserialize_with = "number::radius")]
+    pub radius: f64,
+    /// Metres.
+    #[serde(default = "post_height", deserialize_with = "number::height")]
+    pub height: f64,
+    /// Its colour.
+    pub colour: Paint,
+}
+
+/// Where something stands and which way it looks.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Place {
+    /// Where.
+    pub at: Spot,
+    /// Degrees, left positive, 0 looks along x.
+    #[serde(default, deserialize_with = "number::degrees")]
+    pub heading_degrees: f64,
+}
+
+impl Place {
+    /// The same in radians.
+    pub fn pose(&self) -> Pose {
+        Pose::at(self.at.point(), self.heading_degrees.to_radians())
+    }
+}
+
+/// `[x, y]` in metres.
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub struct Spot([Coordinate; 2]);
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+struct Coordinate(#[serde(deserialize_with = "number::coordinate")] f64);
+
+impl Spot {
+    /// The place on the floor.
+    pub fn point(self) -> Point {
+        Point::new(self.0[0].0, self.0[1].0)
+    }
+}
+
+impl Room {
+    /// The four outer walls, counter-clockwise from (0, 0).
+    pub(crate) fn sides(&self) -> [Segment; 4] {
+        let middle = Point::new(self.width / 2.0, self.depth / 2.0);
+        rectangle(middle, self.width, self.depth, 0.0)
+    }
+
+    /// Whether a place is within the walls.
+    pub(crate) fn holds(&self, point: Point) -> bool {
+        (0.0..=self.width).contains(&point.x) && (0.0..=self.depth).contains(&point.y)
+    }
+}
+
+impl Wall {
+    /// Whether a place is inside of it.
+    pub(crate) fn covers(&self, place: Point) -> bool {
+        let (from, to) = (self.from.point(), self.to.point());
+        let length = from.distance(to) + self.thickness;
+        let (middle, heading) = (from.towards(to, 0.5), from.direction_of(to));
+        in_rectangle(place, middle, length, self.thickness, heading)
+    }
+
+    /// Its four sides, as they stand on the floor.
+    pub(crate) fn sides(&self) -> [Segment; 4] {
+        let (from, to) = (self.from.point(), self.to.point());
+        let length = from.distance(to) + self.thickness;
+        rectangle(
+            from.towards(to, 0.5),
+            length,
+            self.thickness,
+            from.direction_of(to),
+        )
+    }
+}
+
+impl Furniture {
+    /// Whether a place is inside of it.
+    pub(crate) fn covers(&self, place: Point) -> bool {
+        let (middle, heading) = (self.at.point(), self.heading_degrees.to_radians());
+        in_rectangle(place, middle, self.length, self.width, heading)
+    }
+
+    /// Its four sides, as they stand on the floor.
+    pub(crate) fn sides(&self) -> [Segment; 4] {
+        rectangle(
+            self.at.point(),
+            self.length,
+            self.width,
+            self.heading_degrees.to_radians(),
+        )
+    }
+}
+
+fn room_height() -> f64 {
+    2.4
+}
+
+fn wall_paint() -> Paint {
+    Paint([214, 206, 190])
+}
+
+fn wall_thickness() -> f64 {
+    0.1
+}
+
+fn ball_radius() -> f64 {
+    0.1
+}
+
+fn post_radius() -> f64 {
+    0.05
+}
+
+fn post_height() -> f64 {
+    0.6
+}

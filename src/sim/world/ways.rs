@@ -1,0 +1,178 @@
+//! How far the station is for a robot that knows the way: the shortest ways over the free floor, on a
+//! grid. For those who judge a run, and for none that drives: the robot knows nothing of this.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use super::document::World;
+use crate::sim::body::chassis::RADIUS;
+use crate::sim::geometry::Point;
+use crate::sim::geometry::obstacles::Obstacles;
+
+/// Between two neighbours on the grid, metres.
+const GRID: f64 = 0.05;
+/// What a step to a neighbour counts, in tenths of a millimetre: straight, and across.
+const STRAIGHT: u32 = 500;
+const ACROSS: u32 = 707;
+/// A place off the grid is as far as the best of its neighbours, so many to each side.
+const AROUND: i64 = 2;
+
+/// The ways to the station from everywhere in a world. What moves, and what a robot pushes aside, is
+/// not in the way: balls and people.
+#[derive(Debug, Clone)]
+pub struct Ways {
+    obstacles: Obstacles,
+    columns: i64,
+    rows: i64,
+    /// Row by row; tenths of a millimetre.
+    lengths: Vec<Option<u32>>,
+}
+
+impl Ways {
+    /// Measures all ways of a world, once.
+    pub fn home(world: &World) -> Ways {
+        let count = |side: f64| (side / GRID) as i64 + 1;
+        let mut ways = Ways {
+            obstacles: Obstacles::fixed(world),
+            columns: count(world.room.width),
+            rows: count(world.room.depth),
+            lengths: Vec::new(),
+        };
+        ways.lengths = vec![None; (ways.columns * ways.rows) as usize];
+        ways.spread(world);
+        ways
+    }
+
+    /// Metres from a place to the charging contacts, at most 8 % more than the shortest way;
+    /// `None` without any way there, as from within a closed ring of furniture.
+    pub fn length(&self, from: Point) -> Option<f64> {
+        let near = self.around(from).filter_map(|(column, row)| {
+            let place = place(column, row);
+            let further = metres(self.lengths[self.index(column, row)?]?);
+            let free = self.obstacles.way_free(from, place, RADIUS);
+            free.then(|| from.distance(place) + further)
+        });
+        near.min_by(f64::total_cmp)
+    }
+
+    /// Whether a robot stands there without touching a wall, a piece of furniture, a post or the
+    /// station. What encloses a place, such as a wide piece of furniture, does not touch it.
+    pub fn has_room(&self, place: Point) -> bool {
+        self.obstacles.clearance(place) >= RADIUS
+    }
+
+    /// All places of the grid from which a way leads home, with its length in metres.
+    pub fn places(&self) -> impl Iterator<Item = (Point, f64)> {
+        let columns = self.columns;
+        let all = self.lengths.iter().zip(0_i64..);
+        all.filter_map(move |(length, at)| {
+            let place = place(at % columns, at / columns);
+            Some((place, metres((*length)?)))
+        })
+    }
+
+    /// From the place before the station on over the whole grid, the nearest first.
+    fn spread(&mut self, world: &World) {
+        let (staging, dock) = (world.station.staging_pose(), world.station.dock_pose());
+        let straight_on = staging.point().distance(dock.point());
+        let mut open = BinaryHeap::new();
+        for (column, row) in self.around(staging.point()) {
+            let place = place(column, row);
+            let length = straight_on + staging.point().distance(place);
+            if self.has_room(place) {
+                open.push(Reverse(((length * 1e4) as u32, column, row)));
+            }
+        }
+        while let Some(Reverse((length, column, row))) = open.pop() {
+            let Some(index) = self.index(column, row) else {
+                continue;
+            };
+            if self.lengths[index].is_some() || !self.has_room(place(column, row)) {
+                continue;
+            }
+            self.lengths[index] = Some(length);
+            for (right, up) in square(1).filter(|step| *step != (0, 0)) {
+                let across = right != 0 && up != 0;
+                let step = if across { ACROSS } else { STRAIGHT };
+                open.push(Reverse((length + step, column + right, row + up)));
+            }
+        }
+    }
+
+    fn around(&self, place: Point) -> impl Iterator<Item = (i64, i64)> + use<> {
+        let nearest = |at: f64| (at / GRID).round() as i64;
+        let (column, row) = (nearest(place.x), nearest(place.y));
+        square(AROUND).map(move |(right, up)| (column + right, row + up))
+    }
+
+    fn index(&self, column: i64, row: i64) -> Option<usize> {
+        let inside = (0..self.columns).contains(&column) && (0..self.rows).contains(&row);
+        inside.then(|| (row * self.columns + column) as usize)
+    }
+}
+
+fn place(column: i64, row: i64) -> Point {
+    Point::new(column as f64 * GRID, row as f64 * GRID)
+}
+
+fn metres(length: u32) -> f64 {
+    f64::from(length) / 1e4
+}
+
+/// All steps of up to `most` to each side.
+fn square(most: i64) -> impl Iterator<Item = (i64, i64)> {
+    (-most..=most).flat_map(move |right| (-most..=most).map(move |up| (right, up)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ways(things: &str) -> Ways {
+        let text = format!(
+            "room: {{width: 6, depth: 4}}\nstation: {{at: [0, 2], heading_degrees: 0}}\n{things}\n"
+        );
+        Ways::home(&World::from_yaml(&text, "test").unwrap())
+    }
+
+    #[test]
+    fn a_straight_way_is_as_long_as_it_is() {
+        let length = ways("").length(Point::new(4.0, 2.0)).unwrap();
+        assert!((length - 3.745).abs() < 0.05, "{length}");
+    }
+
+    #[test]
+    fn a_way_leads_round_walls_and_through_balls() {
+        let wall = "walls: [{from: [3, 0], to: [3, 3]}]";
+        let round = ways(wall).length(Point::new(4.0, 1.0)).unwrap();
+        assert!((5.2..6.0).contains(&round), "{round}");
+        let balls = "balls: [{at: [2, 2], colour: red}, {at: [3, 2], colour: red}]";
+        let straight = ways(balls).length(Point::new(4.0, 2.0)).unwrap();
+        assert!(straight < 3.8, "{straight}");
+    }
+
+    #[test]
+    fn behind_a_gap_too_narrow_for_the_robot_there_is_no_way() {
+        let gap = |to: f64| format!("walls: [{{from: [3, 0], to: [3, {to}]}}]");
+        assert_eq!(ways(&gap(3.75)).length(Point::new(4.0, 1.0)), None);
+        assert!(ways(&gap(3.5)).length(Point::new(4.0, 1.0)).is_some());
+    }
+
+    #[test]
+    fn a_robot_that_touches_a_wall_can_leave_it() {
+        assert!(ways("").length(Point::new(6.0 - RADIUS, 1.234)).is_some());
+        assert!(
+            ways("")
+                .length(Point::new(6.0 - RADIUS + 1e-4, 1.234))
+                .is_some()
+        );
+    }
+
+    #[test]
+    fn every_place_with_a_way_is_free_floor() {
+        let ways = ways("furniture: [{at: [3, 1], length: 1, width: 1, height: 1, colour: red}]");
+        let inside = |place: Point| (place.x - 3.0).abs() < 0.6 && (place.y - 1.0).abs() < 0.6;
+        assert!(ways.places().count() > 5000);
+        assert!(ways.places().all(|(place, _)| !inside(place)));
+    }
+}

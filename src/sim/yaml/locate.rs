@@ -1,0 +1,122 @@
+//! Where in a YAML text something stands, for errors that only show when all values are known,
+//! and serde_yaml's errors in words that help.
+
+use std::fmt;
+
+use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
+
+/// One step into a YAML document.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Step {
+    /// The value of a key.
+    Key(&'static str),
+    /// An entry of a list, counted from 0.
+    Index(usize),
+}
+
+/// Line and column, from 1, of what a path leads to; of the document's start if it leads nowhere.
+pub(crate) fn find(text: &str, path: &[Step]) -> (usize, usize) {
+    let document = serde_yaml::Deserializer::from_str(text);
+    match Walk(path).deserialize(document) {
+        Err(error) => place_of(&error),
+        Ok(()) => (1, 1),
+    }
+}
+
+/// Line and column, from 1, of an error; of the document's start if it has none.
+pub(crate) fn place_of(error: &serde_yaml::Error) -> (usize, usize) {
+    error
+        .location()
+        .map_or((1, 1), |place| (place.line(), place.column()))
+}
+
+/// What is wrong, without the place, and with the name that was probably meant.
+pub(crate) fn explain(error: &serde_yaml::Error) -> String {
+    let mut text = error.to_string();
+    if let Some(place) = error.location() {
+        let suffix = format!(" at line {} column {}", place.line(), place.column());
+        text = text.replace(&suffix, "");
+    }
+    match meant(&text) {
+        Some(name) => format!("{text}; did you mean `{name}`?"),
+        None => text,
+    }
+}
+
+/// The name nearest to the unknown one; serde quotes first what it found, then what it knows.
+fn meant(text: &str) -> Option<&str> {
+    let mut quoted = text.split('`').skip(1).step_by(2);
+    let found = quoted.next().filter(|_| text.contains("unknown "))?;
+    let near = quoted
+        .map(|name| (strsim::damerau_levenshtein(found, name), name))
+        .min()?;
+    (near.0 <= 2).then_some(near.1)
+}
+
+/// Walks a path and fails on purpose where it ends: the error knows the place.
+struct Walk<'a>(&'a [Step]);
+
+impl<'de> DeserializeSeed<'de> for Walk<'_> {
+    type Value = ();
+
+    fn deserialize<D: Deserializer<'de>>(self, from: D) -> Result<(), D::Error> {
+        from.deserialize_any(self)
+    }
+}
+
+impl<'de> Visitor<'de> for Walk<'_> {
+    type Value = ();
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("the place")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<(), A::Error> {
+        let Some((Step::Key(wanted), rest)) = self.0.split_first() else {
+            return Err(A::Error::custom("here"));
+        };
+        while let Some(key) = map.next_key::<String>()? {
+            if key == *wanted {
+                return map.next_value_seed(Walk(rest));
+            }
+            map.next_value::<IgnoredAny>()?;
+        }
+        Err(A::Error::custom("here"))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<(), A::Error> {
+        let Some((Step::Index(wanted), rest)) = self.0.split_first() else {
+            return Err(A::Error::custom("here"));
+        };
+        for _ in 0..*wanted {
+            list.next_element::<IgnoredAny>()?;
+        }
+        list.next_element_seed(Walk(rest)).map(|_| ())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = "a: 1\nlist:\n  - { x: 1 }\n  - x: 2\n    y: [3, 4]\n";
+
+    #[test]
+    fn a_path_leads_to_line_and_column() {
+        assert_eq!(find(TEXT, &[Step::Key("a")]), (1, 4));
+        assert_eq!(
+            find(TEXT, &[Step::Key("list"), Step::Index(0), Step::Key("x")]),
+            (3, 10)
+        );
+        assert_eq!(
+            find(TEXT, &[Step::Key("list"), Step::Index(1), Step::Key("y")]),
+            (5, 8)
+        );
+    }
+
+    #[test]
+    fn a_path_that_leads_nowhere_names_the_nearest_parent() {
+        let (line, _) = find(TEXT, &[Step::Key("list"), Step::Index(1), Step::Key("z")]);
+        assert_eq!(line, 4);
+    }
+}
