@@ -27,7 +27,7 @@ mod world;
 mod yaml;
 
 pub use body::battery::BatterySettings;
-pub use body::chassis::{FULL_POWER, FULL_SPEED, RADIUS, TRACK_WIDTH, Tracks};
+pub use body::chassis::{FULL_POWER, FULL_SPEED, Tracks};
 pub use body::firmware::Firmware;
 pub use body::grip::TrackSettings;
 pub use body::robot::Robot;
@@ -37,7 +37,7 @@ pub use camera::view::{CameraSettings, HEIGHT, Subsampling, WIDTH};
 pub use faults::fault::{Fault, Towards, Trouble};
 pub use faults::list::FaultsError;
 pub use faults::timing::Timing;
-pub use geometry::{Point, Pose};
+pub use geometry::{Point, Pose, RADIUS, TRACK_WIDTH};
 pub use server::connection::Transport;
 pub use server::handle::Handle;
 pub use server::journal::Heard;

@@ -4,12 +4,8 @@
 use std::time::Duration;
 
 use crate::sim::geometry::obstacles::Obstacles;
-use crate::sim::geometry::{Pose, wrap};
+use crate::sim::geometry::{Pose, RADIUS, TRACK_WIDTH, wrap};
 
-/// The body seen from above is a circle of this radius, metres.
-pub const RADIUS: f64 = 0.15;
-/// Between the middles of the tracks, metres.
-pub const TRACK_WIDTH: f64 = 0.24;
 /// A track's speed at [`FULL_POWER`], metres a second.
 pub const FULL_SPEED: f64 = 0.45;
 /// The power that the protocol calls full; clients in the wild send up to 127, which is no faster.
@@ -156,7 +152,7 @@ mod tests {
     fn obstacles() -> Obstacles {
         let text = "room: {width: 6, depth: 4}\nstation: {at: [0, 2], heading_degrees: 0}\n\
                     balls: [{at: [4, 2], colour: red}]\n";
-        Obstacles::of(&World::from_yaml(text, "test").unwrap())
+        World::from_yaml(text, "test").unwrap().obstacles()
     }
 
     fn driven(from: Pose, left: i8, right: i8, seconds: u32) -> Body {

@@ -6,7 +6,8 @@
 use std::f64::consts::PI;
 use std::time::Duration;
 
-use super::chassis::{RADIUS, TRACK_WIDTH, Tracks};
+use super::chassis::Tracks;
+use crate::sim::geometry::{RADIUS, TRACK_WIDTH};
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::geometry::{Point, Pose, wrap};
 use crate::sim::world::station::Station;
@@ -250,7 +251,7 @@ mod tests {
 
     /// Drives until the manoeuvre ends or the contacts touch: seconds, and whether they do.
     fn dock_from(world: &World, from: Pose, beacon: bool) -> (f64, bool) {
-        let obstacles = Obstacles::of(world);
+        let obstacles = world.obstacles();
         let (mut body, mut docking) = (Body::new(from), Docking::new(Duration::from_secs(20)));
         docking.find_base();
         for step in 0.. {
@@ -277,7 +278,7 @@ mod tests {
     #[test]
     fn finds_home_from_all_over_the_living_room() {
         let world = World::default_world();
-        let obstacles = Obstacles::of(&world);
+        let obstacles = world.obstacles();
         let (mut tried, mut slowest) = (0, 0.0);
         for i in 0..80 {
             let at = Point::new(
@@ -315,7 +316,7 @@ mod tests {
     #[test]
     fn backing_out_ends_clear_of_the_station() {
         let world = World::default_world();
-        let (station, obstacles) = (&world.station, Obstacles::of(&world));
+        let (station, obstacles) = (&world.station, world.obstacles());
         let mut body = Body::new(station.dock_pose());
         let mut docking = Docking::new(Duration::ZERO);
         docking.leave();

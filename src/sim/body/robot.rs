@@ -10,7 +10,8 @@ use bytes::Bytes;
 use crate::wire::{Command, Engage, EngineNews, Power, Report, Sound};
 
 use super::battery::Battery;
-use super::chassis::{Body, RADIUS, TRACK_WIDTH, Tracks};
+use super::chassis::{Body, Tracks};
+use crate::sim::geometry::{RADIUS, TRACK_WIDTH};
 use super::docking::{Docking, Order, Senses};
 use super::firmware::Firmware;
 use super::grip::Grip;
@@ -71,7 +72,7 @@ impl Robot {
         let pose = world.start_pose();
         let contact = world.station.touched(pose, true);
         let mut robot = Robot {
-            obstacles: Obstacles::of(&world),
+            obstacles: world.obstacles(),
             movers: Movers::of(&world),
             grip: Grip::new(world.tracks, seed),
             body: Body::new(pose),

@@ -45,7 +45,7 @@ pub(crate) fn picture(world: &World) -> Texture {
         pixels.extend(colours.map(|[r, g, b]| [r as u8, g as u8, b as u8, 255]));
     }
     stick(&world.lines, pixels.as_flattened_mut(), count, scale);
-    let shadows = Shadows::of(world, &Obstacles::fixed(world));
+    let shadows = Shadows::of(world, &world.fixed_obstacles());
     for (row, line) in pixels.chunks_mut(count[1]).enumerate() {
         let y = (row as f32 + 0.5) / scale[0];
         for (column, pixel) in line.iter_mut().enumerate() {

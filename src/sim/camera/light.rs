@@ -38,7 +38,7 @@ impl Lighting {
         let cell = (room.width.max(room.depth) / MOST_POINTS as f64).max(FINEST);
         let points = |side: f64| (side / cell).ceil() as usize + 2;
         let (columns, rows) = (points(room.width), points(room.depth));
-        let obstacles = Obstacles::fixed(world);
+        let obstacles = world.fixed_obstacles();
         let share = |lamp: &Lamp| {
             let place = |index: usize| {
                 let (row, column) = (index / columns, index % columns);

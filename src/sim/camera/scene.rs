@@ -162,7 +162,7 @@ impl Scene {
     }
 
     fn hang_signs(&mut self, world: &World) {
-        let obstacles = Obstacles::fixed(world);
+        let obstacles = world.fixed_obstacles();
         for sign in &world.signs {
             let Some(code) = Code::of(&sign.text) else {
                 continue;

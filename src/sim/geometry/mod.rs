@@ -1,8 +1,12 @@
-//! Points, poses, lines and circles on the floor. Metres and radians; x to the right, y up, angles
-//! left positive. Imports nothing of the simulator.
+//! Points, poses, lines and circles on the floor, and the robot's measures. Metres and radians; x to
+//! the right, y up, angles left positive. Imports nothing of the simulator.
 
+mod measures;
 pub(crate) mod obstacles;
 mod point;
+mod segment;
 
+pub use measures::{RADIUS, TRACK_WIDTH};
 pub use point::{Point, Pose};
-pub(crate) use point::{Segment, in_rectangle, rectangle, wrap};
+pub(crate) use point::wrap;
+pub(crate) use segment::{Segment, in_rectangle, rectangle};

@@ -1,7 +1,4 @@
-//! What stops the robot and what hides the station from it: the world, reduced to lines and circles.
-
-use super::{Point, Segment};
-use crate::sim::world::document::World;
+Xuse crate::sim::world::document::World;
 
 /// A round thing, seen from above.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,6 +30,19 @@ pub(crate) enum Obstacle {
     Walker(usize),
 }
 
+/// What obstacles are made of, each list in the order of the world's own.
+#[derive(Debug, Clone)]
+pub(crate) struct Shapes {
+    /// Sides of walls.
+    pub(crate) walls: Vec<Segment>,
+    /// The four sides of each piece of furniture.
+    pub(crate) furniture: Vec<[Segment; 4]>,
+    pub(crate) station: [Segment; 4],
+    pub(crate) posts: Vec<Circle>,
+    pub(crate) balls: Vec<Circle>,
+    pub(crate) people: Vec<Circle>,
+}
+
 /// Everything that a robot can run into.
 #[derive(Debug, Clone)]
 pub(crate) struct Obstacles {
@@ -49,35 +59,22 @@ pub(crate) struct Obstacles {
 }
 
 impl Obstacles {
-    /// Those of a world.
-    pub(crate) fn of(world: &World) -> Obstacles {
-        let mut high = world.room.sides().to_vec();
-        high.extend(world.walls.iter().flat_map(|wall| wall.sides()));
+    /// Of the shapes of a world.
+    pub(crate) fn new(shapes: Shapes) -> Obstacles {
+        let mut high = shapes.walls;
         let walls = high.len();
-        high.extend(world.furniture.iter().flat_map(|item| item.sides()));
-        let posts = world.posts.iter();
-        let balls = world.balls.iter();
-        let people = world.walkers.iter();
-        let people = people.map(|walker| Circle::new(walker.at.point(), walker.radius));
-        let round = balls.map(|ball| Circle::new(ball.at.point(), ball.radius));
+        high.extend(shapes.furniture.into_iter().flatten());
+        let balls = shapes.balls.len();
+        let mut round = shapes.balls;
+        round.extend(shapes.people);
         Obstacles {
             high,
             walls,
-            station: world.station.sides(),
-            posts: posts
-                .map(|post| Circle::new(post.at.point(), post.radius))
-                .collect(),
-            round: round.chain(people).collect(),
-            balls: world.balls.len(),
+            station: shapes.station,
+            posts: shapes.posts,
+            round,
+            balls,
         }
-    }
-
-    /// The same without all that moves.
-    pub(crate) fn fixed(world: &World) -> Obstacles {
-        let mut fixed = Obstacles::of(world);
-        fixed.round.clear();
-        fixed.balls = 0;
-        fixed
     }
 
     /// A ball, or a person after all balls, is somewhere else now.
@@ -186,6 +183,7 @@ impl Obstacles {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::World;
 
     fn world() -> World {
         let text = "room: {width: 6, depth: 4}\nstation: {at: [0, 2], heading_degrees: 0}\n\
@@ -195,7 +193,7 @@ mod tests {
 
     #[test]
     fn walls_hide_the_station_and_balls_do_not() {
-        let obstacles = Obstacles::of(&world());
+        let obstacles = world().obstacles();
         let beacon = Point::new(0.2, 2.0);
         assert!(!obstacles.sight(beacon, Point::new(5.0, 1.0)));
         assert!(obstacles.sight(beacon, Point::new(2.0, 1.0)));
@@ -204,7 +202,7 @@ mod tests {
 
     #[test]
     fn a_way_needs_room_for_the_whole_body() {
-        let obstacles = Obstacles::of(&world());
+        let obstacles = world().obstacles();
         let (a, b) = (Point::new(2.0, 2.8), Point::new(4.0, 2.8));
         assert!(!obstacles.way_free(a, b, 0.3));
         let (a, b) = (Point::new(2.6, 3.0), Point::new(4.0, 3.0));
@@ -213,14 +211,14 @@ mod tests {
 
     #[test]
     fn clearance_counts_what_is_nearest() {
-        let obstacles = Obstacles::of(&world());
+        let obstacles = world().obstacles();
         assert!((obstacles.clearance(Point::new(2.0, 3.5)) - 0.2).abs() < 1e-9);
         assert!((obstacles.clearance(Point::new(4.0, 0.3)) - 0.3).abs() < 1e-9);
     }
 
     #[test]
     fn the_nearest_obstacle_has_its_kind_and_number() {
-        let obstacles = Obstacles::of(&world());
+        let obstacles = world().obstacles();
         assert_eq!(obstacles.nearest(Point::new(2.0, 3.0)), Obstacle::Ball(0));
         assert_eq!(obstacles.nearest(Point::new(5.9, 1.0)), Obstacle::Wall);
         assert_eq!(obstacles.nearest(Point::new(0.3, 2.0)), Obstacle::Station);

@@ -178,7 +178,7 @@ fn aside(mark: Mark, pose: Pose) -> Point {
     match mark {
         Mark::Collision => pose
             .point()
-            .ahead(pose.heading, crate::sim::body::chassis::RADIUS * 0.8),
+            .ahead(pose.heading, crate::sim::geometry::RADIUS * 0.8),
         _ => pose.point(),
     }
 }

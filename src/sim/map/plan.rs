@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use image::RgbImage;
 
 use super::canvas::{Canvas, Ink, Script};
-use crate::sim::body::chassis::RADIUS;
+use crate::sim::geometry::RADIUS;
 use crate::sim::camera::ground;
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::geometry::{Point, Pose, Segment};
@@ -106,7 +106,7 @@ fn floor(world: &World, canvas: &mut Canvas) {
 
 /// The station and what its beacon reaches.
 fn station(world: &World, canvas: &mut Canvas) {
-    let (station, obstacles) = (&world.station, Obstacles::fixed(world));
+    let (station, obstacles) = (&world.station, world.fixed_obstacles());
     let beacon = station.beacon();
     let half = station.beacon_degrees.abs().min(180.0).to_radians();
     const RAYS: i32 = 180;

@@ -343,9 +343,9 @@ impl World {
     }
 
     fn blocked_start(&self) -> Option<(Vec<Step>, String)> {
-        let obstacles = crate::sim::geometry::obstacles::Obstacles::of(self);
+        let obstacles = self.obstacles();
         let free = |pose: Pose| {
-            obstacles.clearance(pose.point()) >= crate::sim::body::chassis::RADIUS - 1e-6
+            obstacles.clearance(pose.point()) >= crate::sim::geometry::RADIUS - 1e-6
         };
         if !free(self.station.dock_pose()) || !free(self.station.staging_pose()) {
             let message = "something stands before the station: keep a lane of 0.4 m width and \

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use serde::Deserialize;
 
 use super::things::Spot;
-use crate::sim::body::chassis::RADIUS;
+use crate::sim::geometry::RADIUS;
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::geometry::{Point, Pose, Segment, rectangle, wrap};
 use crate::sim::yaml::number;

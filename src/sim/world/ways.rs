@@ -5,7 +5,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use super::document::World;
-use crate::sim::body::chassis::RADIUS;
+use crate::sim::geometry::RADIUS;
 use crate::sim::geometry::Point;
 use crate::sim::geometry::obstacles::Obstacles;
 
@@ -33,7 +33,7 @@ impl Ways {
     pub fn home(world: &World) -> Ways {
         let count = |side: f64| (side / GRID) as i64 + 1;
         let mut ways = Ways {
-            obstacles: Obstacles::fixed(world),
+            obstacles: world.fixed_obstacles(),
             columns: count(world.room.width),
             rows: count(world.room.depth),
             lengths: Vec::new(),
