@@ -2,40 +2,9 @@
 
 use std::time::Duration;
 
-use serde::Deserialize;
-
 use crate::wire::Power;
 
-use crate::sim::yaml::number;
-
-/// How the battery empties and fills. The defaults are a real robot's: hours.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct BatterySettings {
-    /// Level at the start, percent.
-    #[serde(deserialize_with = "number::percent")]
-    pub level: f64,
-    /// Percent a minute while standing.
-    #[serde(deserialize_with = "number::percent_per_minute")]
-    pub idle_drain_per_minute: f64,
-    /// Percent a minute while both tracks run at full speed.
-    #[serde(deserialize_with = "number::percent_per_minute")]
-    pub driving_drain_per_minute: f64,
-    /// Percent a minute on the station.
-    #[serde(deserialize_with = "number::percent_per_minute")]
-    pub charge_per_minute: f64,
-}
-
-impl Default for BatterySettings {
-    fn default() -> BatterySettings {
-        BatterySettings {
-            level: 90.0,
-            idle_drain_per_minute: 0.4,
-            driving_drain_per_minute: 1.2,
-            charge_per_minute: 0.8,
-        }
-    }
-}
+use crate::sim::world::settings::BatterySettings;
 
 /// A battery with its level.
 #[derive(Debug, Clone)]

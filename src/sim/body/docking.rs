@@ -7,9 +7,9 @@ use std::f64::consts::PI;
 use std::time::Duration;
 
 use super::chassis::Tracks;
-use crate::sim::geometry::{RADIUS, TRACK_WIDTH};
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::geometry::{Point, Pose, wrap};
+use crate::sim::geometry::{RADIUS, TRACK_WIDTH};
 use crate::sim::world::station::Station;
 
 /// The whole manoeuvre, search included, is given up after this.

@@ -4,25 +4,12 @@ use std::time::Duration;
 
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
-use serde::Deserialize;
 
 use super::chassis::Tracks;
-use crate::sim::yaml::number;
+use crate::sim::world::settings::TrackSettings;
 
 /// How long a slip lasts until the next one is drawn.
 const SPELL: Duration = Duration::from_millis(400);
-
-/// How unlike each other the tracks are, and how they slip. Left out, they are perfect.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct TrackSettings {
-    /// How much slower than asked for each track may be, as a share; the seed says how much it is.
-    #[serde(deserialize_with = "number::slip")]
-    pub unequal: f64,
-    /// How much of its way a track may lose or win by slipping, as a share, another again and again.
-    #[serde(deserialize_with = "number::slip")]
-    pub slip: f64,
-}
 
 /// The grip of one robot's tracks.
 #[derive(Debug)]

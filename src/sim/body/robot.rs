@@ -11,7 +11,6 @@ use crate::wire::{Command, Engage, EngineNews, Power, Report, Sound};
 
 use super::battery::Battery;
 use super::chassis::{Body, Tracks};
-use crate::sim::geometry::{RADIUS, TRACK_WIDTH};
 use super::docking::{Docking, Order, Senses};
 use super::firmware::Firmware;
 use super::grip::Grip;
@@ -23,6 +22,7 @@ use super::trace::{Trace, What};
 use crate::sim::camera::{Camera, Shot};
 use crate::sim::geometry::obstacles::{Circle, Obstacles};
 use crate::sim::geometry::{Point, Pose};
+use crate::sim::geometry::{RADIUS, TRACK_WIDTH};
 use crate::sim::world::document::World;
 use crate::sim::world::movers::Movers;
 

@@ -8,7 +8,8 @@ use bytes::Bytes;
 use jpeg_encoder::{ColorType, EncodingError, SamplingFactor};
 
 use super::texture::Pixel;
-use super::view::{HEIGHT, Subsampling, WIDTH};
+use super::view::{HEIGHT, WIDTH};
+use crate::sim::world::settings::Subsampling;
 
 /// Rows and columns of a block.
 const SIDE: usize = 8;

@@ -1,12 +1,13 @@
 //! The world as the camera needs it: upright panels, posts, people and balls, and in which columns
 //! of the picture they appear.
 
-use super::sign::Code;
+use super::sign;
 use super::surface::{Place, Rgb, Surface, rgb};
 use super::texture::Texture;
 use super::view::View;
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::geometry::{Point, Segment};
+use crate::sim::world::code::Code;
 use crate::sim::world::document::World;
 use crate::sim::world::fittings::Sign;
 use crate::sim::world::paint::Paint;
@@ -124,7 +125,7 @@ impl Scene {
         panel.picture.get_or_insert_with(|| {
             if let Surface::Sign(code) = surface {
                 let (code, sign) = &codes[code];
-                return code.picture(sign);
+                return sign::picture(code, sign);
             }
             let size = PIXEL.max((length * height / MOST_PIXELS).sqrt());
             Texture::paint([length, height], size, |along| {

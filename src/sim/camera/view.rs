@@ -1,10 +1,7 @@
 //! Where the camera is and what that means: which way each column of the picture looks, which row
 //! shows what height, and how much light comes back from a distance.
 
-use serde::Deserialize;
-
 use crate::sim::geometry::{Point, Pose};
-use crate::sim::yaml::number;
 
 /// Width of a frame, pixels (`PROTOCOL.md`, VIDEO).
 pub const WIDTH: usize = 320;
@@ -17,65 +14,6 @@ pub(crate) const EYE: f32 = 0.20;
 const AHEAD: f64 = 0.10;
 /// The row at which what is as high as the lens appears.
 pub(crate) const HORIZON: f32 = HEIGHT as f32 / 2.0;
-
-/// How the robot sees.
-#[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct CameraSettings {
-    /// Frames a second while the video stream is on.
-    #[serde(deserialize_with = "number::frames")]
-    pub fps: f64,
-    /// What it sees from side to side, degrees.
-    #[serde(deserialize_with = "number::view_degrees")]
-    pub hfov_degrees: f64,
-    /// Grain of the picture, 0..=1.
-    #[serde(deserialize_with = "number::share")]
-    pub noise: f64,
-    /// How long the shutter is open, seconds: what turns meanwhile is smeared.
-    #[serde(deserialize_with = "number::moment")]
-    pub shutter: f64,
-    /// How slowly the automatic exposure follows a change of the light, seconds; 0 switches it off.
-    #[serde(deserialize_with = "number::moment")]
-    pub exposure: f64,
-    /// From the moment that a frame shows to its sending, seconds.
-    #[serde(deserialize_with = "number::moment")]
-    pub latency: f64,
-    /// Quality of the JPEG, 1..=100.
-    #[serde(deserialize_with = "number::quality")]
-    pub quality: f64,
-    /// How much of the colour is left out in the JPEG.
-    pub subsampling: Subsampling,
-}
-
-/// How much of the colour is left out in a JPEG.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-pub enum Subsampling {
-    /// Nothing.
-    #[serde(rename = "4:4:4")]
-    None,
-    /// Every other pixel of a row.
-    #[default]
-    #[serde(rename = "4:2:2")]
-    Half,
-    /// Every other pixel of a row, and every other row.
-    #[serde(rename = "4:2:0")]
-    Quarter,
-}
-
-impl Default for CameraSettings {
-    fn default() -> CameraSettings {
-        CameraSettings {
-            fps: 15.0,
-            hfov_degrees: 60.0,
-            noise: 0.25,
-            shutter: 0.015,
-            exposure: 0.0,
-            latency: 0.0,
-            quality: 75.0,
-            subsampling: Subsampling::default(),
-        }
-    }
-}
 
 /// Where the camera is for one frame.
 #[derive(Clone, Copy)]

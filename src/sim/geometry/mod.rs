@@ -7,6 +7,6 @@ mod point;
 mod segment;
 
 pub use measures::{RADIUS, TRACK_WIDTH};
-pub use point::{Point, Pose};
 pub(crate) use point::wrap;
+pub use point::{Point, Pose};
 pub(crate) use segment::{Segment, in_rectangle, rectangle};

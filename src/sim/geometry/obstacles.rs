@@ -1,4 +1,7 @@
-Xuse crate::sim::world::document::World;
+//! What stops the robot and what hides the station from it: a world, reduced to lines and circles.
+//! `World::obstacles` makes them.
+
+use super::{Point, Segment};
 
 /// A round thing, seen from above.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,6 +78,13 @@ impl Obstacles {
             round,
             balls,
         }
+    }
+
+    /// The same without all that moves.
+    pub(crate) fn without_movers(mut self) -> Obstacles {
+        self.round.clear();
+        self.balls = 0;
+        self
     }
 
     /// A ball, or a person after all balls, is somewhere else now.

@@ -5,9 +5,8 @@ use std::f64::consts::PI;
 use image::RgbImage;
 
 use super::canvas::{Canvas, Ink, Script};
-use crate::sim::geometry::RADIUS;
 use crate::sim::camera::ground;
-use crate::sim::geometry::obstacles::Obstacles;
+use crate::sim::geometry::RADIUS;
 use crate::sim::geometry::{Point, Pose, Segment};
 use crate::sim::world::document::World;
 use crate::sim::world::paint::Paint;

@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::paint::Paint;
 use super::schedule::{Schedule, lit};
-use super::things::Spot;
+use super::spot::Spot;
 use crate::sim::geometry::Point;
 use crate::sim::yaml::number;
 

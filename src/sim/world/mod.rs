@@ -1,13 +1,18 @@
 //! The place that a simulated robot lives in: what its YAML says, what follows from that, and what moves in
 //! it besides the robot.
 
+pub(crate) mod code;
 pub(crate) mod document;
 pub(crate) mod fittings;
+mod mistakes;
 pub(crate) mod movers;
 pub(crate) mod paint;
+pub(crate) mod reader;
 pub(crate) mod ready;
 pub(crate) mod route;
 pub(crate) mod schedule;
+pub(crate) mod settings;
+pub(crate) mod spot;
 pub(crate) mod station;
 pub(crate) mod things;
 pub(crate) mod ways;

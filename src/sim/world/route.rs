@@ -3,7 +3,7 @@
 use serde::Deserialize;
 
 use super::paint::Paint;
-use super::things::Spot;
+use super::spot::Spot;
 use crate::sim::geometry::Point;
 use crate::sim::yaml::number;
 

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use serde::Deserialize;
 
-use super::things::Spot;
+use super::spot::Spot;
 use crate::sim::geometry::RADIUS;
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::geometry::{Point, Pose, Segment, rectangle, wrap};

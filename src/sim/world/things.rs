@@ -4,7 +4,8 @@ use serde::Deserialize;
 
 use super::paint::Paint;
 use super::route::Route;
-use crate::sim::geometry::{Point, Pose, Segment, in_rectangle, rectangle};
+use super::spot::Spot;
+use crate::sim::geometry::{Point, Segment, in_rectangle, rectangle};
 use crate::sim::yaml::number;
 
 /// The outer walls, from (0, 0) to (`width`, `depth`), and the floor between them.
@@ -125,38 +126,6 @@ pub struct Post {
     pub height: f64,
     /// Its colour.
     pub colour: Paint,
-}
-
-/// Where something stands and which way it looks.
-#[derive(Debug, Clone, Copy, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Place {
-    /// Where.
-    pub at: Spot,
-    /// Degrees, left positive, 0 looks along x.
-    #[serde(default, deserialize_with = "number::degrees")]
-    pub heading_degrees: f64,
-}
-
-impl Place {
-    /// The same in radians.
-    pub fn pose(&self) -> Pose {
-        Pose::at(self.at.point(), self.heading_degrees.to_radians())
-    }
-}
-
-/// `[x, y]` in metres.
-#[derive(Debug, Clone, Copy, Deserialize)]
-pub struct Spot([Coordinate; 2]);
-
-#[derive(Debug, Clone, Copy, Deserialize)]
-struct Coordinate(#[serde(deserialize_with = "number::coordinate")] f64);
-
-impl Spot {
-    /// The place on the floor.
-    pub fn point(self) -> Point {
-        Point::new(self.0[0].0, self.0[1].0)
-    }
 }
 
 impl Room {

@@ -5,8 +5,8 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use super::document::World;
-use crate::sim::geometry::RADIUS;
 use crate::sim::geometry::Point;
+use crate::sim::geometry::RADIUS;
 use crate::sim::geometry::obstacles::Obstacles;
 
 /// Between two neighbours on the grid, metres.
