@@ -1,9 +1,11 @@
 //! What goes wrong between a client and the robot, and with the robot itself.
 
+mod entry;
 pub(crate) mod fault;
+mod lane;
 pub(crate) mod list;
-pub(crate) mod mangle;
-pub(crate) mod outlet;
+mod mangle;
+mod outlet;
 pub(crate) mod proxy;
 pub(crate) mod timing;
 pub(crate) mod troubles;

@@ -2,27 +2,19 @@
 //! spoils them as the faults of the moment say. Knows no robot; works over anything that reads and
 //! writes bytes, and over its seed alone.
 
-use std::future::pending;
 use std::time::Duration;
 
-use bytes::BytesMut;
-use rand::rngs::StdRng;
-use rand::{RngExt, SeedableRng};
-use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, ReadHalf, WriteHalf};
-use tokio::sync::{broadcast, mpsc, watch};
-use tokio::time::{Instant, sleep_until, timeout};
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::time::timeout;
 
-use super::fault::{Fault, Towards, Trouble};
-use super::mangle::{self, Splitter, Stretch};
-use super::outlet::{End, Outlet, Parcel};
-use super::troubles::{Conditions, Weather};
-use crate::sim::server::connection::Transport;
+use super::fault::Towards;
+use super::lane::Lane;
+use super::outlet::End;
+use super::troubles::FaultFeed;
 
-const READ_LEN: usize = 8 * 1024;
-/// Reads that may wait on their way; then the sender waits. More than a delay of seconds needs.
-const MAX_WAITING: usize = 256;
 /// When one end has closed, the other gets this long to do so too.
 const FAREWELL: Duration = Duration::from_secs(1);
+
 /// Makes the end of a connection a reset; its drop alone is an orderly end.
 pub(crate) struct Breaker(pub(crate) socket2::Socket);
 
@@ -35,19 +27,19 @@ impl Breaker {
 
 /// Carries bytes between a client and the robot until both have closed, or until a fault ends it.
 pub(crate) async fn carry(
-    client: impl Transport,
+    client: impl AsyncRead + AsyncWrite,
     breaker: Option<Breaker>,
-    robot: impl Transport,
-    weather: Weather,
+    robot: impl AsyncRead + AsyncWrite,
+    feed: FaultFeed,
 ) {
     let (client_reader, client_writer) = tokio::io::split(client);
     let (robot_reader, robot_writer) = tokio::io::split(robot);
-    let Weather {
+    let FaultFeed {
         mut conditions,
         strikes,
         seed,
         unacknowledged,
-    } = weather;
+    } = feed;
     let lane = |towards, strikes, seed| Lane::new(towards, conditions.clone(), strikes, seed);
     let mut to_robot = lane(Towards::Robot, strikes.resubscribe(), seed);
     to_robot.unacknowledged = unacknowledged;
@@ -79,210 +71,15 @@ impl End {
     }
 }
 
-/// One direction of a connection.
-struct Lane {
-    towards: Towards,
-    conditions: watch::Receiver<Conditions>,
-    strikes: broadcast::Receiver<Fault>,
-    rng: StdRng,
-    splitter: Splitter,
-    /// Strikes that wait for a message.
-    aimed: Vec<Trouble>,
-    /// Bytes were swallowed: nothing arrives any more.
-    swallowed: bool,
-    /// How long its sender waits for an acknowledgement of what was swallowed, and until when.
-    unacknowledged: Option<Duration>,
-    given_up: Option<Instant>,
-    last_due: Instant,
-}
-
-impl Lane {
-    fn new(
-        towards: Towards,
-        conditions: watch::Receiver<Conditions>,
-        strikes: broadcast::Receiver<Fault>,
-        seed: u64,
-    ) -> Lane {
-        Lane {
-            towards,
-            conditions,
-            strikes,
-            rng: StdRng::seed_from_u64(seed),
-            splitter: Splitter::default(),
-            aimed: Vec::new(),
-            swallowed: false,
-            unacknowledged: None,
-            given_up: None,
-            last_due: Instant::now(),
-        }
-    }
-
-    async fn run<R: AsyncRead, W: AsyncWrite>(
-        mut self,
-        mut from: ReadHalf<R>,
-        to: WriteHalf<W>,
-    ) -> End {
-        let (queue, waiting) = mpsc::channel(MAX_WAITING);
-        let outlet = Outlet {
-            towards: self.towards,
-            conditions: self.conditions.clone(),
-            rng: StdRng::seed_from_u64(self.rng.random()),
-            free: Instant::now(),
-        };
-        let mut outlet = Box::pin(outlet.run(to, waiting));
-        tokio::select! {
-            biased;
-            end = &mut outlet => end,
-            () = self.take_in(&mut from, queue) => outlet.await,
-        }
-    }
-
-    /// Ends when nothing more will come; what is on its way still arrives.
-    async fn take_in(&mut self, from: &mut (impl AsyncRead + Unpin), queue: mpsc::Sender<Parcel>) {
-        let mut buffer = vec![0; READ_LEN];
-        loop {
-            let parcels = tokio::select! {
-                biased;
-                strike = self.strikes.recv() => match strike {
-                    Ok(fault) => self.struck(&fault),
-                    Err(broadcast::error::RecvError::Lagged(_)) => vec![],
-                    Err(broadcast::error::RecvError::Closed) => return,
-                },
-                () = at(self.given_up) => {
-                    send(&queue, vec![Parcel::Reset]).await;
-                    return;
-                }
-                read = from.read(&mut buffer) => match read {
-                    Ok(length @ 1..) => self.passed(&buffer[..length]),
-                    Ok(0) | Err(_) => {
-                        let rest = self.splitter.rest();
-                        let parcels = self.load(rest);
-                        send(&queue, parcels).await;
-                        return;
-                    }
-                },
-            };
-            if !send(&queue, parcels).await {
-                return;
-            }
-        }
-    }
-
-    fn struck(&mut self, fault: &Fault) -> Vec<Parcel> {
-        if !fault.towards.covers(self.towards) {
-            return vec![];
-        }
-        match fault.trouble {
-            Trouble::Garbage { bytes } => {
-                let bytes = mangle::garbage(bytes, &mut self.rng);
-                self.load([Stretch::Raw(bytes)])
-            }
-            Trouble::Reset if self.towards == Towards::Robot => vec![],
-            Trouble::Reset | Trouble::LengthLie { .. } => {
-                self.aimed.push(fault.trouble);
-                vec![]
-            }
-            _ => vec![],
-        }
-    }
-
-    fn passed(&mut self, bytes: &[u8]) -> Vec<Parcel> {
-        let stretches = self.splitter.feed(bytes);
-        self.load(stretches)
-    }
-
-    /// What came in one read goes on in one parcel, unless a reset cuts it.
-    fn load(&mut self, stretches: impl IntoIterator<Item = Stretch>) -> Vec<Parcel> {
-        let conditions = self.conditions.borrow_and_update().clone();
-        self.swallowed |= conditions.swallow(self.towards);
-        if self.swallowed {
-            let limit = self.unacknowledged.map(|limit| Instant::now() + limit);
-            self.given_up = self.given_up.or(limit);
-            return vec![];
-        }
-        let due = self.due(&conditions);
-        let mut bytes = BytesMut::new();
-        for stretch in stretches {
-            let packet = match stretch {
-                Stretch::Raw(raw) => {
-                    bytes.extend_from_slice(&raw);
-                    continue;
-                }
-                Stretch::Message(packet) => packet,
-            };
-            let faults = conditions.towards(self.towards);
-            let Some(packet) = mangle::spoil(packet, faults, &mut self.rng) else {
-                continue;
-            };
-            let start = bytes.len();
-            packet.emit(&mut bytes);
-            if self.strike(&mut bytes, start) {
-                let bytes = bytes.freeze();
-                return vec![Parcel::Bytes { due, bytes }, Parcel::Reset];
-            }
-        }
-        let bytes = bytes.freeze();
-        if bytes.is_empty() {
-            vec![]
-        } else {
-            vec![Parcel::Bytes { due, bytes }]
-        }
-    }
-
-    /// Lets the strikes that wait hit the message at the end of `bytes`; true if that cuts it off.
-    fn strike(&mut self, bytes: &mut BytesMut, start: usize) -> bool {
-        for trouble in std::mem::take(&mut self.aimed) {
-            match trouble {
-                Trouble::LengthLie { claim } => {
-                    mangle::lie(&mut bytes[start..], claim, &mut self.rng)
-                }
-                _ => {
-                    bytes.truncate(start + (bytes.len() - start) / 2);
-                    return true;
-                }
-            }
-        }
-        false
-    }
-
-    /// When what comes now is to arrive: never before what came earlier.
-    fn due(&mut self, conditions: &Conditions) -> Instant {
-        let mut due = Instant::now();
-        for fault in conditions.towards(self.towards) {
-            if let Trouble::Delay { by, jitter } = fault.trouble {
-                due += by + jitter.mul_f64(self.rng.random_range(0.0..=1.0));
-            }
-        }
-        self.last_due = self.last_due.max(due);
-        self.last_due
-    }
-}
-
-async fn at(time: Option<Instant>) {
-    match time {
-        Some(time) => sleep_until(time).await,
-        None => pending().await,
-    }
-}
-
-/// False if nobody takes them any more.
-async fn send(queue: &mpsc::Sender<Parcel>, parcels: Vec<Parcel>) -> bool {
-    for parcel in parcels {
-        if queue.send(parcel).await.is_err() {
-            return false;
-        }
-    }
-    true
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::fault::{Fault, Trouble};
+    use super::super::timing::Timing;
+    use super::super::troubles::Troubles;
     use super::*;
-    use crate::sim::faults::timing::Timing;
-    use crate::sim::faults::troubles::Troubles;
-    use tokio::io::{AsyncWriteExt, DuplexStream};
+    use tokio::io::{AsyncReadExt, AsyncWriteExt, DuplexStream};
     use tokio::task::JoinHandle;
-    use tokio::time::sleep;
+    use tokio::time::{Instant, sleep};
 
     const SECOND: Duration = Duration::from_secs(1);
     const POWER_80: &[u8] = &[0x50, 0x4B, 3, 0, 1, 0x50];
@@ -299,7 +96,7 @@ mod tests {
         let mut troubles = Troubles::new(seed, Some(4 * SECOND));
         let (client, near) = tokio::io::duplex(64 * 1024);
         let (far, robot) = tokio::io::duplex(64 * 1024);
-        let carried = tokio::spawn(carry(near, None, far, troubles.weather()));
+        let carried = tokio::spawn(carry(near, None, far, troubles.feed()));
         Line {
             troubles,
             client,

@@ -40,7 +40,7 @@ impl Conditions {
 
 /// What a connection hears of the faults.
 #[derive(Debug)]
-pub(crate) struct Weather {
+pub(crate) struct FaultFeed {
     pub(crate) conditions: watch::Receiver<Conditions>,
     pub(crate) strikes: broadcast::Receiver<Fault>,
     /// Of the connection's own luck.
@@ -93,8 +93,8 @@ impl Troubles {
     }
 
     /// A new connection's ties.
-    pub(crate) fn weather(&mut self) -> Weather {
-        Weather {
+    pub(crate) fn feed(&mut self) -> FaultFeed {
+        FaultFeed {
             conditions: self.conditions.subscribe(),
             strikes: self.strikes.subscribe(),
             seed: self.rng.random(),
@@ -134,8 +134,8 @@ fn lucky(rng: &mut StdRng, fault: &Fault) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::timing::Timing;
     use super::*;
-    use crate::sim::faults::timing::Timing;
     use std::time::Duration;
 
     const SECOND: Duration = Duration::from_secs(1);
@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn lasting_faults_are_conditions_and_momentary_ones_strike() {
         let (mut troubles, now) = (Troubles::new(1, None), Instant::now());
-        let mut weather = troubles.weather();
+        let mut feed = troubles.feed();
         troubles.begin(fault(Trouble::HalfOpen, 2, 9, 1.0), now);
         troubles.begin(fault(Trouble::Reset, 0, 9, 1.0), now);
         assert_eq!(troubles.poll(now), []);
@@ -167,17 +167,14 @@ mod tests {
             (Trouble::Reset, Turn::Ends),
         ];
         assert_eq!(turns, expected);
-        assert!(weather.conditions.borrow().swallow(Towards::Robot));
-        assert_eq!(
-            weather.strikes.try_recv().unwrap().trouble,
-            Trouble::HalfOpen
-        );
-        assert_eq!(weather.strikes.try_recv().unwrap().trouble, Trouble::Reset);
+        assert!(feed.conditions.borrow().swallow(Towards::Robot));
+        assert_eq!(feed.strikes.try_recv().unwrap().trouble, Trouble::HalfOpen);
+        assert_eq!(feed.strikes.try_recv().unwrap().trouble, Trouble::Reset);
         assert_eq!(
             troubles.poll(now + 3 * SECOND),
             [(Trouble::HalfOpen, Turn::Ends)]
         );
-        assert!(!weather.conditions.borrow().swallow(Towards::Robot));
+        assert!(!feed.conditions.borrow().swallow(Towards::Robot));
     }
 
     #[test]

@@ -16,11 +16,11 @@ use crate::sim::faults::fault::Fault;
 use crate::sim::geometry::{Point, Pose};
 use crate::sim::world::document::World;
 
-/// Orders that may wait for the server; more are dropped with a warning.
-const MAX_ORDERS: usize = 256;
+/// Requests that may wait for the server; more are dropped with a warning.
+const MAX_REQUESTS: usize = 256;
 
 /// What a handle asks of the server.
-pub(crate) enum Order {
+pub(crate) enum Request {
     Battery(f64),
     ChargerWorks(bool),
     Place(Pose),
@@ -36,7 +36,7 @@ pub(crate) enum Order {
 /// Talks to a running simulator. Cheap to clone; no call blocks.
 #[derive(Clone)]
 pub struct Handle {
-    orders: mpsc::Sender<Order>,
+    requests: mpsc::Sender<Request>,
     muted: watch::Sender<bool>,
     state: watch::Receiver<State>,
     journal: Arc<Mutex<Journal>>,
@@ -53,15 +53,15 @@ pub(crate) struct Ends {
     pub(crate) heard: watch::Sender<usize>,
 }
 
-/// A handle, the orders that come through it, and the server's other ends of it.
-pub(crate) fn open(robot: &Robot) -> (Handle, mpsc::Receiver<Order>, Ends) {
-    let (orders, orders_end) = mpsc::channel(MAX_ORDERS);
+/// A handle, the requests that come through it, and the server's other ends of it.
+pub(crate) fn open(robot: &Robot) -> (Handle, mpsc::Receiver<Request>, Ends) {
+    let (requests, requests_end) = mpsc::channel(MAX_REQUESTS);
     let (muted, muted_end) = watch::channel(false);
     let (state_end, state) = watch::channel(robot.state());
     let (heard_end, heard) = watch::channel(0);
     let journal = Arc::new(Mutex::new(Journal::default()));
     let handle = Handle {
-        orders,
+        requests,
         muted,
         state,
         journal: journal.clone(),
@@ -75,7 +75,7 @@ pub(crate) fn open(robot: &Robot) -> (Handle, mpsc::Receiver<Order>, Ends) {
         journal,
         heard: heard_end,
     };
-    (handle, orders_end, ends)
+    (handle, requests_end, ends)
 }
 
 /// The journal, locked for as long as it takes to read or write an entry.
@@ -159,61 +159,61 @@ impl Handle {
 
     /// Puts a ball somewhere, at rest; the number is its place in the world's list.
     pub fn put_ball(&self, index: usize, place: Point) {
-        self.order(Order::Alter(Box::new(move |robot| {
+        self.request(Request::Alter(Box::new(move |robot| {
             robot.put_ball(index, place)
         })));
     }
 
     /// Sets the battery's level, percent; the change is reported at once.
     pub fn set_battery(&self, percent: f64) {
-        self.order(Order::Battery(percent));
+        self.request(Request::Battery(percent));
     }
 
     /// Makes all light so many times as bright as the world says, 0..=100.
     pub fn set_light(&self, gain: f64) {
-        self.order(Order::Alter(Box::new(move |robot| robot.set_light(gain))));
+        self.request(Request::Alter(Box::new(move |robot| robot.set_light(gain))));
     }
 
     /// A tone of this level, dBFS, at the microphone for so long.
     pub fn disturb(&self, dbfs: f64, time: Duration) {
-        self.order(Order::Alter(Box::new(move |robot| {
+        self.request(Request::Alter(Box::new(move |robot| {
             robot.disturb(dbfs, time);
         })));
     }
 
     /// With a broken charger the robot docks and does not charge.
     pub fn set_charging_broken(&self, broken: bool) {
-        self.order(Order::ChargerWorks(!broken));
+        self.request(Request::ChargerWorks(!broken));
     }
 
     /// Puts the robot somewhere else. On the station's dock pose it is docked.
     pub fn place(&self, pose: Pose) {
-        self.order(Order::Place(pose));
+        self.request(Request::Place(pose));
     }
 
     /// A hidden station cannot be found: BASE_FIND ends with BASE_NOT_FOUND.
     pub fn hide_station(&self, hidden: bool) {
-        self.order(Order::Beacon(!hidden));
+        self.request(Request::Beacon(!hidden));
     }
 
     /// Sends the connected user any report, true or not.
     pub fn inject(&self, report: Report) {
-        self.order(Order::Inject(report));
+        self.request(Request::Inject(report));
     }
 
     /// Drops all connections without a word.
     pub fn cut(&self) {
-        self.order(Order::Cut);
+        self.request(Request::Cut);
     }
 
     /// From now on this goes wrong, when its time comes.
     pub fn begin(&self, fault: Fault) {
-        self.order(Order::Begin(fault));
+        self.request(Request::Begin(fault));
     }
 
     /// No more faults; a connection that is dead already stays so.
     pub fn clear_faults(&self) {
-        self.order(Order::ClearFaults);
+        self.request(Request::ClearFaults);
     }
 
     /// A mute robot neither reads nor writes, and does not close; what it did not read, it hears
@@ -224,11 +224,11 @@ impl Handle {
 
     /// Serves a client over a byte stream other than a socket, such as a pipe in memory.
     pub fn connect(&self, transport: impl Transport) {
-        self.order(Order::Connect(Box::new(transport)));
+        self.request(Request::Connect(Box::new(transport)));
     }
 
-    fn order(&self, order: Order) {
-        if self.orders.try_send(order).is_err() {
+    fn request(&self, request: Request) {
+        if self.requests.try_send(request).is_err() {
             tracing::warn!(target: "spykee::sim", "the simulator does not run or is overrun");
         }
     }

@@ -11,11 +11,12 @@ use tokio::time::Instant;
 
 use crate::wire::{Accepted, Command, Login, Refusal, Report, discovery};
 
-use super::Options;
 use super::clients::Clients;
 use super::connection::{self, Event, Line, Transport};
-use super::handle::{self, Ends, Order};
-use crate::sim::body::robot::{Robot, describe};
+use super::handle::{self, Ends, Request};
+use super::options::Options;
+use crate::sim::body::log::describe;
+use crate::sim::body::robot::Robot;
 use crate::sim::faults::fault::{Fault, Trouble};
 use crate::sim::faults::proxy::{self, Breaker};
 use crate::sim::faults::timing::Turn;
@@ -139,21 +140,21 @@ impl Site {
     }
 
     /// Does what a handle asks.
-    pub(crate) fn follow(&mut self, order: Order) {
-        match order {
-            Order::Battery(percent) => self.robot.set_battery(percent),
-            Order::ChargerWorks(works) => self.robot.set_charger_works(works),
-            Order::Place(pose) => self.robot.place(pose),
-            Order::Beacon(on) => self.robot.set_beacon(on),
-            Order::Inject(report) => self.tell(&report),
-            Order::Cut => self.cut_all(),
-            Order::Begin(fault) => self.begin_fault(fault),
-            Order::ClearFaults => {
+    pub(super) fn serve(&mut self, request: Request) {
+        match request {
+            Request::Battery(percent) => self.robot.set_battery(percent),
+            Request::ChargerWorks(works) => self.robot.set_charger_works(works),
+            Request::Place(pose) => self.robot.place(pose),
+            Request::Beacon(on) => self.robot.set_beacon(on),
+            Request::Inject(report) => self.tell(&report),
+            Request::Cut => self.cut_all(),
+            Request::Begin(fault) => self.begin_fault(fault),
+            Request::ClearFaults => {
                 let turns = self.troubles.as_mut().map(Troubles::clear);
                 self.turn(turns.unwrap_or_default());
             }
-            Order::Connect(transport) => self.admit(transport, None),
-            Order::Alter(alter) => alter(&mut self.robot),
+            Request::Connect(transport) => self.admit(transport, None),
+            Request::Alter(alter) => alter(&mut self.robot),
         }
         self.deliver();
         self.publish();
@@ -199,7 +200,7 @@ impl Site {
             return;
         };
         let (near, far) = tokio::io::duplex(PIPE_LEN);
-        let carried = proxy::carry(transport, breaker, far, troubles.weather());
+        let carried = proxy::carry(transport, breaker, far, troubles.feed());
         self.connections.spawn(carried);
         self.connections.spawn(connection::serve(near, line));
     }
