@@ -48,7 +48,7 @@ fn speed_of(power: i8) -> f64 {
 
 /// The body, somewhere in a world.
 #[derive(Debug, Clone)]
-pub(crate) struct Body {
+pub(crate) struct Chassis {
     pub(crate) pose: Pose,
     wanted: Tracks<f64>,
     speeds: Tracks<f64>,
@@ -56,10 +56,10 @@ pub(crate) struct Body {
     collisions: u64,
 }
 
-impl Body {
+impl Chassis {
     /// At rest.
-    pub(crate) fn new(pose: Pose) -> Body {
-        Body {
+    pub(crate) fn new(pose: Pose) -> Chassis {
+        Chassis {
             pose,
             wanted: Tracks::default(),
             speeds: Tracks::default(),
@@ -76,6 +76,16 @@ impl Body {
     /// The tracks' speeds, metres a second. Against a wall they turn and the body does not move.
     pub(crate) fn speeds(&self) -> Tracks<f64> {
         self.speeds
+    }
+
+    /// Metres a second forwards, below 0 backwards.
+    pub(crate) fn forward_speed(&self) -> f64 {
+        (self.speeds.left + self.speeds.right) / 2.0
+    }
+
+    /// Radians a second, left positive.
+    pub(crate) fn turning_speed(&self) -> f64 {
+        (self.speeds.right - self.speeds.left) / TRACK_WIDTH
     }
 
     /// Whether something is in the way.
@@ -155,8 +165,8 @@ mod tests {
         World::from_yaml(text, "test").unwrap().obstacles()
     }
 
-    fn driven(from: Pose, left: i8, right: i8, seconds: u32) -> Body {
-        let (mut body, obstacles) = (Body::new(from), obstacles());
+    fn driven(from: Pose, left: i8, right: i8, seconds: u32) -> Chassis {
+        let (mut body, obstacles) = (Chassis::new(from), obstacles());
         body.want(Tracks::new(left, right).speeds());
         (0..seconds * 50).for_each(|_| body.step(TICK, &obstacles));
         body
@@ -172,7 +182,7 @@ mod tests {
 
     #[test]
     fn left_back_and_right_forward_turns_left_on_the_spot() {
-        let (mut body, obstacles) = (Body::new(Pose::new(2.0, 3.0, 0.0)), obstacles());
+        let (mut body, obstacles) = (Chassis::new(Pose::new(2.0, 3.0, 0.0)), obstacles());
         body.want(Tracks::new(-45, 45).speeds());
         (0..50).for_each(|_| body.step(TICK, &obstacles));
         assert!((1.0..2.0).contains(&body.pose.heading), "{:?}", body.pose);
@@ -181,7 +191,7 @@ mod tests {
 
     #[test]
     fn speed_comes_and_goes_in_a_ramp() {
-        let (mut body, obstacles) = (Body::new(Pose::new(1.0, 3.0, 0.0)), obstacles());
+        let (mut body, obstacles) = (Chassis::new(Pose::new(1.0, 3.0, 0.0)), obstacles());
         body.want(Tracks::new(90, 90).speeds());
         body.step(TICK, &obstacles);
         assert!(body.speeds().left > 0.0 && body.speeds().left < FULL_SPEED / 2.0);

@@ -8,8 +8,7 @@ use std::time::Duration;
 
 use super::chassis::Tracks;
 use crate::sim::geometry::obstacles::Obstacles;
-use crate::sim::geometry::{Point, Pose, wrap};
-use crate::sim::geometry::{RADIUS, TRACK_WIDTH};
+use crate::sim::geometry::{Point, Pose, RADIUS, TRACK_WIDTH, wrap};
 use crate::sim::world::station::Station;
 
 /// The whole manoeuvre, search included, is given up after this.
@@ -51,7 +50,7 @@ impl Senses<'_> {
 
 /// What the tracks have to do.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Order {
+pub(crate) enum DockingStep {
     /// No manoeuvre: whoever commands the tracks goes on.
     Free,
     /// Speeds of the tracks, metres a second.
@@ -63,7 +62,7 @@ pub(crate) enum Order {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Phase {
+enum DockingPhase {
     Idle,
     Searching,
     Approaching,
@@ -75,7 +74,7 @@ enum Phase {
 /// The manoeuvre under way, if any.
 #[derive(Debug, Clone)]
 pub(crate) struct Docking {
-    phase: Phase,
+    phase: DockingPhase,
     search_limit: Duration,
     elapsed: Duration,
     unseen: Duration,
@@ -86,7 +85,7 @@ impl Docking {
     pub(crate) fn new(search_limit: Duration) -> Docking {
         let (elapsed, unseen) = (Duration::ZERO, Duration::ZERO);
         Docking {
-            phase: Phase::Idle,
+            phase: DockingPhase::Idle,
             search_limit,
             elapsed,
             unseen,
@@ -96,52 +95,55 @@ impl Docking {
     /// Begins to search the station.
     pub(crate) fn find_base(&mut self) {
         *self = Docking {
-            phase: Phase::Searching,
+            phase: DockingPhase::Searching,
             ..Docking::new(self.search_limit)
         };
     }
 
     /// Begins to back out of the station.
     pub(crate) fn leave(&mut self) {
-        self.phase = Phase::Leaving {
+        self.phase = DockingPhase::Leaving {
             since: Duration::ZERO,
         };
     }
 
     /// Ends any manoeuvre.
     pub(crate) fn stop(&mut self) {
-        self.phase = Phase::Idle;
+        self.phase = DockingPhase::Idle;
     }
 
     /// Whether the robot is on its way to the station, searching included.
     pub(crate) fn searching(&self) -> bool {
-        !matches!(self.phase, Phase::Idle | Phase::Leaving { .. })
+        !matches!(
+            self.phase,
+            DockingPhase::Idle | DockingPhase::Leaving { .. }
+        )
     }
 
     /// Whether the robot is backing out.
     pub(crate) fn leaving(&self) -> bool {
-        matches!(self.phase, Phase::Leaving { .. })
+        matches!(self.phase, DockingPhase::Leaving { .. })
     }
 
     /// Lets `dt` pass and says what the tracks have to do.
-    pub(crate) fn step(&mut self, dt: Duration, senses: &Senses<'_>) -> Order {
+    pub(crate) fn step(&mut self, dt: Duration, senses: &Senses<'_>) -> DockingStep {
         if self.searching() && self.given_up(dt, senses) {
             self.stop();
-            return Order::NotFound;
+            return DockingStep::NotFound;
         }
         match self.phase {
-            Phase::Idle => Order::Free,
-            Phase::Searching => self.search(senses),
-            Phase::Approaching => self.approach(senses),
-            Phase::Aligning => self.align(senses),
-            Phase::Entering { since } => self.enter(since + dt, senses),
-            Phase::Leaving { since } => self.back_out(since + dt, senses),
+            DockingPhase::Idle => DockingStep::Free,
+            DockingPhase::Searching => self.search(senses),
+            DockingPhase::Approaching => self.approach(senses),
+            DockingPhase::Aligning => self.align(senses),
+            DockingPhase::Entering { since } => self.enter(since + dt, senses),
+            DockingPhase::Leaving { since } => self.back_out(since + dt, senses),
         }
     }
 
     fn given_up(&mut self, dt: Duration, senses: &Senses<'_>) -> bool {
         let seen = match self.phase {
-            Phase::Searching => senses.sees_beacon(),
+            DockingPhase::Searching => senses.sees_beacon(),
             _ => senses.in_light(),
         };
         self.elapsed += dt;
@@ -153,23 +155,23 @@ impl Docking {
         self.unseen > self.search_limit || self.elapsed > DOCKING_LIMIT
     }
 
-    fn search(&mut self, senses: &Senses<'_>) -> Order {
+    fn search(&mut self, senses: &Senses<'_>) -> DockingStep {
         const TURNING: f64 = 0.8;
         if senses.sees_beacon() {
-            self.phase = Phase::Approaching;
+            self.phase = DockingPhase::Approaching;
         }
-        Order::Drive(twist(0.0, TURNING))
+        DockingStep::Drive(twist(0.0, TURNING))
     }
 
     /// Drives to the place from which the last way is straight.
-    fn approach(&mut self, senses: &Senses<'_>) -> Order {
+    fn approach(&mut self, senses: &Senses<'_>) -> DockingStep {
         const ARRIVED: f64 = 0.04;
         let target = senses.station.staging_pose().point();
         let distance = senses.pose.point().distance(target);
         if self.unseen > LOST_AFTER {
-            self.phase = Phase::Searching;
+            self.phase = DockingPhase::Searching;
         } else if distance < ARRIVED {
-            self.phase = Phase::Aligning;
+            self.phase = DockingPhase::Aligning;
         }
         let off = wrap(free_direction(senses, target) - senses.pose.heading);
         let speed = if off.abs() < 0.5 {
@@ -177,42 +179,43 @@ impl Docking {
         } else {
             0.0
         };
-        Order::Drive(twist(speed, (2.5 * off).clamp(-1.2, 1.2)))
+        DockingStep::Drive(twist(speed, (2.5 * off).clamp(-1.2, 1.2)))
     }
 
-    fn align(&mut self, senses: &Senses<'_>) -> Order {
+    fn align(&mut self, senses: &Senses<'_>) -> DockingStep {
         let off = wrap(senses.station.dock_pose().heading - senses.pose.heading);
         if off.abs() < 0.03 {
-            self.phase = Phase::Entering {
+            self.phase = DockingPhase::Entering {
                 since: Duration::ZERO,
             };
         }
-        Order::Drive(twist(0.0, (2.0 * off).clamp(-0.8, 0.8)))
+        DockingStep::Drive(twist(0.0, (2.0 * off).clamp(-0.8, 0.8)))
     }
 
     /// Slowly along the station's axis until the contacts touch, which the robot notices.
-    fn enter(&mut self, since: Duration, senses: &Senses<'_>) -> Order {
+    fn enter(&mut self, since: Duration, senses: &Senses<'_>) -> DockingStep {
         let (ahead, aside) = senses.station.offset(senses.pose);
         let heading = senses.station.dock_pose().heading + (3.0 * aside).clamp(-0.4, 0.4);
         let off = wrap(heading - senses.pose.heading);
-        self.phase = match since > ENTER_LIMIT {
-            true => Phase::Approaching,
-            false => Phase::Entering { since },
+        self.phase = if since > ENTER_LIMIT {
+            DockingPhase::Approaching
+        } else {
+            DockingPhase::Entering { since }
         };
-        Order::Drive(twist(
+        DockingStep::Drive(twist(
             (0.05 + 0.3 * ahead).clamp(0.05, 0.15),
             (3.0 * off).clamp(-0.6, 0.6),
         ))
     }
 
-    fn back_out(&mut self, since: Duration, senses: &Senses<'_>) -> Order {
+    fn back_out(&mut self, since: Duration, senses: &Senses<'_>) -> DockingStep {
         let (ahead, _) = senses.station.offset(senses.pose);
         if ahead >= LEFT_AT || since > LEAVE_LIMIT {
             self.stop();
-            return Order::Left;
+            return DockingStep::Left;
         }
-        self.phase = Phase::Leaving { since };
-        Order::Drive(twist(-0.15, 0.0))
+        self.phase = DockingPhase::Leaving { since };
+        DockingStep::Drive(twist(-0.15, 0.0))
     }
 }
 
@@ -244,15 +247,16 @@ fn free_direction(senses: &Senses<'_>, target: Point) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::chassis::Chassis;
     use super::*;
-    use crate::sim::{World, body::Body};
+    use crate::sim::World;
 
     const TICK: Duration = Duration::from_millis(20);
 
     /// Drives until the manoeuvre ends or the contacts touch: seconds, and whether they do.
     fn dock_from(world: &World, from: Pose, beacon: bool) -> (f64, bool) {
         let obstacles = world.obstacles();
-        let (mut body, mut docking) = (Body::new(from), Docking::new(Duration::from_secs(20)));
+        let (mut body, mut docking) = (Chassis::new(from), Docking::new(Duration::from_secs(20)));
         docking.find_base();
         for step in 0.. {
             let station = &world.station;
@@ -263,8 +267,8 @@ mod tests {
                 beacon,
             };
             match docking.step(TICK, &senses) {
-                Order::Drive(speeds) => body.want(speeds),
-                Order::NotFound => return (f64::from(step) / 50.0, false),
+                DockingStep::Drive(speeds) => body.want(speeds),
+                DockingStep::NotFound => return (f64::from(step) / 50.0, false),
                 other => panic!("{other:?}"),
             }
             body.step(TICK, &obstacles);
@@ -317,7 +321,7 @@ mod tests {
     fn backing_out_ends_clear_of_the_station() {
         let world = World::default_world();
         let (station, obstacles) = (&world.station, world.obstacles());
-        let mut body = Body::new(station.dock_pose());
+        let mut body = Chassis::new(station.dock_pose());
         let mut docking = Docking::new(Duration::ZERO);
         docking.leave();
         for _ in 0..1000 {
@@ -328,9 +332,9 @@ mod tests {
                 beacon: true,
             };
             match docking.step(TICK, &senses) {
-                Order::Drive(speeds) => body.want(speeds),
+                DockingStep::Drive(speeds) => body.want(speeds),
                 end => {
-                    assert_eq!(end, Order::Left);
+                    assert_eq!(end, DockingStep::Left);
                     break;
                 }
             }

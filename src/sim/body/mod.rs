@@ -1,14 +1,19 @@
 //! The simulated robot: its parts, and [`robot::Robot`], which is all of them together. Commands and time
 //! steps go in, reports come out; knows no socket and no clock.
 
-pub(crate) mod battery;
+mod battery;
 pub(crate) mod chassis;
-pub(crate) mod docking;
+mod contacts;
+mod docking;
 pub(crate) mod firmware;
-pub(crate) mod grip;
-pub(crate) mod memory;
-pub(crate) mod microphone;
+mod grip;
+pub(crate) mod log;
+mod memory;
+mod microphone;
+mod power;
 pub(crate) mod robot;
-pub(crate) mod speaker;
+mod speaker;
 pub(crate) mod state;
+mod surroundings;
 pub(crate) mod trace;
+mod video;

@@ -1,110 +1,93 @@
 //! The simulated robot: commands and time steps go in, reports come out. Knows no socket, no clock
 //! and no login; who may talk to it is decided in `server`.
 
-use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use bytes::Bytes;
 
-use crate::wire::{Command, Engage, EngineNews, Power, Report, Sound};
+use crate::wire::{Command, Engage, EngineNews, Report, Sound};
 
 use super::battery::Battery;
-use super::chassis::{Body, Tracks};
-use super::docking::{Docking, Order, Senses};
+use super::chassis::{Chassis, Tracks};
+use super::contacts::Contacts;
+use super::docking::{Docking, DockingStep, Senses};
 use super::firmware::Firmware;
 use super::grip::Grip;
+use super::log::{RobotLog, describe};
 use super::memory::Memory;
 use super::microphone::Microphone;
+use super::power::PowerReports;
 use super::speaker::Speaker;
 use super::state::{Leds, State, Streams};
+use super::surroundings::Surroundings;
 use super::trace::{Trace, What};
-use crate::sim::camera::{Camera, Shot};
-use crate::sim::geometry::obstacles::{Circle, Obstacles};
-use crate::sim::geometry::{Point, Pose};
-use crate::sim::geometry::{RADIUS, TRACK_WIDTH};
+use super::video::Video;
+use crate::sim::camera::Shot;
+use crate::sim::geometry::{Point, Pose, RADIUS};
 use crate::sim::world::document::World;
-use crate::sim::world::movers::Movers;
 
-/// Lines that the robot's own log keeps.
-const LOG_LINES: usize = 64;
 /// What it answers to WIRELESS_NETWORKS.
 const NETWORKS: &[u8] = b"home:wpa:82;neighbour:wpa:41;SPYKEE0001:none:100";
 
 /// A robot in a world.
 pub struct Robot {
-    world: World,
     firmware: Firmware,
-    obstacles: Obstacles,
-    movers: Movers,
-    grip: Grip,
-    body: Body,
-    battery: Battery,
-    docking: Docking,
-    speaker: Speaker,
-    microphone: Microphone,
-    camera: Camera,
-    leds: Leds,
-    streams: Streams,
     time: Duration,
+    surroundings: Surroundings,
+    // Driving.
     commanded: Tracks<i8>,
     since_move: Duration,
-    contact: bool,
-    docked: bool,
-    beacon: bool,
-    charger_works: bool,
-    session: bool,
-    told: Option<Power>,
-    until_told: Duration,
-    frame_due: f64,
-    frames: u64,
-    /// Frames that are still on their way, with the time at which they come.
-    developing: VecDeque<(Duration, Bytes)>,
-    trace: Arc<Mutex<Trace>>,
-    log: VecDeque<String>,
+    docking: Docking,
+    grip: Grip,
+    chassis: Chassis,
+    // The station and power.
+    contacts: Contacts,
+    battery: Battery,
+    power: PowerReports,
+    // Lights, sounds and streams.
+    leds: Leds,
+    speaker: Speaker,
+    streams: Streams,
+    microphone: Microphone,
+    video: Video,
+    // What it keeps and says.
     memory: Memory,
+    log: RobotLog,
+    trace: Arc<Mutex<Trace>>,
     reports: Vec<Report>,
 }
 
 impl Robot {
-    /// A robot where the world says that it starts. `seed` gives the noise of eyes and ears.
+    /// A robot where the world says that it starts. `seed` draws the noise of camera and
+    /// microphone.
     pub fn new(world: World, firmware: Firmware, seed: u64) -> Robot {
         let pose = world.start_pose();
-        let contact = world.station.touched(pose, true);
-        let mut robot = Robot {
-            obstacles: world.obstacles(),
-            movers: Movers::of(&world),
-            grip: Grip::new(world.tracks, seed),
-            body: Body::new(pose),
-            battery: Battery::new(world.battery),
-            docking: Docking::new(firmware.search_limit),
-            speaker: Speaker::new(firmware.music),
-            microphone: Microphone::new(seed, &world.sounds),
-            camera: Camera::new(&world, seed),
-            leds: Leds::default(),
-            streams: Streams::default(),
+        let touching = world.station.touched(pose, true);
+        let mut battery = Battery::new(world.battery);
+        battery.set_charging(touching);
+        Robot {
             time: Duration::ZERO,
             commanded: Tracks::default(),
             since_move: Duration::ZERO,
-            contact,
-            docked: contact,
-            beacon: true,
-            charger_works: true,
-            session: false,
-            told: None,
-            until_told: Duration::ZERO,
-            frame_due: 0.0,
-            frames: 0,
-            developing: VecDeque::new(),
-            trace: Arc::new(Mutex::new(Trace::from(pose))),
-            log: VecDeque::new(),
+            docking: Docking::new(firmware.search_limit),
+            grip: Grip::new(world.tracks, seed),
+            chassis: Chassis::new(pose),
+            contacts: Contacts::new(touching),
+            battery,
+            power: PowerReports::default(),
+            leds: Leds::default(),
+            speaker: Speaker::new(firmware.music),
+            streams: Streams::default(),
+            microphone: Microphone::new(seed, &world.sounds),
+            video: Video::new(&world, seed),
             memory: Memory::new(&firmware.version),
+            log: RobotLog::default(),
+            trace: Arc::new(Mutex::new(Trace::from(pose))),
             reports: Vec::new(),
-            world,
+            surroundings: Surroundings::of(world),
             firmware,
-        };
-        robot.battery.set_charging(contact);
-        robot
+        }
     }
 
     /// What the robot has said since the last time, oldest first.
@@ -124,53 +107,48 @@ impl Robot {
 
     /// The place that it lives in, as it was at first.
     pub fn world(&self) -> &World {
-        &self.world
+        &self.surroundings.world
     }
 
     /// Puts a ball somewhere, at rest; the number is its place in the world's list.
     pub fn put_ball(&mut self, index: usize, place: Point) {
-        if index < self.world.balls.len() && place.x.is_finite() && place.y.is_finite() {
-            self.movers.put_ball(index, place);
-            self.obstacles.move_round(index, place);
-        }
+        self.surroundings.put_ball(index, place);
     }
 
     /// On the station; AUTH_REPLY says so too.
     pub fn docked(&self) -> bool {
-        self.docked
+        self.contacts.docked()
     }
 
     /// Somebody has logged in: POWER follows, all streams are off.
     pub fn begin_session(&mut self) {
-        self.session = true;
         self.streams = Streams::default();
         self.microphone.forget();
-        self.told = None;
-        self.until_told = self.firmware.power_after_login;
-        self.note("user connected".into());
-        self.tell_power();
+        self.power.begin_session(self.firmware.power_after_login);
+        self.note("user connected");
+        self.report_power();
     }
 
     /// The user has gone. The tracks go on unless the firmware stops them.
     pub fn end_session(&mut self) {
-        self.session = false;
+        self.power.end_session();
         self.streams = Streams::default();
         if self.firmware.stops_on_disconnect {
             self.commanded = Tracks::default();
         }
-        self.note("user disconnected".into());
+        self.note("user disconnected");
     }
 
     /// Starts afresh where it stands: everything that it was told is forgotten, its battery is not.
     pub fn reboot(&mut self) {
         self.commanded = Tracks::default();
         self.docking.stop();
-        self.body.want(Tracks::default());
+        self.chassis.want(Tracks::default());
         self.speaker = Speaker::new(self.firmware.music);
         self.leds = Leds::default();
         self.streams = Streams::default();
         self.log.clear();
-        self.note("started".into());
+        self.note("started");
     }
 
     /// Does what a command asks. Logins are not for the robot and change nothing.
@@ -181,35 +159,36 @@ impl Robot {
             Command::Led { led, on } => {
                 self.mark(What::Light { led: *led, on: *on });
                 if !self.leds.switch(*led, *on) {
-                    self.note(format!("no such light: {}", led.to_byte()));
+                    self.note(&format!("no such light: {}", led.to_byte()));
                 }
             }
             Command::Play(sound) => self.obey_play(*sound),
             Command::StopSound => self.speaker.stop(),
             Command::Volume(percent) => self.speaker.set_volume(*percent),
             Command::Stream { stream, on } => {
-                self.frame_due = 1.0;
+                self.video.hurry();
                 if !self.streams.switch(*stream, *on) {
-                    self.note(format!("no such stream: {}", stream.to_byte()));
+                    self.note(&format!("no such stream: {}", stream.to_byte()));
                 }
             }
-            Command::PowerQuery => self.say_power(),
-            Command::ConfigQuery => self.say_config(),
+            Command::PowerQuery => self.send_power(),
+            Command::ConfigQuery => self.send_config(),
             Command::ConfigSet(text) => {
                 let line = self.memory.configure(text);
-                self.note(line);
+                self.note(&line);
             }
             Command::File(chunk) => {
-                let line = self.memory.store(chunk);
-                line.into_iter().for_each(|line| self.note(line));
+                if let Some(line) = self.memory.store(chunk) {
+                    self.note(&line);
+                }
             }
             Command::NetworksQuery => {
                 self.reports
                     .push(Report::Networks(Bytes::from_static(NETWORKS)));
             }
-            Command::LogQuery => self.say_log(),
+            Command::LogQuery => self.reports.push(Report::Log(self.log.text())),
             Command::Audio(_) | Command::None | Command::Login(_) => {}
-            other => self.note(format!("accepted without effect: {}", describe(other))),
+            other => self.note(&format!("accepted without effect: {}", describe(other))),
         }
     }
 
@@ -218,43 +197,43 @@ impl Robot {
         self.time += dt;
         self.drive(dt);
         self.touch();
-        let balls = self.movers.places().take(self.world.balls.len());
-        lock(&self.trace).follow(self.time, self.body.pose, balls);
-        self.battery.step(dt, self.body.effort());
+        let balls = self.surroundings.balls();
+        lock(&self.trace).follow(self.time, self.chassis.pose, balls);
+        self.battery.step(dt, self.chassis.effort());
         if self.battery.take_full() {
-            self.say_engine(EngineNews::Charged);
+            self.report_engine(EngineNews::Charged);
         }
         if self.speaker.step(dt) == Some(Sound::Music) {
             self.reports.push(Report::SoundFinished);
         }
         self.listen(dt);
         self.look(dt);
-        self.until_told = self.until_told.saturating_sub(dt);
-        self.tell_power();
+        self.power.step(dt);
+        self.report_power();
     }
 
     /// The robot as it is now; the server adds who is connected.
     pub fn state(&self) -> State {
         State {
             time: self.time,
-            pose: self.body.pose,
+            pose: self.chassis.pose,
             battery: self.battery.percent(),
             power: self.battery.power(),
             charging: self.battery.charging(),
-            docked: self.docked,
+            docked: self.contacts.docked(),
             searching: self.docking.searching(),
             leaving: self.docking.leaving(),
             commanded: self.commanded,
-            speeds: self.body.speeds(),
-            blocked: self.body.blocked(),
-            collisions: self.body.collisions(),
+            speeds: self.chassis.speeds(),
+            blocked: self.chassis.blocked(),
+            collisions: self.chassis.collisions(),
             distance: lock(&self.trace).distance(),
             leds: self.leds,
             sound: self.speaker.playing(),
             volume: self.speaker.volume(),
             streams: self.streams,
             user: None,
-            frames: self.frames,
+            frames: self.video.frames(),
             dropped: 0,
         }
     }
@@ -262,14 +241,14 @@ impl Robot {
     /// Sets the battery's level, percent.
     pub fn set_battery(&mut self, percent: f64) {
         self.battery.set_percent(percent);
-        self.tell_power();
+        self.report_power();
     }
 
     /// With a broken charger the robot docks and does not charge.
     pub fn set_charger_works(&mut self, works: bool) {
-        self.charger_works = works;
+        self.contacts.charger_works = works;
         self.touch();
-        self.tell_power();
+        self.report_power();
     }
 
     /// Puts the robot somewhere else; a pose that is no place is ignored.
@@ -280,15 +259,15 @@ impl Robot {
         {
             return;
         }
-        self.body.pose = pose;
+        self.chassis.pose = pose;
         self.touch();
-        self.tell_power();
+        self.report_power();
     }
 
     /// Makes all light so many times as bright as the world says.
     pub fn set_light(&mut self, gain: f64) {
         if (0.0..=100.0).contains(&gain) {
-            self.camera.set_light(gain as f32);
+            self.video.camera.set_light(gain as f32);
         }
     }
 
@@ -301,7 +280,7 @@ impl Robot {
 
     /// With the beacon dark the station cannot be found.
     pub fn set_beacon(&mut self, on: bool) {
-        self.beacon = on;
+        self.contacts.beacon = on;
     }
 
     /// Any MOVE ends a manoeuvre, MOVE 0 0 too. On the station nothing is special: driving
@@ -314,18 +293,18 @@ impl Robot {
 
     fn obey_engine(&mut self, engage: Engage) {
         match engage {
-            Engage::Dock if self.contact => self.say_engine(EngineNews::Docked),
+            Engage::Dock if self.contacts.touching() => self.report_engine(EngineNews::Docked),
             Engage::Dock => {
                 self.mark(What::FindBase);
                 self.commanded = Tracks::default();
                 self.docking.find_base();
             }
             Engage::CancelDock if self.docking.searching() => self.docking.stop(),
-            Engage::Undock if self.docked => {
+            Engage::Undock if self.contacts.docked() => {
                 self.commanded = Tracks::default();
                 self.docking.leave();
             }
-            other => self.note(format!("engine {} has no effect now", other.to_byte())),
+            other => self.note(&format!("engine {} has no effect now", other.to_byte())),
         }
     }
 
@@ -336,7 +315,7 @@ impl Robot {
         });
         self.speaker.play(sound);
         if self.speaker.playing().is_none() {
-            self.note(format!("no such sound: {}", sound.to_byte()));
+            self.note(&format!("no such sound: {}", sound.to_byte()));
         }
     }
 
@@ -350,21 +329,21 @@ impl Robot {
             self.commanded = Tracks::default();
         }
         let senses = Senses {
-            pose: self.body.pose,
-            station: &self.world.station,
-            obstacles: &self.obstacles,
-            beacon: self.beacon,
+            pose: self.chassis.pose,
+            station: &self.surroundings.world.station,
+            obstacles: &self.surroundings.obstacles,
+            beacon: self.contacts.beacon,
         };
         let wanted = match self.docking.step(dt, &senses) {
-            Order::Free => self.commanded.speeds(),
-            Order::Drive(speeds) => speeds,
-            Order::Left => Tracks::default(),
-            Order::NotFound => {
-                self.say_engine(EngineNews::BaseNotFound);
+            DockingStep::Free => self.commanded.speeds(),
+            DockingStep::Drive(speeds) => speeds,
+            DockingStep::Left => Tracks::default(),
+            DockingStep::NotFound => {
+                self.report_engine(EngineNews::BaseNotFound);
                 Tracks::default()
             }
         };
-        self.body.want(if self.battery.empty() {
+        self.chassis.want(if self.battery.empty() {
             Tracks::default()
         } else {
             self.grip.step(wanted, dt)
@@ -374,43 +353,31 @@ impl Robot {
 
     /// The robot and all that moves besides it, after `dt`.
     fn move_on(&mut self, dt: Duration) {
-        let seconds = dt.as_secs_f64();
-        let here = Circle::new(self.body.pose.point(), RADIUS);
-        self.movers.step(seconds, here, &mut self.obstacles);
-        let Tracks { left, right } = self.body.speeds();
-        let speed = (left + right) / 2.0;
-        if speed != 0.0 {
-            // A little farther than it gets: who is touched makes way first.
-            let next = here
-                .middle
-                .ahead(self.body.pose.heading, 1.5 * speed * seconds);
-            let next = Circle::new(next, RADIUS);
-            self.movers.make_way(next, speed, &mut self.obstacles);
-        }
-        let before = self.body.collisions();
-        self.body.step(dt, &self.obstacles);
-        if self.body.collisions() != before {
-            let way = if speed < 0.0 { -RADIUS } else { RADIUS };
-            let bumper = self.body.pose.point().ahead(self.body.pose.heading, way);
-            let name = self.world.name_of(self.obstacles.nearest(bumper));
-            self.note(format!("ran into: {name}"));
+        self.surroundings.step(dt.as_secs_f64(), &self.chassis);
+        let speed = self.chassis.forward_speed();
+        let before = self.chassis.collisions();
+        self.chassis.step(dt, &self.surroundings.obstacles);
+        if self.chassis.collisions() != before {
+            let reach = if speed < 0.0 { -RADIUS } else { RADIUS };
+            let Pose { heading, .. } = self.chassis.pose;
+            let bumper = self.chassis.pose.point().ahead(heading, reach);
+            let name = self.surroundings.name_at(bumper);
+            self.note(&format!("ran into: {name}"));
             self.mark(What::Collision(name));
         }
     }
 
     /// Notices what the contacts of the station do.
     fn touch(&mut self) {
-        self.contact = self.world.station.touched(self.body.pose, self.contact);
-        self.battery
-            .set_charging(self.contact && self.charger_works);
-        if self.contact && self.docking.searching() {
+        let station = &self.surroundings.world.station;
+        self.contacts.touch(station, self.chassis.pose);
+        self.battery.set_charging(self.contacts.charging());
+        if self.contacts.touching() && self.docking.searching() {
             self.docking.stop();
-            self.body.want(Tracks::default());
+            self.chassis.want(Tracks::default());
         }
-        let docked = self.contact || (self.docked && self.docking.leaving());
-        if docked != self.docked {
-            self.docked = docked;
-            self.say_engine(if docked {
+        if let Some(docked) = self.contacts.take_change(&self.docking) {
+            self.report_engine(if docked {
                 EngineNews::Docked
             } else {
                 EngineNews::Undocked
@@ -422,66 +389,51 @@ impl Robot {
         if !self.streams.audio_in {
             return;
         }
-        let here = self.body.pose.point();
-        self.microphone.turn_to(self.time, here, &self.obstacles);
+        let here = self.chassis.pose.point();
+        self.microphone
+            .turn_to(self.time, here, &self.surroundings.obstacles);
         let chunk = self
             .microphone
-            .listen(dt, self.body.effort(), &mut self.speaker);
+            .listen(dt, self.chassis.effort(), &mut self.speaker);
         self.reports.extend(chunk.map(Report::Audio));
     }
 
     fn look(&mut self, dt: Duration) {
         if !self.streams.video {
-            self.developing.clear();
+            self.video.stop();
             return;
         }
-        self.frame_due += dt.as_secs_f64() * self.world.camera.fps;
-        if self.frame_due >= 1.0 {
-            self.frame_due = (self.frame_due - 1.0).min(1.0);
-            self.frames += 1;
-            let due = self.time + Duration::from_secs_f64(self.world.camera.latency);
-            let jpeg = self.take_frame();
-            self.developing.push_back((due, jpeg));
-        }
-        while self
-            .developing
-            .front()
-            .is_some_and(|(due, _)| *due <= self.time)
-        {
-            let ready = self.developing.pop_front();
-            self.reports
-                .extend(ready.map(|(_, jpeg)| Report::Video(jpeg)));
-        }
-    }
-
-    fn take_frame(&mut self) -> Bytes {
-        let Tracks { left, right } = self.body.speeds();
-        self.camera.move_rounds(self.movers.places());
-        self.camera.frame(Shot {
-            pose: self.body.pose,
+        let shot = Shot {
+            pose: self.chassis.pose,
             flash: self.leds.flash,
-            turning: (right - left) / TRACK_WIDTH,
+            turning: self.chassis.turning_speed(),
             time: self.time,
-        })
-    }
-
-    /// POWER: first when due after the login, then on every change and when the period is over.
-    fn tell_power(&mut self) {
-        let changed = self.told.is_some_and(|told| told != self.battery.power());
-        if self.session && (changed || self.until_told.is_zero()) {
-            self.say_power();
+        };
+        let surroundings = &self.surroundings;
+        self.video.step(dt, |camera| {
+            camera.move_rounds(surroundings.places());
+            shot
+        });
+        while let Some(jpeg) = self.video.take(self.time) {
+            self.reports.push(Report::Video(jpeg));
         }
     }
 
-    fn say_power(&mut self) {
+    /// Sends POWER if it is due.
+    fn report_power(&mut self) {
+        if self.power.due(self.battery.power()) {
+            self.send_power();
+        }
+    }
+
+    fn send_power(&mut self) {
         let power = self.battery.power();
-        self.told = Some(power);
-        self.until_told = self.firmware.power_period;
+        self.power.sent(power, self.firmware.power_period);
         self.reports.push(Report::Power(power));
     }
 
-    fn say_engine(&mut self, news: EngineNews) {
-        self.note(format!("engine says {news:?}"));
+    fn report_engine(&mut self, news: EngineNews) {
+        self.note(&format!("engine says {news:?}"));
         match news {
             EngineNews::Docked => self.mark(What::Docked),
             EngineNews::Undocked => self.mark(What::Undocked),
@@ -491,15 +443,9 @@ impl Robot {
         self.reports.push(Report::Engine(news));
     }
 
-    fn say_config(&mut self) {
+    fn send_config(&mut self) {
         let messages = self.memory.settings(self.speaker.volume());
         self.reports.extend(messages.map(Report::Config));
-    }
-
-    fn say_log(&mut self) {
-        let lines: Vec<&str> = self.log.iter().map(String::as_str).collect();
-        self.reports
-            .push(Report::Log(Bytes::from(lines.join("\n"))));
     }
 
     /// Writes down what whoever looks on has seen, for the picture of the run.
@@ -507,28 +453,11 @@ impl Robot {
         lock(&self.trace).note(what);
     }
 
-    fn note(&mut self, line: String) {
-        tracing::debug!(target: "spykee::sim", seconds = self.time.as_secs_f64(), "{line}");
-        if self.log.len() == LOG_LINES {
-            self.log.pop_front();
-        }
-        self.log
-            .push_back(format!("[{:.1}] {line}", self.time.as_secs_f64()));
+    fn note(&mut self, line: &str) {
+        self.log.write(self.time, line);
     }
 }
 
 fn lock(trace: &Mutex<Trace>) -> MutexGuard<'_, Trace> {
     trace.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// A command in a few words: payloads may be long, and secret.
-pub(crate) fn describe(command: &Command) -> String {
-    match command {
-        Command::MotorSpeed(payload) => format!("motor speed ({} bytes)", payload.len()),
-        Command::Mute(payload) => format!("mute ({} bytes)", payload.len()),
-        Command::Unknown(packet) => {
-            format!("type {} ({} bytes)", packet.kind, packet.payload.len())
-        }
-        other => format!("{other:?}"),
-    }
 }
