@@ -1,12 +1,12 @@
 //! The simulated robot: commands and time steps go in, reports come out. Knows no socket, no clock
 //! and no login; who may talk to it is decided in `server`.
 
+mod obey;
+
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use bytes::Bytes;
-
-use crate::wire::{Command, Engage, EngineNews, Report, Sound};
+use crate::wire::{EngineNews, Report, Sound};
 
 use super::battery::Battery;
 use super::chassis::{Chassis, Tracks};
@@ -14,7 +14,7 @@ use super::contacts::Contacts;
 use super::docking::{Docking, DockingStep, Senses};
 use super::firmware::Firmware;
 use super::grip::Grip;
-use super::log::{RobotLog, describe};
+use super::log::RobotLog;
 use super::memory::Memory;
 use super::microphone::Microphone;
 use super::power::PowerReports;
@@ -26,9 +26,6 @@ use super::video::Video;
 use crate::sim::camera::Shot;
 use crate::sim::geometry::{Point, Pose, RADIUS};
 use crate::sim::world::document::World;
-
-/// What it answers to WIRELESS_NETWORKS.
-const NETWORKS: &[u8] = b"home:wpa:82;neighbour:wpa:41;SPYKEE0001:none:100";
 
 /// A robot in a world.
 pub struct Robot {
@@ -151,47 +148,6 @@ impl Robot {
         self.note("started");
     }
 
-    /// Does what a command asks. Logins are not for the robot and change nothing.
-    pub fn obey(&mut self, command: &Command) {
-        match command {
-            Command::Move { left, right } => self.obey_move(*left, *right),
-            Command::Engine(engage) => self.obey_engine(*engage),
-            Command::Led { led, on } => {
-                self.mark(What::Light { led: *led, on: *on });
-                if !self.leds.switch(*led, *on) {
-                    self.note(&format!("no such light: {}", led.to_byte()));
-                }
-            }
-            Command::Play(sound) => self.obey_play(*sound),
-            Command::StopSound => self.speaker.stop(),
-            Command::Volume(percent) => self.speaker.set_volume(*percent),
-            Command::Stream { stream, on } => {
-                self.video.hurry();
-                if !self.streams.switch(*stream, *on) {
-                    self.note(&format!("no such stream: {}", stream.to_byte()));
-                }
-            }
-            Command::PowerQuery => self.send_power(),
-            Command::ConfigQuery => self.send_config(),
-            Command::ConfigSet(text) => {
-                let line = self.memory.configure(text);
-                self.note(&line);
-            }
-            Command::File(chunk) => {
-                if let Some(line) = self.memory.store(chunk) {
-                    self.note(&line);
-                }
-            }
-            Command::NetworksQuery => {
-                self.reports
-                    .push(Report::Networks(Bytes::from_static(NETWORKS)));
-            }
-            Command::LogQuery => self.reports.push(Report::Log(self.log.text())),
-            Command::Audio(_) | Command::None | Command::Login(_) => {}
-            other => self.note(&format!("accepted without effect: {}", describe(other))),
-        }
-    }
-
     /// Lets `dt` pass; a few hundredths of a second at most.
     pub fn step(&mut self, dt: Duration) {
         self.time += dt;
@@ -281,42 +237,6 @@ impl Robot {
     /// With the beacon dark the station cannot be found.
     pub fn set_beacon(&mut self, on: bool) {
         self.contacts.beacon = on;
-    }
-
-    /// Any MOVE ends a manoeuvre, MOVE 0 0 too. On the station nothing is special: driving
-    /// backwards or turning breaks the contact, driving forwards pushes against the station.
-    fn obey_move(&mut self, left: i8, right: i8) {
-        self.docking.stop();
-        self.commanded = Tracks::new(left, right);
-        self.since_move = Duration::ZERO;
-    }
-
-    fn obey_engine(&mut self, engage: Engage) {
-        match engage {
-            Engage::Dock if self.contacts.touching() => self.report_engine(EngineNews::Docked),
-            Engage::Dock => {
-                self.mark(What::FindBase);
-                self.commanded = Tracks::default();
-                self.docking.find_base();
-            }
-            Engage::CancelDock if self.docking.searching() => self.docking.stop(),
-            Engage::Undock if self.contacts.docked() => {
-                self.commanded = Tracks::default();
-                self.docking.leave();
-            }
-            other => self.note(&format!("engine {} has no effect now", other.to_byte())),
-        }
-    }
-
-    fn obey_play(&mut self, sound: Sound) {
-        self.mark(match sound {
-            Sound::Snapshot => What::Photo,
-            sound => What::Sound(sound),
-        });
-        self.speaker.play(sound);
-        if self.speaker.playing().is_none() {
-            self.note(&format!("no such sound: {}", sound.to_byte()));
-        }
     }
 
     fn drive(&mut self, dt: Duration) {
@@ -441,11 +361,6 @@ impl Robot {
             _ => {}
         }
         self.reports.push(Report::Engine(news));
-    }
-
-    fn send_config(&mut self) {
-        let messages = self.memory.settings(self.speaker.volume());
-        self.reports.extend(messages.map(Report::Config));
     }
 
     /// Writes down what whoever looks on has seen, for the picture of the run.

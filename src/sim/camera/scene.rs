@@ -2,7 +2,7 @@
 //! of the picture they appear.
 
 use super::sign;
-use super::surface::{Place, Rgb, Surface, rgb};
+use super::surface::{Rgb, Surface, SurfacePoint, rgb};
 use super::texture::Texture;
 use super::view::View;
 use crate::sim::geometry::obstacles::Obstacles;
@@ -37,9 +37,9 @@ pub(crate) struct Panel {
     picture: Option<Texture>,
 }
 
-/// What a round thing is.
+/// Thing a round thing is.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Kind {
+pub(crate) enum RoundKind {
     Ball,
     Post { top: f32 },
     Person { top: f32 },
@@ -50,7 +50,7 @@ pub(crate) enum Kind {
 pub(crate) struct Round {
     pub(crate) middle: Point,
     pub(crate) radius: f32,
-    pub(crate) kind: Kind,
+    pub(crate) kind: RoundKind,
     pub(crate) paint: Rgb,
 }
 
@@ -67,12 +67,12 @@ pub(crate) struct Scene {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Hit {
     pub(crate) depth: f32,
-    pub(crate) what: What,
+    pub(crate) thing: Thing,
 }
 
 /// The thing that was met, as an index into the scene.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum What {
+pub(crate) enum Thing {
     /// A panel, at this share of its line.
     Panel { index: usize, share: f32 },
     /// A round thing, `aside` of its radius to the right of the middle, -1..=1.
@@ -95,14 +95,14 @@ impl Scene {
         scene.mark_station(&world.station);
         scene.hang_signs(world);
         let balls = world.balls.iter();
-        let balls = balls.map(|b| Round::of(b.at.point(), b.radius, Kind::Ball, b.colour));
+        let balls = balls.map(|b| Round::of(b.at.point(), b.radius, RoundKind::Ball, b.colour));
         let people = world.walkers.iter().map(|w| {
             let top = w.height as f32;
-            Round::of(w.at.point(), w.radius, Kind::Person { top }, w.colour)
+            Round::of(w.at.point(), w.radius, RoundKind::Person { top }, w.colour)
         });
         let posts = world.posts.iter().map(|p| {
             let top = p.height as f32;
-            Round::of(p.at.point(), p.radius, Kind::Post { top }, p.colour)
+            Round::of(p.at.point(), p.radius, RoundKind::Post { top }, p.colour)
         });
         scene.rounds.extend(balls.chain(people).chain(posts));
         scene
@@ -129,7 +129,7 @@ impl Scene {
             }
             let size = PIXEL.max((length * height / MOST_PIXELS).sqrt());
             Texture::paint([length, height], size, |along| {
-                let strip = surface.strip(Place {
+                let strip = surface.strip(SurfacePoint {
                     along,
                     length,
                     top: height,
@@ -211,8 +211,8 @@ impl Scene {
             let share = share.clamp(0.0, 1.0);
             let depth = a.0 + share * da;
             if depth > NEAR {
-                let what = What::Panel { index, share };
-                found(column, Hit { depth, what });
+                let thing = Thing::Panel { index, share };
+                found(column, Hit { depth, thing });
             }
         }
     }
@@ -243,8 +243,8 @@ impl Scene {
             let depth = (nearest - (radius * radius - aside * aside).sqrt()) / length;
             if depth > NEAR {
                 let aside = aside / radius;
-                let what = What::Round { index, aside };
-                found(column, Hit { depth, what });
+                let thing = Thing::Round { index, aside };
+                found(column, Hit { depth, thing });
             }
         }
     }
@@ -306,7 +306,7 @@ impl Panel {
 }
 
 impl Round {
-    fn of(middle: Point, radius: f64, kind: Kind, colour: Paint) -> Round {
+    fn of(middle: Point, radius: f64, kind: RoundKind, colour: Paint) -> Round {
         Round {
             middle,
             radius: radius as f32,

@@ -29,7 +29,7 @@ pub(crate) enum Surface {
 
 /// Where on a surface an upright strip runs, metres.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Place {
+pub(crate) struct SurfacePoint {
     /// From its left end.
     pub(crate) along: f32,
     /// From the left end to the right.
@@ -68,7 +68,7 @@ pub(crate) enum Thing {
 
 impl Surface {
     /// The strip at a place.
-    pub(crate) fn strip(self, place: Place) -> Strip {
+    pub(crate) fn strip(self, place: SurfacePoint) -> Strip {
         match self {
             Surface::Wall { paint, number } => Strip::Wall {
                 paper: wallpaper(paint, number, place),
@@ -135,7 +135,7 @@ fn wall(paper: Rgb, thing: Option<(Thing, f32)>, height: f32) -> Rgb {
     colour.unwrap_or(paper)
 }
 
-fn wallpaper(paint: Rgb, number: u32, place: Place) -> Rgb {
+fn wallpaper(paint: Rgb, number: u32, place: SurfacePoint) -> Rgb {
     let stripe = if (place.along / 0.18) as i32 % 2 == 0 {
         1.0
     } else {
@@ -148,7 +148,7 @@ fn wallpaper(paint: Rgb, number: u32, place: Place) -> Rgb {
 }
 
 /// What hangs or stands at a wall, one thing to a bay or none, and how far beside its middle.
-fn hanging(number: u32, place: Place) -> Option<(Thing, f32)> {
+fn hanging(number: u32, place: SurfacePoint) -> Option<(Thing, f32)> {
     let bay = (place.along / BAY) as i32;
     let middle = (bay as f32 + 0.5) * BAY;
     if middle + BAY / 2.0 > place.length || place.top < DOOR + 0.1 {
@@ -203,7 +203,7 @@ fn door(aside: f32, height: f32) -> Option<Rgb> {
     }
 }
 
-fn furniture(paint: Rgb, place: Place) -> Strip {
+fn furniture(paint: Rgb, place: SurfacePoint) -> Strip {
     let to_side = place.along.min(place.length - place.along);
     let door = place.length / ((place.length / 0.5 + 0.5) as i32).max(1) as f32;
     let joint = place.along - (place.along / door) as i32 as f32 * door;

@@ -1,0 +1,54 @@
+//! The automatic exposure.
+
+use std::time::Duration;
+
+use super::texture::Pixel;
+
+/// What it wants of the mean of a frame, 0..=255, and how far it goes.
+const MIDDLE_GREY: f32 = 105.0;
+const GAINS: std::ops::RangeInclusive<f32> = 0.5..=2.5;
+/// One pixel of so many is looked at.
+const EVERY: usize = 37;
+
+/// How much the light is amplified.
+#[derive(Debug)]
+pub(super) struct Exposure {
+    /// How slowly it follows a change of the light, seconds; 0 switches it off.
+    slowness: f64,
+    gain: f32,
+    last: Option<Duration>,
+}
+
+impl Exposure {
+    /// See [`CameraSettings::exposure`](crate::sim::CameraSettings::exposure).
+    pub(super) fn new(slowness: f64) -> Exposure {
+        Exposure {
+            slowness,
+            gain: 1.0,
+            last: None,
+        }
+    }
+
+    /// 1 leaves the light as it is.
+    pub(super) fn gain(&self) -> f32 {
+        self.gain
+    }
+
+    /// Follows the light of a frame that was taken at `time`.
+    pub(super) fn follow(&mut self, frame: &[Pixel], time: Duration) {
+        if self.slowness <= 0.0 {
+            return;
+        }
+        let some = frame.iter().step_by(EVERY);
+        let sum: u32 = some.map(|pixel| u32::from(pixel[1])).sum();
+        let mean = (sum as f32 * EVERY as f32 / frame.len() as f32).max(1.0);
+        let wanted = self.gain * MIDDLE_GREY / mean;
+        let wanted = wanted.clamp(*GAINS.start(), *GAINS.end());
+        let passed = self
+            .last
+            .map(|before| time.saturating_sub(before).as_secs_f64());
+        let share = passed.map_or(1.0, |passed| passed / (passed + self.slowness));
+        self.gain += (wanted - self.gain) * share as f32;
+        self.last = Some(time);
+    }
+}

@@ -1,0 +1,338 @@
+//! Paints frames: upright things column by column from near to far, the floor row by row, and then
+//! balls and signs over them.
+
+use super::floor::Floor;
+use super::light::{Light, Lighting};
+use super::scene::{Hit, Round, RoundKind, Scene, Thing};
+use super::shading::{self, light};
+use super::surface::{Rgb, Surface};
+use super::texture::{Pixel, lit, smear};
+use super::view::{Column, EYE, HEIGHT, HORIZON, View, WIDTH, lamps};
+use crate::sim::geometry::{Point, Pose};
+use crate::sim::world::document::World;
+
+const CEILING: Pixel = [224, 223, 218, 0];
+/// Longest smear, pixels.
+const LONGEST_SMEAR: usize = 24;
+
+/// Paints a world.
+pub(super) struct Renderer {
+    pub(super) scene: Scene,
+    pub(super) lighting: Lighting,
+    floor: Floor,
+    focal: f32,
+    lamp: Lamp,
+    exposure: f32,
+    frame: Vec<Pixel>,
+    ceiling: Vec<Pixel>,
+    /// Room for smearing.
+    sums: Vec<u64>,
+    standing: Vec<Vec<Hit>>,
+    hanging: Vec<Vec<Hit>>,
+    /// The row at which each column's floor begins.
+    shores: Vec<usize>,
+}
+
+/// The lamp that shades balls and posts.
+#[derive(Debug, Clone, Copy)]
+struct Lamp {
+    at: Point,
+    height: f32,
+}
+
+impl Renderer {
+    /// A renderer of a world.
+    pub(super) fn new(world: &World) -> Renderer {
+        let room = &world.room;
+        let hfov = world.camera.hfov_degrees.to_radians() as f32;
+        let focal = WIDTH as f32 / 2.0 / (hfov / 2.0).tan();
+        Renderer {
+            scene: Scene::of(world),
+            lighting: Lighting::of(world),
+            floor: Floor::new(world, focal),
+            focal,
+            lamp: Lamp {
+                at: Point::new(room.width * 0.45, room.depth * 0.6),
+                height: room.height as f32,
+            },
+            exposure: 1.0,
+            frame: vec![[0; 4]; WIDTH * HEIGHT],
+            ceiling: vec![[0; 4]; HEIGHT],
+            sums: Vec::new(),
+            standing: vec![Vec::new(); WIDTH],
+            hanging: vec![Vec::new(); WIDTH],
+            shores: vec![HEIGHT; WIDTH],
+        }
+    }
+
+    /// What was rendered last.
+    pub(super) fn frame(&self) -> &[Pixel] {
+        &self.frame
+    }
+
+    /// Paints what is seen from a pose; `turned` is how far the robot turns, in radians, while the
+    /// shutter is open.
+    pub(super) fn render(&mut self, pose: Pose, flash: bool, exposure: f32, turned: f64) {
+        self.exposure = exposure;
+        let view = View::of(pose, self.focal, flash);
+        self.survey(&view);
+        self.light_ceiling();
+        for index in 0..WIDTH {
+            self.paint_column(&view, view.column(index));
+        }
+        let (frame, shores) = (&mut self.frame, &self.shores);
+        self.floor
+            .paint(frame, shores, &view, &self.lighting, exposure);
+        for index in 0..WIDTH {
+            self.paint_hanging(&view, view.column(index));
+        }
+        let length = ((turned * f64::from(self.focal)).round() as usize).min(LONGEST_SMEAR);
+        if length > 1 {
+            for row in self.frame.chunks_exact_mut(WIDTH) {
+                smear(row, length, &mut self.sums);
+            }
+        }
+    }
+
+    /// Finds what is in each column, nearest first.
+    fn survey(&mut self, view: &View) {
+        let (standing, hanging) = (&mut self.standing, &mut self.hanging);
+        standing
+            .iter_mut()
+            .chain(hanging.iter_mut())
+            .for_each(Vec::clear);
+        let scene = &self.scene;
+        for (index, panel) in scene.panels.iter().enumerate() {
+            let stands = !matches!(panel.surface, Surface::Sign(_));
+            let columns = if stands {
+                &mut *standing
+            } else {
+                &mut *hanging
+            };
+            scene.columns_of_panel(index, view, |column, hit| columns[column].push(hit));
+        }
+        for (index, round) in scene.rounds.iter().enumerate() {
+            let stands = round.kind != RoundKind::Ball;
+            let columns = if stands {
+                &mut *standing
+            } else {
+                &mut *hanging
+            };
+            scene.columns_of_round(index, view, |column, hit| columns[column].push(hit));
+        }
+        for hits in standing.iter_mut().chain(hanging.iter_mut()) {
+            hits.sort_by(|a, b| a.depth.total_cmp(&b.depth));
+        }
+    }
+
+    /// From near to far, each as far down as what stands before it lets it be seen.
+    fn paint_column(&mut self, view: &View, column: Column) {
+        let standing = std::mem::take(&mut self.standing[column.index]);
+        let mut limit = HEIGHT;
+        let mut shore = HEIGHT / 2;
+        for (number, hit) in standing.iter().enumerate() {
+            let top = view.row(self.top_of(hit.thing), hit.depth);
+            let foot = view.row(0.0, hit.depth).min(limit);
+            if number == 0 {
+                shore = foot;
+            }
+            if top < foot {
+                self.paint_standing(view, column, *hit, top..foot);
+            }
+            limit = limit.min(top);
+            if limit == 0 || self.is_wall(hit.thing) {
+                break;
+            }
+        }
+        self.shores[column.index] = shore.max(HEIGHT / 2);
+        self.paint_ceiling(
+            column,
+            if standing.is_empty() {
+                HEIGHT / 2
+            } else {
+                limit
+            },
+        );
+        self.standing[column.index] = standing;
+    }
+
+    fn top_of(&self, thing: Thing) -> f32 {
+        match thing {
+            Thing::Panel { index, .. } => self.scene.panels[index].top,
+            Thing::Round { index, .. } => match self.scene.rounds[index].kind {
+                RoundKind::Post { top } | RoundKind::Person { top } => top,
+                RoundKind::Ball => 2.0 * self.scene.rounds[index].radius,
+            },
+        }
+    }
+
+    fn is_wall(&self, thing: Thing) -> bool {
+        let panel = match thing {
+            Thing::Panel { index, .. } => self.scene.panels.get(index),
+            Thing::Round { .. } => None,
+        };
+        panel.is_some_and(|panel| matches!(panel.surface, Surface::Wall { .. }))
+    }
+
+    /// What the ceiling looks like in each row.
+    fn light_ceiling(&mut self) {
+        let (x, y) = (self.lamp.at.x as f32, self.lamp.at.y as f32);
+        let room = self.lighting.at(x, y);
+        for (row, colour) in self.ceiling.iter_mut().enumerate() {
+            let shade = (0.80 + 0.20 * (row as f32 / HORIZON)) * self.exposure;
+            *colour = lit(CEILING, light(room.map(|channel| channel * shade)));
+        }
+    }
+
+    fn paint_ceiling(&mut self, column: Column, rows: usize) {
+        for (row, colour) in self.ceiling[..rows].iter().enumerate() {
+            self.frame[row * WIDTH + column.index] = *colour;
+        }
+    }
+
+    fn paint_standing(
+        &mut self,
+        view: &View,
+        column: Column,
+        hit: Hit,
+        rows: std::ops::Range<usize>,
+    ) {
+        let light = self.light_on(view, column, hit.depth);
+        match hit.thing {
+            Thing::Panel { index, share } => {
+                self.paint_panel(view, column, (hit.depth, light), (index, share), rows);
+            }
+            Thing::Round { index, aside } => {
+                self.paint_pillar(view, column, (hit.depth, light), (index, aside), rows);
+            }
+        }
+    }
+
+    /// The light that comes back from a depth in a column, exposure included.
+    fn light_on(&self, view: &View, column: Column, depth: f32) -> Light {
+        let (x, y) = view.place(column, depth);
+        let (fade, flash) = (lamps(depth), view.headlight(column, depth));
+        let room = self.lighting.at(x, y);
+        room.map(|channel| (channel * fade + flash) * self.exposure)
+    }
+
+    fn paint_panel(
+        &mut self,
+        view: &View,
+        column: Column,
+        (depth, room): (f32, Light),
+        (index, share): (usize, f32),
+        rows: std::ops::Range<usize>,
+    ) {
+        let panel = &self.scene.panels[index];
+        let (length, bottom) = (panel.length, panel.bottom);
+        let light = light(room.map(|channel| channel * panel.light));
+        let size = depth / view.focal;
+        let level = self.scene.picture(index).level(size);
+        let strip = level.strip(share * length);
+        // In 65,536ths of the strip's pixels.
+        let fixed = level.scale[1] * 65_536.0;
+        let step = (size * fixed) as i64;
+        let mut place = ((view.height(rows.start, depth) - bottom) * fixed) as i64 + step;
+        let last = strip.len() - 1;
+        for row in rows {
+            place -= step;
+            let place = (place.max(0) >> 16) as usize;
+            let index = row * WIDTH + column.index;
+            self.frame[index] = lit(strip[place.min(last)], light);
+        }
+    }
+
+    fn paint_pillar(
+        &mut self,
+        view: &View,
+        column: Column,
+        (depth, room): (f32, Light),
+        (index, aside): (usize, f32),
+        rows: std::ops::Range<usize>,
+    ) {
+        let Round {
+            kind,
+            paint,
+            middle,
+            ..
+        } = self.scene.rounds[index];
+        let (ahead, right) = view.relative(self.lamp.at);
+        let (own_ahead, own_right) = view.relative(middle);
+        let lamp = (right - own_right).atan2(own_ahead - ahead);
+        let off = aside.asin() - lamp;
+        let facing = off.cos().max(0.0);
+        let light = light(room.map(|channel| channel * (0.62 + 0.38 * facing)));
+        let shine = (off / 0.25) * (off / 0.25);
+        let shine = 40.0 * (-shine).exp();
+        for row in rows {
+            let height = view.height(row, depth);
+            let colour = shading::pillar(kind, paint, height, aside, shine);
+            self.put(column.index, row, colour, light);
+        }
+    }
+
+    /// Balls and signs from far to near, no lower than where something nearer stands.
+    fn paint_hanging(&mut self, view: &View, column: Column) {
+        let hanging = std::mem::take(&mut self.hanging[column.index]);
+        for hit in hanging.iter().rev() {
+            let standing = self.standing[column.index].iter();
+            let nearer = standing.take_while(|other| other.depth < hit.depth);
+            let limit = nearer.map(|other| view.row(self.top_of(other.thing), other.depth));
+            let limit = limit.min().unwrap_or(HEIGHT);
+            match hit.thing {
+                Thing::Panel { index, share } => {
+                    let panel = &self.scene.panels[index];
+                    let (top, bottom) = (panel.top, panel.bottom);
+                    let rows = view.row(top, hit.depth)..view.row(bottom, hit.depth).min(limit);
+                    let light = self.light_on(view, column, hit.depth);
+                    self.paint_panel(view, column, (hit.depth, light), (index, share), rows);
+                }
+                Thing::Round { index, .. } => self.paint_ball(view, column, index, limit),
+            }
+        }
+        self.hanging[column.index] = hanging;
+    }
+
+    fn paint_ball(&mut self, view: &View, column: Column, index: usize, limit: usize) {
+        let Round {
+            radius,
+            paint,
+            middle,
+            ..
+        } = self.scene.rounds[index];
+        let (ahead, right) = view.relative(middle);
+        let nearest = ahead - radius;
+        if nearest < 0.02 {
+            return;
+        }
+        let lamp = self.lamp_from(view, (ahead, right), radius);
+        let room = light(self.light_on(view, column, ahead));
+        for row in view.row(2.0 * radius, nearest)..view.row(-radius, nearest).min(limit) {
+            let down = (row as f32 + 0.5 - HORIZON) / view.focal;
+            let ray = [1.0, column.slope, down];
+            let Some(normal) = shading::sphere_normal(ray, [ahead, right, EYE - radius], radius)
+            else {
+                continue;
+            };
+            self.put(column.index, row, shading::ball(paint, normal, lamp), room);
+        }
+    }
+
+    /// The direction of the lamp from a ball, in the camera's ahead, right and down.
+    fn lamp_from(&self, view: &View, (ahead, right): (f32, f32), radius: f32) -> Rgb {
+        let (lamp_ahead, lamp_right) = view.relative(self.lamp.at);
+        let way = [
+            lamp_ahead - ahead,
+            lamp_right - right,
+            radius - self.lamp.height,
+        ];
+        shading::direction(way)
+    }
+
+    fn put(&mut self, column: usize, row: usize, [r, g, b]: Rgb, light: Pixel) {
+        // A float becomes a byte by cutting off what does not fit.
+        let index = row * WIDTH + column;
+        self.frame[index] = lit([r as u8, g as u8, b as u8, 0], light);
+    }
+}
