@@ -1,12 +1,15 @@
 //! Blobs: connected pixels of one colour, with the names, defaults and meanings of OpenMV's `find_blobs`.
 
+mod moments;
+mod regions;
+
 use serde::{Deserialize, Serialize};
 
-use super::frame::Size;
-use super::moments::Moments;
-use super::palette::Palette;
-use super::picture::{Image, Roi};
-use super::regions::{Region, Regions};
+use self::moments::Moments;
+use self::regions::{Region, Regions};
+use crate::vision::colour::palette::Palette;
+use crate::vision::picture::image::{Image, Roi};
+use crate::vision::picture::size::Size;
 
 /// Most blobs that are merged with each other: merging compares each with each.
 const MAX_MERGED: usize = 512;
@@ -150,7 +153,7 @@ impl BlobFinder {
     }
 
     /// As [`BlobFinder::find`], of whatever labels `label_row(y, x, row)` writes for columns `x..`; 0 is background.
-    pub(super) fn find_labelled(
+    pub(crate) fn find_labelled(
         &mut self,
         size: Size,
         mut label_row: impl FnMut(u32, u32, &mut [u8]),

@@ -1,12 +1,12 @@
 //! Everything that is asked of one frame, with the frame decoded once.
 
 use super::blobs::{Blob, BlobFinder, BlobOptions, Camera};
-use super::colour::Colour;
-use super::decoder::Decoder;
-use super::frame::FrameError;
 use super::line::{Line, find_line};
-use super::palette::Palette;
-use super::picture::{Image, Roi};
+use crate::vision::colour::Colour;
+use crate::vision::colour::palette::Palette;
+use crate::vision::jpeg::decoder::Decoder;
+use crate::vision::jpeg::frame::FrameError;
+use crate::vision::picture::image::{Image, Roi};
 
 /// Palettes that are kept; a behaviour rarely looks for more sets of colours.
 const MAX_PALETTES: usize = 8;

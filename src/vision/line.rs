@@ -1,8 +1,8 @@
 //! Finds the line on the floor that a robot follows.
 
 use super::blobs::{BlobFinder, BlobOptions, Camera};
-use super::palette::Palette;
-use super::picture::{Image, Roi};
+use crate::vision::colour::palette::Palette;
+use crate::vision::picture::image::{Image, Roi};
 
 /// A line, as a robot needs it to steer.
 #[derive(Debug, Clone, Copy, PartialEq)]

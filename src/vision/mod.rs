@@ -10,43 +10,31 @@
 //! frame beyond that is cheap: brightness, sharpness and motion read the decoded brightness as it is,
 //! and colours are looked up without ever making red, green and blue.
 
-mod annotate;
-mod baseline;
-mod bits;
 mod blobs;
 mod colour;
 mod damage;
-mod decoder;
+mod drawing;
 mod eyes;
-mod font;
-mod frame;
-mod huffman;
-mod idct;
-mod learn;
+mod jpeg;
 mod line;
-mod measure;
-mod moments;
 mod motion;
-mod palette;
 mod picture;
 mod qrcode;
-mod regions;
-mod scans;
-mod space;
 mod tracker;
 
-pub use annotate::{Mark, annotate, annotate_enlarged};
 pub use blobs::{Blob, BlobFinder, BlobOptions, Camera};
+pub use colour::learn::{LearnRefusal, Learned, learn};
+pub use colour::palette::{MAX_COLOURS, Palette};
 pub use colour::{Colour, ColourError, Span};
 pub use damage::Damage;
-pub use decoder::Decoder;
+pub use drawing::annotate::{Mark, annotate, annotate_enlarged};
 pub use eyes::Eyes;
-pub use frame::{FrameError, MAX_HEIGHT, MAX_JPEG_LEN, MAX_WIDTH, Size, judge};
-pub use learn::{LearnRefusal, Learned, learn};
+pub use jpeg::decoder::Decoder;
+pub use jpeg::frame::{FrameError, MAX_JPEG_LEN, judge};
 pub use line::{Line, find_line};
-pub use measure::{brightness, sharpness};
 pub use motion::{Motion, MotionDetector, MotionOptions};
-pub use palette::{MAX_COLOURS, Palette};
-pub use picture::{Image, Roi};
+pub use picture::image::{Image, Roi};
+pub use picture::measure::{brightness, sharpness};
+pub use picture::size::{MAX_HEIGHT, MAX_WIDTH, Size};
 pub use qrcode::{QrCode, find_qrcodes};
 pub use tracker::{Track, Tracker, TrackerOptions};

@@ -7,8 +7,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::blobs::{Blob, BlobFinder, BlobOptions, Camera};
-use super::frame::Size;
-use super::picture::Image;
+use crate::vision::picture::image::Image;
+use crate::vision::picture::size::Size;
 
 /// Surroundings of a half-size pixel: this many on each side.
 const REACH: usize = 7;

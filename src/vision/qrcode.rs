@@ -1,6 +1,6 @@
 //! Reads QR codes.
 
-use super::picture::Image;
+use crate::vision::picture::image::Image;
 
 /// Most codes of one picture that are read.
 const MAX_CODES: usize = 8;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 use super::blobs::{Blob, Camera};
-use super::frame::Size;
+use crate::vision::picture::size::Size;
 
 /// Most blobs of a frame, and most tracks, that are considered.
 const MAX_TRACKS: usize = 64;

@@ -8,10 +8,11 @@
 use std::ops::Range;
 
 use super::bits::{Bits, Cursor, Scan};
-use super::frame::{FrameError, Segment, Segments, Size};
+use super::frame::{FrameError, Segment, Segments};
 use super::huffman::{STANDARD_TABLES, Table};
 use super::idct;
-use super::picture::{Image, Plane};
+use crate::vision::picture::image::{Image, Plane};
+use crate::vision::picture::size::Size;
 
 /// Most bytes that may be left over when all blocks are decoded; some cameras pad.
 const MOST_LEFT_OVER: i64 = 16;
@@ -21,7 +22,7 @@ const MOST_OF_A_BLOCK: usize = 64 * (16 + 11);
 
 /// Why a frame was not decoded here.
 #[derive(Debug)]
-pub(super) enum Unsure {
+pub(crate) enum Unsure {
     /// A kind that is not decoded here, but may be sound.
     Rarer,
     /// It is broken.
@@ -53,7 +54,7 @@ struct Component {
 
 /// Tables and buffers that live from frame to frame.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Baseline {
+pub(crate) struct Baseline {
     quantisers: [Option<[i32; 64]>; 4],
     firsts: [Table; 4],
     others: [Table; 4],
@@ -84,7 +85,7 @@ struct Progress {
 
 impl Baseline {
     /// Decodes a frame that has been surveyed. On an error the image is whatever it is.
-    pub(super) fn decode(
+    pub(crate) fn decode(
         &mut self,
         jpeg: &[u8],
         has_tables: bool,
@@ -100,7 +101,7 @@ impl Baseline {
 
     /// Decodes as much as there is of a frame that is still coming, of which the headers have been
     /// surveyed. What cannot be done now is left for later.
-    pub(super) fn look_ahead(&mut self, jpeg: &[u8], has_tables: bool, image: &mut Image) {
+    pub(crate) fn look_ahead(&mut self, jpeg: &[u8], has_tables: bool, image: &mut Image) {
         let before = self.ahead.take();
         let known = before.filter(|_| jpeg.starts_with(&self.beginning));
         let progress = match known {
@@ -141,7 +142,7 @@ impl Baseline {
 
     /// Decodes the rest of a frame that has been looked at ahead, into the same image; nothing if
     /// this is another one.
-    pub(super) fn finish(&mut self, jpeg: &[u8], image: &mut Image) -> Option<Result<(), Unsure>> {
+    pub(crate) fn finish(&mut self, jpeg: &[u8], image: &mut Image) -> Option<Result<(), Unsure>> {
         let progress = self.ahead.take()?;
         let known = jpeg.starts_with(&self.beginning);
         known.then(|| self.decode_rest(jpeg, progress, image))

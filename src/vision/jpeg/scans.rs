@@ -18,7 +18,7 @@ struct Walk {
 ///
 /// # Errors
 /// [`FrameError::Damaged`] if a marker cuts the data, or a header is cut short.
-pub(super) fn check(jpeg: &[u8]) -> Result<(), FrameError> {
+pub(crate) fn check(jpeg: &[u8]) -> Result<(), FrameError> {
     let (mut walk, mut segments) = (Walk::default(), Segments::of(jpeg));
     loop {
         let segment = segments.next()?;
@@ -80,8 +80,8 @@ mod tests {
     use crate::vision::Decoder;
 
     const RARER: [&[u8]; 2] = [
-        include_bytes!("../../tests/fixtures/ball-cmyk.jpg"),
-        include_bytes!("../../tests/fixtures/ball-progressive.jpg"),
+        include_bytes!("../../../tests/fixtures/ball-cmyk.jpg"),
+        include_bytes!("../../../tests/fixtures/ball-progressive.jpg"),
     ];
 
     /// With bytes put into the data of its first scan.

@@ -2,7 +2,7 @@
 
 use image::{Rgb, RgbImage};
 
-use super::frame::Size;
+use super::size::Size;
 use super::space::{rgb_of, ycc_of};
 
 /// A rectangle of pixels: origin top left, x right, y down. It may stick out of a picture; what
@@ -50,25 +50,25 @@ impl From<Size> for Roi {
 
 /// Samples of brightness, blueness or redness.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub(super) struct Plane {
-    pub(super) samples: Vec<u8>,
+pub(crate) struct Plane {
+    pub(crate) samples: Vec<u8>,
     /// Samples from one row to the next; at least those of the picture, in whole blocks.
-    pub(super) stride: usize,
+    pub(crate) stride: usize,
     /// How many columns and rows of pixels share a sample, as a power of two.
-    pub(super) across: u32,
-    pub(super) down: u32,
+    pub(crate) across: u32,
+    pub(crate) down: u32,
 }
 
 impl Plane {
     /// Makes room for so many columns and rows of samples.
-    pub(super) fn shape(&mut self, (columns, rows): (usize, usize), (across, down): (u32, u32)) {
+    pub(crate) fn shape(&mut self, (columns, rows): (usize, usize), (across, down): (u32, u32)) {
         self.samples.resize(columns * rows, 128);
         self.stride = columns;
         (self.across, self.down) = (across, down);
     }
 
     /// The samples that hold row `y` of pixels.
-    pub(super) fn row(&self, y: u32) -> &[u8] {
+    pub(crate) fn row(&self, y: u32) -> &[u8] {
         &self.samples[(y >> self.down) as usize * self.stride..][..self.stride]
     }
 
@@ -80,10 +80,10 @@ impl Plane {
 /// A decoded picture, kept as JPEG keeps it: brightness, blueness and redness in planes of their own.
 #[derive(Debug, Clone)]
 pub struct Image {
-    pub(super) size: Size,
-    pub(super) planes: [Plane; 3],
+    pub(crate) size: Size,
+    pub(crate) planes: [Plane; 3],
     /// Only the first plane counts.
-    pub(super) grey: bool,
+    pub(crate) grey: bool,
 }
 
 impl Default for Image {
@@ -115,7 +115,7 @@ impl Image {
     }
 
     /// Takes pixels row by row, three bytes each.
-    pub(super) fn set_rgb(&mut self, size: Size, rgb: &[u8]) {
+    pub(crate) fn set_rgb(&mut self, size: Size, rgb: &[u8]) {
         (self.size, self.grey) = (size, false);
         for plane in &mut self.planes {
             plane.shape((size.width as usize, size.height as usize), (0, 0));
@@ -129,7 +129,7 @@ impl Image {
     }
 
     /// Takes grey pixels row by row.
-    pub(super) fn set_luma(&mut self, size: Size, luma: &[u8]) {
+    pub(crate) fn set_luma(&mut self, size: Size, luma: &[u8]) {
         (self.size, self.grey) = (size, true);
         self.planes[0].shape((size.width as usize, size.height as usize), (0, 0));
         self.planes[0].samples.copy_from_slice(luma);
@@ -162,12 +162,12 @@ impl Image {
     }
 
     /// The brightness of a row of pixels, 0..255.
-    pub(super) fn luma_row(&self, y: u32) -> &[u8] {
+    pub(crate) fn luma_row(&self, y: u32) -> &[u8] {
         &self.planes[0].row(y)[..self.size.width as usize]
     }
 
     /// The brightness of half as many columns and rows: means of two by two pixels; an odd last one is left out.
-    pub(super) fn halve_luma(&self, halved: &mut Vec<u8>) {
+    pub(crate) fn halve_luma(&self, halved: &mut Vec<u8>) {
         halved.clear();
         for y in 0..self.size.height / 2 {
             let upper = self.luma_row(2 * y).as_chunks::<2>().0;

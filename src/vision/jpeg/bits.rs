@@ -7,7 +7,7 @@ const PADDING: usize = 16;
 
 /// A scan's data without its stuffing, cut at the restart markers.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Scan {
+pub(crate) struct Scan {
     bytes: Vec<u8>,
     /// Where each interval ends.
     ends: Vec<usize>,
@@ -15,14 +15,14 @@ pub(super) struct Scan {
 
 impl Scan {
     /// Forgets the scan before.
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.bytes.clear();
         self.ends.clear();
     }
 
     /// Takes the bytes behind a scan's header, or the rest of them; returns the marker that ends the
     /// scan.
-    pub(super) fn load(&mut self, mut rest: &[u8]) -> Result<u8, FrameError> {
+    pub(crate) fn load(&mut self, mut rest: &[u8]) -> Result<u8, FrameError> {
         loop {
             rest = &rest[self.take(rest)..];
             let &[_, code, ..] = rest else {
@@ -44,7 +44,7 @@ impl Scan {
     }
 
     /// Takes bytes up to a marker or to where they end for now; returns how many.
-    pub(super) fn take(&mut self, data: &[u8]) -> usize {
+    pub(crate) fn take(&mut self, data: &[u8]) -> usize {
         let mut at = 0;
         loop {
             let plain = first_ff(&data[at..]);
@@ -62,12 +62,12 @@ impl Scan {
     }
 
     /// How many intervals there are.
-    pub(super) fn intervals(&self) -> usize {
+    pub(crate) fn intervals(&self) -> usize {
         self.ends.len()
     }
 
     /// The bits of an interval, which must exist.
-    pub(super) fn bits(&self, interval: usize) -> Bits<'_> {
+    pub(crate) fn bits(&self, interval: usize) -> Bits<'_> {
         let start = if interval == 0 {
             0
         } else {
@@ -81,7 +81,7 @@ impl Scan {
     }
 
     /// The bits of the first interval from a place on, as far as they are there.
-    pub(super) fn bits_from(&self, cursor: Cursor) -> Bits<'_> {
+    pub(crate) fn bits_from(&self, cursor: Cursor) -> Bits<'_> {
         Bits {
             bytes: &self.bytes,
             len: self.ends.first().copied().unwrap_or(self.bytes.len()),
@@ -111,7 +111,7 @@ fn first_ff(bytes: &[u8]) -> usize {
 
 /// Reads bits, the highest of a byte first. Behind the end come zeros; [`Bits::left`] tells.
 #[derive(Clone, Copy)]
-pub(super) struct Bits<'a> {
+pub(crate) struct Bits<'a> {
     bytes: &'a [u8],
     len: usize,
     cursor: Cursor,
@@ -119,7 +119,7 @@ pub(super) struct Bits<'a> {
 
 /// How far bits have been read.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Cursor {
+pub(crate) struct Cursor {
     at: usize,
     /// The next bits, from the top.
     buffer: u64,
@@ -130,7 +130,7 @@ pub(super) struct Cursor {
 impl Bits<'_> {
     /// Makes sure that 32 bits can be looked at.
     #[inline(always)]
-    pub(super) fn refill(&mut self) {
+    pub(crate) fn refill(&mut self) {
         let Cursor { at, buffer, count } = &mut self.cursor;
         if *count < 32 {
             let next = self.bytes.get(*at..).and_then(<[u8]>::first_chunk::<8>);
@@ -143,25 +143,25 @@ impl Bits<'_> {
 
     /// The next bits, 1 to 32, without taking them; [`Bits::refill`] must have come before.
     #[inline(always)]
-    pub(super) fn peek(&self, bits: u32) -> usize {
+    pub(crate) fn peek(&self, bits: u32) -> usize {
         (self.cursor.buffer >> (64 - bits)) as usize
     }
 
     /// Takes bits that were looked at.
     #[inline(always)]
-    pub(super) fn skip(&mut self, bits: u32) {
+    pub(crate) fn skip(&mut self, bits: u32) {
         self.cursor.buffer <<= bits;
         self.cursor.count = self.cursor.count.wrapping_sub(bits);
     }
 
     /// How many bits are left; negative when more were read than there are.
-    pub(super) fn left(&self) -> i64 {
+    pub(crate) fn left(&self) -> i64 {
         // Lengths of frames are bounded, so nothing is cut off.
         self.len as i64 * 8 - (self.cursor.at as i64 * 8 - i64::from(self.cursor.count))
     }
 
     /// How far they have been read.
-    pub(super) fn cursor(&self) -> Cursor {
+    pub(crate) fn cursor(&self) -> Cursor {
         self.cursor
     }
 }

@@ -1,7 +1,7 @@
 //! From sRGB to the spaces in which colours are described.
 
 /// Hue in degrees 0..360, saturation and value in percent, of sRGB values 0..255. Greys have hue 0.
-pub(super) fn hsv_of([r, g, b]: [f64; 3]) -> [f64; 3] {
+pub(crate) fn hsv_of([r, g, b]: [f64; 3]) -> [f64; 3] {
     let max = r.max(g).max(b);
     let chroma = max - r.min(g).min(b);
     if chroma == 0.0 {
@@ -18,12 +18,12 @@ pub(super) fn hsv_of([r, g, b]: [f64; 3]) -> [f64; 3] {
 }
 
 /// CIE Lab under D65 of sRGB values 0..255: L 0..100, a and b about -128..127.
-pub(super) fn lab_of(rgb: [f64; 3]) -> [f64; 3] {
+pub(crate) fn lab_of(rgb: [f64; 3]) -> [f64; 3] {
     lab_of_linear(rgb.map(linear))
 }
 
 /// Light of an sRGB value 0..255, 0..1.
-pub(super) fn linear(value: f64) -> f64 {
+pub(crate) fn linear(value: f64) -> f64 {
     let value = value / 255.0;
     if value <= 0.04045 {
         value / 12.92
@@ -33,7 +33,7 @@ pub(super) fn linear(value: f64) -> f64 {
 }
 
 /// CIE Lab of linear light: sRGB primaries, white D65.
-pub(super) fn lab_of_linear([r, g, b]: [f64; 3]) -> [f64; 3] {
+pub(crate) fn lab_of_linear([r, g, b]: [f64; 3]) -> [f64; 3] {
     let x = (0.412_456_4 * r + 0.357_576_1 * g + 0.180_437_5 * b) / 0.950_47;
     let y = 0.212_672_9 * r + 0.715_152_2 * g + 0.072_175_0 * b;
     let z = (0.019_333_9 * r + 0.119_192_0 * g + 0.950_304_1 * b) / 1.088_83;
@@ -51,7 +51,7 @@ fn lightness_curve(t: f64) -> f64 {
 }
 
 /// Brightness, blueness and redness (0..255) of a pixel, as JPEG has them (JFIF, full range).
-pub(super) fn ycc_of(rgb: [u8; 3]) -> [u8; 3] {
+pub(crate) fn ycc_of(rgb: [u8; 3]) -> [u8; 3] {
     let [r, g, b] = rgb.map(i32::from);
     let luma = 19_595 * r + 38_470 * g + 7_471 * b;
     let blue = -11_058 * r - 21_710 * g + 32_768 * b + (128 << 16);
@@ -60,7 +60,7 @@ pub(super) fn ycc_of(rgb: [u8; 3]) -> [u8; 3] {
 }
 
 /// Red, green and blue, 0..=255, of brightness, blueness and redness.
-pub(super) fn rgb_of([luma, blue, red]: [u8; 3]) -> [i32; 3] {
+pub(crate) fn rgb_of([luma, blue, red]: [u8; 3]) -> [i32; 3] {
     let (luma, blue, red) = (
         i32::from(luma) << 16,
         i32::from(blue) - 128,
@@ -75,7 +75,7 @@ pub(super) fn rgb_of([luma, blue, red]: [u8; 3]) -> [i32; 3] {
 }
 
 /// As [`rgb_of`], for values between the whole numbers.
-pub(super) fn rgb_of_ycc([luma, blue, red]: [f64; 3]) -> [f64; 3] {
+pub(crate) fn rgb_of_ycc([luma, blue, red]: [f64; 3]) -> [f64; 3] {
     let (blue, red) = (blue - 128.0, red - 128.0);
     [
         luma + 1.402 * red,

@@ -2,11 +2,14 @@
 //!
 //! [`Colour::contains`] is the exact arithmetic; [`super::Palette`] is its fast form.
 
+pub(crate) mod learn;
+pub(crate) mod palette;
+
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use thiserror::Error;
 
-use super::space::{hsv_of, lab_of};
+use crate::vision::picture::space::{hsv_of, lab_of};
 
 /// Lowest and highest value, both included.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -162,7 +165,7 @@ impl Colour {
     }
 
     /// As [`Colour::contains`], for values between the whole numbers.
-    pub(super) fn matches(&self, rgb: [f64; 3]) -> bool {
+    pub(crate) fn matches(&self, rgb: [f64; 3]) -> bool {
         match self {
             Colour::Lab { .. } => self.matches_lab(lab_of(rgb)),
             Colour::Hsv { .. } => self.matches_hsv(hsv_of(rgb)),
@@ -170,12 +173,12 @@ impl Colour {
     }
 
     /// Whether a Lab value is inside; never for a colour in HSV.
-    pub(super) fn matches_lab(&self, value: [f64; 3]) -> bool {
+    pub(crate) fn matches_lab(&self, value: [f64; 3]) -> bool {
         matches!(self, Colour::Lab { l, a, b } if l.has(value[0]) && a.has(value[1]) && b.has(value[2]))
     }
 
     /// Whether an HSV value is inside; never for a colour in Lab.
-    pub(super) fn matches_hsv(&self, value: [f64; 3]) -> bool {
+    pub(crate) fn matches_hsv(&self, value: [f64; 3]) -> bool {
         matches!(self, Colour::Hsv { h, s, v } if h.has_wrapped(value[0]) && s.has(value[1]) && v.has(value[2]))
     }
 

@@ -46,12 +46,12 @@ const GLYPHS: [(char, u16); 41] = [
 ];
 
 /// Columns of a letter, without the gap behind it.
-pub(super) const WIDTH: i32 = 3;
+pub(crate) const WIDTH: i32 = 3;
 /// Rows of a letter.
-pub(super) const HEIGHT: i32 = 5;
+pub(crate) const HEIGHT: i32 = 5;
 
 /// The dots of a letter as column and row; small letters look like large ones, unknown ones are empty.
-pub(super) fn dots(letter: char) -> impl Iterator<Item = (i32, i32)> {
+pub(crate) fn dots(letter: char) -> impl Iterator<Item = (i32, i32)> {
     let letter = letter.to_ascii_uppercase();
     let bits = GLYPHS
         .iter()

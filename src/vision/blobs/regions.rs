@@ -6,21 +6,21 @@
 //! nothing is allocated.
 
 use super::moments::Moments;
-use super::picture::Roi;
+use crate::vision::picture::image::Roi;
 
 /// Pixels of one label that touch each other, and their sums.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Region {
+pub(crate) struct Region {
     /// Itself for the root of a region; otherwise a region that it joined.
     parent: u32,
-    pub(super) label: u8,
-    pub(super) moments: Moments,
+    pub(crate) label: u8,
+    pub(crate) moments: Moments,
     /// Border pixels; filled by [`Regions::measure_perimeters`].
-    pub(super) perimeter: u64,
-    pub(super) left: u32,
-    pub(super) right: u32,
-    pub(super) top: u32,
-    pub(super) bottom: u32,
+    pub(crate) perimeter: u64,
+    pub(crate) left: u32,
+    pub(crate) right: u32,
+    pub(crate) top: u32,
+    pub(crate) bottom: u32,
 }
 
 /// Neighbours of one label in one row, from `start` up to and without `end`.
@@ -34,7 +34,7 @@ struct Run {
 
 /// Finds regions and keeps its buffers.
 #[derive(Debug, Default)]
-pub(super) struct Regions {
+pub(crate) struct Regions {
     row: Vec<u8>,
     runs: Vec<Run>,
     /// Where each row's runs begin, and one more at the end.
@@ -44,7 +44,7 @@ pub(super) struct Regions {
 
 impl Regions {
     /// Goes over the window row by row. `label_row(y, row)` fills the labels of row `y`; 0 is background.
-    pub(super) fn scan(&mut self, window: Roi, mut label_row: impl FnMut(u32, &mut [u8])) {
+    pub(crate) fn scan(&mut self, window: Roi, mut label_row: impl FnMut(u32, &mut [u8])) {
         self.runs.clear();
         self.rows.clear();
         self.regions.clear();
@@ -62,13 +62,13 @@ impl Regions {
     }
 
     /// The regions found, in the order of their first pixel.
-    pub(super) fn found(&self) -> impl Iterator<Item = (u32, &Region)> {
+    pub(crate) fn found(&self) -> impl Iterator<Item = (u32, &Region)> {
         (0..)
             .zip(&self.regions)
             .filter(|(index, region)| *index == region.parent)
     }
 
-    pub(super) fn region(&self, index: u32) -> &Region {
+    pub(crate) fn region(&self, index: u32) -> &Region {
         &self.regions[index as usize]
     }
 
@@ -103,7 +103,7 @@ impl Regions {
 
     /// Counts the border pixels of the regions for which `wanted` says yes: pixels of which one of the four
     /// neighbours is not of the region.
-    pub(super) fn measure_perimeters(&mut self, wanted: impl Fn(&Region) -> bool) {
+    pub(crate) fn measure_perimeters(&mut self, wanted: impl Fn(&Region) -> bool) {
         for row in 0..self.rows.len() - 1 {
             let of = |row: usize| self.rows[row]..self.rows[row + 1];
             let above = if row == 0 { 0..0 } else { of(row - 1) };
@@ -139,7 +139,7 @@ impl Region {
     }
 
     /// Pixels of its box.
-    pub(super) fn area(&self) -> u64 {
+    pub(crate) fn area(&self) -> u64 {
         u64::from(self.right - self.left + 1) * u64::from(self.bottom - self.top + 1)
     }
 

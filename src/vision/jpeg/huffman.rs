@@ -8,7 +8,7 @@ const QUICK: u32 = 10;
 /// A table, ready for use. A symbol's high half is a run of zeros, its low half the size of the value
 /// that follows in plain bits.
 #[derive(Debug, Clone)]
-pub(super) struct Table {
+pub(crate) struct Table {
     /// As it stood in the frame: 16 counts and the symbols; to see whether the next frame has the same.
     source: Vec<u8>,
     /// For the next [`QUICK`] bits an [`Entry`].
@@ -61,7 +61,7 @@ impl Default for Table {
 impl Table {
     /// Takes a table as it stands in a frame: 16 counts, one for each length, and the symbols in the order of their
     /// codes. Says whether it makes sense. Does nothing when it is the table of the frame before.
-    pub(super) fn load(&mut self, counts: &[u8; 16], symbols: &[u8]) -> bool {
+    pub(crate) fn load(&mut self, counts: &[u8; 16], symbols: &[u8]) -> bool {
         if self.source.get(..16) == Some(counts) && &self.source[16..] == symbols {
             return true;
         }
@@ -119,7 +119,7 @@ impl Table {
 
     /// The next run of zeros and the value behind it; a value of 0 has none. Nothing for a code that does not exist.
     #[inline(always)]
-    pub(super) fn next(&self, bits: &mut Bits<'_>) -> Option<(u32, i32)> {
+    pub(crate) fn next(&self, bits: &mut Bits<'_>) -> Option<(u32, i32)> {
         bits.refill();
         let entry = self.quick[bits.peek(QUICK)];
         if entry.value() != 0 {
@@ -161,7 +161,7 @@ fn signed(plain: u32, size: u32) -> i32 {
 /// The tables that the standard suggests (T.81, annex K.3) as one segment, marker included. Motion-JPEG cameras use
 /// them and leave them out of every frame.
 #[rustfmt::skip]
-pub(super) const STANDARD_TABLES: [u8; 420] = [
+pub(crate) const STANDARD_TABLES: [u8; 420] = [
     0xFF, 0xC4, 0x01, 0xA2, 0x00, 0x00, 0x01, 0x05, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x01, 0x02,
     0x03, 0x04, 0x05, 0x06, 0x07, 0x08, 0x09, 0x0A, 0x0B, 0x10, 0x00, 0x02, 0x01, 0x03, 0x03, 0x02, 0x04, 0x03, 0x05, 0x05, 0x04, 0x04, 0x00, 0x00,
     0x01, 0x7D, 0x01, 0x02, 0x03, 0x00, 0x04, 0x11, 0x05, 0x12, 0x21, 0x31, 0x41, 0x06, 0x13, 0x51, 0x61, 0x07, 0x22, 0x71, 0x14, 0x32, 0x81, 0x91,

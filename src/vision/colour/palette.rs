@@ -5,9 +5,9 @@
 //! brightness, filled by the exact arithmetic when a picture first has that pair. So compiling is quick,
 //! a picture touches few cache lines, and pairs that no colour has share one row.
 
-use super::colour::Colour;
-use super::picture::Image;
-use super::space::{hsv_of, lab_of_linear, linear, rgb_of_ycc};
+use super::Colour;
+use crate::vision::picture::image::Image;
+use crate::vision::picture::space::{hsv_of, lab_of_linear, linear, rgb_of_ycc};
 
 /// Bits of blueness and of redness that are told apart.
 const CHROMA_BITS: u32 = 7;
@@ -85,7 +85,7 @@ impl Palette {
     }
 
     /// Labels the pixels of row `y` from column `x` on: 0, or 1 + the index of the first colour that has the pixel.
-    pub(super) fn label_row(&mut self, image: &Image, y: u32, x: u32, labels: &mut [u8]) {
+    pub(crate) fn label_row(&mut self, image: &Image, y: u32, x: u32, labels: &mut [u8]) {
         let luma = &image.luma_row(y)[x as usize..];
         if image.grey {
             let row = self.row(pair_of(128, 128));
@@ -288,7 +288,7 @@ mod tests {
             across in 0u32..=2, down in 0u32..=2, x in 0u32..7, width in 7u32..30, grey in any::<bool>(),
             noise in proptest::collection::vec(any::<u8>(), 3 * 32 * 4),
         ) {
-            let mut image = Image { size: super::super::Size { width, height: 4 }, grey, ..Image::default() };
+            let mut image = Image { size: crate::vision::Size { width, height: 4 }, grey, ..Image::default() };
             for (index, plane) in image.planes.iter_mut().enumerate() {
                 plane.shape((32, 4), if index == 0 { (0, 0) } else { (across, down) });
                 plane.samples.copy_from_slice(&noise[index * 128..][..128]);

@@ -12,7 +12,7 @@ const FINER: u32 = 8;
 
 /// Where the frequencies of a frame's zigzag order stand: columns of the block as rows here, because
 /// the first pass goes along them.
-pub(super) const PLACES: [u8; 64] = {
+pub(crate) const PLACES: [u8; 64] = {
     let mut places = [0; 64];
     let (mut row, mut column, mut index) = (0i32, 0i32, 0);
     let mut upwards = true;
@@ -58,7 +58,7 @@ const FACTORS: [f64; 8] = [
 ];
 
 /// A quantisation table (zigzag order) with the transform's factors in it.
-pub(super) fn scaled(quantisers: &[u16; 64]) -> [i32; 64] {
+pub(crate) fn scaled(quantisers: &[u16; 64]) -> [i32; 64] {
     std::array::from_fn(|index| {
         let place = usize::from(PLACES[index]);
         let factor =
@@ -69,7 +69,7 @@ pub(super) fn scaled(quantisers: &[u16; 64]) -> [i32; 64] {
 
 /// A frequency as it stands in the frame, times its entry of a [`scaled`] table.
 #[inline(always)]
-pub(super) fn dequantised(frequency: i32, quantiser: i32) -> i16 {
+pub(crate) fn dequantised(frequency: i32, quantiser: i32) -> i16 {
     (frequency
         .wrapping_mul(quantiser)
         .wrapping_add(1 << (FINER - 1))
@@ -151,7 +151,7 @@ fn levels(block: &Block, bytes: &mut [u8; 64]) {
 
 /// Samples of a block whose frequencies, [`dequantised`], stand at [`PLACES`]. Writes eight
 /// samples into each of eight rows of the plane, which begin `stride` apart.
-pub(super) fn transform(frequencies: &mut Block, plane: &mut [u8], stride: usize) {
+pub(crate) fn transform(frequencies: &mut Block, plane: &mut [u8], stride: usize) {
     frequencies[0] = frequencies[0].wrapping_add(BIAS);
     let mut turned = [0; 64];
     pass(frequencies);
@@ -167,7 +167,7 @@ pub(super) fn transform(frequencies: &mut Block, plane: &mut [u8], stride: usize
 }
 
 /// As [`transform`] for a block that has its first frequency only.
-pub(super) fn fill(frequency: i16, plane: &mut [u8], stride: usize) {
+pub(crate) fn fill(frequency: i16, plane: &mut [u8], stride: usize) {
     let level = (frequency.wrapping_add(BIAS) >> (FRACTION + 3)).clamp(0, 255) as u8;
     plane
         .chunks_mut(stride)

@@ -2,8 +2,8 @@
 
 /// Exact sums of coordinates and of their products.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct Moments {
-    pub(super) pixels: u64,
+pub(crate) struct Moments {
+    pub(crate) pixels: u64,
     sum_x: u64,
     sum_y: u64,
     sum_xx: u64,
@@ -13,16 +13,16 @@ pub(super) struct Moments {
 
 /// How a shape lies.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Axes {
+pub(crate) struct Axes {
     /// Of the long axis in radians, 0..pi, from x towards y.
-    pub(super) rotation: f64,
+    pub(crate) rotation: f64,
     /// Smaller second moment by the larger one, 0..1; 0 for a line and for a single pixel.
-    pub(super) roundness: f64,
+    pub(crate) roundness: f64,
 }
 
 impl Moments {
     /// Adds the pixels `start..end` of row `y`.
-    pub(super) fn add_run(&mut self, start: u32, end: u32, y: u32) {
+    pub(crate) fn add_run(&mut self, start: u32, end: u32, y: u32) {
         // Sum of the squares below n.
         let squares = |n: u64| n * n.saturating_sub(1) * (2 * n).saturating_sub(1) / 6;
         let (start, end, y) = (u64::from(start), u64::from(end), u64::from(y));
@@ -37,7 +37,7 @@ impl Moments {
     }
 
     /// Adds another shape.
-    pub(super) fn absorb(&mut self, other: &Moments) {
+    pub(crate) fn absorb(&mut self, other: &Moments) {
         self.pixels += other.pixels;
         self.sum_x += other.sum_x;
         self.sum_y += other.sum_y;
@@ -47,13 +47,13 @@ impl Moments {
     }
 
     /// Mean column and row.
-    pub(super) fn centroid(&self) -> (f64, f64) {
+    pub(crate) fn centroid(&self) -> (f64, f64) {
         let pixels = self.pixels as f64;
         (self.sum_x as f64 / pixels, self.sum_y as f64 / pixels)
     }
 
     /// Direction and ratio of the axes of the ellipse with the same second moments.
-    pub(super) fn axes(&self) -> Axes {
+    pub(crate) fn axes(&self) -> Axes {
         let (cx, cy) = self.centroid();
         let pixels = self.pixels as f64;
         let xx = self.sum_xx as f64 / pixels - cx * cx;

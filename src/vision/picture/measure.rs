@@ -1,6 +1,6 @@
 //! Single figures of a picture, or of a part of it.
 
-use super::picture::{Image, Roi};
+use super::image::{Image, Roi};
 
 /// Mean brightness of a part of a picture, 0 (black) to 1 (white); 0 for a part outside it.
 pub fn brightness(image: &Image, roi: Option<Roi>) -> f64 {

@@ -6,10 +6,10 @@
 
 use thiserror::Error;
 
-use super::colour::Colour;
-use super::frame::Size;
-use super::picture::{Image, Roi};
-use super::space::hsv_of;
+use super::Colour;
+use crate::vision::picture::image::{Image, Roi};
+use crate::vision::picture::size::Size;
+use crate::vision::picture::space::hsv_of;
 
 /// Fewest saturated pixels, in percent of saturation and value, that have a hue worth speaking of.
 const LEAST_SATURATION: f64 = 22.0;

@@ -5,9 +5,10 @@ use image::codecs::jpeg::JpegDecoder;
 use std::io::Cursor;
 
 use super::baseline::{Baseline, Unsure};
-use super::frame::{FrameError, Size, Survey};
-use super::picture::Image;
+use super::frame::{FrameError, Survey};
 use super::scans;
+use crate::vision::picture::image::Image;
+use crate::vision::picture::size::Size;
 
 /// Decodes one frame after the other into the same buffers.
 #[derive(Debug, Clone, Default)]
@@ -111,13 +112,13 @@ mod tests {
     use proptest::prelude::*;
 
     const FILES: [&[u8]; 7] = [
-        include_bytes!("../../tests/fixtures/ball-422.jpg"),
-        include_bytes!("../../tests/fixtures/ball-444.jpg"),
-        include_bytes!("../../tests/fixtures/ball-420.jpg"),
-        include_bytes!("../../tests/fixtures/ball-440.jpg"),
-        include_bytes!("../../tests/fixtures/ball-grey.jpg"),
-        include_bytes!("../../tests/fixtures/ball-restart.jpg"),
-        include_bytes!("../../tests/fixtures/ball-cmyk.jpg"),
+        include_bytes!("../../../tests/fixtures/ball-422.jpg"),
+        include_bytes!("../../../tests/fixtures/ball-444.jpg"),
+        include_bytes!("../../../tests/fixtures/ball-420.jpg"),
+        include_bytes!("../../../tests/fixtures/ball-440.jpg"),
+        include_bytes!("../../../tests/fixtures/ball-grey.jpg"),
+        include_bytes!("../../../tests/fixtures/ball-restart.jpg"),
+        include_bytes!("../../../tests/fixtures/ball-cmyk.jpg"),
     ];
 
     /// Mean and largest difference of any channel of any pixel.
@@ -141,7 +142,7 @@ mod tests {
 
     #[test]
     fn no_frame_shines_through_from_one_before() {
-        let whole = include_bytes!("../../tests/fixtures/ball-cmyk.jpg");
+        let whole = include_bytes!("../../../tests/fixtures/ball-cmyk.jpg");
         let data = whole.windows(2).position(|pair| pair == [0xFF, 0xDA]);
         let (top, bottom) = whole.split_at(data.unwrap() + 300);
         // Other data of the same length: the picture is another one from there on.
@@ -205,9 +206,9 @@ mod tests {
 
     #[test]
     fn pixels_are_those_of_the_image_crate() {
-        let (mean, most) = both(include_bytes!("../../tests/fixtures/ball-444.jpg"));
+        let (mean, most) = both(include_bytes!("../../../tests/fixtures/ball-444.jpg"));
         assert!(mean < 1.0 && most <= 8, "{mean} {most}");
-        let (mean, most) = both(include_bytes!("../../tests/fixtures/ball-grey.jpg"));
+        let (mean, most) = both(include_bytes!("../../../tests/fixtures/ball-grey.jpg"));
         assert!(mean < 0.5 && most <= 2, "{mean} {most}");
     }
 
@@ -215,10 +216,10 @@ mod tests {
     #[test]
     fn pixels_are_nearly_those_of_the_image_crate_where_colour_is_coarse() {
         for jpeg in [
-            include_bytes!("../../tests/fixtures/ball-422.jpg").as_slice(),
-            include_bytes!("../../tests/fixtures/ball-420.jpg"),
-            include_bytes!("../../tests/fixtures/ball-440.jpg"),
-            include_bytes!("../../tests/fixtures/ball-restart.jpg"),
+            include_bytes!("../../../tests/fixtures/ball-422.jpg").as_slice(),
+            include_bytes!("../../../tests/fixtures/ball-420.jpg"),
+            include_bytes!("../../../tests/fixtures/ball-440.jpg"),
+            include_bytes!("../../../tests/fixtures/ball-restart.jpg"),
         ] {
             let (mean, _) = both(jpeg);
             assert!(mean < 4.0, "{mean}");

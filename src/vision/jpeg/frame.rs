@@ -4,26 +4,14 @@
 //! markers are read here first: start, sizes, tables, first scan, end. Nothing is allocated, and
 //! the work is bounded by the length of the bytes.
 
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Widest picture that is decoded, in pixels.
-pub const MAX_WIDTH: u32 = 1280;
-/// Highest picture that is decoded, in pixels.
-pub const MAX_HEIGHT: u32 = 1024;
+use crate::vision::picture::size::{MAX_HEIGHT, MAX_WIDTH, Size};
+
 /// Longest JPEG that is looked at, in bytes.
 pub const MAX_JPEG_LEN: usize = 4 << 20;
 /// Most scans of a progressive picture: each costs a pass over the whole picture.
 const MAX_SCANS: usize = 64;
-
-/// Width and height in pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub struct Size {
-    /// Columns, 1..=[`MAX_WIDTH`].
-    pub width: u32,
-    /// Rows, 1..=[`MAX_HEIGHT`].
-    pub height: u32,
-}
 
 /// Why the bytes of a frame are no picture.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -58,7 +46,7 @@ pub enum FrameError {
 }
 
 impl FrameError {
-    pub(super) fn damaged(what: &str) -> FrameError {
+    pub(crate) fn damaged(what: &str) -> FrameError {
         FrameError::Damaged(what.to_owned())
     }
 }
@@ -73,24 +61,24 @@ pub fn judge(jpeg: &[u8]) -> Result<Size, FrameError> {
 
 /// What the markers of a frame say.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Survey {
-    pub(super) size: Size,
+pub(crate) struct Survey {
+    pub(crate) size: Size,
     /// One scan, Huffman coded, eight bits: what cameras send.
-    pub(super) baseline: bool,
+    pub(crate) baseline: bool,
     /// Whether Huffman tables stand before the first scan; MJPEG cameras leave them out.
-    pub(super) has_tables: bool,
+    pub(crate) has_tables: bool,
 }
 
 impl Survey {
     /// Reads the markers up to the first scan, then looks for the end.
-    pub(super) fn of(jpeg: &[u8]) -> Result<Survey, FrameError> {
+    pub(crate) fn of(jpeg: &[u8]) -> Result<Survey, FrameError> {
         let (survey, data) = Survey::of_headers(jpeg)?;
         check_rest(&jpeg[data..], survey.baseline)?;
         Ok(survey)
     }
 
     /// Reads the markers up to the first scan; where its data begins.
-    pub(super) fn of_headers(jpeg: &[u8]) -> Result<(Survey, usize), FrameError> {
+    pub(crate) fn of_headers(jpeg: &[u8]) -> Result<(Survey, usize), FrameError> {
         if jpeg.len() > MAX_JPEG_LEN {
             return Err(FrameError::TooLong(jpeg.len()));
         }
@@ -162,26 +150,26 @@ fn check_rest(data: &[u8], baseline: bool) -> Result<(), FrameError> {
 
 /// One marker and what stands behind its length.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Segment<'a> {
-    pub(super) marker: u8,
-    pub(super) body: &'a [u8],
+pub(crate) struct Segment<'a> {
+    pub(crate) marker: u8,
+    pub(crate) body: &'a [u8],
 }
 
 /// Cuts the part of a JPEG before its data into segments.
-pub(super) struct Segments<'a> {
+pub(crate) struct Segments<'a> {
     jpeg: &'a [u8],
     /// Where the next segment begins.
-    pub(super) at: usize,
+    pub(crate) at: usize,
 }
 
 impl<'a> Segments<'a> {
     /// Starts behind the start marker.
-    pub(super) fn of(jpeg: &'a [u8]) -> Self {
+    pub(crate) fn of(jpeg: &'a [u8]) -> Self {
         Segments { jpeg, at: 2 }
     }
 
     /// The next segment; the end marker comes with an empty body.
-    pub(super) fn next(&mut self) -> Result<Segment<'a>, FrameError> {
+    pub(crate) fn next(&mut self) -> Result<Segment<'a>, FrameError> {
         let short = || FrameError::TooShort(self.jpeg.len());
         let rest = self.jpeg.get(self.at..).ok_or_else(short)?;
         let fill = rest.iter().take_while(|&&byte| byte == 0xFF).count();

@@ -5,9 +5,9 @@ use image::{Rgb, RgbImage};
 use imageproc::drawing::{draw_filled_rect_mut, draw_hollow_rect_mut};
 use imageproc::rect::Rect;
 
-use super::blobs::Blob;
 use super::font;
-use super::picture::Image;
+use crate::vision::blobs::Blob;
+use crate::vision::picture::image::Image;
 
 /// Screen pixels of one dot of a letter, as the picture is and enlarged.
 const DOT: i32 = 2;

@@ -1,0 +1,4 @@
+//! Draws what was seen onto pictures for people.
+
+pub(crate) mod annotate;
+mod font;

@@ -1,0 +1,6 @@
+//! A decoded picture: its size, its samples in planes, colour spaces, and single figures of it.
+
+pub(crate) mod image;
+pub(crate) mod measure;
+pub(crate) mod size;
+pub(crate) mod space;
