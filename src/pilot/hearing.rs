@@ -11,7 +11,7 @@ use super::lost::LinkLost;
 use crate::link::LinkError;
 use crate::robot::{Coming, Event, Frame, Pictures, RobotInfo};
 use crate::safety::Fact;
-use crate::vision::judge;
+use crate::vision::validate_markers;
 use crate::wire::{Accepted, EngineNews, Report};
 
 impl Pilot {
@@ -148,7 +148,7 @@ impl Pilot {
             seq = status.count_frame();
             false
         });
-        match judge(&jpeg) {
+        match validate_markers(&jpeg) {
             Ok(_) => {
                 let newest = Some(Frame { seq, at, jpeg });
                 let coming = None;

@@ -23,7 +23,7 @@ use super::stage::Stage;
 use super::store::Store;
 use super::task::{Answer, GroupId, Kind, SubscriptionId, Wait};
 use crate::robot::{Battery, Event, Frame, Intent, RobotInfo};
-use crate::vision::{Damage, Eyes, FrameError, judge};
+use crate::vision::{Damage, Eyes, FrameError, validate_markers};
 use crate::wire::Stream;
 
 /// Places whose complaints are counted; those of further places are logged each time.
@@ -213,7 +213,7 @@ impl State {
     /// The newest frame takes the place of those that nobody has looked at. One that its markers
     /// already give away as no picture is counted and goes no further.
     pub(super) fn deliver_frame(&mut self, frame: Frame) {
-        let size = match judge(&frame.jpeg) {
+        let size = match validate_markers(&frame.jpeg) {
             Ok(size) => size,
             Err(error) => return self.note_damage(frame.seq, &error),
         };

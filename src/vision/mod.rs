@@ -1,7 +1,7 @@
 //! What a behaviour sees: the bytes of a JPEG to pixels, and pixels to blobs. Knows no robot and
 //! imports nothing of this crate.
 //!
-//! [`judge`] looks at a frame's markers before anyone trusts it, [`Decoder`] makes an [`Image`] of
+//! [`validate_markers`] looks at a frame's markers before anyone trusts it, [`Decoder`] makes an [`Image`] of
 //! it, [`Colour`]s say what to look for, a [`Palette`] is their fast form, and [`BlobFinder`]
 //! makes [`Blob`]s of the pixels that match. [`Eyes`] does all of it for one frame after the
 //! other, decodes each once and keeps its buffers.
@@ -30,7 +30,7 @@ pub use damage::Damage;
 pub use drawing::annotate::{Mark, annotate, annotate_enlarged};
 pub use eyes::Eyes;
 pub use jpeg::decoder::Decoder;
-pub use jpeg::frame::{FrameError, MAX_JPEG_LEN, judge};
+pub use jpeg::frame::{FrameError, MAX_JPEG_LEN, validate_markers};
 pub use line::{Line, find_line};
 pub use motion::{Motion, MotionDetector, MotionOptions};
 pub use picture::image::{Image, Roi};

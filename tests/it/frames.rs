@@ -7,7 +7,7 @@ use std::time::Duration;
 use bytes::Bytes;
 use rustix::process::Signal;
 use spykee::sim::{Fault, Firmware, Handle, Options, World};
-use spykee::vision::judge;
+use spykee::vision::validate_markers;
 use spykee::wire::Report;
 use tokio::time::{Instant, timeout};
 
@@ -86,7 +86,7 @@ async fn a_broken_frame_behind_a_good_one_in_the_same_write_takes_nothing_away()
     let pairs = async {
         let mut pause = tokio::time::interval(Duration::from_millis(37));
         let broken = broken();
-        let broken = broken.iter().filter(|jpeg| judge(jpeg).is_err());
+        let broken = broken.iter().filter(|jpeg| validate_markers(jpeg).is_err());
         for (number, jpeg) in broken.cycle().enumerate() {
             pause.tick().await;
             rig.sim.inject(Report::Video(Bytes::from_static(GOOD)));

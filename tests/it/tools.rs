@@ -136,7 +136,7 @@ async fn a_snapshot_is_a_whole_picture_or_exit_code_3() {
     let (code, text) = tool(&rig, &["snapshot", "-o", "a.jpg"]).await;
     assert_eq!((code, text.contains("320x240")), (Some(0), true), "{text}");
     let jpeg = std::fs::read(rig.folder().join("a.jpg")).unwrap();
-    spykee::vision::judge(&jpeg).unwrap();
+    spykee::vision::validate_markers(&jpeg).unwrap();
     rig.sim.wait_state(|state| state.user.is_none()).await;
     let faults = rig.file("faults.yaml", "faults:\n  - { fault: truncated_frames }\n");
     let options = Options {

@@ -7,7 +7,7 @@ use imageproc::drawing::draw_filled_circle_mut;
 use proptest::prelude::*;
 use spykee::vision::{
     BlobOptions, Camera, Colour, Decoder, Eyes, FrameError, Image, Mark, MotionDetector,
-    MotionOptions, Tracker, TrackerOptions, annotate, brightness, find_qrcodes, judge, sharpness,
+    MotionOptions, Tracker, TrackerOptions, annotate, brightness, find_qrcodes, validate_markers, sharpness,
 };
 use std::time::Duration;
 
@@ -181,7 +181,7 @@ fn a_qr_code_is_read_with_its_corners() {
 fn half_a_frame_is_refused() {
     let bytes = jpeg(&room());
     for len in (0..bytes.len()).step_by(37) {
-        assert!(judge(&bytes[..len]).is_err());
+        assert!(validate_markers(&bytes[..len]).is_err());
         assert!(Decoder::default().decode(&bytes[..len]).is_err());
     }
 }
@@ -283,7 +283,7 @@ fn nothing_is_allocated_per_frame_once_warm() {
         for (number, jpeg) in (0..).zip(&frames) {
             let key = u64::from(round * 100 + number);
             let blobs = eyes.find_blobs(key, jpeg, &colours, &options).unwrap();
-            let size = judge(jpeg).unwrap();
+            let size = validate_markers(jpeg).unwrap();
             seen += tracker
                 .update(Duration::from_millis(40 * key), size, blobs)
                 .len();
@@ -315,7 +315,7 @@ proptest! {
     }
 
     #[test]
-    fn damaged_frames_give_an_error_or_a_picture_of_the_judged_size(
+    fn damaged_frames_give_an_error_or_a_picture_of_the_size_that_its_markers_say(
         kind in 0..9usize,
         changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..12),
         headers_only in any::<bool>(),
@@ -328,7 +328,7 @@ proptest! {
         let mut eyes = Eyes::new(Camera::default());
         let colours = [Colour::named("red").unwrap()];
         if eyes.find_blobs(1, &bytes, &colours, &BlobOptions::default()).is_ok() {
-            prop_assert_eq!(Ok(eyes.look(1, &bytes).unwrap().size()), judge(&bytes));
+            prop_assert_eq!(Ok(eyes.look(1, &bytes).unwrap().size()), validate_markers(&bytes));
         }
     }
 }

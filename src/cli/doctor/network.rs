@@ -12,7 +12,7 @@ use crate::cli::run::reach;
 use crate::cli::{ConnectionArgs, Exit, Failure, Place};
 use crate::config::Config;
 use crate::link::{self, LinkError, Session, Target, discover};
-use crate::vision::judge;
+use crate::vision::validate_markers;
 use crate::wire::{Command, Report, Stream};
 
 /// How long discovery listens.
@@ -215,7 +215,7 @@ async fn video(session: &mut Session) -> Result<Finding, LinkError> {
         if let Report::Video(jpeg) = report? {
             first.get_or_insert_with(Instant::now);
             frames += 1;
-            damaged += u32::from(judge(&jpeg).is_err());
+            damaged += u32::from(validate_markers(&jpeg).is_err());
         }
     }
     session.writer.write(&[stream(false)]).await?;

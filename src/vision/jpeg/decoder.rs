@@ -4,8 +4,9 @@ use image::ImageDecoder;
 use image::codecs::jpeg::JpegDecoder;
 use std::io::Cursor;
 
-use super::baseline::{Baseline, Unsure};
 use super::frame::{FrameError, Survey};
+use super::headers::DecodeError;
+use super::incremental::Incremental;
 use super::scans;
 use crate::vision::picture::image::Image;
 use crate::vision::picture::size::Size;
@@ -16,7 +17,7 @@ pub struct Decoder {
     image: Image,
     /// What has come of the next one.
     coming: Image,
-    baseline: Baseline,
+    baseline: Incremental,
     /// Pixels of a frame that another decoder has decoded.
     pixels: Vec<u8>,
 }
@@ -67,15 +68,15 @@ impl Decoder {
             };
             match decoded {
                 Ok(()) => return Ok(()),
-                Err(Unsure::Broken(error)) => return Err(error),
-                Err(Unsure::Rarer) => {}
+                Err(DecodeError::Damaged(error)) => return Err(error),
+                Err(DecodeError::Unsupported) => {}
             }
         }
-        self.decode_rarer(jpeg, survey.size)
+        self.decode_unusual(jpeg, survey.size)
     }
 
     /// What cameras do not send: progressive pictures, CMYK, several scans.
-    fn decode_rarer(&mut self, jpeg: &[u8], size: Size) -> Result<(), FrameError> {
+    fn decode_unusual(&mut self, jpeg: &[u8], size: Size) -> Result<(), FrameError> {
         scans::check(jpeg)?;
         let decoder = JpegDecoder::new(Cursor::new(jpeg)).map_err(short)?;
         if decoder.dimensions() != (size.width, size.height) {
@@ -106,6 +107,7 @@ fn short(error: image::ImageError) -> FrameError {
 
 #[cfg(test)]
 mod tests {
+    use super::super::baseline::Baseline;
     use super::*;
     use image::codecs::jpeg::JpegEncoder;
     use image::{Rgb, RgbImage};
@@ -136,7 +138,7 @@ mod tests {
         let size = Survey::of(jpeg).unwrap().size;
         let mut image = Image::default();
         Baseline::default().decode(jpeg, true, &mut image).unwrap();
-        decoder.decode_rarer(jpeg, size).unwrap();
+        decoder.decode_unusual(jpeg, size).unwrap();
         difference(&image.to_rgb(), &decoder.image().to_rgb())
     }
 

@@ -1,4 +1,4 @@
-//! Judges the bytes of a frame before anyone trusts them.
+//! Validates the markers of a frame before its data is decoded.
 //!
 //! Cameras and links cut frames short, and decoders accept half a file without a word. So the
 //! markers are read here first: start, sizes, tables, first scan, end. Nothing is allocated, and
@@ -55,7 +55,7 @@ impl FrameError {
 ///
 /// # Errors
 /// Says what is wrong with the bytes; an `Ok` does not yet mean that the data between the markers is sound.
-pub fn judge(jpeg: &[u8]) -> Result<Size, FrameError> {
+pub fn validate_markers(jpeg: &[u8]) -> Result<Size, FrameError> {
     Survey::of(jpeg).map(|survey| survey.size)
 }
 
@@ -211,7 +211,7 @@ mod tests {
     #[test]
     fn a_sound_skeleton_tells_its_size() {
         assert_eq!(
-            judge(&skeleton(320, 240, 0xC0)),
+            validate_markers(&skeleton(320, 240, 0xC0)),
             Ok(Size {
                 width: 320,
                 height: 240
@@ -223,7 +223,7 @@ mod tests {
     fn padding_behind_the_end_is_normal() {
         let mut bytes = skeleton(320, 240, 0xC0);
         bytes.extend([0; 700]);
-        assert!(judge(&bytes).is_ok());
+        assert!(validate_markers(&bytes).is_ok());
     }
 
     #[test]
@@ -231,7 +231,7 @@ mod tests {
         let bytes = skeleton(320, 240, 0xC0);
         for len in 0..bytes.len() {
             assert!(
-                judge(&bytes[..len]).is_err(),
+                validate_markers(&bytes[..len]).is_err(),
                 "accepted {len} of {} bytes",
                 bytes.len()
             );
@@ -241,14 +241,14 @@ mod tests {
     #[test]
     fn sizes_out_of_bounds_are_refused_before_anything_is_allocated() {
         assert_eq!(
-            judge(&skeleton(65_535, 65_535, 0xC0)),
+            validate_markers(&skeleton(65_535, 65_535, 0xC0)),
             Err(FrameError::TooLarge {
                 width: 65_535,
                 height: 65_535
             })
         );
         assert!(matches!(
-            judge(&skeleton(0, 240, 0xC0)),
+            validate_markers(&skeleton(0, 240, 0xC0)),
             Err(FrameError::Damaged(_))
         ));
     }
@@ -257,10 +257,10 @@ mod tests {
     fn other_kinds_of_jpeg_are_named() {
         for kind in [0xC3, 0xC5, 0xC9, 0xCB, 0xCF] {
             assert!(matches!(
-                judge(&skeleton(320, 240, kind)),
+                validate_markers(&skeleton(320, 240, kind)),
                 Err(FrameError::Unsupported(_))
             ));
         }
-        assert_eq!(judge(b"GIF89a"), Err(FrameError::NoStart));
+        assert_eq!(validate_markers(b"GIF89a"), Err(FrameError::NoStart));
     }
 }

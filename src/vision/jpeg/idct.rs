@@ -1,4 +1,4 @@
-//! From a block's frequencies to its 64 samples.
+//! From a block's coefficients to its 64 samples.
 //!
 //! The transform of Arai, Agui and Nakajima: part of its factors go into the quantisation table,
 //! five multiplications a row are left. Eight columns are worked on at once in 16 bits, in a form
@@ -10,9 +10,9 @@ const FRACTION: u32 = 3;
 /// More of them in the quantisation tables, whose smallest values would suffer otherwise.
 const FINER: u32 = 8;
 
-/// Where the frequencies of a frame's zigzag order stand: columns of the block as rows here, because
+/// Where the coefficients of a frame's zigzag order stand: columns of the block as rows here, because
 /// the first pass goes along them.
-pub(crate) const PLACES: [u8; 64] = {
+pub(crate) const ZIGZAG: [u8; 64] = {
     let mut places = [0; 64];
     let (mut row, mut column, mut index) = (0i32, 0i32, 0);
     let mut upwards = true;
@@ -45,7 +45,7 @@ pub(crate) const PLACES: [u8; 64] = {
     places
 };
 
-/// The transform's factor of the n-th frequency: cos(n pi / 16) times the square root of two, but 1 for the first.
+/// The transform's factor of the n-th coefficient: cos(n pi / 16) times the square root of two, but 1 for the first.
 const FACTORS: [f64; 8] = [
     1.0,
     1.387_039_845,
@@ -60,23 +60,23 @@ const FACTORS: [f64; 8] = [
 /// A quantisation table (zigzag order) with the transform's factors in it.
 pub(crate) fn scaled(quantisers: &[u16; 64]) -> [i32; 64] {
     std::array::from_fn(|index| {
-        let place = usize::from(PLACES[index]);
+        let place = usize::from(ZIGZAG[index]);
         let factor =
             FACTORS[place / 8] * FACTORS[place % 8] * f64::from(1u32 << (FRACTION + FINER));
         (f64::from(quantisers[index]) * factor).round() as i32
     })
 }
 
-/// A frequency as it stands in the frame, times its entry of a [`scaled`] table.
+/// A coefficient as it stands in the frame, times its entry of a [`scaled`] table.
 #[inline(always)]
-pub(crate) fn dequantised(frequency: i32, quantiser: i32) -> i16 {
-    (frequency
+pub(crate) fn dequantised(coefficient: i32, quantiser: i32) -> i16 {
+    (coefficient
         .wrapping_mul(quantiser)
         .wrapping_add(1 << (FINER - 1))
         >> FINER) as i16
 }
 
-/// Half a level, and the 128 that JPEG takes off, at the scale of the first frequency.
+/// Half a level, and the 128 that JPEG takes off, at the scale of the first coefficient.
 const BIAS: i16 = (128 << (FRACTION + 3)) + (1 << (FRACTION + 2));
 
 /// Eight rows of eight, one after the other.
@@ -106,7 +106,7 @@ fn pass(block: &mut Block) {
         let (i2, i3) = (block[16 + column], block[24 + column]);
         let (i4, i5) = (block[32 + column], block[40 + column]);
         let (i6, i7) = (block[48 + column], block[56 + column]);
-        // Even frequencies.
+        // Even coefficients.
         let (sum, difference) = (plus(i0, i4), minus(i0, i4));
         let outer = plus(i2, i6);
         let inner = minus(root(minus(i2, i6)), outer);
@@ -149,15 +149,15 @@ fn levels(block: &Block, bytes: &mut [u8; 64]) {
     }
 }
 
-/// Samples of a block whose frequencies, [`dequantised`], stand at [`PLACES`]. Writes eight
+/// Samples of a block whose coefficients, [`dequantised`], stand at [`ZIGZAG`]. Writes eight
 /// samples into each of eight rows of the plane, which begin `stride` apart.
-pub(crate) fn transform(frequencies: &mut Block, plane: &mut [u8], stride: usize) {
-    frequencies[0] = frequencies[0].wrapping_add(BIAS);
+pub(crate) fn transform(coefficients: &mut Block, plane: &mut [u8], stride: usize) {
+    coefficients[0] = coefficients[0].wrapping_add(BIAS);
     let mut turned = [0; 64];
-    pass(frequencies);
-    weave(frequencies, &mut turned);
-    weave(&turned, frequencies);
-    weave(frequencies, &mut turned);
+    pass(coefficients);
+    weave(coefficients, &mut turned);
+    weave(&turned, coefficients);
+    weave(coefficients, &mut turned);
     pass(&mut turned);
     let mut bytes = [0; 64];
     levels(&turned, &mut bytes);
@@ -166,9 +166,9 @@ pub(crate) fn transform(frequencies: &mut Block, plane: &mut [u8], stride: usize
     }
 }
 
-/// As [`transform`] for a block that has its first frequency only.
-pub(crate) fn fill(frequency: i16, plane: &mut [u8], stride: usize) {
-    let level = (frequency.wrapping_add(BIAS) >> (FRACTION + 3)).clamp(0, 255) as u8;
+/// As [`transform`] for a block that has its first coefficient only.
+pub(crate) fn fill(coefficient: i16, plane: &mut [u8], stride: usize) {
+    let level = (coefficient.wrapping_add(BIAS) >> (FRACTION + 3)).clamp(0, 255) as u8;
     plane
         .chunks_mut(stride)
         .take(8)
@@ -201,7 +201,7 @@ mod tests {
 
     #[test]
     fn the_zigzag_is_that_of_the_standard() {
-        // Row and column of the first frequencies, T.81 figure A.6.
+        // Row and column of the first coefficients, T.81 figure A.6.
         let first = [
             (0, 0),
             (0, 1),
@@ -216,12 +216,12 @@ mod tests {
             (4, 0),
         ];
         for (index, (row, column)) in first.into_iter().enumerate() {
-            assert_eq!(usize::from(PLACES[index]), column * 8 + row);
+            assert_eq!(usize::from(ZIGZAG[index]), column * 8 + row);
         }
-        let mut sorted = PLACES;
+        let mut sorted = ZIGZAG;
         sorted.sort_unstable();
         assert!(sorted.into_iter().eq(0..64));
-        assert_eq!(PLACES[63], 63);
+        assert_eq!(ZIGZAG[63], 63);
     }
 
     proptest! {
@@ -233,7 +233,7 @@ mod tests {
             let scaled = scaled(&quantisers);
             let (mut natural, mut ours) = ([0i32; 64], [0i16; 64]);
             for (index, value) in values.into_iter().map(|(index, value)| (index.max(1), value / (1 + index as i32 / 6))).chain([(0, dc)]) {
-                let place = usize::from(PLACES[index]);
+                let place = usize::from(ZIGZAG[index]);
                 natural[place % 8 * 8 + place / 8] = value * i32::from(quantisers[index]);
                 ours[place] = dequantised(value, scaled[index]);
             }
@@ -246,14 +246,14 @@ mod tests {
     }
 
     #[test]
-    fn a_block_of_one_frequency_is_even() {
+    fn a_block_of_one_coefficient_is_even() {
         let scaled = scaled(&[16; 64]);
         let (mut plane, mut filled) = ([0; 64], [0; 64]);
         for dc in [-64, -20, 0, 13, 63] {
-            let mut frequencies = [0; 64];
-            frequencies[0] = dequantised(dc, scaled[0]);
-            transform(&mut frequencies.clone(), &mut plane, 8);
-            fill(frequencies[0], &mut filled, 8);
+            let mut coefficients = [0; 64];
+            coefficients[0] = dequantised(dc, scaled[0]);
+            transform(&mut coefficients.clone(), &mut plane, 8);
+            fill(coefficients[0], &mut filled, 8);
             assert_eq!(plane, filled);
             assert_eq!(i32::from(plane[9]), 128 + dc * 2);
         }

@@ -5,10 +5,13 @@
 //! into decoding (`scripts/bench-vision`), and the `image` crate, which is still used for what
 //! cameras do not send, shows half a picture without an error.
 
-pub(crate) mod baseline;
-pub(crate) mod bits;
+mod baseline;
+mod bits;
 pub(crate) mod decoder;
 pub(crate) mod frame;
-pub(crate) mod huffman;
-pub(crate) mod idct;
-pub(crate) mod scans;
+mod headers;
+mod huffman;
+mod idct;
+mod incremental;
+mod mcu;
+mod scans;

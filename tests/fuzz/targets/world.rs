@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use libfuzzer_sys::fuzz_target;
 use spykee::sim::{Firmware, Robot, World, WorldError};
-use spykee::vision::judge;
+use spykee::vision::validate_markers;
 use spykee::wire::{Command, Engage, Report, Stream};
 
 /// Steps of the physics: a second.
@@ -57,7 +57,7 @@ fn check(reports: Vec<Report>) {
     for report in reports {
         match report {
             Report::Power(power) => assert!(power.percent <= 100),
-            Report::Video(jpeg) => drop(judge(&jpeg).expect("the simulator's own frame")),
+            Report::Video(jpeg) => drop(validate_markers(&jpeg).expect("the simulator's own frame")),
             _ => {}
         }
     }

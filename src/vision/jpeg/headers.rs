@@ -1,0 +1,203 @@
+//! What stands before a baseline JPEG's data: its size, its tables, and which component uses which.
+
+use super::frame::{FrameError, Segment, Segments};
+use super::huffman::{STANDARD_TABLES, Table};
+use super::idct;
+use crate::vision::picture::size::Size;
+
+/// Why a frame was not decoded here.
+#[derive(Debug)]
+pub(super) enum DecodeError {
+    /// A kind that is not decoded here, but may be sound.
+    Unsupported,
+    /// It is broken.
+    Damaged(FrameError),
+}
+
+impl From<FrameError> for DecodeError {
+    fn from(error: FrameError) -> DecodeError {
+        DecodeError::Damaged(error)
+    }
+}
+
+pub(super) fn damaged(what: &str) -> DecodeError {
+    DecodeError::Damaged(FrameError::damaged(what))
+}
+
+/// Luma, Cb or Cr, as the frame's headers describe it.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Component {
+    id: u8,
+    /// Sampling factors, across and down: blocks of it in an MCU (T.81: H and V).
+    pub(super) h: u32,
+    pub(super) v: u32,
+    pub(super) quantiser: usize,
+    pub(super) dc_table: usize,
+    pub(super) ac_table: usize,
+}
+
+/// Tables live from frame to frame: a table that has not changed is not built again.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Headers {
+    pub(super) quantisers: [Option<[i32; 64]>; 4],
+    pub(super) dc_tables: [Table; 4],
+    pub(super) ac_tables: [Table; 4],
+    /// Which of the tables this frame has brought: DC, AC.
+    present: [[bool; 4]; 2],
+    pub(super) components: Vec<Component>,
+    pub(super) size: Option<Size>,
+    /// MCUs between restart markers; 0 for none.
+    pub(super) restart_interval: usize,
+}
+
+impl Headers {
+    /// Reads all that stands before the data; returns where that begins.
+    pub(super) fn read(&mut self, jpeg: &[u8], has_tables: bool) -> Result<usize, DecodeError> {
+        self.forget();
+        if !has_tables {
+            self.read_tables(&STANDARD_TABLES[4..])?;
+        }
+        let mut segments = Segments::of(jpeg);
+        loop {
+            let segment = segments.next()?;
+            match segment.marker {
+                0xC0 | 0xC1 => self.read_frame(segment.body)?,
+                0xC4 => self.read_tables(segment.body)?,
+                0xDB => self.read_quantisers(segment.body)?,
+                0xDD => self.read_restart_interval(segment.body)?,
+                0xDA => break self.read_scan(segment)?,
+                0xC2..=0xCF => return Err(DecodeError::Unsupported),
+                0xEE if segment.body.starts_with(b"Adobe") => return Err(DecodeError::Unsupported),
+                _ => {}
+            }
+        }
+        Ok(segments.at)
+    }
+
+    fn forget(&mut self) {
+        self.quantisers = [None; 4];
+        self.present = Default::default();
+        self.components.clear();
+        self.size = None;
+        self.restart_interval = 0;
+    }
+
+    fn read_frame(&mut self, body: &[u8]) -> Result<(), DecodeError> {
+        let &[8, h1, h0, w1, w0, count, ref rest @ ..] = body else {
+            return Err(DecodeError::Unsupported);
+        };
+        let side = |high, low| u32::from(u16::from_be_bytes([high, low]));
+        self.size = Some(Size {
+            width: side(w1, w0),
+            height: side(h1, h0),
+        });
+        self.components.clear();
+        let (parts, _) = rest.as_chunks::<3>();
+        if !matches!(count, 1 | 3) || parts.len() < usize::from(count) {
+            return Err(DecodeError::Unsupported);
+        }
+        for &[id, factors, quantiser] in &parts[..usize::from(count)] {
+            let (h, v) = (u32::from(factors >> 4), u32::from(factors & 15));
+            if !matches!(h, 1 | 2 | 4) || !matches!(v, 1 | 2 | 4) || quantiser > 3 {
+                return Err(DecodeError::Unsupported);
+            }
+            let quantiser = usize::from(quantiser);
+            self.components.push(Component {
+                id,
+                h,
+                v,
+                quantiser,
+                ..Component::default()
+            });
+        }
+        self.check_factors(count)
+    }
+
+    /// Luma must have the finest sampling; alone, its MCUs are single blocks.
+    fn check_factors(&mut self, count: u8) -> Result<(), DecodeError> {
+        let finest = self.components[0];
+        if count == 1 {
+            (self.components[0].h, self.components[0].v) = (1, 1);
+        }
+        let coarser = |part: &Component| part.h <= finest.h && part.v <= finest.v;
+        if self.components.iter().all(coarser) {
+            Ok(())
+        } else {
+            Err(DecodeError::Unsupported)
+        }
+    }
+
+    fn read_quantisers(&mut self, mut body: &[u8]) -> Result<(), DecodeError> {
+        while let Some((&kind, rest)) = body.split_first() {
+            let (wide, index) = (kind >> 4 == 1, usize::from(kind & 15));
+            let len = if wide { 128 } else { 64 };
+            if kind >> 4 > 1 || index > 3 || rest.len() < len {
+                return Err(damaged("a quantisation table is cut short"));
+            }
+            let value = |at: usize| {
+                if wide {
+                    u16::from_be_bytes([rest[2 * at], rest[2 * at + 1]])
+                } else {
+                    rest[at].into()
+                }
+            };
+            self.quantisers[index] = Some(idct::scaled(&std::array::from_fn(value)));
+            body = &rest[len..];
+        }
+        Ok(())
+    }
+
+    fn read_tables(&mut self, mut body: &[u8]) -> Result<(), DecodeError> {
+        while let Some((&kind, rest)) = body.split_first() {
+            let (class, index) = (usize::from(kind >> 4), usize::from(kind & 15));
+            let Some((counts, rest)) = rest.split_first_chunk::<16>() else {
+                return Err(damaged("a table is cut short"));
+            };
+            let len: usize = counts.iter().copied().map(usize::from).sum();
+            if class > 1 || index > 3 || rest.len() < len {
+                return Err(damaged("a Huffman table is cut short"));
+            }
+            let tables = if class == 0 {
+                &mut self.dc_tables
+            } else {
+                &mut self.ac_tables
+            };
+            if !tables[index].load(counts, &rest[..len]) {
+                return Err(damaged("a Huffman table contradicts itself"));
+            }
+            self.present[class][index] = true;
+            body = &rest[len..];
+        }
+        Ok(())
+    }
+
+    fn read_restart_interval(&mut self, body: &[u8]) -> Result<(), DecodeError> {
+        let &[high, low, ..] = body else {
+            return Err(damaged("a restart interval is cut short"));
+        };
+        self.restart_interval = usize::from(u16::from_be_bytes([high, low]));
+        Ok(())
+    }
+
+    /// Which tables each component uses; all components must be in this one scan, in their order.
+    fn read_scan(&mut self, segment: Segment<'_>) -> Result<(), DecodeError> {
+        let Some((&count, rest)) = segment.body.split_first() else {
+            return Err(damaged("its scan header is empty"));
+        };
+        let (parts, _) = rest.as_chunks::<2>();
+        if usize::from(count) != self.components.len() || parts.len() < usize::from(count) {
+            return Err(DecodeError::Unsupported);
+        }
+        for (component, &[id, tables]) in self.components.iter_mut().zip(parts) {
+            (component.dc_table, component.ac_table) =
+                (usize::from(tables >> 4), usize::from(tables & 15));
+            if id != component.id || component.dc_table > 3 || component.ac_table > 3 {
+                return Err(DecodeError::Unsupported);
+            }
+            if !self.present[0][component.dc_table] || !self.present[1][component.ac_table] {
+                return Err(damaged("a Huffman table is missing"));
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,117 @@
+//! Decodes a frame while it still arrives, so that little is left to do when it is whole.
+
+use super::baseline::Baseline;
+use super::bits::Cursor;
+use super::headers::{DecodeError, damaged};
+use super::mcu::{MAX_BLOCK_BITS, decode_interval, decode_mcu};
+use crate::vision::picture::image::Image;
+
+/// The decoder of baseline frames, with the frame whose end has not come yet.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Incremental {
+    baseline: Baseline,
+    progress: Option<Progress>,
+    /// All that has come of that frame.
+    beginning: Vec<u8>,
+}
+
+/// How far a frame is decoded.
+#[derive(Debug, Clone, Copy, Default)]
+struct Progress {
+    /// Bytes of the frame that the scan has taken.
+    taken: usize,
+    cursor: Cursor,
+    /// The next MCU.
+    mcu: usize,
+    /// The DC coefficients of the last blocks, by component.
+    predictors: [i32; 3],
+}
+
+impl Incremental {
+    /// Decodes a whole frame of which nothing was decoded before; see [`Baseline::decode`].
+    pub(super) fn decode(
+        &mut self,
+        jpeg: &[u8],
+        has_tables: bool,
+        image: &mut Image,
+    ) -> Result<(), DecodeError> {
+        self.progress = None;
+        self.baseline.decode(jpeg, has_tables, image)
+    }
+
+    /// Decodes as much as there is of a frame that still arrives, of which the markers before the
+    /// data have been validated. What cannot be decoded now is left for later.
+    pub(super) fn look_ahead(&mut self, jpeg: &[u8], has_tables: bool, image: &mut Image) {
+        let before = self.progress.take();
+        let known = before.filter(|_| jpeg.starts_with(&self.beginning));
+        let progress = match known {
+            Some(progress) => Ok(progress),
+            None => {
+                let start = self.baseline.read_headers(jpeg, has_tables);
+                start.map(|start| Progress {
+                    taken: start,
+                    ..Progress::default()
+                })
+            }
+        };
+        self.progress = progress
+            .and_then(|progress| self.advance(jpeg, progress, image))
+            .ok();
+        self.beginning.clear();
+        self.beginning.extend_from_slice(jpeg);
+    }
+
+    fn advance(
+        &mut self,
+        jpeg: &[u8],
+        mut progress: Progress,
+        image: &mut Image,
+    ) -> Result<Progress, DecodeError> {
+        let baseline = &mut self.baseline;
+        if baseline.headers.restart_interval != 0 {
+            return Err(DecodeError::Unsupported);
+        }
+        progress.taken += baseline.scan.take(&jpeg[progress.taken..]);
+        let ((across, down), mut components) = baseline.shape(image, progress.predictors)?;
+        let blocks: usize = components.iter().map(|part| part.h * part.v).sum();
+        let mut bits = baseline.scan.bits_from(progress.cursor);
+        while progress.mcu < across * down && bits.left() > (blocks * MAX_BLOCK_BITS) as i64 {
+            decode_mcu(&mut bits, &mut components, progress.mcu, across)?;
+            progress.mcu += 1;
+        }
+        progress.cursor = bits.cursor();
+        progress.predictors = components.each_ref().map(|part| part.predictor);
+        Ok(progress)
+    }
+
+    /// Decodes the rest of a frame whose beginning was decoded, into the same image; `None` if this
+    /// is another frame.
+    pub(super) fn finish(
+        &mut self,
+        jpeg: &[u8],
+        image: &mut Image,
+    ) -> Option<Result<(), DecodeError>> {
+        let progress = self.progress.take()?;
+        let known = jpeg.starts_with(&self.beginning);
+        known.then(|| self.decode_rest(jpeg, progress, image))
+    }
+
+    fn decode_rest(
+        &mut self,
+        jpeg: &[u8],
+        progress: Progress,
+        image: &mut Image,
+    ) -> Result<(), DecodeError> {
+        let baseline = &mut self.baseline;
+        if baseline.scan.load(&jpeg[progress.taken..])? != 0xD9 {
+            return Err(DecodeError::Unsupported);
+        }
+        if baseline.scan.intervals() != 1 {
+            return Err(damaged("a part of its data is missing"));
+        }
+        let ((across, down), mut components) = baseline.shape(image, progress.predictors)?;
+        let bits = baseline.scan.bits_from(progress.cursor);
+        let rest = progress.mcu..across * down;
+        decode_interval(bits, rest, across, &mut components)
+    }
+}
