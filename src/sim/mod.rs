@@ -1,6 +1,6 @@
 //! The simulated robot and its world. Speaks the robot's real protocol to any client, over TCP and
-//! UDP or a pipe in memory; imports `wire` only, so nothing of the agent can leak into what tests
-//! it.
+//! UDP or a pipe in memory; imports `wire` and the JPEG encoder of `vision` only, so nothing of the agent can leak
+//! into what tests it.
 //!
 //! [`World`] says what stands where, [`Robot`] lives in it and knows no clock and no socket,
 //! [`Server`] connects it with clients and with `tokio::time`, [`Handle`] looks on and makes
@@ -11,7 +11,7 @@
 //! | `yaml` | numbers with ranges, errors with line and column | |
 //! | `geometry` | points, poses, lines and circles on the floor | |
 //! | `world` | what stands where, and what moves besides the robot | `yaml`, `geometry` |
-//! | `camera` | frames of a world from a pose | `world` |
+//! | `camera` | frames of a world from a pose | `world`, and `vision` for the encoder |
 //! | `body` | the robot and its parts | `world`, `camera` |
 //! | `map` | pictures of worlds and runs for people | `world`, `camera`, `body` |
 //! | `faults` | what goes wrong, and the proxy that spoils bytes | `yaml` |
@@ -46,8 +46,10 @@ pub use world::paint::Paint;
 pub use world::reader::WorldError;
 pub use world::route::{Route, Walker};
 pub use world::schedule::{Schedule, Seconds};
-pub use world::settings::{BatterySettings, CameraSettings, Subsampling, TrackSettings};
+pub use world::settings::{BatterySettings, CameraSettings, TrackSettings};
 pub use world::spot::{Spot, Start};
 pub use world::station::Station;
 pub use world::things::{Ball, Floor, Furniture, Post, Room, Rug, Wall};
 pub use world::ways::Ways;
+
+pub use crate::vision::Subsampling;

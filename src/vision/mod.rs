@@ -30,6 +30,7 @@ pub use damage::Damage;
 pub use drawing::annotate::{Mark, annotate, annotate_enlarged};
 pub use eyes::Eyes;
 pub use jpeg::decoder::Decoder;
+pub use jpeg::encoder::{Encoder as JpegEncoder, Subsampling};
 pub use jpeg::frame::{FrameError, MAX_JPEG_LEN, validate_markers};
 pub use line::{Line, find_line};
 pub use motion::{Motion, MotionDetector, MotionOptions};

@@ -7,7 +7,8 @@ use imageproc::drawing::draw_filled_circle_mut;
 use proptest::prelude::*;
 use spykee::vision::{
     BlobOptions, Camera, Colour, Decoder, Eyes, FrameError, Image, Mark, MotionDetector,
-    MotionOptions, Tracker, TrackerOptions, annotate, brightness, find_qrcodes, validate_markers, sharpness,
+    MotionOptions, Tracker, TrackerOptions, annotate, brightness, find_qrcodes, sharpness,
+    validate_markers,
 };
 use std::time::Duration;
 

@@ -4,7 +4,6 @@ mod exposure;
 mod floor;
 mod grain;
 pub(crate) mod ground;
-mod jpeg;
 mod light;
 mod renderer;
 mod scene;
@@ -22,13 +21,13 @@ use bytes::Bytes;
 
 use self::exposure::Exposure;
 use self::grain::Grain;
-use self::jpeg::Encoder;
 use self::renderer::Renderer;
 use self::texture::Pixel;
 use self::view::{HEIGHT, WIDTH};
 use crate::sim::geometry::{Point, Pose};
 use crate::sim::world::document::World;
 use crate::sim::world::settings::CameraSettings;
+use crate::vision::JpegEncoder;
 
 /// Takes frames.
 pub(crate) struct Camera {
@@ -41,7 +40,7 @@ pub(crate) struct Camera {
     /// The frame with its grain.
     grainy: Vec<Pixel>,
     /// Made for the first frame: most robots of a test never look.
-    encoder: Option<Encoder>,
+    encoder: Option<JpegEncoder>,
 }
 
 /// What one frame is taken of.
@@ -100,7 +99,9 @@ impl Camera {
             .lay_over(frame.as_flattened(), grainy.as_flattened_mut());
         let (quality, subsampling) = (self.settings.quality as u8, self.settings.subsampling);
         self.encoder
-            .get_or_insert_with(|| Encoder::new(quality, subsampling))
+            .get_or_insert_with(|| {
+                JpegEncoder::new(quality, subsampling, (WIDTH as u16, HEIGHT as u16))
+            })
             .encode(&self.grainy)
     }
 

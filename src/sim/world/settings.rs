@@ -3,6 +3,7 @@
 use serde::Deserialize;
 
 use crate::sim::yaml::number;
+use crate::vision::Subsampling;
 
 /// How the battery empties and fills. The defaults are a real robot's: hours.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
@@ -60,21 +61,6 @@ pub struct CameraSettings {
     pub quality: f64,
     /// How much of the colour is left out in the JPEG.
     pub subsampling: Subsampling,
-}
-
-/// How much of the colour is left out in a JPEG.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
-pub enum Subsampling {
-    /// Nothing.
-    #[serde(rename = "4:4:4")]
-    None,
-    /// Every other pixel of a row.
-    #[default]
-    #[serde(rename = "4:2:2")]
-    Half,
-    /// Every other pixel of a row, and every other row.
-    #[serde(rename = "4:2:0")]
-    Quarter,
 }
 
 impl Default for CameraSettings {

@@ -8,6 +8,7 @@
 mod baseline;
 mod bits;
 pub(crate) mod decoder;
+pub(crate) mod encoder;
 pub(crate) mod frame;
 mod headers;
 mod huffman;

@@ -1,0 +1,124 @@
+//! The head of a file as `jpeg_encoder` makes it, and the tables in it.
+
+use std::ops::Range;
+
+use jpeg_encoder::{ColorType, EncodingError};
+
+use super::dct::{Block, SIDE, scale};
+use super::subsampling::{Subsampling, factor};
+
+/// The code of each symbol and its length.
+pub(super) type Codes = [(u32, u32); 256];
+
+/// Where in a transformed block each of a file's coefficients is (T.81, figure A.6).
+pub(super) const ZIGZAG: [u8; SIDE * SIDE] = {
+    let mut places = [0; SIDE * SIDE];
+    let (mut u, mut v) = (0, 0);
+    let mut index = 0;
+    while index < SIDE * SIDE {
+        places[index] = (u * SIDE + v) as u8;
+        let up = (u + v) % 2 == 0;
+        match (up, u, v) {
+            (true, 7, _) => v += 1,
+            (true, _, 0) => u += 1,
+            (true, ..) => (u, v) = (u + 1, v - 1),
+            (false, _, 7) => u += 1,
+            (false, 0, _) => v += 1,
+            (false, ..) => (u, v) = (u - 1, v + 1),
+        }
+        index += 1;
+    }
+    places
+};
+
+/// The place in a file of each place in a block.
+const ORDER: [u8; SIDE * SIDE] = {
+    let mut order = [0; SIDE * SIDE];
+    let mut index = 0;
+    while index < SIDE * SIDE {
+        order[ZIGZAG[index] as usize] = index as u8;
+        index += 1;
+    }
+    order
+};
+
+/// A bit for each AC value that is not 0, in the order of a file. Most values are 0.
+pub(super) fn nonzero_ac(values: &[i16; SIDE * SIDE]) -> u64 {
+    let present: [u8; SIDE * SIDE] = std::array::from_fn(|i| u8::from(values[i] != 0));
+    let mut bits = 0;
+    for (row, order) in present.chunks_exact(SIDE).zip(ORDER.chunks_exact(SIDE)) {
+        for (present, place) in row.iter().zip(order) {
+            bits |= u64::from(*present) << place;
+        }
+    }
+    bits & !1
+}
+
+/// A file up to its pixels.
+pub(super) fn head(
+    quality: u8,
+    subsampling: Subsampling,
+    (width, height): (u16, u16),
+) -> Result<Vec<u8>, EncodingError> {
+    let mut file = Vec::new();
+    let mut encoder = jpeg_encoder::Encoder::new(&mut file, quality);
+    encoder.set_sampling_factor(factor(subsampling));
+    let black = vec![0; usize::from(width) * usize::from(height) * 3];
+    encoder.encode(&black, width, height, ColorType::Rgb)?;
+    let end = segments(&file).last().map_or(0, |segment| segment.end);
+    file.truncate(end);
+    Ok(file)
+}
+
+const QUANTISERS: u8 = 0xDB;
+const CODES: u8 = 0xC4;
+const SCAN: u8 = 0xDA;
+
+/// Where the segments of a file are, markers included, as far as the one before its pixels.
+fn segments(file: &[u8]) -> impl Iterator<Item = Range<usize>> {
+    let mut next = Some(2);
+    std::iter::from_fn(move || {
+        let start = next?;
+        let [_, marker, high, low] = *file.get(start..)?.first_chunk()?;
+        let end = start + 2 + usize::from(u16::from_be_bytes([high, low]));
+        next = (marker != SCAN).then_some(end);
+        Some(start..end)
+    })
+}
+
+/// The table of a kind and a number, without them.
+fn table(file: &[u8], marker: u8, id: u8) -> &[u8] {
+    let mut all = segments(file).filter_map(|segment| file.get(segment));
+    let found = all.find(|segment| segment[1] == marker && segment[4] == id);
+    found.map_or(&[], |segment| &segment[5..])
+}
+
+/// What the coefficients of a component are multiplied by, from the quantisers of a file's head.
+pub(super) fn factors(head: &[u8], id: u8) -> Block {
+    let quantisers = table(head, QUANTISERS, id);
+    let mut factors = [0.0; SIDE * SIDE];
+    for (place, quantiser) in ZIGZAG.into_iter().zip(quantisers) {
+        let place = usize::from(place);
+        let scale = scale(place / SIDE) * scale(place % SIDE);
+        factors[place] = (1.0 / (f64::from(*quantiser) * scale)) as f32;
+    }
+    std::array::from_fn(|u| std::array::from_fn(|v| factors[u * SIDE + v]))
+}
+
+/// From how many codes there are of each length, and their symbols (T.81, annex C).
+pub(super) fn codes(head: &[u8], id: u8) -> Codes {
+    let table = table(head, CODES, id);
+    let mut codes = [(0, 0); 256];
+    let (counts, mut symbols) = table.split_at(table.len().min(16));
+    let mut code = 0;
+    for (count, len) in counts.iter().zip(1..) {
+        let these;
+        (these, symbols) = symbols.split_at(symbols.len().min(usize::from(*count)));
+        for symbol in these {
+            codes[usize::from(*symbol)] = (code, len);
+            code += 1;
+        }
+        code <<= 1;
+    }
+    codes
+}
