@@ -37,7 +37,7 @@ impl Lights {
     }
 
     /// A command goes out. Some sounds switch lights too, so that the lights are unknown afterwards
-    /// (`PROTOCOL.md`, *sound id*).
+    /// (`PROTOCOL.md`, PLAY).
     pub(super) fn note(&mut self, command: &Command) {
         match *command {
             Command::Led { led, on } => {

@@ -2,9 +2,9 @@
 
 use super::text::from_latin1;
 
-/// "DSCV", 1: who is there?
+/// "DSCV", 1: who is there? (`PROTOCOL.md`, *Discovery datagrams*)
 pub const REQUEST: [u8; 5] = *b"DSCV\x01";
-/// Clients read at most this many bytes of a reply.
+/// Clients read at most this many bytes of a reply (`PROTOCOL.md`, *Discovery datagrams*).
 pub const MAX_REPLY_LEN: usize = 64;
 
 const REPLY_HEADER: [u8; 5] = *b"DSCV\x02";

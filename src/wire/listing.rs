@@ -1,4 +1,5 @@
-//! The texts that CONFIG and WIRELESS_NETWORKS carry (`PROTOCOL.md`, *TCP messages*): settings as
+//! The texts that CONFIG and WIRELESS_NETWORKS carry (`PROTOCOL.md`, CONFIG, and `PROTOCOL.md`,
+//! WIRELESS_NETWORKS): settings as
 //! `key=value&key=value`, networks as `essid:encryption:strength;...`. Nothing is known of escapes:
 //! what cannot be told apart is taken as it stands.
 
@@ -74,7 +75,8 @@ mod tests {
         }
     }
 
-    /// From the rows of `PROTOCOL.md`, byte by byte: "PK", type, length big-endian, payload.
+    /// As `PROTOCOL.md`, *TCP messages*, says, byte by byte: "PK", type, length big-endian,
+    /// payload.
     #[test]
     fn asking_setting_and_uploading_are_these_bytes() {
         let set = Command::ConfigSet(Bytes::from_static(b"a=1&b=2"));

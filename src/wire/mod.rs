@@ -1,14 +1,18 @@
 //! What the robot speaks: messages to bytes and back, in both directions, and the discovery
-//! datagrams. Knows no socket and no clock; every fact is a row of the protocol's tables
-//! (`PROTOCOL.md`, quoted at each item).
+//! datagrams. Knows no socket and no clock; every fact cites its section of `PROTOCOL.md`: it
+//! follows below.
 //!
 //! [`Decoder`] cuts a byte stream into [`Packet`]s; [`Report`] and [`Command`] give a packet its
 //! meaning. Whatever the protocol does not know is a value (`Unknown`), never a failure.
+#![doc = ""]
+#![doc = include_str!("PROTOCOL.md")]
 
 mod command;
 pub mod discovery;
 mod listing;
 mod packet;
+#[cfg(test)]
+mod protocol;
 mod report;
 mod text;
 mod values;
@@ -22,11 +26,11 @@ pub use values::{Led, Sound, Stream};
 /// TCP and UDP port of the robot (`PROTOCOL.md`, *Network*).
 pub const PORT: u16 = 9000;
 
-/// The message types of `PROTOCOL.md`, *TCP messages*.
+/// The message types (`PROTOCOL.md`, *TCP messages*).
 pub mod kind {
     /// Carries nothing.
     pub const NONE: u8 = 0;
-    /// Microphone or speaker samples.
+    /// Samples of microphone or speaker.
     pub const AUDIO: u8 = 1;
     /// One JPEG frame.
     pub const VIDEO: u8 = 2;

@@ -7,9 +7,9 @@ const MAGIC: [u8; 2] = *b"PK";
 const KIND_OFFSET: usize = 2;
 const LENGTH_OFFSET: usize = 3;
 
-/// Length of every header: "PK", type, big-endian payload length.
+/// Length of every header (`PROTOCOL.md`, *TCP messages*): "PK", type, big-endian payload length.
 pub const HEADER_LEN: usize = 5;
-/// The longest payload that the 16-bit length field can announce.
+/// The longest payload that the 16-bit length field can announce (`PROTOCOL.md`, *TCP messages*).
 pub const MAX_PAYLOAD_LEN: usize = u16::MAX as usize;
 /// The longest message, and the most that a [`Decoder`] ever holds.
 pub const MAX_PACKET_LEN: usize = HEADER_LEN + MAX_PAYLOAD_LEN;
@@ -111,7 +111,7 @@ impl Decoder {
         }))
     }
 
-    /// What has come of a VIDEO message's payload that is not whole yet.
+    /// The part of a VIDEO message's payload that has arrived, if it is not whole yet.
     pub fn coming_frame(&self) -> Option<&[u8]> {
         let payload = self.partial.get(HEADER_LEN..)?;
         (self.partial[KIND_OFFSET] == super::kind::VIDEO).then_some(payload)

@@ -1,12 +1,12 @@
-//! Messages from the robot (`PROTOCOL.md`, column *from robot*). The agent parses them, the
-//! simulator emits them.
+//! Messages from the robot (`PROTOCOL.md`, *TCP messages*). The agent parses them, the simulator
+//! emits them.
 
 use bytes::{Bytes, BytesMut};
 
 use super::text::{emit_prefixed, parse_prefixed};
 use super::{Packet, kind, packet};
 
-/// A message from the robot.
+/// A message from the robot. Each variant names its message, which is its section of `PROTOCOL.md`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Report {
     /// AUDIO: microphone, s16 little-endian, 16 kHz, mono. An odd last byte is possible.
@@ -25,7 +25,7 @@ pub enum Report {
     Config(Bytes),
     /// WIRELESS_NETWORKS: `essid:encryption:strength;...`
     Networks(Bytes),
-    /// ENGINE: docking news.
+    /// ENGINE: docked, undocked, charged, or the search has failed.
     Engine(EngineNews),
     /// LOG: text of the robot's log.
     Log(Bytes),
@@ -186,7 +186,7 @@ impl Refusal {
     }
 }
 
-/// What ENGINE tells (`PROTOCOL.md`, *ENGINE byte*, from robot).
+/// What ENGINE tells (`PROTOCOL.md`, ENGINE).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum EngineNews {
     /// 1 ACTIVATE: has left the charging station.

@@ -1,5 +1,5 @@
 //! Length-prefixed ISO-8859-1 text, as logins and their answers carry it (`PROTOCOL.md`,
-//! AUTH_REQUEST and AUTH_REPLY).
+//! AUTH_REQUEST, and `PROTOCOL.md`, AUTH_REPLY).
 
 use bytes::BytesMut;
 

@@ -1,5 +1,5 @@
-//! The small numbers of the protocol and the names that people use for them (`PROTOCOL.md`, the
-//! tables of streams, lights and sounds).
+//! The small numbers of the protocol and the names that people use for them (`PROTOCOL.md`,
+//! STREAMCTL, `PROTOCOL.md`, LED, and `PROTOCOL.md`, PLAY).
 
 /// Declares an enum of one wire byte with its names in one table, and `Unknown` for all others.
 macro_rules! wire_byte {
@@ -50,7 +50,7 @@ macro_rules! wire_byte {
 }
 
 wire_byte! {
-    /// A stream that STREAMCTL switches.
+    /// A stream that STREAMCTL switches (`PROTOCOL.md`, STREAMCTL).
     Stream {
         /// Camera to us.
         Video = 1, "video";
@@ -62,7 +62,7 @@ wire_byte! {
 }
 
 wire_byte! {
-    /// A light that LED switches.
+    /// A light that LED switches (`PROTOCOL.md`, LED).
     Led {
         /// The headlight in the centre.
         Flash = 0, "flash";
@@ -74,7 +74,7 @@ wire_byte! {
 }
 
 wire_byte! {
-    /// A sound that PLAY plays.
+    /// A sound that PLAY plays (`PROTOCOL.md`, PLAY).
     Sound {
         /// alarm.mp3
         Alarm = 0, "alarm";
