@@ -1,4 +1,4 @@
-//! What happens in a run, as one line each of an event log. Nothing in it depends on real time or on
+//! What happens in a run, one line each of an event log. Nothing in it depends on real time or on
 //! the machine.
 
 use std::collections::BTreeMap;
@@ -13,7 +13,7 @@ use tracing::{Level, Metadata};
 /// What kind of thing has happened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Kind {
+pub enum EventKind {
     /// The robot has heard a command; a setpoint that is only repeated is left out.
     Heard,
     /// The robot has said something; pictures and sound are left out.
@@ -36,12 +36,12 @@ pub struct Event {
     /// Since the start, in virtual time if there is any.
     pub at: Duration,
     /// What kind of thing.
-    pub kind: Kind,
+    pub kind: EventKind,
     /// How bad it is, as in a log: `debug`, `info`, `warn` or `error`.
     pub level: &'static str,
-    /// In words.
+    /// A sentence.
     pub text: String,
-    /// What else belongs to it; see [`Kind`].
+    /// What else belongs to it; see [`EventKind`].
     pub fields: BTreeMap<&'static str, Value>,
 }
 
@@ -107,16 +107,16 @@ struct Reading {
 }
 
 impl Reading {
-    fn kind(&self, target: &str) -> Kind {
+    fn kind(&self, target: &str) -> EventKind {
         let has = |name| self.fields.contains_key(name);
         match target {
-            "spykee::sim::heard" => Kind::Heard,
-            "spykee::sim::said" => Kind::Said,
-            "spykee::script" => Kind::Log,
-            "spykee::lab::end" => Kind::End,
-            _ if has("action") => Kind::Safety,
-            _ if has("behaviour") && has("reason") => Kind::Ended,
-            _ => Kind::Note,
+            "spykee::sim::heard" => EventKind::Heard,
+            "spykee::sim::said" => EventKind::Said,
+            "spykee::script" => EventKind::Log,
+            "spykee::lab::end" => EventKind::End,
+            _ if has("action") => EventKind::Safety,
+            _ if has("behaviour") && has("reason") => EventKind::Ended,
+            _ => EventKind::Note,
         }
     }
 

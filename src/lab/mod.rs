@@ -1,6 +1,6 @@
 //! A laboratory: a whole run in virtual time. Agent, behaviour hosts, watchdog and simulated robot
-//! live on one thread, on one runtime whose clock jumps when everything waits, over pipes in memory;
-//! codec, pilot, messages and script code are those of a run with a robot. The same world,
+//! live on one thread, on one runtime whose clock jumps when everything waits, over pipes in
+//! memory; codec, pilot, messages and script code are those of a run with a robot. The same world,
 //! behaviours, options and seed give the same run, event by event, in every build.
 //!
 //! ```no_run
@@ -30,52 +30,26 @@
 //! not by landlock, seccomp and limits of the kernel; run only scripts that you would run so.
 
 mod event;
+mod options;
 mod recorder;
 mod running;
 
 use std::io;
-use std::net::{Ipv4Addr, SocketAddr};
 use std::panic::resume_unwind;
 use std::time::Duration;
 
 use tokio::runtime::{Builder, LocalOptions};
 use tokio::time::Instant;
-use tokio_util::sync::CancellationToken;
 
 use crate::agent::Behaviour;
 use crate::behaviour::STACK;
-use crate::link;
-use crate::robot::Streams;
-use crate::safety::Limits;
 use crate::script;
 use crate::sim::{self, World};
 
-pub use event::{Event, Kind};
+pub use event::{Event, EventKind};
+pub use options::Options;
 pub use recorder::{Recorder, now};
 pub use running::Running;
-
-/// What simulated robots have for an address.
-const ADDRESS: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 9000);
-
-/// How a laboratory is set up.
-#[derive(Default)]
-pub struct Options {
-    /// Of the simulator's noise and the link's pauses; behaviours bring their own.
-    pub seed: u64,
-    /// The simulated robot: its login, firmware, frames a second, faults. Its `seed`, `listen`,
-    /// `discovery` and `unacknowledged` are not used.
-    pub sim: sim::Options,
-    /// The numbers of the safety rules.
-    pub limits: Limits,
-    /// Times of the link.
-    pub link: link::Options,
-    /// When the robot's streams are on.
-    pub streams: Streams,
-    /// Ends every run of this laboratory when cancelled, from whatever thread.
-    pub stop: CancellationToken,
-    /// Is given all that happens.
-    pub events: Option<Recorder>,
-}
 
 /// A running laboratory.
 pub struct Lab {
@@ -99,7 +73,8 @@ pub fn run<T: Send>(
             .stack_size(STACK)
             .spawn_scoped(scope, {
                 let parent = tracing::dispatcher::get_default(Clone::clone);
-                move || recorder::under(parent, options, |options| live(world, options, work))
+                let events = options.events.clone();
+                move || recorder::under(parent, events, || live(world, options, work))
             })?;
         thread.join().unwrap_or_else(|panic| resume_unwind(panic))
     })
@@ -153,7 +128,7 @@ impl Lab {
     /// [`Running::stop`] or [`Options::stop`]. It does not move before the next wait. There may be
     /// one after the other: they find the robot as the last one left it.
     pub fn start(&self, behaviours: Vec<Behaviour>, limit: Option<Duration>) -> Running {
-        Running::start(self, behaviours, limit)
+        Running::start(self.sim.clone(), &self.options, behaviours, limit)
     }
 
     fn record_end(&self) {

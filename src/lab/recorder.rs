@@ -10,7 +10,6 @@ use tracing::span::{Attributes, Id, Record};
 use tracing::subscriber::Interest;
 use tracing::{Dispatch, Metadata, Subscriber};
 
-use super::Options;
 use super::event::Event;
 
 thread_local! {
@@ -62,13 +61,17 @@ impl Recorder {
     }
 }
 
-/// Runs `work` on this thread with its log going to `parent` and to the options' recorder.
-pub(super) fn under<T>(parent: Dispatch, options: Options, work: impl FnOnce(Options) -> T) -> T {
-    let dispatch = match options.events.clone() {
+/// Runs `work` on this thread with its log going to `parent` and to a recorder.
+pub(super) fn under<T>(
+    parent: Dispatch,
+    recorder: Option<Recorder>,
+    work: impl FnOnce() -> T,
+) -> T {
+    let dispatch = match recorder {
         Some(recorder) => Dispatch::new(Tee { recorder, parent }),
         None => parent,
     };
-    tracing::dispatcher::with_default(&dispatch, || work(options))
+    tracing::dispatcher::with_default(&dispatch, work)
 }
 
 /// Both the log as it is, and the recorder.

@@ -1,5 +1,6 @@
 //! An agent at work in a laboratory.
 
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
 use tokio::runtime;
@@ -7,15 +8,17 @@ use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-use super::{ADDRESS, Lab};
+use super::options::Options;
 use crate::agent::{self, Agent, AgentError, Behaviour, Outcome, Plan, RESCUE_NAME};
 use crate::behaviour::{Launch, Launcher};
-use crate::link::{self, Options};
+use crate::link;
 use crate::pilot::{Dial, Settings, Status};
 use crate::script;
 use crate::sim::Handle;
 use crate::wire::Login;
 
+/// What simulated robots have for an address.
+const ADDRESS: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 9000);
 /// Bytes that may wait between robot and agent, each way.
 const LINK_LEN: usize = 64 * 1024;
 
@@ -28,8 +31,12 @@ pub struct Running {
 }
 
 impl Running {
-    pub(super) fn start(lab: &Lab, behaviours: Vec<Behaviour>, limit: Option<Duration>) -> Running {
-        let options = &lab.options;
+    pub(super) fn start(
+        sim: Handle,
+        options: &Options,
+        behaviours: Vec<Behaviour>,
+        limit: Option<Duration>,
+    ) -> Running {
         let plan = Plan {
             behaviours,
             settings: Settings {
@@ -39,11 +46,7 @@ impl Running {
                 link: options.link.clone(),
                 streams: options.streams,
             },
-            dial: dial(
-                lab.sim.clone(),
-                options.sim.login.clone(),
-                options.link.clone(),
-            ),
+            dial: dial(sim, options.sim.login.clone(), options.link.clone()),
             launcher: Launcher::in_this_thread(),
             core: runtime::Handle::current(),
             pulse: None,
@@ -95,7 +98,7 @@ impl Drop for Running {
 }
 
 /// The rescue behaviour; one whose file cannot be read is left out, and said so.
-fn rescue(options: &super::Options) -> Option<Launch> {
+fn rescue(options: &Options) -> Option<Launch> {
     let choice = &options.limits.rescue;
     let script = script::Options {
         seed: options.seed,
@@ -108,7 +111,7 @@ fn rescue(options: &super::Options) -> Option<Launch> {
 }
 
 /// A pipe to the simulator for each try to connect.
-fn dial(sim: Handle, login: Login, options: Options) -> Dial {
+fn dial(sim: Handle, login: Login, options: link::Options) -> Dial {
     Box::new(move |last_words| {
         let (sim, login, options) = (sim.clone(), login.clone(), options.clone());
         Box::pin(async move {

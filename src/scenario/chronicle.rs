@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use serde_json::{Value, json};
 
 use crate::behaviour::is_failure;
-use crate::lab::{Event, Kind, Recorder};
+use crate::lab::{Event, EventKind, Recorder};
 use crate::robot::EndReason;
 
 /// Lines of behaviours that are kept.
@@ -94,13 +94,13 @@ impl Pages {
     fn note(&mut self, event: &Event) {
         let behaviour = event.field("behaviour").unwrap_or_default();
         match event.kind {
-            Kind::Log if self.lines.len() < MAX_LINES => self.lines.push(Line {
+            EventKind::Log if self.lines.len() < MAX_LINES => self.lines.push(Line {
                 behaviour: behaviour.to_owned(),
                 level: event.level,
                 text: event.text.clone(),
                 time: event.at.as_secs_f64(),
             }),
-            Kind::Ended => self.end(Ended {
+            EventKind::Ended => self.end(Ended {
                 behaviour: behaviour.to_owned(),
                 reason: event.field("reason").unwrap_or_default().to_owned(),
                 text: event.text.clone(),
@@ -132,13 +132,13 @@ impl Pages {
 fn words(event: &Event, behaviour: &str) -> Option<String> {
     let text = event.text.lines().next().unwrap_or_default();
     match event.kind {
-        Kind::Heard if text.starts_with("Login") => None,
-        Kind::Heard => Some(format!("the robot hears {text}")),
-        Kind::Said if text.starts_with("Power") || text.starts_with("Accepted") => None,
-        Kind::Said => Some(format!("the robot says {text}")),
-        Kind::Log => Some(format!("{behaviour}: {text}")),
-        Kind::Ended => Some(format!("{behaviour} ends: {text}")),
-        Kind::Safety | Kind::Note => Some(text.to_owned()),
-        Kind::End => None,
+        EventKind::Heard if text.starts_with("Login") => None,
+        EventKind::Heard => Some(format!("the robot hears {text}")),
+        EventKind::Said if text.starts_with("Power") || text.starts_with("Accepted") => None,
+        EventKind::Said => Some(format!("the robot says {text}")),
+        EventKind::Log => Some(format!("{behaviour}: {text}")),
+        EventKind::Ended => Some(format!("{behaviour} ends: {text}")),
+        EventKind::Safety | EventKind::Note => Some(text.to_owned()),
+        EventKind::End => None,
     }
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use rustix::process::Signal;
 use spykee::agent::Behaviour;
 use spykee::behaviour::{Launch, Library, RestartPolicy};
-use spykee::lab::{self, Event, Kind, Lab, Recorder};
+use spykee::lab::{self, Event, EventKind, Lab, Recorder};
 use spykee::robot::{EndReason, Priority};
 use spykee::script;
 use spykee::sim::World;
@@ -129,7 +129,7 @@ fn a_stuck_script_is_ended_with_reason_cpu_and_the_tracks_stop() {
     let events = events();
     let ended = events
         .iter()
-        .find(|event| event.kind == Kind::Ended)
+        .find(|event| event.kind == EventKind::Ended)
         .unwrap();
     assert_eq!(ended.field("reason"), Some("cpu"));
     assert!(ended.text.contains("stuck.lua:1"), "{ended:?}");

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use spykee::agent::Behaviour;
 use spykee::behaviour::{Launch, Library};
-use spykee::lab::{self, Event, Kind, Lab, Recorder};
+use spykee::lab::{self, Event, EventKind, Lab, Recorder};
 use spykee::robot::Priority;
 use spykee::script;
 use spykee::sim::{Pose, State};
@@ -148,8 +148,8 @@ fn idle() -> Behaviour {
 impl Efforts {
     fn count(&mut self, event: &Event) {
         match event.kind {
-            Kind::Heard => self.searches += usize::from(event.text == "Engine(Dock)"),
-            Kind::Safety => {
+            EventKind::Heard => self.searches += usize::from(event.text == "Engine(Dock)"),
+            EventKind::Safety => {
                 self.legs += usize::from(event.text.contains("drives short leg"));
                 self.loans += usize::from(event.text.contains("a rescue behaviour may drive"));
             }

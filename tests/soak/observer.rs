@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
-use spykee::lab::{Event, Kind, Lab};
+use spykee::lab::{Event, EventKind, Lab};
 use spykee::sim::{State, Tracks};
 use spykee::wire::{Command, Engage};
 
@@ -234,13 +234,15 @@ impl Observer {
             );
             self.ledger.happened(line.replace('\n', " / "));
             self.tell_spell(&event);
-            if event.kind == Kind::Safety && event.text.contains("drives short leg") {
+            if event.kind == EventKind::Safety && event.text.contains("drives short leg") {
                 self.homeward = Some(event.at + LEG);
             }
-            if event.kind == Kind::Safety && event.text.contains("a rescue behaviour may drive") {
+            if event.kind == EventKind::Safety
+                && event.text.contains("a rescue behaviour may drive")
+            {
                 self.homeward = Some(event.at + LOAN);
             }
-            if event.kind == Kind::Ended {
+            if event.kind == EventKind::Ended {
                 let name = event.field("behaviour").unwrap_or_default();
                 let meant = name == "restless";
                 self.ledger.note(
@@ -264,8 +266,10 @@ impl Observer {
             return;
         };
         match event.kind {
-            Kind::Safety => spell.acted(event.field("action").unwrap_or_default(), &event.text),
-            Kind::Said if event.text == "Engine(BaseNotFound)" => spell.found_nothing(),
+            EventKind::Safety => {
+                spell.acted(event.field("action").unwrap_or_default(), &event.text)
+            }
+            EventKind::Said if event.text == "Engine(BaseNotFound)" => spell.found_nothing(),
             _ => {}
         }
     }
