@@ -4,6 +4,7 @@
 mod behaviours;
 mod calibrate;
 mod check;
+mod circles;
 mod cli;
 mod config;
 mod delivery;
@@ -23,6 +24,7 @@ mod link;
 mod new;
 mod pilot;
 mod priorities;
+mod protocol;
 mod repl;
 mod rescue;
 mod rig;
