@@ -3,12 +3,94 @@
 //! A script can only *ask*. One task, the [`pilot`], owns the write half of the robot's socket and
 //! with it the watchdog, so no other code can move the robot.
 //!
+//! # Processes
+//!
+//! ```text
+//!  robot                    agent: `spykee run`                     behaviour hosts, one a script
+//! +---------+     TCP      +--------------------------------+ pipe +-----------------------------+
+//! | camera, |  reports     | driving core, a thread:        | ---> | VM, scheduler, JPEG decoder |
+//! | tracks, | -----------> |   link, pilot with watchdog,   |      | (landlock, seccomp, limits) |
+//! | battery | <----------- |   agent's side of the pipes    | <--- |                             |
+//! +---------+   commands   | other threads: files, logs     | pipe +-----------------------------+
+//!      ^                   +--------------------------------+
+//!      |                        | last words, heartbeat
+//!      |   stop, BASE_FIND      v
+//!      +------------------ guardian, a process: acts when the agent no longer can
+//! ```
+//!
+//! Nothing on the driving core waits for a disk, a process or a name. A host that hangs, crashes or
+//! breaks the rules is killed, and its wishes for motion end with it. In virtual time ([`lab`]) all
+//! of this, the simulated robot of [`sim`] included, runs on one thread over pipes in memory: the
+//! same code and messages.
+//!
+//! # The two data paths
+//!
+//! A frame becomes a setpoint of the tracks:
+//!
+//! 1. `link/reader.rs` cuts the stream into messages (`wire/packet.rs`, `wire/report.rs`);
+//! 2. `pilot/hearing.rs` numbers the frame and puts it into the slot of the newest one: older
+//!    frames that were not taken are dropped and counted;
+//! 3. `behaviour/supervisor.rs` sends it through `behaviour/pipe.rs` when its host wants one;
+//! 4. `behaviour/host.rs` gives it to the VM, which calls the script's handler
+//!    (`script/scheduler.rs`);
+//! 5. `frame:find_blobs` (`script/api/looking.rs`) has it decoded, once and on demand
+//!    (`vision/eyes.rs`, `vision/jpeg/`), and finds its blobs (`vision/blobs.rs`);
+//! 6. `robot.move` (`script/api/motion.rs`) makes an intent, which goes back through the pipe;
+//! 7. `pilot/serving.rs` asks the watchdog: `safety/arbiter.rs` says who may drive,
+//!    `safety/tracks.rs` makes the command;
+//! 8. `link/writer.rs` writes it.
+//!
+//! A low battery sends the robot home; no VM, no decoder and no lock of theirs is on this path:
+//!
+//! 1. `link/reader.rs` reads POWER (`wire/report.rs`);
+//! 2. `pilot/hearing.rs` gives it to the watchdog as a fact (`safety/watchdog/mod.rs`);
+//! 3. `safety/battery.rs` decides that the level is low, `safety/watchdog/homing.rs` that the robot
+//!    goes home;
+//! 4. `link/writer.rs` writes `MOVE 0 0` and `BASE_FIND` at once, before everything that waits.
+//!
+//! # How to add
+//!
+//! - **A call for scripts**: its row in the table of the API (name, arguments, bounds, results, an
+//!   example), its native under `script/api/`, and, if the robot has to do something, an `Intent`
+//!   (`robot.rs`) that `pilot/serving.rs` serves. `spykee api`, the editor's definitions and the
+//!   guide's reference come from the table; a test compares it with a live VM.
+//! - **A command to the robot**: its section in `wire/PROTOCOL.md` with a byte vector, its variant
+//!   with `parse` and `emit` in `wire/command.rs`, what the simulated robot does with it in
+//!   `sim/body/robot/obey.rs`. If it can move the robot, only the watchdog may make it.
+//! - **A report of the robot**: likewise in `wire/report.rs`; `pilot/hearing.rs` hears it, and
+//!   `sim/body/robot.rs` sends it.
+//! - **A fault**: its variant of `sim::Trouble` (`sim/faults/fault.rs`), its name and keys in YAML
+//!   (`sim/faults/entry.rs`), its effect on bytes (`sim/faults/mangle.rs`, `sim/faults/lane.rs`) or
+//!   on the robot (`sim/server/site.rs`), and its row in `tests/it/faults/table.rs`.
+//! - **A lesson**: a folder in `behaviours/lessons/` with `README.md`, `starter.lua`,
+//!   `solution.lua` and `check.lua`, its line in `cli/lesson/catalogue.rs`, its row in
+//!   `behaviours/lessons/README.md`.
+//!
+//! # Words
+//!
+//! | word | means |
+//! | --- | --- |
+//! | agent | the process that `spykee run` starts: link, watchdog, supervisors |
+//! | behaviour, host | a script of the user; the process that runs it |
+//! | intent | what a behaviour asks of the robot |
+//! | setpoint | the power of both tracks that was asked for last |
+//! | lease | how long a setpoint holds without being renewed |
+//! | act, fact | what the watchdog wants done; what it is told |
+//! | last words | what is written to the robot if the agent ends now |
+//! | station, docked | the charging station; the robot stands on its contacts |
+//! | beacon | the station's infrared light, which the robot's own search follows |
+//! | rescue | a behaviour that drives a robot which finds no station to where it can find it |
+//! | report, command | a message from the robot; a message to it |
+//! | world | a simulated place, read from YAML |
+//! | fault, trouble | something that goes wrong in a simulation, with its time; what it is |
+//! | scenario | a test of behaviours in a world, in a `*_test.lua` file |
+//!
 //! # Floors: a module imports only what stands below it
 //!
 //! | floor | module | purpose |
 //! | --- | --- | --- |
 //! | 0 | `wire` | messages to bytes and back, discovery datagrams; knows no socket |
-//! | 0 | `vision` | JPEG to pixels to blobs; knows no robot |
+//! | 0 | `vision` | JPEG to pixels to blobs, and the simulator's JPEG encoder; knows no robot |
 //! | 1 | `robot` | the words that cross between tasks and processes |
 //! | 1 | `guardian` | the process that stops the robot when the agent cannot |
 //! | 2 | `safety` | watchdog, arbiter, docking: pure rules |
@@ -21,9 +103,10 @@
 //! | 5 | `lab` | a whole run in virtual time: agent, hosts and simulator on one thread |
 //! | 6 | `scenario` | worlds, behaviours and what must become true: plays `*_test.lua` files |
 //! | 7 | `cli` | one file per subcommand |
-//! | side | `sim` | the simulated robot and its world; imports `wire` only |
+//! | side | `sim` | the simulated robot and its world; imports floor 0 only |
 //!
-//! `tests/it/floors.rs` holds every `use crate::` line against this table.
+//! `tests/it/floors.rs` holds every `use crate::` line against this table, `tests/it/circles.rs`
+//! finds circles inside the rooms.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod agent;
