@@ -1,10 +1,10 @@
 //! The simulated robot and its world. Speaks the robot's real protocol to any client, over TCP and
-//! UDP or a pipe in memory; imports `wire` and the JPEG encoder of `vision` only, so nothing of the agent can leak
-//! into what tests it.
+//! UDP or a pipe in memory; imports `wire` and the JPEG encoder of `vision` only, so nothing of the
+//! agent can leak into what tests it.
 //!
-//! [`World`] says what stands where, [`Robot`] lives in it and knows no clock and no socket,
-//! [`Server`] connects it with clients and with `tokio::time`, [`Handle`] looks on and makes
-//! trouble; a [`Fault`] is trouble with its time, of the network or of the robot.
+//! [`World`] describes a place, [`Robot`] is simulated in it and knows no clock and no socket,
+//! [`Server`] connects it with clients and with `tokio::time`, [`Handle`] observes it and injects
+//! faults; a [`Fault`] is a trouble of the network or of the robot, with its time.
 //!
 //! | room | holds | imports |
 //! | --- | --- | --- |

@@ -1,14 +1,14 @@
 //! What a behaviour sees: the bytes of a JPEG to pixels, and pixels to blobs. Knows no robot and
 //! imports nothing of this crate.
 //!
-//! [`validate_markers`] looks at a frame's markers before anyone trusts it, [`Decoder`] makes an [`Image`] of
-//! it, [`Colour`]s say what to look for, a [`Palette`] is their fast form, and [`BlobFinder`]
-//! makes [`Blob`]s of the pixels that match. [`Eyes`] does all of it for one frame after the
-//! other, decodes each once and keeps its buffers.
+//! [`validate_markers`] checks a frame's markers before it is decoded, [`Decoder`] makes an
+//! [`Image`] of it, [`Colour`]s say what to look for, a [`Palette`] is their fast form, and
+//! [`BlobFinder`] makes [`Blob`]s of the pixels that match. [`Eyes`] does all of it for one frame
+//! after the other, decodes each once and keeps its buffers.
 //!
-//! Three quarters of the time goes into decoding (`scripts/bench-vision`), so whatever is asked of a
-//! frame beyond that is cheap: brightness, sharpness and motion read the decoded brightness as it is,
-//! and colours are looked up without ever making red, green and blue.
+//! Three quarters of the time goes into decoding (`scripts/bench-vision`), so whatever is asked of
+//! a frame beyond that is cheap: brightness, sharpness and motion read the decoded luma as it
+//! is, and colours are looked up without ever making red, green and blue.
 
 mod blobs;
 mod colour;

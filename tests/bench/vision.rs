@@ -12,7 +12,7 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use spykee::vision::{
     BlobFinder, BlobOptions, Camera, Colour, Decoder, Eyes, Image, MotionDetector, MotionOptions,
-    Palette, brightness, find_line, find_qrcodes, judge, learn, sharpness,
+    Palette, brightness, find_line, find_qrcodes, learn, sharpness, validate_markers,
 };
 
 #[path = "vision/serve.rs"]
@@ -97,7 +97,7 @@ fn in_turn<T, R>(bencher: Bencher<'_, '_>, items: Vec<T>, mut work: impl FnMut(&
 
 #[divan::bench]
 fn judge_a_frame(bencher: Bencher<'_, '_>) {
-    in_turn(bencher, frames(), |jpeg| judge(jpeg).unwrap());
+    in_turn(bencher, frames(), |jpeg| validate_markers(jpeg).unwrap());
 }
 
 #[divan::bench]

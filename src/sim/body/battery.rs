@@ -1,4 +1,4 @@
-//! The battery: drains faster while driving, charges on the station, and says what POWER says.
+//! The battery: drains faster while driving, charges on the station, and gives the level for POWER.
 
 use std::time::Duration;
 
@@ -40,7 +40,7 @@ impl Battery {
         };
     }
 
-    /// Whether current flows in; it does not stop at 100 %.
+    /// Whether it is charging; charging does not stop at 100 %.
     pub(crate) fn charging(&self) -> bool {
         self.charging
     }
@@ -53,7 +53,7 @@ impl Battery {
         self.charging = charging;
     }
 
-    /// Whether the motors have nothing left to run on.
+    /// Whether the motors have no power: empty, and not charging.
     pub(crate) fn empty(&self) -> bool {
         self.percent <= 0.0 && !self.charging
     }
@@ -70,14 +70,14 @@ impl Battery {
         self.set_percent(self.percent + rate * dt.as_secs_f64() / 60.0);
     }
 
-    /// True once for each time on the charger: the battery has become full.
+    /// Whether the battery has become full since the last call; once per stay on the charger.
     pub(crate) fn take_full(&mut self) -> bool {
         let news = self.charging && self.percent >= 100.0 && !self.full_told;
         self.full_told |= news;
         news
     }
 
-    /// What POWER says. A charging battery says at least 1: the wire has no negative zero.
+    /// The content of POWER. A charging battery reports at least 1: the wire has no negative zero.
     pub(crate) fn power(&self) -> Power {
         let percent = self.percent.round() as u8;
         Power {

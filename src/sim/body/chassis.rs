@@ -8,9 +8,9 @@ use crate::sim::geometry::{Pose, RADIUS, TRACK_WIDTH, wrap};
 
 /// A track's speed at [`FULL_POWER`], metres a second.
 pub const FULL_SPEED: f64 = 0.45;
-/// The power that the protocol calls full; clients in the wild send up to 127, which is no faster.
+/// Full power in the protocol; some clients send up to 127, which is no faster.
 pub const FULL_POWER: i8 = 90;
-/// Below this power the tracks do not overcome their own friction.
+/// Below this power the tracks do not overcome their friction.
 const DEAD_POWER: i8 = 5;
 /// How fast a track changes its speed, metres a second squared.
 const ACCELERATION: f64 = 1.5;
@@ -32,7 +32,7 @@ impl<T> Tracks<T> {
 }
 
 impl Tracks<i8> {
-    /// The speeds, metres a second, that these powers are worth.
+    /// The speeds, metres a second, that belong to these powers.
     pub(crate) fn speeds(self) -> Tracks<f64> {
         Tracks::new(speed_of(self.left), speed_of(self.right))
     }
@@ -103,7 +103,8 @@ impl Chassis {
         (self.speeds.left.abs() + self.speeds.right.abs()) / (2.0 * FULL_SPEED)
     }
 
-    /// Lets `dt` pass; a few hundredths of a second at most, or walls become thin.
+    /// Advances by `dt`, at most a few hundredths of a second: a longer step could pass through a
+    /// wall.
     pub(crate) fn step(&mut self, dt: Duration, obstacles: &Obstacles) {
         let seconds = dt.as_secs_f64();
         self.speeds.left = ramp(self.speeds.left, self.wanted.left, ACCELERATION * seconds);
@@ -115,9 +116,9 @@ impl Chassis {
         self.advance(way, forward, obstacles);
     }
 
-    /// Moves as far as nothing is in the way.
+    /// Moves up to the first obstacle.
     fn advance(&mut self, way: f64, forward: f64, obstacles: &Obstacles) {
-        /// A body that moves less in one step, metres, has not come free of what stopped it.
+        /// Metres in one step: a body that moves less is still blocked.
         const CREEP: f64 = 0.0005;
         let here = self.pose.point();
         let free = |part: f64| obstacles.way_free(here, here.ahead(way, forward * part), RADIUS);
@@ -135,7 +136,7 @@ impl Chassis {
     }
 }
 
-/// The largest part of a step, found by halving, that is still possible.
+/// The largest possible part of a step, found by bisection.
 fn largest(possible: impl Fn(f64) -> bool) -> f64 {
     let halves = (1..=6).map(|i| 0.5_f64.powi(i));
     halves.fold(0.0, |part, half| {

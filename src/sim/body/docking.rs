@@ -11,7 +11,7 @@ use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::geometry::{Point, Pose, RADIUS, TRACK_WIDTH, wrap};
 use crate::sim::world::station::Station;
 
-/// The whole manoeuvre, search included, is given up after this.
+/// The whole manoeuvre, search included, ends without success after this time.
 const DOCKING_LIMIT: Duration = Duration::from_secs(150);
 /// Without the beacon for this long, the robot stops approaching and searches again.
 const LOST_AFTER: Duration = Duration::from_secs(3);
@@ -51,7 +51,7 @@ impl Senses<'_> {
 /// What the tracks have to do.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum DockingStep {
-    /// No manoeuvre: whoever commands the tracks goes on.
+    /// No manoeuvre: the commanded speeds apply.
     Free,
     /// Speeds of the tracks, metres a second.
     Drive(Tracks<f64>),
@@ -226,7 +226,8 @@ fn twist(speed: f64, turning: f64) -> Tracks<f64> {
 }
 
 /// The direction nearest to that of `target` in which nothing stands in the way for a while; the
-/// one nearest to the present heading if two are as good, so that the robot does not waver.
+/// one nearest to the present heading if two are equally near, so that the robot does not
+/// oscillate.
 fn free_direction(senses: &Senses<'_>, target: Point) -> f64 {
     const LOOK_AHEAD: f64 = 0.5;
     let here = senses.pose.point();

@@ -3,12 +3,12 @@
 
 use std::time::Duration;
 
-/// The unknowns as settings; the defaults are the worst case for whoever drives the robot.
+/// The unknowns as settings; the defaults are the worst case for a client that drives the robot.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Firmware {
-    /// The tracks stop when the connected user goes away. Default: they go on.
+    /// The tracks stop when the user disconnects. Default: they keep running.
     pub stops_on_disconnect: bool,
-    /// The tracks stop when no MOVE has come for this long. Default: they go on.
+    /// The tracks stop when no MOVE has arrived for this long. Default: they keep running.
     pub stops_without_repeat: Option<Duration>,
     /// POWER comes on every change, and at least this often. Default 5 s.
     pub power_period: Duration,

@@ -22,9 +22,9 @@ pub(crate) struct Grip {
 }
 
 impl Grip {
-    /// The seed says which track is the slower one.
+    /// The seed determines which track is slower.
     pub(crate) fn new(settings: TrackSettings, seed: u64) -> Grip {
-        // Not the numbers that the picture's noise has.
+        // A seed of its own, independent of the noise of the frames.
         let mut random = StdRng::seed_from_u64(seed ^ 0x7472_6163_6b73);
         let mut motor = || 1.0 - settings.unequal * random.random_range(0.0..=1.0);
         let motors = Tracks::new(motor(), motor());
@@ -37,7 +37,7 @@ impl Grip {
         }
     }
 
-    /// What comes of wanted speeds.
+    /// The speeds that result from the wanted ones.
     pub(crate) fn step(&mut self, wanted: Tracks<f64>, dt: Duration) -> Tracks<f64> {
         if self.settings == TrackSettings::default() {
             return wanted;

@@ -39,7 +39,7 @@ impl RobotLog {
     }
 }
 
-/// A command in a few words: payloads may be long, and secret.
+/// A command as one short line: payloads may be long, and secret.
 pub(crate) fn describe(command: &Command) -> String {
     match command {
         Command::MotorSpeed(payload) => format!("motor speed ({} bytes)", payload.len()),

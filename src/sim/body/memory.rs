@@ -18,7 +18,7 @@ const SETTINGS: [(&str, &str); 5] = [
     ("wifi-key", "made-up-key"),
 ];
 
-/// See the module.
+/// Settings and uploads.
 #[derive(Debug, Clone)]
 pub(crate) struct Memory {
     version: String,
@@ -27,7 +27,7 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
-    /// As it came from the factory.
+    /// Factory settings.
     pub(crate) fn new(version: &str) -> Memory {
         Memory {
             version: version.to_owned(),
@@ -38,7 +38,7 @@ impl Memory {
         }
     }
 
-    /// What a CONFIG query is answered, in two messages: clients must put them together.
+    /// The answer to a CONFIG query, in two messages: clients must join them.
     pub(crate) fn settings(&self, volume: u8) -> [Bytes; 2] {
         let listed: Vec<String> = self
             .settings
@@ -49,7 +49,7 @@ impl Memory {
         [first, listed.join("&")].map(|text| latin1_bytes(&text))
     }
 
-    /// Takes the settings that it has, and says so for the log; others have no effect.
+    /// Changes the known settings and returns a line for the log; unknown ones have no effect.
     pub(crate) fn configure(&mut self, text: &[u8]) -> String {
         let mut changed = Vec::new();
         for setting in parse_settings(text) {
@@ -65,7 +65,8 @@ impl Memory {
         format!("config set: {}", changed.join(" "))
     }
 
-    /// Takes a chunk of an upload; what there is to say in the log, at its end or when it is wrong.
+    /// Takes a chunk of an upload; returns a line for the log at the end of the file or on an
+    /// error.
     pub(crate) fn store(&mut self, chunk: &FileChunk) -> Option<String> {
         let id = chunk.id();
         if chunk.flags() & FileChunk::FIRST != 0 {
@@ -88,7 +89,7 @@ impl Memory {
     }
 }
 
-/// The inverse of what the parser does: characters of ISO-8859-1 are their numbers.
+/// The inverse of the parser: a character of ISO-8859-1 is the byte of its number.
 fn latin1_bytes(text: &str) -> Bytes {
     let byte = |c| u8::try_from(u32::from(c)).unwrap_or(b'?');
     text.chars().map(byte).collect()

@@ -1,5 +1,5 @@
-//! The microphone: a quiet room, what sounds in it, the hum of the own motors and the own speaker, as raw samples
-//! (`PROTOCOL.md`, AUDIO: signed 16-bit little-endian, 16,000 Hz, mono).
+//! The microphone: room noise, the sources of the world, the hum of the motors and the speaker, as
+//! raw samples (`PROTOCOL.md`, AUDIO: signed 16-bit little-endian, 16,000 Hz, mono).
 
 use std::f64::consts::TAU;
 use std::time::Duration;
@@ -76,7 +76,7 @@ impl Microphone {
         }
     }
 
-    /// Until that time a tone is heard, whatever else sounds; its level is in dBFS (0 is full
+    /// Adds a tone until that time; its level is in dBFS (0 is full
     /// scale).
     pub(crate) fn disturb(&mut self, dbfs: f64, until: Duration) {
         self.burst = Some(Burst {
@@ -86,7 +86,7 @@ impl Microphone {
         });
     }
 
-    /// Where it is now, and what sounds at this time.
+    /// Updates the microphone's place and the sources that sound at this time.
     pub(crate) fn turn_to(&mut self, time: Duration, here: Point, obstacles: &Obstacles) {
         if self.burst.as_ref().is_some_and(|burst| time >= burst.until) {
             self.burst = None;
@@ -124,7 +124,7 @@ impl Microphone {
         (self.chunk.len() >= CHUNK * 2).then(|| self.chunk.split_to(CHUNK * 2).freeze())
     }
 
-    /// Forgets what it has heard of a chunk.
+    /// Drops the partial chunk.
     pub(crate) fn forget(&mut self) {
         self.chunk.clear();
         self.owed = 0.0;

@@ -87,12 +87,12 @@ impl Robot {
         }
     }
 
-    /// What the robot has said since the last time, oldest first.
+    /// The reports since the last call, oldest first.
     pub fn take_reports(&mut self) -> Vec<Report> {
         std::mem::take(&mut self.reports)
     }
 
-    /// What it did so far; shared with whoever looks on.
+    /// The trace so far, shared with handles.
     pub(crate) fn trace_cell(&self) -> Arc<Mutex<Trace>> {
         self.trace.clone()
     }
@@ -102,7 +102,7 @@ impl Robot {
         lock(&self.trace).clone()
     }
 
-    /// The place that it lives in, as it was at first.
+    /// The world, in its initial state.
     pub fn world(&self) -> &World {
         &self.surroundings.world
     }
@@ -117,7 +117,7 @@ impl Robot {
         self.contacts.docked()
     }
 
-    /// Somebody has logged in: POWER follows, all streams are off.
+    /// A user has logged in: POWER follows, all streams are off.
     pub fn begin_session(&mut self) {
         self.streams = Streams::default();
         self.microphone.forget();
@@ -126,7 +126,7 @@ impl Robot {
         self.report_power();
     }
 
-    /// The user has gone. The tracks go on unless the firmware stops them.
+    /// The user has disconnected. The tracks keep running unless the firmware stops them.
     pub fn end_session(&mut self) {
         self.power.end_session();
         self.streams = Streams::default();
@@ -136,7 +136,7 @@ impl Robot {
         self.note("user disconnected");
     }
 
-    /// Starts afresh where it stands: everything that it was told is forgotten, its battery is not.
+    /// Reboots in place: all commanded state is reset, the battery's level stays.
     pub fn reboot(&mut self) {
         self.commanded = Tracks::default();
         self.docking.stop();
@@ -207,7 +207,7 @@ impl Robot {
         self.report_power();
     }
 
-    /// Puts the robot somewhere else; a pose that is no place is ignored.
+    /// Moves the robot to a pose; one that is not finite is ignored.
     pub fn place(&mut self, pose: Pose) {
         if ![pose.x, pose.y, pose.heading]
             .iter()
@@ -220,7 +220,7 @@ impl Robot {
         self.report_power();
     }
 
-    /// Makes all light so many times as bright as the world says.
+    /// Multiplies all light of the world by `gain`.
     pub fn set_light(&mut self, gain: f64) {
         if (0.0..=100.0).contains(&gain) {
             self.video.camera.set_light(gain as f32);
@@ -234,7 +234,7 @@ impl Robot {
         }
     }
 
-    /// With the beacon dark the station cannot be found.
+    /// With the beacon off the station cannot be found.
     pub fn set_beacon(&mut self, on: bool) {
         self.contacts.beacon = on;
     }
@@ -363,7 +363,7 @@ impl Robot {
         self.reports.push(Report::Engine(news));
     }
 
-    /// Writes down what whoever looks on has seen, for the picture of the run.
+    /// Adds an observation to the trace, for the picture of the run.
     pub fn mark(&self, what: What) {
         lock(&self.trace).note(what);
     }

@@ -1,11 +1,12 @@
-//! The speaker: which sound plays, for how long, and what it sounds like to the own microphone.
+//! The speaker: which sound plays, for how long, and how the robot's own microphone hears it.
 
 use std::f64::consts::TAU;
 use std::time::Duration;
 
 use crate::wire::Sound;
 
-/// How a sound of the simulator goes: not the robot's recordings, only as long and as different.
+/// A sound of the simulator: not the robot's recordings, but as long and as different from each
+/// other.
 struct Voice {
     millis: u64,
     hertz: f64,
@@ -82,7 +83,7 @@ impl Speaker {
         self.playing.as_ref().map(|playing| playing.sound)
     }
 
-    /// Plays a sound in place of the one that plays now. Sounds nobody knows are silent.
+    /// Plays a sound in place of the present one. Unknown sounds are silent.
     pub(crate) fn play(&mut self, sound: Sound) {
         let length = |voice: Voice| match sound {
             Sound::Music => self.music,

@@ -55,7 +55,7 @@ impl Streams {
     }
 }
 
-/// Everything about the robot that a user of the simulator may want to know.
+/// The robot's state, as handles and status lines show it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     /// Simulated time since the start.
@@ -64,7 +64,7 @@ pub struct State {
     pub pose: Pose,
     /// The battery's level, 0..=100, unrounded.
     pub battery: f64,
-    /// What POWER says.
+    /// The content of POWER.
     pub power: Power,
     /// Current flows into the battery.
     pub charging: bool,
@@ -96,7 +96,7 @@ pub struct State {
     pub user: Option<String>,
     /// Frames rendered so far.
     pub frames: u64,
-    /// Frames and audio chunks thrown away so far because the user read too slowly.
+    /// Frames and audio chunks dropped so far because the user read too slowly.
     pub dropped: u64,
 }
 

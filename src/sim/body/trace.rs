@@ -14,7 +14,7 @@ const MAX_EVENTS: usize = 2048;
 /// A sample is taken when the robot went so far, metres, or turned so far, radians.
 const STRIDE: f64 = 0.02;
 const TURN: f64 = 0.1;
-/// Farther than this in one step nobody drives: the robot was put somewhere.
+/// Metres in one step: a longer one is not driving; the robot was placed.
 const LEAP: f64 = 0.1;
 
 /// Where the robot was at a time.
@@ -24,7 +24,7 @@ pub struct Sample {
     pub at: Duration,
     /// Where it was.
     pub pose: Pose,
-    /// It did not drive here from the sample before: it was put here.
+    /// The robot was placed here; it did not drive here from the sample before.
     pub leapt: bool,
 }
 
@@ -63,7 +63,7 @@ pub enum What {
     },
     /// It played the sound of a camera, which behaviours do when they keep a picture.
     Photo,
-    /// Something that whoever watches wrote down by [`Handle::note`](crate::sim::Handle::note).
+    /// A note of an observer; see [`Handle::note`](crate::sim::Handle::note).
     Note(String),
 }
 
@@ -133,7 +133,7 @@ impl Trace {
                 index += 1;
                 sample.leapt || index % 2 == 1
             });
-            // Whoever is put somewhere without end has no way to be drawn.
+            // Bounds the number of placements too.
             self.samples.truncate(MAX_SAMPLES - 1);
             self.thin *= 2;
         }
@@ -187,7 +187,7 @@ impl Trace {
         })
     }
 
-    /// Pictures that it kept, as far as it let hear.
+    /// How often it played the camera's sound, which behaviours do when they keep a picture.
     pub fn photos(&self) -> usize {
         let photos = self.events.iter();
         photos.filter(|event| event.what == What::Photo).count()

@@ -13,7 +13,7 @@ const EVERY: usize = 37;
 /// How much the light is amplified.
 #[derive(Debug)]
 pub(super) struct Exposure {
-    /// How slowly it follows a change of the light, seconds; 0 switches it off.
+    /// Time constant, seconds; 0 switches it off.
     slowness: f64,
     gain: f32,
     last: Option<Duration>,

@@ -13,7 +13,7 @@ const PATCH: usize = 16;
 /// The floor of a world.
 pub(super) struct Floor {
     world: World,
-    /// Painted for the first frame: most robots of a test never look.
+    /// Painted for the first frame: most simulated robots never take one.
     texture: Option<Texture>,
     rows: Vec<Row>,
 }

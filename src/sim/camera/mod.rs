@@ -39,7 +39,7 @@ pub(crate) struct Camera {
     grain: Grain,
     /// The frame with its grain.
     grainy: Vec<Pixel>,
-    /// Made for the first frame: most robots of a test never look.
+    /// Made for the first frame: most simulated robots never take one.
     encoder: Option<JpegEncoder>,
 }
 
@@ -78,13 +78,13 @@ impl Camera {
         }
     }
 
-    /// Makes all light so many times as bright as the world says.
+    /// Multiplies all light of the world by `gain`.
     pub(crate) fn set_light(&mut self, gain: f32) {
         self.renderer.lighting.set_gain(gain);
         self.sight = None;
     }
 
-    /// Balls and people are somewhere else now.
+    /// Moves balls and people.
     pub(crate) fn move_rounds(&mut self, places: impl Iterator<Item = Point>) {
         if self.renderer.scene.move_rounds(places) {
             self.sight = None;
@@ -105,7 +105,8 @@ impl Camera {
             .encode(&self.grainy)
     }
 
-    /// A robot that stands still sees the same again and again, but for the grain.
+    /// Renders the frame, unless nothing has changed since the last one: only the grain differs
+    /// then.
     fn look(&mut self, shot: Shot) {
         let Shot {
             pose,

@@ -331,7 +331,7 @@ impl Renderer {
     }
 
     fn put(&mut self, column: usize, row: usize, [r, g, b]: Rgb, light: Pixel) {
-        // A float becomes a byte by cutting off what does not fit.
+        // The conversion from float to byte saturates.
         let index = row * WIDTH + column;
         self.frame[index] = lit([r as u8, g as u8, b as u8, 0], light);
     }

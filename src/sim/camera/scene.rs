@@ -37,7 +37,7 @@ pub(crate) struct Panel {
     picture: Option<Texture>,
 }
 
-/// Thing a round thing is.
+/// Kinds of round things.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum RoundKind {
     Ball,
@@ -108,7 +108,7 @@ impl Scene {
         scene
     }
 
-    /// Balls and people are somewhere else now.
+    /// Moves balls and people.
     pub(crate) fn move_rounds(&mut self, places: impl Iterator<Item = Point>) -> bool {
         let mut moved = false;
         for (round, place) in self.rounds.iter_mut().zip(places) {

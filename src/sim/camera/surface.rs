@@ -113,7 +113,7 @@ pub(crate) fn scaled(colour: Rgb, gain: f32) -> Rgb {
     colour.map(|channel| channel * gain)
 }
 
-/// A number that looks random, 0..1, and is the same for the same two numbers.
+/// A pseudo-random number, 0..1, which depends on the two numbers only.
 pub(crate) fn scatter(a: i32, b: i32) -> f32 {
     let mut mixed = (a as u32).wrapping_mul(0x9E37_79B1) ^ (b as u32).wrapping_mul(0x85EB_CA77);
     mixed = (mixed ^ (mixed >> 15)).wrapping_mul(0x2C1B_3C6D);

@@ -1,6 +1,6 @@
 //! What can go wrong between a client and the robot, and with the robot itself: troubles and their
-//! times. Says what is to happen; `proxy` spoils the bytes, `site` troubles the robot. How they are
-//! written is in `fault_list`.
+//! times. Only describes them: `lane` and `outlet` act on the bytes, `server::site` on the robot.
+//! How they are written in YAML is in `list` and `entry`.
 
 use std::time::Duration;
 
@@ -10,20 +10,20 @@ use crate::wire::Refusal;
 
 use super::timing::Timing;
 
-/// Which way the spoilt bytes go.
+/// Which direction of a connection a fault affects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Towards {
-    /// What the robot says.
+    /// From the robot to the client.
     Client,
-    /// What the robot is told.
+    /// From the client to the robot.
     Robot,
     /// Both ways.
     Both,
 }
 
 impl Towards {
-    /// Whether bytes that go this way (to one end) are meant.
+    /// Whether the direction towards `end` is affected.
     pub(crate) fn covers(self, end: Towards) -> bool {
         self == Towards::Both || self == end
     }
@@ -46,7 +46,7 @@ pub enum Trouble {
         /// So many a second.
         rate: u32,
     },
-    /// Bytes are swallowed without a word. A connection that lost bytes stays dead for good, and
+    /// Bytes are dropped silently. A connection that lost bytes stays dead for good, and
     /// the robot does not notice its end before the fault is over.
     HalfOpen,
     /// All connections end in an orderly way.
@@ -60,7 +60,7 @@ pub enum Trouble {
     },
     /// The next header claims a wrong length.
     LengthLie {
-        /// The claim; drawn by lot if left out.
+        /// The length; random if left out.
         claim: Option<u16>,
     },
     /// Pictures of 65,535 bytes, padded with a comment.
@@ -76,20 +76,20 @@ pub enum Trouble {
     NoPower,
     /// POWER names a wrong level; its sign stays.
     PowerJumps {
-        /// 0 to 100; drawn by lot if left out.
+        /// 0 to 100; random if left out.
         percent: Option<u8>,
     },
     /// POWER is any byte.
     PowerGarbage,
     /// The robot is gone for a while and must be logged in to anew.
     Reboot {
-        /// It starts afresh: tracks, lights, sounds and streams are off. Else only its Wi-Fi was
-        /// gone, and it went on with what it was doing.
+        /// Tracks, lights, sounds and streams are off afterwards. Else only its Wi-Fi was
+        /// gone, and it continued what it was doing.
         forgets: bool,
     },
-    /// Nobody new is let in.
+    /// Every login is refused.
     RefuseLogin(Refusal),
-    /// Somebody else is the user for a while.
+    /// Another user takes the robot for a while.
     TakeOver,
     /// The station cannot be found.
     BaseNotFound,
@@ -102,7 +102,7 @@ pub enum Trouble {
     },
 }
 
-/// Trouble and its time.
+/// A trouble and its time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fault {
     /// What goes wrong.
@@ -111,7 +111,8 @@ pub struct Fault {
     pub towards: Towards,
     /// When.
     pub timing: Timing,
-    /// How probable it is, 0..=1: for spoilt messages of each one, else of each time that it is due.
+    /// How probable it is, 0..=1: for spoilt messages of each one, else of each time that it is
+    /// due.
     pub chance: f64,
 }
 
@@ -133,7 +134,7 @@ impl Fault {
 }
 
 impl Trouble {
-    /// How long it takes if nothing is said; zero: it is the matter of a moment.
+    /// How long it lasts by default; zero: for a moment.
     fn usual_length(&self) -> Option<Duration> {
         match self {
             Trouble::Drop

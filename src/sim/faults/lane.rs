@@ -26,7 +26,7 @@ pub(super) struct Lane {
     strikes: broadcast::Receiver<Fault>,
     rng: StdRng,
     splitter: Splitter,
-    /// Strikes that wait for a message.
+    /// Momentary faults that wait for the next message.
     aimed: Vec<Trouble>,
     /// Bytes were swallowed: nothing arrives any more.
     swallowed: bool,
@@ -37,7 +37,7 @@ pub(super) struct Lane {
 }
 
 impl Lane {
-    /// `seed` draws what is left to chance.
+    /// `seed` determines all that is random.
     pub(super) fn new(
         towards: Towards,
         conditions: watch::Receiver<Conditions>,
@@ -171,7 +171,8 @@ impl Lane {
         }
     }
 
-    /// Lets the strikes that wait hit the message at the end of `bytes`; true if that cuts it off.
+    /// Applies the waiting momentary faults to the message at the end of `bytes`; true if one cuts
+    /// it off.
     fn strike(&mut self, bytes: &mut BytesMut, start: usize) -> bool {
         for trouble in std::mem::take(&mut self.aimed) {
             match trouble {
@@ -187,7 +188,7 @@ impl Lane {
         false
     }
 
-    /// When what comes now is to arrive: never before what came earlier.
+    /// When bytes that are read now arrive: never before earlier ones.
     fn due(&mut self, conditions: &Conditions) -> Instant {
         let mut due = Instant::now();
         for fault in conditions.towards(self.towards) {
@@ -207,7 +208,7 @@ async fn at(time: Option<Instant>) {
     }
 }
 
-/// False if nobody takes them any more.
+/// False if the receiving end has gone.
 async fn send(queue: &mpsc::Sender<Parcel>, parcels: Vec<Parcel>) -> bool {
     for parcel in parcels {
         if queue.send(parcel).await.is_err() {

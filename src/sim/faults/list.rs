@@ -1,4 +1,5 @@
-//! Lists of faults as people write them: YAML, every fault in one line, errors with line and column.
+//! Lists of faults as people write them: YAML, every fault in one line, errors with line and
+//! column.
 
 use std::path::Path;
 
@@ -8,9 +9,9 @@ use super::entry::Entry;
 use super::fault::Fault;
 use crate::sim::yaml::locate::{self, Step};
 
-/// A longer file is no list of faults.
+/// Bytes of a list's file, at most.
 const MAX_FILE_LEN: u64 = 256 * 1024;
-/// Faults at once; each is asked at every step.
+/// Faults in one list; each is polled at every step.
 const MAX_FAULTS: usize = 200;
 
 /// A list of faults that cannot be used.

@@ -1,4 +1,4 @@
-//! How messages are spoilt, byte by byte. Pure, but for the dice that it is given.
+//! Corrupts messages, byte by byte. Pure; random numbers come from the caller's generator.
 
 use bytes::{BufMut, Bytes, BytesMut};
 use rand::rngs::StdRng;
@@ -64,7 +64,7 @@ impl Splitter {
     }
 }
 
-/// A message after all that is wrong with it; `None`: it does not arrive.
+/// Applies all faults to a message; `None`: it does not arrive.
 pub(crate) fn spoil<'a>(
     mut packet: Packet,
     faults: impl Iterator<Item = &'a Fault>,
@@ -103,7 +103,7 @@ fn jump(payload: &[u8], percent: Option<u8>, rng: &mut StdRng) -> Bytes {
     Bytes::from(vec![Power { percent, charging }.to_byte()])
 }
 
-/// A picture as long as a message can be, which shows what it showed.
+/// Pads a frame with a comment to the longest possible message; the picture stays the same.
 fn pad(jpeg: &Bytes) -> Bytes {
     let missing = MAX_PAYLOAD_LEN.saturating_sub(jpeg.len());
     if !jpeg.starts_with(JPEG_START) || missing < COMMENT_OVERHEAD {
@@ -138,7 +138,7 @@ pub(crate) fn garbage(count: usize, rng: &mut StdRng) -> Bytes {
     Bytes::from(bytes)
 }
 
-/// Has a message's header claim another length than is true.
+/// Writes a wrong length into a message's header.
 pub(crate) fn lie(message: &mut [u8], claim: Option<u16>, rng: &mut StdRng) {
     let truth = message.len().saturating_sub(HEADER_LEN) as u16;
     let claim = claim.unwrap_or_else(|| truth.wrapping_add(rng.random_range(1..=u16::MAX)));

@@ -18,7 +18,7 @@ const PIECE_PAUSE: Duration = Duration::from_millis(1);
 /// A message is cut into pieces of up to so many bytes, or of up to this part of it.
 const PIECE: usize = 12;
 const PIECE_SHARE: usize = 16;
-/// A trickle comes in so many sips a second.
+/// A trickle is written in so many pieces a second.
 const SIPS: u32 = 50;
 
 /// A timer comes so late at most: a trickle makes up for it, or it would be slower than its rate.
@@ -51,7 +51,7 @@ pub(crate) struct Outlet {
 }
 
 impl Outlet {
-    /// Until nothing more comes, nobody takes it any more, or a reset comes.
+    /// Runs until the queue is closed, the receiver has gone, or a reset comes.
     pub(crate) async fn run(
         mut self,
         mut to: impl AsyncWrite + Unpin,
@@ -94,7 +94,8 @@ impl Outlet {
         Ok(())
     }
 
-    /// How much of what is left goes out now, the pause after it, and how long that takes in a trickle.
+    /// How much of what is left goes out now, the pause after it, and how long that takes in a
+    /// trickle.
     fn piece(&mut self, left: usize) -> (usize, Duration, Duration) {
         let (mut length, mut pause, mut slowest) = (left, Duration::ZERO, None::<u32>);
         let conditions = self.conditions.borrow_and_update().clone();

@@ -20,7 +20,7 @@ pub(crate) struct Breaker(pub(crate) socket2::Socket);
 
 impl Breaker {
     fn arm(&self) {
-        // A connection that cannot be reset any more has gone already.
+        // Fails only if the connection has gone already.
         let _ = self.0.set_linger(Some(Duration::ZERO));
     }
 }
@@ -54,7 +54,7 @@ pub(crate) async fn carry(
     if end == End::Reset {
         breaker.iter().for_each(Breaker::arm);
     } else {
-        // While its side is half-open nobody tells the robot that its client has gone.
+        // While the robot's side is half-open, the robot does not notice that its client has gone.
         let _ = conditions
             .wait_for(|now| !now.swallow(Towards::Robot))
             .await;

@@ -69,7 +69,7 @@ impl Beat {
         self.phase == Phase::Over
     }
 
-    /// Beginnings that were missed are skipped: a machine that slept is not struck by all at once.
+    /// Skips missed beginnings: after a suspend they do not all happen at once.
     fn after(&self, since: Instant, now: Instant) -> Phase {
         let Some(every) = self.timing.every.filter(|every| !every.is_zero()) else {
             return Phase::Over;

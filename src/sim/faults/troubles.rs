@@ -1,5 +1,6 @@
-//! All faults with their times: which are on now, which strike at this moment, what the robot is to
-//! be told. Asks no clock; what it says to the connections goes through channels that never block.
+//! All faults with their times: which are active now, which momentary ones happen now, what the
+//! robot is to be told. Asks no clock; what it says to the connections goes through channels that
+//! never block.
 
 use std::time::Duration;
 
@@ -13,10 +14,10 @@ use tokio::time::Instant;
 use super::fault::{Fault, Towards, Trouble};
 use super::timing::{Beat, Turn};
 
-/// Strikes that a connection may have unread; older ones miss it.
+/// Momentary faults that a connection may have unread; older ones are lost to it.
 const MAX_STRIKES: usize = 64;
 
-/// The faults that are on.
+/// The faults that are active.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Conditions(Arc<[Fault]>);
 
@@ -31,19 +32,19 @@ impl Conditions {
         self.0.iter().filter(move |fault| fault.towards.covers(end))
     }
 
-    /// Bytes to this end are swallowed.
+    /// Whether bytes to this end are dropped.
     pub(crate) fn swallow(&self, end: Towards) -> bool {
         self.towards(end)
             .any(|fault| fault.trouble == Trouble::HalfOpen)
     }
 }
 
-/// What a connection hears of the faults.
+/// How a connection receives the faults.
 #[derive(Debug)]
 pub(crate) struct FaultFeed {
     pub(crate) conditions: watch::Receiver<Conditions>,
     pub(crate) strikes: broadcast::Receiver<Fault>,
-    /// Of the connection's own luck.
+    /// Seed of the connection's own random numbers.
     pub(crate) seed: u64,
     /// See [`Options::unacknowledged`](crate::sim::Options::unacknowledged).
     pub(crate) unacknowledged: Option<Duration>,
@@ -52,7 +53,7 @@ pub(crate) struct FaultFeed {
 struct Running {
     fault: Fault,
     beat: Beat,
-    /// Its time has come, and the dice were for it.
+    /// Its time has come, and its chance was met.
     on: bool,
 }
 
@@ -66,7 +67,7 @@ pub(crate) struct Troubles {
 }
 
 impl Troubles {
-    /// None yet. `seed` gives the luck.
+    /// None yet. `seed` determines all that is random.
     pub(crate) fn new(seed: u64, unacknowledged: Option<Duration>) -> Troubles {
         Troubles {
             unacknowledged,
@@ -83,7 +84,7 @@ impl Troubles {
         self.running.push(Running { fault, beat, on });
     }
 
-    /// No more faults: those that were on, for the robot to be told.
+    /// Ends all faults; returns those that were active, for the robot to be told.
     pub(crate) fn clear(&mut self) -> Vec<(Trouble, Turn)> {
         let all = std::mem::take(&mut self.running);
         self.conditions.send_replace(Conditions::default());
@@ -92,7 +93,7 @@ impl Troubles {
             .collect()
     }
 
-    /// A new connection's ties.
+    /// The feed of a new connection.
     pub(crate) fn feed(&mut self) -> FaultFeed {
         FaultFeed {
             conditions: self.conditions.subscribe(),
@@ -102,7 +103,7 @@ impl Troubles {
         }
     }
 
-    /// Lets time pass: what has begun and ended, in order. Connections have been told already.
+    /// Advances to `now`: what has begun and ended, in order. Connections have received it already.
     pub(crate) fn poll(&mut self, now: Instant) -> Vec<(Trouble, Turn)> {
         let mut turns = Vec::new();
         for running in &mut self.running {
@@ -110,7 +111,7 @@ impl Troubles {
                 let was_on = running.on;
                 running.on = turn == Turn::Begins && lucky(&mut self.rng, &running.fault);
                 if running.on {
-                    // Without a connection nobody is struck.
+                    // Fails if there is no connection, which is fine.
                     let _ = self.strikes.send(running.fault);
                 }
                 if running.on != was_on {

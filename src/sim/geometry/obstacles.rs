@@ -87,7 +87,7 @@ impl Obstacles {
         self
     }
 
-    /// A ball, or a person after all balls, is somewhere else now.
+    /// Moves a ball, or a person; people come after all balls.
     pub(crate) fn move_round(&mut self, index: usize, place: Point) {
         self.round[index].middle = place;
     }
@@ -101,7 +101,7 @@ impl Obstacles {
         lines.chain(circles).fold(f64::MAX, f64::min)
     }
 
-    /// Whether nothing but itself is where the ball or person `index` wants to be.
+    /// Whether the ball or person `index` has room at `wanted`.
     pub(crate) fn has_room(&self, wanted: Circle, index: usize) -> bool {
         let others = self
             .round
@@ -168,7 +168,7 @@ impl Obstacles {
     /// Whether a body of `radius` gets from `a` to `b` in a straight line. A body that already
     /// stands too near to something may leave it.
     pub(crate) fn way_free(&self, a: Point, b: Point, radius: f64) -> bool {
-        // Between rounding errors, the start itself must not seem nearer than it is.
+        // Rounding must not make the start appear nearer than it is.
         const ROUNDING: f64 = 1e-9;
         let way = Segment { from: a, to: b };
         let here = Circle::new(a, 0.0);

@@ -1,4 +1,4 @@
-//! Paper for maps: metres in, pixels out, with letters.
+//! The canvas of maps: metres in, pixels out, with text.
 
 use image::RgbImage;
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};

@@ -13,7 +13,7 @@ use super::outbox::Outbox;
 
 /// Connections at once, those that have not logged in included.
 const MAX_CLIENTS: usize = 8;
-/// Whoever has not logged in by then is cut off.
+/// A connection without a login is closed after this time.
 const LOGIN_LIMIT: Duration = Duration::from_secs(30);
 
 struct Client {
@@ -31,7 +31,7 @@ pub(crate) struct Clients {
     dropped: u64,
 }
 
-/// The number of a user whom no connection of ours has.
+/// The number of a user without a connection here.
 const STRANGER: u64 = u64::MAX;
 
 /// A new client's number, its outbox and the token that cuts it off.
@@ -71,7 +71,7 @@ impl Clients {
         self.user.as_ref().map(|(_, name)| name.as_str())
     }
 
-    /// Makes `id` the user, if the login is right and nobody else is.
+    /// Makes `id` the user, if the login is right and there is no other user.
     pub(crate) fn log_in(&mut self, id: u64, login: &Login, right: &Login) -> Result<(), Refusal> {
         if login != right {
             return Err(Refusal::WrongPassword);
@@ -83,21 +83,21 @@ impl Clients {
         Ok(())
     }
 
-    /// Somebody whom we do not serve is the user now: true if another user had to go.
+    /// A user without a connection here takes the robot: true if another user had to go.
     pub(crate) fn take_over(&mut self, name: &str) -> bool {
         let had_to_go = self.user_id().is_some_and(|id| self.cut(id));
         self.user = Some((STRANGER, name.to_owned()));
         had_to_go
     }
 
-    /// That somebody has gone.
+    /// That user has gone.
     pub(crate) fn give_back(&mut self) {
         if self.is_user(STRANGER) {
             self.user = None;
         }
     }
 
-    /// Tells `id` why it may not in, and lets it go when it has read that.
+    /// Sends `id` the refusal, and closes the connection when it has been written.
     pub(crate) fn refuse(&mut self, id: u64, refusal: Refusal) {
         if let Some(client) = self.all.get(&id) {
             let _ = client.outbox.push(&Report::Refused(refusal));
@@ -105,7 +105,7 @@ impl Clients {
         }
     }
 
-    /// Sends the user a report; false if the user never reads and must go.
+    /// Sends the user a report; false if the user does not read and must be disconnected.
     pub(crate) fn tell(&self, report: &Report) -> bool {
         let Some(client) = self.user.as_ref().and_then(|(id, _)| self.all.get(id)) else {
             return true;
@@ -136,7 +136,7 @@ impl Clients {
         self.user.as_ref().map(|(id, _)| *id)
     }
 
-    /// Those who should have logged in by now.
+    /// Connections whose time to log in is over.
     pub(crate) fn overdue(&self, now: Instant) -> Vec<u64> {
         let late = |client: &Client| now.duration_since(client.since) > LOGIN_LIMIT;
         let all = self

@@ -123,7 +123,7 @@ async fn write(writer: &mut (impl AsyncWrite + Unpin), line: &Line) -> std::io::
     }
 }
 
-/// Closing with bytes unread would make the network throw our last words away.
+/// Closing a socket with unread bytes sends RST, which discards what was written last.
 async fn say_farewell(
     reader: &mut (impl AsyncRead + Unpin),
     writer: &mut (impl AsyncWrite + Unpin),
@@ -134,7 +134,7 @@ async fn say_farewell(
 }
 
 impl Line {
-    /// Waits while the robot plays dead.
+    /// Waits while the robot is mute.
     async fn unmuted(&self) {
         let mut muted = self.muted.clone();
         // The sender lives as long as the server; without it this task ends too.

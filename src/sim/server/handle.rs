@@ -1,4 +1,4 @@
-//! The handle by which tests and the command line look at a running simulator and trouble it.
+//! The handle by which tests and the command line observe a running simulator and change it.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -33,7 +33,7 @@ pub(crate) enum Request {
     Alter(Box<dyn FnOnce(&mut Robot) + Send>),
 }
 
-/// Talks to a running simulator. Cheap to clone; no call blocks.
+/// Observes and changes a running simulator. Cheap to clone; no call blocks.
 #[derive(Clone)]
 pub struct Handle {
     requests: mpsc::Sender<Request>,
@@ -146,7 +146,7 @@ impl Handle {
         self.look_back(Trace::clone)
     }
 
-    /// Looks at what the robot did so far, without a copy of it. The robot waits meanwhile.
+    /// Reads the trace without copying it. The robot waits meanwhile.
     pub fn look_back<T>(&self, look: impl FnOnce(&Trace) -> T) -> T {
         look(&self.trace.lock().unwrap_or_else(PoisonError::into_inner))
     }
@@ -201,17 +201,17 @@ impl Handle {
         self.request(Request::Inject(report));
     }
 
-    /// Drops all connections without a word.
+    /// Closes all connections without a message.
     pub fn cut(&self) {
         self.request(Request::Cut);
     }
 
-    /// From now on this goes wrong, when its time comes.
+    /// Adds a fault; its times count from now.
     pub fn begin(&self, fault: Fault) {
         self.request(Request::Begin(fault));
     }
 
-    /// No more faults; a connection that is dead already stays so.
+    /// Ends all faults; a connection that is dead already stays so.
     pub fn clear_faults(&self) {
         self.request(Request::ClearFaults);
     }

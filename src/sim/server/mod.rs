@@ -76,7 +76,7 @@ impl Server {
         self.sockets.address()
     }
 
-    /// A handle to look at the robot and to trouble it.
+    /// A handle to observe and change the simulation.
     pub fn handle(&self) -> Handle {
         self.handle.clone()
     }
@@ -99,7 +99,7 @@ impl Server {
         site.begin(faults);
         let mut datagram = [0; 64];
         loop {
-            // The clock first: no flood of commands may stop the robot's time.
+            // The clock first: a flood of commands must not stop the simulated time.
             tokio::select! {
                 biased;
                 _ = ticks.tick() => {

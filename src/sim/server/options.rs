@@ -16,7 +16,7 @@ pub struct Options {
     pub login: Login,
     /// Of all noise: the same seed and the same commands give the same run.
     pub seed: u64,
-    /// What is not known of the real firmware.
+    /// The firmware's behaviour where the real one's is not known.
     pub firmware: Firmware,
     /// Answer discovery datagrams on the same port.
     pub discovery: bool,
@@ -24,11 +24,11 @@ pub struct Options {
     pub fps: Option<f64>,
     /// The robot's id in AUTH_REPLY and discovery.
     pub uid: String,
-    /// What goes wrong, counted from [`Server::run`](crate::sim::Server::run); `None`: no fault is possible, not even by
-    /// [`Handle::begin`](crate::sim::Handle::begin).
+    /// What goes wrong, counted from [`Server::run`](crate::sim::Server::run); `None`: no fault is
+    /// possible, not even by [`Handle::begin`](crate::sim::Handle::begin).
     pub faults: Option<Vec<Fault>>,
-    /// After so long a client's own system gives up a connection on which bytes towards the robot are
-    /// swallowed, as TCP_USER_TIMEOUT does where they really are lost; `None`: never.
+    /// After so long a client's own system gives up a connection on which bytes towards the robot
+    /// are swallowed, as TCP_USER_TIMEOUT does where they really are lost; `None`: never.
     pub unacknowledged: Option<Duration>,
 }
 

@@ -1,4 +1,4 @@
-//! The robot with all who talk to it: decides who may command it, passes time on to it and its
+//! The robot with its clients: decides which one may command it, advances its time and passes its
 //! reports to its user. Knows no sockets.
 
 use std::sync::Arc;
@@ -25,7 +25,7 @@ use crate::sim::geometry::Pose;
 
 /// One step of the physics.
 pub(crate) const STEP: Duration = Duration::from_millis(20);
-/// Steps made up for in one go after the machine was busy; time beyond that is lost.
+/// Steps that are caught up at once after the machine was busy; time beyond that is lost.
 const MAX_CATCH_UP: u32 = 10;
 /// Bytes that may wait between the proxy and the robot.
 const PIPE_LEN: usize = 16 * 1024;
@@ -34,7 +34,7 @@ const SECOND_USER: &str = "second-user";
 /// How far the robot slides when it loses its station, metres.
 const SLIDE: f64 = 0.12;
 
-/// The robot with all who talk to it.
+/// The robot with its clients.
 pub(crate) struct Site {
     robot: Robot,
     clients: Clients,
@@ -58,7 +58,7 @@ pub(crate) struct Site {
 }
 
 impl Site {
-    /// Nobody is connected yet. Connections report to `events`.
+    /// Without clients. Connections report to `events`.
     pub(crate) fn new(
         robot: Robot,
         options: &Options,
@@ -94,7 +94,7 @@ impl Site {
         faults.into_iter().for_each(|fault| self.begin_fault(fault));
     }
 
-    /// The robot reboots: nobody can reach it.
+    /// Whether the robot reboots and cannot be reached.
     pub(crate) fn away(&self) -> bool {
         self.away
     }
@@ -160,7 +160,7 @@ impl Site {
         self.publish();
     }
 
-    /// Takes what a connection tells.
+    /// Handles an event of a connection.
     pub(crate) fn take(&mut self, event: Event) {
         match event {
             Event::Gone { client } => self.cut(client),
@@ -178,7 +178,7 @@ impl Site {
         self.publish();
     }
 
-    /// Serves a new connection, if there is room and somebody is there.
+    /// Serves a new connection, unless there are too many or the robot reboots.
     pub(crate) fn admit(&mut self, transport: impl Transport, breaker: Option<Breaker>) {
         if self.away {
             return;
@@ -216,7 +216,7 @@ impl Site {
         self.turn(turns);
     }
 
-    /// Does to the robot what begins or ends; what concerns bytes alone is the proxy's.
+    /// Applies faults that begin or end to the robot; those of bytes alone are the proxy's.
     fn turn(&mut self, turns: Vec<(Trouble, Turn)>) {
         for (trouble, turn) in turns {
             tracing::info!(target: "spykee::sim", ?trouble, ?turn, "a fault");
@@ -241,7 +241,7 @@ impl Site {
         self.deliver();
     }
 
-    /// Somebody whom we do not serve becomes the user, or has gone.
+    /// A user without a connection here takes the robot, or has gone.
     fn hand_over(&mut self, taken: bool) {
         if !taken {
             self.clients.give_back();
@@ -287,7 +287,7 @@ impl Site {
         self.deliver();
     }
 
-    /// For logs of all that was said; a setpoint that is only repeated is left out.
+    /// Logs a command; a repeated setpoint is left out.
     fn log_heard(&mut self, client: u64, command: &Command) {
         if let Command::Move { .. } = command {
             if self.moved.as_ref() == Some(command) {
@@ -330,7 +330,7 @@ impl Site {
         }
     }
 
-    /// Passes on what the robot says; without a user nobody hears it.
+    /// Sends the robot's reports to the user, if there is one.
     fn deliver(&mut self) {
         for report in self.robot.take_reports() {
             self.tell(&report);

@@ -20,7 +20,7 @@ pub(super) struct Sockets {
     udp: Option<UdpSocket>,
     address: SocketAddr,
     discovery: bool,
-    /// Closed for a while, as of a robot that is gone.
+    /// Closed for a while: the robot reboots.
     hidden: bool,
 }
 
@@ -97,7 +97,8 @@ impl Sockets {
         loop {
             match tcp.accept().await {
                 Ok((stream, _)) => {
-                    // Without it small reports wait for each other; the connection works anyway.
+                    // Nagle's algorithm would delay small reports; without the option the
+                    // connection still works.
                     let _ = stream.set_nodelay(true);
                     let socket = socket2::SockRef::from(&stream).try_clone();
                     return (stream, socket.ok().map(Breaker));

@@ -50,7 +50,7 @@ pub struct Lamp {
     /// When it is on; left out, always.
     #[serde(default)]
     pub on: Option<Schedule>,
-    /// When it is off all the same.
+    /// When it is off in spite of `on`.
     #[serde(default)]
     pub off: Option<Schedule>,
 }
@@ -95,7 +95,7 @@ pub struct Noise {
     /// When it sounds; left out, always.
     #[serde(default)]
     pub on: Option<Schedule>,
-    /// When it is silent all the same.
+    /// When it is silent in spite of `on`.
     #[serde(default)]
     pub off: Option<Schedule>,
 }
@@ -161,7 +161,7 @@ impl Tape {
     }
 }
 
-/// Goes on to a corner and round it in an arc of at most `radius`.
+/// Continues a path to a corner and round it in an arc of at most `radius`.
 fn bend(
     path: &mut BezPath,
     before: kurbo::Point,
@@ -169,9 +169,12 @@ fn bend(
     after: kurbo::Point,
     radius: f64,
 ) {
-    let start = |path: &mut BezPath, to| match path.elements().is_empty() {
-        true => path.move_to(to),
-        false => path.line_to(to),
+    let start = |path: &mut BezPath, to| {
+        if path.elements().is_empty() {
+            path.move_to(to);
+        } else {
+            path.line_to(to);
+        }
     };
     let (back, on) = (before - corner, after - corner);
     let room = back.hypot().min(on.hypot()) / 2.0;

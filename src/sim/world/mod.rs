@@ -1,5 +1,5 @@
-//! The place that a simulated robot lives in: what its YAML says, what follows from that, and what moves in
-//! it besides the robot.
+//! The place that a simulated robot lives in: what its YAML says, what follows from that, and what
+//! moves in it besides the robot.
 
 pub(crate) mod code;
 pub(crate) mod document;

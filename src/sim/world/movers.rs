@@ -63,7 +63,7 @@ impl Movers {
         }
     }
 
-    /// Lets time pass; nothing of this runs into the robot.
+    /// Advances by some seconds; nothing moves into the robot.
     pub(crate) fn step(&mut self, seconds: f64, robot: Circle, obstacles: &mut Obstacles) {
         for index in 0..self.all.len() {
             let mover = &mut self.all[index];
@@ -75,7 +75,7 @@ impl Movers {
             let wanted = Circle::new(next, mover.body.radius);
             let nearer = robot.gap(wanted) < robot.gap(mover.body);
             let in_the_way = nearer && robot.gap(wanted) < RESPECT;
-            // A ball that rolls stops at what it meets; whoever is on a path keeps to it.
+            // A rolling ball stops at an obstacle; what is on a path passes through it.
             let hits = mover.rolling != Point::default() && !obstacles.has_room(wanted, index);
             if in_the_way || hits {
                 mover.rolling = Point::default();

@@ -7,7 +7,7 @@ use super::mistakes;
 use crate::sim::yaml::locate;
 
 const DEFAULT_WORLD: &str = include_str!("../../../behaviours/worlds/living_room.yaml");
-/// A longer file is no world: nothing needs that many things.
+/// Bytes of a world's file, at most.
 const MAX_FILE_LEN: u64 = 256 * 1024;
 
 /// A world that cannot be used.

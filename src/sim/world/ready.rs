@@ -1,4 +1,4 @@
-//! The worlds that come along, inside the program: they need no file.
+//! The worlds that are part of the program: they need no file.
 
 use super::document::World;
 
@@ -33,7 +33,7 @@ const READY: [(&str, &str); 8] = [
 ];
 
 impl World {
-    /// The names of the worlds that come along; the first is the built-in one.
+    /// The names of these worlds; the first is the default.
     pub fn ready_names() -> impl Iterator<Item = &'static str> {
         READY.iter().map(|(name, _)| *name)
     }

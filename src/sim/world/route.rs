@@ -1,4 +1,4 @@
-//! Ways that balls and people go by themselves: from corner to corner at a speed.
+//! Routes of balls and people: from corner to corner at a speed.
 
 use serde::Deserialize;
 

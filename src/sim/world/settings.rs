@@ -1,11 +1,11 @@
-//! What a world says of the robot that lives in it: its battery, its camera, its tracks.
+//! A world's settings of the robot: its battery, its camera, its tracks.
 
 use serde::Deserialize;
 
 use crate::sim::yaml::number;
 use crate::vision::Subsampling;
 
-/// How the battery empties and fills. The defaults are a real robot's: hours.
+/// How the battery drains and charges. The defaults are like a real robot's: hours.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct BatterySettings {
@@ -50,7 +50,7 @@ pub struct CameraSettings {
     /// How long the shutter is open, seconds: what turns meanwhile is smeared.
     #[serde(deserialize_with = "number::moment")]
     pub shutter: f64,
-    /// How slowly the automatic exposure follows a change of the light, seconds; 0 switches it off.
+    /// Time constant of the automatic exposure, seconds; 0 switches it off.
     #[serde(deserialize_with = "number::moment")]
     pub exposure: f64,
     /// From the moment that a frame shows to its sending, seconds.
@@ -85,7 +85,8 @@ pub struct TrackSettings {
     /// How much slower than asked for each track may be, as a share; the seed says how much it is.
     #[serde(deserialize_with = "number::slip")]
     pub unequal: f64,
-    /// How much of its way a track may lose or win by slipping, as a share, another again and again.
+    /// How much of its way a track may lose or win by slipping, as a share, another again and
+    /// again.
     #[serde(deserialize_with = "number::slip")]
     pub slip: f64,
 }

@@ -1,5 +1,5 @@
-//! How far the station is for a robot that knows the way: the shortest ways over the free floor, on a
-//! grid. For those who judge a run, and for none that drives: the robot knows nothing of this.
+//! Shortest ways to the station over the free floor, on a grid. Tests and reports use them; the
+//! robot itself does not know them.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -17,8 +17,8 @@ const ACROSS: u32 = 707;
 /// A place off the grid is as far as the best of its neighbours, so many to each side.
 const AROUND: i64 = 2;
 
-/// The ways to the station from everywhere in a world. What moves, and what a robot pushes aside, is
-/// not in the way: balls and people.
+/// The ways to the station from everywhere in a world. What moves, and what a robot pushes aside,
+/// is not in the way: balls and people.
 #[derive(Debug, Clone)]
 pub struct Ways {
     obstacles: Obstacles,

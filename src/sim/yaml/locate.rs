@@ -1,5 +1,5 @@
-//! Where in a YAML text something stands, for errors that only show when all values are known,
-//! and serde_yaml's errors in words that help.
+//! Line and column of a value in a YAML text, for errors that only show when all values are known,
+//! and serde_yaml's errors with a suggestion.
 
 use std::fmt;
 
@@ -30,7 +30,7 @@ pub(crate) fn place_of(error: &serde_yaml::Error) -> (usize, usize) {
         .map_or((1, 1), |place| (place.line(), place.column()))
 }
 
-/// What is wrong, without the place, and with the name that was probably meant.
+/// The message without the place, with the name that was probably meant.
 pub(crate) fn explain(error: &serde_yaml::Error) -> String {
     let mut text = error.to_string();
     if let Some(place) = error.location() {
@@ -53,7 +53,7 @@ fn meant(text: &str) -> Option<&str> {
     (near.0 <= 2).then_some(near.1)
 }
 
-/// Walks a path and fails on purpose where it ends: the error knows the place.
+/// Follows a path and fails on purpose at its end: the error knows the place.
 struct Walk<'a>(&'a [Step]);
 
 impl<'de> DeserializeSeed<'de> for Walk<'_> {

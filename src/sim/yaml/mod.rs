@@ -1,5 +1,5 @@
-//! How worlds and faults are read from YAML: numbers with their ranges, and errors with line, column and
-//! the probable name.
+//! How worlds and faults are read from YAML: numbers with their ranges, and errors with line,
+//! column and the probable name.
 
 pub(crate) mod locate;
 pub(crate) mod number;

@@ -1,5 +1,5 @@
-//! Numbers of the YAML of worlds and faults with their ranges: checked while they are read, so that an error
-//! knows line and column. NaN and infinities are in no range.
+//! Numbers of the YAML of worlds and faults with their ranges: checked while they are read, so that
+//! an error knows line and column. NaN and infinities are in no range.
 
 use std::fmt;
 

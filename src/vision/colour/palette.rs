@@ -1,7 +1,7 @@
 //! Colours compiled into one table, so that a pixel's colour costs one look-up however many there are.
 //!
-//! The table is over brightness, blueness and redness, as JPEG has them: no pixel is ever turned into
-//! red, green and blue. For each pair of blueness and redness it holds a row of 64 levels of
+//! The table is over luma, Cb and Cr, as JPEG has them: no pixel is ever turned into
+//! red, green and blue. For each pair of Cb and Cr it holds a row of 64 levels of
 //! brightness, filled by the exact arithmetic when a picture first has that pair. So compiling is quick,
 //! a picture touches few cache lines, and pairs that no colour has share one row.
 
@@ -9,7 +9,7 @@ use super::Colour;
 use crate::vision::picture::image::Image;
 use crate::vision::picture::space::{hsv_of, lab_of_linear, linear, rgb_of_ycc};
 
-/// Bits of blueness and of redness that are told apart.
+/// Bits of Cb and of Cr that are told apart.
 const CHROMA_BITS: u32 = 7;
 const PAIRS: usize = 1 << (2 * CHROMA_BITS);
 /// Levels of brightness.
@@ -33,7 +33,7 @@ pub struct Palette {
     has_lab: bool,
     /// Light of each sRGB value.
     linear: Box<[f64; 256]>,
-    /// For each pair of blueness and redness, which row is its own.
+    /// For each pair of Cb and Cr, which row is its own.
     index: Box<[u16; PAIRS]>,
     rows: Vec<Row>,
     /// 0 for each pair whose row is known to be [`NOTHING`], else 1. Small enough for the nearest cache.
@@ -95,41 +95,36 @@ impl Palette {
                 .for_each(|(label, luma)| *label = row[level(*luma)]);
             return;
         }
-        let [_, blue, red] = &image.planes;
-        let (blues, reds) = (blue.row(y), red.row(y));
-        match (blue.across, red.across) {
-            (0, 0) => {
-                self.label_groups::<1>(luma, &blues[x as usize..], &reds[x as usize..], labels)
-            }
+        let [_, cb, cr] = &image.planes;
+        let (cbs, crs) = (cb.row(y), cr.row(y));
+        match (cb.across, cr.across) {
+            (0, 0) => self.label_groups::<1>(luma, &cbs[x as usize..], &crs[x as usize..], labels),
             (1, 1) if x.is_multiple_of(2) => {
                 let from = x as usize / 2;
-                self.label_groups::<2>(luma, &blues[from..], &reds[from..], labels);
+                self.label_groups::<2>(luma, &cbs[from..], &crs[from..], labels);
             }
             shifts => {
                 for ((label, luma), x) in labels.iter_mut().zip(luma).zip(x..) {
-                    let (blue, red) = (
-                        blues[(x >> shifts.0) as usize],
-                        reds[(x >> shifts.1) as usize],
-                    );
-                    *label = self.row(pair_of(blue, red))[level(*luma)];
+                    let (cb, cr) = (cbs[(x >> shifts.0) as usize], crs[(x >> shifts.1) as usize]);
+                    *label = self.row(pair_of(cb, cr))[level(*luma)];
                 }
             }
         }
     }
 
-    /// Labels pixels of which `N` share blueness and redness; the last ones may be fewer. Most pixels have no
+    /// Labels pixels of which `N` share Cb and Cr; the last ones may be fewer. Most pixels have no
     /// colour of interest, so eight pairs at a time are asked whether any of them may have one.
     fn label_groups<const N: usize>(
         &mut self,
         luma: &[u8],
-        blues: &[u8],
-        reds: &[u8],
+        cbs: &[u8],
+        crs: &[u8],
         labels: &mut [u8],
     ) {
         let mut pairs = std::mem::take(&mut self.pairs);
         pairs.clear();
-        let chroma = blues.iter().zip(reds).take(labels.len().div_ceil(N));
-        pairs.extend(chroma.map(|(blue, red)| pair_of(*blue, *red)));
+        let chroma = cbs.iter().zip(crs).take(labels.len().div_ceil(N));
+        pairs.extend(chroma.map(|(cb, cr)| pair_of(*cb, *cr)));
         let (whole, rest) = pairs.as_chunks::<8>();
         let (first, last) = labels.split_at_mut((whole.len() * 8 * N).min(labels.len()));
         for ((labels, luma), pairs) in first.chunks_mut(8 * N).zip(luma.chunks(8 * N)).zip(whole) {
@@ -169,14 +164,14 @@ impl Palette {
     #[cold]
     fn meet(&mut self, pair: usize) -> u16 {
         let chroma = |value: usize| (value * 2) as f64 + 0.5;
-        let (blue, red) = (
+        let (cb, cr) = (
             chroma(pair >> CHROMA_BITS),
             chroma(pair & ((1 << CHROMA_BITS) - 1)),
         );
         // Spread over the whole range, so that black and white are met exactly.
         let luma = |level: usize| level as f64 * 255.0 / (LEVELS - 1) as f64;
         let labels: Row =
-            std::array::from_fn(|level| self.label(rgb_of_ycc([luma(level), blue, red])));
+            std::array::from_fn(|level| self.label(rgb_of_ycc([luma(level), cb, cr])));
         let row = if labels == self.rows[usize::from(NOTHING)] {
             self.lively[pair] = 0;
             NOTHING
@@ -210,8 +205,8 @@ fn first(colours: &[Colour]) -> &[Colour] {
 }
 
 #[inline(always)]
-fn pair_of(blue: u8, red: u8) -> u16 {
-    u16::from(blue >> (8 - CHROMA_BITS)) << CHROMA_BITS | u16::from(red >> (8 - CHROMA_BITS))
+fn pair_of(cb: u8, cr: u8) -> u16 {
+    u16::from(cb >> (8 - CHROMA_BITS)) << CHROMA_BITS | u16::from(cr >> (8 - CHROMA_BITS))
 }
 
 #[inline(always)]
@@ -282,7 +277,7 @@ mod tests {
             prop_assert!(differ <= 4096 * 3 / 100, "{differ} of 4096 pixels differ");
         }
 
-        /// Whatever the sharing of blueness and redness and the first column, a row is labelled pixel by pixel.
+        /// Whatever the sharing of Cb and Cr and the first column, a row is labelled pixel by pixel.
         #[test]
         fn rows_are_labelled_alike_in_every_layout(
             across in 0u32..=2, down in 0u32..=2, x in 0u32..7, width in 7u32..30, grey in any::<bool>(),
@@ -303,8 +298,8 @@ mod tests {
                         let plane = &image.planes[plane];
                         plane.samples[(y >> plane.down) as usize * 32 + (x >> plane.across) as usize]
                     };
-                    let (blue, red) = if grey { (128, 128) } else { (at(1), at(2)) };
-                    prop_assert_eq!(label, palette.row(pair_of(blue, red))[level(at(0))]);
+                    let (cb, cr) = if grey { (128, 128) } else { (at(1), at(2)) };
+                    prop_assert_eq!(label, palette.row(pair_of(cb, cr))[level(at(0))]);
                 }
             }
         }

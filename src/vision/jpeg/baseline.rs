@@ -1,8 +1,8 @@
 //! Decodes what cameras send, baseline JPEG in one scan, straight into planes that are reused.
 //!
-//! Nothing is allocated once warm, luma and chroma stay apart as they are in the frame, and data that
-//! ends early, goes on too long or makes no sense is an error, where other decoders show half a
-//! picture. What cameras do not send (progressive, CMYK, several scans) is
+//! Nothing is allocated once warm, luma and chroma stay apart as they are in the frame, and data
+//! that ends early, goes on too long or makes no sense is an error, where other decoders show half
+//! a picture. What cameras do not send (progressive, CMYK, several scans) is
 //! [`DecodeError::Unsupported`]: the decoder of the `image` crate takes it.
 
 use super::bits::Scan;

@@ -20,8 +20,8 @@ impl Scan {
         self.ends.clear();
     }
 
-    /// Takes the bytes behind a scan's header, or the rest of them; returns the marker that ends the
-    /// scan.
+    /// Takes the bytes behind a scan's header, or the rest of them; returns the marker that ends
+    /// the scan.
     pub(crate) fn load(&mut self, mut rest: &[u8]) -> Result<u8, FrameError> {
         loop {
             rest = &rest[self.take(rest)..];
@@ -95,7 +95,8 @@ fn first_ff(bytes: &[u8]) -> usize {
     let (words, _) = bytes.as_chunks::<8>();
     for (index, word) in words.iter().enumerate() {
         let inverted = !u64::from_le_bytes(*word);
-        // The highest bit of a byte is set where the byte was 0xFF; above the lowest such byte it may lie.
+        // The highest bit of a byte is set where the byte was 0xFF; above the lowest such byte it
+        // may lie.
         let zeros =
             inverted.wrapping_sub(0x0101_0101_0101_0101) & !inverted & 0x8080_8080_8080_8080;
         if zeros != 0 {

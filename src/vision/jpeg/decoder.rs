@@ -4,7 +4,7 @@ use image::ImageDecoder;
 use image::codecs::jpeg::JpegDecoder;
 use std::io::Cursor;
 
-use super::frame::{FrameError, Survey};
+use super::frame::{FrameError, Markers};
 use super::headers::DecodeError;
 use super::incremental::Incremental;
 use super::scans;
@@ -15,15 +15,16 @@ use crate::vision::picture::size::Size;
 #[derive(Debug, Clone, Default)]
 pub struct Decoder {
     image: Image,
-    /// What has come of the next one.
+    /// The part of the next one that has arrived.
     coming: Image,
     baseline: Incremental,
-    /// Pixels of a frame that another decoder has decoded.
+    /// Pixels of a frame that the `image` crate has decoded.
     pixels: Vec<u8>,
 }
 
 impl Decoder {
-    /// Decodes a frame: baseline and progressive, colour, grey and CMYK, with Huffman tables or without.
+    /// Decodes a frame: baseline and progressive, colour, grey and CMYK, with Huffman tables or
+    /// without.
     ///
     /// # Errors
     /// Says what is wrong with the bytes.
@@ -41,11 +42,11 @@ impl Decoder {
     /// Decodes as much as there is of a frame that is still coming in, so that little is left to do
     /// when it is whole and [`Decoder::decode`] gets all of it. The newest picture stays as it is.
     pub fn look_ahead(&mut self, beginning: &[u8]) {
-        if let Ok((survey, _)) = Survey::of_headers(beginning)
-            && survey.baseline
+        if let Ok((markers, _)) = Markers::read_before_data(beginning)
+            && markers.baseline
         {
             self.baseline
-                .look_ahead(beginning, survey.has_tables, &mut self.coming);
+                .look_ahead(beginning, markers.has_tables, &mut self.coming);
         }
     }
 
@@ -55,8 +56,8 @@ impl Decoder {
     }
 
     fn try_decode(&mut self, jpeg: &[u8]) -> Result<(), FrameError> {
-        let survey = Survey::of(jpeg)?;
-        if survey.baseline {
+        let markers = Markers::read(jpeg)?;
+        if markers.baseline {
             let decoded = match self.baseline.finish(jpeg, &mut self.coming) {
                 Some(finished) => {
                     std::mem::swap(&mut self.image, &mut self.coming);
@@ -64,7 +65,7 @@ impl Decoder {
                 }
                 None => self
                     .baseline
-                    .decode(jpeg, survey.has_tables, &mut self.image),
+                    .decode(jpeg, markers.has_tables, &mut self.image),
             };
             match decoded {
                 Ok(()) => return Ok(()),
@@ -72,10 +73,10 @@ impl Decoder {
                 Err(DecodeError::Unsupported) => {}
             }
         }
-        self.decode_unusual(jpeg, survey.size)
+        self.decode_unusual(jpeg, markers.size)
     }
 
-    /// What cameras do not send: progressive pictures, CMYK, several scans.
+    /// Decodes what cameras do not send: progressive pictures, CMYK, several scans.
     fn decode_unusual(&mut self, jpeg: &[u8], size: Size) -> Result<(), FrameError> {
         scans::check(jpeg)?;
         let decoder = JpegDecoder::new(Cursor::new(jpeg)).map_err(short)?;
@@ -100,7 +101,7 @@ impl Decoder {
     }
 }
 
-/// What a decoder says, in one short line.
+/// A decoder's error as one short line.
 fn short(error: image::ImageError) -> FrameError {
     FrameError::Damaged(error.to_string().chars().take(120).collect())
 }
@@ -135,7 +136,7 @@ mod tests {
 
     fn both(jpeg: &[u8]) -> (f64, u8) {
         let mut decoder = Decoder::default();
-        let size = Survey::of(jpeg).unwrap().size;
+        let size = Markers::read(jpeg).unwrap().size;
         let mut image = Image::default();
         Baseline::default().decode(jpeg, true, &mut image).unwrap();
         decoder.decode_unusual(jpeg, size).unwrap();
@@ -160,7 +161,7 @@ mod tests {
     }
 
     proptest! {
-        /// Cut anywhere, however often, damaged, or followed by another frame: nobody can tell afterwards.
+        /// However a frame is cut, damaged or followed by another one, looking ahead changes no result.
         #[test]
         fn a_frame_looked_at_ahead_is_the_same_frame(
             file in 0..FILES.len(),
@@ -214,7 +215,8 @@ mod tests {
         assert!(mean < 0.5 && most <= 2, "{mean} {most}");
     }
 
-    /// Shared blueness and redness are smoothed there and not here, which shows at sharp borders only.
+    /// Shared Cb and Cr are smoothed there and not here, which shows at sharp borders
+    /// only.
     #[test]
     fn pixels_are_nearly_those_of_the_image_crate_where_colour_is_coarse() {
         for jpeg in [

@@ -1,7 +1,7 @@
 //! Encodes the simulator's frames as baseline JPEGs. The `jpeg_encoder` crate makes the head of a
-//! file, tables included; the pixels are coded here, in half of that crate's time: with pictures, an
-//! hour of virtual time is little else (`scripts/bench-fast`). Shares nothing with the decoder but
-//! the standard, so that a mistake of one does not hide in the other.
+//! file, tables included; the pixels are coded here, in half of that crate's time: with pictures,
+//! an hour of virtual time is little else (`scripts/bench-fast`). Shares nothing with the decoder
+//! but the standard, so that a mistake of one does not hide in the other.
 
 mod bit_writer;
 mod dct;
@@ -18,7 +18,7 @@ pub use self::subsampling::Subsampling;
 use self::tables::{Codes, ZIGZAG, codes, factors, head, nonzero_ac};
 
 /// Red, green, blue and a byte that does not count.
-pub type Pixel = [u8; 4];
+pub(crate) type Pixel = [u8; 4];
 
 /// Encodes frames of one size.
 pub struct Encoder {

@@ -54,14 +54,15 @@ impl FrameError {
 /// Looks at start, markers, size and end of a JPEG without decoding it.
 ///
 /// # Errors
-/// Says what is wrong with the bytes; an `Ok` does not yet mean that the data between the markers is sound.
+/// Says what is wrong with the bytes; an `Ok` does not yet mean that the data between the markers
+/// is sound.
 pub fn validate_markers(jpeg: &[u8]) -> Result<Size, FrameError> {
-    Survey::of(jpeg).map(|survey| survey.size)
+    Markers::read(jpeg).map(|markers| markers.size)
 }
 
 /// What the markers of a frame say.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Survey {
+pub(crate) struct Markers {
     pub(crate) size: Size,
     /// One scan, Huffman coded, eight bits: what cameras send.
     pub(crate) baseline: bool,
@@ -69,16 +70,16 @@ pub(crate) struct Survey {
     pub(crate) has_tables: bool,
 }
 
-impl Survey {
+impl Markers {
     /// Reads the markers up to the first scan, then looks for the end.
-    pub(crate) fn of(jpeg: &[u8]) -> Result<Survey, FrameError> {
-        let (survey, data) = Survey::of_headers(jpeg)?;
-        check_rest(&jpeg[data..], survey.baseline)?;
-        Ok(survey)
+    pub(crate) fn read(jpeg: &[u8]) -> Result<Markers, FrameError> {
+        let (markers, data) = Markers::read_before_data(jpeg)?;
+        check_rest(&jpeg[data..], markers.baseline)?;
+        Ok(markers)
     }
 
     /// Reads the markers up to the first scan; where its data begins.
-    pub(crate) fn of_headers(jpeg: &[u8]) -> Result<(Survey, usize), FrameError> {
+    pub(crate) fn read_before_data(jpeg: &[u8]) -> Result<(Markers, usize), FrameError> {
         if jpeg.len() > MAX_JPEG_LEN {
             return Err(FrameError::TooLong(jpeg.len()));
         }
@@ -104,12 +105,12 @@ impl Survey {
         }
         let (size, baseline) =
             picture.ok_or_else(|| FrameError::damaged("its size is missing before its data"))?;
-        let survey = Survey {
+        let markers = Markers {
             size,
             baseline,
             has_tables,
         };
-        Ok((survey, segments.at))
+        Ok((markers, segments.at))
     }
 }
 

@@ -5,11 +5,12 @@ use super::bits::Bits;
 /// Codes up to this length are found in one look-up.
 const QUICK: u32 = 10;
 
-/// A table, ready for use. A symbol's high half is a run of zeros, its low half the size of the value
-/// that follows in plain bits.
+/// A table, ready for use. A symbol's high half is a run of zeros, its low half the size of the
+/// value that follows in plain bits.
 #[derive(Debug, Clone)]
 pub(crate) struct Table {
-    /// As it stood in the frame: 16 counts and the symbols; to see whether the next frame has the same.
+    /// As it stood in the frame: 16 counts and the symbols; to see whether the next frame has the
+    /// same.
     source: Vec<u8>,
     /// For the next [`QUICK`] bits an [`Entry`].
     quick: [Entry; 1 << QUICK],
@@ -59,8 +60,9 @@ impl Default for Table {
 }
 
 impl Table {
-    /// Takes a table as it stands in a frame: 16 counts, one for each length, and the symbols in the order of their
-    /// codes. Says whether it makes sense. Does nothing when it is the table of the frame before.
+    /// Takes a table as it stands in a frame: 16 counts, one for each length, and the symbols in
+    /// the order of their codes. Says whether it makes sense. Does nothing when it is the table of
+    /// the frame before.
     pub(crate) fn load(&mut self, counts: &[u8; 16], symbols: &[u8]) -> bool {
         if self.source.get(..16) == Some(counts) && &self.source[16..] == symbols {
             return true;
@@ -117,7 +119,8 @@ impl Table {
         Some((self.symbols[place as usize & 0xFF], length as u32))
     }
 
-    /// The next run of zeros and the value behind it; a value of 0 has none. Nothing for a code that does not exist.
+    /// The next run of zeros and the value behind it; a value of 0 has none. Nothing for a code
+    /// that does not exist.
     #[inline(always)]
     pub(crate) fn next(&self, bits: &mut Bits<'_>) -> Option<(u32, i32)> {
         bits.refill();
@@ -158,8 +161,8 @@ fn signed(plain: u32, size: u32) -> i32 {
     }
 }
 
-/// The tables that the standard suggests (T.81, annex K.3) as one segment, marker included. Motion-JPEG cameras use
-/// them and leave them out of every frame.
+/// The tables that the standard suggests (T.81, annex K.3) as one segment, marker included.
+/// Motion-JPEG cameras use them and leave them out of every frame.
 #[rustfmt::skip]
 pub(crate) const STANDARD_TABLES: [u8; 420] = [
     0xFF, 0xC4, 0x01, 0xA2, 0x00, 0x00, 0x01, 0x05, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x01, 0x02,

@@ -1,17 +1,17 @@
-//! From a block's coefficients to its 64 samples.
+//! The inverse discrete cosine transform: from a block's coefficients to its 64 samples.
 //!
 //! The transform of Arai, Agui and Nakajima: part of its factors go into the quantisation table,
 //! five multiplications a row are left. Eight columns are worked on at once in 16 bits, in a form
-//! that compilers turn into vector instructions; results are within two levels of exact ones, mostly within one.
-//! Sums wrap, so damaged data gives wrong samples and no panic.
+//! that compilers turn into vector instructions; results are within two levels of exact ones,
+//! mostly within one. Sums wrap, so damaged data gives wrong samples and no panic.
 
 /// Bits behind the point while transforming.
 const FRACTION: u32 = 3;
 /// More of them in the quantisation tables, whose smallest values would suffer otherwise.
 const FINER: u32 = 8;
 
-/// Where the coefficients of a frame's zigzag order stand: columns of the block as rows here, because
-/// the first pass goes along them.
+/// Where the coefficients of a frame's zigzag order stand: columns of the block as rows here,
+/// because the first pass goes along them.
 pub(crate) const ZIGZAG: [u8; 64] = {
     let mut places = [0; 64];
     let (mut row, mut column, mut index) = (0i32, 0i32, 0);
@@ -45,7 +45,8 @@ pub(crate) const ZIGZAG: [u8; 64] = {
     places
 };
 
-/// The transform's factor of the n-th coefficient: cos(n pi / 16) times the square root of two, but 1 for the first.
+/// The transform's factor of the n-th coefficient: cos(n pi / 16) times the square root of two, but
+/// 1 for the first.
 const FACTORS: [f64; 8] = [
     1.0,
     1.387_039_845,
@@ -94,8 +95,8 @@ fn root(value: i16) -> i16 {
     value.wrapping_add(times(value, 27_146))
 }
 
-/// Transforms every column. Kept out of line: within a larger function the compiler takes it apart before it sees that
-/// the eight columns can go together.
+/// Transforms every column. Kept out of line: within a larger function the compiler takes it apart
+/// before it sees that the eight columns can go together.
 #[inline(never)]
 fn pass(block: &mut Block) {
     let plus = i16::wrapping_add;

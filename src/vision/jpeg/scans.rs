@@ -1,6 +1,6 @@
-//! Walks through all scans of a rarer JPEG, from the first to the end marker. The decoder for those
-//! takes a marker inside the data for the data's end and shows half a picture without a word; here it
-//! is damage.
+//! Checks all scans of a JPEG that is not baseline in one scan, from the first to the end marker.
+//! The `image` crate's decoder takes a marker inside the data for the data's end and returns half a
+//! picture without an error; here it is damage.
 
 use super::frame::{FrameError, Segments};
 

@@ -48,7 +48,7 @@ impl From<Size> for Roi {
     }
 }
 
-/// Samples of brightness, blueness or redness.
+/// Samples of luma, Cb or Cr.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Plane {
     pub(crate) samples: Vec<u8>,
@@ -77,7 +77,7 @@ impl Plane {
     }
 }
 
-/// A decoded picture, kept as JPEG keeps it: brightness, blueness and redness in planes of their own.
+/// A decoded picture, kept as JPEG keeps it: luma, Cb and Cr in planes of their own.
 #[derive(Debug, Clone)]
 pub struct Image {
     pub(crate) size: Size,
@@ -120,11 +120,9 @@ impl Image {
         for plane in &mut self.planes {
             plane.shape((size.width as usize, size.height as usize), (0, 0));
         }
-        let [luma, blue, red] = self.planes.each_mut().map(|plane| plane.samples.iter_mut());
-        for (pixel, ((luma, blue), red)) in
-            rgb.as_chunks::<3>().0.iter().zip(luma.zip(blue).zip(red))
-        {
-            [*luma, *blue, *red] = ycc_of(*pixel);
+        let [luma, cb, cr] = self.planes.each_mut().map(|plane| plane.samples.iter_mut());
+        for (pixel, ((luma, cb), cr)) in rgb.as_chunks::<3>().0.iter().zip(luma.zip(cb).zip(cr)) {
+            [*luma, *cb, *cr] = ycc_of(*pixel);
         }
     }
 
@@ -153,11 +151,11 @@ impl Image {
     }
 
     fn rgb_at(&self, x: u32, y: u32) -> [u8; 3] {
-        let [luma, blue, red] = &self.planes;
+        let [luma, cb, cr] = &self.planes;
         if self.grey {
             [luma.at(x, y); 3]
         } else {
-            rgb_of([luma.at(x, y), blue.at(x, y), red.at(x, y)]).map(|value| value as u8)
+            rgb_of([luma.at(x, y), cb.at(x, y), cr.at(x, y)]).map(|value| value as u8)
         }
     }
 
@@ -166,7 +164,8 @@ impl Image {
         &self.planes[0].row(y)[..self.size.width as usize]
     }
 
-    /// The brightness of half as many columns and rows: means of two by two pixels; an odd last one is left out.
+    /// The brightness of half as many columns and rows: means of two by two pixels; an odd last one
+    /// is left out.
     pub(crate) fn halve_luma(&self, halved: &mut Vec<u8>) {
         halved.clear();
         for y in 0..self.size.height / 2 {

@@ -12,8 +12,9 @@ pub fn brightness(image: &Image, roi: Option<Roi>) -> f64 {
     sum as f64 / (255.0 * f64::from(part.w) * f64::from(part.h))
 }
 
-/// How sharp a part of a picture is: the variance of its Laplacian, 0 for an even surface, tens for a blurred picture,
-/// hundreds and thousands for a sharp one. Compares pictures of the same scene. 0 for a part smaller than 3x3.
+/// How sharp a part of a picture is: the variance of its Laplacian, 0 for an even surface, tens for
+/// a blurred picture, hundreds and thousands for a sharp one. Compares pictures of the same scene.
+/// 0 for a part smaller than 3x3.
 pub fn sharpness(image: &Image, roi: Option<Roi>) -> f64 {
     let Some(part) = roi.unwrap_or(image.size().into()).within(image.size()) else {
         return 0.0;
@@ -33,7 +34,8 @@ pub fn sharpness(image: &Image, roi: Option<Roi>) -> f64 {
     (squares as f64 / count - mean * mean).max(0.0)
 }
 
-/// Sum and sum of squares of a row's Laplacian. At most 1,280 values below 1,021 each, so neither overflows.
+/// Sum and sum of squares of a row's Laplacian. At most 1,280 values below 1,021 each, so neither
+/// overflows.
 fn edges(above: &[u8], here: &[u8], below: &[u8]) -> (i32, i32) {
     let end = here.len() - 1;
     // Slices of one length, known to be so, make the loop one of vector instructions.

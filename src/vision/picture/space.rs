@@ -50,37 +50,37 @@ fn lightness_curve(t: f64) -> f64 {
     }
 }
 
-/// Brightness, blueness and redness (0..255) of a pixel, as JPEG has them (JFIF, full range).
+/// Luma, Cb and Cr (0..255) of a pixel, as JPEG has them (JFIF, full range).
 pub(crate) fn ycc_of(rgb: [u8; 3]) -> [u8; 3] {
     let [r, g, b] = rgb.map(i32::from);
     let luma = 19_595 * r + 38_470 * g + 7_471 * b;
-    let blue = -11_058 * r - 21_710 * g + 32_768 * b + (128 << 16);
-    let red = 32_768 * r - 27_439 * g - 5_329 * b + (128 << 16);
-    [luma, blue, red].map(|value| ((value + 32_768) >> 16).clamp(0, 255) as u8)
+    let cb = -11_058 * r - 21_710 * g + 32_768 * b + (128 << 16);
+    let cr = 32_768 * r - 27_439 * g - 5_329 * b + (128 << 16);
+    [luma, cb, cr].map(|value| ((value + 32_768) >> 16).clamp(0, 255) as u8)
 }
 
-/// Red, green and blue, 0..=255, of brightness, blueness and redness.
-pub(crate) fn rgb_of([luma, blue, red]: [u8; 3]) -> [i32; 3] {
-    let (luma, blue, red) = (
+/// Red, green and blue, 0..=255, of luma, Cb and Cr.
+pub(crate) fn rgb_of([luma, cb, cr]: [u8; 3]) -> [i32; 3] {
+    let (luma, cb, cr) = (
         i32::from(luma) << 16,
-        i32::from(blue) - 128,
-        i32::from(red) - 128,
+        i32::from(cb) - 128,
+        i32::from(cr) - 128,
     );
     [
-        luma + 91_881 * red,
-        luma - 22_554 * blue - 46_802 * red,
-        luma + 116_130 * blue,
+        luma + 91_881 * cr,
+        luma - 22_554 * cb - 46_802 * cr,
+        luma + 116_130 * cb,
     ]
     .map(|value| ((value + 32_768) >> 16).clamp(0, 255))
 }
 
 /// As [`rgb_of`], for values between the whole numbers.
-pub(crate) fn rgb_of_ycc([luma, blue, red]: [f64; 3]) -> [f64; 3] {
-    let (blue, red) = (blue - 128.0, red - 128.0);
+pub(crate) fn rgb_of_ycc([luma, cb, cr]: [f64; 3]) -> [f64; 3] {
+    let (cb, cr) = (cb - 128.0, cr - 128.0);
     [
-        luma + 1.402 * red,
-        luma - 0.344_136 * blue - 0.714_136 * red,
-        luma + 1.772 * blue,
+        luma + 1.402 * cr,
+        luma - 0.344_136 * cb - 0.714_136 * cr,
+        luma + 1.772 * cb,
     ]
     .map(|value| value.clamp(0.0, 255.0))
 }
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_come_back_from_brightness_blueness_and_redness() {
+    fn colours_come_back_from_luma_cb_and_cr() {
         for step in 0..4096u32 {
             let rgb = [step >> 8, step >> 4 & 15, step & 15].map(|value| (value * 17) as u8);
             let back = rgb_of(ycc_of(rgb));

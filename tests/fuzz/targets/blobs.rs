@@ -7,7 +7,7 @@ use std::cell::RefCell;
 use libfuzzer_sys::fuzz_target;
 use spykee::vision::{
     Blob, BlobOptions, Camera, Colour, Decoder, Eyes, FrameError, MAX_HEIGHT, MAX_JPEG_LEN,
-    MAX_WIDTH, Roi, Size, brightness, judge, sharpness,
+    MAX_WIDTH, Roi, Size, brightness, sharpness, validate_markers,
 };
 
 /// Bytes at the end that say how to look; behind a JPEG's end they are padding to it.
@@ -40,7 +40,7 @@ fn sets() -> Vec<Vec<Colour>> {
 }
 
 fuzz_target!(|jpeg: &[u8]| {
-    let judged = judge(jpeg);
+    let judged = validate_markers(jpeg);
     check_judged(jpeg, &judged);
     SEEN.with_borrow_mut(|seen| look(seen, jpeg, judged));
 });
@@ -87,7 +87,9 @@ fn look(seen: &mut Seen, jpeg: &[u8], judged: Result<Size, FrameError>) {
 
 /// What has come of the frame at two moments before it was whole.
 fn pieces(jpeg: &[u8]) -> [&[u8]; 2] {
-    let knobs = jpeg.split_last_chunk::<2>().map_or([0; 2], |(_, knobs)| *knobs);
+    let knobs = jpeg
+        .split_last_chunk::<2>()
+        .map_or([0; 2], |(_, knobs)| *knobs);
     knobs.map(|knob| &jpeg[..jpeg.len() * usize::from(knob) / 256])
 }
 

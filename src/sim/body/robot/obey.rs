@@ -10,11 +10,11 @@ use super::super::trace::What;
 use super::Robot;
 use crate::wire::{Command, Engage, EngineNews, Report, Sound};
 
-/// What it answers to WIRELESS_NETWORKS.
+/// The answer to WIRELESS_NETWORKS.
 const NETWORKS: &[u8] = b"home:wpa:82;neighbour:wpa:41;SPYKEE0001:none:100";
 
 impl Robot {
-    /// Does what a command asks. Logins are not for the robot and change nothing.
+    /// Obeys a command. Logins are the server's and change nothing here.
     pub fn obey(&mut self, command: &Command) {
         match command {
             Command::Move { left, right } => self.obey_move(*left, *right),
