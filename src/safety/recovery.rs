@@ -300,6 +300,14 @@ mod tests {
     }
 
     #[test]
+    fn a_search_that_ended_without_a_word_is_followed_by_another() {
+        let (mut recovery, now) = searching();
+        assert_eq!(recovery.poll(true, now), Some(Try::Search));
+        assert_eq!(recovery.poll(true, now), None, "not twice in a second");
+        assert_eq!(recovery.next_deadline(now), Some(now + SECOND));
+    }
+
+    #[test]
     fn who_sees_drives_before_who_does_not() {
         let (mut recovery, now) = searching();
         let next = recovery.failed(DockEnd::BaseNotFound, SEEING, now);
