@@ -296,6 +296,11 @@ mod tests {
         assert_eq!(recovery.poll(true, now + SECOND), None);
         assert_eq!(recovery.poll(true, due), Some(Try::Search));
         assert_eq!(recovery.setpoint(due), None);
+        recovery.failed(DockEnd::BaseNotFound, BLIND, due);
+        assert_eq!(recovery.legs(), 2);
+        recovery.end(due);
+        assert_eq!(recovery.poll(true, due + SECOND), Some(Try::Search));
+        let due = due + SECOND;
         assert_eq!(recovery.poll(true, due), None, "not twice in a second");
     }
 
