@@ -41,7 +41,7 @@ use self::distress::Distress;
 use self::lights::Lights;
 pub use self::line::Dial;
 use self::line::Line;
-use self::lost::LinkLost;
+use self::lost::{HearError, LinkLost};
 pub use self::pulse::Pulse;
 use self::seats::Seats;
 use self::silence::{Silence, Verdict};
@@ -149,7 +149,7 @@ impl Pilot {
         mut requests: mpsc::Receiver<Request>,
         ending: Ending,
     ) -> Result<Delivery, LinkError> {
-        let mut line = Line::new(dial, &settings.link, settings.seed, self.last_words());
+        let mut line = Line::new(dial, &settings.link, settings.seed, self.renew_last_words());
         let mut parted = false;
         loop {
             self.deposit(&mut line);
@@ -163,7 +163,11 @@ impl Pilot {
                 }
                 () = until(deadline) => self.tick(&mut requests).await,
                 error = progress(self.writer.as_mut()) => Err(error.into()),
-                news = line.next() => self.hear(news)?,
+                news = line.next() => match self.hear(news) {
+                    Ok(()) => Ok(()),
+                    Err(HearError::Lost(lost)) => Err(lost),
+                    Err(HearError::First(error)) => return Err(error),
+                },
                 Some(request) = requests.recv() => self.serve(request),
             };
             let served = turn.and(self.serve_waiting(&mut requests));
@@ -190,18 +194,19 @@ impl Pilot {
 
     /// Leaves with the writer and the line what is to be said if everything else dies.
     fn deposit(&mut self, line: &mut Line) {
-        let last_words = self.last_words();
-        line.set_last_words(last_words.clone());
-        let Some(writer) = &mut self.writer else {
-            return;
-        };
-        writer.set_last_words(last_words);
-        tell_guardian(&mut self.pulse, writer);
+        line.set_last_words(self.renew_last_words());
+        if let Some(writer) = &self.writer {
+            tell_guardian(&mut self.pulse, writer);
+        }
     }
 
-    /// What is to be said if everything else dies.
-    fn last_words(&self) -> Vec<Command> {
-        self.watchdog.last_words().commands()
+    /// What is to be said if everything else dies; the writer, if there is one, knows it from now on.
+    fn renew_last_words(&mut self) -> Vec<Command> {
+        let last_words = self.watchdog.last_words().commands();
+        if let Some(writer) = &mut self.writer {
+            writer.set_last_words(last_words.clone());
+        }
+        last_words
     }
 
     /// From now on the guardian holds the new link's last words.
@@ -328,11 +333,13 @@ impl Pilot {
         commands
             .iter()
             .for_each(|command| self.lights.note(command));
-        let last_words = self.last_words();
-        let Some(writer) = self.writer.as_mut().filter(|_| !commands.is_empty()) else {
+        if commands.is_empty() {
+            return Ok(());
+        }
+        self.renew_last_words();
+        let Some(writer) = &mut self.writer else {
             return Ok(());
         };
-        writer.set_last_words(last_words);
         writer.queue(commands, Instant::now())?;
         // Before the robot hears them: the guardian may have to say them in our place.
         tell_guardian(&mut self.pulse, writer);

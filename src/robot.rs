@@ -5,9 +5,11 @@
 pub mod channel;
 mod quantity;
 mod streams;
+mod stroke;
 
 pub use quantity::{Percent, Seconds, TrackPower, float_within, whole_within};
 pub use streams::{Streams, Use};
+pub use stroke::Stroke;
 
 use std::time::Duration;
 
@@ -248,6 +250,11 @@ pub enum Event {
         seconds: Duration,
         /// The most power of each track; more is scaled down.
         power: Percent,
+        /// Since the battery has become low.
+        low_for: Duration,
+        /// How the robot came from its station to where it stood then, if that is known and nothing has
+        /// moved it since but one search.
+        way: Option<Vec<Stroke>>,
     },
     /// An ENGINE byte that nobody knows.
     Engine {

@@ -7,32 +7,24 @@ use tracing::{debug, info, warn};
 
 use super::Pilot;
 use super::line::{Greeting, News};
-use super::lost::LinkLost;
-use crate::link::LinkError;
+use super::lost::{HearError, LinkLost};
 use crate::robot::{Coming, Event, Frame, Pictures, RobotInfo};
 use crate::safety::Fact;
 use crate::vision::validate_markers;
 use crate::wire::{Accepted, EngineNews, Report};
 
 impl Pilot {
-    pub(super) fn hear(&mut self, news: News) -> Result<Result<(), LinkLost>, LinkError> {
-        if let Err(lost) = self.wake() {
-            return Ok(Err(lost));
-        }
+    pub(super) fn hear(&mut self, news: News) -> Result<(), HearError> {
+        self.wake()?;
         match news {
-            News::Up(greeting) => Ok(self.connected(*greeting)),
-            News::Report(report) => Ok(self.report(report)),
-            News::Coming(beginning) => {
-                self.coming(beginning);
-                Ok(Ok(()))
-            }
-            News::Lost(error) => Ok(Err(error.into())),
-            News::Failed(error) if self.info.is_none() => Err(error),
-            News::Failed(error) => {
-                warn!("still not connected: {error}");
-                Ok(Ok(()))
-            }
+            News::Up(greeting) => self.connected(*greeting)?,
+            News::Report(report) => self.report(report)?,
+            News::Coming(beginning) => self.coming(beginning),
+            News::Lost(error) => return Err(LinkLost::from(error).into()),
+            News::Failed(error) if self.info.is_none() => return Err(HearError::First(error)),
+            News::Failed(error) => warn!("still not connected: {error}"),
         }
+        Ok(())
     }
 
     fn connected(&mut self, greeting: Greeting) -> Result<(), LinkLost> {

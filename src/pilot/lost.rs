@@ -1,4 +1,4 @@
-//! Why a link is lost.
+//! Why a link is lost, or was never there.
 
 use crate::link::LinkError;
 
@@ -21,4 +21,15 @@ impl From<LinkError> for LinkLost {
     fn from(error: LinkError) -> LinkLost {
         LinkLost::because(error.to_string())
     }
+}
+
+/// What news can end.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum HearError {
+    /// The link.
+    #[error(transparent)]
+    Lost(#[from] LinkLost),
+    /// The run: the very first connection has failed, and a person is there to read it.
+    #[error(transparent)]
+    First(LinkError),
 }

@@ -16,8 +16,9 @@ const SLEPT: Duration = Duration::from_secs(1);
 pub struct Pulse {
     guardian: Option<Guardian>,
     due: Instant,
-    /// When the pilot was last seen awake, by a clock that goes on while the machine sleeps.
-    awake: Duration,
+    /// When the pilot was last seen awake, by a clock that goes on while the machine sleeps; `None`
+    /// before the first beat, since a run may take its time to begin.
+    awake: Option<Duration>,
 }
 
 impl Pulse {
@@ -26,7 +27,7 @@ impl Pulse {
         Pulse {
             guardian,
             due: Instant::now(),
-            awake: boot_time(),
+            awake: None,
         }
     }
 
@@ -48,9 +49,12 @@ impl Pulse {
                 guardian.beat();
             }
         }
-        let awake = boot_time();
-        let gap = awake.saturating_sub(std::mem::replace(&mut self.awake, awake));
-        Some(gap).filter(|gap| *gap > SLEPT)
+        self.see_awake(boot_time())
+    }
+
+    fn see_awake(&mut self, now: Duration) -> Option<Duration> {
+        let before = self.awake.replace(now)?;
+        Some(now.saturating_sub(before)).filter(|gap| *gap > SLEPT)
     }
 }
 
@@ -58,4 +62,26 @@ impl Pulse {
 fn boot_time() -> Duration {
     let time = clock_gettime(ClockId::Boottime);
     Duration::try_from(time).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_that_takes_long_to_begin_has_not_slept() {
+        let mut pulse = Pulse::new(None);
+        let loaded = boot_time() + Duration::from_secs(5);
+        assert_eq!(pulse.see_awake(loaded), None);
+    }
+
+    #[test]
+    fn a_gap_of_more_than_a_second_between_two_beats_is_a_sleep() {
+        let mut pulse = Pulse::new(None);
+        let at = |ms: u64| Duration::from_millis(10_000 + ms);
+        assert_eq!(pulse.see_awake(at(0)), None);
+        assert_eq!(pulse.see_awake(at(1000)), None);
+        assert_eq!(pulse.see_awake(at(2001)), Some(Duration::from_millis(1001)));
+        assert_eq!(pulse.see_awake(at(2000)), None, "a clock that goes back");
+    }
 }

@@ -235,9 +235,9 @@ impl BatteryGuard {
         let seconds = now.saturating_duration_since(at).as_secs_f64();
         let change = f64::from(level.get()) - f64::from(before.get());
         let explained = match self.charging {
-            Charging::Believed if change > 0.0 => FASTEST_CHARGE * seconds,
             _ if change < 0.0 => BatteryGuard::FASTEST_DRAIN * seconds,
-            _ => 0.0,
+            Charging::Believed => FASTEST_CHARGE * seconds,
+            Charging::Said | Charging::No => 0.0,
         };
         change.abs() > BatteryGuard::STEP + explained
     }

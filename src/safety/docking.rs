@@ -363,6 +363,19 @@ mod tests {
     }
 
     #[test]
+    fn contact_that_is_not_believed_any_more_is_searched_or_given_up() {
+        let (mut docking, now) = started(once());
+        assert!(docking.is_searching());
+        assert_eq!(docking.lost_contact(Doubt::Contact, now), []);
+        docking.engine(EngineNews::Docked, now);
+        assert!(!docking.is_searching());
+        assert_eq!(docking.lost_contact(Doubt::Leaving, now), [Order::Find]);
+        docking.engine(EngineNews::Docked, now);
+        assert_eq!(docking.lost_contact(Doubt::Contact, now), []);
+        assert_eq!(docking.outcome().unwrap().end, DockEnd::NotCharging);
+    }
+
+    #[test]
     fn cancelling_ends_the_search_or_the_reversing() {
         let (mut docking, now) = started(reversing(1));
         assert_eq!(docking.cancel(DockEnd::Cancelled, now), [Order::Cancel]);

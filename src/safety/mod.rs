@@ -5,7 +5,8 @@
 //! [`Tracks`] (what the robot was told, how often), [`BatteryGuard`] (what is believed of the
 //! battery, and when it is low), [`Drain`] (how fast it empties), [`Whereabouts`] (where the robot is,
 //! by whose word), [`Docking`] (the way home), [`Recovery`] (what follows when it failed), [`Loan`]
-//! and [`Leg`] (how a low robot gets elsewhere to search again), [`Rescue`] (who sees the way), [`Leases`] (which hosts are alive), [`LastWords`] (what the
+//! and [`Leg`] (how a low robot gets elsewhere to search again), [`Rescue`] (who sees the way), [`Trail`]
+//! (how the robot came from its station), [`Leases`] (which hosts are alive), [`LastWords`] (what the
 //! robot hears if nobody is left), [`Limits`] (every number).
 
 mod act;
@@ -23,6 +24,7 @@ mod recovery;
 mod rescue;
 mod streak;
 mod tracks;
+mod trail;
 mod watchdog;
 
 pub use act::{Act, Ask, Fact};
@@ -39,4 +41,5 @@ pub use place::{Doubt, Place, Whereabouts, Word};
 pub use recovery::{Means, Next, Recovery, Try};
 pub use rescue::{Rescue, UnknownRescue};
 pub use tracks::Tracks;
+pub use trail::Trail;
 pub use watchdog::{ALARM, Watchdog, WatchdogState};

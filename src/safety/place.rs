@@ -333,6 +333,42 @@ mod tests {
     }
 
     #[test]
+    fn contact_that_was_tried_in_vain_is_not_believed_at_the_next_login_while_low() {
+        let (mut place, now) = on_contact();
+        assert_eq!(place.poll(true, now + 30 * SECOND), Some(Doubt::Contact));
+        assert!(place.has_contact());
+        place.login(true, true, now + 31 * SECOND);
+        assert_eq!(place.place(), Place::Unknown);
+    }
+
+    #[test]
+    fn contact_said_again_after_its_time_has_new_time() {
+        let (mut place, now) = on_contact();
+        place.docked(now + 10 * SECOND);
+        assert_eq!(place.next_deadline(true), Some(now + 30 * SECOND));
+        place.docked(now + 30 * SECOND);
+        assert_eq!(place.next_deadline(true), Some(now + 60 * SECOND));
+    }
+
+    #[test]
+    fn charging_that_ends_on_the_contacts_may_begin_again_in_its_time() {
+        let (mut place, now) = on_contact();
+        place.power(true, now);
+        assert_eq!(place.next_deadline(true), None);
+        place.power(false, now + 100 * SECOND);
+        assert_eq!(place.next_deadline(true), Some(now + 130 * SECOND));
+    }
+
+    #[test]
+    fn who_may_have_left_is_not_on_contact_any_more() {
+        let (mut place, now) = on_contact();
+        place.leave_station(20 * SECOND, now);
+        assert!(place.has_contact());
+        place.poll(false, now + 20 * SECOND);
+        assert!(!place.has_contact());
+    }
+
+    #[test]
     fn after_a_pause_of_the_machine_an_undocking_is_in_doubt() {
         let (mut place, now) = on_contact();
         place.doubt_leaving();

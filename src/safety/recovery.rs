@@ -296,7 +296,20 @@ mod tests {
         assert_eq!(recovery.poll(true, now + SECOND), None);
         assert_eq!(recovery.poll(true, due), Some(Try::Search));
         assert_eq!(recovery.setpoint(due), None);
+        recovery.failed(DockEnd::BaseNotFound, BLIND, due);
+        assert_eq!(recovery.legs(), 2);
+        recovery.end(due);
+        assert_eq!(recovery.poll(true, due + SECOND), Some(Try::Search));
+        let due = due + SECOND;
         assert_eq!(recovery.poll(true, due), None, "not twice in a second");
+    }
+
+    #[test]
+    fn a_search_that_ended_without_a_word_is_followed_by_another() {
+        let (mut recovery, now) = searching();
+        assert_eq!(recovery.poll(true, now), Some(Try::Search));
+        assert_eq!(recovery.poll(true, now), None, "not twice in a second");
+        assert_eq!(recovery.next_deadline(now), Some(now + SECOND));
     }
 
     #[test]

@@ -86,6 +86,14 @@ mod tests {
     }
 
     #[test]
+    fn editors_are_told_what_a_config_may_say() {
+        let schema = schemars::schema_for!(crate::safety::Limits).to_value();
+        let rescue = &schema["properties"]["rescue"];
+        assert_eq!(rescue["pattern"], r"^(builtin|off|.+\.lua)$");
+        assert_eq!(rescue["type"], "string");
+    }
+
+    #[test]
     fn what_is_written_is_what_was_read() {
         for text in ["builtin", "off", "out.lua"] {
             assert_eq!(String::from(read(text).unwrap()), text);

@@ -154,6 +154,8 @@ mod tests {
         let yes = [(0.0, 60, false), (1.0, 57, false), (2.0, 62, false)];
         assert!(level(&yes));
         assert!(!level(&yes[..2]), "two");
+        let apart = [(0.0, 60, false), (1.0, 65, false), (2.0, 59, false)];
+        assert!(!level(&apart), "the last two");
         for (why, at, percent, charging) in [
             ("too soon", 1.9, 60, false),
             ("another level", 2.0, 63, false),
@@ -171,6 +173,10 @@ mod tests {
     fn charging_explains_levels_that_rise() {
         let slow = [(0.0, 50, true), (60.0, 80, true), (120.0, 100, true)];
         assert!(proves(Proof::LEVEL, &slow));
+        assert!(proves(
+            Proof::CHARGING,
+            &[(0.0, 10, true), (60.0, 90, true)]
+        ));
         let fast = [(0.0, 10, true), (1.0, 60, true)];
         assert!(!proves(Proof::CHARGING, &fast));
         assert!(proves(Proof::CHARGING, &[fast[0], (1.0, 11, true)]));

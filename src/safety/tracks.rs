@@ -68,6 +68,11 @@ impl Tracks {
         }
     }
 
+    /// What the robot was told last.
+    pub fn told(&self) -> Setpoint {
+        self.told
+    }
+
     /// Since when the robot has been told to move; `None` at rest.
     pub fn moving_since(&self) -> Option<Instant> {
         self.moving_since

@@ -11,7 +11,8 @@ use super::api::{HeldFrame, frame_to_lua};
 use super::queue::Timer;
 use super::sound;
 use super::task::{SubscriptionId, TaskId};
-use crate::robot::{Battery, Event};
+use super::way_back::Place;
+use crate::robot::{Battery, Event, Percent};
 use crate::wire::Stream;
 
 /// Subscriptions that may exist at once.
@@ -108,6 +109,35 @@ pub(super) enum Payload {
     Event(Rc<Event>),
     Frame(Rc<HeldFrame>),
     Noise { dbfs: f64 },
+    Loan(Rc<Loan>),
+}
+
+/// The tracks are lent, for so long and with so much power.
+pub(super) struct Loan {
+    pub(super) seconds: Duration,
+    pub(super) power: Percent,
+    pub(super) low_for: Duration,
+    pub(super) way_back: Option<Vec<Place>>,
+}
+
+impl Loan {
+    fn to_lua(&self, lua: &Lua) -> LuaResult<LuaTable> {
+        let table = lua.create_table_with_capacity(0, 4)?;
+        table.raw_set("seconds", self.seconds.as_secs_f64())?;
+        table.raw_set("power", self.power.get())?;
+        table.raw_set("low_for", self.low_for.as_secs_f64())?;
+        if let Some(places) = &self.way_back {
+            let way = lua.create_table_with_capacity(places.len(), 0)?;
+            for Place { x, y } in places {
+                let place = lua.create_table_with_capacity(0, 2)?;
+                place.raw_set("x", *x)?;
+                place.raw_set("y", *y)?;
+                way.raw_push(place)?;
+            }
+            table.raw_set("way_back", way)?;
+        }
+        Ok(table)
+    }
 }
 
 impl Payload {
@@ -120,6 +150,7 @@ impl Payload {
                 table.raw_set("dbfs", *dbfs)?;
                 return Ok(LuaValue::Table(table));
             }
+            Payload::Loan(loan) => return loan.to_lua(lua).map(LuaValue::Table),
             Payload::Event(event) => event,
         };
         event_table(lua, event).map(LuaValue::Table)
@@ -139,10 +170,6 @@ fn event_table(lua: &Lua, event: &Event) -> LuaResult<LuaTable> {
         Event::Safety { action, reason } => {
             table.raw_set("action", action.name())?;
             table.raw_set("reason", reason.as_str())?;
-        }
-        Event::Loan { seconds, power } => {
-            table.raw_set("seconds", seconds.as_secs_f64())?;
-            table.raw_set("power", power.get())?;
         }
         Event::Engine { code } => table.raw_set("code", *code)?,
         _ => {}

@@ -43,6 +43,7 @@ mod store;
 mod task;
 #[cfg(test)]
 mod tests;
+mod way_back;
 
 use std::cell::RefCell;
 use std::rc::Rc;

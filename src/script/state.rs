@@ -10,7 +10,7 @@ use tokio::time::Instant;
 
 use super::api::{Album, HeldFrame};
 use super::ending::Life;
-use super::events::{EventName, Payload, Subscriptions, is_round};
+use super::events::{EventName, Loan, Payload, Subscriptions, is_round};
 use super::group::Group;
 use super::modules::Modules;
 use super::motion::{Motion, Owner};
@@ -22,6 +22,7 @@ use super::sound::Loudness;
 use super::stage::Stage;
 use super::store::Store;
 use super::task::{Answer, GroupId, Kind, SubscriptionId, Wait};
+use super::way_back::way_back;
 use crate::robot::{Battery, Event, Frame, Intent, RobotInfo};
 use crate::vision::{Damage, Eyes, FrameError, validate_markers};
 use crate::wire::Stream;
@@ -201,6 +202,21 @@ impl State {
             Event::Audio(ref samples) => {
                 self.hear(samples);
                 self.publish(EventName::Audio, Payload::Event(Rc::new(event)));
+            }
+            Event::Loan {
+                seconds,
+                power,
+                low_for,
+                way,
+            } => {
+                let calibration = self.options.calibration;
+                let loan = Loan {
+                    seconds,
+                    power,
+                    low_for,
+                    way_back: way.map(|way| way_back(&way, calibration)),
+                };
+                self.publish(EventName::Loan, Payload::Loan(Rc::new(loan)));
             }
             event => {
                 if let Some(name) = EventName::of(&event) {

@@ -33,6 +33,9 @@ struct Arguments {
     /// Robots at the same time [default: one for each processor]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
+    /// Robots leave their station and drive for one to three minutes, and on until they are far from home
+    #[arg(long)]
+    driven: bool,
     /// Print every start and how it ended
     #[arg(long)]
     list: bool,
@@ -72,9 +75,11 @@ fn rows(arguments: &Arguments) -> Vec<Row> {
     let mut rows = Vec::new();
     for world in worlds {
         let place = Place::named(world);
-        let strategies = arguments
-            .strategy
-            .map_or(Strategy::ALL.to_vec(), |one| vec![one]);
+        let all = match arguments.driven {
+            true => Strategy::DRIVEN,
+            false => Strategy::PUT,
+        };
+        let strategies = arguments.strategy.map_or(all.to_vec(), |one| vec![one]);
         rows.extend(
             strategies
                 .into_iter()
@@ -85,7 +90,11 @@ fn rows(arguments: &Arguments) -> Vec<Row> {
 }
 
 fn row(arguments: &Arguments, place: &Place, strategy: Strategy) -> Row {
-    let starts = place.starts(arguments.starts as usize, arguments.seed);
+    let count = arguments.starts as usize;
+    let starts = match arguments.driven {
+        true => place.drives(count, arguments.seed),
+        false => place.starts(count, arguments.seed),
+    };
     let cores = || available_parallelism().map_or(1, usize::from);
     let threads = arguments.jobs.map_or_else(cores, usize::from);
     let (what, began) = (

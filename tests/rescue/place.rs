@@ -1,6 +1,7 @@
 //! The worlds, and where in them robots start.
 
 use std::f64::consts::PI;
+use std::time::Duration;
 
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
@@ -51,6 +52,8 @@ pub struct Start {
     pub way: f64,
     /// Of the run's noise.
     pub seed: u64,
+    /// It begins on its station and drives for so long at least, until it is far from home.
+    pub drives: Option<Duration>,
 }
 
 /// A world with all places that robots may start from.
@@ -84,6 +87,25 @@ impl Place {
         }
     }
 
+    /// So many robots that begin on their station and drive for one to three minutes at least.
+    pub fn drives(&self, count: usize, seed: u64) -> Vec<Start> {
+        let mut rng = StdRng::seed_from_u64(seed);
+        let drive = |_| Start {
+            pose: self.world.station.dock_pose(),
+            battery: rng.random_range(LEAST_BATTERY..MOST_BATTERY),
+            way: 0.0,
+            seed: rng.random(),
+            drives: Some(Duration::from_secs(rng.random_range(60..180))),
+        };
+        (0..count).map(drive).collect()
+    }
+
+    /// The way home, if this is where robots are to be rescued from.
+    pub fn far_from_home(&self, point: Point) -> Option<f64> {
+        let way = self.ways.length(point)?;
+        (point.x >= self.least_x && way >= self.least_way).then_some(way)
+    }
+
     /// So many starts; the same for the same seed.
     pub fn starts(&self, count: usize, seed: u64) -> Vec<Start> {
         let mut rng = StdRng::seed_from_u64(seed);
@@ -103,6 +125,7 @@ impl Place {
             battery: rng.random_range(LEAST_BATTERY..MOST_BATTERY),
             way,
             seed: rng.random(),
+            drives: None,
         }
     }
 

@@ -11,13 +11,18 @@ use spykee::lab::{self, Event, EventKind, Lab, Recorder};
 use spykee::robot::Priority;
 use spykee::script;
 use spykee::sim::{Pose, State};
-use tokio::time::timeout;
+use tokio::time::{sleep, timeout};
 
 use super::place::{Place, Start};
 use super::strategy::Strategy;
 
+const WANDER: &str = include_str!("wander.lua");
+
 /// Long after every battery is flat, in virtual time.
 const LIMIT: Duration = Duration::from_secs(2 * 3600);
+
+/// How long a robot may wander until it is far from home.
+const LONGEST_DRIVE: Duration = Duration::from_secs(900);
 
 /// How it ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,6 +31,8 @@ pub enum End {
     Home,
     /// The battery is at 0.
     Flat,
+    /// It has not got far from home before its battery was to become low.
+    NeverAway,
     /// Neither, when the time was over.
     OnItsWay,
 }
@@ -52,7 +59,7 @@ pub struct Played {
 }
 
 /// Plays one start.
-fn play(place: &Place, strategy: Strategy, start: Start) -> Played {
+fn play(place: &Place, strategy: Strategy, mut start: Start) -> Played {
     let efforts = Arc::new(Mutex::new(Efforts::default()));
     let count = efforts.clone();
     let options = lab::Options {
@@ -65,24 +72,45 @@ fn play(place: &Place, strategy: Strategy, start: Start) -> Played {
     };
     let (state, took) = lab::run(place.world.clone(), options, async |lab: &Lab| {
         lab.sim().place(start.pose);
+        let run = match start.drives {
+            None => lab.start(vec![behaviour("idle", "task.wait(1e6)", 0)], None),
+            Some(least) => {
+                lab.sim().set_battery(90.0);
+                let run = lab.start(vec![behaviour("wander", WANDER, start.seed)], None);
+                match drive_away(place, lab, least).await {
+                    Some((pose, way)) => (start.pose, start.way) = (pose, way),
+                    None => return (lab.sim().state(), None),
+                }
+                run
+            }
+        };
         lab.sim().set_battery(start.battery);
-        let run = lab.start(vec![idle()], None);
+        let began = lab.now();
         let over = |state: &State| is_home(state) || state.battery <= 0.0;
         // Whether it came or not: the state says how it is.
         let _ = timeout(LIMIT, lab.sim().wait_state(over)).await;
         drop(run);
-        (lab.sim().state(), lab.now())
+        (lab.sim().state(), Some(lab.now() - began))
     })
     .unwrap();
     let efforts = *efforts.lock().unwrap();
     Played {
         start,
-        end: end_of(&state),
-        took,
+        end: took.map_or(End::NeverAway, |_| end_of(&state)),
+        took: took.unwrap_or_default(),
         battery: state.battery,
         pose: state.pose,
         efforts,
     }
+}
+
+/// Lets the robot wander for so long at least, until it is far from home: where it is then, and its way.
+async fn drive_away(place: &Place, lab: &Lab, least: Duration) -> Option<(Pose, f64)> {
+    sleep(least).await;
+    let far = |state: &State| !state.docked && place.far_from_home(state.pose.point()).is_some();
+    let away = lab.sim().wait_state(far);
+    let state = timeout(LONGEST_DRIVE - least, away).await.ok()?;
+    Some((state.pose, place.far_from_home(state.pose.point())?))
 }
 
 /// Plays all starts on so many threads; `told` hears each time how many are done.
@@ -130,13 +158,16 @@ fn end_of(state: &State) -> End {
     }
 }
 
-/// A behaviour that lets the watchdog do it alone.
-fn idle() -> Behaviour {
+/// It is started once.
+fn behaviour(name: &str, source: &str, seed: u64) -> Behaviour {
     Behaviour {
         priority: Priority(0),
         launch: Launch {
-            source: "task.wait(1e6)".into(),
-            options: script::Options::new("idle", "idle.lua"),
+            source: source.into(),
+            options: script::Options {
+                seed,
+                ..script::Options::new(name, format!("{name}.lua"))
+            },
             library: Library::default(),
         },
         checked: false,
@@ -171,6 +202,7 @@ impl fmt::Display for Played {
         let end = match self.end {
             End::Home => "home",
             End::Flat => "flat",
+            End::NeverAway => "never far from home",
             End::OnItsWay => "still on its way",
         };
         write!(

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::place::Name;
-use super::play::{Efforts, Played};
+use super::play::{Efforts, End, Played};
 use super::strategy::Strategy;
 
 /// The table's first line.
@@ -39,10 +39,15 @@ pub struct Row {
 }
 
 impl Row {
+    /// Without those that never were away.
     pub fn of(world: Name, strategy: Strategy, played: &[Played]) -> Row {
-        let home: Vec<&Played> = played.iter().filter(|one| one.is_home()).collect();
+        let played: Vec<&Played> = played
+            .iter()
+            .filter(|one| one.end != End::NeverAway)
+            .collect();
+        let home: Vec<&&Played> = played.iter().filter(|one| one.is_home()).collect();
         let mut efforts = Efforts::default();
-        for one in played {
+        for one in &played {
             efforts.searches += one.efforts.searches;
             efforts.legs += one.efforts.legs;
             efforts.loans += one.efforts.loans;

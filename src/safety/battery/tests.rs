@@ -212,6 +212,46 @@ fn time_on_the_charger_explains_a_level_that_rose() {
     assert_eq!(rig.level(), Some(75));
 }
 
+#[test]
+fn a_level_may_change_by_ten_points_and_by_what_driving_explains() {
+    for (seconds, percent, believed) in [
+        (5, 70, 70),
+        (5, 71, 60),
+        (5, 49, 49),
+        (5, 46, 60),
+        (100, 25, 25),
+    ] {
+        let mut rig = Rig::at(60);
+        rig.now += (seconds - 5) * SECOND;
+        rig.hear(percent, false);
+        assert_eq!(rig.level(), Some(believed), "{percent} in {seconds} s");
+    }
+}
+
+#[test]
+fn no_charge_explains_a_level_that_falls() {
+    let mut rig = Rig::at(60);
+    rig.hear_in(60, true, true);
+    rig.now += 15 * SECOND;
+    rig.hear(35, true);
+    assert_eq!(rig.level(), Some(60));
+}
+
+#[test]
+fn a_doubt_lasts_its_time_however_often_it_is_said_and_begins_anew_after_that() {
+    let mut rig = Rig::at(30);
+    rig.hear(30, true);
+    let due = rig.now + BatteryGuard::DOUBT;
+    for percent in [100, 30].into_iter().cycle().take(23) {
+        rig.hear(percent, true);
+        assert_eq!(rig.guard.charging(), Charging::Said);
+        assert_eq!(rig.guard.doubt_deadline(), Some(due));
+    }
+    rig.hear(30, true);
+    assert_eq!(rig.now, due);
+    assert_eq!(rig.guard.doubt_deadline(), Some(due + BatteryGuard::DOUBT));
+}
+
 /// What a battery at `truth` says with garbage in between, never two of it in a row.
 fn garbled(truth: u8) -> impl Strategy<Value = Vec<(u8, bool)>> {
     let garbage = prop_oneof![

@@ -137,6 +137,77 @@ fn each_activity_has_its_rate_though_they_take_turns() {
     assert!(driving < rig.left() && rig.left() < standing);
 }
 
+#[test]
+fn an_account_remembers_ten_percent() {
+    let mut account = Account::default();
+    account.add(8.0, 8.0);
+    assert_eq!((account.percent, account.minutes), (8.0, 8.0));
+    account.add(8.0, 4.0);
+    assert_eq!((account.percent, account.minutes), (10.0, 7.5));
+}
+
+#[test]
+fn no_rate_is_learnt_in_no_time() {
+    let account = Account {
+        percent: 5.0,
+        minutes: 0.0,
+    };
+    assert_eq!(account.rate(), None);
+}
+
+#[test]
+fn what_is_not_known_of_one_activity_is_guessed_from_the_others() {
+    let mut drain = Drain::default();
+    assert_eq!(drain.needs(), [1.0, 1.5, 2.0]);
+    let known = |minutes| Account {
+        percent: 6.0,
+        minutes,
+    };
+    drain.activities[Activity::Driving as usize] = known(1.0);
+    assert_eq!(drain.needs(), [3.0, 4.5, 6.0]);
+    drain.activities[Activity::Standing as usize] = known(6.0);
+    assert_eq!(drain.needs(), [1.0, 3.0, 6.0]);
+}
+
+#[test]
+fn levels_that_go_back_by_two_points_flicker_and_by_more_they_leap() {
+    for (back, known) in [(1.0, true), (2.0, true), (3.0, false), (4.0, false)] {
+        let mut rig = Rig::at(80.0);
+        rig.spend(Activity::Standing, 6.0, 1.0);
+        rig.level = rig.level.round() + back;
+        rig.say(false);
+        assert_eq!(rig.drain.minutes_left().is_some(), known, "{back}");
+    }
+}
+
+#[test]
+fn five_points_are_no_leap_and_more_in_no_time_are() {
+    for (seconds, points, known) in [(0, 5.0, true), (0, 6.0, false), (5, 15.0, false)] {
+        let mut rig = Rig::at(80.0);
+        rig.spend(Activity::Standing, 6.0, 1.0);
+        // From the last change of the level nothing has taken any time.
+        rig.level = rig.level.round() - 1.0;
+        rig.say(false);
+        rig.level -= points;
+        rig.now += Duration::from_secs(seconds);
+        rig.say(false);
+        let found = rig.drain.minutes_left().is_some();
+        assert_eq!(found, known, "{points} in {seconds} s");
+    }
+}
+
+#[test]
+fn a_charge_of_two_points_a_second_is_no_leap() {
+    let mut rig = Rig::at(5.0);
+    rig.drain.advance(Activity::Standing, rig.now);
+    for (seconds, level) in [(0, 5.0), (1, 6.0), (60, 80.0)] {
+        rig.now += Duration::from_secs(seconds);
+        rig.level = level;
+        rig.say(true);
+    }
+    assert_eq!(rig.drain.charging_rate(), Some(74.0));
+}
+
 proptest! {
     #[test]
     fn after_five_percent_of_steady_drain_the_minutes_left_are_right_within_a_fifth(

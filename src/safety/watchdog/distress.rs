@@ -6,7 +6,7 @@ use tokio::time::Instant;
 
 use super::Watchdog;
 use crate::robot::{BehaviourId, DockEnd, Event, MotionEnd, SafetyAction, Setpoint};
-use crate::safety::{Act, Activity, Means, Next, Outcome, Place, Pulse, Rescue, Try};
+use crate::safety::{Act, Activity, Means, Next, Outcome, Place, Pulse, Recovery, Rescue, Try};
 use crate::wire::{Command, Led, Sound};
 
 /// What is said to sound the alarm: at full volume, whatever it was set to before.
@@ -63,7 +63,7 @@ impl Watchdog {
             Some(_) => SafetyAction::Alarm,
             None => SafetyAction::Dock,
         };
-        let (end, next) = (outcome.end, self.begin(next));
+        let (end, next) = (outcome.end, self.begin(next, now));
         self.notice(
             action,
             format!("docking failed ({end}) {failures} times: {next}"),
@@ -89,7 +89,8 @@ impl Watchdog {
     }
 
     /// Tells a borrower of its loan, and everybody what follows, in words.
-    fn begin(&mut self, next: Next) -> String {
+    fn begin(&mut self, next: Next, now: Instant) -> String {
+        let way = self.way.take();
         match next {
             Next::Search => "searches again".into(),
             Next::Leg => format!("drives short leg {}, and searches from there", self.legs()),
@@ -97,7 +98,13 @@ impl Watchdog {
             Next::Loan => {
                 let (seconds, power) = (self.limits.rescue_time.get(), self.limits.rescue_power);
                 if let Some(by) = self.borrower() {
-                    let loan = Event::Loan { seconds, power };
+                    let began = self.recovery.as_ref().map_or(now, Recovery::began);
+                    let loan = Event::Loan {
+                        seconds,
+                        power,
+                        low_for: now.saturating_duration_since(began),
+                        way,
+                    };
                     self.acts.push(Act::Tell(by, loan));
                 }
                 let seconds = seconds.as_secs_f64();
@@ -121,7 +128,7 @@ impl Watchdog {
             None => {}
             Some(Try::Leg) => {
                 self.end_motion(MotionEnd::Safety);
-                let next = self.begin(Next::Leg);
+                let next = self.begin(Next::Leg, now);
                 self.notice(SafetyAction::Dock, format!("nobody has driven: {next}"));
             }
             Some(Try::Search) => self.send_home(now),
@@ -186,6 +193,8 @@ impl Watchdog {
 
     /// Out of reach, or on the station: no loan, no leg and no search is under way any more.
     pub(super) fn interrupt_recovery(&mut self, now: Instant) {
+        self.way = None;
+        self.trail.lose();
         if let Some(recovery) = &mut self.recovery {
             recovery.interrupt(now);
         }

@@ -35,6 +35,7 @@ impl Watchdog {
     /// The rule above all others: stop and go home, in one batch of acts.
     pub(super) fn became_low(&mut self, cause: LowCause, now: Instant) {
         self.end_motion(MotionEnd::Safety);
+        self.way = self.trail.take(now);
         self.whereabouts.expect_charge(now);
         if let Some(battery) = self.battery() {
             self.acts.push(Act::Announce(Event::BatteryLow(battery)));

@@ -6,24 +6,8 @@
 mod asks;
 mod distress;
 mod docks;
-#[cfg(test)]
-mod handover;
-#[cfg(test)]
-mod histories;
 mod homing;
 mod link;
-#[cfg(test)]
-mod parting_tests;
-#[cfg(test)]
-mod place_tests;
-#[cfg(test)]
-mod priority_tests;
-#[cfg(test)]
-mod recovery_tests;
-#[cfg(test)]
-mod rescue_tests;
-#[cfg(test)]
-mod rig;
 mod rules;
 #[cfg(test)]
 mod tests;
@@ -37,10 +21,11 @@ use self::distress::Alarm;
 use self::homing::Homing;
 use super::{
     Act, Activity, Arbiter, BatteryChange, BatteryGuard, Charging, Drain, Ended, Fact, Leases,
-    Limits, LowCause, Place, Recovery, Tracks, Whereabouts,
+    Limits, LowCause, Place, Recovery, Tracks, Trail, Whereabouts,
 };
 use crate::robot::{
     Battery, BehaviourId, CallId, DockEnd, Event, MotionEnd, Priority, SafetyAction, Setpoint,
+    Stroke,
 };
 use crate::wire::{Command, Engage, EngineNews, Power};
 
@@ -103,6 +88,10 @@ pub struct Watchdog {
     arbiter: Arbiter,
     leases: Leases,
     tracks: Tracks,
+    trail: Trail,
+    /// From the station to where the battery became low, until the first search from there has failed
+    /// or something else has moved the robot.
+    way: Option<Vec<Stroke>>,
     homing: Option<Homing>,
     leaving: Option<Leaving>,
     /// While the battery is low.
@@ -134,6 +123,8 @@ impl Watchdog {
             drain: Drain::default(),
             arbiter: Arbiter::default(),
             tracks: Tracks::new(now),
+            trail: Trail::new(now),
+            way: None,
             homing: None,
             leaving: None,
             recovery: None,
@@ -190,6 +181,7 @@ impl Watchdog {
         self.check_leaving(now);
         self.sound_alarm(now);
         self.drive(now);
+        self.trail.tell(self.tracks.told(), now);
         self.drain.advance(self.activity(), now);
         std::mem::take(&mut self.acts)
     }
@@ -388,6 +380,12 @@ impl Watchdog {
     }
 
     fn undocked(&mut self, now: Instant) {
+        // Nobody knows where a robot is that was carried off its station.
+        match self.whereabouts.is_leaving() {
+            true => self.trail.begin(now),
+            false => self.trail.lose(),
+        }
+        self.way = None;
         self.whereabouts.undocked();
         self.guard.undocked();
         self.guard.excuse_silence(now);
@@ -493,6 +491,9 @@ impl Watchdog {
             Command::Engine(Engage::Dock) => self.searching = true,
             Command::Engine(_) | Command::Move { .. } => self.searching = false,
             _ => {}
+        }
+        if matches!(command, Command::Engine(_)) {
+            self.trail.lose();
         }
         self.acts.push(Act::Send(command));
     }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::robot::{Battery, Frame, Percent, SafetyAction};
+use crate::robot::{Battery, Frame, Percent, SafetyAction, Stroke};
 use crate::wire::Stream;
 use bytes::Bytes;
 
@@ -329,4 +329,38 @@ fn the_robots_state_is_known_from_its_events() {
 fn at_most_64_subscriptions() {
     let text = failure("while true do robot.on('docked', print) end");
     assert!(text.contains("there are 64 handlers already"), "{text}");
+}
+
+#[test]
+fn a_loan_tells_the_way_back_in_metres_as_the_robot_is_calibrated() {
+    let mut rig = Rig::with(
+        "robot.on('loan', function(loan)
+             print(loan.seconds, loan.power, loan.low_for, loan.way_back and #loan.way_back)
+             for _, place in loan.way_back or {} do print(string.format('%.2f %.2f', place.x, place.y)) end
+         end)",
+        |options| options.calibration.full_speed = 0.15,
+    );
+    let loan = |way| Event::Loan {
+        seconds: Duration::from_secs(8),
+        power: Percent::saturating(30),
+        low_for: Duration::from_millis(20_500),
+        way,
+    };
+    rig.deliver(loan(None));
+    let ahead = Stroke {
+        left: 2.0,
+        right: 2.0,
+    };
+    rig.deliver(loan(Some(vec![ahead])));
+    rig.deliver(loan(Some(vec![])));
+    assert_eq!(
+        rig.texts(),
+        [
+            "8 30 20.5 nil",
+            "8 30 20.5 2",
+            "-0.15 0.00",
+            "-0.30 0.00",
+            "8 30 20.5 0"
+        ]
+    );
 }

@@ -225,3 +225,63 @@ fn easy_is_tolerant_and_its_errors_are_for_beginners() {
         );
     }
 }
+
+/// Pictures in which nothing changes, ten a second: whoever watches them stands still.
+const STILL: &str = "local whereabouts = require('@spykee/whereabouts')
+     local still = {
+         width = 320, height = 240,
+         find_blobs = function() return {} end,
+         brightness = function() return 0.5 end,
+         get_pixel = function() return 90, 90, 90 end,
+     }
+     local function watch(seconds)
+         for _ = 1, seconds * 10 do whereabouts.watch(still) task.wait(0.1) end
+     end
+     local function shown(heading) return heading and string.format('%.2f', heading) end
+     local WAY = { { x = -0.5, y = 0 }, { x = -1, y = 0 }, { x = -1, y = 0.5 } }\n";
+
+#[test]
+fn whereabouts_leads_back_place_by_place_to_the_end_of_the_way() {
+    let script = "print(shown(whereabouts.back()))
+         watch(3)
+         whereabouts.settle()
+         whereabouts.lead(WAY, 3)
+         print(shown(whereabouts.back()), #WAY)
+         print(shown(whereabouts.towards(3).heading))
+         whereabouts.account(-0.1, 0, 3)
+         print(shown(whereabouts.back()))
+         whereabouts.account(-0.1, 0, 6)
+         print(shown(whereabouts.back()))
+         whereabouts.account(0, 1, -math.pi / 2)
+         whereabouts.account(-0.1, 0, 3)
+         print(whereabouts.back())";
+    let rig = lasting(10.0, &format!("{STILL}{script}"));
+    assert_eq!(
+        rig.texts(),
+        ["nil", "3.14 3", "0.00", "3.14", "1.77", "nil"]
+    );
+}
+
+#[test]
+fn whereabouts_leads_nowhere_once_it_has_lost_track() {
+    for (why, before) in [
+        ("it has not watched", ""),
+        ("it began late", "watch(1)"),
+        ("it has missed pictures", "watch(2) task.wait(1) watch(0.1)"),
+        ("it has forgotten", "watch(3) whereabouts.forget()"),
+    ] {
+        let script = format!(
+            "{STILL}{before}
+             whereabouts.settle()
+             whereabouts.lead(WAY, 3.2)
+             print(whereabouts.back())"
+        );
+        assert_eq!(lasting(10.0, &script).texts(), ["nil"], "{why}");
+    }
+    let given_up = "watch(3) whereabouts.settle() whereabouts.lead(WAY, 3)
+         whereabouts.give_up() print(whereabouts.back())";
+    assert_eq!(
+        lasting(10.0, &format!("{STILL}{given_up}")).texts(),
+        ["nil"]
+    );
+}

@@ -349,6 +349,21 @@ pub(super) const OBJECTS: &[Object] = &[
             )
             .unit("s"),
             number("power", "the most power of each track; more is scaled down").unit("%"),
+            number("low_for", "since the battery has become low").unit("s"),
+            value(
+                "way_back",
+                Type::List(&Type::Object("Place")),
+                "to the station, the nearest place first, as the robot came; nil unless that is known, and nothing but one search has moved it since",
+            )
+            .optional(),
+        ],
+    ),
+    table(
+        "Place",
+        "A place on a robot's way back, seen from where it stood when its battery became low. By what its tracks were told, so the farther the less exact.",
+        &[
+            number("x", "ahead of it, as it looked then").unit("m"),
+            number("y", "to its left").unit("m"),
         ],
     ),
     table(

@@ -2,7 +2,8 @@
 
 use super::rig::*;
 use super::*;
-use crate::safety::LastWords;
+use crate::robot::DockPlan;
+use crate::safety::{Ask, LastWords};
 
 #[test]
 fn before_a_login_and_with_a_good_battery_the_last_word_is_a_stop() {
@@ -125,4 +126,43 @@ fn a_sleep_without_a_link_says_nothing() {
     let mut rig = Rig::online(20);
     rig.take(Fact::LinkDown);
     assert_eq!(rig.take(Fact::Suspended), []);
+}
+
+#[test]
+fn at_the_end_of_a_run_everything_stops_and_nothing_moves_any_more() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    let acts = rig.take(Fact::Parting);
+    assert_eq!(sent(&acts), [Command::STOP]);
+    assert_eq!(told(&acts), [ended(1, MotionEnd::Cancelled)]);
+    assert_eq!(told(&rig.drive(2, None)), [ended(2, MotionEnd::Cancelled)]);
+}
+
+#[test]
+fn at_the_end_of_a_run_nobody_docks_or_undocks_any_more() {
+    let mut rig = Rig::online(60);
+    rig.take(Fact::Parting);
+    let acts = rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    assert_eq!(sent(&acts), []);
+    assert_eq!(dock_ended(&acts), Some((DockEnd::Cancelled, 0)));
+    rig.take(Fact::Engine(EngineNews::Docked));
+    let acts = rig.ask(Ask::Undock(CallId(8), SECOND));
+    assert_eq!(sent(&acts), []);
+    let end = DockEnd::Cancelled;
+    assert_eq!(
+        told(&acts),
+        [Event::UndockEnded {
+            call: CallId(8),
+            end
+        }]
+    );
+}
+
+#[test]
+fn at_the_end_of_a_run_a_behaviours_docking_ends_and_the_watchdogs_goes_on() {
+    let mut rig = Rig::online(60);
+    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    assert_eq!(sent(&rig.take(Fact::Parting)), [CANCEL, Command::STOP]);
+    let mut rig = Rig::online(20);
+    assert_eq!(sent(&rig.take(Fact::Parting)), [Command::STOP, FIND]);
 }

@@ -1,0 +1,286 @@
+//! Levels and charging: what one report does, what several do, and what a low robot does then.
+
+use super::rig::*;
+use super::*;
+use crate::robot::DockPlan;
+use crate::safety::Ask;
+use crate::wire::Led;
+
+#[test]
+fn a_low_report_stops_and_sends_home_in_one_batch() {
+    let mut rig = Rig::online(60);
+    assert_eq!(sent(&rig.drive(1, None)), [FORWARD]);
+    assert!(rig.dog.moving());
+    let acts = rig.take(Fact::Power(power(20)));
+    assert!(!rig.dog.moving());
+    assert_eq!(sent(&acts), [Command::STOP, FIND]);
+    assert_eq!(told(&acts), [ended(1, MotionEnd::Safety)]);
+    assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
+}
+
+#[test]
+fn a_low_report_at_rest_still_says_stop_before_base_find() {
+    let mut rig = Rig::online(60);
+    assert_eq!(
+        sent(&rig.take(Fact::Power(power(10)))),
+        [Command::STOP, FIND]
+    );
+}
+
+#[test]
+fn a_low_level_at_login_is_enough() {
+    let mut rig = Rig::with(Limits::default());
+    let acts = rig.take(Fact::LinkUp {
+        docked: false,
+        power: power(15),
+    });
+    assert_eq!(sent(&acts), [Command::STOP, FIND]);
+}
+
+#[test]
+fn low_motion_is_refused_until_the_ok_level() {
+    let mut rig = Rig::online(60);
+    rig.take(Fact::Power(power(20)));
+    let acts = rig.drive(1, Some(SECOND));
+    assert_eq!(
+        (sent(&acts), told(&acts)),
+        (vec![], vec![ended(1, MotionEnd::Safety)])
+    );
+    rig.take(Fact::Power(power(49)));
+    for _ in 0..2 {
+        assert_eq!(sent(&rig.drive(2, None)), []);
+        assert_eq!(sent(&rig.hear(power(50))), []);
+    }
+    assert_eq!(sent(&rig.hear(power(50))), [CANCEL, Command::STOP]);
+    rig.now += SECOND;
+    assert_eq!(sent(&rig.drive(3, None)), [FORWARD]);
+}
+
+#[test]
+fn one_garbage_report_neither_frees_a_low_robot_nor_disturbs_its_search() {
+    for garbage in [power(60), power(100), charging(60), charging(10)] {
+        let mut rig = Rig::online(60);
+        rig.hear(power(10));
+        for _ in 0..5 {
+            rig.hear(power(10));
+            let acts = [rig.hear(garbage), rig.drive(1, None)].concat();
+            assert_eq!(sent(&acts), [], "{garbage:?}");
+            assert_eq!(told(&acts), [ended(1, MotionEnd::Safety)]);
+        }
+        assert_eq!(sent(&rig.hear(power(10))), []);
+        assert_eq!(sent(&rig.pass(100 * SECOND, false)), [], "searches on");
+    }
+}
+
+#[test]
+fn while_one_report_says_charging_no_search_and_no_leg_begins() {
+    let (mut rig, _) = lost(20, standing());
+    rig.hear(charging(15));
+    let acts = rig.pass(BatteryGuard::DOUBT - SECOND, false);
+    assert_eq!((count(&acts, &FIND), tracks(&acts)), (0, vec![]));
+    assert_eq!(
+        count(&rig.pass(2 * SECOND, false), &FIND),
+        1,
+        "then it does"
+    );
+
+    let mut rig = Rig::online(20);
+    rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    rig.hear(charging(20));
+    assert_eq!(
+        sent(&rig.pass(100 * SECOND, false)),
+        [],
+        "the next try waits"
+    );
+    assert_eq!(sent(&rig.hear(power(20))), [Command::STOP, FIND]);
+}
+
+#[test]
+fn the_contact_bears_charging_out_before_and_after() {
+    for contact_first in [true, false] {
+        let mut rig = Rig::online(20);
+        let mut facts = [Fact::Engine(EngineNews::Docked), Fact::Power(charging(20))];
+        if !contact_first {
+            facts.reverse();
+        }
+        let [first, second] = facts;
+        rig.take(first);
+        assert!(rig.dog.low().is_some());
+        assert_eq!(sent(&rig.take(second)), []);
+        assert_eq!(rig.dog.low(), None);
+        assert!(rig.dog.docked() && rig.dog.battery().unwrap().charging);
+    }
+}
+
+#[test]
+fn a_docking_that_backs_off_stands_still_while_one_report_says_charging() {
+    let mut rig = Rig::online(60);
+    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    rig.pass(500 * MS, false);
+    assert!(rig.dog.moving());
+    let acts = rig.take(Fact::Power(charging(60)));
+    assert_eq!(sent(&acts), [Command::STOP]);
+    assert_eq!(dock_ended(&acts), None);
+    assert_eq!(
+        dock_ended(&rig.hear(charging(60))),
+        Some((DockEnd::Done, 1))
+    );
+
+    let mut rig = Rig::online(60);
+    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    rig.take(Fact::Power(charging(60)));
+    let acts = rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    assert_eq!(tracks(&acts), [(0, 0)], "it does not back off either");
+}
+
+#[test]
+fn it_learns_how_long_the_battery_lasts() {
+    let mut rig = Rig::online(60);
+    assert_eq!(rig.dog.battery().unwrap().minutes_left, None);
+    for percent in (50..60).rev() {
+        rig.pass(60 * SECOND, false);
+        rig.take(Fact::Power(power(percent)));
+    }
+    let left = rig.dog.battery().unwrap().minutes_left;
+    assert!(
+        left.is_some_and(|left| (45.0..55.0).contains(&left)),
+        "{left:?}"
+    );
+}
+
+#[test]
+fn charging_releases_and_the_station_still_holds() {
+    let mut rig = Rig::online(20);
+    rig.take(Fact::Engine(EngineNews::Docked));
+    rig.take(Fact::Power(charging(20)));
+    assert_eq!(rig.dog.low(), None);
+    assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
+}
+
+#[test]
+fn an_alarm_that_ends_leaves_no_light_on() {
+    let (mut rig, _) = lost(20, standing());
+    let off = Command::Led {
+        led: Led::Flash,
+        on: false,
+    };
+    assert_eq!(sent(&rig.take(Fact::Power(charging(21)))), []);
+    assert_eq!(sent(&rig.hear(charging(21))), [off]);
+}
+
+#[test]
+fn a_search_without_end_is_cancelled_after_180_seconds() {
+    let mut rig = Rig::online(20);
+    assert_eq!(sent(&rig.pass(178 * SECOND, false)), []);
+    assert_eq!(sent(&rig.pass(2 * SECOND, false)), [CANCEL, Command::STOP]);
+    assert_eq!(sent(&rig.pass(6 * SECOND, false)), [Command::STOP, FIND]);
+}
+
+#[test]
+fn critical_refuses_motion_and_undocking_even_while_charging() {
+    let mut rig = Rig::with(Limits::default());
+    rig.take(Fact::LinkUp {
+        docked: true,
+        power: charging(8),
+    });
+    assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Safety)]);
+    let acts = rig.ask(Ask::Undock(CallId(1), SECOND));
+    assert_eq!(sent(&acts), []);
+    assert_eq!(
+        told(&acts),
+        [Event::UndockEnded {
+            call: CallId(1),
+            end: DockEnd::Safety
+        }]
+    );
+}
+
+#[test]
+fn a_robot_that_is_low_stays_on_its_station_though_it_charges() {
+    let mut rig = Rig::with(Limits::default());
+    rig.take(Fact::LinkUp {
+        docked: true,
+        power: charging(20),
+    });
+    let acts = rig.ask(Ask::Undock(CallId(1), SECOND));
+    assert_eq!(sent(&acts), []);
+    let end = DockEnd::Safety;
+    let call = CallId(1);
+    assert_eq!(told(&acts), [Event::UndockEnded { call, end }]);
+}
+
+#[test]
+fn a_good_level_disturbs_no_motion() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    assert_eq!(rig.take(Fact::Power(power(59))), []);
+    assert!(rig.dog.moving());
+}
+
+#[test]
+fn that_the_level_is_critical_is_said_once() {
+    let mut rig = Rig::online(60);
+    let said = |acts: Vec<Act>| {
+        let mut reasons = acts.into_iter().filter_map(|act| match act {
+            Act::Announce(Event::Safety { reason, .. }) => Some(reason),
+            _ => None,
+        });
+        reasons.any(|reason| reason.contains("nothing moves but on the way home"))
+    };
+    assert!(!said(rig.take(Fact::Power(power(9)))));
+    assert!(said(rig.take(Fact::Power(power(8)))));
+    assert!(!said(rig.take(Fact::Power(power(7)))));
+}
+
+#[test]
+fn ten_minutes_without_a_level_off_the_station_count_as_low() {
+    let mut rig = Rig::online(80);
+    assert_eq!(sent(&rig.pass(598 * SECOND, false)), []);
+    assert_eq!(sent(&rig.pass(2 * SECOND, false)), [Command::STOP, FIND]);
+}
+
+#[test]
+fn on_the_station_a_level_may_stay_away() {
+    let mut rig = Rig::with(Limits::default());
+    rig.take(Fact::LinkUp {
+        docked: true,
+        power: charging(80),
+    });
+    assert_eq!(sent(&rig.pass(4000 * SECOND, false)), []);
+}
+
+#[test]
+fn the_state_says_at_a_glance_how_things_stand() {
+    use WatchdogState::{Alarm, Docked, Docking, Free, LowGoingHome, Offline};
+    let mut rig = Rig::with(Limits::default());
+    assert_eq!(rig.dog.state(), Offline);
+    rig.take(Fact::LinkUp {
+        docked: false,
+        power: power(60),
+    });
+    assert_eq!(rig.dog.state(), Free);
+    rig.ask(Ask::Dock(CallId(1), DockPlan::default()));
+    assert_eq!(rig.dog.state(), Docking);
+    rig.take(Fact::Power(power(10)));
+    assert_eq!(rig.dog.state(), LowGoingHome);
+    rig.take(Fact::Engine(EngineNews::Docked));
+    assert_eq!(rig.dog.state(), Docked);
+    rig.pass(40 * SECOND, false);
+    assert_eq!(rig.dog.state(), Alarm);
+    rig.take(Fact::LinkDown);
+    assert_eq!(rig.dog.state(), Offline);
+    let words =
+        [Offline, Free, Docked, Docking, LowGoingHome, Alarm].map(|state| state.to_string());
+    assert_eq!(
+        words,
+        [
+            "offline",
+            "free",
+            "docked",
+            "docking",
+            "battery low, going home",
+            "battery low, ALARM"
+        ]
+    );
+}

@@ -1,0 +1,192 @@
+//! What the facts of a history say: an account much simpler than the watchdog's.
+
+use super::*;
+
+/// What the facts say, without any of the watchdog's rules but one: where it is free to believe good
+/// news of the battery later, it is followed, if there are reports enough for what it believes.
+#[derive(Debug, Default)]
+pub(super) struct Known {
+    pub(super) online: bool,
+    pub(super) on_station: bool,
+    pub(super) charging: bool,
+    /// So it does, where it was when it was asked last to leave its station.
+    pub(super) charges_here: bool,
+    /// Since when it has stood on its contacts, by its own word, without charging.
+    pub(super) contact: Option<Instant>,
+    /// It was told to leave the station, and has said nothing since.
+    pub(super) told_to_leave: bool,
+    /// It was low and did not charge in time, and has said nothing since.
+    pub(super) idle: bool,
+    pub(super) low: bool,
+    pub(super) critical: bool,
+    /// Reports in a row that say: charging; at least ok; more than critical.
+    pub(super) charges: u32,
+    pub(super) good: u32,
+    pub(super) uncritical: u32,
+    /// One of charging came while the robot said that it is on its station.
+    pub(super) touched: bool,
+    /// And nobody had asked it to leave.
+    pub(super) surely_touched: bool,
+    /// Charging is said and not believed, and since when.
+    pub(super) doubted: bool,
+    pub(super) said: Option<Instant>,
+    /// The last that was heard of a search is that it failed.
+    pub(super) not_found: bool,
+    pub(super) rescuer: Option<BehaviourId>,
+    pub(super) parted: bool,
+    /// From when on the battery's silence counts.
+    pub(super) reported: Option<Instant>,
+}
+
+impl Known {
+    pub(super) fn docked(&self) -> bool {
+        self.on_station || self.charges_here
+    }
+
+    /// On the station, and nothing gives a reason to doubt it.
+    pub(super) fn surely_docked(&self, limits: &Limits, now: Instant) -> bool {
+        self.docked() && !self.told_to_leave && !self.idle && !self.is_idle(limits, now)
+    }
+
+    pub(super) fn is_idle(&self, limits: &Limits, now: Instant) -> bool {
+        let due = |since: Instant| since + limits.charge_timeout.get() <= now;
+        self.low && self.contact.is_some_and(due)
+    }
+
+    pub(super) fn note(&mut self, fact: &Fact, limits: &Limits, now: Instant) {
+        self.idle |= self.is_idle(limits, now);
+        match fact {
+            Fact::LinkUp { docked, power } => {
+                (self.online, self.on_station) = (true, *docked);
+                (self.not_found, self.told_to_leave) = (false, false);
+                self.power(*power, limits, now);
+            }
+            Fact::LinkDown => self.online = false,
+            Fact::Rescuer(by) => self.rescuer = *by,
+            Fact::Gone(by) if self.rescuer == Some(*by) => self.rescuer = None,
+            Fact::Parting => self.parted = true,
+            Fact::Engine(EngineNews::BaseNotFound) => self.not_found = true,
+            Fact::Power(power) => self.power(*power, limits, now),
+            Fact::Engine(EngineNews::Docked) => {
+                (self.on_station, self.not_found) = (true, false);
+                self.charges_here &= !self.told_to_leave;
+                self.told_to_leave = false;
+                self.touched |= self.charging;
+                self.surely_touched |= self.charging;
+            }
+            Fact::Engine(EngineNews::Undocked) => {
+                (self.on_station, self.charging) = (false, false);
+                self.charges_here = false;
+                (self.charges, self.touched, self.doubted) = (0, false, false);
+                self.surely_touched = false;
+                self.told_to_leave = false;
+                self.reported = self.reported.map(|_| now);
+            }
+            _ => {}
+        }
+        let said = matches!(
+            fact,
+            Fact::Engine(EngineNews::Docked | EngineNews::Undocked)
+        );
+        self.idle &= self.on_station && !self.charges_here && !said;
+        let contact = self.on_station && !self.charges_here;
+        self.contact = contact.then(|| self.contact.unwrap_or(now));
+    }
+
+    /// What the watchdog has said.
+    pub(super) fn hear(&mut self, acts: &[Act]) {
+        self.told_to_leave |= sent(acts).contains(&LEAVE);
+    }
+
+    pub(super) fn power(&mut self, power: Power, limits: &Limits, now: Instant) {
+        self.end_doubt(now);
+        if power.charging && !self.charging {
+            self.said = Some(now);
+        }
+        (self.charging, self.reported) = (power.charging, Some(now));
+        self.charges_here = power.charging;
+        self.doubted &= power.charging;
+        let count = |counted: &mut u32, says: bool| *counted = if says { *counted + 1 } else { 0 };
+        count(&mut self.charges, power.charging);
+        count(&mut self.good, power.percent >= limits.ok.get());
+        let critical = power.percent <= limits.critical.get();
+        count(&mut self.uncritical, !critical);
+        self.touched = power.charging && (self.touched || self.on_station);
+        let surely = self.surely_touched || (self.on_station && !self.told_to_leave);
+        self.surely_touched = power.charging && surely;
+        self.critical |= critical;
+        self.low |= !power.charging && power.percent <= limits.low.get();
+    }
+
+    /// Follows the watchdog in what it believes, if it may believe that.
+    pub(super) fn agree(&mut self, dog: &Watchdog, limits: &Limits) -> Kept {
+        let charging = dog.guard.charging();
+        prop_assert_eq!(self.charging, charging != Charging::No);
+        let enough = self.touched || self.charges >= 2;
+        prop_assert!(
+            enough || charging != Charging::Believed,
+            "one report of charging"
+        );
+        prop_assert!(
+            !self.surely_touched || charging != Charging::Said,
+            "charging on its station"
+        );
+        self.doubted = charging == Charging::Said;
+        let released = charging == Charging::Believed || self.good >= 3;
+        prop_assert!(dog.low().is_some() || !self.low || released, "{:?}", self);
+        let low = dog.guard.level().is_some_and(|level| level <= limits.low);
+        let late = self.charges > 0 && !self.charging && low;
+        prop_assert!(dog.low().is_none() || self.low || late, "{:?}", self);
+        self.low = dog.low().is_some();
+        prop_assert!(dog.guard.critical() || !self.critical || self.uncritical >= 3);
+        prop_assert!(!dog.guard.critical() || self.critical);
+        self.critical = dog.guard.critical();
+        Ok(())
+    }
+
+    /// Whether the robot searches by itself after this moment.
+    pub(super) fn still_searches(&self, moment: &Moment<'_>, before: bool) -> bool {
+        use EngineNews::{BaseNotFound, Docked};
+        let over = match moment.fact {
+            Some(Fact::Power(_)) => moment.play.dog.guard.charging() == Charging::Believed,
+            Some(Fact::Engine(news)) => matches!(news, Docked | BaseNotFound),
+            Some(Fact::LinkDown | Fact::LinkUp { .. }) => true,
+            _ => false,
+        };
+        let ends = |command: &Command| match command {
+            Command::Move { .. } | Command::Engine(Engage::Undock | Engage::CancelDock) => {
+                Some(false)
+            }
+            Command::Engine(Engage::Dock) => Some(true),
+            _ => None,
+        };
+        let said = sent(&moment.acts).iter().filter_map(ends).next_back();
+        self.online && said.unwrap_or(before && !over)
+    }
+
+    /// Whether a low robot may be moved: by a leg or a loan.
+    pub(super) fn allows_the_way_home(&self, limits: &Limits, now: Instant) -> bool {
+        let lost = self.low && !self.surely_docked(limits, now);
+        self.online && lost && !self.parted
+    }
+
+    pub(super) fn end_doubt(&mut self, now: Instant) {
+        let over = |since: Instant| now >= since + BatteryGuard::DOUBT;
+        if self.doubted && self.said.is_some_and(over) {
+            (self.charging, self.doubted) = (false, false);
+            self.charges_here = false;
+        }
+    }
+
+    pub(super) fn pass(&mut self, limits: &Limits, excused: bool, now: Instant) {
+        self.idle |= self.is_idle(limits, now);
+        if self.online {
+            self.end_doubt(now);
+        }
+        match self.reported {
+            Some(_) if self.online && excused => self.reported = Some(now),
+            Some(at) if self.online => self.low |= now >= at + limits.power_silence.get(),
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,192 @@
+//! What the histories reach, by name.
+
+use super::*;
+
+/// Names what a moment shows.
+fn seen(moment: &Moment<'_>) -> Vec<String> {
+    let Play { dog, known, .. } = moment.play;
+    let mut seen = vec![format!("state {:?}", dog.state())];
+    let mut note = |name: &str, holds: bool| seen.extend(holds.then(|| name.to_owned()));
+    let homing = dog.homing.as_ref();
+    let forced = homing.is_some_and(|homing| homing.forced);
+    note("moves", moment.moves());
+    note("searches", moment.sends(&FIND));
+    note("gives the search up", moment.sends(&CANCEL));
+    note(
+        "sounds the alarm",
+        moment.sends(&Command::Play(Sound::Alarm)),
+    );
+    note(
+        "low by level",
+        matches!(dog.low(), Some(LowCause::Level(_))),
+    );
+    note(
+        "low by silence",
+        matches!(dog.low(), Some(LowCause::Silence(_))),
+    );
+    note("low on the station", dog.low().is_some() && known.docked());
+    note("critical", dog.guard.critical());
+    let said = dog.guard.charging() == Charging::Said;
+    note(
+        "low, and charging is only said",
+        said && dog.low().is_some(),
+    );
+    note(
+        "low when the doubt ends",
+        moment.fact.is_none() && known.charges > 0 && dog.low().is_some() && !known.docked(),
+    );
+    note("several wish to drive", dog.arbiter.wishing().count() > 1);
+    note("backs off", homing.is_some() && dog.moving());
+    let alarm = dog.state() == WatchdogState::Alarm;
+    let low_moves = known.low && dog.moving();
+    let lent = dog.borrower().is_some();
+    note("drives a leg", low_moves && !lent);
+    note("lends the tracks", lent);
+    note("drives in a loan", low_moves && lent);
+    note(
+        "drives at the critical level",
+        low_moves && dog.guard.critical(),
+    );
+    let loan = |event: &Event| matches!(event, Event::Loan { .. });
+    note("tells of a loan", told(&moment.acts).iter().any(loan));
+    note("searches under alarm", alarm && moment.sends(&FIND));
+    note(
+        "stands still under alarm, off the station",
+        alarm && !known.docked() && homing.is_none() && !dog.moving(),
+    );
+    note(
+        "asked to stop in a leg",
+        alarm && dog.moving() && matches!(moment.fact, Some(Fact::Asked { ask: Ask::Stop, .. })),
+    );
+    note(
+        "asked to stop while it moves",
+        matches!(moment.fact, Some(Fact::Asked { ask: Ask::Stop, .. }))
+            && moment.sends(&Command::STOP),
+    );
+    note(
+        "a behaviour waits for the watchdog's docking",
+        forced && !dog.waiting.is_empty(),
+    );
+    note("the run ends while low", dog.parting && forced);
+    note("place unknown", dog.place() == Place::Unknown);
+    note(
+        "place unknown while low",
+        known.low && dog.place() == Place::Unknown,
+    );
+    note("backs out", dog.whereabouts.is_leaving());
+    note(&format!("last words {:?}", dog.last_words()), true);
+    note(
+        "an engine code nobody knows",
+        matches!(moment.fact, Some(Fact::Engine(EngineNews::Unknown(_)))),
+    );
+    for act in &moment.acts {
+        match act {
+            Act::Kill(..) => seen.push("kill".into()),
+            Act::Reconnect(_) => seen.push("reconnect".into()),
+            Act::Announce(Event::Safety { action, .. }) => seen.push(format!("does {action:?}")),
+            _ => {}
+        }
+    }
+    seen.extend(told(&moment.acts).iter().filter_map(|event| match event {
+        Event::MotionEnded { end, .. } => Some(format!("motion {end:?}")),
+        Event::DockEnded { end, .. } => Some(format!("dock {end:?}")),
+        Event::UndockEnded { end, .. } => Some(format!("undock {end:?}")),
+        _ => None,
+    }));
+    seen
+}
+
+/// What [`seen`] must have named in the end.
+fn all_there_is() -> Vec<String> {
+    let ends = |what: &str, ends: &[DockEnd]| {
+        let named = ends.iter().map(|end| format!("{what} {end:?}"));
+        named.collect::<Vec<_>>()
+    };
+    let of_undocking = [
+        DockEnd::Done,
+        DockEnd::NotDocked,
+        DockEnd::Timeout,
+        DockEnd::Cancelled,
+        DockEnd::Preempted,
+        DockEnd::Disconnected,
+        DockEnd::Safety,
+    ];
+    let of_docking = DockEnd::ALL.iter().copied();
+    let of_docking: Vec<DockEnd> = of_docking
+        .filter(|end| *end != DockEnd::NotDocked)
+        .collect();
+    let mut all = [ends("dock", &of_docking), ends("undock", &of_undocking)].concat();
+    all.extend(MotionEnd::ALL.iter().map(|end| format!("motion {end:?}")));
+    all.extend(
+        SafetyAction::ALL
+            .iter()
+            .map(|action| format!("does {action:?}")),
+    );
+    let others = [
+        "state Offline",
+        "state Free",
+        "state Docked",
+        "state Docking",
+        "state LowGoingHome",
+        "state Alarm",
+        "moves",
+        "searches",
+        "gives the search up",
+        "backs off",
+        "drives a leg",
+        "lends the tracks",
+        "drives in a loan",
+        "drives at the critical level",
+        "tells of a loan",
+        "asked to stop in a leg",
+        "searches under alarm",
+        "stands still under alarm, off the station",
+        "low by level",
+        "low by silence",
+        "low on the station",
+        "critical",
+        "low, and charging is only said",
+        "low when the doubt ends",
+        "sounds the alarm",
+        "several wish to drive",
+        "asked to stop while it moves",
+        "a behaviour waits for the watchdog's docking",
+        "the run ends while low",
+        "an engine code nobody knows",
+        "place unknown",
+        "place unknown while low",
+        "backs out",
+        "last words Stop",
+        "last words StopAndDock",
+        "last words Nothing",
+        "kill",
+        "reconnect",
+    ];
+    all.extend(others.map(String::from));
+    all
+}
+
+#[test]
+fn histories_reach_all_there_is_to_reach() {
+    let mut runner = TestRunner::deterministic();
+    let mut reached = BTreeMap::<String, u32>::new();
+    for _ in 0..2000 {
+        let history = any_history().new_tree(&mut runner).unwrap().current();
+        let mut of_this = BTreeSet::new();
+        let mut see = |moment: Moment<'_>| {
+            of_this.extend(seen(&moment));
+            Ok(())
+        };
+        Play::new(&Limits::default())
+            .steps(&history, &mut see)
+            .unwrap();
+        for what in of_this {
+            *reached.entry(what).or_default() += 1;
+        }
+    }
+    let rare: Vec<String> = all_there_is()
+        .into_iter()
+        .filter(|what| reached.get(what).is_none_or(|&histories| histories < 10))
+        .collect();
+    assert!(rare.is_empty(), "{rare:?} hardly ever happen: {reached:#?}");
+}

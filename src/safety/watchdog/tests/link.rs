@@ -1,0 +1,105 @@
+//! A robot that is not heard, and a link that is not there.
+
+use super::rig::*;
+use super::*;
+
+#[test]
+fn a_leg_over_a_silent_stream_stops_and_nothing_is_said_behind_it() {
+    let limits = Limits {
+        stream_silence: crate::robot::Seconds::from_secs(1),
+        ..Limits::default()
+    };
+    let (mut rig, _) = lost(20, limits);
+    rig.take(Fact::Listening(true));
+    let acts = rig.pass(1500 * MS, false);
+    assert!(reconnects(&acts));
+    assert_eq!(tracks(&acts).last(), Some(&(0, 0)));
+    assert_eq!(count(&acts, &FIND), 0);
+}
+
+#[test]
+fn a_silent_stream_while_moving_stops_and_reconnects() {
+    let mut rig = Rig::online(60);
+    rig.take(Fact::Listening(true));
+    rig.drive(1, None);
+    assert!(
+        !rig.pass(2900 * MS, true)
+            .iter()
+            .any(|act| matches!(act, Act::Reconnect(_)))
+    );
+    let acts = rig.pass(200 * MS, true);
+    let stop = acts
+        .iter()
+        .position(|act| *act == Act::Send(Command::STOP))
+        .unwrap();
+    let close = acts
+        .iter()
+        .position(|act| matches!(act, Act::Reconnect(_)))
+        .unwrap();
+    assert!(stop < close, "{acts:?}");
+    assert_eq!(told(&acts), [ended(1, MotionEnd::Disconnected)]);
+}
+
+#[test]
+fn a_stream_that_begins_late_has_its_time_and_no_more() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    rig.pass(10 * SECOND, true);
+    rig.take(Fact::Listening(true));
+    assert!(!reconnects(&rig.pass(2900 * MS, true)));
+    rig.take(Fact::Listening(true));
+    assert!(
+        reconnects(&rig.pass(200 * MS, true)),
+        "said twice, heard never"
+    );
+}
+
+#[test]
+fn a_robot_that_is_heard_drives_on() {
+    let mut rig = Rig::online(60);
+    rig.take(Fact::Listening(true));
+    rig.drive(1, None);
+    for _ in 0..10 {
+        let acts = rig.pass(SECOND, true);
+        assert!(!reconnects(&acts) && !sent(&acts).contains(&Command::STOP));
+        rig.take(Fact::Heard);
+    }
+}
+
+#[test]
+fn a_silent_robot_without_a_stream_is_normal() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    assert!(
+        !rig.pass(60 * SECOND, true)
+            .iter()
+            .any(|act| matches!(act, Act::Reconnect(_)))
+    );
+}
+
+#[test]
+fn without_a_link_nothing_is_sent() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    let acts = rig.take(Fact::LinkDown);
+    assert_eq!(
+        (sent(&acts), told(&acts)),
+        (vec![], vec![ended(1, MotionEnd::Disconnected)])
+    );
+    assert_eq!(
+        told(&rig.drive(2, None)),
+        [ended(2, MotionEnd::Disconnected)]
+    );
+    assert_eq!(rig.dog.next_deadline(), None);
+}
+
+#[test]
+fn after_a_reconnect_a_low_robot_is_sent_home_again() {
+    let mut rig = Rig::online(20);
+    rig.take(Fact::LinkDown);
+    let acts = rig.take(Fact::LinkUp {
+        docked: false,
+        power: power(19),
+    });
+    assert_eq!(sent(&acts), [Command::STOP, FIND]);
+}

@@ -1,0 +1,17 @@
+//! The rules by numbers, facts and times in and acts out; and their promises over random histories.
+
+mod battery;
+mod docking;
+mod handover;
+mod histories;
+mod hosts;
+mod link;
+mod parting;
+mod place;
+mod priorities;
+mod recovery;
+mod rescue;
+mod rig;
+mod way_back;
+
+use super::*;

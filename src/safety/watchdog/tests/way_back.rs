@@ -1,0 +1,195 @@
+//! The way that a low robot came, told to whom its tracks are lent first.
+
+use super::rig::*;
+use super::*;
+use crate::robot::Stroke;
+use crate::safety::Ask;
+
+const NOT_FOUND: Fact = Fact::Engine(EngineNews::BaseNotFound);
+const RESCUER: BehaviourId = BehaviourId(9);
+/// Of a quarter of the power for two seconds.
+const WAY: Stroke = Stroke {
+    left: 1.0,
+    right: 1.0,
+};
+
+/// Has left its station and driven for two seconds.
+fn driven() -> Rig {
+    let mut rig = Rig::docked(power(90));
+    rig.undock(1);
+    rig.now += SECOND;
+    rig.take(Fact::Engine(EngineNews::Undocked));
+    rig.drive(1, None);
+    rig.pass(2 * SECOND, true);
+    rig
+}
+
+/// The battery is low, the first search fails after five seconds: the loan that follows, if there is one.
+fn loan_after(mut rig: Rig) -> Option<(Duration, Option<Vec<Stroke>>)> {
+    rig.take(Fact::Power(power(15)));
+    rig.take(Fact::Rescuer(Some(RESCUER)));
+    rig.now += 5 * SECOND;
+    loan(&rig.take(NOT_FOUND))
+}
+
+fn loan(acts: &[Act]) -> Option<(Duration, Option<Vec<Stroke>>)> {
+    told(acts).into_iter().find_map(|event| match event {
+        Event::Loan { low_for, way, .. } => Some((low_for, way.map(rounded))),
+        _ => None,
+    })
+}
+
+/// To milliseconds.
+fn rounded(way: Vec<Stroke>) -> Vec<Stroke> {
+    let round = |seconds: f32| (seconds * 1000.0).round() / 1000.0;
+    let stroke = |Stroke { left, right }| Stroke {
+        left: round(left),
+        right: round(right),
+    };
+    way.into_iter().map(stroke).collect()
+}
+
+#[test]
+fn the_first_loan_brings_the_way_since_the_station() {
+    let (low_for, way) = loan_after(driven()).unwrap();
+    assert_eq!(low_for, 5 * SECOND);
+    assert_eq!(way, Some(vec![WAY]));
+}
+
+#[test]
+fn the_first_words_stay_stop_and_search() {
+    let mut rig = driven();
+    let acts = rig.take(Fact::Power(power(15)));
+    assert_eq!(sent(&acts), [Command::STOP, FIND]);
+}
+
+#[test]
+fn every_turn_is_a_stroke_of_its_own_and_standing_is_none() {
+    let mut rig = driven();
+    rig.ask(Ask::Stop);
+    rig.pass(10 * SECOND, true);
+    rig.ask(Ask::Move {
+        motion: crate::robot::MotionId(2),
+        setpoint: Setpoint::from_percent(-100.0, 100.0).unwrap(),
+        duration: Some(500 * MS),
+    });
+    rig.pass(SECOND, true);
+    let turn = Stroke {
+        left: -0.5,
+        right: 0.5,
+    };
+    assert_eq!(loan_after(rig).unwrap().1, Some(vec![WAY, turn]));
+}
+
+#[test]
+fn no_later_loan_brings_it() {
+    let mut rig = driven();
+    rig.take(Fact::Power(power(15)));
+    rig.take(Fact::Rescuer(Some(RESCUER)));
+    rig.now += SECOND;
+    assert!(loan(&rig.take(NOT_FOUND)).unwrap().1.is_some());
+    rig.pass(20 * SECOND, true);
+    assert_eq!(loan(&rig.take(NOT_FOUND)).unwrap().1, None);
+}
+
+#[test]
+fn whatever_else_moves_the_robot_on_its_way_makes_it_unknown() {
+    let low = power(90);
+    let up = |docked| Fact::LinkUp { docked, power: low };
+    let cases: [(&str, Vec<Fact>); 5] = [
+        ("the link dropped", vec![Fact::LinkDown, up(false)]),
+        ("the machine slept", vec![Fact::Suspended]),
+        (
+            "on its station, and carried off",
+            vec![
+                Fact::Engine(EngineNews::Docked),
+                Fact::Engine(EngineNews::Undocked),
+            ],
+        ),
+        ("carried", vec![Fact::Engine(EngineNews::Undocked)]),
+        (
+            "charges, and charges no more",
+            vec![
+                Fact::Power(charging(90)),
+                Fact::Power(charging(90)),
+                Fact::Power(power(90)),
+            ],
+        ),
+    ];
+    for (why, facts) in cases {
+        let mut rig = driven();
+        for fact in facts {
+            rig.now += SECOND;
+            rig.take(fact);
+        }
+        let way = loan_after(rig).and_then(|(_, way)| way);
+        assert_eq!(way, None, "{why}");
+    }
+}
+
+#[test]
+fn a_search_of_the_robots_own_makes_it_unknown() {
+    let mut rig = driven();
+    rig.dock(7);
+    rig.now += SECOND;
+    rig.ask(Ask::CancelDock);
+    assert_eq!(loan_after(rig).unwrap().1, None);
+}
+
+#[test]
+fn a_robot_that_was_found_off_its_station_knows_no_way() {
+    let mut rig = Rig::online(90);
+    rig.drive(1, None);
+    rig.pass(2 * SECOND, true);
+    assert_eq!(loan_after(rig).unwrap().1, None);
+}
+
+#[test]
+fn what_happens_in_the_first_search_makes_it_unknown() {
+    let low = power(15);
+    let up = Fact::LinkUp {
+        docked: false,
+        power: low,
+    };
+    let cases: [(&str, Vec<Fact>); 3] = [
+        ("the link dropped", vec![Fact::LinkDown, up]),
+        ("the machine slept", vec![Fact::Suspended]),
+        ("carried", vec![Fact::Engine(EngineNews::Undocked)]),
+    ];
+    for (why, facts) in cases {
+        let mut rig = driven();
+        rig.take(Fact::Power(low));
+        rig.take(Fact::Rescuer(Some(RESCUER)));
+        for fact in facts {
+            rig.now += SECOND;
+            rig.take(fact);
+        }
+        rig.pass(2 * SECOND, true);
+        assert_eq!(loan(&rig.take(NOT_FOUND)).unwrap().1, None, "{why}");
+    }
+}
+
+#[test]
+fn a_leg_makes_it_unknown() {
+    let mut rig = driven();
+    rig.take(Fact::Power(power(15)));
+    rig.now += SECOND;
+    assert_eq!(loan(&rig.take(NOT_FOUND)), None);
+    rig.pass(5 * SECOND, true);
+    rig.take(Fact::Rescuer(Some(RESCUER)));
+    assert_eq!(loan(&rig.take(NOT_FOUND)).unwrap().1, None);
+}
+
+#[test]
+fn each_undocking_begins_a_way_of_its_own() {
+    let mut rig = driven();
+    rig.take(Fact::Engine(EngineNews::Docked));
+    rig.hear(charging(90));
+    rig.hear(charging(90));
+    rig.undock(2);
+    rig.now += SECOND;
+    rig.take(Fact::Engine(EngineNews::Undocked));
+    rig.drive(2, None);
+    rig.pass(2 * SECOND, true);
+    assert_eq!(loan_after(rig).unwrap().1, Some(vec![WAY]));
+}
