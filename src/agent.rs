@@ -143,6 +143,7 @@ impl Agent {
             requests,
             frames,
             stop: ended.subscribe(),
+            longest_silence: plan.settings.limits.host_idle_silence.get(),
         };
         let rescue = plan.rescue.map(|launch| {
             let standing_by = rescue::stand_by(around.clone(), launch, status.clone());

@@ -91,6 +91,7 @@
 //! | --- | --- | --- |
 //! | 0 | `wire` | messages to bytes and back, discovery datagrams; knows no socket |
 //! | 0 | `vision` | JPEG to pixels to blobs, and the simulator's JPEG encoder; knows no robot |
+//! | 0 | `walls` | what the kernel holds processes to that deal with people's scripts |
 //! | 1 | `robot` | the words that cross between tasks and processes |
 //! | 1 | `guardian` | the process that stops the robot when the agent cannot |
 //! | 2 | `safety` | watchdog, arbiter, docking: pure rules |
@@ -123,4 +124,5 @@ pub mod scenario;
 pub mod script;
 pub mod sim;
 pub mod vision;
+pub mod walls;
 pub mod wire;

@@ -3,6 +3,7 @@
 
 use std::future::{Future, pending};
 use std::pin::{Pin, pin};
+use std::time::Duration;
 
 use tokio::runtime;
 use tokio::sync::{mpsc, watch};
@@ -12,7 +13,8 @@ use tracing::{error, info, warn};
 
 use super::{Behaviour, report};
 use crate::behaviour::{
-    Handle, Launch, Launcher, Patience, Prepared, Reload, RestartPolicy, Supervisor, Verdict,
+    Handle, Inspector, Launch, Launcher, Patience, Prepared, Reload, RestartPolicy, Supervisor,
+    Verdict,
 };
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
@@ -31,6 +33,8 @@ pub(super) struct Surroundings {
     pub(super) requests: mpsc::Sender<Request>,
     pub(super) frames: watch::Receiver<Pictures>,
     pub(super) stop: Stop,
+    /// Of a host's life.
+    pub(super) longest_silence: Duration,
 }
 
 /// A saved text that a host has loaded.
@@ -127,10 +131,13 @@ impl Keeper {
             requests,
             frames,
             core,
+            longest_silence,
             ..
         } = self.around.clone();
         let handle = Handle::default();
-        let supervisor = Supervisor::board(host, self.role, requests, frames).await;
+        let supervisor = Supervisor::board(host, self.role, requests, frames)
+            .await
+            .with_longest_silence(longest_silence);
         let mut life = pin!(supervisor.run(handle.clone(), &core));
         let (mut loading, mut successor, mut parting) = (None, None, false);
         let ending = loop {
@@ -288,8 +295,8 @@ impl Keeper {
         Box::pin(async move {
             if checked {
                 // A long text takes its time, which is not the watchdog's.
-                let text = launch.clone();
-                let looked = spawn_blocking(move || look_over(&text)).await;
+                let (text, inspector) = (launch.clone(), launcher.inspector());
+                let looked = spawn_blocking(move || look_over(&text, inspector)).await;
                 looked.unwrap_or(Ok(()))?;
             }
             let host = Prepared::start(&launcher, &core, by, priority, launch).await?;
@@ -299,8 +306,17 @@ impl Keeper {
 }
 
 /// Refuses a text in which the check finds an error.
-fn look_over(launch: &Launch) -> Result<(), Ending> {
-    let errors = check::errors(&launch.source, &launch.options);
+fn look_over(launch: &Launch, inspector: Option<Inspector>) -> Result<(), Ending> {
+    let Launch {
+        source, options, ..
+    } = launch;
+    let errors = match inspector {
+        Some(inspector) => inspector.errors(source, options).map_err(|why| Ending {
+            reason: EndReason::Error,
+            message: Some(format!("{}: cannot be checked: {why}", options.chunk)),
+        })?,
+        None => check::errors(source, options),
+    };
     errors.first().map_or(Ok(()), |error| {
         Err(Ending {
             reason: EndReason::Error,

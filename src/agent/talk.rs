@@ -2,6 +2,7 @@
 //! dies is replaced; the link, the pilot and the watchdog stay the same all the while.
 
 use std::pin::pin;
+use std::time::Duration;
 
 use tokio::runtime;
 use tokio::sync::{mpsc, watch};
@@ -62,6 +63,8 @@ struct Session {
     requests: mpsc::Sender<Request>,
     frames: watch::Receiver<Pictures>,
     ending: pilot::Ending,
+    /// Of a host's life.
+    longest_silence: Duration,
     last: u16,
 }
 
@@ -81,6 +84,7 @@ impl Talk {
         pilot.set_pulse(self.pulse);
         let (requests, received) = mpsc::channel(MAX_REQUESTS);
         let ending = pilot::Ending::default();
+        let longest_silence = self.settings.limits.host_idle_silence.get();
         let flight = pilot.run(self.dial, self.settings, received, ending.clone());
         let mut session = Session {
             launch: self.launch,
@@ -90,6 +94,7 @@ impl Talk {
             requests,
             frames,
             ending,
+            longest_silence,
             last: 0,
         };
         let outcome = session.live(&mut orders, &said, status, &stop).await;
@@ -172,7 +177,8 @@ impl Session {
             self.requests.clone(),
             self.frames.clone(),
         )
-        .await)
+        .await
+        .with_longest_silence(self.longest_silence))
     }
 
     /// The stop is written; now the link.

@@ -1,37 +1,40 @@
 //! The child side: one VM, its scheduler and its eyes, and a pipe to the agent. No robot socket, no
 //! secrets, few rights.
 
+use std::ffi::OsString;
 use std::io;
 use std::os::fd::AsFd;
-use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until};
 
-use super::confine::confine;
 use super::gallery::Gallery;
 use super::keeper::Keeper;
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
 use crate::robot::{EndReason, Frame};
 use crate::script::{Ending, Level, LogLine, Output, Script};
+use crate::walls::{Room, confine};
 
 /// While a setpoint of the script is on, the agent hears from the host at least this often; a
 /// quarter of what the watchdog allows.
 const BEAT: Duration = Duration::from_millis(50);
+/// Otherwise at least this often; a quarter of the least that a config may allow.
+const IDLE_BEAT: Duration = Duration::from_millis(500);
 /// Stack of a thread that runs a VM, bytes: Luau's deepest legal recursion needs 2.1 MiB of it in a
 /// debug build.
 pub const STACK: usize = 8 << 20;
 
-/// The life of a host process, from its confinement to its exit code. `folders` are the
-/// only ones whose files it can open.
-pub fn host_main(folders: &[PathBuf]) -> ExitCode {
+/// The life of a host process, from its confinement to its exit code. The arguments are its room.
+pub fn host_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
     let life = std::thread::Builder::new()
         .name("vm".into())
         .stack_size(STACK);
-    let ended = confine(folders)
+    let room = Room::of_arguments(arguments).ok_or_else(|| io::ErrorKind::InvalidInput.into());
+    let ended = room
+        .and_then(|(parent, room)| confine(parent, &room))
         .and_then(|_| life.spawn(over_stdin))
         .and_then(|vm| {
             vm.join()
@@ -118,6 +121,7 @@ pub(super) async fn serve(
                 coming: Vec::new(),
                 gallery,
                 keeper,
+                time,
             };
             if host.prepare().await? {
                 host.run().await
@@ -146,6 +150,8 @@ struct Host {
     gallery: Option<Gallery>,
     /// Where the script's store is kept.
     keeper: Option<Keeper>,
+    /// In virtual time nobody waits for a sign of life.
+    time: Time,
 }
 
 /// Gives the script what its store held; a warning if that is damaged.
@@ -183,6 +189,8 @@ impl Host {
     async fn run(mut self) -> io::Result<()> {
         let mut beat = interval(BEAT);
         beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut idle = interval(IDLE_BEAT);
+        idle.set_missed_tick_behavior(MissedTickBehavior::Delay);
         self.script.run_ready(Instant::now());
         let ending = loop {
             self.send_output().await?;
@@ -203,6 +211,9 @@ impl Host {
                 () = until(self.script.next_deadline()) => {}
                 () = until(keeps_at) => {}
                 _ = beat.tick(), if moving => self.outbox.send(&FromHost::Alive).await?,
+                _ = idle.tick(), if !moving && self.time == Time::Real => {
+                    self.outbox.send(&FromHost::Alive).await?;
+                }
             }
             self.script.run_ready(Instant::now());
         };

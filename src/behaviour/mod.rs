@@ -3,11 +3,10 @@
 //! alone.
 
 mod ahead;
-mod calls;
-mod confine;
 mod dialogue;
 mod gallery;
 mod host;
+mod inspection;
 mod keeper;
 mod library;
 mod message;
@@ -19,6 +18,7 @@ mod watch;
 
 pub use dialogue::{Dialogue, Order, Said};
 pub use host::{STACK, host, host_main};
+pub use inspection::{INSPECTION, Inspected, Inspector, inspection_main};
 pub use library::Library;
 pub use message::{FromHost, Launch, ToHost};
 pub use policy::{Patience, RestartPolicy, Restarts, Verdict, is_failure};

@@ -17,8 +17,9 @@ use tokio::process::{Child, ChildStderr, Command};
 use tokio::runtime::Handle;
 use tokio::task::JoinHandle;
 
-use super::confine::Walls;
 use super::host::{Time, serve};
+use super::inspection::Inspector;
+use crate::walls::{Room, Walls};
 
 /// The hidden argument by which the executable knows that it is to be a host.
 pub const HOST_ARGUMENT: &str = "__host";
@@ -63,6 +64,11 @@ impl Launcher {
         std::env::current_exe().map(Launcher::new)
     }
 
+    /// Looks at texts in processes of the same executable; `None` in virtual time, where there is none.
+    pub fn inspector(&self) -> Option<Inspector> {
+        self.executable.clone().map(Inspector::new)
+    }
+
     /// Whether hosts are tasks of this thread: then no other thread may be waited for.
     pub(super) fn is_in_this_thread(&self) -> bool {
         self.executable.is_none()
@@ -96,9 +102,13 @@ fn start_child(
     Walls::say_what_is_missing();
     let (ours, theirs) = std::os::unix::net::UnixStream::pair()?;
     ours.set_nonblocking(true)?;
+    let room = Room {
+        write: folders.iter().map(|folder| folder.to_path_buf()).collect(),
+        ..Room::default()
+    };
     let child = Command::new(executable)
         .arg(HOST_ARGUMENT)
-        .args(folders)
+        .args(room.arguments())
         .env_clear()
         // Every thread of glibc reserves 64 MiB of address space for its own heap otherwise.
         .env("MALLOC_ARENA_MAX", "1")

@@ -32,6 +32,9 @@ const MAX_MODULES: usize = 256;
 const LOAD_TIME: Duration = Duration::from_secs(5);
 /// How long a script's last words may take (`API.md`, `script.on_stop`), and the host's way out.
 const STOP_TIME: Duration = Duration::from_millis(700);
+/// A host that has been silent for too long is waited for once more for so long: a machine that stalls
+/// as a whole must not end its scripts.
+const SILENCE_GRACE: Duration = Duration::from_millis(500);
 /// How long a host may take to exit once it said that it has ended.
 const EXIT_TIME: Duration = Duration::from_millis(100);
 
@@ -46,6 +49,8 @@ pub struct Prepared {
     to_host: mpsc::Sender<ToHost>,
     modules: mpsc::Sender<ModuleName>,
     pump: AbortHandle,
+    /// In virtual time nobody waits for a sign of life.
+    in_real_time: bool,
 }
 
 /// Tells a running behaviour to end.
@@ -84,6 +89,33 @@ pub struct Supervisor {
     ahead: Ahead,
     dropped: u64,
     dialogue: Option<Dialogue>,
+    silence: Option<Silence>,
+}
+
+/// How long nothing may be heard of a host that runs.
+#[derive(Debug)]
+struct Silence {
+    limit: Duration,
+    /// Once it runs.
+    heard: Option<Instant>,
+    /// It is waited for once more.
+    grace: Option<Instant>,
+}
+
+impl Silence {
+    fn heard(&mut self) {
+        (self.heard, self.grace) = (Some(Instant::now()), None);
+    }
+
+    /// When it has been too long.
+    fn deadline(&self) -> Option<Instant> {
+        self.grace.or(self.heard.map(|heard| heard + self.limit))
+    }
+
+    /// The deadline has passed: whether that is the end of the host.
+    fn is_over(&mut self) -> bool {
+        self.grace.replace(Instant::now() + SILENCE_GRACE).is_some()
+    }
 }
 
 impl Prepared {
@@ -123,6 +155,7 @@ impl Prepared {
             to_host,
             modules,
             pump,
+            in_real_time: !launcher.is_in_this_thread(),
         };
         let _ = prepared.to_host.try_send(ToHost::Load(Box::new(launch)));
         match timeout(LOAD_TIME, prepared.from_host.next()).await {
@@ -243,6 +276,7 @@ impl Supervisor {
             ahead: Ahead::default(),
             dropped: 0,
             dialogue: None,
+            silence: None,
         }
     }
 
@@ -253,6 +287,18 @@ impl Supervisor {
             dialogue: Some(dialogue),
             ..self
         }
+    }
+
+    /// Its host is ended if it shows no life for so long, whether it drives or not. While it drives the
+    /// watchdog is stricter.
+    #[must_use]
+    pub fn with_longest_silence(self, limit: Duration) -> Supervisor {
+        let silence = self.host.in_real_time.then_some(Silence {
+            limit,
+            heard: None,
+            grace: None,
+        });
+        Supervisor { silence, ..self }
     }
 
     /// Runs the behaviour to its end, its messages served by the runtime of `core`. The moment it has
@@ -301,7 +347,10 @@ impl Supervisor {
                         if !self.pass_on(ToHost::Event(event)) && answer {
                             return Some(self.deaf());
                         }
-                        running |= go && self.pass_on(ToHost::Go);
+                        if go && self.pass_on(ToHost::Go) {
+                            running = true;
+                            self.silence.iter_mut().for_each(Silence::heard);
+                        }
                     }
                     Told::Kill(reason) => return Some(self.killed(reason)),
                     Told::Closed => return Some(self.killed(EndReason::Shutdown)),
@@ -320,7 +369,10 @@ impl Supervisor {
                 }
                 message = self.host.from_host.next() => match message {
                     Ok(Some(FromHost::Ended(ending))) => return Some(ending),
-                    Ok(Some(message)) => self.heard(message).await,
+                    Ok(Some(message)) => {
+                        self.silence.iter_mut().filter(|_| running).for_each(Silence::heard);
+                        self.heard(message).await;
+                    }
                     Ok(None) => return None,
                     Err(error) => {
                         debug!("a host broke the pipe: {error}");
@@ -328,6 +380,11 @@ impl Supervisor {
                     }
                 },
                 () = picture.notified(), if self.frame_wanted => self.pass_picture(),
+                () = silence(self.silence.as_ref().and_then(Silence::deadline)) => {
+                    if self.silence.as_mut().is_some_and(Silence::is_over) {
+                        return Some(self.silent());
+                    }
+                }
             }
         }
     }
@@ -391,6 +448,19 @@ impl Supervisor {
         sent
     }
 
+    fn silent(&self) -> Ending {
+        let limit = self
+            .silence
+            .as_ref()
+            .map_or(0.0, |silence| silence.limit.as_secs_f64());
+        let text = format!(
+            "{}: showed no life for {limit} s, within one call that cannot be interrupted; make its \
+             work smaller (`watchdog: {{ host_idle_silence: ... }}` is how long it may take)",
+            self.host.name
+        );
+        ending(EndReason::Cpu, &text)
+    }
+
     fn deaf(&self) -> Ending {
         let text = format!("{}: it does not read what it is told", self.host.name);
         ending(EndReason::Cpu, &text)
@@ -411,6 +481,13 @@ impl Supervisor {
         if let Err(error) = self.host.process.kill().await {
             warn!(behaviour = %self.host.name, "its host cannot be ended: {error}");
         }
+    }
+}
+
+async fn silence(deadline: Option<Instant>) {
+    match deadline {
+        Some(deadline) => sleep_until(deadline).await,
+        None => std::future::pending().await,
     }
 }
 

@@ -39,10 +39,10 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
     for path in &args.files {
         collect(path, 0, &mut files)?;
     }
-    let mut examiner = Examiner::new(console);
+    let mut examiner = Examiner::new(console)?;
     for file in &files {
         let (source, options) = of_file(file, config, path)?;
-        examiner.behaviour(&source, &options);
+        examiner.behaviour(&source, &options)?;
     }
     let (count, findings) = (examiner.count(), examiner.findings);
     let text = match args.json {
@@ -80,20 +80,24 @@ fn of_file(
 }
 
 /// All that is wrong with a script that would run with these options.
-pub(super) fn of_source(source: &[u8], options: &Options, console: &Console) -> Vec<Finding> {
-    let mut examiner = Examiner::new(console);
-    examiner.behaviour(source, options);
-    examiner.findings
+pub(super) fn of_source(
+    source: &[u8],
+    options: &Options,
+    console: &Console,
+) -> Result<Vec<Finding>, Failure> {
+    let mut examiner = Examiner::new(console)?;
+    examiner.behaviour(source, options)?;
+    Ok(examiner.findings)
 }
 
 /// Refuses to run what cannot work; warnings are only shown.
 pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<(), Failure> {
-    let mut examiner = Examiner::new(console);
+    let mut examiner = Examiner::new(console)?;
     for behaviour in behaviours {
         let Launch {
             source, options, ..
         } = &behaviour.launch;
-        examiner.behaviour(source, options);
+        examiner.behaviour(source, options)?;
     }
     let (errors, warnings): (Vec<_>, Vec<_>) = examiner
         .findings

@@ -1,17 +1,18 @@
-//! Looks at scripts and at the modules that they require, each file once, with the type checker if
-//! there is one.
+//! Has scripts and the modules that they require looked at, each file once and in a confined process,
+//! with the type checker if there is one.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 
-use super::Console;
 use super::checker::TypeChecker;
-use crate::behaviour::Library;
-use crate::script::check::{Finding, Required, Surroundings, check, required};
+use super::{Console, Exit, Failure};
+use crate::behaviour::{Inspected, Inspector, Library};
+use crate::script::check::{Finding, Required};
 use crate::script::{ModuleFile, Options};
 
 /// See the module.
 pub(super) struct Examiner<'a> {
+    inspector: Inspector,
     types: TypeChecker,
     console: &'a Console,
     seen: BTreeSet<PathBuf>,
@@ -28,13 +29,17 @@ struct File {
 }
 
 impl Examiner<'_> {
-    pub(super) fn new(console: &Console) -> Examiner<'_> {
-        Examiner {
+    pub(super) fn new(console: &Console) -> Result<Examiner<'_>, Failure> {
+        let inspector = Inspector::of_this_executable().map_err(|error| {
+            Failure::usage(format_args!("cannot find this program's own file: {error}"))
+        })?;
+        Ok(Examiner {
+            inspector,
             types: TypeChecker::beside(),
             console,
             seen: BTreeSet::new(),
             findings: Vec::new(),
-        }
+        })
     }
 
     /// How many files were looked at.
@@ -43,7 +48,10 @@ impl Examiner<'_> {
     }
 
     /// A behaviour's own file, and then its modules.
-    pub(super) fn behaviour(&mut self, source: &[u8], options: &Options) {
+    ///
+    /// # Errors
+    /// If a file has broken whoever looked at it.
+    pub(super) fn behaviour(&mut self, source: &[u8], options: &Options) -> Result<(), Failure> {
         let folder = Path::new(&options.chunk).parent().unwrap_or(Path::new(""));
         let (folder, library) = (folder.to_owned(), Library::new(folder.to_owned()));
         let mut files = VecDeque::from([File {
@@ -55,8 +63,8 @@ impl Examiner<'_> {
             if !self.is_new(Path::new(&file.options.chunk)) {
                 continue;
             }
-            let found = self.file(&file);
-            for module in required(&file.source, &file.folder) {
+            let (found, required) = self.file(&file)?;
+            for module in required {
                 match library.fetch(&module.name) {
                     Ok(module) => files.push_back(of_module(module, &folder, options)),
                     Err(why) => self.missing(&file, &module, &why, &found),
@@ -64,6 +72,7 @@ impl Examiner<'_> {
             }
             self.findings.extend(found);
         }
+        Ok(())
     }
 
     fn is_new(&mut self, file: &Path) -> bool {
@@ -71,10 +80,18 @@ impl Examiner<'_> {
         self.seen.insert(file)
     }
 
-    fn file(&mut self, file: &File) -> Vec<Finding> {
+    fn file(&mut self, file: &File) -> Result<(Vec<Finding>, Vec<Required>), Failure> {
         let (source, chunk) = (file.source.as_slice(), file.options.chunk.as_str());
-        let surroundings = Surroundings::new(&file.options, Some(Path::new(chunk)));
-        let mut found = check(source, chunk, &surroundings);
+        let inspected = self.inspector.inspect(source, &file.options, &file.folder);
+        let Inspected {
+            findings: mut found,
+            required,
+        } = inspected.map_err(|why| {
+            Failure::new(
+                Exit::Check,
+                format_args!("{chunk}: cannot be checked: {why}"),
+            )
+        })?;
         match self.types.findings((source, chunk), &found) {
             Ok(types) => found.extend(types),
             Err(why) => {
@@ -83,7 +100,7 @@ impl Examiner<'_> {
             }
         }
         found.sort_by_key(|finding| (finding.line, finding.column));
-        found
+        Ok((found, required))
     }
 
     /// A module that is there and cannot be had, such as one behind a symbolic link. Of one that is

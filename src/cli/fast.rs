@@ -1,5 +1,6 @@
 //! `run --sim --fast`: the run happens in a laboratory on a thread of its own, in virtual time; this
-//! thread shows how far it is and hears interruptions, in real time.
+//! thread shows how far it is and hears interruptions, in real time. A script that cannot be interrupted
+//! ends the run, and with it the program.
 
 use std::convert::Infallible;
 use std::fmt;
@@ -10,17 +11,23 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use tokio::sync::{oneshot, watch};
-use tokio::time::{MissedTickBehavior, interval};
+use tokio::time::{MissedTickBehavior, interval, sleep};
 
-use super::interrupt::interruption;
+use super::interrupt::EndingSignals;
 use super::run::STATUS_PERIOD;
 use super::status::StatusLine;
 use super::trace::TraceFile;
-use super::{Console, Failure};
+use super::{Console, Exit, Failure};
 use crate::agent::{AgentError, Behaviour, Outcome};
 use crate::lab::{self, Lab, Recorder};
 use crate::pilot::Status;
+use crate::script;
 use crate::sim::{Handle, World};
+
+/// A script that cannot be interrupted for so long ends the run.
+const STUCK: Duration = Duration::from_secs(5);
+/// How long the scripts' last words and the end of all may take, in real time.
+const PARTING: Duration = Duration::from_secs(10);
 
 /// What is to run, and where.
 pub(super) struct Fast {
@@ -64,7 +71,13 @@ impl Fast {
         began: Instant,
         console: &Console,
     ) -> Result<Run, Failure> {
-        let (interrupted, stop) = (interruption()?, self.options.stop.clone());
+        let (mut signals, stop) = (EndingSignals::but(&[])?, self.options.stop.clone());
+        let last = console.clone();
+        script::when_stuck(STUCK, move |file| {
+            let words = format!("error: {}", script::stuck(file));
+            end_here(&last, &words, Exit::Script);
+        });
+        let last = console.clone();
         let (opened, view) = oneshot::channel();
         let (ended, mut end) = oneshot::channel();
         let life = move || {
@@ -75,9 +88,18 @@ impl Fast {
             .spawn(life)
             .map_err(no_lab)?;
         let watching = async {
-            interrupted.await;
+            signals.next().await;
             stop.cancel();
-            std::future::pending::<Infallible>().await
+            // A run that can end does so in no time; a second signal is in a hurry.
+            tokio::select! {
+                () = signals.next() => {}
+                () = sleep(PARTING) => {}
+            }
+            let words = match script::running().first() {
+                Some(file) => format!("error: interrupted within {file}, which did not end"),
+                None => "error: interrupted before the run had ended".to_owned(),
+            };
+            end_here(&last, &words, Exit::Interrupted)
         };
         let result = tokio::select! {
             biased;
@@ -89,7 +111,7 @@ impl Fast {
         match (result, joined) {
             (Ok(result), Ok(())) => result.map_err(no_lab),
             _ => Err(Failure::new(
-                super::Exit::Script,
+                Exit::Script,
                 AgentError::Broken("the laboratory"),
             )),
         }
@@ -108,6 +130,12 @@ impl Fast {
             (outcome, lab.now())
         })
     }
+}
+
+/// The last words of a program whose laboratory cannot be ended.
+fn end_here(console: &Console, words: &str, exit: Exit) -> ! {
+    console.end(Some(words), super::CONSOLE_LIMIT);
+    std::process::exit(exit as i32)
 }
 
 async fn show(

@@ -39,15 +39,17 @@ mod test;
 mod trace;
 mod world;
 
+use std::ffi::OsString;
 use std::future::Future;
 use std::io::Write;
-use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use crate::behaviour::{HOST_ARGUMENT, host_main};
+use crate::behaviour::{HOST_ARGUMENT, INSPECTION, host_main, inspection_main};
 use crate::config::Format;
 use crate::guardian::{GUARDIAN_ARGUMENT, guardian_main};
+use crate::scenario::{TRIAL, trial_main};
+use crate::walls::{WORKER_ARGUMENT, keep_descriptors};
 use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 
 pub use connection::{ConnectionArgs, LoginArgs, Place};
@@ -153,11 +155,13 @@ impl Command {
 
 /// Parses the command line, does what it says, and tells how it went.
 pub fn main() -> ExitCode {
+    keep_descriptors();
     let mut args = std::env::args_os().skip(1);
     match args.next() {
         Some(first) if first == HOST_ARGUMENT => {
-            return host_main(&args.map(PathBuf::from).collect::<Vec<_>>());
+            return host_main(args);
         }
+        Some(first) if first == WORKER_ARGUMENT => return work(args),
         Some(first) if first == GUARDIAN_ARGUMENT => return guardian_main(),
         _ => {}
     }
@@ -191,6 +195,15 @@ pub fn main() -> ExitCode {
     };
     console.end(last_words.as_deref(), CONSOLE_LIMIT);
     exit.into()
+}
+
+/// The life of a confined process, by what it is started for.
+fn work(mut args: impl Iterator<Item = OsString>) -> ExitCode {
+    match args.next() {
+        Some(kind) if kind == INSPECTION => inspection_main(args),
+        Some(kind) if kind == TRIAL => trial_main(args),
+        _ => Exit::Usage.into(),
+    }
 }
 
 /// A panic is our fault: one line says where, and nothing else is printed unless `RUST_BACKTRACE`

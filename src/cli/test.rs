@@ -8,12 +8,13 @@ mod report;
 use std::fmt::Write as _;
 use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use super::settings::SettingsArgs;
 use super::{Console, Exit, Failure, print};
 use crate::config::Config;
-use crate::scenario::{Book, BookError, Scenario, Setting};
-use crew::{Crew, Done};
+use crate::scenario::{Book, BookError, Scenario, Setting, Trials};
+use crew::{Crew, Done, parse_timeout};
 use report::Report;
 
 /// Play scenarios: *_test.lua files that say what must become true of behaviours
@@ -38,6 +39,10 @@ pub(super) struct TestArgs {
     /// Play so many at a time [default: one for each processor]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
+
+    /// End each run that takes longer than so many seconds of real time, and count it as failed
+    #[arg(long, value_name = "SECONDS", default_value = "300", value_parser = parse_timeout)]
+    timeout: Duration,
 
     /// List the scenarios and play none
     #[arg(long)]
@@ -67,7 +72,8 @@ struct Page {
 
 pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
     let config = args.settings.config()?.clone();
-    let pages = pages(&args.paths)?;
+    let trials = crew::trials(args.timeout)?;
+    let pages = pages(&args.paths, &trials)?;
     let jobs = jobs(args, &pages);
     if args.list {
         return list(&pages, &jobs);
@@ -82,7 +88,7 @@ pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
         ..Setting::default()
     };
     let stop = setting.stop.clone();
-    let crew = Crew::new(args.jobs, setting);
+    let crew = Crew::new(args.jobs, setting, trials);
     // The status line is drawn on the same screen.
     let shared = console.has_status_line() && std::io::stdout().is_terminal();
     let live = !args.json && !shared;
@@ -124,7 +130,7 @@ fn pictures(args: &TestArgs, config: &Config) -> PathBuf {
     args.pictures.clone().unwrap_or_else(own)
 }
 
-fn pages(paths: &[PathBuf]) -> Result<Vec<Page>, Failure> {
+fn pages(paths: &[PathBuf], trials: &Trials) -> Result<Vec<Page>, Failure> {
     let mut files = Vec::new();
     for path in paths {
         files::collect(path, &mut files)?;
@@ -139,7 +145,7 @@ fn pages(paths: &[PathBuf]) -> Result<Vec<Page>, Failure> {
         return Err(failure.help("spykee new NAME makes a behaviour with a scenario to begin with"));
     }
     let page = |file: PathBuf| {
-        let book = Book::read(&file);
+        let book = trials.read(&file);
         match book {
             Err(error @ BookError::Read { .. }) => Err(Failure::usage(error)),
             book => Ok(Page { file, book }),

@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 use super::Rescue;
 use crate::robot::{Percent, Seconds};
 
+/// The least that a host without motion is waited for: it shows life twice a second.
+const LEAST_IDLE_SILENCE: Seconds = Seconds::from_secs(2);
+
 /// The numbers of the safety rules. Times are in seconds in the config.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -49,6 +52,8 @@ pub struct Limits {
     /// A host that shows no life for so much longer is ended; one that does drives on (0.25 s). A
     /// machine that stalls as a whole must not end its scripts.
     pub host_grace: Seconds,
+    /// A host without motion that shows no life for so long is ended too (5 s).
+    pub host_idle_silence: Seconds,
     /// With a stream on and the tracks moving, bytes must come this often (3 s).
     pub stream_silence: Seconds,
     /// From one sounding of the alarm to the next (15 s).
@@ -74,6 +79,7 @@ impl Default for Limits {
             power_silence: Seconds::from_secs(600),
             host_silence: Seconds::from_millis(250),
             host_grace: Seconds::from_millis(250),
+            host_idle_silence: Seconds::from_secs(5),
             stream_silence: Seconds::from_secs(3),
             alarm_every: Seconds::from_secs(15),
         }
@@ -84,11 +90,17 @@ impl Limits {
     /// What is wrong with the levels taken together, in words.
     ///
     /// # Errors
-    /// Unless critical < low < ok.
+    /// Unless critical < low < ok. A wait for an idle host that is too short.
     pub fn check(&self) -> Result<(), String> {
         let Limits {
             critical, low, ok, ..
         } = self;
+        if self.host_idle_silence.get() < LEAST_IDLE_SILENCE.get() {
+            let least = LEAST_IDLE_SILENCE.get().as_secs();
+            return Err(format!(
+                "watchdog: host_idle_silence must be at least {least} s"
+            ));
+        }
         if critical < low && low < ok {
             return Ok(());
         }
@@ -118,10 +130,20 @@ mod tests {
             (20, 50, 8)
         );
         assert_eq!(limits.host_silence, Seconds::from_millis(250));
+        assert_eq!(limits.host_idle_silence, Seconds::from_secs(5));
         assert_eq!(limits.recovery_pause, Seconds::from_secs(60));
         assert_eq!(limits.recovery_longest_pause, Seconds::from_secs(300));
         assert_eq!(limits.recovery_legs, 12);
         assert_eq!(limits.check(), Ok(()));
+    }
+
+    #[test]
+    fn a_wait_for_an_idle_host_that_would_end_honest_ones_is_refused() {
+        let limits = Limits {
+            host_idle_silence: Seconds::from_millis(1900),
+            ..Limits::default()
+        };
+        assert!(limits.check().unwrap_err().contains("at least 2 s"));
     }
 
     #[test]

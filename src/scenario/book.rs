@@ -5,6 +5,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use tokio::time::Instant;
 
@@ -33,7 +34,7 @@ pub struct Book {
 }
 
 /// One scenario, as it was declared.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Scenario {
     /// Unique in its file.
     pub name: String,
@@ -92,14 +93,28 @@ impl Book {
     }
 
     fn new(file: &Path, folder: Option<PathBuf>, source: Vec<u8>) -> Result<Book, BookError> {
-        let mut book = Book {
+        let book = Book::undeclared(file, folder, source);
+        let scenarios = book.declared()?;
+        Ok(book.with(scenarios))
+    }
+
+    /// Nothing of it was looked at yet.
+    pub(super) fn undeclared(file: &Path, folder: Option<PathBuf>, source: Vec<u8>) -> Book {
+        Book {
             file: file.to_owned(),
             folder,
             source,
             scenarios: Vec::new(),
-        };
-        book.scenarios = book.declared()?;
-        Ok(book)
+        }
+    }
+
+    /// With what it declares.
+    pub(super) fn with(self, scenarios: Vec<Scenario>) -> Book {
+        Book { scenarios, ..self }
+    }
+
+    pub(super) fn source(&self) -> &[u8] {
+        &self.source
     }
 
     /// In the order of the file.
@@ -161,7 +176,8 @@ impl Book {
         }
     }
 
-    fn declared(&self) -> Result<Vec<Scenario>, BookError> {
+    /// Runs the file once to see what it declares.
+    pub(super) fn declared(&self) -> Result<Vec<Scenario>, BookError> {
         let invalid = |text: String| Err(BookError::Invalid(text));
         let shown = self.file.display();
         let stage = Rc::new(Declaring {

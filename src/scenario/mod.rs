@@ -16,7 +16,8 @@
 //!
 //! The script of a scenario has a VM of its own, with `scenario`, `expect` and `sim` in place of
 //! `robot`; behaviours have theirs, and can neither see nor reach it. Where this hangs, the
-//! scenario's limit in virtual time ends it, and a script's budget in real time.
+//! scenario's limit in virtual time ends it, and a script's budget in real time. [`Book`] plays in
+//! this process, where only the VM holds the scripts; [`Trials`] behind the kernel's walls.
 
 mod arguments;
 mod book;
@@ -26,7 +27,9 @@ mod chronicle;
 mod options;
 mod play;
 mod stage;
+mod trial;
 
 pub use book::{Book, BookError, Scenario};
 pub use options::Options;
-pub use play::{Cause, Failure, Played, Setting};
+pub use play::{Cause, Failure, Played, Scene, Setting};
+pub use trial::{TRIAL, Trials, trial_main};

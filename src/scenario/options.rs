@@ -2,12 +2,13 @@
 
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::arguments::Fields;
 
 /// How a scenario is set up.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Options {
     /// A ready world's name, or a file beside the scenario's; the built-in one if there is none.
     pub world: Option<String>,

@@ -9,6 +9,7 @@ use std::rc::Rc;
 use std::time::Duration;
 
 use image::RgbImage;
+use serde::{Deserialize, Serialize};
 use tokio::task::yield_now;
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
@@ -36,12 +37,15 @@ pub struct Setting {
     /// What `sim:run()` runs when it names nothing; else the behaviour that has the file's name
     /// without `_test`.
     pub subject: Option<PathBuf>,
+    /// Within it behaviours keep what they keep, until the scenario is over; the system's own folder
+    /// for such things unless given.
+    pub data: Option<PathBuf>,
     /// Ends all that is played when cancelled.
     pub stop: CancellationToken,
 }
 
 /// How it went.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Played {
     /// Virtual time.
     pub simulated: Duration,
@@ -52,7 +56,7 @@ pub struct Played {
 }
 
 /// What did not become true, and what it was like then.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Failure {
     /// The message of the `expect`, or what else went wrong.
     pub message: String,
@@ -62,20 +66,51 @@ pub struct Failure {
     pub place: Option<Place>,
     /// The text of that line.
     pub line: Option<String>,
+    /// What happened last, oldest first, each with its time.
+    pub recent: Vec<String>,
+    /// How things stood; nothing if the process is gone in which it was played.
+    pub scene: Option<Scene>,
+}
+
+/// The robot when a scenario failed.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Scene {
     /// Virtual time since the start.
     pub at: Duration,
     /// Where the robot stood.
     pub pose: Pose,
     /// Its battery, percent.
     pub battery: f64,
-    /// What happened last, oldest first, each with its time.
-    pub recent: Vec<String>,
     /// The way of the robot on the map of its world.
+    #[serde(with = "as_png")]
     pub picture: RgbImage,
 }
 
+/// A picture between processes.
+mod as_png {
+    use std::io::Cursor;
+
+    use image::{ImageFormat, RgbImage, load_from_memory_with_format};
+    use serde::de::Error as _;
+    use serde::ser::Error as _;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(picture: &RgbImage, to: S) -> Result<S::Ok, S::Error> {
+        let mut png = Cursor::new(Vec::new());
+        let drawn = picture.write_to(&mut png, ImageFormat::Png);
+        drawn.map_err(S::Error::custom)?;
+        png.into_inner().serialize(to)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<RgbImage, D::Error> {
+        let png = Vec::<u8>::deserialize(from)?;
+        let picture = load_from_memory_with_format(&png, ImageFormat::Png);
+        Ok(picture.map_err(D::Error::custom)?.into_rgb8())
+    }
+}
+
 /// What made a scenario fail.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Cause {
     /// An `expect` did not hold.
     Expectation,
@@ -98,7 +133,10 @@ impl Book {
     /// # Errors
     /// If the system gives no thread or no folder for what behaviours keep.
     pub fn play(&self, scenario: &Scenario, seed: u64, setting: &Setting) -> io::Result<Played> {
-        let data = tempfile::tempdir()?;
+        let data = match &setting.data {
+            Some(folder) => tempfile::tempdir_in(folder)?,
+            None => tempfile::tempdir()?,
+        };
         let options = &scenario.options;
         let world =
             load_world(options.world.as_deref(), self.folder()).map_err(io::Error::other)?;
@@ -247,6 +285,14 @@ impl Play<'_> {
                 ..self.trouble(&text)
             }));
         }
+        // Also one whose error was caught.
+        if let Some((place, message)) = self.stage.take_expected() {
+            return Some(Err(Trouble {
+                cause: Cause::Expectation,
+                message,
+                place: place.or_else(|| self.stage.last_place()),
+            }));
+        }
         if let Some(end) = self.stage.take_end() {
             return Some(end.map_err(|raised| self.raised(raised)));
         }
@@ -259,25 +305,17 @@ impl Play<'_> {
         Some(Err(self.trouble(&text)))
     }
 
-    /// An `expect` that did not hold, or any other error of the scenario's function.
+    /// An error of the scenario's function that was no `expect`.
     fn raised(&self, raised: String) -> Trouble {
         let shown = self.book.file().display().to_string();
         let (place, text) = match split_place(&raised, &shown) {
             Some((line, text)) => (Some(Place { file: shown, line }), text.to_owned()),
             None => (self.stage.last_place(), in_words(&raised).to_owned()),
         };
-        match self.stage.take_expected() {
-            // Unless the error was another one that came later.
-            Some((at, message)) if raised.ends_with(&message) => Trouble {
-                cause: Cause::Expectation,
-                message,
-                place: at.or(place),
-            },
-            _ => Trouble {
-                cause: Cause::Scenario,
-                message: text,
-                place,
-            },
+        Trouble {
+            cause: Cause::Scenario,
+            message: text,
+            place,
         }
     }
 
@@ -309,11 +347,13 @@ impl Play<'_> {
             message: trouble.message,
             cause: trouble.cause,
             place: trouble.place,
-            at: self.stage.time(),
-            pose: state.pose,
-            battery: state.battery,
             recent: self.stage.chronicle.recent(),
-            picture: sim.trace().draw(sim.world()),
+            scene: Some(Scene {
+                at: self.stage.time(),
+                pose: state.pose,
+                battery: state.battery,
+                picture: sim.trace().draw(sim.world()),
+            }),
         }
     }
 }

@@ -10,10 +10,14 @@
 //! processor to has not run: it is over when it took the budget by the wall clock *and* half of it
 //! by the thread's processor clock, or many times the budget by the wall clock alone. Where only a
 //! simulated robot waits, that is many more times: a busy machine must not change what happens.
+//!
+//! What passes no safepoint, within one call of the library in C, cannot be interrupted. In a host the
+//! agent ends the process. Where a script runs in a command's own process, [`when_stuck`] tells which
+//! one it is, so that the command can end.
 
 use std::cell::{Cell, RefCell};
 use std::ffi::CStr;
-use std::sync::atomic::{AtomicU8, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -51,18 +55,34 @@ struct Slot {
     /// When to look, in nanoseconds since the watcher's start; 0: no slice is running.
     look_at: AtomicU64,
     flag: AtomicU8,
+    /// So many times in a row the watcher found that the VM had not answered.
+    unanswered: AtomicU32,
+    /// The file of the script whose slice is running.
+    script: Mutex<String>,
 }
 
 impl Slot {
     /// The watcher's look.
     fn look(&self, now: u64) {
         let look_at = self.look_at.load(Ordering::Acquire);
-        if look_at != 0 && now >= look_at {
-            // A latch that is set already stays.
-            let _ = self
-                .flag
-                .compare_exchange(CALM, LOOK, Ordering::AcqRel, Ordering::Relaxed);
+        if look_at == 0 || now < look_at {
+            return self.unanswered.store(0, Ordering::Relaxed);
         }
+        // A latch that is set already stays.
+        let _ = self
+            .flag
+            .compare_exchange(CALM, LOOK, Ordering::AcqRel, Ordering::Relaxed);
+        // Counted, not timed: while the whole process is stopped, nothing is its fault.
+        let count = self.unanswered.load(Ordering::Relaxed).saturating_add(1);
+        self.unanswered.store(count, Ordering::Relaxed);
+    }
+
+    fn is_running(&self) -> bool {
+        self.look_at.load(Ordering::Acquire) != 0
+    }
+
+    fn script(&self) -> MutexGuard<'_, String> {
+        self.script.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -100,8 +120,17 @@ impl Watcher {
         loop {
             std::thread::sleep(LOOK_EVERY);
             let now = self.nanoseconds(Instant::now());
-            for slot in &self.slots().all {
+            let slots = self.slots().all.clone();
+            for slot in &slots {
                 slot.look(now);
+            }
+            if let Some(stuck) = STUCK.get() {
+                let is_stuck =
+                    |slot: &&&Slot| slot.unanswered.load(Ordering::Relaxed) == stuck.looks;
+                if let Some(slot) = slots.iter().find(is_stuck) {
+                    let script = slot.script().clone();
+                    (stuck.tell)(&script);
+                }
             }
         }
     }
@@ -123,6 +152,39 @@ impl Watcher {
             slot
         })
     }
+}
+
+/// What is done about a script that passes no safepoint.
+struct Stuck {
+    looks: u32,
+    tell: Box<dyn Fn(&str) + Send + Sync>,
+}
+
+static STUCK: OnceLock<Stuck> = OnceLock::new();
+
+/// From now on `tell` is called, on the watcher's thread, with the file of a script that runs on for so
+/// long after its budget and cannot be interrupted. The first call counts.
+pub(crate) fn when_stuck(after: Duration, tell: impl Fn(&str) + Send + Sync + 'static) {
+    let looks = after.as_millis() / LOOK_EVERY.as_millis();
+    let stuck = Stuck {
+        looks: u32::try_from(looks).unwrap_or(u32::MAX).max(1),
+        tell: Box::new(tell),
+    };
+    let _ = STUCK.set(stuck);
+}
+
+/// What to say of a script that is stuck.
+pub(crate) fn stuck(file: &str) -> String {
+    format!(
+        "{file}: runs on and on within one call that cannot be interrupted; make its work smaller"
+    )
+}
+
+/// The files of the scripts that run just now, on all threads.
+pub(crate) fn running() -> Vec<String> {
+    let slots = Watcher::get().slots().all.clone();
+    let running = slots.iter().filter(|slot| slot.is_running());
+    running.map(|slot| slot.script().clone()).collect()
 }
 
 /// A thread's own slot.
@@ -201,9 +263,15 @@ pub(super) struct Spent {
     pub(super) place: Option<Place>,
 }
 
-/// Begins a slice on this thread.
-pub(super) fn begin(limit: Duration) {
+/// Begins a slice of the script of this file on this thread.
+pub(super) fn begin(limit: Duration, script: &str) {
     let slot = SEAT.with(|seat| seat.0);
+    {
+        let mut last = slot.script();
+        if *last != script {
+            script.clone_into(&mut last);
+        }
+    }
     let watcher = Watcher::get();
     let look_at = watcher.nanoseconds(Instant::now() + limit);
     RUNNING.with_borrow_mut(|running| *running = Some(Running::begin(limit)));
@@ -315,6 +383,42 @@ mod tests {
         assert!(is_over(500, 0, WALL_FACTOR));
         assert!(!is_over(9_999, 49, SIMULATED_WALL_FACTOR));
         assert!(is_over(10_000, 0, SIMULATED_WALL_FACTOR));
+    }
+
+    #[test]
+    fn what_passes_no_safepoint_is_told_with_its_file_and_what_does_is_not() {
+        let slot = Slot::default();
+        slot.script().push_str("stuck.lua");
+        let looks = |count: u64, from: u64| (from..from + count).for_each(|now| slot.look(now));
+        looks(100, 1);
+        assert_eq!(slot.unanswered.load(Ordering::Relaxed), 0, "nothing runs");
+        slot.look_at.store(150, Ordering::Release);
+        looks(50, 100);
+        assert_eq!(
+            slot.unanswered.load(Ordering::Relaxed),
+            0,
+            "within its budget"
+        );
+        looks(20, 150);
+        assert_eq!(slot.unanswered.load(Ordering::Relaxed), 20);
+        // The VM has answered and may go on for a while.
+        slot.look_at.store(180, Ordering::Release);
+        slot.flag.store(CALM, Ordering::Release);
+        looks(10, 170);
+        assert_eq!(slot.unanswered.load(Ordering::Relaxed), 0);
+    }
+
+    #[test]
+    fn a_slice_that_is_stuck_is_told_once_with_its_file() {
+        let (told, tell) = std::sync::mpsc::channel();
+        when_stuck(Duration::from_millis(100), move |file| {
+            let _ = told.send((file.to_owned(), running()));
+        });
+        begin(Duration::from_millis(1), "stuck.lua");
+        let (file, running) = tell.recv_timeout(Duration::from_secs(60)).unwrap();
+        let _ = end();
+        assert_eq!(file, "stuck.lua");
+        assert!(running.contains(&file), "{running:?}");
     }
 
     #[test]

@@ -68,7 +68,7 @@ pub struct Ending {
 }
 
 /// A line of a script.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Place {
     /// As messages show it.
     pub file: String,

@@ -62,7 +62,7 @@ use task::{Answer, Kind};
 
 pub use api::definition;
 pub(crate) use api::write_privately;
-pub(crate) use budget::only_simulated;
+pub(crate) use budget::{only_simulated, running, stuck, when_stuck};
 pub use eval::Evaluated;
 pub use failure::{Ending, Failure, Place};
 pub use modules::{ModuleFile, ModuleName};

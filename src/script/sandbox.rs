@@ -167,13 +167,12 @@ impl Prelude {
             .set_name(format!("={PRELUDE}"))
             .set_mode(ChunkMode::Text)
             .set_compiler(compiler());
-        let prelude = Prelude(chunk.call((place, mark(), MOST_WORK))?);
+        let is_native =
+            lua.create_function(|_, function: LuaFunction| Ok(function.info().what == "C"))?;
+        let prelude = Prelude(chunk.call((place, mark(), MOST_WORK, is_native))?);
         replace(lua, "coroutine", &prelude.0.raw_get("coroutines")?)?;
         replace(lua, "string", &prelude.0.raw_get("strings")?)?;
-        let sort: LuaFunction = prelude.0.raw_get("sort")?;
-        lua.globals()
-            .raw_get::<LuaTable>("table")?
-            .raw_set("sort", sort)?;
+        replace(lua, "table", &prelude.0.raw_get("tables")?)?;
         Ok(prelude)
     }
 

@@ -113,13 +113,13 @@ impl Script {
 
     /// Resumes a coroutine until it waits or ends.
     fn resume(&mut self, id: TaskId, thread: &LuaThread, values: LuaMultiValue) -> (Slice, Spent) {
-        let limit = {
+        {
             let mut state = self.state.borrow_mut();
             state.tasks.current = Some(id);
             state.can_wait = true;
-            state.options.limits.callback_budget()
-        };
-        budget::begin(limit);
+            let limit = state.options.limits.callback_budget();
+            budget::begin(limit, &state.options.chunk);
+        }
         let mut result = thread.resume::<LuaMultiValue>(values);
         while let Ok(yielded) = &result
             && thread.status() == ThreadStatus::Resumable

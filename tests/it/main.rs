@@ -41,4 +41,5 @@ mod supervision;
 mod tools;
 mod type_checker;
 mod vision;
+mod walls;
 mod world;

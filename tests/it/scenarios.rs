@@ -443,7 +443,7 @@ fn rust_tests_play_scenarios_too() {
     let played = book.play(wanders, 1, &setting).unwrap();
     assert!(played.failure.is_none());
     let failure = book.play(endless, 1, &setting).unwrap().failure.unwrap();
-    assert_eq!(failure.at, Duration::from_secs(15));
+    assert_eq!(failure.scene.unwrap().at, Duration::from_secs(15));
     assert_eq!(failure.cause, Cause::Scenario);
     let unmet = Book::of_text(
         "unmet",
@@ -454,4 +454,163 @@ fn rust_tests_play_scenarios_too() {
     let failure = played.failure.unwrap();
     assert_eq!(failure.cause, Cause::Expectation);
     assert_eq!(failure.message, "this did not become true");
+}
+
+#[test]
+fn an_expectation_that_is_caught_fails_its_scenario_all_the_same() {
+    for source in [
+        "scenario('x', function(sim) pcall(expect, false, 'caught') end)",
+        "scenario('x', function(sim) pcall(function() expect(nil, 'caught') end) sim:wait(2) end)",
+        "scenario('x', function(sim) task.spawn(function() pcall(expect, 1 > 2, 'caught') end) sim:wait(1) end)",
+        "scenario('x', function(sim) xpcall(expect, print, false, 'caught') expect(true) error('other') end)",
+        "scenario('x', function(sim) pcall(expect, false, 'caught') pcall(expect, false, 'later') end)",
+    ] {
+        assert_eq!(complaint(source), "caught", "{source}");
+    }
+}
+
+#[test]
+fn a_scenario_and_what_it_runs_read_nothing_of_other_folders() {
+    if !spykee::walls::Walls::offered().files {
+        eprintln!("this kernel has no landlock: nothing keeps them from it");
+        return;
+    }
+    let elsewhere = folder(&[("secret.lua", "SECRET = 1"), ("secret.yaml", "SECRET: 1")]);
+    let elsewhere = elsewhere.path().display();
+    for call in [
+        "sim:run('/etc/passwd')".to_owned(),
+        "sim:run('/proc/self/environ')".to_owned(),
+        format!("sim:run('{elsewhere}/secret.lua')"),
+    ] {
+        let said = complaint(&format!("scenario('x', function(sim) {call} end)"));
+        assert!(said.contains("Permission denied"), "{call}: {said}");
+    }
+    let world = format!("{{ world = '{elsewhere}/secret.yaml' }}");
+    let said = complaint(&format!("scenario('x', {world}, function(sim) end)"));
+    assert!(
+        said.contains("Permission denied") && !said.contains("SECRET"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_scenario_below_the_working_folder_may_run_what_is_above_it() {
+    let folder = folder(&[("a.lua", "robot.drive(0.2, 0) task.wait(100)")]);
+    std::fs::create_dir(folder.path().join("tests")).unwrap();
+    let source = "scenario('x', { battery = 80 }, function(sim) sim:run('../a.lua') sim:wait(1)
+                  expect(sim:distance() > 0.05) end)";
+    std::fs::write(folder.path().join("tests/a_test.lua"), source).unwrap();
+    let output = spykee(folder.path(), &["test"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+}
+
+#[test]
+fn a_run_that_takes_too_long_in_real_time_is_ended_and_the_others_are_played() {
+    let source = "scenario('for ever', { limit = 2000000, battery = 90 }, function(sim)
+                      sim:run('wander.lua') sim:wait(1900000)
+                  end)
+                  scenario('quick', function(sim) sim:wait(1) end)";
+    let folder = folder(&[("wander.lua", WANDERS), ("a_test.lua", source)]);
+    let output = spykee(folder.path(), &["test", "--json", "--timeout", "3"]);
+    assert_eq!(output.status.code(), Some(4), "{}", text(&output));
+    let json = json(&output);
+    let message = json["runs"][0]["failure"]["message"].as_str().unwrap();
+    assert!(message.contains("within 3 s of real time"), "{message}");
+    assert_eq!(json["runs"][0]["failure"]["pose"], Value::Null);
+    assert_eq!((&json["passed"], &json["failed"]), (&1.into(), &1.into()));
+    let output = spykee(
+        folder.path(),
+        &["test", "--timeout", "3", "--filter", "ever"],
+    );
+    assert!(
+        text(&output).contains("--timeout gives more"),
+        "{}",
+        text(&output)
+    );
+}
+
+/// The processes in which scenarios are played.
+async fn trials(run: &crate::rig::Run) -> Vec<rustix::process::Pid> {
+    let begun = std::time::Instant::now();
+    loop {
+        let mut trials = crate::rig::children_of(run.pid());
+        trials.retain(|pid| {
+            let line = std::fs::read(format!("/proc/{}/cmdline", pid.as_raw_nonzero()));
+            line.is_ok_and(|line| String::from_utf8_lossy(&line).contains("__worker\0scenario"))
+        });
+        if !trials.is_empty() {
+            return trials;
+        }
+        assert!(begun.elapsed() < crate::rig::PATIENCE, "{}", run.text());
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
+}
+
+const ENDLESS: &str = "scenario('endless', { limit = 2000000, battery = 90 }, function(sim)
+        sim:run('wander.lua') sim:wait(1900000)
+    end)";
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_whose_process_is_gone_has_failed_and_one_that_hangs_is_interrupted_at_once() {
+    let rig = Rig::quiet().await;
+    rig.file("wander.lua", WANDERS);
+    rig.file("endless_test.lua", ENDLESS);
+    let mut run = rig.spykee(&["test"]);
+    // The first process has only read the file.
+    run_until_played(&run).await;
+    let trial = trials(&run).await[0];
+    rustix::process::kill_process(trial, Signal::KILL).unwrap();
+    assert_eq!(run.code().await, Some(4), "{}", run.text());
+    assert!(
+        run.text().contains("its process ended unexpectedly"),
+        "{}",
+        run.text()
+    );
+    let mut run = rig.spykee(&["test"]);
+    run_until_played(&run).await;
+    rustix::process::kill_process(trials(&run).await[0], Signal::STOP).unwrap();
+    run.signal(Signal::INT);
+    assert_eq!(run.code().await, Some(130), "{}", run.text());
+}
+
+/// Waits until a scenario is played, no longer read: its process may compute for longer.
+async fn run_until_played(run: &crate::rig::Run) {
+    let begun = std::time::Instant::now();
+    loop {
+        let trial = trials(run).await[0];
+        let line = std::fs::read(format!("/proc/{}/cmdline", trial.as_raw_nonzero()));
+        if line.is_ok_and(|line| String::from_utf8_lossy(&line).contains("\0601\0")) {
+            return;
+        }
+        assert!(begun.elapsed() < crate::rig::PATIENCE, "{}", run.text());
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
+}
+
+#[test]
+fn scripts_that_stay_in_the_library_end_in_a_scenario_too() {
+    let hostile = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hostile");
+    let names = [
+        "sort_by_library_function",
+        "foreach_of_foreach",
+        "equality_in_the_library",
+        "gsub_with_library_callback",
+        "library_tree_in_on_stop",
+        "loop",
+    ];
+    let folder = folder(&[]);
+    let mut source = String::new();
+    for name in names {
+        let file = format!("{name}.lua");
+        std::fs::copy(hostile.join(&file), folder.path().join(&file)).unwrap();
+        source += &format!(
+            "scenario('{name}', {{ may_fail = true, limit = 20 }}, function(sim)
+                 sim:run('{file}')
+                 expect(sim:wait_until(function() return sim:ended() end, 10), 'it runs on')
+             end)\n"
+        );
+    }
+    std::fs::write(folder.path().join("ends_test.lua"), source).unwrap();
+    let output = spykee(folder.path(), &["test", "--timeout", "60"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::Finding;
+use crate::walls::{Landlock, Walls};
 
 /// Seconds from 1970 to the beginning of 2025: no clock that is right shows less.
 const EARLIEST: u64 = 1_735_689_600;
@@ -68,48 +69,52 @@ fn judge_space(folder: &str, mebibytes: u64) -> Finding {
     }
 }
 
-/// The list of the kernel's security modules, or, where that cannot be read, the version.
+/// What the kernel answers when it is asked to restrict a thread.
 pub(super) fn landlock() -> Finding {
-    let modules = std::fs::read_to_string("/sys/kernel/security/lsm").ok();
     let release = std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
-    judge_landlock(modules.as_deref(), release.trim())
+    judge_landlock(Landlock::of_this_kernel(), release.trim())
 }
 
-fn judge_landlock(modules: Option<&str>, release: &str) -> Finding {
-    let without = "hosts of scripts could open any file of yours: run only your own, or enable \
-                   landlock (kernel 5.13 or newer, `lsm=landlock,...`)";
-    match modules {
-        Some(modules) if modules.trim().split(',').any(|name| name == "landlock") => Finding::ok(
-            "landlock",
-            "on: a script's host opens files in its own folder only",
-        ),
-        Some(_) => Finding::warn("landlock", format!("off in kernel {release}"), without),
-        None => Finding::warn(
-            "landlock",
-            format!("cannot tell for kernel {release}: /sys/kernel/security is not readable"),
-            "`RUST_LOG=debug spykee run ...` says so if it is missing",
-        ),
+fn judge_landlock(landlock: Landlock, release: &str) -> Finding {
+    let without = "whoever breaks out of a script's sandbox could open your files: run only scripts \
+                   that you trust, or enable landlock (kernel 5.13 or newer, `lsm=landlock,...`)";
+    match landlock {
+        Landlock::Version(version) => {
+            let network = match version {
+                ..4 => "; this version knows nothing of the network, seccomp refuses that",
+                _ => "",
+            };
+            let on = "a script's host opens files in its own folder only";
+            Finding::ok("landlock", format!("version {version}: {on}{network}"))
+        }
+        Landlock::Off => {
+            let found = format!("switched off in kernel {release}");
+            Finding::warn("landlock", found, without)
+        }
+        Landlock::Missing => {
+            let found = format!("not in kernel {release}");
+            Finding::warn("landlock", found, without)
+        }
     }
 }
 
 pub(super) fn seccomp() -> Finding {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    judge_seccomp(&status)
+    judge_seccomp(Walls::offered().calls)
 }
 
-/// A kernel that has it tells so in every process's status.
-fn judge_seccomp(status: &str) -> Finding {
-    if status
-        .lines()
-        .any(|line| line.starts_with("Seccomp_filters:") || line.starts_with("Seccomp:"))
-    {
-        return Finding::ok("seccomp", "there: a script's host has few system calls");
+fn judge_seccomp(offered: bool) -> Finding {
+    match offered {
+        true => Finding::ok(
+            "seccomp",
+            "on: a script's host has a short list of system calls",
+        ),
+        false => Finding::warn(
+            "seccomp",
+            "this kernel, or this kind of processor, has no filters for system calls",
+            "whoever breaks out of a script's sandbox could open sockets: run only scripts that you \
+             trust",
+        ),
     }
-    Finding::warn(
-        "seccomp",
-        "this kernel does not tell of it",
-        "run only scripts that you trust",
-    )
 }
 
 pub(super) fn terminal() -> Finding {
@@ -169,11 +174,14 @@ mod tests {
 
     #[test]
     fn kernel_features_are_read_from_what_the_kernel_tells() {
-        let landlock = |modules| judge_landlock(modules, "6.1").verdict;
-        assert_eq!(landlock(Some("capability,landlock,yama\n")), Verdict::Ok);
-        assert_eq!(landlock(Some("capability")), Verdict::Warn);
-        assert_eq!(landlock(None), Verdict::Warn);
-        assert_eq!(judge_seccomp("Name: x\nSeccomp:\t0\n").verdict, Verdict::Ok);
-        assert_eq!(judge_seccomp("").verdict, Verdict::Warn);
+        let landlock = |found| judge_landlock(found, "6.1");
+        let version = landlock(Landlock::Version(3));
+        assert_eq!(version.verdict, Verdict::Ok);
+        assert!(version.found.contains("version 3") && version.found.contains("network"));
+        assert!(!landlock(Landlock::Version(4)).found.contains("network"));
+        assert_eq!(landlock(Landlock::Off).verdict, Verdict::Warn);
+        assert_eq!(landlock(Landlock::Missing).verdict, Verdict::Warn);
+        assert_eq!(judge_seccomp(true).verdict, Verdict::Ok);
+        assert_eq!(judge_seccomp(false).verdict, Verdict::Warn);
     }
 }

@@ -2,6 +2,7 @@
 //! runs. All learners have the same settings, whatever config is about.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use super::catalogue::Lesson;
 use super::feedback::{Feedback, gradescope};
@@ -9,7 +10,7 @@ use super::marks::Marks;
 use super::{Console, Exit, Failure, parse_lesson, print};
 use crate::behaviour;
 use crate::cli::check::{has_errors, of_source};
-use crate::cli::test::crew::{Crew, Done, Job};
+use crate::cli::test::crew::{Crew, Done, Job, parse_timeout, trials};
 use crate::cli::world::{parse_png, save};
 use crate::config::Config;
 use crate::scenario::{Book, Setting};
@@ -40,6 +41,10 @@ pub(super) struct CheckArgs {
     #[arg(long, value_name = "FILE.json")]
     gradescope: Option<PathBuf>,
 
+    /// End each try that takes longer than so many seconds of real time, and count it as failed
+    #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = parse_timeout)]
+    timeout: Duration,
+
     /// Play so many tries at a time [default: one for each processor]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
@@ -51,18 +56,26 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
         Some(lesson) => lesson,
         None => Lesson::of_script(&String::from_utf8_lossy(&source)).ok_or_else(unnamed)?,
     };
-    let book = Book::of_text(lesson.folder, lesson.check).map_err(Failure::usage)?;
+    let trials = trials(args.timeout)?;
+    let book = trials
+        .of_text(lesson.folder, lesson.check)
+        .map_err(Failure::usage)?;
     let setting = Setting {
         subject: Some(args.file.clone()),
         ..Setting::default()
     };
     let options = Config::default().script("check", args.file.display().to_string(), 0);
-    let findings = of_source(&source, &options, console);
+    let findings = of_source(&source, &options, console)?;
     let cannot_run = has_errors(&findings);
     let mut marks = Marks::new(book.scenarios(), findings, cannot_run);
     let stop = setting.stop.clone();
     if !cannot_run {
-        play(&book, Crew::new(args.jobs, setting), &mut marks, console)?;
+        play(
+            &book,
+            Crew::new(args.jobs, setting, trials),
+            &mut marks,
+            console,
+        )?;
     }
     if stop.is_cancelled() {
         return Ok(Exit::Interrupted);
@@ -131,8 +144,9 @@ fn report(args: &CheckArgs, feedback: &Feedback<'_>) -> Result<(), Failure> {
         })?;
     }
     let failed = feedback.marks.first_failure();
-    if let (Some(path), Some(failure)) = (&args.picture, failed) {
-        save(&failure.picture, path)?;
+    let scene = failed.and_then(|failure| failure.scene.as_ref());
+    if let (Some(path), Some(scene)) = (&args.picture, scene) {
+        save(&scene.picture, path)?;
     }
     print(&match args.json {
         true => format!("{:#}\n", feedback.json()),

@@ -1,4 +1,4 @@
-//! Plays many scenarios at a time, each on a thread of its own, until all are done or a person
+//! Plays many scenarios at a time, each in a process of its own, until all are done or a person
 //! interrupts.
 
 use std::num::NonZeroUsize;
@@ -10,7 +10,7 @@ use tokio::sync::mpsc;
 
 use super::super::interrupt::interruption;
 use super::super::{Exit, Failure};
-use crate::scenario::{Book, Played, Scenario, Setting};
+use crate::scenario::{Book, Played, Scenario, Setting, Trials};
 
 /// One scenario with one seed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,15 +33,17 @@ pub(in super::super) struct Done<'a> {
 pub(in super::super) struct Crew {
     threads: usize,
     setting: Setting,
+    trials: Trials,
 }
 
 impl Crew {
     /// As many threads as there are processors unless told otherwise.
-    pub(in super::super) fn new(threads: Option<u16>, setting: Setting) -> Crew {
+    pub(in super::super) fn new(threads: Option<u16>, setting: Setting, trials: Trials) -> Crew {
         let processors = || thread::available_parallelism().map_or(1, NonZeroUsize::get);
         Crew {
             threads: threads.map_or_else(processors, usize::from),
             setting,
+            trials,
         }
     }
 
@@ -104,7 +106,13 @@ impl Crew {
                 return;
             }
             let began = Instant::now();
-            let played = books[job.book].play(job.scenario, job.seed, &self.setting);
+            let book = books[job.book];
+            let played = self
+                .trials
+                .play(book, job.scenario, job.seed, &self.setting);
+            let Some(played) = played.transpose() else {
+                return;
+            };
             let result = played.map(|played| Done {
                 job: *job,
                 played,
@@ -115,6 +123,21 @@ impl Crew {
             }
         }
     }
+}
+
+/// The processes in which scenarios are played.
+pub(in super::super) fn trials(timeout: Duration) -> Result<Trials, Failure> {
+    Trials::new(timeout).map_err(|error| {
+        Failure::usage(format_args!("cannot find this program's own file: {error}"))
+    })
+}
+
+/// `--timeout`: seconds of real time.
+pub(in super::super) fn parse_timeout(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok();
+    let seconds = seconds.filter(|seconds| (0.1..=86_400.0).contains(seconds));
+    let timeout = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    timeout.ok_or_else(|| "expected a number of seconds, 0.1 to 86400".to_owned())
 }
 
 fn no_lab(error: std::io::Error) -> Failure {

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use super::Page;
 use super::crew::{Done, Job};
 use crate::cli::fast::clock;
-use crate::scenario::Failure;
+use crate::scenario::{Failure, Scene};
 
 /// All runs of a file.
 struct Sheet {
@@ -86,9 +86,10 @@ impl Report {
             return;
         };
         let failure = done.played.failure;
-        let picture = failure.as_ref().map(|failure| {
+        let scene = failure.as_ref().and_then(|failure| failure.scene.as_ref());
+        let picture = scene.map(|scene| {
             let path = pictures.join(run.picture_name(&sheet.file));
-            save(failure, &pictures, &path).map(|()| path)
+            save(scene, &pictures, &path).map(|()| path)
         });
         run.outcome = Some(Outcome {
             simulated: done.played.simulated,
@@ -283,17 +284,21 @@ impl Run {
             let number = place.line.to_string();
             let _ = writeln!(text, "        {number} | {}", line.trim_end());
         }
-        let pose = failure.pose;
-        let _ = writeln!(
-            text,
-            "        with seed {} after {:.1} s: robot at {:.2} {:.2} m, {:.0}°, battery {:.0} %",
-            self.seed,
-            failure.at.as_secs_f64(),
-            pose.x,
-            pose.y,
-            pose.heading.to_degrees(),
-            failure.battery,
-        );
+        let _ = match &failure.scene {
+            Some(Scene {
+                at, pose, battery, ..
+            }) => writeln!(
+                text,
+                "        with seed {} after {:.1} s: robot at {:.2} {:.2} m, {:.0}°, battery {:.0} %",
+                self.seed,
+                at.as_secs_f64(),
+                pose.x,
+                pose.y,
+                pose.heading.to_degrees(),
+                battery,
+            ),
+            None => writeln!(text, "        with seed {}", self.seed),
+        };
         if !failure.recent.is_empty() {
             let _ = writeln!(text, "        what happened last:");
             for line in &failure.recent {
@@ -335,14 +340,15 @@ impl Run {
         let outcome = self.outcome.as_ref()?;
         let failure = outcome.failure.as_ref().map(|failure| {
             let picture = outcome.picture.as_ref().and_then(|kept| kept.as_ref().ok());
+            let scene = failure.scene.as_ref();
             json!({
                 "message": failure.message,
                 "file": failure.place.as_ref().map(|place| &place.file),
                 "line": failure.place.as_ref().map(|place| place.line),
                 "source": failure.line,
-                "at": failure.at.as_secs_f64(),
-                "pose": {"x": failure.pose.x, "y": failure.pose.y, "heading": failure.pose.heading},
-                "battery": failure.battery,
+                "at": scene.map(|scene| scene.at.as_secs_f64()),
+                "pose": scene.map(|scene| scene.pose),
+                "battery": scene.map(|scene| scene.battery),
                 "recent": failure.recent,
                 "picture": picture.map(|path| path.display().to_string()),
             })
@@ -357,12 +363,12 @@ impl Run {
 }
 
 /// For the user's eyes only, as everything that the program keeps.
-fn save(failure: &Failure, folder: &Path, path: &Path) -> Result<(), String> {
+fn save(scene: &Scene, folder: &Path, path: &Path) -> Result<(), String> {
     let cannot = |error: &dyn std::fmt::Display| {
         format!("its way could not be drawn in {}: {error}", path.display())
     };
     let mut png = std::io::Cursor::new(Vec::new());
-    let drawn = failure.picture.write_to(&mut png, image::ImageFormat::Png);
+    let drawn = scene.picture.write_to(&mut png, image::ImageFormat::Png);
     drawn.map_err(|error| cannot(&error))?;
     let made = DirBuilder::new().recursive(true).mode(0o700).create(folder);
     made.map_err(|error| cannot(&error))?;

@@ -1,11 +1,11 @@
 //! What is wrong in a script, where, and how it is shown: the line with a caret below.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::lexer::Span;
 
 /// How bad it is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
     /// It cannot work.
@@ -15,7 +15,7 @@ pub enum Severity {
 }
 
 /// One thing that is wrong.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Finding {
     /// The file as it was named.
     pub file: String,

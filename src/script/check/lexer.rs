@@ -2,7 +2,7 @@
 //! [`super::syntax`] may know what was meant.
 
 /// A piece of the source, in bytes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 pub(in super::super) struct Span {
     pub(in super::super) start: usize,
     pub(in super::super) end: usize,

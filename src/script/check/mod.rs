@@ -107,8 +107,16 @@ impl Surroundings {
         let path = path.trim_end_matches(".luau").trim_end_matches(".lua");
         let found = ["lua", "luau"]
             .iter()
-            .any(|ending| folder.join(format!("{path}.{ending}")).is_file());
+            .any(|ending| may_be_file(&folder.join(format!("{path}.{ending}"))));
         (!found).then(|| format!("there is no module '{path}': no file {path}.lua beside this one"))
+    }
+}
+
+/// Whether it is a file, or nobody tells this process, which may have fewer rights than its user.
+fn may_be_file(path: &Path) -> bool {
+    match path.metadata() {
+        Ok(metadata) => metadata.is_file(),
+        Err(error) => error.kind() == std::io::ErrorKind::PermissionDenied,
     }
 }
 

@@ -1,5 +1,7 @@
 //! The modules that a script requires by names that are written out.
 
+use serde::{Deserialize, Serialize};
+
 use super::super::modules::{ModuleName, Target, resolve};
 use super::finding::{Finding, Severity};
 use super::lexer::Span;
@@ -7,7 +9,7 @@ use super::tree::{Expr, ExprKind};
 use super::{parser, sandbox};
 
 /// One of a script's own modules, and where it is required first.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Required {
     /// Which, as seen from the behaviour's folder.
     pub name: ModuleName,

@@ -170,6 +170,29 @@ fn sorting_is_interrupted() {
 }
 
 #[test]
+fn loops_of_library_functions_alone_are_interrupted() {
+    for source in [
+        "local t = table.create(200000, 1) table.sort(table.create(200000, t), table.find)",
+        "local k = {} for _ = 1, 40 do k = {[k] = table.foreach, [table.clone(k)] = table.foreach} end table.foreach(k, table.foreach)",
+        "local l = table.create(100000, 'x') while true do pcall(table.foreachi, table.create(100000, ' '), string.rep) end",
+        "local m = {__eq = table.find} local function n() local a = setmetatable({}, m) for _ = 1, 20 do a = setmetatable(table.create(10, a), m) end return a end table.find(n(), n())",
+        "local s = ('x'):rep(1e6) while true do s:gsub('x', string.upper) end",
+        "while true do xpcall(error, table.concat, {}) end",
+    ] {
+        ends_with(EndReason::Cpu, source);
+    }
+    for last in [
+        "local t = table.create(200000, 1) table.sort(table.create(200000, t), table.find)",
+        "local k = {} for _ = 1, 40 do k = {[k] = table.foreach, [table.clone(k)] = table.foreach} end table.foreach(k, table.foreach)",
+    ] {
+        ends_with(
+            EndReason::Done,
+            &format!("script.on_stop(function() {last} end)"),
+        );
+    }
+}
+
+#[test]
 fn hash_flooding_is_interrupted_or_runs_out_of_memory() {
     let rig = ends(
         "local parts = {} for i = 1, 100000 do parts[i] = ('%08d'):format(i):rep(4) end

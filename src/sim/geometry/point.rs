@@ -45,7 +45,7 @@ impl Point {
 }
 
 /// Where something stands and which way it looks.
-#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 pub struct Pose {
     /// Metres along the room's width.
     pub x: f64,

@@ -120,6 +120,7 @@ pub(super) fn any_limits() -> impl Strategy<Value = Limits> {
             power_silence: times.3,
             host_silence: times.4,
             host_grace: times.5,
+            host_idle_silence: Limits::default().host_idle_silence,
             stream_silence: times.6,
             alarm_every: times.7,
             recovery_legs,

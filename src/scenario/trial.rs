@@ -1,0 +1,294 @@
+//! Scenarios behind the kernel's walls: each is read, and each is played, in a confined process of its
+//! own. It reads nothing but the folders of the scenario and of the behaviour that it tries, writes to
+//! a folder that is gone afterwards, and its answer goes over a pipe that no script can reach.
+//!
+//! What if a script hangs in one call, crashes the process or takes too long? That process is ended, and
+//! that is how this scenario went.
+
+use std::ffi::OsString;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use tokio_util::sync::CancellationToken;
+
+use super::book::{Book, BookError, Scenario};
+use super::play::{Cause, Failure, Played, Setting};
+use crate::behaviour::{STACK, read_source};
+use crate::config::Config;
+use crate::script;
+use crate::walls::{self, Room, Trouble, Worker};
+
+/// What its process is started for.
+pub const TRIAL: &str = "scenario";
+/// The longest that a file may take to say which scenarios are in it.
+const READING: Duration = Duration::from_secs(20);
+/// A script that cannot be interrupted for so long ends its trial.
+const STUCK: Duration = Duration::from_secs(5);
+
+/// How scenarios are played.
+#[derive(Debug, Clone)]
+pub struct Trials {
+    worker: Worker,
+    timeout: Duration,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Question {
+    file: PathBuf,
+    folder: Option<PathBuf>,
+    source: Vec<u8>,
+    /// `None`: which scenarios there are.
+    play: Option<Play>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Play {
+    scenario: Scenario,
+    seed: u64,
+    subject: Option<PathBuf>,
+    /// As JSON, which can carry all of it.
+    config: String,
+    data: PathBuf,
+    stuck: Duration,
+}
+
+impl Trials {
+    /// In processes of the running executable, which must be `spykee`; none of them takes longer, in
+    /// real time.
+    ///
+    /// # Errors
+    /// If the system does not tell where the executable is.
+    pub fn new(timeout: Duration) -> io::Result<Trials> {
+        let worker = Worker::of_this_executable(TRIAL)?;
+        Ok(Trials { worker, timeout })
+    }
+
+    /// As [`Book::read`].
+    ///
+    /// # Errors
+    /// See [`BookError`].
+    pub fn read(&self, file: &Path) -> Result<Book, BookError> {
+        let source = read_source(file).map_err(|source| BookError::Read {
+            path: file.display().to_string(),
+            source,
+        })?;
+        let folder = file.parent().unwrap_or(Path::new(""));
+        self.book(file, Some(folder.to_owned()), source)
+    }
+
+    /// As [`Book::of_text`].
+    ///
+    /// # Errors
+    /// [`BookError::Invalid`].
+    pub fn of_text(&self, name: &str, text: &str) -> Result<Book, BookError> {
+        self.book(Path::new(name), None, text.into())
+    }
+
+    fn book(
+        &self,
+        file: &Path,
+        folder: Option<PathBuf>,
+        source: Vec<u8>,
+    ) -> Result<Book, BookError> {
+        let book = Book::undeclared(file, folder, source);
+        let room = room(&book, None, READING);
+        let invalid =
+            |why: &dyn std::fmt::Display| BookError::Invalid(format!("{}: {why}", file.display()));
+        let question = pack(&question(&book, None)).map_err(|error| invalid(&error))?;
+        let answer = self.worker.ask(&room, &question, READING, &|| true);
+        let answer = answer.map_err(|trouble| invalid(&trouble))?;
+        let declared: Result<Vec<Scenario>, String> =
+            postcard::from_bytes(&answer).map_err(|error| invalid(&error))?;
+        Ok(book.with(declared.map_err(BookError::Invalid)?))
+    }
+
+    /// As [`Book::play`]; `None` if nobody wants to know any more: [`Setting::stop`].
+    ///
+    /// # Errors
+    /// If the system gives no folder for what behaviours keep.
+    pub fn play(
+        &self,
+        book: &Book,
+        scenario: &Scenario,
+        seed: u64,
+        setting: &Setting,
+    ) -> io::Result<Option<Played>> {
+        let data = tempfile::tempdir()?;
+        let subject = setting.subject.clone().or_else(|| book.subject());
+        let mut room = room(book, subject.as_deref(), self.timeout);
+        room.write.push(data.path().to_owned());
+        let play = Play {
+            scenario: scenario.clone(),
+            seed,
+            subject,
+            config: serde_json::to_string(&public(&setting.config)).map_err(io::Error::other)?,
+            data: data.path().to_owned(),
+            stuck: STUCK.min(self.timeout / 2),
+        };
+        let question = pack(&question(book, Some(play)))?;
+        let wanted = || !setting.stop.is_cancelled();
+        match self.worker.ask(&room, &question, self.timeout, &wanted) {
+            Ok(answer) => {
+                let played: Result<Played, String> =
+                    postcard::from_bytes(&answer).map_err(io::Error::other)?;
+                played.map(Some).map_err(io::Error::other)
+            }
+            Err(Trouble::Unwanted) => Ok(None),
+            Err(trouble) => Ok(Some(lost(book, &trouble))),
+        }
+    }
+}
+
+/// Who plays needs neither the robot's address nor what belongs to it.
+fn public(config: &Config) -> Config {
+    Config {
+        robot: None,
+        user: None,
+        password_file: None,
+        ..config.clone()
+    }
+}
+
+fn pack(question: &Question) -> io::Result<Vec<u8>> {
+    postcard::to_allocvec(question).map_err(io::Error::other)
+}
+
+fn question(book: &Book, play: Option<Play>) -> Question {
+    Question {
+        file: book.file().to_owned(),
+        folder: book.folder().map(Path::to_owned),
+        source: book.source().to_vec(),
+        play,
+    }
+}
+
+/// The folders of the scenario and of the behaviour; and the one where the program was started, if the
+/// scenario is somewhere below it: `../patrol.lua` may be meant.
+fn room(book: &Book, subject: Option<&Path>, limit: Duration) -> Room {
+    let of_subject = subject.map(|file| file.parent().unwrap_or(Path::new("")));
+    let mut read: Vec<PathBuf> = [book.folder(), of_subject]
+        .into_iter()
+        .flatten()
+        .map(Path::to_owned)
+        .collect();
+    let here = std::env::current_dir().and_then(|here| here.canonicalize());
+    let there = book
+        .folder()
+        .map(|folder| Path::new(".").join(folder).canonicalize());
+    if let (Ok(here), Some(Ok(there))) = (here, there)
+        && there.starts_with(&here)
+        && !is_wide(&here)
+    {
+        read.push(here);
+    }
+    Room {
+        read,
+        write: Vec::new(),
+        processor: 2 * limit.as_secs() + 1,
+    }
+}
+
+/// Whether a folder holds what is no scenario's business.
+fn is_wide(folder: &Path) -> bool {
+    let home = std::env::var_os("HOME").map(PathBuf::from);
+    let home = home.and_then(|home| home.canonicalize().ok());
+    folder.parent().is_none() || home.is_some_and(|home| home.starts_with(folder))
+}
+
+/// How a scenario went whose process has given no answer.
+fn lost(book: &Book, trouble: &Trouble) -> Played {
+    let words = match trouble {
+        Trouble::Late(limit) => format!(
+            "it was not over within {} s of real time and was ended; --timeout gives more",
+            limit.as_secs_f64()
+        ),
+        other => other.to_string(),
+    };
+    let own = words.starts_with(&format!("{}: ", book.file().display()));
+    let cause = match trouble {
+        Trouble::Broke(_) if !own => Cause::Behaviour(words.clone()),
+        _ => Cause::Scenario,
+    };
+    Played {
+        simulated: Duration::ZERO,
+        failure: Some(Failure {
+            message: words,
+            cause,
+            place: None,
+            line: None,
+            recent: Vec::new(),
+            scene: None,
+        }),
+        lines: Vec::new(),
+    }
+}
+
+/// The life of such a process. The arguments are its room.
+pub fn trial_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
+    walls::answer(arguments, STACK, |question| {
+        let question: Question = postcard::from_bytes(question).map_err(io::Error::other)?;
+        let book = Book::undeclared(&question.file, question.folder, question.source);
+        match question.play {
+            None => {
+                end_when_stuck(STUCK);
+                let declared = book.declared().map_err(|error| error.to_string());
+                postcard::to_allocvec(&declared).map_err(io::Error::other)
+            }
+            Some(play) => {
+                end_when_stuck(play.stuck);
+                let played = play.play(&book).map_err(|error| error.to_string());
+                postcard::to_allocvec(&played).map_err(io::Error::other)
+            }
+        }
+    })
+}
+
+impl Play {
+    fn play(self, book: &Book) -> io::Result<Played> {
+        let setting = Setting {
+            config: serde_json::from_str(&self.config).map_err(io::Error::other)?,
+            subject: self.subject,
+            data: Some(self.data),
+            stop: CancellationToken::new(),
+        };
+        book.play(&self.scenario, self.seed, &setting)
+    }
+}
+
+/// The last words of a process whose script cannot be interrupted say which one it is.
+fn end_when_stuck(after: Duration) {
+    script::when_stuck(after, |file| {
+        eprintln!("{}", script::stuck(file));
+        std::process::exit(1);
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_config_crosses_whole() {
+        let text = "robot: 10.0.0.1\npassword_file: secret\n\
+                    watchdog: { low: 25, host_silence: 0.5, rescue: off, host_idle_silence: 7.5 }\n\
+                    link: {}\nstreams: { video: off }\n\
+                    limits: { memory_bytes: 16777216, noise_dbfs: -41.5 }\n\
+                    calibration: { full_speed: 0.31 }\ncamera: { hfov: 1.02 }\n\
+                    colours: { wall: { h: [350, 10], s: [20, 100], v: [0, 90] }, \
+                    sky: { l: [0, 50], a: [-3, 4], b: [1, 9] } }\n";
+        let config = Config::parse(text, "spykee.yaml").unwrap();
+        let there = serde_json::to_string(&public(&config)).unwrap();
+        assert!(
+            !there.contains("10.0.0.1") && !there.contains("secret"),
+            "{there}"
+        );
+        let back: Config = serde_json::from_str(&there).unwrap();
+        assert_eq!(serde_json::to_string(&back).unwrap(), there);
+        assert_eq!(back.watchdog, config.watchdog);
+        assert_eq!(back.limits, config.limits);
+        assert_eq!(back.calibration, config.calibration);
+    }
+}

@@ -1,0 +1,266 @@
+//! One question to a confined process of this program, and its answer. Each question has a process of
+//! its own: whatever it does to itself, it is no other's answer.
+//!
+//! What if it hangs, crashes or floods? It is ended after its time, and that is the answer.
+
+use std::ffi::OsString;
+use std::fmt;
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::Shutdown;
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt;
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitCode, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use super::confine::{Room, confine};
+
+/// The hidden argument by which the executable knows that it is to answer one question.
+pub const WORKER_ARGUMENT: &str = "__worker";
+/// How long it waits until it looks whether it is still wanted.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+/// How long it may take to exit once it has answered.
+const EXIT_TIME: Duration = Duration::from_secs(1);
+/// No answer is longer.
+const LONGEST: usize = 32 << 20;
+/// The most of its last words that is kept.
+const LAST_WORDS: u64 = 4096;
+
+/// Starts processes that answer questions of one kind.
+#[derive(Debug, Clone)]
+pub struct Worker {
+    executable: PathBuf,
+    kind: &'static str,
+}
+
+/// Why there is no answer.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Trouble {
+    /// It was ended after this time.
+    Late(Duration),
+    /// Nobody wanted the answer any more.
+    Unwanted,
+    /// It ended by itself, or could not be started: in words.
+    Broke(String),
+}
+
+impl fmt::Display for Trouble {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Trouble::Late(limit) => {
+                write!(
+                    f,
+                    "it was not over within {} s and was ended",
+                    limit.as_secs_f64()
+                )
+            }
+            Trouble::Unwanted => f.write_str("interrupted"),
+            Trouble::Broke(words) => f.write_str(words),
+        }
+    }
+}
+
+/// When to give up.
+struct Patience<'a> {
+    until: Instant,
+    limit: Duration,
+    wanted: &'a dyn Fn() -> bool,
+}
+
+impl Patience<'_> {
+    fn look(&self) -> Result<(), Trouble> {
+        if !(self.wanted)() {
+            return Err(Trouble::Unwanted);
+        }
+        match Instant::now() < self.until {
+            true => Ok(()),
+            false => Err(Trouble::Late(self.limit)),
+        }
+    }
+}
+
+/// Ended with its question.
+struct Process(Child);
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+impl Worker {
+    /// Of the running executable.
+    ///
+    /// # Errors
+    /// If the system does not tell where it is.
+    pub fn of_this_executable(kind: &'static str) -> io::Result<Worker> {
+        let executable = std::env::current_exe()?;
+        Ok(Worker { executable, kind })
+    }
+
+    /// Of this executable, which must be `spykee`.
+    pub fn new(executable: PathBuf, kind: &'static str) -> Worker {
+        Worker { executable, kind }
+    }
+
+    /// Waits for the answer, for as long as it is wanted, and no longer than the limit.
+    ///
+    /// # Errors
+    /// See [`Trouble`].
+    pub fn ask(
+        &self,
+        room: &Room,
+        question: &[u8],
+        limit: Duration,
+        wanted: &dyn Fn() -> bool,
+    ) -> Result<Vec<u8>, Trouble> {
+        let patience = Patience {
+            until: Instant::now() + limit,
+            limit,
+            wanted,
+        };
+        let broke = |error: io::Error| Trouble::Broke(format!("its process: {error}"));
+        let (mut process, mut stream) = self.start(room).map_err(broke)?;
+        let talked = talk(&mut stream, question, &patience);
+        match talked {
+            Ok(answer) => match process.ended() {
+                Some(true) => Ok(answer),
+                _ => Err(Trouble::Broke(process.last_words())),
+            },
+            Err(Trouble::Broke(_)) => Err(Trouble::Broke(process.last_words())),
+            Err(trouble) => Err(trouble),
+        }
+    }
+
+    fn start(&self, room: &Room) -> io::Result<(Process, UnixStream)> {
+        super::Walls::say_what_is_missing();
+        let (ours, theirs) = UnixStream::pair()?;
+        ours.set_read_timeout(Some(LOOK_EVERY))?;
+        ours.set_write_timeout(Some(LOOK_EVERY))?;
+        let child = Command::new(&self.executable)
+            .args([WORKER_ARGUMENT, self.kind])
+            .args(room.arguments())
+            .env_clear()
+            .env("MALLOC_ARENA_MAX", "1")
+            .stdin(Stdio::from(OwnedFd::from(theirs)))
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .process_group(0)
+            .spawn()?;
+        Ok((Process(child), ours))
+    }
+}
+
+fn talk(
+    stream: &mut UnixStream,
+    question: &[u8],
+    patience: &Patience<'_>,
+) -> Result<Vec<u8>, Trouble> {
+    let broke = |error: io::Error| Trouble::Broke(error.to_string());
+    let mut left = question;
+    while !left.is_empty() {
+        patience.look()?;
+        match stream.write(left) {
+            Ok(0) => return Err(broke(ErrorKind::WriteZero.into())),
+            Ok(count) => left = &left[count..],
+            Err(error) if is_passing(&error) => {}
+            Err(error) => return Err(broke(error)),
+        }
+    }
+    stream.shutdown(Shutdown::Write).map_err(broke)?;
+    let (mut answer, mut chunk) = (Vec::new(), vec![0; 64 * 1024]);
+    loop {
+        patience.look()?;
+        match stream.read(&mut chunk) {
+            Ok(0) => return Ok(answer),
+            Ok(count) if answer.len() + count > LONGEST => {
+                return Err(broke(ErrorKind::FileTooLarge.into()));
+            }
+            Ok(count) => answer.extend_from_slice(&chunk[..count]),
+            Err(error) if is_passing(&error) => {}
+            Err(error) => return Err(broke(error)),
+        }
+    }
+}
+
+/// Whether trying again may help.
+fn is_passing(error: &io::Error) -> bool {
+    matches!(
+        error.kind(),
+        ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
+    )
+}
+
+impl Process {
+    /// Whether it has ended well; `None` if it does not end.
+    fn ended(&mut self) -> Option<bool> {
+        let until = Instant::now() + EXIT_TIME;
+        loop {
+            match self.0.try_wait() {
+                Ok(Some(status)) => return Some(status.success()),
+                Ok(None) if Instant::now() < until => thread::sleep(Duration::from_millis(1)),
+                _ => return None,
+            }
+        }
+    }
+
+    /// What it wrote to its standard error, or else how it ended.
+    fn last_words(&mut self) -> String {
+        if self.ended().is_none() {
+            let _ = self.0.kill();
+        }
+        let status = self.0.wait();
+        let mut words = Vec::new();
+        if let Some(stderr) = self.0.stderr.take() {
+            let _ = stderr.take(LAST_WORDS).read_to_end(&mut words);
+        }
+        let words = String::from_utf8_lossy(&words).trim().to_owned();
+        match (words.is_empty(), status) {
+            (false, _) => words,
+            (true, Ok(status)) => format!("its process ended unexpectedly ({status})"),
+            (true, Err(error)) => format!("its process: {error}"),
+        }
+    }
+}
+
+/// Bytes for the one who asked.
+pub type Answer = Vec<u8>;
+
+/// The life of such a process: confines itself, reads its question, answers it. `work` has a thread
+/// with so much stack.
+pub fn answer(
+    arguments: impl Iterator<Item = OsString>,
+    stack: usize,
+    work: impl FnOnce(&[u8]) -> io::Result<Answer> + Send + 'static,
+) -> ExitCode {
+    let answered = match Room::of_arguments(arguments) {
+        Some((parent, room)) => confine(parent, &room).and_then(|_| {
+            let thread = thread::Builder::new().name("work".into()).stack_size(stack);
+            let working = thread.spawn(move || serve(work))?;
+            working
+                .join()
+                .unwrap_or_else(|_| Err(io::Error::other("it panicked")))
+        }),
+        None => Err(ErrorKind::InvalidInput.into()),
+    };
+    match answered {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("its process: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn serve(work: impl FnOnce(&[u8]) -> io::Result<Answer>) -> io::Result<()> {
+    let mut stream = UnixStream::from(io::stdin().as_fd().try_clone_to_owned()?);
+    let mut question = Vec::new();
+    (&mut stream)
+        .take(LONGEST as u64)
+        .read_to_end(&mut question)?;
+    stream.write_all(&work(&question)?)
+}

@@ -1,0 +1,6 @@
+-- Drives no more, and then sorts in C for ever.
+-- expect: cpu
+robot.stop()
+task.wait(0.1)
+local list = table.create(200000, 1)
+table.sort(table.create(200000, list), table.find)

@@ -1,0 +1,6 @@
+-- A farewell that is one library call with callbacks in C.
+-- expect: done
+script.on_stop(function()
+	local list = table.create(200000, 1)
+	table.sort(table.create(200000, list), table.find)
+end)
