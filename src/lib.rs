@@ -9,6 +9,10 @@
 //! | --- | --- | --- |
 //! | 0 | `wire` | messages to bytes and back, discovery datagrams; knows no socket |
 //! | 0 | `vision` | JPEG to pixels to blobs; knows no robot |
+//! | 0 | `files` | regular files of bounded length, folders without links |
+//! | 0 | `yaml` | texts that nest too deeply are refused before they are parsed |
+//! | 0 | `clean` | text from outside, harmless for terminals, logs, XML and JSON |
+//! | 0 | `budget` | so many bytes a day, and lines that are said once a minute |
 //! | 1 | `robot` | the words that cross between tasks and processes |
 //! | 1 | `guardian` | the process that stops the robot when the agent cannot |
 //! | 2 | `safety` | watchdog, arbiter, docking: pure rules |
@@ -21,15 +25,18 @@
 //! | 5 | `lab` | a whole run in virtual time: agent, hosts and simulator on one thread |
 //! | 6 | `scenario` | worlds, behaviours and what must become true: plays `*_test.lua` files |
 //! | 7 | `cli` | one file per subcommand |
-//! | side | `sim` | the simulated robot and its world; imports `wire` only |
+//! | side | `sim` | the simulated robot and its world; imports `wire`, `files` and `yaml` only |
 //!
 //! `tests/it/floors.rs` holds every `use crate::` line against this table.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod agent;
 pub mod behaviour;
+pub mod budget;
+pub mod clean;
 pub mod cli;
 pub mod config;
+pub mod files;
 pub mod guardian;
 pub mod lab;
 pub mod link;
@@ -41,3 +48,4 @@ pub mod script;
 pub mod sim;
 pub mod vision;
 pub mod wire;
+pub mod yaml;

@@ -18,10 +18,12 @@ use super::slip::TrackSettings;
 use super::station::Station;
 use super::things::{Ball, Furniture, Place, Post, Room, Rug, Spot, Wall};
 use super::view::CameraSettings;
+use crate::files::{self, ReadError};
+use crate::yaml;
 
 const DEFAULT_WORLD: &str = include_str!("../../behaviours/worlds/living_room.yaml");
 /// A longer file is no world: nothing needs that many things.
-const MAX_FILE_LEN: u64 = 256 * 1024;
+const MAX_FILE_LEN: u64 = yaml::MAX_LEN;
 /// Things of one kind in a world, and corners of one line or path; each costs time in every frame.
 const MAX_THINGS: usize = 200;
 /// Lamps in a world: each has a map of its light.
@@ -135,8 +137,8 @@ impl World {
             column,
             message,
         };
-        let world: World = serde_yaml::from_str(text)
-            .map_err(|error| invalid(locate::place_of(&error), locate::explain(&error)))?;
+        let world: World =
+            locate::read(text).map_err(|(place, message)| invalid(place, message))?;
         match world.first_fault() {
             Some((path, message)) => Err(invalid(locate::find(text, &path), message)),
             None => Ok(world),
@@ -149,14 +151,13 @@ impl World {
     /// As [`World::from_yaml`], or the file cannot be read.
     pub fn load(path: &Path) -> Result<World, WorldError> {
         let name = path.display().to_string();
-        let text = std::fs::metadata(path).and_then(|file| match file.len() {
-            0..=MAX_FILE_LEN => std::fs::read_to_string(path).map(Some),
-            _ => Ok(None),
-        });
-        match text {
-            Ok(Some(text)) => World::from_yaml(&text, &name),
-            Ok(None) => Err(WorldError::TooLong { name }),
-            Err(source) => Err(WorldError::Read { name, source }),
+        match files::read_text(path, MAX_FILE_LEN) {
+            Ok(text) => World::from_yaml(&text, &name),
+            Err(ReadError::TooLong { .. }) => Err(WorldError::TooLong { name }),
+            Err(error) => Err(WorldError::Read {
+                name,
+                source: error.into(),
+            }),
         }
     }
 

@@ -8,12 +8,12 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Floor {
     Number(u32),
-    /// Beside the house: imports `wire` only.
+    /// Beside the house: imports a few tools of the ground floor only.
     Side,
 }
 
-/// The one module that side buildings may use.
-const SHARED_WITH_SIDE: &str = "wire";
+/// The modules that side buildings may use.
+const SHARED_WITH_SIDE: [&str; 3] = ["wire", "files", "yaml"];
 
 fn source() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("src")
@@ -120,7 +120,7 @@ fn verdict(floors: &BTreeMap<String, Floor>, from: &str, to: &str) -> Result<(),
     };
     let allowed = match (floor(from)?, floor(to)?) {
         _ if from == to => true,
-        (Floor::Side, _) => to == SHARED_WITH_SIDE,
+        (Floor::Side, _) => SHARED_WITH_SIDE.contains(&to),
         (Floor::Number(_), Floor::Side) => is_top(floors, from),
         (Floor::Number(from), Floor::Number(to)) => to < from,
     };
