@@ -10,6 +10,7 @@ pub mod discovery;
 mod listing;
 mod packet;
 mod report;
+mod shown;
 mod text;
 mod values;
 
