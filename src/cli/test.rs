@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 use super::settings::SettingsArgs;
 use super::{Console, Exit, Failure, print};
+use crate::clean;
 use crate::config::Config;
 use crate::scenario::{Book, BookError, Scenario, Setting};
 use crew::{Crew, Done};
@@ -185,7 +186,8 @@ fn list(pages: &[Page], jobs: &[crew::Job<'_>]) -> Result<Exit, Failure> {
         names.dedup();
         for name in names {
             // Writing into a string does not fail.
-            let _ = writeln!(text, "{}: {name}", page.file.display());
+            let file = page.file.display().to_string();
+            let _ = writeln!(text, "{}: {}", clean::line(&file), clean::line(name));
         }
     }
     print(&text)?;
