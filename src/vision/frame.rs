@@ -14,7 +14,9 @@ pub const MAX_HEIGHT: u32 = 1024;
 /// Longest JPEG that is looked at, in bytes.
 pub const MAX_JPEG_LEN: usize = 4 << 20;
 /// Most scans of a progressive picture: each costs a pass over the whole picture.
-const MAX_SCANS: usize = 64;
+const MAX_SCANS: usize = 65;
+/// Most pixels that all scans of a progressive frame go over: ten of 640x480 are half of it.
+const MAX_SCANNED: usize = 6_500_000;
 
 /// Width and height in pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -85,7 +87,7 @@ impl Survey {
     /// Reads the markers up to the first scan, then looks for the end.
     pub(super) fn of(jpeg: &[u8]) -> Result<Survey, FrameError> {
         let (survey, data) = Survey::of_headers(jpeg)?;
-        check_rest(&jpeg[data..], survey.baseline)?;
+        check_rest(&jpeg[data..], &survey)?;
         Ok(survey)
     }
 
@@ -150,14 +152,20 @@ fn read_size(segment: Segment<'_>) -> Result<(Size, bool), FrameError> {
 }
 
 /// The end marker must follow the data; padding after it is normal.
-fn check_rest(data: &[u8], baseline: bool) -> Result<(), FrameError> {
+fn check_rest(data: &[u8], survey: &Survey) -> Result<(), FrameError> {
     if !data.windows(2).rev().any(|pair| pair == [0xFF, 0xD9]) {
         return Err(FrameError::NoEnd);
     }
-    if !baseline && data.windows(2).filter(|pair| *pair == [0xFF, 0xDA]).count() > MAX_SCANS {
-        return Err(FrameError::Unsupported("too many scans"));
+    if survey.baseline {
+        return Ok(());
     }
-    Ok(())
+    // Each scan goes over the whole picture, however few bytes it has.
+    let scans = 1 + data.windows(2).filter(|pair| *pair == [0xFF, 0xDA]).count();
+    let pixels = survey.size.width as usize * survey.size.height as usize;
+    match scans > MAX_SCANS || scans * pixels > MAX_SCANNED {
+        true => Err(FrameError::Unsupported("too many scans")),
+        false => Ok(()),
+    }
 }
 
 /// One marker and what stands behind its length.

@@ -11,6 +11,7 @@
 //! and colours are looked up without ever making red, green and blue.
 
 mod annotate;
+mod aslant;
 mod baseline;
 mod bits;
 mod blobs;
@@ -18,6 +19,7 @@ mod colour;
 mod damage;
 mod decoder;
 mod eyes;
+mod finders;
 mod font;
 mod frame;
 mod huffman;
@@ -41,6 +43,7 @@ pub use colour::{Colour, ColourError, Span};
 pub use damage::Damage;
 pub use decoder::Decoder;
 pub use eyes::Eyes;
+pub use finders::{MAX_FILLED, MAX_FINDERS, MAX_STEPS, QrWork};
 pub use frame::{FrameError, MAX_HEIGHT, MAX_JPEG_LEN, MAX_WIDTH, Size, judge};
 pub use learn::{LearnRefusal, Learned, learn};
 pub use line::{Line, find_line};
@@ -48,5 +51,5 @@ pub use measure::{brightness, sharpness};
 pub use motion::{Motion, MotionDetector, MotionOptions};
 pub use palette::{MAX_COLOURS, Palette};
 pub use picture::{Image, Roi};
-pub use qrcode::{QrCode, find_qrcodes};
+pub use qrcode::{MAX_CODES, QrCode, find_qrcodes, find_qrcodes_counting};
 pub use tracker::{Track, Tracker, TrackerOptions};
