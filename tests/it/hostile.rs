@@ -86,14 +86,20 @@ impl Attack {
     }
 }
 
+/// Every script of the folder, by name.
+fn scripts() -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hostile");
+    let files = std::fs::read_dir(folder).unwrap();
+    let files = files.map(|entry| entry.unwrap().path());
+    let is_script = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "lua");
+    let mut files: Vec<PathBuf> = files.filter(is_script).collect();
+    files.sort();
+    files
+}
+
 /// The attacks whose first right ending is this, by name.
 fn attacks(ending: &str) -> Vec<Attack> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hostile");
-    let mut files: Vec<PathBuf> = std::fs::read_dir(folder)
-        .unwrap()
-        .map(|entry| entry.unwrap().path())
-        .collect();
-    files.sort();
+    let files = scripts();
     let attacks = files.iter().map(|path| Attack::read(path));
     attacks.filter(|attack| attack.is(ending)).collect()
 }
@@ -355,7 +361,6 @@ async fn files_that_are_no_scripts_are_refused_before_the_robot_is_called() {
 fn every_attack_has_a_known_ending() {
     let known = ["cpu", "memory", "error", "done", "refused"];
     let counted: usize = known.iter().map(|ending| attacks(ending).len()).sum();
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hostile");
-    assert_eq!(counted, std::fs::read_dir(folder).unwrap().count());
+    assert_eq!(counted, scripts().len());
     assert!(counted >= 40, "only {counted}");
 }
