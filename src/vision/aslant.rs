@@ -23,16 +23,12 @@ impl Square {
     }
 
     /// The same, beginning with the corner that lies the farthest to one side of a line.
-    fn from_side(self, through: Place, along: Place) -> Square {
+    fn turned_to_side(self, through: Place, along: Place) -> Square {
         let side = |(x, y): Place| (y - through.1) * along.0 - (x - through.0) * along.1;
-        let mut first = 0;
-        for corner in 1..4 {
-            if side(self.corners[corner]) < side(self.corners[first]) {
-                first = corner;
-            }
-        }
         let mut corners = self.corners;
-        corners.rotate_left(first);
+        let at = |corner: &usize| side(self.corners[*corner]);
+        let first = (0..corners.len()).min_by(|a, b| at(a).total_cmp(&at(b)));
+        corners.rotate_left(first.unwrap_or(0));
         Square { corners }
     }
 
@@ -88,10 +84,10 @@ impl View {
 pub(super) fn tries(squares: &[Square]) -> Vec<([usize; 3], f64)> {
     let views: Vec<View> = squares.iter().map(Square::view).collect();
     let mut tries = Vec::new();
-    for middle in 0..squares.len() {
+    for (middle, view) in views.iter().enumerate() {
         let (mut along, mut across) = (Vec::new(), Vec::new());
         for other in (0..squares.len()).filter(|other| *other != middle) {
-            let (u, v) = views[middle].modules(views[other].middle());
+            let (u, v) = view.modules(views[other].middle());
             let (u, v) = ((u - 3.5).abs(), (v - 3.5).abs());
             // What is no number is taken for both: it is left out below.
             if u < 0.2 * v || u.is_nan() {
@@ -125,8 +121,8 @@ fn steps([one, middle, other]: [usize; 3], squares: &[Square], views: &[View]) -
         std::mem::swap(&mut first, &mut last);
         along = (-along.0, -along.1);
     }
-    let first = squares[first].from_side(origin, along);
-    let last = squares[last].from_side(origin, along);
+    let first = squares[first].turned_to_side(origin, along);
+    let last = squares[last].turned_to_side(origin, along);
     let Some(seed) = crossing(
         (first.corners[0], first.corners[1]),
         (last.corners[0], last.corners[3]),
