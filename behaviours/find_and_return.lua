@@ -6,7 +6,7 @@ local floor = require("@spykee/floor")
 
 local settings = params.declare({
 	colour = { default = "red", doc = "what to look for: a name, or one of the config's own colours" },
-	width = { default = 60, min = 20, max = 200, unit = "px", doc = "how wide it looks when the robot has reached it" },
+	width = { default = 60, min = 20, max = 200, unit = "px", doc = "how wide it looks, of 320, when the robot has reached it" },
 	places = { default = 20, min = 1, max = 100, doc = "looks around at so many places at most" },
 	speed = { default = 0.2, min = 0.05, max = 0.3, unit = "m/s", doc = "of the drive" },
 })
@@ -16,9 +16,15 @@ local LOST = 1.5 -- seconds out of sight
 local HELD = 5 -- seconds without coming nearer
 local ROOM = 0.6 -- metres that must be free before the camera
 
+-- The thing and the frame that shows it.
 local function see()
 	local frame = robot.wait_frame(1)
 	return frame and frame:find_blobs(settings.colour, { pixels_threshold = 40, merge = true, margin = 4 })[1], frame
+end
+
+-- How wide the thing looks, in pixels of a picture of 320x240, whatever size this one has.
+local function width_of(thing, frame)
+	return thing.w * 320 / frame.width
 end
 
 -- Turns once round until it sees the thing. If it does not, it ends up looking to where there is room.
@@ -51,7 +57,7 @@ end
 -- Towards the thing; what stands in the way before it is passed on the side where there is more room.
 local function steer(thing, frame)
 	local free = floor.look(frame)
-	if free.ahead < ROOM and thing.w < settings.width / 2 then
+	if free.ahead < ROOM and width_of(thing, frame) < settings.width / 2 then
 		robot.drive(0.7 * settings.speed, if free.left > free.right then 0.6 else -0.6)
 	else
 		robot.drive(settings.speed * math.max(0, 1 - 2 * math.abs(thing.bearing)), 1.5 * thing.bearing)
@@ -65,10 +71,11 @@ local function approach()
 		local thing, frame = see()
 		if thing then
 			seen_at = task.now()
-			if thing.w > widest then
-				widest, nearer_at = thing.w, seen_at
+			local width = width_of(thing, frame)
+			if width > widest then
+				widest, nearer_at = width, seen_at
 			end
-			if thing.w >= settings.width then
+			if width >= settings.width then
 				robot.stop()
 				return true
 			elseif seen_at - nearer_at > HELD then

@@ -14,20 +14,20 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 pub use self::behaviours::Entry;
-pub use self::effective::{Effective, Origin, Setting};
+pub use self::effective::{Effective, Named, Origin, Setting};
 pub use self::logging::{Format, Level, Logging, When};
 pub use self::schema::schema;
+use crate::files;
 use crate::link::{self, Target};
 use crate::pilot::Settings;
 use crate::robot::{Streams, float_within};
 use crate::safety;
 use crate::script::{self, Calibration};
 use crate::vision::{Camera, Colour};
+use crate::yaml;
 
 /// Where scripts save pictures unless the config says something else.
 const DATA_FOLDER: &str = "spykee-data";
-/// No config is longer.
-const MAX_LEN: u64 = 1 << 20;
 
 /// What the file may say; everything has a default.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
@@ -151,12 +151,7 @@ impl Config {
             path: name.clone(),
             source,
         };
-        let length = std::fs::metadata(path).map_err(read)?.len();
-        if length > MAX_LEN {
-            let reason = format!("a config of {length} bytes; at most {MAX_LEN} are read");
-            return Err(ConfigError::Invalid { path: name, reason });
-        }
-        std::fs::read_to_string(path).map_err(read)
+        files::read_text(path, yaml::MAX_LEN).map_err(|error| read(error.into()))
     }
 
     fn of_text(text: &str, path: &Path) -> Result<Config, ConfigError> {
@@ -192,6 +187,7 @@ impl Config {
         {
             return Ok(Config::default());
         }
+        yaml::examine(text).map_err(|error| invalid(error.to_string()))?;
         let config: Config =
             serde_yaml::from_str(text).map_err(|error| invalid(in_words(&error.to_string())))?;
         config.watchdog.check().map_err(invalid)?;

@@ -92,6 +92,10 @@
 //! | 0 | `wire` | messages to bytes and back, discovery datagrams; knows no socket |
 //! | 0 | `vision` | JPEG to pixels to blobs, and the simulator's JPEG encoder; knows no robot |
 //! | 0 | `walls` | what the kernel holds processes to that deal with people's scripts |
+//! | 0 | `files` | regular files of bounded length, folders without links |
+//! | 0 | `yaml` | texts that nest too deeply are refused before they are parsed |
+//! | 0 | `clean` | text from outside, harmless for terminals, logs, XML and JSON |
+//! | 0 | `budget` | so many bytes a day, and lines that are said once a minute |
 //! | 1 | `robot` | the words that cross between tasks and processes |
 //! | 1 | `guardian` | the process that stops the robot when the agent cannot |
 //! | 2 | `safety` | watchdog, arbiter, docking: pure rules |
@@ -112,8 +116,11 @@
 
 pub mod agent;
 pub mod behaviour;
+pub mod budget;
+pub mod clean;
 pub mod cli;
 pub mod config;
+pub mod files;
 pub mod guardian;
 pub mod lab;
 pub mod link;
@@ -126,3 +133,4 @@ pub mod sim;
 pub mod vision;
 pub mod walls;
 pub mod wire;
+pub mod yaml;

@@ -28,13 +28,14 @@ use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
+use crate::budget::Repeats;
 pub use crate::link::Delivery;
 use crate::link::{LinkError, Writer, farewell};
 use crate::robot::channel::{MAX_REQUESTS, Request, Sleep};
 use crate::robot::{Event, Pictures, RobotInfo, Streams};
 use crate::safety::{Act, Fact, Limits, Watchdog};
 use crate::vision::Damage;
-use crate::wire::Command;
+use crate::wire::{Command, EngineNews};
 
 pub use self::core::DrivingCore;
 use self::distress::Distress;
@@ -55,6 +56,11 @@ const HEARINGS: usize = 2;
 
 /// How long the robot may take at the end to acknowledge what it was told last.
 pub const DELIVERY: Duration = Duration::from_secs(2);
+
+/// How often is said that the robot says what nobody knows, one of each kind.
+const UNKNOWN_EVERY: Duration = Duration::from_secs(60);
+/// How often the same news of the robot's station is said.
+const ENGINE_EVERY: Duration = Duration::from_secs(1);
 
 /// How the run is told to come to its end.
 #[derive(Debug, Clone, Default)]
@@ -93,7 +99,9 @@ pub struct Pilot {
     status: watch::Sender<Status>,
     info: Option<RobotInfo>,
     simulated: bool,
-    unknown_kinds: Vec<u8>,
+    /// Kinds of messages that nobody knows, and when each was said.
+    unknown: Repeats<hearing::Kind>,
+    engine_said: Repeats<EngineNews>,
     streams_due: Option<Instant>,
     /// What lights, sounds and streams were last made to follow.
     distress: Distress,
@@ -121,7 +129,8 @@ impl Pilot {
             status,
             info: None,
             simulated: settings.simulated,
-            unknown_kinds: Vec::new(),
+            unknown: Repeats::new(UNKNOWN_EVERY),
+            engine_said: Repeats::new(ENGINE_EVERY),
             streams_due: None,
             distress: Distress::default(),
             unsettled: false,

@@ -2,17 +2,18 @@
 //! drawn and written by a thread of their own, so that neither a script's budget nor the way from a
 //! frame to the tracks ever waits for them. What comes while that thread is busy is not kept.
 
-use std::fs::{self, DirBuilder};
 use std::io;
-use std::os::unix::fs::DirBuilderExt as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
 use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
+use tokio::time::Instant;
 
-use crate::script::{Sighting, write_privately};
+use crate::budget::Budget;
+use crate::files::Folder;
+use crate::script::{Limits, Sighting};
 use crate::vision::{Decoder, Mark, annotate};
 
 /// Pictures in the folder; then the oldest is written over.
@@ -40,13 +41,14 @@ impl Gallery {
     ///
     /// # Errors
     /// If the system gives no thread.
-    pub(super) fn open(folder: PathBuf) -> io::Result<Gallery> {
+    pub(super) fn open(folder: PathBuf, limits: &Limits) -> io::Result<Gallery> {
         let (sightings, waiting) = sync_channel::<Sighting>(1);
         let (complaints, trouble) = sync_channel(1);
+        let ring = Ring::new(folder, limits);
         let thread = std::thread::Builder::new()
             .name("gallery".into())
             .spawn(move || {
-                let mut ring = Ring::new(folder);
+                let mut ring = ring;
                 for sighting in waiting {
                     if let Err(error) = ring.keep(&sighting) {
                         // The first is enough, and is told once.
@@ -104,12 +106,16 @@ struct Ring {
     decoder: Decoder,
     /// The next to write; `None` before the first.
     next: Option<usize>,
+    day: Budget,
+    free: u64,
 }
 
 impl Ring {
-    fn new(folder: PathBuf) -> Ring {
+    fn new(folder: PathBuf, limits: &Limits) -> Ring {
         Ring {
             folder,
+            day: Budget::new(limits.picture_bytes_a_day),
+            free: limits.free_bytes,
             decoder: Decoder::default(),
             next: None,
         }
@@ -126,12 +132,21 @@ impl Ring {
         });
         let picture = annotate(image, &marks.collect::<Vec<_>>());
         let bytes = encode(&picture)?;
-        DirBuilder::new()
-            .recursive(true)
-            .mode(0o700)
-            .create(&self.folder)?;
-        let next = self.next.unwrap_or_else(|| behind_newest(&self.folder));
-        write_privately(&self.folder, &self.folder.join(name(next)), &bytes)?;
+        let folder = Folder::make(&self.folder)?;
+        let length = bytes.len() as u64;
+        if folder.free()? < self.free.saturating_add(length) {
+            let words = format!("the disk has less than {} bytes left", self.free);
+            return Err(io::Error::other(words));
+        }
+        if !self.day.take(length, Instant::now()) {
+            let words = format!("{} bytes of pictures a day are used up", self.day.per_day());
+            return Err(io::Error::other(words));
+        }
+        let next = match self.next {
+            Some(next) => next,
+            None => behind_newest(&folder)?,
+        };
+        folder.replace(&name(next), &bytes)?;
         self.next = Some((next + 1) % PICTURES);
         Ok(())
     }
@@ -142,10 +157,15 @@ fn name(number: usize) -> String {
 }
 
 /// Where an earlier run left off, so that the folder always holds the newest.
-fn behind_newest(folder: &Path) -> usize {
-    let written = |number: &usize| fs::metadata(folder.join(name(*number)))?.modified();
-    let all = (0..PICTURES).filter_map(|number| Some((written(&number).ok()?, number)));
-    all.max().map_or(0, |(_, newest)| (newest + 1) % PICTURES)
+fn behind_newest(folder: &Folder) -> io::Result<usize> {
+    let items = folder.items()?;
+    let numbered = items.iter().filter_map(|item| {
+        let number = (0..PICTURES).find(|number| name(*number) == item.name)?;
+        Some((item.written, number))
+    });
+    Ok(numbered
+        .max()
+        .map_or(0, |(_, newest)| (newest + 1) % PICTURES))
 }
 
 fn encode(picture: &RgbImage) -> io::Result<Vec<u8>> {
@@ -172,7 +192,9 @@ mod tests {
     use crate::vision::Blob;
     use bytes::Bytes;
     use image::Rgb;
+    use std::fs;
     use std::os::unix::fs::PermissionsExt as _;
+    use std::path::Path;
 
     const JPEG: &[u8] = include_bytes!("../../tests/fixtures/ball-444.jpg");
 
@@ -203,7 +225,7 @@ mod tests {
     fn the_newest_hundred_stay_and_are_private() {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("a/b");
-        let mut ring = Ring::new(folder.clone());
+        let mut ring = Ring::new(folder.clone(), &Limits::default());
         (0..PICTURES as u64 + 3).for_each(|seq| ring.keep(&sighting(seq)).unwrap());
         assert_eq!((files(&folder), ring.next), (PICTURES, Some(3)));
         let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
@@ -211,7 +233,7 @@ mod tests {
             (mode(&folder), mode(&folder.join("02.jpg"))),
             (0o700, 0o600)
         );
-        let mut again = Ring::new(folder.clone());
+        let mut again = Ring::new(folder.clone(), &Limits::default());
         again.keep(&sighting(1)).unwrap();
         assert_eq!((files(&folder), again.next), (PICTURES, Some(4)));
     }
@@ -219,7 +241,7 @@ mod tests {
     #[test]
     fn the_last_one_is_written_before_the_end() {
         let root = tempfile::tempdir().unwrap();
-        let gallery = Gallery::open(root.path().to_owned()).unwrap();
+        let gallery = Gallery::open(root.path().to_owned(), &Limits::default()).unwrap();
         gallery.offer(sighting(1));
         drop(gallery);
         let kept = image::open(root.path().join("00.jpg")).unwrap().to_rgb8();
@@ -242,7 +264,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let file = root.path().join("file");
         fs::write(&file, "").unwrap();
-        let mut gallery = Gallery::open(file.join("folder")).unwrap();
+        let mut gallery = Gallery::open(file.join("folder"), &Limits::default()).unwrap();
         gallery.offer(sighting(1));
         let told = loop {
             if let Some(told) = gallery.trouble() {

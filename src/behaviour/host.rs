@@ -99,13 +99,13 @@ pub(super) async fn serve(
         .annotate_dir
         .clone()
         .map(|folder| match time {
-            Time::Real => Gallery::open(folder),
-            Time::Virtual => Gallery::open(folder).map(Gallery::patient),
+            Time::Real => Gallery::open(folder, &options.limits),
+            Time::Virtual => Gallery::open(folder, &options.limits).map(Gallery::patient),
         })
         .transpose()?;
     let keeper = options.data_dir.clone().map(|folder| match time {
-        Time::Real => Keeper::new(folder),
-        Time::Virtual => Keeper::at_the_end(folder),
+        Time::Real => Keeper::new(folder, &options.limits),
+        Time::Virtual => Keeper::at_the_end(folder, &options.limits),
     });
     match Script::load(&source, options, Instant::now()) {
         Ok(mut script) => {
@@ -311,7 +311,7 @@ impl Host {
 
 fn unwritten(trouble: &str) -> FromHost {
     warning(format!(
-        "the store cannot be written and will be lost: {trouble}"
+        "the store is not written as it should be: {trouble}"
     ))
 }
 

@@ -4,27 +4,30 @@
 //! A file is never half written: its new content is written beside it, brought to the disk and then
 //! given its name. One that is damaged all the same is kept aside as `.bad`.
 
-use std::fs::{self, DirBuilder, File, OpenOptions};
-use std::io::{self, Read as _, Write as _};
-use std::os::unix::fs::{DirBuilderExt as _, OpenOptionsExt as _};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use rustix::fs::OFlags;
 use tokio::time::Instant;
+
+use crate::budget::Budget;
+use crate::files::Folder;
+use crate::script::Limits;
 
 /// The file's name.
 const NAME: &str = "store.json";
 /// What a damaged one is called.
 const BAD: &str = "store.json.bad";
-/// Unfinished ones begin so.
+/// What earlier versions left unfinished begins so.
 const UNFINISHED: &str = ".store-";
 /// The longest file that is read: twice what is ever written.
 const LONGEST: u64 = 2 << 20;
 /// From one write to the next: with the write itself, what is on the disk is at most 1 s old.
 const PACE: Duration = Duration::from_millis(900);
+/// The same when the day's bytes are used up.
+const SLOW_PACE: Duration = Duration::from_secs(60);
 
 /// See the module.
 #[derive(Debug)]
@@ -39,6 +42,11 @@ pub(super) struct Keeper {
     told: Option<String>,
     /// Nothing is written before the end: see [`Keeper::at_the_end`].
     late: bool,
+    day: Budget,
+    /// So much of the disk stays free.
+    free: u64,
+    /// Whether it was told that the day's bytes are used up; `Some(false)`: not yet.
+    slow: Option<bool>,
 }
 
 #[derive(Debug)]
@@ -50,7 +58,7 @@ struct Writer {
 
 impl Keeper {
     /// Of the store in this folder.
-    pub(super) fn new(folder: PathBuf) -> Keeper {
+    pub(super) fn new(folder: PathBuf, limits: &Limits) -> Keeper {
         Keeper {
             folder,
             writer: None,
@@ -58,13 +66,16 @@ impl Keeper {
             held: None,
             told: None,
             late: false,
+            day: Budget::new(limits.store_bytes_a_day),
+            free: limits.free_bytes,
+            slow: None,
         }
     }
 
     /// As [`Keeper::new`], for virtual time, in which a disk would be an hour late and a different
     /// one each time: the file is written once, when the script ends or is ended.
-    pub(super) fn at_the_end(folder: PathBuf) -> Keeper {
-        let mut keeper = Keeper::new(folder);
+    pub(super) fn at_the_end(folder: PathBuf, limits: &Limits) -> Keeper {
+        let mut keeper = Keeper::new(folder, limits);
         keeper.late = true;
         keeper
     }
@@ -74,29 +85,18 @@ impl Keeper {
     /// # Errors
     /// If there is something that cannot be read.
     pub(super) fn read(&self) -> io::Result<Option<Vec<u8>>> {
-        let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
-        let opened = OpenOptions::new()
-            .read(true)
-            .custom_flags(flags.bits().cast_signed())
-            .open(self.folder.join(NAME));
-        let file = match opened {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            opened => opened?,
-        };
-        let about = file.metadata()?;
-        if !about.is_file() || about.len() > LONGEST {
-            let words = format!("it is no file of at most {LONGEST} bytes");
-            return Err(io::Error::other(words));
+        match Folder::open(&self.folder) {
+            Ok(folder) => Ok(folder.read(NAME, LONGEST)?),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(error),
         }
-        let mut content = Vec::new();
-        file.take(LONGEST).read_to_end(&mut content)?;
-        Ok(Some(content))
     }
 
     /// Keeps a damaged file aside; the warning for people.
     pub(super) fn set_aside(&self, why: &str) -> String {
-        let (file, bad) = (self.folder.join(NAME), self.folder.join(BAD));
-        let kept = match fs::rename(&file, &bad) {
+        let file = self.folder.join(NAME);
+        let renamed = Folder::open(&self.folder).and_then(|folder| folder.rename(NAME, BAD));
+        let kept = match renamed {
             Ok(()) => format!("kept aside as {BAD}"),
             Err(error) => format!("it cannot be kept aside either: {error}"),
         };
@@ -132,6 +132,10 @@ impl Keeper {
             self.held = Some(content);
             return;
         }
+        if !self.day.take(content.len() as u64, now) {
+            self.next = Some(now + SLOW_PACE);
+            self.slow.get_or_insert(false);
+        }
         match self.writer().map(|writer| writer.files.try_send(content)) {
             Ok(Ok(())) => {}
             Ok(Err(TrySendError::Full(content) | TrySendError::Disconnected(content))) => {
@@ -144,13 +148,20 @@ impl Keeper {
     fn writer(&mut self) -> io::Result<&Writer> {
         let writer = match self.writer.take() {
             Some(writer) => writer,
-            None => Writer::start(self.folder.clone())?,
+            None => Writer::start(self.folder.clone(), self.free)?,
         };
         Ok(self.writer.insert(writer))
     }
 
     /// Why something was not written, once for each reason.
     pub(super) fn trouble(&mut self) -> Option<String> {
+        if self.slow == Some(false) {
+            self.slow = Some(true);
+            return Some(format!(
+                "{} bytes a day are used up: from now on what is on the disk is up to a minute old",
+                self.day.per_day()
+            ));
+        }
         let heard = self.writer.as_ref()?.trouble.try_recv().ok()?;
         let new = self.told.as_ref() != Some(&heard);
         self.told = Some(heard.clone());
@@ -179,20 +190,20 @@ impl Keeper {
 impl Drop for Keeper {
     fn drop(&mut self) {
         if let Some(content) = self.held.take().filter(|_| self.late) {
-            let _ = replace(&self.folder, &content);
+            let _ = replace(&self.folder, &content, self.free);
         }
     }
 }
 
 impl Writer {
-    fn start(folder: PathBuf) -> io::Result<Writer> {
+    fn start(folder: PathBuf, free: u64) -> io::Result<Writer> {
         let (files, waiting) = sync_channel::<Vec<u8>>(1);
         let (complaints, trouble) = sync_channel(8);
         let thread = std::thread::Builder::new()
             .name("store".into())
             .spawn(move || {
                 for content in waiting {
-                    if let Err(error) = replace(&folder, &content) {
+                    if let Err(error) = replace(&folder, &content, free) {
                         let _ = complaints.try_send(error.to_string());
                     }
                 }
@@ -206,49 +217,27 @@ impl Writer {
 }
 
 /// All of the new content under the file's name, or still all of the old.
-fn replace(folder: &Path, content: &[u8]) -> io::Result<()> {
-    DirBuilder::new()
-        .recursive(true)
-        .mode(0o700)
-        .create(folder)?;
-    sweep(folder)?;
-    let unfinished = folder.join(format!("{UNFINISHED}{}", std::process::id()));
-    let mut file = OpenOptions::new()
-        .write(true)
-        .create_new(true)
-        .mode(0o600)
-        .open(&unfinished)?;
-    file.write_all(content)?;
-    file.sync_all()?;
-    fs::rename(unfinished, folder.join(NAME))?;
-    File::open(folder)?.sync_all()
-}
-
-/// Removes what runs that were killed have left behind.
-fn sweep(folder: &Path) -> io::Result<()> {
-    for entry in fs::read_dir(folder)? {
-        let entry = entry?;
-        if entry
-            .file_name()
-            .as_encoded_bytes()
-            .starts_with(UNFINISHED.as_bytes())
-        {
-            fs::remove_file(entry.path())?;
-        }
+fn replace(folder: &Path, content: &[u8], free: u64) -> io::Result<()> {
+    let folder = Folder::make(folder)?;
+    if folder.free()? < free.saturating_add(content.len() as u64) {
+        let words = format!("the disk has less than {free} bytes left");
+        return Err(io::Error::other(words));
     }
-    Ok(())
+    folder.sweep(UNFINISHED)?;
+    folder.replace_durably(NAME, content)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::os::unix::fs::PermissionsExt as _;
+    use std::fs;
+    use std::os::unix::fs::{PermissionsExt as _, symlink};
 
     #[test]
     fn the_last_content_is_there_at_the_end_and_private() {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("data");
-        let mut keeper = Keeper::new(folder.clone());
+        let mut keeper = Keeper::new(folder.clone(), &Limits::default());
         assert!(keeper.read().unwrap().is_none());
         let now = Instant::now();
         for number in 0..20 {
@@ -266,13 +255,13 @@ mod tests {
     fn in_virtual_time_it_is_written_once_however_the_host_ends() {
         let root = tempfile::tempdir().unwrap();
         let file = root.path().join(NAME);
-        let mut keeper = Keeper::at_the_end(root.path().to_owned());
+        let mut keeper = Keeper::at_the_end(root.path().to_owned(), &Limits::default());
         keeper.offer(Some(b"one".to_vec()), Instant::now());
         keeper.offer(Some(b"two".to_vec()), Instant::now());
         assert!(!file.exists() && !keeper.is_behind());
         drop(keeper);
         assert_eq!(fs::read(&file).unwrap(), b"two");
-        let mut keeper = Keeper::at_the_end(root.path().to_owned());
+        let mut keeper = Keeper::at_the_end(root.path().to_owned(), &Limits::default());
         keeper.offer(Some(b"three".to_vec()), Instant::now());
         assert_eq!(keeper.finish(None), None);
         assert_eq!(fs::read(&file).unwrap(), b"three");
@@ -283,7 +272,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         fs::write(root.path().join(".store-77"), "{\"a\": ").unwrap();
         fs::write(root.path().join(NAME), "{}").unwrap();
-        let mut keeper = Keeper::new(root.path().to_owned());
+        let mut keeper = Keeper::new(root.path().to_owned(), &Limits::default());
         assert_eq!(keeper.read().unwrap().unwrap(), b"{}");
         assert_eq!(keeper.finish(Some(b"new".to_vec())), None);
         assert_eq!(keeper.read().unwrap().unwrap(), b"new");
@@ -294,7 +283,7 @@ mod tests {
     fn a_damaged_file_is_kept_aside() {
         let root = tempfile::tempdir().unwrap();
         fs::write(root.path().join(NAME), "{ torn").unwrap();
-        let said = Keeper::new(root.path().to_owned()).set_aside("torn");
+        let said = Keeper::new(root.path().to_owned(), &Limits::default()).set_aside("torn");
         assert!(
             said.contains("store.json.bad") && said.contains("torn"),
             "{said}"
@@ -304,11 +293,68 @@ mod tests {
     }
 
     #[test]
+    fn a_link_in_the_place_of_folder_or_file_is_not_followed() {
+        let root = tempfile::tempdir().unwrap();
+        let path = |name: &str| root.path().join(name);
+        fs::create_dir(path("elsewhere")).unwrap();
+        fs::write(path("elsewhere/store.json"), "{}").unwrap();
+        symlink(path("elsewhere"), path("data")).unwrap();
+        let mut keeper = Keeper::new(path("data"), &Limits::default());
+        assert!(keeper.read().is_err());
+        assert!(
+            keeper
+                .finish(Some(b"1".to_vec()))
+                .unwrap()
+                .contains("symbolic link")
+        );
+        assert_eq!(fs::read(path("elsewhere/store.json")).unwrap(), b"{}");
+        fs::create_dir(path("own")).unwrap();
+        symlink(path("elsewhere/store.json"), path("own/store.json")).unwrap();
+        let mut keeper = Keeper::new(path("own"), &Limits::default());
+        assert!(keeper.read().is_err());
+        assert_eq!(keeper.finish(Some(b"1".to_vec())), None);
+        assert_eq!(fs::read(path("elsewhere/store.json")).unwrap(), b"{}");
+        assert_eq!(fs::read(path("own/store.json")).unwrap(), b"1");
+    }
+
+    #[test]
+    fn a_store_that_writes_more_than_its_days_bytes_is_written_once_a_minute() {
+        let root = tempfile::tempdir().unwrap();
+        let limits = Limits {
+            store_bytes_a_day: 48,
+            ..Limits::default()
+        };
+        let mut keeper = Keeper::new(root.path().to_owned(), &limits);
+        let now = Instant::now();
+        keeper.offer(Some(b"12".to_vec()), now);
+        assert!(keeper.is_due(now + PACE) && keeper.trouble().is_none());
+        keeper.offer(Some(b"34".to_vec()), now + PACE);
+        assert!(!keeper.is_due(now + PACE + PACE) && keeper.is_due(now + PACE + SLOW_PACE));
+        assert!(keeper.trouble().unwrap().contains("a minute old"));
+        assert!(keeper.trouble().is_none());
+        assert_eq!(keeper.finish(Some(b"56".to_vec())), None);
+        assert_eq!(keeper.read().unwrap().unwrap(), b"56");
+    }
+
+    #[test]
+    fn a_full_disk_is_left_alone() {
+        let root = tempfile::tempdir().unwrap();
+        let limits = Limits {
+            free_bytes: 1 << 50,
+            ..Limits::default()
+        };
+        let mut keeper = Keeper::new(root.path().to_owned(), &limits);
+        let said = keeper.finish(Some(b"1".to_vec())).unwrap();
+        assert!(said.contains("disk"), "{said}");
+        assert!(!root.path().join(NAME).exists());
+    }
+
+    #[test]
     fn a_folder_that_cannot_be_written_to_is_told() {
         let root = tempfile::tempdir().unwrap();
         let file = root.path().join("file");
         fs::write(&file, "").unwrap();
-        let mut keeper = Keeper::new(file.join("data"));
+        let mut keeper = Keeper::new(file.join("data"), &Limits::default());
         assert!(keeper.finish(Some(b"1".to_vec())).is_some());
     }
 }

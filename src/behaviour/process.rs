@@ -4,10 +4,8 @@
 //! in memory: the same code and messages, but without a process's walls.
 
 use std::fmt;
-use std::fs::DirBuilder;
 use std::io;
 use std::os::fd::OwnedFd;
-use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 use std::process::{ExitStatus, Stdio};
 
@@ -20,6 +18,7 @@ use tokio::task::JoinHandle;
 use super::host::{Time, serve};
 use super::inspection::Inspector;
 use crate::walls::{Room, Walls};
+use crate::files::Folder;
 
 /// The hidden argument by which the executable knows that it is to be a host.
 pub const HOST_ARGUMENT: &str = "__host";
@@ -80,13 +79,15 @@ impl Launcher {
     /// long as the agent: the host dies with the thread that started it.
     ///
     /// # Errors
-    /// Whatever the system says.
+    /// Whatever the system says; a folder that is a symbolic link.
     pub(super) fn start(
         &self,
         folders: &[&Path],
         core: &Handle,
     ) -> io::Result<(HostProcess, PipeReader, PipeWriter)> {
-        folders.iter().for_each(|folder| make_private(folder));
+        for folder in folders {
+            make_private(folder)?;
+        }
         match &self.executable {
             Some(executable) => start_child(executable, folders, core),
             None => Ok(start_task()),
@@ -141,10 +142,17 @@ fn start_task() -> (HostProcess, PipeReader, PipeWriter) {
 
 /// Makes a folder that only its user can look into; one that is there stays as it is. Without one
 /// nothing can be saved, which is no reason not to run.
-fn make_private(folder: &Path) {
-    let made = DirBuilder::new().recursive(true).mode(0o700).create(folder);
-    if let Err(error) = made {
-        tracing::debug!("cannot make {}: {error}", folder.display());
+///
+/// # Errors
+/// A symbolic link in its place: whoever put it there says where this user's files are written.
+fn make_private(folder: &Path) -> io::Result<()> {
+    match Folder::make(folder) {
+        Ok(_) => Ok(()),
+        Err(error) if folder.is_symlink() => Err(error),
+        Err(error) => {
+            tracing::debug!("cannot make {}: {error}", folder.display());
+            Ok(())
+        }
     }
 }
 

@@ -18,8 +18,10 @@ use super::ahead::Ahead;
 use super::dialogue::{self, Dialogue, Said};
 use super::library::Library;
 use super::message::{FromHost, Launch, ToHost};
+use super::name::judge_name;
 use super::pipe::{Receiver, Sender};
 use super::process::{HostProcess, Launcher, PipeReader, PipeWriter};
+use super::quill::{Fate, Quill};
 use crate::robot::channel::{Inbox, Request, Role, Told, events};
 use crate::robot::{BehaviourId, Coming, EndReason, Pictures, Priority};
 use crate::script::{Ending, Level, LogLine, ModuleName};
@@ -51,6 +53,7 @@ pub struct Prepared {
     pump: AbortHandle,
     /// In virtual time nobody waits for a sign of life.
     in_real_time: bool,
+    quill: Quill,
 }
 
 /// Tells a running behaviour to end.
@@ -138,6 +141,8 @@ impl Prepared {
                 &format!("{name}: its host cannot be started: {error}"),
             )
         };
+        judge_name(&name).map_err(|error| ending(EndReason::Error, &error.to_string()))?;
+        let quill = Quill::new(launch.options.limits.log_bytes_a_day);
         let started = launcher.start(&launch.options.folders(), core);
         let (process, reader, writer) = started.map_err(broken)?;
         let (from_host, to_host, pump) = connect(reader, writer, core);
@@ -156,6 +161,7 @@ impl Prepared {
             modules,
             pump,
             in_real_time: !launcher.is_in_this_thread(),
+            quill,
         };
         let _ = prepared.to_host.try_send(ToHost::Load(Box::new(launch)));
         match timeout(LOAD_TIME, prepared.from_host.next()).await {
@@ -398,10 +404,7 @@ impl Supervisor {
                 (self.frame_wanted, self.ahead_wanted) = (true, ahead);
                 return self.pass_picture();
             }
-            FromHost::Log(line) => match &self.dialogue {
-                Some(dialogue) => return dialogue.say(Said::Line(line)),
-                None => return log(&self.host.name, &line),
-            },
+            FromHost::Log(line) => return self.write(line),
             FromHost::Evaluated(evaluated) => {
                 if let Some(dialogue) = &self.dialogue {
                     dialogue.say(Said::Evaluated(evaluated));
@@ -416,6 +419,20 @@ impl Supervisor {
             FromHost::Ready | FromHost::Ended(_) => return,
         };
         let _ = self.requests.send(request).await;
+    }
+
+    fn write(&mut self, line: LogLine) {
+        let name = &self.host.name;
+        match (self.host.quill.judge(line, Instant::now()), &self.dialogue) {
+            (Fate::Written(line), Some(dialogue)) => dialogue.say(Said::Line(line)),
+            (Fate::Written(line), None) => log(name, &line),
+            (Fate::LeftOut(before), _) => warn!(
+                behaviour = %name,
+                before,
+                "it logs too much: lines are left out, which is said at most once a minute"
+            ),
+            (Fate::Silent, _) => {}
+        }
     }
 
     /// The newest frame, if it is newer than the last one that was passed on, or what has come of

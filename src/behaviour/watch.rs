@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::Metadata;
-use std::io::{self, Read};
+use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -17,6 +17,7 @@ use tokio::time::{Instant, sleep};
 use tracing::warn;
 
 use super::library::Library;
+use crate::files;
 use crate::script::MAX_SOURCE;
 
 /// How often a file is looked at.
@@ -34,12 +35,9 @@ pub struct Reload {
 /// Reads a script: at most one byte more than it may have, so that a longer one is told as such.
 ///
 /// # Errors
-/// Whatever the system says.
+/// Whatever the system says; what is no file, such as a pipe.
 pub fn read_source(file: &Path) -> io::Result<Vec<u8>> {
-    let mut source = Vec::new();
-    let file = std::fs::File::open(file)?;
-    file.take(MAX_SOURCE as u64 + 1).read_to_end(&mut source)?;
-    Ok(source)
+    Ok(files::read_beginning(file, MAX_SOURCE as u64 + 1)?)
 }
 
 /// A script's file and its modules under watch.

@@ -7,9 +7,10 @@ use super::examiner::Examiner;
 use super::run::params;
 use super::settings::SettingsArgs;
 use super::source::read_source;
-use super::{Console, Exit, Failure, print};
+use super::{Console, Exit, Failure, print, print_coloured};
 use crate::agent::Behaviour;
 use crate::behaviour::Launch;
+use crate::clean;
 use crate::config::{Config, Entry};
 use crate::script::Options;
 use crate::script::check::{Finding, Severity};
@@ -52,7 +53,10 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
         ),
         false => report(&findings, count),
     };
-    print(&text)?;
+    match args.json {
+        true => print(&text)?,
+        false => print_coloured(&text, colours())?,
+    }
     Ok(if has_errors(&findings) {
         Exit::Check
     } else {
@@ -190,7 +194,7 @@ fn coloured(finding: &Finding) -> String {
         Severity::Warning => "\x1b[1;33m",
     };
     let text = finding.to_string();
-    let text = super::screen::clean(&text, false);
+    let text = clean::text(&text, false);
     let carets = finding.carets();
     let marked = carets.replacen('^', &format!("{colour}^"), 1) + "\x1b[0m";
     let word = match finding.severity {

@@ -1,21 +1,16 @@
 //! The flags that say which robot, as whom: shared by all subcommands that drive one.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::Failure;
-use crate::config::Config;
+use super::{Failure, secret};
+use crate::config::{Effective, Named};
 use crate::link::Target;
 use crate::wire::Login;
 
-/// Where the password is looked for when no file is named.
-const PASSWORD_VARIABLE: &str = "SPYKEE_PASSWORD";
 /// The robot's own default, for user and password (`PROTOCOL.md`, AUTH_REQUEST).
 const DEFAULT_LOGIN: &str = "admin";
 /// The protocol's one-byte length prefix.
 const MAX_LOGIN_CHARS: usize = 255;
-/// No password file is longer.
-const MAX_PASSWORD_FILE_LEN: u64 = 4096;
 
 /// Which robot.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -74,76 +69,45 @@ impl ConnectionArgs {
 }
 
 impl LoginArgs {
-    /// What the flags leave open comes from the config.
-    pub fn or_from(&self, config: &Config) -> LoginArgs {
-        LoginArgs {
-            user: self.user.clone().or_else(|| config.user.clone()),
-            password_file: self
-                .password_file
-                .clone()
-                .or_else(|| config.password_file.clone()),
-        }
-    }
-
-    /// User and password, from flags and environment.
+    /// User and password: flags over the environment over the config's file over the robot's own
+    /// default.
     ///
     /// # Errors
-    /// A password file that cannot be read or is empty; a name or password that the robot cannot
-    /// know. The password is not shown.
-    pub fn login(&self) -> Result<Login, Failure> {
-        let user = self.user.as_deref().unwrap_or(DEFAULT_LOGIN);
+    /// A password file that cannot be read or is empty, or that a config names which was found and not
+    /// named and may not; a name or password that the robot cannot know. The password is not shown.
+    pub(super) fn login(&self, settings: &Effective) -> Result<Login, Failure> {
+        let config = &settings.config;
+        let user = self.user.as_deref().or(config.user.as_deref());
+        let user = user.unwrap_or(DEFAULT_LOGIN);
         sendable("the user's name", user)?;
-        let password = match &self.password_file {
-            Some(path) => read_password(path)?,
-            None => password_from_environment()?,
-        };
+        let password = self.password(settings)?;
         sendable("the password", &password)?;
         Ok(Login::new(user, password))
     }
-}
 
-fn password_from_environment() -> Result<String, Failure> {
-    match std::env::var(PASSWORD_VARIABLE) {
-        Ok(password) => Ok(password),
-        Err(std::env::VarError::NotPresent) => Ok(DEFAULT_LOGIN.to_owned()),
-        // Its text would show the password.
-        Err(std::env::VarError::NotUnicode(_)) => Err(Failure::usage(format_args!(
-            "{PASSWORD_VARIABLE} is not UTF-8"
-        ))),
+    /// As [`LoginArgs::login`], without a config.
+    ///
+    /// # Errors
+    /// The same.
+    pub(super) fn login_without_config(&self) -> Result<Login, Failure> {
+        self.login(&Effective::default())
     }
-}
 
-fn read_password(path: &Path) -> Result<String, Failure> {
-    let shown = path.display();
-    let cannot = |error: std::io::Error| {
-        Failure::usage(format_args!(
-            "cannot read the password file {shown}: {error}"
-        ))
-        .help("write the password into its first line")
-    };
-    let file = std::fs::File::open(path).map_err(cannot)?;
-    warn_if_others_can_read(&file, path);
-    let mut text = String::new();
-    file.take(MAX_PASSWORD_FILE_LEN)
-        .read_to_string(&mut text)
-        .map_err(cannot)?;
-    let first = text.lines().next().unwrap_or_default();
-    if first.is_empty() {
-        let failure = Failure::usage(format_args!("the first line of {shown} is empty"));
-        return Err(failure.help("write the password into its first line"));
-    }
-    Ok(first.to_owned())
-}
-
-fn warn_if_others_can_read(file: &std::fs::File, path: &Path) {
-    use std::os::unix::fs::PermissionsExt;
-    const OTHERS: u32 = 0o077;
-    let mode = file
-        .metadata()
-        .map_or(0, |metadata| metadata.permissions().mode());
-    if mode & OTHERS != 0 {
-        let path = path.display();
-        tracing::warn!("others can read the password file {path}: chmod 600 {path}");
+    fn password(&self, settings: &Effective) -> Result<String, Failure> {
+        if let Some(path) = &self.password_file {
+            return secret::of_chosen_file(path);
+        }
+        if let Some(password) = secret::of_environment()? {
+            return Ok(password);
+        }
+        let Some(path) = &settings.config.password_file else {
+            return Ok(DEFAULT_LOGIN.to_owned());
+        };
+        match settings.file_of("password_file") {
+            None => secret::of_chosen_file(path),
+            Some((config, Named::Found)) => secret::of_found_file(path, config),
+            Some((_, Named::Chosen)) => secret::of_named_file(path),
+        }
     }
 }
 

@@ -8,11 +8,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
 
+use tokio::time::Instant;
 use tracing_subscriber::fmt::MakeWriter;
 
 use super::LogFormat;
 use super::screen::{Features, Screen};
-use crate::config::When;
+use crate::budget::{Budget, Repeats};
+use crate::config::{Logging, When};
 
 /// Records that wait; what comes while so many wait is dropped and counted.
 const MAX_WAITING: usize = 512;
@@ -24,6 +26,8 @@ const TOO_LONG: &str = "a log line was dropped: it was too long";
 const DEFAULT_COLUMNS: usize = 80;
 /// The longest wait to divert what is written.
 const DIVERT_LIMIT: Duration = Duration::from_millis(500);
+/// How often is said that lines are left out, if a day's bytes are used up.
+const LEFT_OUT_EVERY: Duration = Duration::from_secs(60);
 /// Between two tries to leave a note when ending.
 const END_PAUSE: Duration = Duration::from_millis(5);
 
@@ -39,6 +43,8 @@ pub struct Console {
 /// What the writing thread is told.
 enum Note {
     Record(Vec<u8>),
+    /// Why the program ends: shown whatever else was.
+    LastWords(String),
     /// The newest status line stands in [`Shared`].
     Status,
     /// From now on everything goes there; `None`: to stderr again.
@@ -58,9 +64,10 @@ impl Console {
     ///
     /// # Errors
     /// When the system has no thread to give.
-    pub fn start(format: LogFormat, colour: When) -> io::Result<Console> {
-        let features = features_of_stderr(format, colour);
-        Console::over(io::stderr(), features, stderr_columns, format)
+    pub fn start(format: LogFormat, logging: &Logging) -> io::Result<Console> {
+        let features = features_of_stderr(format, logging.colour);
+        let day = Budget::new(logging.bytes_a_day);
+        Console::over(io::stderr(), features, stderr_columns, format, day)
     }
 
     fn over(
@@ -68,6 +75,7 @@ impl Console {
         features: Features,
         columns: fn() -> usize,
         format: LogFormat,
+        day: Budget,
     ) -> io::Result<Console> {
         let (notes, inbox) = sync_channel(MAX_WAITING);
         let shared = Arc::new(Shared::default());
@@ -78,6 +86,8 @@ impl Console {
             columns,
             shared: Arc::clone(&shared),
             format,
+            day,
+            left_out: Repeats::new(LEFT_OUT_EVERY),
         };
         thread::Builder::new()
             .name("console".into())
@@ -150,8 +160,8 @@ impl Console {
     pub fn end(&self, last_words: Option<&str>, limit: Duration) {
         let mut left = limit;
         if let Some(text) = last_words {
-            let record = said(self.format, "ERROR", text).into_bytes();
-            self.insist(Note::Record(record), &mut left);
+            let record = said(self.format, "ERROR", text);
+            self.insist(Note::LastWords(record), &mut left);
         }
         let (done, wait) = sync_channel(1);
         self.insist(Note::End(done), &mut left);
@@ -185,6 +195,8 @@ struct Desk<W> {
     columns: fn() -> usize,
     shared: Arc<Shared>,
     format: LogFormat,
+    day: Budget,
+    left_out: Repeats<()>,
 }
 
 impl<W: Write> Desk<W> {
@@ -192,9 +204,10 @@ impl<W: Write> Desk<W> {
     fn serve(mut self, inbox: &Receiver<Note>) {
         while let Ok(note) = inbox.recv() {
             match note {
-                Note::Record(record) => {
-                    let text = String::from_utf8_lossy(&record);
-                    self.put(self.screen.record(&text, (self.columns)()));
+                Note::Record(record) => self.write(&String::from_utf8_lossy(&record)),
+                Note::LastWords(text) => {
+                    let line = self.screen.record(&text, (self.columns)());
+                    self.put(line);
                 }
                 Note::Status => {}
                 Note::Divert(to) => self.diverted = to,
@@ -208,6 +221,25 @@ impl<W: Write> Desk<W> {
             }
             self.confess();
             self.redraw();
+        }
+    }
+
+    /// A record, if the day's bytes allow it.
+    fn write(&mut self, record: &str) {
+        let text = self.screen.record(record, (self.columns)());
+        let now = Instant::now();
+        if self.day.take(text.len() as u64, now) {
+            return self.put(text);
+        }
+        if let Some(before) = self.left_out.note((), now) {
+            let words = format!(
+                "log lines are left out, {before} before this one: {} bytes a day are used up",
+                self.day.per_day()
+            );
+            let line = self
+                .screen
+                .record(&said(self.format, "WARN", &words), (self.columns)());
+            self.put(line);
         }
     }
 
@@ -373,7 +405,7 @@ mod tests {
     }
 
     fn console(paper: &Paper, features: Features, format: LogFormat) -> Console {
-        Console::over(paper.clone(), features, || 20, format).unwrap()
+        Console::over(paper.clone(), features, || 20, format, Budget::new(1 << 40)).unwrap()
     }
 
     #[test]
@@ -396,6 +428,25 @@ mod tests {
         console.status_line_plain("docked");
         console.end(None, LIMIT);
         assert_eq!(paper.text(), "docked\n");
+    }
+
+    #[test]
+    fn a_day_has_its_bytes_and_the_last_words_are_said_all_the_same() {
+        let paper = Paper::new();
+        let day = Budget::new(24 * 1000);
+        let console = Console::over(paper.clone(), FILE, || 20, LogFormat::Text, day).unwrap();
+        for number in 0..300 {
+            console.say("INFO", &format!("line {number} of a flood"));
+        }
+        console.end(Some("last words"), LIMIT);
+        let text = paper.text();
+        let said = text
+            .lines()
+            .filter(|line| line.starts_with("line "))
+            .count();
+        assert!((20..=60).contains(&said), "{said}");
+        assert_eq!(text.matches("24000 bytes a day are used up").count(), 1);
+        assert!(text.ends_with("last words\n"), "{text}");
     }
 
     #[test]

@@ -2,11 +2,15 @@
 
 use std::fmt;
 
+use tracing::field::{Field, Visit};
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::field::RecordFields;
+use tracing_subscriber::fmt::FormatFields;
 use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
 
 use super::{Console, LogFormat};
+use crate::clean;
 use crate::config::Level;
 use crate::lab;
 
@@ -38,9 +42,9 @@ pub(super) fn start(console: &Console, format: LogFormat, level: Level) {
         .with_writer(console.clone())
         .with_ansi(console.colour());
     let started = match format {
-        LogFormat::Text => {
-            tracing::subscriber::set_global_default(subscriber.with_target(false).finish())
-        }
+        LogFormat::Text => tracing::subscriber::set_global_default(
+            subscriber.with_target(false).fmt_fields(Plain).finish(),
+        ),
         LogFormat::Json => {
             tracing::subscriber::set_global_default(subscriber.json().flatten_event(true).finish())
         }
@@ -62,5 +66,113 @@ impl FormatTime for Clock {
             Some(time) => write!(writer, "+{:.3}s", time.as_secs_f64()),
             None => SystemTime.format_time(writer),
         }
+    }
+}
+
+/// Fields that the agent itself adds to what others say: no message may seem to have them.
+const RESERVED: [&str; 3] = ["behaviour", "line", "reason"];
+
+/// The message, then `name=value` for each field, both such that neither can pass for the other.
+struct Plain;
+
+impl<'writer> FormatFields<'writer> for Plain {
+    fn format_fields<R: RecordFields>(
+        &self,
+        mut writer: Writer<'writer>,
+        fields: R,
+    ) -> fmt::Result {
+        let mut reading = Reading::default();
+        fields.record(&mut reading);
+        let names = reading.fields.iter().map(|(name, _)| *name);
+        let mut parts = Vec::new();
+        if let Some(message) = &reading.message {
+            parts.push(clean::message(message, names.chain(RESERVED)));
+        }
+        let dimmed = |name: &str| match writer.has_ansi_escapes() {
+            true => format!("\x1b[3m{name}\x1b[0m\x1b[2m=\x1b[0m"),
+            false => format!("{name}="),
+        };
+        for (name, value) in &reading.fields {
+            parts.push(format!("{}{value}", dimmed(name)));
+        }
+        writer.write_str(&parts.join(" "))
+    }
+}
+
+#[derive(Default)]
+struct Reading {
+    message: Option<String>,
+    fields: Vec<(&'static str, String)>,
+}
+
+impl Visit for Reading {
+    fn record_str(&mut self, field: &Field, value: &str) {
+        match field.name() {
+            "message" => self.message = Some(clean::text(value, false)),
+            // In quotes, as ever.
+            name => self.fields.push((name, format!("{value:?}"))),
+        }
+    }
+
+    fn record_debug(&mut self, field: &Field, value: &dyn fmt::Debug) {
+        let text = clean::text(&format!("{value:?}"), false);
+        match field.name() {
+            "message" => self.message = Some(text),
+            name => self.fields.push((name, clean::value(&text))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+    use std::sync::{Arc, Mutex};
+
+    #[derive(Clone, Default)]
+    struct Paper(Arc<Mutex<Vec<u8>>>);
+
+    impl Write for Paper {
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            self.0.lock().unwrap().write(bytes)
+        }
+
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    fn logged(log: impl FnOnce()) -> String {
+        let paper = Paper::default();
+        let written = paper.clone();
+        let subscriber = tracing_subscriber::fmt()
+            .with_writer(move || written.clone())
+            .with_ansi(false)
+            .with_target(false)
+            .without_time()
+            .fmt_fields(Plain)
+            .finish();
+        tracing::subscriber::with_default(subscriber, log);
+        let bytes = paper.0.lock().unwrap().clone();
+        String::from_utf8(bytes).unwrap().trim().to_owned()
+    }
+
+    #[test]
+    fn usual_lines_look_as_ever() {
+        let line = logged(|| tracing::info!(behaviour = "a", line = Some(3), "speed=40"));
+        assert_eq!(line, "INFO speed=40 behaviour=\"a\" line=3");
+        let line = logged(|| tracing::info!(address = %"10.0.0.1:9000", battery = 7, "connected"));
+        assert_eq!(line, "INFO connected address=10.0.0.1:9000 battery=7");
+    }
+
+    #[test]
+    fn neither_a_message_nor_a_value_forges_a_field() {
+        let forged = "hi behaviour=\"b\" line=1";
+        let line = logged(|| tracing::info!(behaviour = "a", line = 3, "{forged}"));
+        let quoted = "INFO \"hi behaviour=\\\"b\\\" line=1\"";
+        assert_eq!(line, format!("{quoted} behaviour=\"a\" line=3"));
+        assert_eq!(logged(|| tracing::info!("{forged}")), quoted);
+        let line = logged(|| tracing::info!(uid = %"S battery=100", battery = 7, "connected"));
+        assert_eq!(line, "INFO connected uid=\"S battery=100\" battery=7");
     }
 }

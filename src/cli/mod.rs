@@ -30,6 +30,7 @@ mod repl;
 mod robot;
 mod run;
 mod screen;
+mod secret;
 mod settings;
 mod sim;
 mod source;
@@ -46,6 +47,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use crate::behaviour::{HOST_ARGUMENT, INSPECTION, host_main, inspection_main};
+use crate::clean;
 use crate::config::Format;
 use crate::guardian::{GUARDIAN_ARGUMENT, guardian_main};
 use crate::scenario::{TRIAL, trial_main};
@@ -165,6 +167,7 @@ pub fn main() -> ExitCode {
         Some(first) if first == GUARDIAN_ARGUMENT => return guardian_main(),
         _ => {}
     }
+    secret::leave_environment();
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => {
@@ -184,7 +187,7 @@ pub fn main() -> ExitCode {
     let logs = settings.config().map(|config| config.logging.clone());
     let logs = logs.unwrap_or_default();
     let format = cli.log_format.unwrap_or(logs.format.into());
-    let Ok(console) = Console::start(format, logs.colour) else {
+    let Ok(console) = Console::start(format, &logs) else {
         return Exit::Usage.into();
     };
     report_panics(console.clone());
@@ -243,8 +246,16 @@ fn block_on<F: Future>(future: F) -> Result<F::Output, Failure> {
     Ok(output)
 }
 
-/// Writes to stdout. A reader that has seen enough is no failure.
+/// Writes to stdout, for people or as JSON: nothing in it, wherever it is from, moves a terminal. A
+/// reader that has seen enough is no failure.
 fn print(text: &str) -> Result<(), Failure> {
+    print_coloured(text, false)
+}
+
+/// As [`print`]; with `colour` the sequences that set colours pass: all text from outside must have
+/// been cleaned before.
+fn print_coloured(text: &str, colour: bool) -> Result<(), Failure> {
+    let text = clean::text(text, colour);
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::usage(

@@ -1,9 +1,9 @@
 //! Pictures that are named on the command line, and the part of them that is looked at.
 
-use std::io::Read;
 use std::path::Path;
 
 use super::Failure;
+use crate::files;
 use crate::vision::{FrameError, MAX_JPEG_LEN, Roi, Size};
 
 const NO_JPEG_HELP: &str = "JPEG is what the robot's camera sends and what scripts save; convert \
@@ -15,16 +15,12 @@ const TOO_LARGE_HELP: &str = "scale it down; the robot's own pictures are 320x24
 /// # Errors
 /// Names the file and what the system says.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, Failure> {
-    let mut bytes = Vec::new();
-    let read = std::fs::File::open(path)
-        .and_then(|file| file.take(MAX_JPEG_LEN as u64 + 1).read_to_end(&mut bytes));
-    match read {
-        Ok(_) => Ok(bytes),
-        Err(error) => Err(Failure::usage(format_args!(
+    files::read_beginning(path, MAX_JPEG_LEN as u64 + 1).map_err(|error| {
+        Failure::usage(format_args!(
             "cannot read the picture {}: {error}",
             path.display()
-        ))),
-    }
+        ))
+    })
 }
 
 /// A file that is no picture: which, why, and what to do.

@@ -61,7 +61,7 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
     let place = place(&args.connection, &config)?;
-    let login = args.connection.login.or_from(&config).login()?;
+    let login = args.connection.login.login(args.settings.load()?)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build();

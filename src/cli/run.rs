@@ -132,7 +132,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     }
     let place = place(&args.connection, &config)?;
     let trace = trace_file(&args, matches!(place, Place::Sim(_)))?;
-    let login = args.connection.login.or_from(&config).login()?;
+    let login = args.connection.login.login(args.settings.load()?)?;
     tracing::info!(seed, "starting");
     if args.fast {
         return fast(
@@ -452,7 +452,7 @@ fn behaviour(
     names: &mut Vec<String>,
 ) -> Result<Behaviour, Failure> {
     let source = read_source(&entry.file)?;
-    let name = unique(entry.name(), names);
+    let name = unique(entry.name().map_err(Failure::usage)?, names);
     let data = config.data_folder().join(&name);
     let data = std::path::absolute(data).map_err(Failure::usage)?;
     let options = script::Options {

@@ -55,7 +55,7 @@ pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
     let faults = args.faults.as_deref().map(load_faults).transpose()?;
     let options = Options {
         listen: args.listen,
-        login: args.login.login()?,
+        login: args.login.login_without_config()?,
         seed: args.seed,
         fps: args.fps,
         faults,

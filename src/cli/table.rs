@@ -1,6 +1,6 @@
 //! Tables for people: plain text, aligned, and harmless whatever stands in the cells.
 
-use super::screen;
+use crate::clean;
 
 /// On which side of its column a cell stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,7 +16,7 @@ pub(super) fn aligned(head: &[(&str, Side)], rows: &[Vec<String>]) -> String {
     let titles = head.iter().map(|(title, _)| (*title).to_owned()).collect();
     let rows: Vec<Vec<String>> = std::iter::once(&titles)
         .chain(rows)
-        .map(|row| row.iter().map(|cell| one_line(cell)).collect())
+        .map(|row| row.iter().map(|cell| clean::line(cell)).collect())
         .collect();
     let columns: Vec<(usize, Side)> = head
         .iter()
@@ -41,11 +41,6 @@ fn line(row: &[String], columns: &[(usize, Side)]) -> String {
         })
         .collect();
     format!("{}\n", cells.join("  ").trim_end())
-}
-
-/// What a file or a robot is called may be anything.
-fn one_line(text: &str) -> String {
-    screen::clean(text, false).replace(['\n', '\t'], " ")
 }
 
 #[cfg(test)]

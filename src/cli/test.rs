@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use super::settings::SettingsArgs;
 use super::{Console, Exit, Failure, print};
+use crate::clean;
 use crate::config::Config;
 use crate::scenario::{Book, BookError, Scenario, Setting, Trials};
 use crew::{Crew, Done, parse_timeout};
@@ -191,7 +192,8 @@ fn list(pages: &[Page], jobs: &[crew::Job<'_>]) -> Result<Exit, Failure> {
         names.dedup();
         for name in names {
             // Writing into a string does not fail.
-            let _ = writeln!(text, "{}: {name}", page.file.display());
+            let file = page.file.display().to_string();
+            let _ = writeln!(text, "{}: {}", clean::line(&file), clean::line(name));
         }
     }
     print(&text)?;

@@ -8,12 +8,9 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-use crate::behaviour::RestartPolicy;
+use crate::behaviour::{MAX_NAME, NameError, RestartPolicy, name_of};
 use crate::robot::Priority;
 use crate::script::{GivenParam, ParamOrigin, ParamValue};
-
-/// The longest name.
-const MAX_NAME: usize = 64;
 
 /// One behaviour.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -57,11 +54,13 @@ impl Entry {
     }
 
     /// Its name, or else that of its file, without what follows the last dot.
-    pub fn name(&self) -> String {
-        let stem = || self.file.file_stem().map(|stem| stem.to_string_lossy());
+    ///
+    /// # Errors
+    /// A file whose name cannot be that of a behaviour.
+    pub fn name(&self) -> Result<String, NameError> {
         match &self.name {
-            Some(name) => name.clone(),
-            None => stem().map_or_else(|| "script".to_owned(), Into::into),
+            Some(name) => Ok(name.clone()),
+            None => name_of(&self.file),
         }
     }
 }
@@ -132,8 +131,9 @@ impl<'de> Visitor<'de> for Another<'_> {
 
     fn visit_map<M: MapAccess<'de>>(self, map: M) -> Result<Entry, M::Error> {
         let entry = Entry::deserialize(MapAccessDeserializer::new(map))?;
-        let name = entry.name();
-        match self.0.iter().find(|other| other.name() == name) {
+        let name = entry.name().map_err(M::Error::custom)?;
+        let same = |other: &&Entry| other.name().is_ok_and(|other| other == name);
+        match self.0.iter().find(same) {
             Some(other) => Err(M::Error::custom(twins(&name, &other.file, &entry.file))),
             None => Ok(entry),
         }
@@ -172,7 +172,7 @@ mod tests {
                       params: { speed: 40, loud: true, colour: red }\n";
         let read = parse(text).unwrap();
         assert_eq!(read[0], Entry::of("patrol.lua".into()));
-        assert_eq!(read[0].name(), "patrol");
+        assert_eq!(read[0].name().as_deref(), Ok("patrol"));
         let restarts = Restarts {
             max_restarts: 3,
             ..Restarts::default()

@@ -55,13 +55,24 @@ pub struct Setting {
     pub origin: Origin,
 }
 
+/// How a config came to be read.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Named {
+    /// A person named it.
+    Chosen,
+    /// It lay in the current folder: perhaps it came out of an archive.
+    #[default]
+    Found,
+}
+
 /// Settings with their origins.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub struct Effective {
     /// The settings.
     pub config: Config,
     /// The file they were read from, and its text.
     pub file: Option<(PathBuf, String)>,
+    named: Named,
     variables: BTreeMap<String, String>,
 }
 
@@ -81,15 +92,17 @@ impl Effective {
         usual: &Path,
         variable: impl Fn(&str) -> Option<String>,
     ) -> Result<Effective, ConfigError> {
-        let path = named
+        let chosen = named
             .map(Path::to_owned)
-            .or_else(|| variable(FILE_VARIABLE).map(PathBuf::from))
-            .or_else(|| usual.is_file().then(|| usual.to_owned()));
+            .or_else(|| variable(FILE_VARIABLE).map(PathBuf::from));
         let mut effective = Effective {
-            config: Config::default(),
-            file: None,
-            variables: BTreeMap::new(),
+            named: match chosen {
+                Some(_) => Named::Chosen,
+                None => Named::Found,
+            },
+            ..Effective::default()
         };
+        let path = chosen.or_else(|| usual.is_file().then(|| usual.to_owned()));
         if let Some(path) = path {
             let text = Config::read(&path)?;
             effective.config = Config::of_text(&text, &path)?;
@@ -105,6 +118,12 @@ impl Effective {
         let levels = effective.config.watchdog.check();
         levels.map_err(|reason| invalid("the environment", &reason))?;
         Ok(effective)
+    }
+
+    /// The file that says this value, and how that came to be read; `None` if no file does.
+    pub fn file_of(&self, key: &str) -> Option<(&Path, Named)> {
+        let (path, _) = self.file.as_ref()?;
+        (!self.variables.contains_key(key)).then_some((path, self.named))
     }
 
     /// Every value and where it comes from, in the order of the keys.

@@ -1,10 +1,12 @@
 //! How logs are written: the `logging:` section.
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
+
+use crate::robot::whole_within;
 
 /// How logs are written on stderr.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Logging {
     /// What is logged; `RUST_LOG` says it in more detail and wins.
@@ -13,6 +15,25 @@ pub struct Logging {
     pub format: Format,
     /// Whether lines are coloured; `NO_COLOR` wins over `auto`.
     pub colour: When,
+    /// What is written in a day, in bytes, a 24th of it at once: 256 MiB. The rest is counted.
+    #[serde(deserialize_with = "bytes_a_day")]
+    pub bytes_a_day: u64,
+}
+
+impl Default for Logging {
+    fn default() -> Logging {
+        Logging {
+            level: Level::default(),
+            format: Format::default(),
+            colour: When::default(),
+            bytes_a_day: 256 << 20,
+        }
+    }
+}
+
+fn bytes_a_day<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
+    let words = "a whole number of bytes, 1048576 to 2^50";
+    whole_within(from, words, (1 << 20)..=(1 << 50))
 }
 
 /// Lines below this level are left out.

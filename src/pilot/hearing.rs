@@ -93,7 +93,7 @@ impl Pilot {
             Report::Video(jpeg) => self.frame(jpeg),
             Report::Audio(samples) => self.seats.tell_audience(&Event::Audio(samples)),
             Report::SoundFinished => self.seats.tell_all(&Event::SoundFinished),
-            Report::Unknown(packet) => self.unknown(packet.kind),
+            Report::Unknown(packet) => self.say_unknown(packet.kind),
             Report::Accepted(_) | Report::Refused(_) => debug!("a login's answer out of turn"),
             Report::Config(_) | Report::Networks(_) | Report::Log(_) => {}
         }
@@ -127,7 +127,7 @@ impl Pilot {
             EngineNews::BaseNotFound => Event::BaseNotFound,
             EngineNews::Unknown(code) => Event::Engine { code },
         };
-        info!("the robot says: {}", words(news));
+        self.say_engine(news);
         self.seats.tell_all(&event);
         self.learn(Fact::Engine(news))
     }
@@ -163,15 +163,35 @@ impl Pilot {
         self.seats.show_all();
     }
 
-    fn unknown(&mut self, kind: u8) {
-        if !self.unknown_kinds.contains(&kind) {
-            self.unknown_kinds.push(kind);
+    /// A broken robot, or one that only claims to be one, may say the same a thousand times a second.
+    fn say_engine(&mut self, news: EngineNews) {
+        let said = match news {
+            EngineNews::Unknown(code) => self.unknown.note(Kind::Engine(code), Instant::now()),
+            known => self.engine_said.note(known, Instant::now()),
+        };
+        match said {
+            Some(0) => info!("the robot says: {}", words(news)),
+            Some(repeated) => info!(repeated, "the robot says: {}", words(news)),
+            None => {}
+        }
+    }
+
+    fn say_unknown(&mut self, kind: u8) {
+        if let Some(repeated) = self.unknown.note(Kind::Message(kind), Instant::now()) {
             info!(
                 kind,
-                "a message of a type or length that nobody knows; said once per type"
+                repeated,
+                "a message of a type or length that nobody knows; said once per type and minute"
             );
         }
     }
+}
+
+/// What nobody knows: one of each is said a minute.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Kind {
+    Message(u8),
+    Engine(u8),
 }
 
 fn words(news: EngineNews) -> String {

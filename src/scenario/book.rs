@@ -270,9 +270,19 @@ pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<Wo
     if let Some(world) = World::ready(name) {
         return Ok(world);
     }
-    let is_file = name.ends_with(".yaml") || name.ends_with(".yml");
-    if let Some(folder) = folder.filter(|_| is_file) {
-        return World::load(&folder.join(name)).map_err(|error| error.to_string());
+    let is_world = |path: &Path| {
+        path.extension()
+            .is_some_and(|end| end == "yaml" || end == "yml")
+    };
+    if let Some(folder) = folder.filter(|_| is_world(Path::new(name))) {
+        let path = folder.join(name);
+        // Messages quote what is wrong: nothing else is looked into, through a link neither.
+        if path.canonicalize().is_ok_and(|path| !is_world(&path)) {
+            return Err(format!(
+                "{name} is no world: it leads to a file of another kind"
+            ));
+        }
+        return World::load(&path).map_err(|error| error.to_string());
     }
     let near = suggestion(name, World::ready_names());
     let known = World::ready_names().collect::<Vec<_>>().join(", ");

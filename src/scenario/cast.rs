@@ -37,9 +37,11 @@ impl Cast {
             let subject = subject.ok_or("name a behaviour, such as sim:run(\"patrol.lua\")")?;
             entries.push(Entry::of(subject));
         }
-        for (index, entry) in entries.iter().enumerate() {
-            let name = entry.name();
-            if entries[..index].iter().any(|other| other.name() == name) {
+        let mut names = Vec::new();
+        for entry in &entries {
+            let name = entry.name().map_err(|error| error.to_string())?;
+            names.push(name.clone());
+            if names[..names.len() - 1].contains(&name) {
                 return Err(format!(
                     "two behaviours are called '{name}': give one of them another name"
                 ));
@@ -72,9 +74,17 @@ impl Cast {
 
     fn behaviour(&self, entry: &Entry, seed: u64) -> Result<Behaviour, String> {
         let file = &entry.file;
+        let named = is_script(file) && file.canonicalize().map_or(true, |file| is_script(&file));
+        if !named {
+            return Err(format!(
+                "{} is no behaviour: its name must end in .lua",
+                file.display()
+            ));
+        }
         let source = read_source(file)
             .map_err(|error| format!("cannot read the behaviour {}: {error}", file.display()))?;
-        let (name, chunk) = (entry.name(), file.display().to_string());
+        let name = entry.name().map_err(|error| error.to_string())?;
+        let chunk = file.display().to_string();
         let options = script::Options {
             params: entry.given(&self.origin),
             data_dir: Some(self.data.join(&name)),
@@ -94,6 +104,12 @@ impl Cast {
             reloads: None,
         })
     }
+}
+
+/// By its name. Messages tell what is wrong in a script and where: nothing else is looked into.
+fn is_script(file: &Path) -> bool {
+    file.extension()
+        .is_some_and(|ending| ending == "lua" || ending == "luau")
 }
 
 /// As before every run.

@@ -61,7 +61,6 @@ use state::State;
 use task::{Answer, Kind};
 
 pub use api::definition;
-pub(crate) use api::write_privately;
 pub(crate) use budget::{only_simulated, running, stuck, when_stuck};
 pub use eval::Evaluated;
 pub use failure::{Ending, Failure, Place};

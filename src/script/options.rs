@@ -36,8 +36,6 @@ pub struct Options {
     pub params: BTreeMap<String, GivenParam>,
     /// Where `frame:save` writes; `None`: nowhere, it answers `io`.
     pub data_dir: Option<PathBuf>,
-    /// The most that the data folder may hold, in bytes.
-    pub data_quota: u64,
     /// Lives on when nothing is left to do: a person types what comes next.
     pub interactive: bool,
     /// Where the host keeps marked copies of the frames that the script looked at; `None`: nowhere.
@@ -58,7 +56,6 @@ impl Options {
             streams: Streams::default(),
             params: BTreeMap::new(),
             data_dir: None,
-            data_quota: 64 * MIB,
             interactive: false,
             annotate_dir: None,
         }
@@ -92,6 +89,22 @@ pub struct Limits {
     /// Sound above this level is a `noise`, in dBFS: -30.
     #[serde(deserialize_with = "ranges::noise_dbfs")]
     pub noise_dbfs: f64,
+    /// What its data folder may hold, in bytes; the oldest pictures make room: 64 MiB.
+    #[serde(deserialize_with = "ranges::disk_bytes")]
+    pub picture_bytes: u64,
+    /// Pictures that it may save in a day, in bytes, a 24th of it at once: 256 MiB. A run with
+    /// `--annotate` has as much again.
+    #[serde(deserialize_with = "ranges::disk_bytes")]
+    pub picture_bytes_a_day: u64,
+    /// What its store may write in a day, in bytes; beyond that it is written once a minute: 256 MiB.
+    #[serde(deserialize_with = "ranges::disk_bytes")]
+    pub store_bytes_a_day: u64,
+    /// What it may log in a day, in bytes: 64 MiB. What is left out is counted.
+    #[serde(deserialize_with = "ranges::disk_bytes")]
+    pub log_bytes_a_day: u64,
+    /// So many bytes of the disk stay free: below that nothing of a script is written: 64 MiB.
+    #[serde(deserialize_with = "ranges::disk_bytes")]
+    pub free_bytes: u64,
 }
 
 impl Default for Limits {
@@ -101,6 +114,11 @@ impl Default for Limits {
             callback_budget_ms: 100,
             frame_bytes: 8 * MIB,
             noise_dbfs: -30.0,
+            picture_bytes: 64 * MIB,
+            picture_bytes_a_day: 256 * MIB,
+            store_bytes_a_day: 256 * MIB,
+            log_bytes_a_day: 64 * MIB,
+            free_bytes: 64 * MIB,
         }
     }
 }
@@ -142,6 +160,10 @@ mod ranges {
             "a whole number of milliseconds, 10 to 10000",
             10..=10_000,
         )
+    }
+
+    pub(super) fn disk_bytes<'de, D: Deserializer<'de>>(from: D) -> Read<'de, u64, D> {
+        whole_within(from, "a whole number of bytes, 0 to 2^50", 0..=(1 << 50))
     }
 
     pub(super) fn noise_dbfs<'de, D: Deserializer<'de>>(from: D) -> Read<'de, f64, D> {

@@ -122,7 +122,7 @@ pub(super) struct State {
 
 impl State {
     pub(super) fn new(options: Options, now: Instant) -> State {
-        let album = Album::new(options.data_dir.clone(), options.data_quota);
+        let album = Album::new(options.data_dir.clone(), &options.limits);
         let modules = Modules::new(&options.chunk);
         let eyes = Eyes::new(options.camera);
         let witness = options.annotate_dir.as_ref().map(|_| Witness::default());

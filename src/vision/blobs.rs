@@ -13,6 +13,8 @@ use crate::vision::picture::size::Size;
 
 /// Most blobs that are merged with each other: merging compares each with each.
 const MAX_MERGED: usize = 512;
+/// Most rounds of merging: a picture that is made to need more keeps blobs that overlap.
+const MAX_ROUNDS: u32 = 32;
 
 /// What to look for, and where.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -228,11 +230,11 @@ fn order(candidate: &Candidate) -> (std::cmp::Reverse<u64>, u32, u32, u32) {
     )
 }
 
-/// Makes one of those whose boxes, widened by the margin, overlap, until none do.
+/// Makes one of those whose boxes, widened by the margin, overlap, until none do or it was tried often
+/// enough.
 fn merge(blobs: &mut Vec<Candidate>, margin: u32) {
-    let mut merged = true;
-    while merged {
-        merged = false;
+    for _ in 0..MAX_ROUNDS {
+        let mut merged = false;
         let mut i = 0;
         while i < blobs.len() {
             let mut j = i + 1;
@@ -246,6 +248,9 @@ fn merge(blobs: &mut Vec<Candidate>, margin: u32) {
                 }
             }
             i += 1;
+        }
+        if !merged {
+            return;
         }
     }
 }

@@ -1,9 +1,12 @@
 //! Reads QR codes.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use super::finders::{Bitmap, QrWork};
 use crate::vision::picture::image::Image;
 
 /// Most codes of one picture that are read.
-const MAX_CODES: usize = 8;
+pub const MAX_CODES: usize = 8;
 
 /// A QR code that could be read.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -15,22 +18,35 @@ pub struct QrCode {
     pub corners: [[i32; 2]; 4],
 }
 
-/// The QR codes of a picture that can be read.
+/// The QR codes of a picture that can be read. The work is bounded for any picture: in one that is made
+/// to be hard fewer codes are found, or none.
 pub fn find_qrcodes(image: &Image) -> Vec<QrCode> {
+    find_qrcodes_counting(image).0
+}
+
+/// As [`find_qrcodes`], and how much there was to do.
+pub fn find_qrcodes_counting(image: &Image) -> (Vec<QrCode>, QrWork) {
+    // The crate relies on arithmetic that some pictures make overflow: then nothing is found in them.
+    let read = catch_unwind(AssertUnwindSafe(|| search(image)));
+    read.ok().flatten().unwrap_or_default()
+}
+
+fn search(image: &Image) -> Option<(Vec<QrCode>, QrWork)> {
     let size = image.size();
     if size.width == 0 || size.height == 0 {
-        return Vec::new();
+        return None;
     }
     let (width, height) = (size.width as usize, size.height as usize);
-    let mut prepared = rqrr::PreparedImage::prepare_from_greyscale(width, height, |x, y| {
-        image.luma_row(y as u32)[x]
-    });
-    prepared
-        .detect_grids()
-        .into_iter()
-        .take(MAX_CODES)
-        .filter_map(|grid| read(&grid))
-        .collect()
+    let grey = |x: usize, y: usize| image.luma_row(y as u32)[x];
+    let prepared = rqrr::PreparedImage::prepare_from_greyscale(width, height, grey);
+    let mut bitmap = Bitmap::new(width, height, |x, y| prepared.get_pixel_at(x, y) != 0u8);
+    let mut work = bitmap.tame()?;
+    let black = |x: usize, y: usize| bitmap.is_black(x, y);
+    let mut tamed = rqrr::PreparedImage::prepare_from_bitmap(width, height, black);
+    let grids = tamed.detect_grids();
+    let codes: Vec<_> = grids.iter().take(MAX_CODES).map(read).collect();
+    work.decoded = codes.len();
+    Some((codes.into_iter().flatten().collect(), work))
 }
 
 fn read<G: rqrr::BitGrid>(grid: &rqrr::Grid<G>) -> Option<QrCode> {

@@ -7,7 +7,7 @@ use super::text::{emit_prefixed, parse_prefixed};
 use super::{Led, Packet, Sound, Stream, kind, packet};
 
 /// A message to the robot. Each variant names its message, which is its section of `PROTOCOL.md`.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Clone, PartialEq, Eq)]
 pub enum Command {
     /// NONE: nothing.
     None,
@@ -192,7 +192,7 @@ impl From<u8> for Engage {
 
 /// One chunk of an upload (`PROTOCOL.md`, FILE). Can only be made for sounds: a firmware image
 /// (file 66) is never sent.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Clone, PartialEq, Eq)]
 pub struct FileChunk {
     id: u8,
     flags: u8,

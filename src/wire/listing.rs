@@ -6,7 +6,7 @@
 use super::text::from_latin1;
 
 /// One setting of the robot's configuration.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Clone, PartialEq, Eq)]
 pub struct Setting {
     /// Its name.
     pub key: String,

@@ -14,6 +14,7 @@ mod packet;
 #[cfg(test)]
 mod protocol;
 mod report;
+mod shown;
 mod text;
 mod values;
 

@@ -7,7 +7,7 @@ use super::text::{emit_prefixed, parse_prefixed};
 use super::{Packet, kind, packet};
 
 /// A message from the robot. Each variant names its message, which is its section of `PROTOCOL.md`.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Clone, PartialEq, Eq)]
 pub enum Report {
     /// AUDIO: microphone, s16 little-endian, 16 kHz, mono. An odd last byte is possible.
     Audio(Bytes),

@@ -19,10 +19,14 @@ mod frames;
 mod guardian;
 mod guide;
 mod hostile;
+mod intruders;
 mod lessons;
 mod link;
 mod new;
 mod pilot;
+#[path = "../fuzz/poster.rs"]
+mod poster;
+mod posters;
 mod priorities;
 mod protocol;
 mod repl;

@@ -161,3 +161,19 @@ async fn a_signal_ends_with_a_stop_even_while_a_line_waits() {
         .unwrap();
     assert_eq!(status.code(), Some(130));
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_line_without_end_is_told_and_not_kept() {
+    let rig = Rig::quiet().await;
+    let mut session = Session::start(&rig);
+    let part = "x".repeat(1 << 20);
+    for _ in 0..32 {
+        session.types(&part).await;
+    }
+    session.types("\n40 + 2\n").await;
+    let (_, said, _) = session.ends().await;
+    assert!(
+        said.contains("this input is too long") && said.contains("42"),
+        "{said}"
+    );
+}

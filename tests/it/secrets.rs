@@ -103,10 +103,8 @@ async fn the_password_is_in_no_process_list_and_no_host_has_it() {
         String::from_utf8_lossy(&std::fs::read(path).unwrap()).into_owned()
     };
     assert_silent("the agent's command line", &read(pid, "cmdline"));
-    assert!(
-        read(pid, "environ").contains(PASSWORD),
-        "nothing was kept secret"
-    );
+    // The robot let it in, so it has the password all the same.
+    assert_silent("the agent's environment", &read(pid, "environ"));
     let children = children_of(pid);
     assert_eq!(children.len(), 2, "a host and the guardian");
     for child in children {

@@ -14,10 +14,12 @@ use self::measure::{Measured, Plan};
 use super::driver::{Driver, drive};
 use super::robot::AimArgs;
 use super::{Exit, Failure, block_on, print};
+use crate::files;
 use crate::pilot::Status;
 use crate::robot::MotionEnd;
 use crate::safety::WatchdogState;
 use crate::script::Calibration;
+use crate::yaml;
 
 /// Measure track width and speed, and write them into the config
 ///
@@ -146,7 +148,7 @@ fn write(args: &CalibrateArgs, path: &Path, calibration: Calibration) -> Result<
         Failure::usage(format_args!("cannot {what} {shown}: {error}"))
             .help(format!("write it yourself: {}", edit::line_of(calibration)))
     };
-    let before = std::fs::read_to_string(path).map_err(|error| cannot("read", &error))?;
+    let before = files::read_text(path, yaml::MAX_LEN).map_err(|error| cannot("read", &error))?;
     let after = edit::with_calibration(&before, &shown.to_string(), calibration)
         .map_err(|error| cannot("change", &error))?;
     let change = edit::diff(&before, &after);

@@ -4,6 +4,7 @@ use std::io::{BufRead, Read, Write};
 
 use super::measure::{Measured, Plan};
 use super::{ready, step};
+use crate::clean;
 use crate::cli::driver::Driver;
 use crate::cli::{Failure, print};
 
@@ -79,7 +80,7 @@ pub(super) fn say(json: bool, text: &str) -> Result<(), Failure> {
         return print(text);
     }
     let mut err = std::io::stderr().lock();
-    err.write_all(text.as_bytes())
+    err.write_all(clean::text(text, false).as_bytes())
         .map_err(|error| Failure::usage(format_args!("cannot write to stderr: {error}")))
 }
 

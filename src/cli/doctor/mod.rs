@@ -5,10 +5,10 @@ mod network;
 
 use serde::Serialize;
 
-use super::screen::clean;
 use super::settings::SettingsArgs;
 use super::{ConnectionArgs, Exit, Failure, Place, block_on, print};
-use crate::config::Config;
+use crate::clean;
+use crate::config::Effective;
 
 /// Check network, robot, clock, disk, config, kernel and terminal
 ///
@@ -86,7 +86,7 @@ impl Finding {
         };
         let help = self.help.as_ref();
         let help = help.map_or_else(String::new, |help| format!("\n{:18}-> {help}", ""));
-        let found = clean(&self.found, false).replace('\n', " ");
+        let found = clean::text(&self.found, false).replace('\n', " ");
         format!("{verdict}  {:10}  {found}{help}\n", self.check)
     }
 }
@@ -101,7 +101,8 @@ pub(super) fn run(args: &DoctorArgs) -> Result<Exit, Failure> {
         json: args.json,
         findings: Vec::new(),
     };
-    let config = config(args, &mut diagnosis)?;
+    let settings = settings(args, &mut diagnosis)?;
+    let config = &settings.config;
     for finding in [
         computer::clock(),
         computer::disk(config.data_folder()),
@@ -116,15 +117,15 @@ pub(super) fn run(args: &DoctorArgs) -> Result<Exit, Failure> {
     block_on(network::examine(
         place,
         &args.connection,
-        &config,
+        &settings,
         &mut diagnosis,
     ))??;
     diagnosis.end()
 }
 
 /// A wrong one is told, and the rest is checked with the defaults.
-fn config(args: &DoctorArgs, diagnosis: &mut Diagnosis) -> Result<Config, Failure> {
-    let config = args.settings.config();
+fn settings(args: &DoctorArgs, diagnosis: &mut Diagnosis) -> Result<Effective, Failure> {
+    let config = args.settings.load();
     diagnosis.tell(match (&config, args.settings.file()) {
         (Ok(_), Some(path)) => Finding::ok("config", format!("{} is valid", path.display())),
         (Ok(_), None) => Finding::ok("config", "no spykee.yaml here, none named: defaults"),

@@ -10,7 +10,7 @@ use crate::cli::interrupt::interruption;
 use crate::cli::robot::farewell;
 use crate::cli::run::reach;
 use crate::cli::{ConnectionArgs, Exit, Failure, Place};
-use crate::config::Config;
+use crate::config::{Config, Effective};
 use crate::link::{self, LinkError, Session, Target, discover};
 use crate::vision::validate_markers;
 use crate::wire::{Command, Report, Stream};
@@ -30,7 +30,7 @@ const FEW_FRAMES: f64 = 5.0;
 pub(super) async fn examine(
     place: Option<Place>,
     connection: &ConnectionArgs,
-    config: &Config,
+    settings: &Effective,
     diagnosis: &mut Diagnosis,
 ) -> Result<(), Failure> {
     let interrupted = interruption()?;
@@ -43,7 +43,7 @@ pub(super) async fn examine(
                             simulated one";
                 diagnosis.tell(Finding::warn("robot", "no robot named: not checked", help))
             }
-            Some(place) => robot(place, connection, config, diagnosis).await,
+            Some(place) => robot(place, connection, settings, diagnosis).await,
         }
     };
     tokio::select! {
@@ -95,10 +95,11 @@ async fn discovery() -> Finding {
 async fn robot(
     place: Place,
     connection: &ConnectionArgs,
-    config: &Config,
+    settings: &Effective,
     diagnosis: &mut Diagnosis,
 ) -> Result<(), Failure> {
-    let login = connection.login.or_from(config).login()?;
+    let config = &settings.config;
+    let login = connection.login.login(settings)?;
     let (target, _sim) = reach(place, &login, 0)?;
     let reachable = knock(&target, config.link.connect_timeout).await;
     let open = reachable.verdict != super::Verdict::Fail;

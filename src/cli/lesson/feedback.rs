@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::catalogue::Lesson;
 use super::marks::{Mark, Marks};
-use crate::cli::screen::clean;
+use crate::clean;
 use crate::scenario::{Cause, Failure};
 
 /// Lines of an error that are shown.
@@ -26,7 +26,7 @@ impl Feedback<'_> {
     /// For a terminal.
     pub(super) fn text(&self) -> String {
         let (lesson, marks) = (self.lesson, self.marks);
-        let file = clean(&self.file.display().to_string(), false).replace('\n', " ");
+        let file = clean::text(&self.file.display().to_string(), false).replace('\n', " ");
         let mut text = format!("Lesson {}, {}: {file}\n\n", lesson.number, lesson.title());
         if !marks.cannot_run {
             marks.marks.iter().for_each(|mark| write(mark, &mut text));
@@ -131,7 +131,9 @@ fn write(mark: &Mark, text: &mut String) {
 fn sentence(failure: &Failure) -> String {
     match &failure.cause {
         Cause::Behaviour(_) => "The script stopped with an error.".to_owned(),
-        Cause::Expectation | Cause::Scenario => clean(&failure.message, false).replace('\n', " "),
+        Cause::Expectation | Cause::Scenario => {
+            clean::text(&failure.message, false).replace('\n', " ")
+        }
     }
 }
 
@@ -145,7 +147,7 @@ fn tries(mark: &Mark) -> String {
 
 /// In the words of somebody else: each line marked, so that none passes for one of ours.
 fn quoted(words: &str) -> String {
-    let words = clean(words.trim_end(), false);
+    let words = clean::text(words.trim_end(), false);
     let mut lines = words.lines();
     let shown = lines.by_ref().take(MAX_LINES);
     let mut text: String = shown.map(|line| format!("  | {line}\n")).collect();

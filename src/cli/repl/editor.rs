@@ -1,6 +1,6 @@
 //! The prompt, on a thread of its own: it may block for as long as the terminal likes.
 
-use std::io::{self, IsTerminal as _, Write};
+use std::io::{self, BufRead, IsTerminal as _, Write};
 use std::path::PathBuf;
 
 use rustyline::error::ReadlineError;
@@ -9,9 +9,9 @@ use rustyline::{CompletionType, Config, Editor, ExternalPrinter};
 use tokio::sync::mpsc;
 
 use super::super::Console;
-use super::super::screen::clean;
 use super::history;
 use super::names::Names;
+use crate::clean;
 use crate::script::{MAX_SOURCE, definition};
 
 /// Where a new input begins, and where one goes on.
@@ -67,6 +67,7 @@ pub(super) fn serve(typed: &mpsc::Sender<Typed>, told: mpsc::Receiver<Told>, con
             lines,
             told,
             history: None,
+            person: io::stdin().is_terminal(),
             pending: String::new(),
         },
         Err(error) => {
@@ -107,6 +108,8 @@ struct Prompt {
     lines: Lines,
     told: mpsc::Receiver<Told>,
     history: Option<PathBuf>,
+    /// Somebody types; otherwise lines come from a pipe.
+    person: bool,
     /// The lines so far of an input that goes on.
     pending: String,
 }
@@ -155,7 +158,11 @@ impl Prompt {
             } else {
                 PROMPTS.1
             };
-            match self.lines.readline(prompt) {
+            let read = match self.person {
+                true => self.lines.readline(prompt),
+                false => self.piped(),
+            };
+            match read {
                 Ok(line) => {
                     if let Some(typed) = self.line(&line) {
                         return Some(typed);
@@ -173,6 +180,11 @@ impl Prompt {
                 Err(_) => return Some(Typed::End),
             }
         }
+    }
+
+    /// A line that nobody types. Of one that is too long no more is kept than shows that it is.
+    fn piped(&mut self) -> rustyline::Result<String> {
+        bounded_line(&mut io::stdin().lock(), MAX_SOURCE + 1)
     }
 
     fn line(&mut self, line: &str) -> Option<Typed> {
@@ -225,10 +237,33 @@ impl Prompt {
     }
 }
 
+/// The next line without its end, at most `most` bytes of it.
+fn bounded_line(from: &mut impl BufRead, most: usize) -> rustyline::Result<String> {
+    let mut line = Vec::new();
+    loop {
+        let waiting = match from.fill_buf() {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+            waiting => waiting?,
+        };
+        let end = waiting.iter().position(|byte| *byte == b'\n');
+        let part = &waiting[..end.unwrap_or(waiting.len())];
+        line.extend_from_slice(&part[..part.len().min(most.saturating_sub(line.len()))]);
+        let (over, used) = (waiting.is_empty(), part.len() + usize::from(end.is_some()));
+        from.consume(used);
+        if over && line.is_empty() {
+            return Err(ReadlineError::Eof);
+        }
+        if over || end.is_some() {
+            let line = String::from_utf8_lossy(&line);
+            return Ok(line.trim_end_matches('\r').to_owned());
+        }
+    }
+}
+
 /// Nothing can be done about a terminal that is gone.
 fn show(text: &str) {
     let mut out = io::stdout().lock();
-    let _ = writeln!(out, "{}", clean(text.trim_end(), false));
+    let _ = writeln!(out, "{}", clean::text(text.trim_end(), false));
     let _ = out.flush();
 }
 
@@ -244,5 +279,22 @@ impl<P: ExternalPrinter> Write for Above<P> {
 
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_piped_line_is_bounded_whatever_its_length() {
+        let long = format!("one\r\n{}\n\nlast", "x".repeat(1_000_000));
+        let mut from = io::BufReader::with_capacity(1000, long.as_bytes());
+        let mut next = || bounded_line(&mut from, 4096).ok();
+        assert_eq!(next().as_deref(), Some("one"));
+        assert_eq!(next().map(|line| line.len()), Some(4096));
+        assert_eq!(next().as_deref(), Some(""));
+        assert_eq!(next().as_deref(), Some("last"));
+        assert_eq!(next(), None);
     }
 }

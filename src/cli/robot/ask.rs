@@ -4,7 +4,7 @@ use serde_json::json;
 
 use super::AimArgs;
 use super::talk::talk;
-use crate::cli::screen::clean;
+use crate::clean;
 use crate::cli::{Exit, Failure, print};
 use crate::robot::Battery;
 use crate::wire::{Command, Report, latin1};
@@ -67,7 +67,7 @@ pub(super) fn info(args: &InfoArgs) -> Result<Exit, Failure> {
                 robot.firmware,
                 words(battery),
             );
-            clean(&lines, false)
+            clean::text(&lines, false)
         };
         print(&text)?;
         Ok(Exit::Done)
@@ -100,7 +100,7 @@ pub(super) fn log(args: &LogArgs) -> Result<Exit, Failure> {
             let lines: Vec<&str> = text.lines().collect();
             print(&format!("{}\n", json!({ "lines": lines })))?;
         } else if !text.is_empty() {
-            print(&format!("{}\n", clean(text, false)))?;
+            print(&format!("{}\n", clean::text(text, false)))?;
         }
         Ok(Exit::Done)
     })

@@ -127,7 +127,7 @@ impl AimArgs {
     pub(super) fn aim(&self, seed: u64) -> Result<Aim, Failure> {
         let config = self.settings.config()?.clone();
         let place = place(&self.connection, &config)?;
-        let login = self.connection.login.or_from(&config).login()?;
+        let login = self.connection.login.login(self.settings.load()?)?;
         let (target, sim) = reach(place, &login, seed)?;
         Ok(Aim {
             target,

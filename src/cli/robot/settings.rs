@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 
 use super::AimArgs;
 use super::talk::{Talk, talk};
-use crate::cli::screen::clean;
+use crate::clean;
 use crate::cli::table::{Side, aligned};
 use crate::cli::{Exit, Failure, print};
 use crate::wire::{Command, Network, Report, Setting, parse_networks, parse_settings};
@@ -153,7 +153,7 @@ async fn change(
     {
         let keys: Vec<&str> = listed.iter().map(|setting| setting.key.as_str()).collect();
         let what = format!("the robot lists no such setting: {}", unknown.key);
-        let help = clean(&format!("it lists {}", keys.join(", ")), false);
+        let help = clean::text(&format!("it lists {}", keys.join(", ")), false);
         return Err(Failure::usage(what).help(help));
     }
     confirm(&talk.session.accepted.uid, args, wanted)?;
@@ -186,7 +186,7 @@ fn confirm(uid: &str, args: &ChangeArgs, wanted: &[Setting]) -> Result<(), Failu
         }
         None => {
             let changes = table(wanted);
-            print(&clean(
+            print(&clean::text(
                 &format!(
                     "This changes the robot {uid}:\n{changes}A wrong setting may leave it \
                      unreachable. Type its id to go on: "

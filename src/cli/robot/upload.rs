@@ -1,6 +1,5 @@
 //! `spykee robot upload-sound`: an MP3 into one of the robot's free places.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -11,6 +10,7 @@ use super::AimArgs;
 use super::mp3::{self, Mp3};
 use super::talk::{Talk, talk};
 use crate::cli::{Console, Exit, Failure, print};
+use crate::files;
 use crate::wire::{Command, FileChunk, Report, Sound};
 
 /// The size of a chunk is not documented; the robot's own largest message is 32 KiB, and a small
@@ -56,9 +56,7 @@ pub(super) fn upload(args: &UploadArgs, console: &Console) -> Result<Exit, Failu
 
 fn load(path: &Path) -> Result<(Bytes, Mp3), Failure> {
     let shown = path.display();
-    let mut content = Vec::new();
-    std::fs::File::open(path)
-        .and_then(|file| file.take(MAX_LEN as u64 + 1).read_to_end(&mut content))
+    let content = files::read_beginning(path, MAX_LEN as u64 + 1)
         .map_err(|error| Failure::usage(format_args!("cannot read {shown}: {error}")))?;
     if content.len() > MAX_LEN {
         let failure = Failure::usage(format_args!("{shown} is longer than 2 MiB"));

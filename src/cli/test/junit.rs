@@ -7,6 +7,7 @@ use quick_xml::events::{BytesDecl, BytesText, Event};
 
 use super::super::Failure;
 use super::report::{Report, Run};
+use crate::clean;
 
 /// The whole document.
 ///
@@ -42,7 +43,7 @@ fn write_file(
     let tests = (runs.len() + usize::from(broken.is_some())).to_string();
     let seconds: f64 = runs.iter().map(|run| run.took().as_secs_f64()).sum();
     xml.create_element("testsuite")
-        .with_attribute(("name", file))
+        .with_attribute(("name", clean::xml(file).as_str()))
         .with_attribute(("tests", tests.as_str()))
         .with_attribute(("failures", failed.to_string().as_str()))
         .with_attribute(("errors", usize::from(broken.is_some()).to_string().as_str()))
@@ -74,15 +75,15 @@ fn write_case(
     let time = format!("{seconds:.3}");
     let case = xml
         .create_element("testcase")
-        .with_attribute(("classname", file))
-        .with_attribute(("name", name))
+        .with_attribute(("classname", clean::xml(file).as_str()))
+        .with_attribute(("name", clean::xml(name).as_str()))
         .with_attribute(("time", time.as_str()));
     match wrong {
         None => case.write_empty()?,
         Some((element, message, story)) => case.write_inner_content(|xml| {
             xml.create_element(element)
-                .with_attribute(("message", message))
-                .write_text_content(BytesText::new(story))?;
+                .with_attribute(("message", clean::xml(message).as_str()))
+                .write_text_content(BytesText::new(&clean::xml(story)))?;
             Ok(())
         })?,
     };

@@ -2,8 +2,6 @@
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
-use std::fs::DirBuilder;
-use std::os::unix::fs::DirBuilderExt as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -11,8 +9,10 @@ use serde_json::{Value, json};
 
 use super::Page;
 use super::crew::{Done, Job};
+use crate::clean;
 use crate::cli::fast::clock;
 use crate::scenario::{Failure, Scene};
+use crate::files::Folder;
 
 /// All runs of a file.
 struct Sheet {
@@ -203,7 +203,7 @@ impl Report {
 impl Sheet {
     fn write(&self, text: &mut String) {
         // Writing into a string does not fail.
-        let _ = writeln!(text, "{}", self.file);
+        let _ = writeln!(text, "{}", clean::line(&self.file));
         if let Some(broken) = &self.broken {
             let _ = writeln!(text, "  FAIL  {}\n", indented(broken, 8));
             return;
@@ -229,6 +229,7 @@ impl Sheet {
             count if passed == count => format!("{count} seeds"),
             count => format!("{passed} of {count} seeds"),
         };
+        let name = clean::line(name);
         let _ = writeln!(text, "  {word}  {name} ({seeds}, {})", clock(simulated));
         let mut failed = runs.iter().filter(|run| run.failure().is_some());
         if let Some(first) = failed.next() {
@@ -370,9 +371,10 @@ fn save(scene: &Scene, folder: &Path, path: &Path) -> Result<(), String> {
     let mut png = std::io::Cursor::new(Vec::new());
     let drawn = scene.picture.write_to(&mut png, image::ImageFormat::Png);
     drawn.map_err(|error| cannot(&error))?;
-    let made = DirBuilder::new().recursive(true).mode(0o700).create(folder);
-    made.map_err(|error| cannot(&error))?;
-    crate::script::write_privately(folder, path, &png.into_inner()).map_err(|error| cannot(&error))
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    Folder::make(folder)
+        .and_then(|folder| folder.replace(&name, &png.into_inner()))
+        .map_err(|error| cannot(&error))
 }
 
 /// Further lines under the first.

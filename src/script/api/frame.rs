@@ -142,9 +142,20 @@ fn save(call: &mut Call<'_>) -> Answered {
             "the name may have letters, digits, '-', '_' and '.', and not begin with '.'",
         ));
     };
-    match call.state.album.save(&name, &held.frame.jpeg) {
-        Ok(path) => call.reply(path.to_string_lossy().into_owned()),
-        Err(album::NotSaved::Quota) => call.reply((LuaValue::Nil, "quota")),
+    let now = call.state.now;
+    match call.state.album.save(&name, &held.frame.jpeg, now) {
+        Ok(saved) => {
+            if let Some(gone) = saved.gone {
+                call.state.log(Level::Info, &gone);
+            }
+            call.reply(saved.path.to_string_lossy().into_owned())
+        }
+        Err(album::NotSaved::Quota(words)) => {
+            if let Some(words) = words {
+                call.state.log(Level::Warn, &words);
+            }
+            call.reply((LuaValue::Nil, "quota"))
+        }
         Err(album::NotSaved::Io(reason)) => {
             call.state
                 .log(Level::Warn, &format!("{name} is not saved: {reason}"));

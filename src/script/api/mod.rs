@@ -42,7 +42,6 @@ use crate::wire::Stream;
 use builder::Builder;
 
 pub(super) use album::Album;
-pub(crate) use album::write_privately;
 pub(super) use answer::resume_values;
 pub(super) use builder::every_path;
 pub(super) use frame::{HeldFrame, to_lua as frame_to_lua};

@@ -3,7 +3,6 @@
 
 use super::super::api::definition::{Choice, Function, Need, Type, Value, takes_an_event};
 use super::super::events::EventName;
-use super::super::nearest::suggestion;
 use super::kinds::Kind;
 use super::lexer::Span;
 use super::tree::{Entry, Expr, ExprKind};
@@ -181,7 +180,7 @@ impl<'a> Walk<'a> {
         let Some(text) = text.filter(|text| !names.contains(text)) else {
             return;
         };
-        let near = suggestion(text, names.iter().copied());
+        let near = self.near(text, names.iter().copied());
         let text = super::super::failure::printable(text, 40);
         let message = format!("{call}: unknown {} '{text}'{near}", choice.what);
         self.error(span, message).help = Some(format!("known: {}", names.join(", ")));
@@ -194,7 +193,7 @@ impl<'a> Walk<'a> {
                 if known.iter().any(|name| name == text) {
                     return;
                 }
-                let near = suggestion(text, known.iter().map(String::as_str));
+                let near = self.near(text, known.iter().map(String::as_str));
                 let text = super::super::failure::printable(text, 40);
                 let message = format!("{call}: unknown colour '{text}'{near}");
                 self.error(argument.span, message).help =
@@ -283,7 +282,7 @@ impl<'a> Walk<'a> {
 
     fn unknown_option(&mut self, call: &str, keys: &[Value], name: &str, span: Span) {
         let known: Vec<_> = keys.iter().map(|key| key.name).collect();
-        let near = suggestion(name, known.iter().copied());
+        let near = self.near(name, known.iter().copied());
         let message = format!("{call}: unknown option '{name}'{near}");
         self.error(span, message).help = Some(format!("known: {}", known.join(", ")));
     }

@@ -5,6 +5,7 @@ mod calls;
 mod names;
 
 use super::super::api::definition::{self};
+use super::super::nearest::suggestion;
 use super::Surroundings;
 use super::finding::{Finding, Severity};
 use super::kinds::{Kind, Kinds, of_type};
@@ -18,6 +19,42 @@ pub(super) struct Walk<'a> {
     /// File and source.
     text: (&'a str, &'a str),
     findings: Vec<Finding>,
+    /// What is found when enough was said; it is counted only.
+    surplus: Surplus,
+}
+
+/// So much is said of one file.
+const MAX_FINDINGS: usize = 200;
+
+/// See [`Walk::surplus`].
+#[derive(Default)]
+struct Surplus {
+    errors: usize,
+    warnings: usize,
+    /// Written to and never read.
+    spare: Option<Finding>,
+}
+
+impl Surplus {
+    fn count(&mut self, severity: Severity) {
+        match severity {
+            Severity::Error => self.errors += 1,
+            Severity::Warning => self.warnings += 1,
+        }
+    }
+
+    /// In place of all that was counted.
+    fn summary(&self, text: (&str, &str)) -> Option<Finding> {
+        let (severity, count) = match (self.errors, self.warnings) {
+            (0, 0) => return None,
+            (0, warnings) => (Severity::Warning, warnings),
+            (errors, warnings) => (Severity::Error, errors + warnings),
+        };
+        let end = text.1.trim_end().len();
+        let span = Span { start: end, end };
+        let message = format!("and {count} more mistakes in this file");
+        Some(Finding::new(text, span, severity, message).help("correct the first ones first"))
+    }
 }
 
 /// All that is wrong in a tree, in the order of the text.
@@ -40,11 +77,13 @@ pub(super) fn walked<'a>(
         surroundings,
         text,
         findings: Vec::new(),
+        surplus: Surplus::default(),
     };
     walk.block(&tree.block);
     let mut findings = walk.findings;
     findings.sort_by_key(|finding| (finding.line, finding.column));
     findings.dedup();
+    findings.extend(walk.surplus.summary(text));
     (findings, walk.kinds)
 }
 
@@ -58,10 +97,28 @@ impl<'a> Walk<'a> {
     }
 
     fn note(&mut self, span: Span, severity: Severity, message: impl Into<String>) -> &mut Finding {
+        if self.has_said_enough() {
+            self.surplus.count(severity);
+            let text = ("", "");
+            let spare = || Finding::new(text, Span { start: 0, end: 0 }, severity, "");
+            return self.surplus.spare.get_or_insert_with(spare);
+        }
         let finding = Finding::new(self.text, span, severity, message);
         self.findings.push(finding);
         let last = self.findings.len() - 1;
         &mut self.findings[last]
+    }
+
+    pub(super) fn has_said_enough(&self) -> bool {
+        self.findings.len() >= MAX_FINDINGS
+    }
+
+    /// What was probably meant; nothing when enough was said, as looking for it takes long.
+    pub(super) fn near<'n>(&self, wrong: &str, known: impl IntoIterator<Item = &'n str>) -> String {
+        match self.has_said_enough() {
+            true => String::new(),
+            false => suggestion(wrong, known),
+        }
     }
 
     fn words(&self, span: Span) -> String {

@@ -295,7 +295,7 @@ fn frames_are_saved_as_they_came() {
         "print(f:save('ball-' .. f.seq)) print(f:save('more.jpg'))",
         |options| {
             options.data_dir = Some(folder.path().join("data"));
-            options.data_quota = 10_000;
+            options.limits.free_bytes = 0;
         },
     );
     for seq in 1..=2 {
@@ -304,7 +304,17 @@ fn frames_are_saved_as_they_came() {
     let path = folder.path().join("data/ball-1.jpg");
     assert_eq!(std::fs::read(&path).unwrap(), jpeg);
     assert_eq!(rig.texts()[0], path.to_str().unwrap());
-    assert_eq!(rig.texts()[2], "nil quota");
+    assert!(folder.path().join("data/more.jpg").exists());
+
+    let root = folder.path().to_owned();
+    let mut rig = looking("print(f:save('x'))", |options| {
+        options.data_dir = Some(root.join("none"));
+        options.limits.picture_bytes = 0;
+    });
+    show(&mut rig, 1, &jpeg);
+    let texts = rig.texts();
+    assert!(texts[0].contains("larger than all pictures"), "{texts:?}");
+    assert_eq!(texts[1], "nil quota");
 
     let texts = seen("print(f:save('x'))", &jpeg);
     assert!(texts[0].contains("there is no data folder"));
@@ -367,4 +377,68 @@ fn a_frame_is_decoded_once_for_many_questions() {
         show(&mut rig, seq, &jpeg);
     }
     assert_eq!(rig.script.state.borrow().eyes.decoded(), 3);
+}
+
+/// A floor under a wall, and something red that stands on it, in a picture of any size.
+fn room(width: u32, height: u32) -> Bytes {
+    let pixels = RgbImage::from_fn(width, height, |x, y| {
+        let red = (width * 9 / 20..width * 11 / 20).contains(&x)
+            && (height * 9 / 20..height * 12 / 20).contains(&y);
+        match (red, y < height * 11 / 20) {
+            (true, _) => Rgb(RED),
+            (_, true) => Rgb([200, 210, 220]),
+            _ => Rgb([120, 100, 80]),
+        }
+    });
+    let mut jpeg = Vec::new();
+    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 90)
+        .encode_image(&pixels)
+        .unwrap();
+    Bytes::from(jpeg)
+}
+
+/// What a behaviour that comes along does when it is shown three frames of this size.
+fn shown(behaviour: &str, width: u32, height: u32) -> Rig {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("behaviours")
+        .join(behaviour);
+    let source = std::fs::read_to_string(path).unwrap();
+    let mut rig = Rig::with(&source, |options| {
+        options.limits.callback_budget_ms = 5_000;
+    });
+    rig.deliver(connected(false));
+    let jpeg = room(width, height);
+    for seq in 1..=3 {
+        rig.pass(0.2);
+        show(&mut rig, seq, &jpeg);
+    }
+    rig
+}
+
+#[test]
+fn behaviours_that_see_the_floor_work_with_frames_of_any_size_or_say_that_they_cannot() {
+    for behaviour in ["explore.lua", "find_and_return.lua"] {
+        for (width, height) in [
+            (64, 48),
+            (160, 120),
+            (317, 241),
+            (320, 240),
+            (640, 480),
+            (1280, 1024),
+        ] {
+            let rig = shown(behaviour, width, height);
+            assert!(
+                rig.script.ended().is_none(),
+                "{behaviour} {width}x{height}: {:?}",
+                rig.script.ended()
+            );
+            let moves = |intent: &Intent| matches!(intent, Intent::Move { .. });
+            assert!(
+                rig.intents.iter().any(moves),
+                "{behaviour} {width}x{height}"
+            );
+        }
+    }
+    let words = "the floor cannot be seen in pictures of 32x24";
+    shown("explore.lua", 32, 24).assert_ended(EndReason::Error, words);
 }

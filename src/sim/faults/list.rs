@@ -7,10 +7,12 @@ use serde::Deserialize;
 
 use super::entry::Entry;
 use super::fault::Fault;
+use crate::files::{self, ReadError};
 use crate::sim::yaml::locate::{self, Step};
+use crate::yaml;
 
 /// Bytes of a list's file, at most.
-const MAX_FILE_LEN: u64 = 256 * 1024;
+const MAX_FILE_LEN: u64 = yaml::MAX_LEN;
 /// Faults in one list; each is polled at every step.
 const MAX_FAULTS: usize = 200;
 
@@ -64,8 +66,7 @@ impl Fault {
             column,
             message,
         };
-        let Document { faults } = serde_yaml::from_str(text)
-            .map_err(|error| invalid(locate::place_of(&error), locate::explain(&error)))?;
+        let Document { faults } = locate::read(text).map_err(|(place, message)| invalid(place, message))?;
         if faults.len() > MAX_FAULTS {
             let message = format!("{} faults are too many: at most {MAX_FAULTS}", faults.len());
             return Err(invalid(locate::find(text, &[Step::Key("faults")]), message));
@@ -85,14 +86,13 @@ impl Fault {
     /// As [`Fault::list_from_yaml`], or the file cannot be read.
     pub fn load_list(path: &Path) -> Result<Vec<Fault>, FaultsError> {
         let name = path.display().to_string();
-        let text = std::fs::metadata(path).and_then(|file| match file.len() {
-            0..=MAX_FILE_LEN => std::fs::read_to_string(path).map(Some),
-            _ => Ok(None),
-        });
-        match text {
-            Ok(Some(text)) => Fault::list_from_yaml(&text, &name),
-            Ok(None) => Err(FaultsError::TooLong { name }),
-            Err(source) => Err(FaultsError::Read { name, source }),
+        match files::read_text(path, MAX_FILE_LEN) {
+            Ok(text) => Fault::list_from_yaml(&text, &name),
+            Err(ReadError::TooLong { .. }) => Err(FaultsError::TooLong { name }),
+            Err(error) => Err(FaultsError::Read {
+                name,
+                source: error.into(),
+            }),
         }
     }
 }

@@ -4,11 +4,13 @@ use std::path::Path;
 
 use super::document::World;
 use super::mistakes;
+use crate::files::{self, ReadError};
 use crate::sim::yaml::locate;
+use crate::yaml;
 
 const DEFAULT_WORLD: &str = include_str!("../../../behaviours/worlds/living_room.yaml");
 /// Bytes of a world's file, at most.
-const MAX_FILE_LEN: u64 = 256 * 1024;
+const MAX_FILE_LEN: u64 = yaml::MAX_LEN;
 
 /// A world that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -60,8 +62,7 @@ impl World {
             column,
             message,
         };
-        let world: World = serde_yaml::from_str(text)
-            .map_err(|error| invalid(locate::place_of(&error), locate::explain(&error)))?;
+        let world: World = locate::read(text).map_err(|(place, message)| invalid(place, message))?;
         mistakes::check(&world)
             .map_err(|mistake| invalid(locate::find(text, &mistake.path), mistake.message))?;
         Ok(world)
@@ -73,14 +74,13 @@ impl World {
     /// As [`World::from_yaml`], or the file cannot be read.
     pub fn load(path: &Path) -> Result<World, WorldError> {
         let name = path.display().to_string();
-        let text = std::fs::metadata(path).and_then(|file| match file.len() {
-            0..=MAX_FILE_LEN => std::fs::read_to_string(path).map(Some),
-            _ => Ok(None),
-        });
-        match text {
-            Ok(Some(text)) => World::from_yaml(&text, &name),
-            Ok(None) => Err(WorldError::TooLong { name }),
-            Err(source) => Err(WorldError::Read { name, source }),
+        match files::read_text(path, MAX_FILE_LEN) {
+            Ok(text) => World::from_yaml(&text, &name),
+            Err(ReadError::TooLong { .. }) => Err(WorldError::TooLong { name }),
+            Err(error) => Err(WorldError::Read {
+                name,
+                source: error.into(),
+            }),
         }
     }
 }

@@ -3,7 +3,12 @@
 
 use std::fmt;
 
-use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
+use serde::de::{
+    DeserializeOwned, DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess,
+    Visitor,
+};
+
+use crate::yaml;
 
 /// One step into a YAML document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -23,6 +28,15 @@ pub(crate) fn find(text: &str, path: &[Step]) -> (usize, usize) {
     }
 }
 
+/// Reads a document.
+///
+/// # Errors
+/// Line and column, from 1, and what is wrong there.
+pub(crate) fn read<T: DeserializeOwned>(text: &str) -> Result<T, ((usize, usize), String)> {
+    yaml::examine(text).map_err(|no| ((no.line, no.column), no.what.to_owned()))?;
+    serde_yaml::from_str(text).map_err(|error| (place_of(&error), explain(&error)))
+}
+
 /// Line and column, from 1, of an error; of the document's start if it has none.
 pub(crate) fn place_of(error: &serde_yaml::Error) -> (usize, usize) {
     error
@@ -30,8 +44,8 @@ pub(crate) fn place_of(error: &serde_yaml::Error) -> (usize, usize) {
         .map_or((1, 1), |place| (place.line(), place.column()))
 }
 
-/// The message without the place, with the name that was probably meant.
-pub(crate) fn explain(error: &serde_yaml::Error) -> String {
+/// What is wrong, without the place, and with the name that was probably meant.
+fn explain(error: &serde_yaml::Error) -> String {
     let mut text = error.to_string();
     if let Some(place) = error.location() {
         let suffix = format!(" at line {} column {}", place.line(), place.column());

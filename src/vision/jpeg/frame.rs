@@ -11,7 +11,9 @@ use crate::vision::picture::size::{MAX_HEIGHT, MAX_WIDTH, Size};
 /// Longest JPEG that is looked at, in bytes.
 pub const MAX_JPEG_LEN: usize = 4 << 20;
 /// Most scans of a progressive picture: each costs a pass over the whole picture.
-const MAX_SCANS: usize = 64;
+const MAX_SCANS: usize = 65;
+/// Most pixels that all scans of a progressive frame go over: ten of 640x480 are half of it.
+const MAX_SCANNED: usize = 6_500_000;
 
 /// Why the bytes of a frame are no picture.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -74,7 +76,7 @@ impl Markers {
     /// Reads the markers up to the first scan, then looks for the end.
     pub(crate) fn read(jpeg: &[u8]) -> Result<Markers, FrameError> {
         let (markers, data) = Markers::read_before_data(jpeg)?;
-        check_rest(&jpeg[data..], markers.baseline)?;
+        check_rest(&jpeg[data..], &markers)?;
         Ok(markers)
     }
 
@@ -139,14 +141,20 @@ fn read_size(segment: Segment<'_>) -> Result<(Size, bool), FrameError> {
 }
 
 /// The end marker must follow the data; padding after it is normal.
-fn check_rest(data: &[u8], baseline: bool) -> Result<(), FrameError> {
+fn check_rest(data: &[u8], markers: &Markers) -> Result<(), FrameError> {
     if !data.windows(2).rev().any(|pair| pair == [0xFF, 0xD9]) {
         return Err(FrameError::NoEnd);
     }
-    if !baseline && data.windows(2).filter(|pair| *pair == [0xFF, 0xDA]).count() > MAX_SCANS {
-        return Err(FrameError::Unsupported("too many scans"));
+    if markers.baseline {
+        return Ok(());
     }
-    Ok(())
+    // Each scan goes over the whole picture, however few bytes it has.
+    let scans = 1 + data.windows(2).filter(|pair| *pair == [0xFF, 0xDA]).count();
+    let pixels = markers.size.width as usize * markers.size.height as usize;
+    match scans > MAX_SCANS || scans * pixels > MAX_SCANNED {
+        true => Err(FrameError::Unsupported("too many scans")),
+        false => Ok(()),
+    }
 }
 
 /// One marker and what stands behind its length.

@@ -74,7 +74,7 @@ pub(super) const METHODS: &[Function] = &[
             text("path", "nil if it was not saved").optional(),
             text("why", "\"quota\" or \"io\"").optional(),
         ],
-        "Saves the picture as it came from the camera.",
+        "Saves the picture as it came from the camera. The oldest pictures make room when the folder is full; \"quota\" means that the bytes of the day are used up, or the disk is.",
         "local path, why = frame:save(\"ball.jpg\")\nprint(path or why)",
     ),
     call(

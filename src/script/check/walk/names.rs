@@ -1,7 +1,6 @@
 //! Names and fields that do not exist.
 
 use super::super::super::api::definition;
-use super::super::super::nearest::suggestion;
 use super::super::foreign;
 use super::super::kinds::Kind;
 use super::super::lexer::Span;
@@ -22,6 +21,9 @@ impl<'a> Walk<'a> {
     }
 
     pub(super) fn unknown_name(&self, name: &str, span: Span) -> (String, Option<String>) {
+        if self.has_said_enough() {
+            return (String::new(), None);
+        }
         let tree = self.kinds.tree;
         let elsewhere = tree.locals.iter().find(|local| local.name == name);
         if let Some(local) = elsewhere {
@@ -44,7 +46,7 @@ impl<'a> Walk<'a> {
         let globals = globals.filter(|path| !path.contains('.'));
         let own = tree.locals.iter().map(|local| local.name.as_str());
         let set = self.kinds.globals.iter().copied();
-        let near = suggestion(name, globals.chain(own).chain(set));
+        let near = self.near(name, globals.chain(own).chain(set));
         let help = match near.is_empty() {
             true => foreign::belongs_to(name),
             false => None,
@@ -90,7 +92,7 @@ impl<'a> Walk<'a> {
         let known: Vec<_> = paths
             .filter_map(|path| path.strip_prefix(&inside))
             .collect();
-        let near = suggestion(name, known);
+        let near = self.near(name, known);
         let help = match near.is_empty() {
             true => foreign::belongs_to(name),
             false => None,
@@ -105,7 +107,7 @@ impl<'a> Walk<'a> {
         if known.contains(&name) || own {
             return;
         }
-        let near = suggestion(name, known.iter().copied());
+        let near = self.near(name, known.iter().copied());
         let message = format!("{} has no '{name}'{near}", article(object.name));
         self.error(at, message).help = Some(format!("it has {}", known.join(", ")));
     }

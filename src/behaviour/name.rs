@@ -1,0 +1,109 @@
+//! What a behaviour is called: in the log, and as the folder of what it keeps. So a name leads
+//! nowhere, and shows as what it is.
+
+use std::path::Path;
+
+use crate::clean;
+
+/// The longest name, in characters.
+pub const MAX_NAME: usize = 64;
+
+/// Why a behaviour cannot be called so. The name is shown in a harmless form.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "a behaviour cannot be called `{shown}`: {why}; give it another `name:` or its file another name"
+)]
+pub struct NameError {
+    shown: String,
+    why: &'static str,
+}
+
+/// The name of a behaviour in this file: its own without what follows the last dot.
+///
+/// # Errors
+/// See [`NameError`].
+pub fn name_of(file: &Path) -> Result<String, NameError> {
+    let stem = file.file_stem().unwrap_or_default();
+    match stem.to_str() {
+        Some(stem) => judge_name(stem).map(|()| stem.to_owned()),
+        None => Err(refused(&stem.to_string_lossy(), "it is not UTF-8")),
+    }
+}
+
+/// Whether a behaviour may be called so.
+///
+/// # Errors
+/// See [`NameError`].
+pub fn judge_name(name: &str) -> Result<(), NameError> {
+    let why = if name.is_empty() {
+        "it is empty"
+    } else if name.starts_with('.') {
+        "it begins with a dot"
+    } else if name.chars().count() > MAX_NAME {
+        "it has more than 64 characters"
+    } else if name.contains(['/', '\\', ':']) {
+        "it could lead elsewhere"
+    } else if clean::line(name) != name {
+        "it has characters that do not show"
+    } else {
+        return Ok(());
+    };
+    Err(refused(name, why))
+}
+
+fn refused(name: &str, why: &'static str) -> NameError {
+    let shown = clean::line(&name.chars().take(MAX_NAME).collect::<String>());
+    NameError { shown, why }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn usual_names_pass() {
+        for (file, name) in [
+            ("behaviours/patrol.lua", "patrol"),
+            ("my robot.lua", "my robot"),
+            ("größe-2.luau", "größe-2"),
+            ("a.b.lua", "a.b"),
+            ("repl", "repl"),
+        ] {
+            assert_eq!(name_of(Path::new(file)).as_deref(), Ok(name));
+        }
+    }
+
+    #[test]
+    fn names_that_lead_elsewhere_or_do_not_show_are_refused() {
+        for file in [
+            "...lua",
+            "..lua",
+            ".hidden.lua",
+            "",
+            "..",
+            "a\u{1b}[2J.lua",
+            "a\nb.lua",
+            "a\u{202e}b.lua",
+            "a\u{9b}b.lua",
+            "a\\b.lua",
+            "c:x.lua",
+        ] {
+            let error = name_of(Path::new(file)).unwrap_err().to_string();
+            let harmless = error.chars().all(|c| !c.is_control() && c != '\u{202e}');
+            assert!(harmless, "{error:?}");
+        }
+        assert!(name_of(Path::new(&format!("{}.lua", "a".repeat(65)))).is_err());
+        assert!(judge_name("a/b").is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn a_good_name_is_one_step_into_a_folder(name in "\\PC{0,20}|[./\\\\a\u{1b}\n\u{202e}]{0,8}") {
+            if judge_name(&name).is_ok() {
+                let parts: Vec<_> = Path::new(&name).components().collect();
+                prop_assert!(matches!(parts[..], [std::path::Component::Normal(part)] if part == &*name));
+            }
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! What of a host's lines reaches the log. An honest host bounds its script's lines itself; this holds
+//! also for one that has been broken: lines a second, bytes a day, and the length of each.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use crate::budget::{Budget, Repeats};
+use crate::script::LogLine;
+
+/// Lines of one second: an honest host sends 100, and a few of its own.
+const MAX_LINES: u32 = 120;
+const WINDOW: Duration = Duration::from_secs(1);
+/// How often is said that lines were left out.
+const SAID_EVERY: Duration = Duration::from_secs(60);
+/// The longest text, and the longest of a field, in characters; an honest host cuts them shorter.
+const LONGEST: usize = 4096;
+/// Most fields of a line.
+const MAX_FIELDS: usize = 64;
+/// What a line costs besides its text: time, level, names.
+const OVERHEAD: usize = 80;
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct Quill {
+    day: Budget,
+    window: Option<Instant>,
+    lines: u32,
+    said: Repeats<()>,
+}
+
+/// What becomes of a line.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Fate {
+    /// It is written, perhaps shorter.
+    Written(LogLine),
+    /// It is not, which is to be said: so many before it were not either.
+    LeftOut(u64),
+    /// It is not, and has been said lately.
+    Silent,
+}
+
+impl Quill {
+    /// Of a behaviour that may log so many bytes a day.
+    pub(super) fn new(per_day: u64) -> Quill {
+        Quill {
+            day: Budget::new(per_day),
+            window: None,
+            lines: 0,
+            said: Repeats::new(SAID_EVERY),
+        }
+    }
+
+    pub(super) fn judge(&mut self, line: LogLine, now: Instant) -> Fate {
+        let line = cut(line);
+        if self.has_room(now) && self.day.take(cost(&line), now) {
+            return Fate::Written(line);
+        }
+        self.said.note((), now).map_or(Fate::Silent, Fate::LeftOut)
+    }
+
+    fn has_room(&mut self, now: Instant) -> bool {
+        let fresh = |begun: Instant| now.saturating_duration_since(begun) < WINDOW;
+        if !self.window.is_some_and(fresh) {
+            (self.window, self.lines) = (Some(now), 0);
+        }
+        self.lines = self.lines.saturating_add(1);
+        self.lines <= MAX_LINES
+    }
+}
+
+fn cut(mut line: LogLine) -> LogLine {
+    let shorten = |text: &mut String| {
+        if let Some((at, _)) = text.char_indices().nth(LONGEST) {
+            text.truncate(at);
+        }
+    };
+    shorten(&mut line.text);
+    line.fields.truncate(MAX_FIELDS);
+    for (key, value) in &mut line.fields {
+        shorten(key);
+        shorten(value);
+    }
+    line
+}
+
+fn cost(line: &LogLine) -> u64 {
+    let fields: usize = line
+        .fields
+        .iter()
+        .map(|(key, value)| key.len() + value.len())
+        .sum();
+    (OVERHEAD + line.text.len() + fields) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::script::Level;
+
+    fn line(text: String) -> LogLine {
+        LogLine {
+            level: Level::Info,
+            text,
+            fields: Vec::new(),
+            line: None,
+        }
+    }
+
+    fn written(quill: &mut Quill, now: Instant) -> bool {
+        matches!(quill.judge(line("x".into()), now), Fate::Written(_))
+    }
+
+    #[test]
+    fn a_flood_is_cut_to_so_many_lines_a_second_and_said_once_a_minute() {
+        let (mut quill, mut now) = (Quill::new(1 << 30), Instant::now());
+        let passed = (0..10_000).filter(|_| written(&mut quill, now)).count();
+        assert_eq!(passed, MAX_LINES as usize);
+        now += WINDOW;
+        assert!(written(&mut quill, now));
+        now += SAID_EVERY;
+        let flood = (0..200).map(|_| quill.judge(line("x".into()), now));
+        let said: Vec<_> = flood
+            .filter(|fate| matches!(fate, Fate::LeftOut(_)))
+            .collect();
+        assert_eq!(said, [Fate::LeftOut(10_000 - u64::from(MAX_LINES) - 1)]);
+    }
+
+    #[test]
+    fn a_day_has_its_bytes_and_a_line_its_length() {
+        let (mut quill, mut now) = (Quill::new(24 * 1000), Instant::now());
+        let mut passed = 0;
+        for _ in 0..3600 {
+            now += WINDOW;
+            passed += usize::from(written(&mut quill, now));
+        }
+        assert!((12..=25).contains(&passed), "{passed}");
+        let mut quill = Quill::new(1 << 30);
+        let long = LogLine {
+            fields: vec![("k".repeat(9000), "v".repeat(9000)); 900],
+            ..line("ä".repeat(100_000))
+        };
+        let Fate::Written(cut) = quill.judge(long, now) else {
+            panic!("left out");
+        };
+        assert_eq!(cut.text.chars().count(), LONGEST);
+        assert_eq!(
+            (cut.fields.len(), cut.fields[0].1.len()),
+            (MAX_FIELDS, LONGEST)
+        );
+    }
+}

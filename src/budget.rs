@@ -1,0 +1,135 @@
+//! What a disk and its owner can bear: so many bytes a day, and a line that is said once and then
+//! counted. Pure: the time is an argument.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+const DAY: Duration = Duration::from_secs(86_400);
+/// This part of a day's bytes may be spent at once; the rest comes evenly. So no flood in one minute
+/// silences the rest of the day, and no 24 hours have more than the day's bytes.
+const AT_ONCE: f64 = 1.0 / 24.0;
+
+/// Bytes of a day.
+#[derive(Debug, Clone)]
+pub struct Budget {
+    per_day: u64,
+    left: f64,
+    at: Option<Instant>,
+}
+
+impl Budget {
+    /// So many bytes in any 24 hours.
+    pub fn new(per_day: u64) -> Budget {
+        Budget {
+            per_day,
+            left: per_day as f64 * AT_ONCE,
+            at: None,
+        }
+    }
+
+    /// Spends bytes; false, and nothing is spent, if there are not so many left.
+    pub fn take(&mut self, bytes: u64, now: Instant) -> bool {
+        let most = self.per_day as f64 * AT_ONCE;
+        let since = self
+            .at
+            .map_or(Duration::ZERO, |at| now.saturating_duration_since(at));
+        let rate = (self.per_day as f64 - most) / DAY.as_secs_f64();
+        self.left = (self.left + rate * since.as_secs_f64()).min(most);
+        self.at = Some(now);
+        let enough = self.left >= bytes as f64;
+        if enough {
+            self.left -= bytes as f64;
+        }
+        enough
+    }
+
+    /// What a day has.
+    pub fn per_day(&self) -> u64 {
+        self.per_day
+    }
+}
+
+/// Things of which one is said in each span of time; the others are counted. The caller's kinds must
+/// be few.
+#[derive(Debug, Clone)]
+pub struct Repeats<K> {
+    every: Duration,
+    said: Vec<(K, Instant, u64)>,
+}
+
+impl<K: PartialEq> Repeats<K> {
+    /// One of a kind in each of these spans.
+    pub fn new(every: Duration) -> Repeats<K> {
+        Repeats {
+            every,
+            said: Vec::new(),
+        }
+    }
+
+    /// Whether to say this one, and how many of its kind were not said since the last time.
+    pub fn note(&mut self, kind: K, now: Instant) -> Option<u64> {
+        let Some((_, at, held)) = self.said.iter_mut().find(|(known, ..)| *known == kind) else {
+            self.said.push((kind, now, 0));
+            return Some(0);
+        };
+        if now.saturating_duration_since(*at) < self.every {
+            *held += 1;
+            return None;
+        }
+        *at = now;
+        Some(std::mem::take(held))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn an_hours_share_may_come_at_once_and_the_rest_comes_evenly() {
+        let mut now = Instant::now();
+        let mut budget = Budget::new(2400);
+        assert!(budget.take(100, now));
+        assert!(!budget.take(1, now));
+        now += Duration::from_secs(3600);
+        assert!(budget.take(95, now) && !budget.take(10, now));
+        assert_eq!(budget.per_day(), 2400);
+        assert!(!Budget::new(0).take(1, now));
+    }
+
+    #[test]
+    fn one_of_a_kind_is_said_a_minute_and_the_others_are_counted() {
+        let minute = Duration::from_secs(60);
+        let (mut repeats, mut now) = (Repeats::new(minute), Instant::now());
+        assert_eq!(repeats.note(7, now), Some(0));
+        for _ in 0..100_000 {
+            assert_eq!(repeats.note(7, now), None);
+        }
+        assert_eq!(repeats.note(8, now), Some(0));
+        now += minute;
+        assert_eq!(repeats.note(7, now), Some(100_000));
+        assert_eq!(repeats.note(7, now), None);
+    }
+
+    proptest! {
+        #[test]
+        fn no_day_has_more_than_its_bytes(asks in proptest::collection::vec((0u64..90_000, 0u64..400), 1..300)) {
+            let start = Instant::now();
+            let (mut now, mut spent) = (start, Vec::new());
+            let mut budget = Budget::new(10_000);
+            for (pause, bytes) in asks {
+                now += Duration::from_secs(pause % 4000);
+                if budget.take(bytes, now) {
+                    spent.push((now, bytes));
+                }
+            }
+            for (from, _) in &spent {
+                let within = spent.iter().filter(|(at, _)| at >= from && *at < *from + DAY);
+                let sum: u64 = within.map(|(_, bytes)| bytes).sum();
+                prop_assert!(sum <= 10_000, "{sum}");
+            }
+        }
+    }
+}

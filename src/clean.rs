@@ -1,0 +1,189 @@
+//! Text of a robot, a script, a file or the network, made harmless for what shows or reads it: a
+//! terminal, a text log, XML, JSON. Everything that leaves the program goes through here.
+//!
+//! What a terminal obeys is taken out; what would make a text read in another order than it stands,
+//! or hides in it, is shown as `\u202e`: in JSON that is the very same character.
+
+use std::fmt::Write as _;
+
+/// Text for a terminal or a file in its place. Line breaks and tabs stay, and with `colour` the
+/// sequences that set colours; other escape sequences lose their first character and so all effect.
+pub fn text(text: &str, colour: bool) -> String {
+    let mut cleaned = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(c) = rest.chars().next() {
+        let sequence = colour_sequence_len(rest);
+        let length = sequence.unwrap_or(c.len_utf8());
+        let (head, tail) = rest.split_at(length);
+        match sequence {
+            Some(_) if colour => cleaned.push_str(head),
+            Some(_) => {}
+            None => push(c, &mut cleaned),
+        }
+        rest = tail;
+    }
+    cleaned
+}
+
+/// As [`text`], without colours and on one line.
+pub fn line(line: &str) -> String {
+    text(line, false).replace(['\n', '\t'], " ")
+}
+
+/// Text that XML 1.0 may hold; what it may not is shown as an escape too.
+pub fn xml(xml: &str) -> String {
+    let mut cleaned = String::with_capacity(xml.len());
+    for c in xml.chars() {
+        match c {
+            '\n' | '\t' => cleaned.push(c),
+            c if c.is_control() || matches!(c, '\u{FFFE}' | '\u{FFFF}') => escape(c, &mut cleaned),
+            c => push(c, &mut cleaned),
+        }
+    }
+    cleaned
+}
+
+/// A value behind `name=` in a text log: as it is if it is one plain word, else in quotes, so that
+/// nothing in it can pass for a field of its own.
+pub fn value(value: &str) -> String {
+    let plain = |c: char| {
+        c.is_alphanumeric()
+            || matches!(
+                c,
+                '.' | '_' | ':' | '/' | '-' | '+' | ',' | '%' | '[' | ']' | '@'
+            )
+    };
+    match !value.is_empty() && value.chars().all(plain) {
+        true => value.to_owned(),
+        false => quoted(value),
+    }
+}
+
+/// A message in a text log in front of these fields: in quotes if something in it looks like one of
+/// them.
+pub fn message<'a>(message: &str, fields: impl IntoIterator<Item = &'a str>) -> String {
+    let mut names = fields.into_iter();
+    match names.any(|name| names_field(message, name)) {
+        true => quoted(message),
+        false => message.to_owned(),
+    }
+}
+
+/// Whether `name=` stands anywhere as a word.
+fn names_field(text: &str, name: &str) -> bool {
+    text.match_indices(name).any(|(at, _)| {
+        let before = text[..at].chars().next_back();
+        let after = text[at + name.len()..].trim_start_matches(|c: char| c.is_control());
+        after.starts_with('=') && !before.is_some_and(|c| c.is_alphanumeric() || c == '_')
+    })
+}
+
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+}
+
+fn push(c: char, to: &mut String) {
+    match c {
+        '\n' | '\t' => to.push(c),
+        // Single bytes that a terminal obeys.
+        '\0'..='\u{1F}' => {}
+        c if c.is_control() || hides(c) => escape(c, to),
+        c => to.push(c),
+    }
+}
+
+/// All of these have four hexadecimal digits.
+fn escape(c: char, to: &mut String) {
+    // Writing into a string does not fail.
+    let _ = write!(to, "\\u{:04x}", u32::from(c));
+}
+
+/// Characters that make a text read in another order than it stands, or break a line where nobody
+/// sees it.
+fn hides(c: char) -> bool {
+    matches!(
+        c,
+        '\u{061C}' | '\u{200E}' | '\u{200F}' | '\u{202A}'..='\u{202E}' | '\u{2066}'..='\u{2069}'
+            | '\u{2028}' | '\u{2029}' | '\u{FEFF}'
+    )
+}
+
+/// Length of `ESC [ digits and semicolons m` at the start of `text`.
+pub fn colour_sequence_len(text: &str) -> Option<usize> {
+    let parameters = text.strip_prefix("\x1b[")?;
+    let end = parameters.find(|c: char| !(c.is_ascii_digit() || c == ';'))?;
+    parameters[end..]
+        .starts_with('m')
+        .then_some("\x1b[".len() + end + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn colours_pass_on_a_terminal_and_nothing_else_that_it_obeys() {
+        let dirty = "\x1b[1;31mred\x1b[0m \x1b]0;title\x07 \x1b[2J \u{9b}2J \rover \u{202e}txt";
+        let clean = "\x1b[1;31mred\x1b[0m ]0;title [2J \\u009b2J over \\u202etxt";
+        assert_eq!(text(dirty, true), clean);
+        assert_eq!(line("a\nb\tc\x1b[31m"), "a b c");
+    }
+
+    #[test]
+    fn json_means_the_same_afterwards() {
+        let value = serde_json::json!({ "a\u{202e}": "\u{9b}\u{2028}\u{7f}\x1b[2J\n\"" });
+        let shown = text(&value.to_string(), false);
+        assert!(shown.is_ascii(), "{shown}");
+        assert_eq!(
+            serde_json::from_str::<serde_json::Value>(&shown).unwrap(),
+            value
+        );
+    }
+
+    #[test]
+    fn xml_has_no_character_that_xml_forbids() {
+        assert_eq!(
+            xml("a\x1b\0\r\u{FFFF}\u{202e}<"),
+            "a\\u001b\\u0000\\u000d\\uffff\\u202e<"
+        );
+    }
+
+    #[test]
+    fn a_message_cannot_pass_for_fields() {
+        let fields = ["behaviour", "line"];
+        for forged in [
+            "hi behaviour=\"x\" line=1",
+            "behaviour=x",
+            "a\tline=2",
+            "(line=2",
+        ] {
+            let shown = message(forged, fields);
+            assert!(shown.starts_with('"') && shown.ends_with('"'), "{shown}");
+            assert!(
+                !shown[1..shown.len() - 1].replace("\\\"", "").contains('"'),
+                "{shown}"
+            );
+        }
+        for honest in ["speed=40", "outline=3", "the line is = 3", "behaviour: x"] {
+            assert_eq!(message(honest, fields), honest);
+        }
+        assert_eq!(value("10.0.0.1:9000"), "10.0.0.1:9000");
+        assert_eq!(value("x battery=100"), "\"x battery=100\"");
+        assert_eq!(value("a\" b=\\"), "\"a\\\" b=\\\\\"");
+        assert_eq!(value(""), "\"\"");
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_is_left_that_a_terminal_obeys(dirty in "\\PC*|[\\x00-\\xff\u{1b}\u{202e}\\[m0-9;]{0,60}") {
+            let plain = text(&dirty, false);
+            prop_assert!(!plain.chars().any(|c| hides(c) || c.is_control() && !matches!(c, '\n' | '\t')), "{plain:?}");
+            let coloured = text(&dirty, true);
+            for (at, _) in coloured.match_indices('\u{1b}') {
+                prop_assert!(colour_sequence_len(&coloured[at..]).is_some(), "{coloured:?}");
+            }
+            prop_assert!(!xml(&dirty).chars().any(|c| c.is_control() && !matches!(c, '\n' | '\t')));
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! The robot's password on its way into this program: out of the environment, where every process of
+//! the same user and every child could read it, or out of a file.
+
+use std::ffi::{OsStr, OsString};
+use std::io::{Read as _, Write as _};
+use std::os::fd::{AsRawFd as _, OwnedFd};
+use std::os::unix::ffi::{OsStrExt as _, OsStringExt};
+use std::os::unix::process::CommandExt as _;
+use std::path::Path;
+use std::process::Command;
+use std::sync::{Mutex, PoisonError};
+
+use rustix::fs::{FileType, Mode, OFlags, fstat};
+use rustix::io::{FdFlags, fcntl_setfd, ioctl_fionbio};
+
+use super::Failure;
+use crate::files;
+
+/// Where the password is looked for before any file of the config.
+const VARIABLE: &str = "SPYKEE_PASSWORD";
+/// Between the two lives of this program: the descriptor on which the second reads it.
+const HANDOVER: &str = "SPYKEE_PASSWORD_PIPE";
+/// No password file is longer.
+const MAX_FILE_LEN: u64 = 4096;
+
+/// What the environment had.
+static GIVEN: Mutex<Option<Vec<u8>>> = Mutex::new(None);
+
+/// Takes the password out of the environment. The kernel shows a process's first environment for as
+/// long as it lives, so the program starts itself anew without it, and hands it over in a pipe. To be
+/// called before anything else. Where the system does not let it do that, the variable stays.
+pub(super) fn leave_environment() {
+    if let Some(handed) = std::env::var_os(HANDOVER) {
+        if let Some(password) = take_over(&handed) {
+            keep(password);
+        }
+        return;
+    }
+    if let Some(password) = std::env::var_os(VARIABLE) {
+        keep(password.as_bytes().to_owned());
+        if let Ok(pipe) = filled(password.as_bytes()) {
+            start_anew(&pipe);
+        }
+    }
+}
+
+fn keep(password: Vec<u8>) {
+    *GIVEN.lock().unwrap_or_else(PoisonError::into_inner) = Some(password);
+}
+
+/// The reading end of a pipe in which this waits; it passes to whatever this process becomes.
+fn filled(password: &[u8]) -> std::io::Result<OwnedFd> {
+    let (reader, mut writer) = std::io::pipe()?;
+    fcntl_setfd(&reader, FdFlags::empty())?;
+    // What does not fit does not wait: no password is so long.
+    ioctl_fionbio(&writer, true)?;
+    writer.write_all(password)?;
+    Ok(reader.into())
+}
+
+/// Returns only if the system does not let it.
+fn start_anew(pipe: &OwnedFd) {
+    let mut args = std::env::args_os();
+    let name = args.next().unwrap_or_else(|| OsString::from("spykee"));
+    let args: Vec<OsString> = args.collect();
+    // The second works also when the file has been replaced meanwhile, but is a strange name in lists of
+    // processes.
+    let files = [std::env::current_exe().ok(), Some("/proc/self/exe".into())];
+    for file in files.into_iter().flatten() {
+        let _ = Command::new(file)
+            .arg0(&name)
+            .args(&args)
+            .env_remove(VARIABLE)
+            .env(HANDOVER, pipe.as_raw_fd().to_string())
+            .exec();
+    }
+}
+
+/// Empties the pipe; what is left of it says nothing to anybody.
+fn take_over(number: &OsStr) -> Option<Vec<u8>> {
+    let number: u32 = number.to_str()?.parse().ok()?;
+    let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let path = format!("/proc/self/fd/{number}");
+    let pipe = rustix::fs::open(path, flags, Mode::empty()).ok()?;
+    if FileType::from_raw_mode(fstat(&pipe).ok()?.st_mode) != FileType::Fifo {
+        return None;
+    }
+    let mut password = Vec::new();
+    std::fs::File::from(pipe).read_to_end(&mut password).ok()?;
+    Some(password)
+}
+
+/// What the environment says; `None` if it says nothing.
+///
+/// # Errors
+/// It is not UTF-8. The password is not shown.
+pub(super) fn of_environment() -> Result<Option<String>, Failure> {
+    let given = GIVEN.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let given = given.or_else(|| std::env::var_os(VARIABLE).map(OsStringExt::into_vec));
+    let text = given.map(String::from_utf8).transpose();
+    text.map_err(|_| Failure::usage(format_args!("{VARIABLE} is not UTF-8")))
+}
+
+/// The first line of a file that the command line or the environment names: the person who starts this
+/// program has chosen it, so it may also be a pipe.
+///
+/// # Errors
+/// It cannot be read, or its first line is empty.
+pub(super) fn of_chosen_file(path: &Path) -> Result<String, Failure> {
+    if files::is_shared(path) {
+        let path = path.display();
+        tracing::warn!("others can read the password file {path}: chmod 600 {path}");
+    }
+    let mut text = Vec::new();
+    let read =
+        std::fs::File::open(path).and_then(|file| file.take(MAX_FILE_LEN).read_to_end(&mut text));
+    read.map_err(|error| cannot(path, &error))?;
+    first_line(path, text)
+}
+
+/// The first line of a file that a config names: a regular file, short.
+///
+/// # Errors
+/// It cannot be read, or its first line is empty.
+pub(super) fn of_named_file(path: &Path) -> Result<String, Failure> {
+    if files::is_shared(path) {
+        let path = path.display();
+        tracing::warn!("others can read the password file {path}: chmod 600 {path}");
+    }
+    let text = files::read(path, MAX_FILE_LEN).map_err(|error| cannot(path, &error))?;
+    first_line(path, text)
+}
+
+/// The first line of a file that a config names which nobody named: found in the current folder, it may
+/// have come from anywhere. So the file is beside or below it, and this user's alone; else its first
+/// line would be sent to whatever robot that config names.
+///
+/// # Errors
+/// It is elsewhere, others can read it, it cannot be read, or its first line is empty.
+pub(super) fn of_found_file(path: &Path, config: &Path) -> Result<String, Failure> {
+    let folder = match config.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let whole = |path: &Path| path.canonicalize().map_err(|error| cannot(path, &error));
+    let (folder, file) = (whole(folder)?, whole(path)?);
+    let help = format!(
+        "name the config, --config {}, if you trust it",
+        config.display()
+    );
+    if !file.starts_with(&folder) {
+        let what = format_args!(
+            "the config {} was found here, not named, and its password file {} is not in its folder",
+            config.display(),
+            path.display()
+        );
+        return Err(Failure::usage(what).help(help));
+    }
+    let text = files::read_private(&file, MAX_FILE_LEN)
+        .map_err(|error| cannot(path, &error).help(help))?;
+    first_line(path, text)
+}
+
+fn cannot(path: &Path, error: &dyn std::fmt::Display) -> Failure {
+    let path = path.display();
+    Failure::usage(format_args!(
+        "cannot read the password file {path}: {error}"
+    ))
+    .help("write the password into its first line")
+}
+
+fn first_line(path: &Path, text: Vec<u8>) -> Result<String, Failure> {
+    let text = String::from_utf8(text).map_err(|_| cannot(path, &"it is not UTF-8"))?;
+    match text.lines().next().unwrap_or_default() {
+        "" => {
+            let shown = path.display();
+            let failure = Failure::usage(format_args!("the first line of {shown} is empty"));
+            Err(failure.help("write the password into its first line"))
+        }
+        line => Ok(line.to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+    use std::os::unix::fs::{PermissionsExt as _, symlink};
+    use std::path::PathBuf;
+
+    fn write(path: &PathBuf, mode: u32) {
+        fs::write(path, "hunter2\nrest").unwrap();
+        fs::set_permissions(path, fs::Permissions::from_mode(mode)).unwrap();
+    }
+
+    #[test]
+    fn a_config_that_was_found_reads_private_files_in_its_folder_only() {
+        let root = tempfile::tempdir().unwrap();
+        let path = |name: &str| root.path().join(name);
+        fs::create_dir_all(path("here/below")).unwrap();
+        let config = path("here/spykee.yaml");
+        let read = |name: &str| of_found_file(&path(name), &config);
+        write(&path("here/below/password"), 0o600);
+        write(&path("here/open"), 0o644);
+        write(&path("private"), 0o600);
+        symlink(path("private"), path("here/link")).unwrap();
+        fs::write(path("here/long"), "x".repeat(5000)).unwrap();
+        fs::set_permissions(path("here/long"), fs::Permissions::from_mode(0o600)).unwrap();
+        assert_eq!(read("here/below/password").unwrap(), "hunter2");
+        for name in [
+            "private",
+            "here/../private",
+            "here/link",
+            "here/open",
+            "here/long",
+            "here/none",
+        ] {
+            let failure = read(name).unwrap_err().report();
+            assert!(!failure.contains("hunter2"), "{failure}");
+        }
+        assert!(
+            read("private")
+                .unwrap_err()
+                .report()
+                .contains("not in its folder")
+        );
+        assert!(
+            read("here/open")
+                .unwrap_err()
+                .report()
+                .contains("others can read it")
+        );
+    }
+
+    #[test]
+    fn a_file_that_was_chosen_may_be_anywhere_and_one_of_a_named_config_is_a_file() {
+        let root = tempfile::tempdir().unwrap();
+        let path = root.path().join("password");
+        write(&path, 0o644);
+        assert_eq!(of_chosen_file(&path).unwrap(), "hunter2");
+        assert_eq!(of_named_file(&path).unwrap(), "hunter2");
+        assert!(of_named_file(Path::new("/dev/zero")).is_err());
+        fs::write(&path, "\n").unwrap();
+        assert!(of_named_file(&path).unwrap_err().report().contains("empty"));
+    }
+
+    #[test]
+    fn what_is_handed_over_is_read_once_and_nothing_else_is() {
+        let pipe = filled(b"hunter2").unwrap();
+        let number = OsString::from(pipe.as_raw_fd().to_string());
+        assert_eq!(take_over(&number).as_deref(), Some(&b"hunter2"[..]));
+        assert_eq!(take_over(&number).as_deref(), Some(&b""[..]));
+        let file = tempfile::tempfile().unwrap();
+        assert_eq!(take_over(OsStr::new(&file.as_raw_fd().to_string())), None);
+        for wrong in ["", "-1", "../../etc/passwd", "999999"] {
+            assert_eq!(take_over(OsStr::new(wrong)), None, "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,427 @@
+//! Files that come from elsewhere, and folders that others may have prepared. Reading is for regular
+//! files of a bounded length only: a pipe, a device or a folder in their place is an error and no
+//! wait. Writing stays within one opened folder and follows no symbolic link in it.
+
+use std::fs::{DirBuilder, File};
+use std::io::{self, Read as _, Write as _};
+use std::os::fd::OwnedFd;
+use std::os::unix::fs::DirBuilderExt as _;
+use std::path::Path;
+
+use rustix::fs::{
+    AtFlags, CWD, Dir, FileType, Mode, OFlags, Stat, fstat, fstatvfs, fsync, openat, renameat,
+    statat, unlinkat,
+};
+use rustix::io::Errno;
+
+/// Unfinished files begin so; what a run that was killed has left of them is swept away.
+const UNFINISHED: &str = ".unfinished";
+/// What is read from a folder at most, in names.
+const MAX_NAMES: usize = 100_000;
+
+/// Why a file cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadError {
+    /// The system says so.
+    #[error("{0}")]
+    Io(#[from] io::Error),
+    /// It is something else, such as a folder or a pipe.
+    #[error("it is {0}, not a file")]
+    NoFile(&'static str),
+    /// Longer than is read.
+    #[error("it is longer than {most} bytes")]
+    TooLong {
+        /// What is read at most.
+        most: u64,
+    },
+    /// Bytes that are no UTF-8.
+    #[error("it is not UTF-8")]
+    NoText,
+}
+
+impl From<Errno> for ReadError {
+    fn from(error: Errno) -> ReadError {
+        ReadError::Io(error.into())
+    }
+}
+
+impl From<ReadError> for io::Error {
+    fn from(error: ReadError) -> io::Error {
+        match error {
+            ReadError::Io(error) => error,
+            other => io::Error::new(io::ErrorKind::InvalidData, other.to_string()),
+        }
+    }
+}
+
+/// All bytes of a regular file of at most `most` bytes. Never waits for anything but the disk.
+///
+/// # Errors
+/// See [`ReadError`].
+pub fn read(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
+    content(open(CWD, path, OFlags::empty())?, most)
+}
+
+/// The beginning of a regular file, at most `most` bytes of it.
+///
+/// # Errors
+/// See [`ReadError`].
+pub fn read_beginning(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
+    beginning(open(CWD, path, OFlags::empty())?, most)
+}
+
+/// As [`read`], of a text.
+///
+/// # Errors
+/// See [`ReadError`].
+pub fn read_text(path: &Path, most: u64) -> Result<String, ReadError> {
+    String::from_utf8(read(path, most)?).map_err(|_| ReadError::NoText)
+}
+
+/// The content of a file that others may not read, nor write: it belongs to this user, and its mode
+/// gives nothing to the group or others. Not through a symbolic link.
+///
+/// # Errors
+/// See [`ReadError`]; a file that others can read is one of them.
+pub fn read_private(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
+    let file = open(CWD, path, OFlags::NOFOLLOW).map_err(|error| match error {
+        ReadError::Io(error) if error.raw_os_error() == Some(Errno::LOOP.raw_os_error()) => {
+            ReadError::NoFile("a symbolic link")
+        }
+        error => error,
+    })?;
+    let stat = fstat(&file)?;
+    let others = Mode::from_raw_mode(stat.st_mode).intersects(Mode::RWXG | Mode::RWXO);
+    if others || stat.st_uid != rustix::process::geteuid().as_raw() {
+        let words = "others can read it; it must be its owner's alone: chmod 600";
+        return Err(io::Error::new(io::ErrorKind::PermissionDenied, words).into());
+    }
+    content(file, most)
+}
+
+/// Whether the group or others may read or change this file.
+pub fn is_shared(path: &Path) -> bool {
+    let Ok(stat) = statat(CWD, path, AtFlags::empty()) else {
+        return false;
+    };
+    Mode::from_raw_mode(stat.st_mode).intersects(Mode::RWXG | Mode::RWXO)
+}
+
+/// Opened without waiting for the other end of a pipe, and without becoming a terminal's program.
+fn open(
+    at: impl std::os::fd::AsFd,
+    path: impl rustix::path::Arg,
+    more: OFlags,
+) -> Result<OwnedFd, ReadError> {
+    let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC | more;
+    Ok(openat(at, path, flags, Mode::empty())?)
+}
+
+fn content(file: OwnedFd, most: u64) -> Result<Vec<u8>, ReadError> {
+    // One byte more: a file may grow while it is read.
+    let bytes = beginning(file, most.saturating_add(1))?;
+    match bytes.len() as u64 > most {
+        true => Err(ReadError::TooLong { most }),
+        false => Ok(bytes),
+    }
+}
+
+fn beginning(file: OwnedFd, most: u64) -> Result<Vec<u8>, ReadError> {
+    let stat = fstat(&file)?;
+    if let Some(kind) = no_file(&stat) {
+        return Err(ReadError::NoFile(kind));
+    }
+    let mut bytes = Vec::new();
+    File::from(file).take(most).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// What something is that is no regular file.
+fn no_file(stat: &Stat) -> Option<&'static str> {
+    Some(match FileType::from_raw_mode(stat.st_mode) {
+        FileType::RegularFile => return None,
+        FileType::Directory => "a folder",
+        FileType::Fifo => "a pipe",
+        FileType::Socket => "a socket",
+        FileType::Symlink => "a symbolic link",
+        FileType::CharacterDevice | FileType::BlockDevice => "a device",
+        _ => "something else",
+    })
+}
+
+/// A folder that is open. What is done in it stays in it, whatever changes on the disk meanwhile.
+#[derive(Debug)]
+pub struct Folder(OwnedFd);
+
+/// A regular file in a folder.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Item {
+    /// When it was written last: seconds of the epoch and nanoseconds.
+    pub written: (i64, i64),
+    /// Its name.
+    pub name: String,
+    /// Its length.
+    pub bytes: u64,
+}
+
+impl Folder {
+    /// Makes a folder, and those above it, for this user alone; one that is there stays as it is.
+    ///
+    /// # Errors
+    /// Whatever the system says; a symbolic link in its place.
+    pub fn make(path: &Path) -> io::Result<Folder> {
+        match Folder::open(path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                DirBuilder::new().recursive(true).mode(0o700).create(path)?;
+                Folder::open(path)
+            }
+            opened => opened,
+        }
+    }
+
+    /// Opens a folder that is there.
+    ///
+    /// # Errors
+    /// Whatever the system says; a symbolic link in its place.
+    pub fn open(path: &Path) -> io::Result<Folder> {
+        let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+        match openat(CWD, path, flags, Mode::empty()) {
+            Ok(folder) => Ok(Folder(folder)),
+            Err(Errno::LOOP | Errno::NOTDIR) if is_link(path) => Err(io::Error::other(format!(
+                "{} is a symbolic link: it could lead anywhere, so nothing is kept there",
+                path.display()
+            ))),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// The content of a regular file of at most `most` bytes; `None` if there is none of this name.
+    ///
+    /// # Errors
+    /// See [`ReadError`].
+    pub fn read(&self, name: &str, most: u64) -> Result<Option<Vec<u8>>, ReadError> {
+        match open(&self.0, name, OFlags::NOFOLLOW) {
+            Ok(file) => content(file, most).map(Some),
+            Err(ReadError::Io(error)) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(ReadError::Io(error))
+                if error.raw_os_error() == Some(Errno::LOOP.raw_os_error()) =>
+            {
+                Err(ReadError::NoFile("a symbolic link"))
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    /// All of the new content under this name, or still what was there; readable by this user only.
+    ///
+    /// # Errors
+    /// Whatever the system says.
+    pub fn replace(&self, name: &str, bytes: &[u8]) -> io::Result<()> {
+        self.put(name, bytes, false)
+    }
+
+    /// As [`Folder::replace`], and on the disk when it returns.
+    ///
+    /// # Errors
+    /// Whatever the system says.
+    pub fn replace_durably(&self, name: &str, bytes: &[u8]) -> io::Result<()> {
+        self.put(name, bytes, true)
+    }
+
+    fn put(&self, name: &str, bytes: &[u8], durably: bool) -> io::Result<()> {
+        let unfinished = format!("{UNFINISHED}-{name}");
+        let _ = self.remove(&unfinished);
+        let flags =
+            OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+        let file = openat(&self.0, &*unfinished, flags, Mode::RUSR | Mode::WUSR)?;
+        let mut file = File::from(file);
+        let written = file.write_all(bytes).and_then(|()| match durably {
+            true => file.sync_all(),
+            false => Ok(()),
+        });
+        let named = written.and_then(|()| Ok(renameat(&self.0, &*unfinished, &self.0, name)?));
+        if named.is_err() {
+            let _ = self.remove(&unfinished);
+        }
+        named?;
+        match durably {
+            true => Ok(fsync(&self.0)?),
+            false => Ok(()),
+        }
+    }
+
+    /// Gives a file another name, in the place of one that has it.
+    ///
+    /// # Errors
+    /// Whatever the system says.
+    pub fn rename(&self, from: &str, to: &str) -> io::Result<()> {
+        Ok(renameat(&self.0, from, &self.0, to)?)
+    }
+
+    /// Removes a file; a symbolic link itself, not what it leads to.
+    ///
+    /// # Errors
+    /// Whatever the system says.
+    pub fn remove(&self, name: &str) -> io::Result<()> {
+        Ok(unlinkat(&self.0, name, AtFlags::empty())?)
+    }
+
+    /// Its regular files.
+    ///
+    /// # Errors
+    /// Whatever the system says.
+    pub fn items(&self) -> io::Result<Vec<Item>> {
+        let mut items = Vec::new();
+        for entry in Dir::read_from(&self.0)?.take(MAX_NAMES) {
+            let entry = entry?;
+            let Ok(name) = entry.file_name().to_str() else {
+                continue;
+            };
+            items.extend(self.item(name)?);
+        }
+        Ok(items)
+    }
+
+    /// One of its regular files; `None` if there is none of this name.
+    ///
+    /// # Errors
+    /// Whatever the system says.
+    pub fn item(&self, name: &str) -> io::Result<Option<Item>> {
+        let stat = match statat(&self.0, name, AtFlags::SYMLINK_NOFOLLOW) {
+            Err(Errno::NOENT) => return Ok(None),
+            stat => stat?,
+        };
+        Ok(no_file(&stat).is_none().then(|| Item {
+            written: (
+                stat.st_mtime,
+                i64::try_from(stat.st_mtime_nsec).unwrap_or(0),
+            ),
+            name: name.to_owned(),
+            bytes: u64::try_from(stat.st_size).unwrap_or(0),
+        }))
+    }
+
+    /// Removes what runs that were killed have left unfinished.
+    ///
+    /// # Errors
+    /// Whatever the system says.
+    pub fn sweep(&self, beginning: &str) -> io::Result<()> {
+        for item in self.items()? {
+            if item.name.starts_with(UNFINISHED) || item.name.starts_with(beginning) {
+                self.remove(&item.name)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Bytes that this user can still write to its disk.
+    ///
+    /// # Errors
+    /// Whatever the system says.
+    pub fn free(&self) -> io::Result<u64> {
+        let disk = fstatvfs(&self.0)?;
+        Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
+    }
+}
+
+fn is_link(path: &Path) -> bool {
+    path.symlink_metadata()
+        .is_ok_and(|about| about.is_symlink())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+    use std::os::unix::fs::{PermissionsExt as _, symlink};
+
+    #[test]
+    fn only_regular_files_of_bounded_length_are_read() {
+        let root = tempfile::tempdir().unwrap();
+        let path = |name: &str| root.path().join(name);
+        fs::write(path("file"), "12345").unwrap();
+        assert_eq!(read(&path("file"), 5).unwrap(), b"12345");
+        assert!(matches!(
+            read(&path("file"), 4),
+            Err(ReadError::TooLong { most: 4 })
+        ));
+        let mode = Mode::RUSR | Mode::WUSR;
+        rustix::fs::mknodat(CWD, path("pipe"), FileType::Fifo, mode, 0).unwrap();
+        for (name, what) in [
+            (path("pipe"), "a pipe"),
+            (root.path().to_owned(), "a folder"),
+            ("/dev/zero".into(), "a device"),
+        ] {
+            let error = read(&name, 100).unwrap_err().to_string();
+            assert!(error.contains(what), "{error}");
+        }
+        fs::write(path("bytes"), [0xff]).unwrap();
+        assert!(matches!(
+            read_text(&path("bytes"), 5),
+            Err(ReadError::NoText)
+        ));
+    }
+
+    #[test]
+    fn a_private_file_is_its_owners_alone_and_no_link() {
+        let root = tempfile::tempdir().unwrap();
+        let (file, link) = (root.path().join("secret"), root.path().join("link"));
+        fs::write(&file, "x").unwrap();
+        symlink(&file, &link).unwrap();
+        let allow = |mode| fs::set_permissions(&file, fs::Permissions::from_mode(mode)).unwrap();
+        for mode in [0o640, 0o604, 0o620, 0o610] {
+            allow(mode);
+            assert!(is_shared(&file));
+            assert!(read_private(&file, 10).is_err(), "{mode:o}");
+        }
+        allow(0o600);
+        assert!(!is_shared(&file));
+        assert_eq!(read_private(&file, 10).unwrap(), b"x");
+        assert!(read_private(&link, 10).is_err());
+    }
+
+    #[test]
+    fn a_folder_that_is_a_link_is_refused_and_links_in_it_are_not_followed() {
+        let root = tempfile::tempdir().unwrap();
+        let path = |name: &str| root.path().join(name);
+        fs::create_dir(path("elsewhere")).unwrap();
+        symlink(path("elsewhere"), path("data")).unwrap();
+        for opened in [Folder::open(&path("data")), Folder::make(&path("data"))] {
+            let error = opened.unwrap_err().to_string();
+            assert!(error.contains("symbolic link"), "{error}");
+        }
+        let folder = Folder::make(&path("deep/er")).unwrap();
+        fs::write(path("secret"), "secret").unwrap();
+        symlink(path("secret"), path("deep/er/a.jpg")).unwrap();
+        assert!(folder.read("a.jpg", 100).is_err());
+        assert_eq!(folder.items().unwrap(), []);
+        folder.replace("a.jpg", b"new").unwrap();
+        assert_eq!(fs::read(path("secret")).unwrap(), b"secret");
+        assert_eq!(folder.read("a.jpg", 100).unwrap().unwrap(), b"new");
+        // Also under the name that is used while a file is not finished.
+        symlink(path("secret"), path("deep/er/.unfinished-b.jpg")).unwrap();
+        folder.replace_durably("b.jpg", b"new").unwrap();
+        assert_eq!(fs::read(path("secret")).unwrap(), b"secret");
+        assert_eq!(folder.read("none", 100).unwrap(), None);
+        let mode = |name: &str| fs::metadata(path(name)).unwrap().permissions().mode() & 0o777;
+        assert_eq!((mode("deep/er"), mode("deep/er/b.jpg")), (0o700, 0o600));
+    }
+
+    #[test]
+    fn what_was_left_unfinished_is_swept_away() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = Folder::open(root.path()).unwrap();
+        fs::write(root.path().join(".unfinished-a"), "x").unwrap();
+        fs::write(root.path().join(".store-7"), "x").unwrap();
+        folder.replace("b", b"12").unwrap();
+        folder.sweep(".store-").unwrap();
+        let names: Vec<_> = folder
+            .items()
+            .unwrap()
+            .into_iter()
+            .map(|item| (item.name, item.bytes))
+            .collect();
+        assert_eq!(names, [("b".to_owned(), 2)]);
+        assert!(folder.free().unwrap() > 0);
+    }
+}

@@ -1,0 +1,269 @@
+//! Keeps the search for QR codes within bounds. The crate that reads them tries every three squares
+//! that look like a corner of a code, and fills the areas around them again and again: a sheet of
+//! paper with seventy such squares took longer than a script may. So the squares are counted as it
+//! counts them, in the same black and white, and what is too much is painted over: fewer codes are
+//! read then.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Most squares that are looked at: those of four codes. The work grows with their third power.
+pub const MAX_FINDERS: usize = 12;
+/// Most pixels that are filled in search of squares.
+pub const MAX_FILLED: u64 = 8_000_000;
+/// Areas that the crate remembers.
+const REMEMBERED: usize = 250;
+/// How often squares are painted over before the picture is given up.
+const MAX_ROUNDS: u32 = 4;
+/// Runs of the pattern of a square's middle row: dark, light, dark, light, dark.
+const PATTERN: [usize; 5] = [1, 1, 3, 1, 1];
+
+/// A picture in black and white.
+#[derive(Debug, Clone)]
+pub(super) struct Bitmap {
+    width: usize,
+    black: Vec<bool>,
+}
+
+/// What the search will have to do at most.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct QrWork {
+    /// Squares that may be corners of codes.
+    pub finders: usize,
+    /// Pixels that are filled.
+    pub filled: u64,
+    /// Codes that were decoded.
+    pub decoded: usize,
+}
+
+/// Neighbouring black pixels of a row.
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    start: usize,
+    end: usize,
+    area: usize,
+}
+
+impl Run {
+    fn len(&self) -> usize {
+        self.end - self.start
+    }
+}
+
+/// The runs of a picture and the areas that they belong to.
+struct Areas {
+    runs: Vec<Run>,
+    /// Where the runs of each row begin, and one more.
+    rows: Vec<usize>,
+    /// Pixels of each area, by its number.
+    pixels: Vec<u64>,
+}
+
+/// A square: the area of its ring and that of its stone.
+#[derive(Debug, Clone, Copy)]
+struct Finder {
+    ring: usize,
+    stone: usize,
+}
+
+impl Bitmap {
+    pub(super) fn new(width: usize, height: usize, black: impl Fn(usize, usize) -> bool) -> Bitmap {
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        Bitmap {
+            width,
+            black: pixels.map(|(x, y)| black(x, y)).collect(),
+        }
+    }
+
+    pub(super) fn is_black(&self, x: usize, y: usize) -> bool {
+        self.black[y * self.width + x]
+    }
+
+    /// Paints over what is too much; what is left to do, or nothing if that is too much all the same.
+    pub(super) fn tame(&mut self) -> Option<QrWork> {
+        for _ in 0..MAX_ROUNDS {
+            let areas = self.areas();
+            let (mut finders, filled) = areas.survey();
+            if filled > MAX_FILLED {
+                return None;
+            }
+            if finders.len() <= MAX_FINDERS {
+                return Some(QrWork {
+                    finders: finders.len(),
+                    filled,
+                    decoded: 0,
+                });
+            }
+            // The largest stay: they are the nearest.
+            finders.sort_by_key(|finder| std::cmp::Reverse(areas.pixels[finder.ring]));
+            let surplus = finders[MAX_FINDERS..].iter().map(|finder| finder.stone);
+            self.paint_over(&areas, &surplus.collect());
+        }
+        None
+    }
+
+    fn paint_over(&mut self, areas: &Areas, which: &BTreeSet<usize>) {
+        for (y, runs) in areas.by_row().enumerate() {
+            for run in runs.iter().filter(|run| which.contains(&run.area)) {
+                let row = y * self.width;
+                self.black[row + run.start..row + run.end].fill(false);
+            }
+        }
+    }
+
+    /// Neighbours are left, right, above and below.
+    fn areas(&self) -> Areas {
+        let (mut runs, mut rows, mut parents) = (Vec::<Run>::new(), vec![0], Vec::<usize>::new());
+        let mut above = 0..0;
+        for row in self.black.chunks(self.width.max(1)) {
+            let first = runs.len();
+            let mut x = 0;
+            while x < row.len() {
+                let Some(start) = row[x..].iter().position(|black| *black).map(|at| at + x) else {
+                    break;
+                };
+                let long = row[start..].iter().position(|black| !black);
+                let end = long.map_or(row.len(), |long| start + long);
+                parents.push(runs.len());
+                runs.push(Run {
+                    start,
+                    end,
+                    area: 0,
+                });
+                x = end;
+            }
+            let mut upper = above.start;
+            for lower in first..runs.len() {
+                while upper < above.end && runs[upper].end <= runs[lower].start {
+                    upper += 1;
+                }
+                let mut touching = upper;
+                while touching < above.end && runs[touching].start < runs[lower].end {
+                    let (one, other) = (root(&mut parents, touching), root(&mut parents, lower));
+                    parents[one.max(other)] = one.min(other);
+                    touching += 1;
+                }
+            }
+            above = first..runs.len();
+            rows.push(runs.len());
+        }
+        let mut pixels = vec![0; runs.len()];
+        for (index, run) in runs.iter_mut().enumerate() {
+            run.area = root(&mut parents, index);
+            pixels[run.area] += run.len() as u64;
+        }
+        Areas { runs, rows, pixels }
+    }
+}
+
+fn root(parents: &mut [usize], mut index: usize) -> usize {
+    while parents[index] != index {
+        parents[index] = parents[parents[index]];
+        index = parents[index];
+    }
+    index
+}
+
+impl Areas {
+    fn by_row(&self) -> impl Iterator<Item = &[Run]> {
+        self.rows
+            .windows(2)
+            .map(|pair| &self.runs[pair[0]..pair[1]])
+    }
+
+    /// Its squares, and how many pixels are filled to find them.
+    fn survey(&self) -> (Vec<Finder>, u64) {
+        let (mut found, mut filled) = (BTreeMap::new(), 0);
+        let (mut asked, mut last) = (0_usize, BTreeMap::new());
+        for runs in self.by_row() {
+            for three in runs.windows(3).filter(|three| looks_like_a_square(three)) {
+                let (ring, stone) = (three[2].area, three[1].area);
+                for area in [ring, stone] {
+                    asked += 1;
+                    let before = last.insert(area, asked);
+                    // Forgotten at the earliest when so many others were asked for; then it is wiped
+                    // and filled anew.
+                    if before.is_none_or(|before| asked - before > REMEMBERED) {
+                        filled += 2 * self.pixels[area];
+                    }
+                }
+                if self.is_square(three) && found.insert(ring, Finder { ring, stone }).is_none() {
+                    filled += 2 * self.pixels[ring];
+                }
+            }
+        }
+        (found.into_values().collect(), filled)
+    }
+
+    /// Whether the outer two belong together, and the middle is not of them and has about the right
+    /// size.
+    fn is_square(&self, three: &[Run]) -> bool {
+        let (ring, stone) = (three[0].area, three[1].area);
+        let share = self.pixels[stone] * 100 / self.pixels[ring].max(1);
+        ring == three[2].area && ring != stone && (11..70).contains(&share)
+    }
+}
+
+/// Whether three neighbouring runs and what is between them are as long as in a square's middle rows.
+fn looks_like_a_square(three: &[Run]) -> bool {
+    let [left, stone, right] = three else {
+        return false;
+    };
+    let gaps = (stone.start - left.end, right.start - stone.end);
+    let lengths = [left.len(), gaps.0, stone.len(), gaps.1, right.len()];
+    let module = (lengths[0] + lengths[1] + lengths[3] + lengths[4]) / 4;
+    let slack = module * 3 / 4;
+    let fits = |(length, times): (usize, usize)| {
+        (times * module - slack..=times * module + slack).contains(&length)
+    };
+    lengths.into_iter().zip(PATTERN).all(fits)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Squares of 7 modules of so many pixels, at these corners, on a sheet.
+    fn sheet(width: usize, height: usize, module: usize, corners: &[(usize, usize)]) -> Bitmap {
+        let black = |x: usize, y: usize| {
+            corners.iter().any(|&(left, top)| {
+                let (Some(x), Some(y)) = (x.checked_sub(left), y.checked_sub(top)) else {
+                    return false;
+                };
+                let (x, y) = (x / module, y / module);
+                let ring = x.min(y) == 0 || x.max(y) == 6;
+                x < 7 && y < 7 && (ring || ((2..5).contains(&x) && (2..5).contains(&y)))
+            })
+        };
+        Bitmap::new(width, height, black)
+    }
+
+    fn lattice(columns: usize, rows: usize, step: usize) -> Vec<(usize, usize)> {
+        (0..rows)
+            .flat_map(|y| (0..columns).map(move |x| (2 + x * step, 2 + y * step)))
+            .collect()
+    }
+
+    #[test]
+    fn squares_are_counted_and_the_surplus_is_painted_over() {
+        let mut few = sheet(320, 240, 3, &lattice(3, 2, 40));
+        let before = few.black.clone();
+        let work = few.tame().unwrap();
+        assert_eq!(work.finders, 6);
+        assert!((1..MAX_FILLED).contains(&work.filled));
+        assert_eq!(few.black, before, "nothing is painted over");
+        let mut many = sheet(320, 240, 3, &lattice(10, 7, 30));
+        assert_eq!(many.areas().survey().0.len(), 70);
+        assert_eq!(many.tame().unwrap().finders, MAX_FINDERS);
+        assert_eq!(many.areas().survey().0.len(), MAX_FINDERS);
+    }
+
+    #[test]
+    fn no_picture_is_too_small() {
+        for (width, height) in [(1, 1), (1, 240), (320, 1), (7, 7)] {
+            let black = Bitmap::new(width, height, |_, _| true).tame();
+            assert_eq!(black, Some(QrWork::default()));
+            let white = Bitmap::new(width, height, |_, _| false).tame();
+            assert_eq!(white, Some(QrWork::default()));
+        }
+    }
+}

@@ -1,0 +1,42 @@
+//! Sheets of paper held before the camera: whatever is painted on them, the work of looking at them is
+//! bounded. It is counted, not timed.
+#![no_main]
+
+use std::cell::RefCell;
+
+use image::RgbImage;
+use libfuzzer_sys::fuzz_target;
+use spykee::vision::{
+    BlobFinder, BlobOptions, Camera, Colour, Image, MAX_CODES, MAX_FILLED, MAX_FINDERS, Palette,
+    find_qrcodes_counting,
+};
+
+#[path = "../poster.rs"]
+mod poster;
+
+thread_local! {
+    static FINDER: RefCell<BlobFinder> = RefCell::default();
+}
+
+fuzz_target!(|bytes: &[u8]| {
+    let poster = poster::paint(bytes);
+    let (width, height) = (poster.width as u32, poster.height as u32);
+    let rgb = poster.pixels.iter().flat_map(|grey| [*grey; 3]).collect();
+    let pixels = RgbImage::from_raw(width, height, rgb).expect("three bytes a pixel");
+    let image = Image::from_rgb(&pixels);
+    let (codes, work) = find_qrcodes_counting(&image);
+    assert!(work.finders <= MAX_FINDERS, "{work:?}");
+    assert!(work.filled <= MAX_FILLED, "{work:?}");
+    assert!(work.decoded <= MAX_CODES && codes.len() <= work.decoded, "{work:?}");
+    let colours: Vec<Colour> = ["black", "white"].iter().filter_map(|name| Colour::named(name)).collect();
+    let options = BlobOptions {
+        merge: true,
+        margin: 4,
+        ..BlobOptions::default()
+    };
+    let mut palette = Palette::compile(&colours, false);
+    FINDER.with_borrow_mut(|finder| {
+        let blobs = finder.find(&image, &mut palette, &options, Camera::default());
+        assert!(blobs.len() <= options.max_blobs);
+    });
+});
