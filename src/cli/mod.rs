@@ -38,6 +38,7 @@ mod table;
 mod test;
 mod trace;
 mod world;
+mod world_name;
 
 use std::future::Future;
 use std::io::Write;
@@ -184,7 +185,7 @@ pub fn main() -> ExitCode {
         return Exit::Usage.into();
     };
     report_panics(console.clone());
-    logging::start(&console, format, logs.level);
+    logging::start(&console, format, logs.level, logs.time);
     let (exit, last_words) = match cli.command.run(&console) {
         Ok(exit) => (exit, None),
         Err(failure) => (failure.exit, Some(failure.report())),

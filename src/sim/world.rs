@@ -344,7 +344,10 @@ impl World {
 
     fn blocked_start(&self) -> Option<(Vec<Step>, String)> {
         let obstacles = super::obstacles::Obstacles::of(self);
-        let free = |pose: Pose| obstacles.clearance(pose.point()) >= super::body::RADIUS - 1e-6;
+        let free = |pose: Pose| {
+            let clear = obstacles.clearance(pose.point()) >= super::body::RADIUS - 1e-6;
+            clear && !self.solid(pose.point())
+        };
         if !free(self.station.dock_pose()) || !free(self.station.staging_pose()) {
             let message = "something stands before the station: keep a lane of 0.4 m width and \
                            1 m length free, in the direction of its heading_degrees";
