@@ -28,6 +28,13 @@ scenario("greets who walks by, and politely rarely", { world = "hall", fps = 8 }
 	expect(sim:distance() < 0.01, "it stands still")
 end)
 
+scenario("greets nobody while a patrol drives", { fps = 5, limit = 300 }, function(sim)
+	sim:run("patrol.lua", "greet.lua")
+	sim:wait(200)
+	expect(sim:distance() > 4, "the patrol did not drive")
+	expect(greetings(sim, "") == 0, "nobody is there")
+end)
+
 scenario("greets nobody in an empty room, nor a ball", { battery = 90, fps = 8 }, function(sim)
 	sim:place({ x = 1.4, y = 1.5 + 2 * math.random(), heading = 0.6 * math.random() - 0.3 })
 	sim:run("greet.lua")

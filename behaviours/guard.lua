@@ -1,6 +1,7 @@
 -- guard: watches while the robot stands still. When something moves in front of it, or it becomes
 -- loud, it keeps a photograph, sounds the alarm and writes a line. It never drives, so it runs beside a
--- patrol, and looks away while that drives. A lamp that is switched on is no intruder.
+-- patrol, and looks away while anything moves the robot: that patrol, the watchdog, a person. A lamp that
+-- is switched on is no intruder. Without a microphone it watches, without a camera it listens.
 
 local settings = params.declare({
 	pause = { default = 30, min = 1, max = 3600, unit = "s", doc = "at least so long between two alarms" },
@@ -36,5 +37,8 @@ robot.on("frame", function(frame)
 end, { rate = 5 })
 
 robot.on("noise", function(noise)
+	if noise.own then
+		return -- its own motors, or its own loudspeaker
+	end
 	intruder(`a noise of {math.round(noise.dbfs)} dBFS`, robot.frame())
 end)

@@ -38,6 +38,25 @@ scenario("no alarm in a quiet room, nor when the light changes", { battery = 90,
 	expect(alarms(sim) == 0, "nobody is there")
 end)
 
+scenario("no alarm in an empty room beside a patrol, nor on the way home", { fps = 5, limit = 400 }, function(sim)
+	sim:run("patrol.lua", "guard.lua")
+	expect(sim:wait_until(function() return sim:docked() end, 300), "the patrol did not charge")
+	sim:wait(60)
+	expect(sim:distance() > 4, "the patrol did not drive")
+	expect(alarms(sim) == 0, "nobody is there")
+end)
+
+scenario("no alarm when a person turns or carries the robot", { battery = 90, fps = 5 }, function(sim)
+	sim:place({ x = 2, y = 2.5, heading = 0 })
+	sim:run("guard.lua")
+	for turn = 1, 8 do
+		sim:wait(4)
+		sim:place({ x = 2, y = 2.5, heading = 0.25 * turn })
+	end
+	sim:wait(5)
+	expect(alarms(sim) == 0, "nobody moved but the robot")
+end)
+
 scenario("counts its alarms over a restart", { world = "playpen", fps = 8 }, function(sim)
 	for expected = 1, 2 do
 		sim:run({ "guard.lua", params = { alarm = false } })

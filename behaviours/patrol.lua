@@ -61,6 +61,7 @@ local function look_around()
 		end
 		photograph(`round{round}-leg{leg}-{look.name}.jpg`)
 	end
+	robot.stream("video", false) -- until the next look
 end
 
 -- Kept in the store at once, so that a restart knows it too.

@@ -54,6 +54,9 @@ const REQUESTS_IN_A_ROW: usize = 32;
 /// How often the other tasks get a turn before a deadline is judged: once to read, once to pass on.
 const HEARINGS: usize = 2;
 
+/// Of sounds that follow each other faster, such as speech, behaviours are told so often.
+const SOUND_TOLD_AGAIN: Duration = Duration::from_millis(500);
+
 /// How long the robot may take at the end to acknowledge what it was told last.
 pub const DELIVERY: Duration = Duration::from_secs(2);
 
@@ -109,6 +112,10 @@ pub struct Pilot {
     unsettled: bool,
     /// A behaviour was given up, and the robot has not heard of it yet.
     alarm_due: bool,
+    /// What the behaviours were last told of the robot's motion.
+    moving: bool,
+    /// When they were last told that it makes a sound.
+    sounding: Option<Instant>,
     /// In real time only.
     pulse: Option<Pulse>,
 }
@@ -135,6 +142,8 @@ impl Pilot {
             distress: Distress::default(),
             unsettled: false,
             alarm_due: false,
+            moving: false,
+            sounding: None,
             pulse: None,
         };
         (pilot, shown, newest_status)
@@ -183,6 +192,7 @@ impl Pilot {
             if let Err(lost) = served.and_then(|()| self.follow_distress()) {
                 self.lose(&lost, &mut line);
             }
+            self.tell_motion();
             self.publish();
         }
         self.serve_last(&mut requests);
@@ -339,9 +349,18 @@ impl Pilot {
     /// Never waits. Without a link nothing is kept for later: the robot's next login begins with a
     /// stop.
     fn send(&mut self, commands: &[Command]) -> Result<(), LinkLost> {
-        commands
+        for command in commands {
+            if self.simulated && self.writer.is_some() {
+                self.lights.tell(command);
+            }
+            self.lights.note(command);
+        }
+        if commands
             .iter()
-            .for_each(|command| self.lights.note(command));
+            .any(|command| matches!(command, Command::Play(_)))
+        {
+            self.tell_sound();
+        }
         if commands.is_empty() {
             return Ok(());
         }
@@ -370,6 +389,26 @@ impl Pilot {
         self.release_guard();
         let reason = lost.to_string();
         self.seats.tell_all(&Event::Disconnected { reason });
+    }
+
+    /// Tells all behaviours when the robot begins to move and when it stands: whoever compares
+    /// pictures must know, whoever moves it.
+    fn tell_motion(&mut self) {
+        let on = self.watchdog.is_robot_moving();
+        if on != self.moving {
+            self.moving = on;
+            self.seats.tell_all(&Event::Moving { on });
+        }
+    }
+
+    /// Tells all behaviours that the robot makes a sound, so that none takes it for somebody's noise.
+    fn tell_sound(&mut self) {
+        let now = Instant::now();
+        let lately = |at: Instant| now.saturating_duration_since(at) < SOUND_TOLD_AGAIN;
+        if !self.sounding.is_some_and(lately) {
+            self.sounding = Some(now);
+            self.seats.tell_all(&Event::Sounding);
+        }
     }
 
     fn publish(&self) {

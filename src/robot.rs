@@ -261,6 +261,13 @@ pub enum Event {
         /// The byte.
         code: u8,
     },
+    /// Whether anything moves the robot: a behaviour, the watchdog, a person, or its own search.
+    Moving {
+        /// It moves.
+        on: bool,
+    },
+    /// The robot was told to make a sound, by whomever.
+    Sounding,
     /// A setpoint is over.
     MotionEnded {
         /// Which.

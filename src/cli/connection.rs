@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{Failure, secret};
+use super::world_name::WorldParser;
 use crate::config::{Effective, Named};
 use crate::link::Target;
 use crate::wire::Login;
@@ -30,7 +31,7 @@ pub struct ConnectionArgs {
     pub robot: Option<Target>,
 
     /// Drive a simulated robot, in the built-in world or the one of a YAML file
-    #[arg(long, value_name = "WORLD", num_args = 0..=1)]
+    #[arg(long, value_name = "WORLD", num_args = 0..=1, value_parser = WorldParser, hide_possible_values = true)]
     pub sim: Option<Option<PathBuf>>,
 
     #[command(flatten)]

@@ -105,6 +105,11 @@ impl Console {
         self.features.colour
     }
 
+    /// Whether logs are for programs.
+    pub fn is_json(&self) -> bool {
+        self.format == LogFormat::Json
+    }
+
     /// Whether there is a status line: stderr is a terminal and logs are text.
     pub fn has_status_line(&self) -> bool {
         self.features.redraw

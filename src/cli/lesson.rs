@@ -2,9 +2,16 @@
 
 mod catalogue;
 mod check;
+mod class;
 mod feedback;
+mod grade;
+mod likeness;
 mod marks;
 mod start;
+
+use std::ffi::OsStr;
+
+use clap::builder::{PossibleValue, TypedValueParser};
 
 use super::table::{Side, aligned};
 use super::{Console, Exit, Failure, print};
@@ -25,6 +32,8 @@ enum Action {
     Start(start::StartArgs),
     /// Try a lesson's script, and say what is missing
     Check(check::CheckArgs),
+    /// Check the scripts of a class
+    Grade(grade::GradeArgs),
 }
 
 pub(super) fn run(args: &LessonArgs, console: &Console) -> Result<Exit, Failure> {
@@ -32,6 +41,7 @@ pub(super) fn run(args: &LessonArgs, console: &Console) -> Result<Exit, Failure>
         Action::List => list(),
         Action::Start(args) => start::run(args),
         Action::Check(args) => check::run(args, console),
+        Action::Grade(args) => grade::run(args, console),
     }
 }
 
@@ -58,7 +68,28 @@ fn list() -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// A number from 1, or a name such as `moving` or `03-moving`.
+/// A number from 1, or a name such as `moving` or `03-moving`; shells complete the names.
+#[derive(Debug, Clone)]
+struct LessonParser;
+
+impl TypedValueParser for LessonParser {
+    type Value = &'static Lesson;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        arg: Option<&clap::Arg>,
+        value: &OsStr,
+    ) -> Result<&'static Lesson, clap::Error> {
+        parse_lesson.parse_ref(command, arg, value)
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        let names = Lesson::all().iter().map(Lesson::name);
+        Some(Box::new(names.map(PossibleValue::new)))
+    }
+}
+
 fn parse_lesson(text: &str) -> Result<&'static Lesson, String> {
     Lesson::named(text).ok_or_else(|| {
         let last = Lesson::all().len();

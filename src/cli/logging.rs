@@ -1,6 +1,7 @@
 //! Logs: what `tracing` records, as text for people or JSON for programs, through the console.
 
 use std::fmt;
+use std::time::Instant;
 
 use tracing::field::{Field, Visit};
 use tracing_subscriber::EnvFilter;
@@ -11,7 +12,7 @@ use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
 
 use super::{Console, LogFormat};
 use crate::clean;
-use crate::config::Level;
+use crate::config::{Level, Time};
 use crate::lab;
 
 /// Without `RUST_LOG`: our own doings from the config's level on, and what worries others.
@@ -26,7 +27,7 @@ fn usual(level: Level) -> &'static str {
 
 /// Logs from now on. `RUST_LOG` chooses what is logged; one that cannot be read is named and the
 /// default taken. A second call changes nothing.
-pub(super) fn start(console: &Console, format: LogFormat, level: Level) {
+pub(super) fn start(console: &Console, format: LogFormat, level: Level, time: Time) {
     let wanted = std::env::var("RUST_LOG")
         .ok()
         .filter(|text| !text.is_empty());
@@ -38,7 +39,7 @@ pub(super) fn start(console: &Console, format: LogFormat, level: Level) {
         .unwrap_or_else(|| EnvFilter::new(usual(level)));
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_timer(Clock)
+        .with_timer(Clock::new(time, console.has_status_line()))
         .with_writer(console.clone())
         .with_ansi(console.colour());
     let started = match format {
@@ -57,13 +58,33 @@ pub(super) fn start(console: &Console, format: LogFormat, level: Level) {
     }
 }
 
-/// Virtual time where there is any: `+3725.040s`.
-struct Clock;
+/// Virtual time where there is any, such as `+3725.040s`; else the time of the config's choice.
+struct Clock {
+    started: Instant,
+    time: Time,
+}
+
+impl Clock {
+    fn new(time: Time, terminal: bool) -> Clock {
+        let time = match (time, terminal) {
+            (Time::Auto, true) => Time::Run,
+            (Time::Auto, false) => Time::Utc,
+            (time, _) => time,
+        };
+        let started = Instant::now();
+        Clock { started, time }
+    }
+}
 
 impl FormatTime for Clock {
     fn format_time(&self, writer: &mut Writer<'_>) -> fmt::Result {
-        match lab::now() {
+        let run = lab::now().or_else(|| (self.time == Time::Run).then(|| self.started.elapsed()));
+        match run {
             Some(time) => write!(writer, "+{:.3}s", time.as_secs_f64()),
+            None if self.time == Time::Local => {
+                let now = chrono::Local::now();
+                write!(writer, "{}", now.format("%Y-%m-%dT%H:%M:%S%.3f%:z"))
+            }
             None => SystemTime.format_time(writer),
         }
     }

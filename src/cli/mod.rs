@@ -39,6 +39,7 @@ mod table;
 mod test;
 mod trace;
 mod world;
+mod world_name;
 
 use std::ffi::OsString;
 use std::future::Future;
@@ -191,7 +192,7 @@ pub fn main() -> ExitCode {
         return Exit::Usage.into();
     };
     report_panics(console.clone());
-    logging::start(&console, format, logs.level);
+    logging::start(&console, format, logs.level, logs.time);
     let (exit, last_words) = match cli.command.run(&console) {
         Ok(exit) => (exit, None),
         Err(failure) => (failure.exit, Some(failure.report())),

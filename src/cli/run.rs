@@ -133,7 +133,11 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let place = place(&args.connection, &config)?;
     let trace = trace_file(&args, matches!(place, Place::Sim(_)))?;
     let login = args.connection.login.login(args.settings.load()?)?;
-    tracing::info!(seed, "starting");
+    if console.is_json() {
+        tracing::info!(seed, "starting");
+    } else {
+        tracing::debug!(seed, "starting");
+    }
     if args.fast {
         return fast(
             (&args, trace),

@@ -8,6 +8,7 @@ use tokio::time::interval;
 
 use super::embedded::load;
 use super::interrupt::interruption;
+use super::world_name::WorldParser;
 use super::{Console, Exit, Failure, LoginArgs, block_on, print};
 use crate::sim::{Fault, Handle, Options, Server, State, World};
 
@@ -18,7 +19,7 @@ const STATUS_PERIOD: Duration = Duration::from_millis(500);
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct SimArgs {
     /// The world, a YAML file such as behaviours/worlds/living_room.yaml; without it a living room
-    #[arg(value_name = "WORLD.yaml")]
+    #[arg(value_name = "WORLD.yaml", value_parser = WorldParser, hide_possible_values = true)]
     world: Option<PathBuf>,
 
     /// Address and port, TCP and UDP; port 0 takes a free one

@@ -8,7 +8,7 @@ use tokio::time::Instant;
 use crate::pilot::{LinkState, Status};
 use crate::robot::Battery;
 use crate::safety::WatchdogState;
-use crate::sim::Handle;
+use crate::sim::{Handle, State};
 
 /// Over how long frames are counted.
 const RATE_PERIOD: Duration = Duration::from_secs(1);
@@ -51,9 +51,12 @@ impl StatusLine {
         let battery = status.battery.map_or_else(|| "-".to_owned(), battery);
         let mut parts = vec![state(status), format!("battery {battery}")];
         if let Some(sim) = &self.sim {
-            let pose = sim.state().pose;
+            let state = sim.state();
+            let pose = state.pose;
             let degrees = pose.heading.to_degrees().rem_euclid(360.0);
             parts.push(format!("at {:.2} {:.2} m, {degrees:.0}°", pose.x, pose.y));
+            parts.extend(lights(&state));
+            parts.extend(state.sound.map(|sound| format!("plays {}", sound.name())));
         }
         parts.push(format!("{:.0} fps", self.rate));
         parts.push(self.behaviours.clone());
@@ -93,6 +96,17 @@ fn state(status: &Status) -> String {
         LinkState::Lost => "link lost, connecting anew".to_owned(),
         LinkState::Up => status.safety.to_string(),
     }
+}
+
+/// The simulated robot's lights that are on, if any.
+fn lights(state: &State) -> Option<String> {
+    let leds = [
+        ("flash", state.leds.flash),
+        ("left", state.leds.left),
+        ("right", state.leds.right),
+    ];
+    let on: Vec<&str> = leds.iter().filter(|led| led.1).map(|led| led.0).collect();
+    (!on.is_empty()).then(|| format!("lights: {}", on.join(" ")))
 }
 
 fn battery(battery: Battery) -> String {

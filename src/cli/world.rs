@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use super::embedded::load;
+use super::world_name::WorldParser;
 use super::{Exit, Failure, print};
 use crate::sim::World;
 
@@ -19,12 +20,16 @@ enum Action {
     /// Draw the map of a world
     Show {
         /// A world file, or the name of a world that comes along; without it the built-in one
-        #[arg(value_name = "WORLD")]
+        #[arg(value_name = "WORLD", value_parser = WorldParser, hide_possible_values = true)]
         world: Option<PathBuf>,
 
         /// The picture, a file that ends in .png
         #[arg(short, long, value_name = "FILE.png", default_value = "map.png", value_parser = parse_png)]
         output: PathBuf,
+
+        /// Print the world as YAML instead, to be changed: `--yaml > mine.yaml`
+        #[arg(long, conflicts_with = "output")]
+        yaml: bool,
     },
     /// List the worlds that come along
     List,
@@ -55,7 +60,10 @@ pub(super) fn parse_png(text: &str) -> Result<PathBuf, String> {
 /// A world that cannot be used, a picture that cannot be written.
 pub(super) fn run(args: &WorldArgs) -> Result<Exit, Failure> {
     match &args.action {
-        Action::Show { world, output } => show(world.as_deref(), output),
+        Action::Show {
+            world, yaml: true, ..
+        } => show_yaml(world.as_deref()),
+        Action::Show { world, output, .. } => show(world.as_deref(), output),
         Action::List => list(),
         Action::Check { worlds } => check(worlds),
     }
@@ -69,6 +77,22 @@ fn show(world: Option<&Path>, output: &Path) -> Result<Exit, Failure> {
         world.name,
         output.display()
     ))?;
+    Ok(Exit::Done)
+}
+
+fn show_yaml(world: Option<&Path>) -> Result<Exit, Failure> {
+    let built_in = World::ready_names().next().unwrap_or_default();
+    let name = world.map_or(built_in.into(), Path::to_string_lossy);
+    match (World::ready_yaml(&name), world) {
+        (Some(yaml), _) => print(yaml)?,
+        (None, Some(path)) => {
+            // Only what is a world is shown.
+            World::load(path).map_err(Failure::usage)?;
+            let text = std::fs::read_to_string(path).map_err(Failure::usage)?;
+            print(&text)?;
+        }
+        (None, None) => {}
+    }
     Ok(Exit::Done)
 }
 

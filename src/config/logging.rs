@@ -13,6 +13,8 @@ pub struct Logging {
     pub level: Level,
     /// For people or for programs; `--log-format` wins.
     pub format: Format,
+    /// Which time stands before a line.
+    pub time: Time,
     /// Whether lines are coloured; `NO_COLOR` wins over `auto`.
     pub colour: When,
     /// What is written in a day, in bytes, a 24th of it at once: 256 MiB. The rest is counted.
@@ -60,6 +62,21 @@ pub enum Format {
     Text,
     /// One JSON object a line.
     Json,
+}
+
+/// The time of a log line. In virtual time it is always the time since the start.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Time {
+    /// Since the start on a terminal, UTC in files and pipes.
+    #[default]
+    Auto,
+    /// Since the start, in seconds.
+    Run,
+    /// UTC, with the date.
+    Utc,
+    /// The computer's time zone, with the date.
+    Local,
 }
 
 /// When colours are used.

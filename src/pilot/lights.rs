@@ -1,5 +1,7 @@
 //! What the robot was told about its lights and volume, so that only changes are sent.
 
+use tracing::info;
+
 use crate::wire::{Command, Led};
 
 /// The last known state; unknown after a login.
@@ -34,6 +36,19 @@ impl Lights {
             .filter(|command| self.is_news(command))
             .chain(sound)
             .collect()
+    }
+
+    /// Writes into the log what of a command a person would see and hear beside a robot.
+    pub(super) fn tell(&self, command: &Command) {
+        match *command {
+            Command::Led { led, on } if self.is_news(command) => {
+                let state = if on { "on" } else { "off" };
+                info!("{} light {state}", led.name());
+            }
+            Command::Play(sound) => info!("plays {}", sound.name()),
+            Command::Volume(percent) if self.is_news(command) => info!("volume {percent} %"),
+            _ => {}
+        }
     }
 
     /// A command goes out. Some sounds switch lights too, so that the lights are unknown afterwards

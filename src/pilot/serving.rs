@@ -28,7 +28,9 @@ impl Pilot {
                 role,
                 outbox,
             } => {
-                let welcome = self.welcome();
+                let mut welcome = self.welcome();
+                // The last of them is that it is connected.
+                welcome.insert(0, Event::Moving { on: self.moving });
                 self.seats.join(by, name, priority, role, outbox, &welcome);
                 if role == Role::Rescuer {
                     self.defer(Fact::Rescuer(Some(by)));
@@ -173,7 +175,9 @@ impl Pilot {
             && !writer.say(&samples)?
         {
             self.seats.refuse(by);
+            return Ok(());
         }
+        self.tell_sound();
         Ok(())
     }
 

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde_json::{Value, json};
 
+use crate::agent::RESCUE_NAME;
 use crate::behaviour::is_failure;
 use crate::lab::{Event, EventKind, Recorder};
 use crate::robot::EndReason;
@@ -59,10 +60,14 @@ impl Chronicle {
         self.pages().endings.clear();
     }
 
-    /// How a behaviour ended for the last time, or any.
+    /// How a behaviour ended for the last time, or any but the rescue behaviour, which comes and goes.
     pub(super) fn ended(&self, behaviour: Option<&str>) -> Option<String> {
         let pages = self.pages();
-        let is_meant = |ended: &&Ended| behaviour.is_none_or(|name| ended.behaviour == name);
+        let is_meant = |ended: &&Ended| {
+            behaviour.map_or(ended.behaviour != RESCUE_NAME, |name| {
+                ended.behaviour == name
+            })
+        };
         let found = pages.endings.iter().rev().find(is_meant);
         found.map(|ended| ended.reason.clone())
     }

@@ -91,7 +91,11 @@ impl EventName {
             Event::Safety { .. } => EventName::Safety,
             Event::Loan { .. } => EventName::Loan,
             Event::Engine { .. } => EventName::Engine,
-            Event::MotionEnded { .. } | Event::DockEnded { .. } | Event::UndockEnded { .. } => {
+            Event::Moving { .. }
+            | Event::Sounding
+            | Event::MotionEnded { .. }
+            | Event::DockEnded { .. }
+            | Event::UndockEnded { .. } => {
                 return None;
             }
         })
@@ -108,7 +112,7 @@ impl EventName {
 pub(super) enum Payload {
     Event(Rc<Event>),
     Frame(Rc<HeldFrame>),
-    Noise { dbfs: f64 },
+    Noise { dbfs: f64, own: bool },
     Loan(Rc<Loan>),
 }
 
@@ -145,9 +149,10 @@ impl Payload {
     pub(super) fn to_lua(&self, lua: &Lua) -> LuaResult<LuaValue> {
         let event = match self {
             Payload::Frame(held) => return frame_to_lua(lua, held),
-            Payload::Noise { dbfs } => {
-                let table = lua.create_table_with_capacity(0, 1)?;
+            Payload::Noise { dbfs, own } => {
+                let table = lua.create_table_with_capacity(0, 2)?;
                 table.raw_set("dbfs", *dbfs)?;
+                table.raw_set("own", *own)?;
                 return Ok(LuaValue::Table(table));
             }
             Payload::Loan(loan) => return loan.to_lua(lua).map(LuaValue::Table),

@@ -40,6 +40,7 @@ mod stage;
 mod state;
 pub mod stdlib;
 mod store;
+mod streams;
 mod task;
 #[cfg(test)]
 mod tests;
@@ -185,6 +186,7 @@ impl Script {
             self.run(next);
         }
         self.settle();
+        self.state.borrow_mut().drop_unused_streams();
     }
 
     /// Whether [`run_ready`](Script::run_ready) has something to do at the time of the last call.
@@ -208,7 +210,7 @@ impl Script {
     pub fn wants_frames(&self) -> bool {
         let state = self.state.borrow();
         !state.has_ended()
-            && (state.streams.contains(&Stream::Video) || state.is_heard(EventName::Frame))
+            && (state.streams.is_on(Stream::Video) || state.is_heard(EventName::Frame))
     }
 
     /// Whether a setpoint of this script is on, as far as it knows, be it one of standing still: it

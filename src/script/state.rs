@@ -1,7 +1,7 @@
 //! Everything that a script's natives and its scheduler share.
 
 use std::cell::Cell;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::rc::Rc;
 use std::time::Duration;
 
@@ -21,12 +21,19 @@ use super::sighting::{Seen, Sighting, Witness};
 use super::sound::Loudness;
 use super::stage::Stage;
 use super::store::Store;
+use super::streams::{Demand, WantedStreams};
 use super::task::{Answer, GroupId, Kind, SubscriptionId, Wait};
 use super::way_back::way_back;
 use crate::robot::{Battery, Event, Frame, Intent, RobotInfo};
 use crate::vision::{Damage, Eyes, FrameError, validate_markers};
 use crate::wire::Stream;
 
+/// After so long without a loud sound the next one is another noise.
+const QUIET: Duration = Duration::from_secs(1);
+/// The motors may be heard for so long after the robot has moved.
+const MOTOR: Duration = Duration::from_secs(1);
+/// A sound may be heard for so long after it has begun.
+const SOUND: Duration = Duration::from_secs(5);
 /// Places whose complaints are counted; those of further places are logged each time.
 const MAX_PLACES: usize = 256;
 
@@ -37,6 +44,8 @@ pub(super) struct Known {
     pub(super) connected: bool,
     pub(super) docked: bool,
     pub(super) battery: Option<(Battery, Instant)>,
+    /// Something moves the robot, be it this script or not.
+    moving: bool,
 }
 
 impl Known {
@@ -55,9 +64,22 @@ impl Known {
             Event::Charging { on } => self.docked |= on,
             Event::Docked => self.docked = true,
             Event::Undocked => self.docked = false,
+            Event::Moving { on } => self.moving = *on,
             _ => {}
         }
     }
+}
+
+/// Whether an event says that the robot has moved by itself.
+fn shows_motion(event: &Event) -> bool {
+    matches!(
+        event,
+        Event::Moving { .. }
+            | Event::Connected { .. }
+            | Event::Docked
+            | Event::Undocked
+            | Event::BaseNotFound
+    )
 }
 
 /// What a script has used.
@@ -85,7 +107,7 @@ pub(super) struct State {
     pub(super) subscriptions: Subscriptions,
     pub(super) known: Known,
     pub(super) motion: Motion,
-    pub(super) streams: Vec<Stream>,
+    pub(super) streams: WantedStreams,
     pub(super) newest: Option<Rc<HeldFrame>>,
     /// JPEG bytes of all frames that anyone holds.
     pub(super) frame_bytes: Rc<Cell<u64>>,
@@ -114,9 +136,15 @@ pub(super) struct State {
     pub(super) broken: bool,
     pub(super) usage: Usage,
     pub(super) last_call: u64,
-    /// When a track last turned.
+    /// When the robot last moved, whoever moved it.
     moved: Option<Instant>,
+    /// When it was last loud.
+    loud: Option<Instant>,
+    /// When the robot was last told to make a sound.
+    sounded: Option<Instant>,
     complaints: BTreeMap<String, u64>,
+    /// Events that the script listens to and that the config keeps from coming; said once each.
+    pub(super) missed: BTreeSet<EventName>,
     pub(super) damage: Damage,
 }
 
@@ -137,7 +165,7 @@ impl State {
             subscriptions: BTreeMap::new(),
             known: Known::default(),
             motion: Motion::default(),
-            streams: Vec::new(),
+            streams: WantedStreams::default(),
             newest: None,
             frame_bytes: Rc::default(),
             eyes,
@@ -158,7 +186,10 @@ impl State {
             usage: Usage::default(),
             last_call: 0,
             moved: None,
+            loud: None,
+            sounded: None,
             complaints: BTreeMap::new(),
+            missed: BTreeSet::new(),
             damage: Damage::default(),
         }
     }
@@ -166,21 +197,28 @@ impl State {
     /// The time never runs backwards.
     pub(super) fn tick(&mut self, now: Instant) {
         self.now = self.now.max(now);
-        if self.motion.is_on() {
+        if self.motion.is_on() || self.known.moving {
             self.moved = Some(self.now);
         }
+        self.note_used_streams();
         self.outbox.unfold(self.now);
     }
 
-    /// Whether this script has moved the robot within the last `time`.
+    /// Whether the robot has moved within the last `time`, whoever moved it.
     pub(super) fn has_moved_within(&self, time: Duration) -> bool {
         let lately = |at: Instant| self.now.saturating_duration_since(at) < time;
-        self.motion.is_on() || self.moved.is_some_and(lately)
+        self.motion.is_on() || self.known.moving || self.moved.is_some_and(lately)
     }
 
     /// Takes note of an event and hands it on.
     pub(super) fn deliver(&mut self, event: Event) {
         self.known.note(&event, self.now);
+        if shows_motion(&event) {
+            self.moved = Some(self.now);
+        }
+        if event == Event::Sounding {
+            self.sounded = Some(self.now);
+        }
         match event {
             Event::MotionEnded { motion, end } => {
                 self.motion.ended(motion);
@@ -256,10 +294,24 @@ impl State {
     fn hear(&mut self, samples: &[u8]) {
         if self.is_heard(EventName::Noise) {
             let dbfs = Loudness::of(samples).dbfs();
-            if dbfs > self.options.limits.noise_dbfs {
-                self.publish(EventName::Noise, Payload::Noise { dbfs });
+            if dbfs > self.options.limits.noise_dbfs && self.becomes_loud() {
+                let own = self.may_hear_itself();
+                self.publish(EventName::Noise, Payload::Noise { dbfs, own });
             }
         }
+    }
+
+    /// It is loud now; whether it was quiet before. A bell is one noise, however long it rings, and so are
+    /// the motors that a script starts because of it.
+    fn becomes_loud(&mut self) -> bool {
+        let before = self.loud.replace(self.now);
+        before.is_none_or(|at| self.now.saturating_duration_since(at) >= QUIET)
+    }
+
+    /// Whether what is heard may be the robot's own motors or loudspeaker.
+    fn may_hear_itself(&self) -> bool {
+        let lately = |at: Instant| self.now.saturating_duration_since(at) < SOUND;
+        self.has_moved_within(MOTOR) || self.sounded.is_some_and(lately)
     }
 
     /// Whether anyone listens to this event or waits for it.
@@ -359,15 +411,45 @@ impl State {
     }
 
     /// Switches a stream on unless it is, or must stay off: then it says so.
-    pub(super) fn want(&mut self, stream: Stream) -> Result<(), String> {
+    pub(super) fn want(&mut self, stream: Stream, by: Demand) -> Result<(), String> {
         if let Some(why) = self.options.streams.refusal(stream) {
             return Err(why);
         }
-        if !self.streams.contains(&stream) {
-            self.streams.push(stream);
+        if self.streams.want(stream, by, self.now) {
             self.outbox.send(Intent::Stream { stream, on: true });
         }
         Ok(())
+    }
+
+    /// Whether anything listens to a stream or waits for it.
+    fn is_used(&self, stream: Stream) -> bool {
+        let mut events = EventName::ALL.iter().copied();
+        events.any(|event| event.stream() == Some(stream) && self.is_heard(event))
+    }
+
+    /// Before anything happens: what listens to a stream now still uses it.
+    fn note_used_streams(&mut self) {
+        for stream in self.streams.lent() {
+            if self.is_used(stream) {
+                self.streams.note_use(stream, self.now);
+            }
+        }
+    }
+
+    /// Switches off the streams that nothing has used for a while.
+    pub(super) fn drop_unused_streams(&mut self) {
+        for stream in self.streams.lent() {
+            if !self.is_used(stream) && self.streams.drop_if_unused(stream, self.now) {
+                self.outbox.send(Intent::Stream { stream, on: false });
+            }
+        }
+    }
+
+    /// When the next stream is switched off because nothing uses it.
+    fn next_stream_end(&self) -> Option<Instant> {
+        let unused = |stream: &Stream| !self.is_used(*stream);
+        let lent = self.streams.lent().into_iter().filter(unused);
+        lent.filter_map(|stream| self.streams.end_of(stream)).min()
     }
 
     /// A number for a docking or undocking.
@@ -383,8 +465,10 @@ impl State {
             Life::Running => None,
             Life::Ended(_) => return None,
         };
-        [self.tasks.next_timer(), self.outbox.unfolds_at(), ending]
+        let timers = [self.tasks.next_timer(), self.outbox.unfolds_at(), ending];
+        timers
             .into_iter()
+            .chain([self.next_stream_end()])
             .flatten()
             .min()
     }

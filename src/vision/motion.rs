@@ -18,6 +18,18 @@ const CLIPPED: (i32, i32) = (4, 250);
 const MOST_MOVING: f64 = 0.5;
 /// How many of nine neighbours must have changed as well.
 const SUPPORT: u8 = 3;
+/// Side of a tile of the half-size picture, in which upright edges are looked for.
+const TILE: usize = 10;
+/// What moved is looked for so far beside a tile, too.
+const AROUND_A_TILE: usize = 3;
+/// An upright edge: so much brighter or darker within this many pixels to each side.
+const EDGE: (i32, usize) = (25, 2);
+/// A tile with so many pixels on edges, or with so many that moved, counts.
+const IN_A_TILE: u32 = 4;
+/// In fewer tiles with edges than this it cannot be told whether the camera moved.
+const FEWEST_TILES: u32 = 8;
+/// When more than this share of the tiles with edges has changed, it was the camera.
+const MOST_TILES: f64 = 0.5;
 
 /// What counts as motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -103,7 +115,8 @@ impl MotionDetector {
         let cells = if comparable { self.compare() } else { 0 };
         let pixels = cells * 4;
         let share = f64::from(pixels) / (f64::from(size.width) * f64::from(size.height)).max(1.0);
-        if pixels == 0 || pixels < self.options.min_pixels || share > MOST_MOVING {
+        let too_few = pixels == 0 || pixels < self.options.min_pixels;
+        if too_few || share > MOST_MOVING || self.has_camera_moved() {
             return Motion {
                 score: 0.0,
                 pixels: 0,
@@ -122,6 +135,35 @@ impl MotionDetector {
         self.mark_changes();
         self.drop_lonely_ones();
         self.moved.iter().map(|moved| u32::from(*moved)).sum()
+    }
+
+    /// Whether most of the upright edges are not where they were: somebody has pushed or carried the
+    /// robot. What moves through the view covers few of them.
+    fn has_camera_moved(&self) -> bool {
+        let Size2 { w, h } = self.half;
+        let (contrast, reach) = EDGE;
+        let (mut tiles, mut changed) = (0u32, 0u32);
+        for top in (0..h).step_by(TILE) {
+            for left in (0..w).step_by(TILE) {
+                let (mut edges, mut moved) = (0, 0);
+                for y in top..(top + TILE).min(h) {
+                    let row = &self.before[y * w..][..w];
+                    for x in left.max(reach)..(left + TILE).min(w.saturating_sub(reach)) {
+                        let step = i32::from(row[x + reach]) - i32::from(row[x - reach]);
+                        edges += u32::from(step.abs() > contrast);
+                    }
+                    // An edge on the border of a tile may have moved into the next one.
+                    let right = (left + TILE + AROUND_A_TILE).min(w);
+                    let cells = &self.moved[y * w..][left.saturating_sub(AROUND_A_TILE)..right];
+                    moved += cells.iter().map(|cell| u32::from(*cell)).sum::<u32>();
+                }
+                if edges >= IN_A_TILE {
+                    tiles += 1;
+                    changed += u32::from(moved >= IN_A_TILE);
+                }
+            }
+        }
+        tiles >= FEWEST_TILES && f64::from(changed) > MOST_TILES * f64::from(tiles)
     }
 
     fn mark_changes(&mut self) {
@@ -304,6 +346,31 @@ mod tests {
             motion.pixels > 150 && (motion.blobs[0].cx - 90.0).abs() < 15.0,
             "{motion:?}"
         );
+    }
+
+    /// The room from a place where everything is so many pixels further to the right.
+    fn shifted(by: u32, ball: Option<(i32, i32)>) -> Image {
+        let mut picture = RgbImage::from_fn(320, 240, |x, y| {
+            let x = x + 400 - by;
+            let plank = if (x / 40 + y / 30) % 2 == 0 { 115 } else { 75 };
+            Rgb([plank; 3])
+        });
+        if let Some((x, y)) = ball {
+            draw_filled_circle_mut(&mut picture, (x + by as i32, y), 18, Rgb([210, 180, 60]));
+        }
+        Image::from_rgb(&picture)
+    }
+
+    #[test]
+    fn a_camera_that_is_turned_is_not_motion_and_a_ball_in_a_patterned_room_is() {
+        for by in [5, 9, 15, 30] {
+            let mut detector = detector();
+            detector.update(&shifted(0, None));
+            assert_eq!(detector.update(&shifted(by, None)).pixels, 0, "by {by}");
+            assert_eq!(detector.update(&shifted(by, None)).pixels, 0, "by {by}");
+            let motion = detector.update(&shifted(by, Some((100, 150))));
+            assert!(motion.pixels >= 150, "by {by}: {motion:?}");
+        }
     }
 
     #[test]

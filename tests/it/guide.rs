@@ -1,8 +1,10 @@
-//! The guide for people who write behaviours: every script on it runs.
+//! The guide for people who write behaviours: every script on it does what its text says.
 
 use crate::rig::Rig;
 
 const GUIDE: &str = include_str!("../../behaviours/README.md");
+/// What the scripts of the guide must do.
+const SCENARIOS: &str = include_str!("../guide/guide_test.lua");
 
 /// The scripts of the guide, without the reference: behaviours, and scenarios.
 fn scripts() -> (Vec<&'static str>, Vec<&'static str>) {
@@ -13,24 +15,53 @@ fn scripts() -> (Vec<&'static str>, Vec<&'static str>) {
         .partition(|script| !script.starts_with("scenario("))
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn every_script_of_the_guide_runs() {
-    let rig = Rig::quiet().await;
+/// The scripts of the guide by number, and what they must do.
+fn files() -> Vec<(String, &'static str)> {
     let (scripts, _) = scripts();
-    assert!(scripts.len() > 12, "{} scripts", scripts.len());
-    for (number, script) in scripts.iter().enumerate() {
-        let file = rig.file(&format!("guide{number}.lua"), script);
-        let mut run = rig.spykee(&[
-            "run",
-            file.to_str().unwrap(),
-            "--sim",
-            "--fast",
-            "--for",
-            "6",
-            "--seed",
-            "1",
-        ]);
-        assert_eq!(run.code().await, Some(0), "{script}\n{}", run.text());
+    let numbered = scripts.into_iter().zip(1..);
+    let mut files: Vec<_> = numbered
+        .map(|(script, number)| (format!("guide_{number:02}.lua"), script))
+        .collect();
+    files.push(("guide_test.lua".to_owned(), SCENARIOS));
+    files
+}
+
+#[test]
+fn every_script_of_the_guide_has_a_scenario() {
+    let (scripts, _) = scripts();
+    assert!(scripts.len() > 20, "{} scripts", scripts.len());
+    for number in 1..=scripts.len() {
+        let name = format!("scenario(\"{number:02} ");
+        assert_eq!(SCENARIOS.matches(&name).count(), 1, "{name}");
+    }
+}
+
+#[test]
+fn every_script_of_the_guide_does_what_its_text_says() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text) in files() {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    let played = std::process::Command::new(env!("CARGO_BIN_EXE_spykee"))
+        .args(["test", "guide_test.lua"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&played.stdout);
+    assert_eq!(played.status.code(), Some(0), "{said}");
+    assert!(said.contains(" runs passed; "), "{said}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_check_has_nothing_against_the_guide() {
+    let rig = Rig::quiet().await;
+    for (file, text) in files() {
+        rig.file(&file, text);
+        let mut run = rig.spykee(&["check", &file]);
+        assert_eq!(run.code().await, Some(0), "{file}: {}", run.text());
+        for word in ["warning", "error:"] {
+            assert!(!run.text().contains(word), "{file}: {}", run.text());
+        }
     }
 }
 

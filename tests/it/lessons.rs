@@ -95,6 +95,140 @@ fn every_solution_has_all_points_with_every_seed() {
     }
 }
 
+/// Other solutions of a lesson: right ones have all points, wrong ones not, and are told what is wrong.
+fn judges_other_solutions(lesson: &str) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/lessons")
+        .join(lesson);
+    let (mut right, mut wrong) = (0, 0);
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let source = fs::read_to_string(&path).unwrap();
+        let said = Learner::with(&source).checks(&["--json", "--lesson", lesson]);
+        let (name, result) = (path.display(), said.json());
+        if let Some(told) = source
+            .lines()
+            .next()
+            .and_then(|line| line.strip_prefix("-- wrong: "))
+        {
+            wrong += 1;
+            let told_so = |message: &str| told.split('|').any(|words| message.contains(words));
+            assert!(result["points"].as_u64() < Some(10), "{name}: {}", said.out);
+            assert!(
+                messages(&result).into_iter().any(told_so),
+                "{name}: {}",
+                said.out
+            );
+            messages(&result).into_iter().for_each(assert_sentence);
+        } else {
+            right += 1;
+            assert!(source.starts_with("-- right\n"), "{name}");
+            assert_eq!(result["points"], 10, "{name}: {}", said.out);
+        }
+    }
+    assert!(
+        right >= 2 && wrong >= 3,
+        "{lesson}: {right} right, {wrong} wrong"
+    );
+}
+
+macro_rules! other_solutions {
+    ($($name:ident: $lesson:literal,)+) => {
+        /// One test for each lesson, so that they run side by side.
+        mod other_solutions {
+            $(#[test] fn $name() { super::judges_other_solutions($lesson); })+
+        }
+
+        #[test]
+        fn every_lesson_has_other_solutions() {
+            let names = lessons().into_iter().map(|path| path.file_name().unwrap().to_owned());
+            assert_eq!(names.collect::<Vec<_>>(), [$($lesson),+]);
+        }
+    };
+}
+
+other_solutions! {
+    lights: "01-lights",
+    sounds: "02-sounds",
+    moving: "03-moving",
+    square: "04-square",
+    events: "05-events",
+    seeing: "06-seeing",
+    following: "07-following",
+    line: "08-line",
+    docking: "09-docking",
+    patrol_and_dock: "10-patrol-and-dock",
+    guard: "11-guard",
+    states: "12-states",
+}
+
+#[test]
+fn a_class_is_graded_with_who_is_missing_and_who_copied() {
+    let class = tempfile::tempdir().unwrap();
+    let own = "-- my very own way to drive there and back again, with a rest in the middle of it\n";
+    let right = format!("{own}robot.move(40, 40, 2)\ntask.wait(1)\nrobot.move(-40, -40, 2)\n");
+    let folder = |name: &str| {
+        let path = class.path().join("class").join(name);
+        fs::create_dir_all(&path).unwrap();
+        path
+    };
+    fs::write(folder("Ada").join("moving.lua"), &right).unwrap();
+    fs::write(
+        folder("Ben").join("moving.lua"),
+        right.replace("40, 40, 2", "40,  40, 2"),
+    )
+    .unwrap();
+    fs::write(folder("=Cem").join("mine.lua"), "robot.moev(40, 40, 2)\n").unwrap();
+    folder("Dora");
+    fs::write(folder("").join("Eva.lua"), "robot.move(40, 40, 2)\n").unwrap();
+    fs::write(class.path().join("names.txt"), "Ada\nBen\n\nFinn\n").unwrap();
+    let grade = |form: &[&str]| {
+        let args = [
+            "lesson",
+            "grade",
+            "class",
+            "--lesson",
+            "3",
+            "--names",
+            "names.txt",
+        ];
+        let said = spykee(class.path(), &[&args[..], form].concat());
+        assert_eq!(said.code, Some(0), "{}{}", said.out, said.error);
+        said
+    };
+    let text = grade(&[]).out;
+    for words in [
+        "Lesson 3, Moving: 10 points",
+        "Ada       10",
+        "Eva        2  It drives away and then stays there",
+        "=Cem       0  It cannot run: robot.moev does not exist",
+        "Handed in nothing that can be checked: Dora, Finn",
+        "Nearly the same text (",
+        "): Ada and Ben",
+    ] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+    let csv = grade(&["--csv"]).out;
+    let lines: Vec<&str> = csv.lines().collect();
+    assert_eq!(lines[0], "name,points,max_points,missing,file,same_text_as");
+    assert!(lines[1].starts_with("'=Cem,0,10,"), "{csv}");
+    assert_eq!(lines[2], "Ada,10,10,,class/Ada/moving.lua,Ben");
+    assert_eq!(lines.last(), Some(&"Finn,0,10,nothing handed in,,"));
+    let json = grade(&["--json"]).json();
+    assert_eq!(json["learners"].as_array().unwrap().len(), 6);
+    assert_eq!(json["learners"][1]["points"], 10);
+    assert_eq!(json["learners"][3]["handed_in"], false);
+    assert_eq!(
+        json["same_text"][0]["names"],
+        serde_json::json!(["Ada", "Ben"])
+    );
+    let said = spykee(
+        class.path(),
+        &["lesson", "grade", "nowhere", "--lesson", "3"],
+    );
+    assert_eq!(said.code, Some(2), "{}", said.error);
+}
+
 #[test]
 fn every_starter_lacks_something_and_the_learner_is_told_what() {
     let folder = tempfile::tempdir().unwrap();
@@ -155,7 +289,7 @@ fn a_learner_reads_points_sentences_and_where_a_hint_is() {
     );
     let said = learner.checks(&["--hint", "3", "--picture", "way.png"]);
     assert!(
-        said.out.contains("\nHint: Three lines: `robot.move"),
+        said.out.contains("\nHint: Three lines: `easy.forward(2)`"),
         "{}",
         said.out
     );

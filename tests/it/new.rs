@@ -52,3 +52,44 @@ async fn every_template_runs_and_passes_the_check() {
         assert_eq!(drove, template != "empty", "{}", run.text());
     }
 }
+
+/// What a template must live through; `FILE` and `HOURS` are filled in.
+const LONG: &str = r#"
+scenario("lives through many charges", { limit = 90000, fps = 2 }, function(sim)
+	sim:run("FILE")
+	local driven, charges = 0, 0
+	for hour = 1, HOURS do
+		for _ = 1, 59 do
+			local docked = sim:docked()
+			sim:wait(60)
+			charges += if docked and not sim:docked() then 1 else 0
+		end
+		expect(sim:distance() > driven + 0.5, `in hour {hour} it drove {sim:distance() - driven} m only`)
+		driven = sim:distance()
+	end
+	expect(not sim:ended("mine"), `it has ended: {sim:ended("mine")}`)
+	expect(charges >= 3 * HOURS, `it left its station {charges} times only`)
+	expect(sim:collisions() <= HOURS, `it ran into something {sim:collisions()} times`)
+end)
+"#;
+
+/// In the living room a battery lasts for two minutes: a day has 400 charges.
+#[test]
+fn templates_live_through_a_day_with_many_charges() {
+    for (template, hours) in [("patrol", 24), ("follow", 1)] {
+        let folder = tempfile::tempdir().unwrap();
+        let spykee = |args: &[&str]| {
+            let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_spykee"));
+            let output = command.args(args).current_dir(folder.path()).output();
+            let output = output.unwrap();
+            let said = String::from_utf8_lossy(&output.stdout).into_owned();
+            assert_eq!(output.status.code(), Some(0), "{template}: {said}");
+        };
+        spykee(&["new", "mine", "--template", template]);
+        spykee(&["test", "mine"]);
+        let scenario = LONG.replace("HOURS", &hours.to_string());
+        let scenario = scenario.replace("FILE", "mine.lua");
+        std::fs::write(folder.path().join("mine/day_test.lua"), scenario).unwrap();
+        spykee(&["test", "mine/day_test.lua"]);
+    }
+}

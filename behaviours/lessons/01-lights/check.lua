@@ -4,10 +4,10 @@ local OTHER = { left = "right", right = "left" }
 
 -- One light on for about a second, alone.
 local function signals(sim, name)
-	expect(sim:wait_until(function() return sim:leds()[name] end, 8), `The {name} light never went on: robot.led("{name}", true) switches it on.`)
+	expect(sim:wait_until(function() return sim:leds()[name] end, 8), `The {name} light never went on: easy.light("{name}", "on") switches it on.`)
 	expect(not sim:leds()[OTHER[name]], `When the {name} light went on, the {OTHER[name]} one was on too: one after the other is wanted.`)
 	local since = sim:time()
-	expect(sim:wait_until(function() return not sim:leds()[name] end, 5), `The {name} light went on, but never off again: robot.led("{name}", false) switches it off.`)
+	expect(sim:wait_until(function() return not sim:leds()[name] end, 5), `The {name} light went on, but never off again: easy.light("{name}", "off") switches it off.`)
 	local seconds = sim:time() - since
 	expect(seconds > 0.7 and seconds < 1.5, string.format("The %s light was on for %.1f seconds: one second is wanted.", name, seconds))
 end

@@ -1,10 +1,12 @@
 -- spykee lesson 1: lights
 -- A turn signal: left for a second, right for a second, then all dark.
 
-robot.led("left", true)
-task.wait(1)
-robot.led("left", false)
+local easy = require("@spykee/easy")
 
-robot.led("right", true)
-task.wait(1)
-robot.led("right", false)
+easy.light("left", "on")
+easy.wait(1)
+easy.light("left", "off")
+
+easy.light("right", "on")
+easy.wait(1)
+easy.light("right", "off")

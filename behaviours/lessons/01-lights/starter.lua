@@ -2,5 +2,7 @@
 -- A turn signal: left for a second, right for a second, then all dark.
 -- Here the left light goes on and stays on. Go on from there.
 
-robot.led("left", true)
-task.wait(1)
+local easy = require("@spykee/easy")
+
+easy.light("left", "on")
+easy.wait(1)

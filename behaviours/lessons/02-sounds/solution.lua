@@ -1,8 +1,10 @@
 -- spykee lesson 2: sounds
 -- A doorbell: three beeps, one a second, and a laugh after the last one.
 
+local easy = require("@spykee/easy")
+
 for beep = 1, 3 do
-	robot.play("bip_2")
-	task.wait(1)
+	easy.sound("bip_2")
+	easy.wait(1)
 end
-robot.play("laugh")
+easy.sound("laugh")

@@ -2,5 +2,7 @@
 -- A doorbell: three beeps, one a second, and a laugh after the last one.
 -- Here the beep and the laugh come at the same moment. Three beeps are wanted, a second apart.
 
-robot.play("bip_2")
-robot.play("laugh")
+local easy = require("@spykee/easy")
+
+easy.sound("bip_2")
+easy.sound("laugh")

@@ -1,11 +1,18 @@
 -- Lesson 3: there and back.
 
+-- How far it is from where it began.
 local function meter(sim)
 	local start = sim:pose()
 	return function()
 		local pose = sim:pose()
 		return math.sqrt((pose.x - start.x) ^ 2 + (pose.y - start.y) ^ 2)
 	end
+end
+
+-- By how much it looks another way than `before`, in radians, 0 to pi.
+local function turned(sim, before)
+	local by = sim:pose().heading - before
+	return math.abs(math.atan2(math.sin(by), math.cos(by)))
 end
 
 -- Waits until it stands or until it drives; whether that came.
@@ -22,18 +29,19 @@ end
 local function drives_away(sim)
 	local away = meter(sim)
 	sim:run()
-	expect(sim:wait_until(function() return away() > 0.15 end, 8), "The robot does not drive away: robot.move(40, 40, 2) drives for two seconds.")
+	expect(sim:wait_until(function() return away() > 0.15 end, 8), "The robot does not drive away: easy.forward(2) drives for two seconds.")
 	return away
 end
 
 scenario("It drives away", { world = "yard", points = 2, seeds = 3, limit = 30 }, function(sim)
 	drives_away(sim)
-	expect(sim:pose().x > 1.3, "It drives backwards first: forwards, both powers are positive.")
+	expect(sim:pose().x > 1.3, "It drives backwards first: easy.forward drives ahead.")
 end)
 
 scenario("It rests for a second", { world = "yard", points = 3, seeds = 3, limit = 40 }, function(sim)
-	drives_away(sim)
-	expect(wait_for_motion(sim, false, 10), "It drives on and on: give robot.move a time.")
+	local away = drives_away(sim)
+	expect(wait_for_motion(sim, false, 10), "It drives on and on: two seconds are wanted.")
+	expect(away() > 0.2, "It drove back without a rest: let it wait for a second in between.")
 	local since = sim:time()
 	expect(wait_for_motion(sim, true, 6), "It drives away and then stays there: it is to come back.")
 	local rest = sim:time() - since
@@ -41,8 +49,10 @@ scenario("It rests for a second", { world = "yard", points = 3, seeds = 3, limit
 end)
 
 scenario("It comes back to its start", { world = "yard", points = 5, seeds = 3, limit = 50 }, function(sim)
+	local heading = sim:pose().heading
 	local away = drives_away(sim)
 	expect(sim:wait_until(function() return sim:ended() end, 25), "The script does not end: once it is back there is nothing left to do.")
 	expect(away() < 0.15, string.format("In the end it stands %d centimetres from where it began.", math.round(100 * away())))
+	expect(turned(sim, heading) < 0.3, string.format("It came back, but looks %d degrees another way than before: on the way back both tracks need the same speed.", math.round(math.deg(turned(sim, heading)))))
 	expect(sim:collisions() == 0, "It ran into something on its way.")
 end)

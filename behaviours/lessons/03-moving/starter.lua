@@ -2,4 +2,6 @@
 -- There and back: forwards for two seconds, a second of rest, and back to where it began.
 -- Here it drives there. And back?
 
-robot.move(40, 40, 2)
+local easy = require("@spykee/easy")
+
+easy.forward(2)

@@ -3,43 +3,69 @@
 local SIDE = 0.4
 local CORNERS = { { SIDE, 0 }, { SIDE, SIDE }, { 0, SIDE }, { 0, 0 } }
 local NAMES = { "first", "second", "third", "fourth" }
+local ROUND = 2 * math.pi
 
--- How far it is from a corner of the square that begins here.
-local function meter(sim)
-	local start = sim:pose()
-	return function(corner)
+-- How far it is from a corner of the square that begins here, and how far it has turned in all: in radians,
+-- to the left.
+local function meters(sim)
+	local start, turned = sim:pose(), 0
+	local heading = start.heading
+	local function away(corner)
 		local pose = sim:pose()
+		local by = pose.heading - heading
+		turned, heading = turned + math.atan2(math.sin(by), math.cos(by)), pose.heading
 		local dx, dy = pose.x - start.x - corner[1], pose.y - start.y - corner[2]
 		return math.sqrt(dx * dx + dy * dy)
 	end
+	return away, function() return turned end
 end
 
-local function comes_to(sim, away, number)
-	local there = sim:wait_until(function() return away(CORNERS[number]) < 0.12 end, 15)
+-- Radians for degrees, and metres for centimetres, are easily mixed up.
+local function right_units(sim, away, turned)
+	expect(math.abs(turned()) < 1.5 * ROUND, "It turns round and round in place of a corner: easy.left takes degrees, robot.turn radians, such as robot.turn(math.rad(90)).")
+	local far = sim:pose().x < 1.2 + SIDE + 0.6
+	expect(far, "The first side is far too long: easy.drive takes centimetres, 40 for a side; robot.forward takes metres, 0.4.")
+end
+
+local function comes_to(sim, away, turned, number)
+	local there = sim:wait_until(function()
+		return away(CORNERS[number]) < 0.12 or math.abs(turned()) > 1.5 * ROUND
+	end, 15)
+	right_units(sim, away, turned)
+	if not there and number == 2 and turned() < -0.5 then
+		expect(false, "At the first corner it turned to the right: easy.left(90) turns left.")
+	elseif not there and number > 1 then
+		expect(math.abs(turned()) > 0.2, "It drove the first side, but turned at no corner: easy.left(90) does that.")
+	end
 	expect(there, `It never came to the {NAMES[number]} corner of the square.`)
 end
 
 scenario("It drives the first side", { world = "yard", points = 2, seeds = 3, limit = 40 }, function(sim)
-	local away = meter(sim)
+	local away, turned = meters(sim)
 	sim:run()
-	comes_to(sim, away, 1)
+	comes_to(sim, away, turned, 1)
 	sim:wait(2)
 	expect(sim:pose().x < 1.2 + SIDE + 0.2, "The first side is longer than 40 centimetres.")
 end)
 
 scenario("It comes to all four corners", { world = "yard", points = 4, seeds = 3, limit = 80 }, function(sim)
-	local away = meter(sim)
+	local away, turned = meters(sim)
 	sim:run()
 	for number = 1, 4 do
-		comes_to(sim, away, number)
+		comes_to(sim, away, turned, number)
 	end
 	expect(sim:collisions() == 0, "It ran into something on its way.")
 end)
 
 scenario("It ends where it began", { world = "yard", points = 4, seeds = 3, limit = 80 }, function(sim)
-	local away = meter(sim)
+	local away, turned = meters(sim)
 	sim:run()
-	expect(sim:wait_until(function() return sim:ended() end, 60), "The script does not end: after four sides there is nothing left to do.")
+	local ended = sim:wait_until(function()
+		away(CORNERS[4])
+		return sim:ended() or math.abs(turned()) > 1.5 * ROUND
+	end, 60)
+	right_units(sim, away, turned)
+	expect(ended, "The script does not end: after four sides there is nothing left to do.")
 	local driven = sim:distance()
 	expect(driven > 1.2, string.format("It drove %.1f metres: a square with sides of 40 centimetres needs 1.6.", driven))
 	expect(away(CORNERS[4]) < 0.2, string.format("In the end it stands %d centimetres from where it began.", math.round(100 * away(CORNERS[4]))))

@@ -20,13 +20,53 @@ local function follows(sim, first, last)
 	end
 end
 
-scenario("Round the first bend", { world = "line_loop", fps = 10, points = 4, seeds = 2, limit = 100 }, function(sim)
+scenario("Round the first bend", { world = "line_loop", fps = 10, points = 2, seeds = 2, limit = 100 }, function(sim)
 	sim:run()
 	follows(sim, 1, 2)
 end)
 
-scenario("All the way round", { world = "line_loop", fps = 10, points = 6, seeds = 2, limit = 300 }, function(sim)
+scenario("All the way round", { world = "line_loop", fps = 10, points = 4, seeds = 2, limit = 300 }, function(sim)
 	sim:run()
 	follows(sim, 1, #PLACES)
 	expect(sim:collisions() == 0, "It ran into something on its way.")
+end)
+
+-- On the straight part of the line, so far to the left of it; a person holds it there.
+local function hold(sim, left)
+	sim:place({ x = 2.4, y = 0.6 + left, heading = 0 })
+end
+
+-- How fast it turns when it is put down so far to the left of the line, in radians a second.
+local function turning(sim, left)
+	hold(sim, left)
+	sim:wait(0.4) -- a picture of it has come and is acted upon
+	hold(sim, left)
+	local before = sim:pose().heading
+	sim:wait(0.3)
+	return (sim:pose().heading - before) / 0.3
+end
+
+scenario("The farther the line is to one side, the faster it turns", { world = "line_loop", fps = 10, points = 2, seeds = 2, limit = 60 }, function(sim)
+	sim:run()
+	sim:wait(1)
+	local much, little = turning(sim, 0.09), turning(sim, 0.02)
+	expect(much < -0.1, "The line is to the right, and it does not turn there: that is a negative number for robot.drive.")
+	expect(math.abs(much) > 1.8 * math.abs(little), "It turns as fast for a line that is nearly in the middle as for one at the edge: let it turn by the line's offset.")
+end)
+
+scenario("A line that is lost is looked for where it was last", { world = "line_loop", fps = 10, points = 2, seeds = 2, limit = 90 }, function(sim)
+	sim:run()
+	for side, name in { [1] = "right", [-1] = "left" } do
+		hold(sim, 0)
+		sim:wait(1)
+		for _ = 1, 5 do
+			hold(sim, 0.1 * side) -- in sight, to that side
+			sim:wait(0.1)
+		end
+		hold(sim, 0.45 * side) -- out of sight
+		local turned = sim:wait_until(function() return math.abs(sim:pose().heading) > 0.3 end, 4)
+		expect(turned, "When the line is lost it stands there: it should turn and look for it.")
+		local there = sim:pose().heading * side < 0
+		expect(there, `The line was last to the {name}, but it looked for it on the other side: remember the last offset in a variable.`)
+	end
 end)

@@ -26,11 +26,11 @@ scenario("It goes again", { world = "playpen", fps = 5, battery = 95, points = 3
 	comes_home(sim)
 end)
 
-scenario("It charges before it goes again", { world = "playpen", fps = 5, battery = 55, points = 3, seeds = 2, limit = 900 }, function(sim)
+scenario("It charges before it goes again", { world = "playpen", fps = 5, battery = 70, points = 3, seeds = 2, limit = 900 }, function(sim)
 	sim:run()
 	leaves(sim, "It does not leave its station.")
-	comes_home(sim)
 	sim:battery(50)
+	comes_home(sim)
 	local stays = not sim:wait_until(function() return not sim:docked() end, 60)
 	expect(stays, "It went again at 50 percent: it should charge to 60.")
 	sim:battery(63)

@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::catalogue::Lesson;
 use super::feedback::{Feedback, gradescope};
 use super::marks::Marks;
-use super::{Console, Exit, Failure, parse_lesson, print};
+use super::{Console, Exit, Failure, LessonParser, print};
 use crate::behaviour;
 use crate::cli::check::{has_errors, of_source};
 use crate::cli::test::crew::{Crew, Done, Job, parse_timeout, trials};
@@ -22,7 +22,7 @@ pub(super) struct CheckArgs {
     file: PathBuf,
 
     /// Check it against this lesson, whatever its first lines say
-    #[arg(long, value_name = "LESSON", value_parser = parse_lesson)]
+    #[arg(long, value_name = "LESSON", value_parser = LessonParser, hide_possible_values = true)]
     lesson: Option<&'static Lesson>,
 
     /// Show one of the lesson's three hints too
@@ -56,30 +56,10 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
         Some(lesson) => lesson,
         None => Lesson::of_script(&String::from_utf8_lossy(&source)).ok_or_else(unnamed)?,
     };
-    let trials = trials(args.timeout)?;
-    let book = trials
-        .of_text(lesson.folder, lesson.check)
-        .map_err(Failure::usage)?;
-    let setting = Setting {
-        subject: Some(args.file.clone()),
-        ..Setting::default()
-    };
-    let options = Config::default().script("check", args.file.display().to_string(), 0);
-    let findings = of_source(&source, &options, console)?;
-    let cannot_run = has_errors(&findings);
-    let mut marks = Marks::new(book.scenarios(), findings, cannot_run);
-    let stop = setting.stop.clone();
-    if !cannot_run {
-        play(
-            &book,
-            Crew::new(args.jobs, setting, trials),
-            &mut marks,
-            console,
-        )?;
-    }
-    if stop.is_cancelled() {
+    let effort = (args.jobs, args.timeout);
+    let Some(marks) = marks_of(lesson, (&args.file, &source), effort, console)? else {
         return Ok(Exit::Interrupted);
-    }
+    };
     let feedback = Feedback {
         lesson,
         file: &args.file,
@@ -93,7 +73,37 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
     })
 }
 
-fn read(file: &Path) -> Result<Vec<u8>, Failure> {
+/// Plays the lesson's scenarios with a script, so many at a time and each for so long at most; `None` if a person has interrupted that.
+///
+/// # Errors
+/// What the system does not give.
+pub(super) fn marks_of(
+    lesson: &'static Lesson,
+    (file, source): (&Path, &[u8]),
+    (jobs, timeout): (Option<u16>, Duration),
+    console: &Console,
+) -> Result<Option<Marks>, Failure> {
+    let trials = trials(timeout)?;
+    let book = trials
+        .of_text(lesson.folder, lesson.check)
+        .map_err(Failure::usage)?;
+    let setting = Setting {
+        subject: Some(file.to_owned()),
+        ..Setting::default()
+    };
+    let options = Config::default().script("check", file.display().to_string(), 0);
+    let findings = of_source(source, &options, console)?;
+    let cannot_run = has_errors(&findings);
+    let mut marks = Marks::new(book.scenarios(), findings, cannot_run);
+    let stop = setting.stop.clone();
+    if !cannot_run {
+        let crew = Crew::new(jobs, setting, trials);
+        play(&book, crew, &mut marks, console)?;
+    }
+    Ok((!stop.is_cancelled()).then_some(marks))
+}
+
+pub(super) fn read(file: &Path) -> Result<Vec<u8>, Failure> {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     // Scripts of such names are read as scenarios: they would not know `robot`.
     if name == "check.lua" || name.ends_with("_test.lua") {

@@ -128,7 +128,7 @@ fn write(mark: &Mark, text: &mut String) {
 }
 
 /// What is missing.
-fn sentence(failure: &Failure) -> String {
+pub(super) fn sentence(failure: &Failure) -> String {
     match &failure.cause {
         Cause::Behaviour(_) => "The script stopped with an error.".to_owned(),
         Cause::Expectation | Cause::Scenario => {

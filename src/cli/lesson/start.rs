@@ -4,12 +4,12 @@ use std::fs;
 use std::path::PathBuf;
 
 use super::catalogue::Lesson;
-use super::{Exit, Failure, parse_lesson, print};
+use super::{Exit, Failure, LessonParser, print};
 
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct StartArgs {
     /// The lesson's number or name
-    #[arg(value_name = "LESSON", value_parser = parse_lesson)]
+    #[arg(value_name = "LESSON", value_parser = LessonParser, hide_possible_values = true)]
     lesson: &'static Lesson,
 
     /// The folder to make [default: such as lesson-03-moving]

@@ -1,12 +1,29 @@
--- {{NAME}}: follows something red; looks around when it is out of sight.
+-- {{NAME}}: follows something red; looks around when it is out of sight. When the battery runs low the
+-- watchdog takes it home; once it has charged it leaves its station and goes on.
 --
 -- Try it:  spykee run {{NAME}}.lua --sim
 -- Another colour: see `colours:` in spykee.yaml.
 
 local COLOUR = "red"
 local NEAR = 90 -- pixels: as wide as this is close enough
+local ENOUGH = 60 -- percent of the battery: then it leaves its station
 
-robot.on("frame", function(frame)
+local function has_enough()
+	local battery = robot.battery()
+	return battery and battery.percent >= ENOUGH
+end
+
+-- On its station nothing moves it: it charges, backs out and turns its back to the station.
+local function leave_station()
+	while not has_enough() do
+		robot.wait_for("battery", 60)
+	end
+	if robot.undock() then
+		robot.turn(math.pi)
+	end
+end
+
+local function follow(frame)
 	local blob = frame:find_blobs(COLOUR, { pixels_threshold = 25 })[1]
 	if not blob then
 		robot.drive(0, 0.7) -- metres a second, radians a second
@@ -15,4 +32,16 @@ robot.on("frame", function(frame)
 	else
 		robot.drive(0, 2 * blob.bearing)
 	end
-end)
+end
+
+while true do
+	if robot.docked() then
+		leave_station()
+	end
+	local frame = robot.wait_frame(1)
+	if frame then
+		follow(frame)
+	else
+		robot.stop() -- blind
+	end
+end

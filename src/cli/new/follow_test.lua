@@ -12,3 +12,11 @@ scenario("comes to a red ball", { world = "playpen", battery = 80, seeds = 3, li
 	end
 	expect(sim:wait_until(function() return distance() < 0.8 end, 30), "it did not come to the ball")
 end)
+
+scenario("charges when the battery runs low, and goes on", { battery = 24, fps = 5, limit = 600 }, function(sim)
+	sim:run("{{NAME}}.lua")
+	expect(sim:wait_until(function() return sim:charging() end, 300), "it did not come home")
+	expect(sim:wait_until(function() return not sim:docked() end, 120), "it did not leave its station")
+	local driven = sim:distance()
+	expect(sim:wait_until(function() return sim:distance() > driven + 0.1 end, 120), "it did not go on")
+end)

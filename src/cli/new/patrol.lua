@@ -1,24 +1,41 @@
--- {{NAME}}: drives a square, again and again, and looks around at each corner.
+-- {{NAME}}: drives a square, again and again, and blinks at each corner. When the battery runs low the
+-- watchdog takes it home; once it has charged it leaves its station and goes on.
 --
 -- Try it:  spykee run {{NAME}}.lua --sim
 
 local SIDE = 0.6 -- metres
 local SPEED = 0.25 -- metres a second
+local ENOUGH = 60 -- percent of the battery: then it leaves its station
 
 robot.on("battery_low", function(battery)
 	log.warn(`{battery.percent} % left: the watchdog takes me home`)
 end)
 
-if robot.undock() then
-	robot.turn(math.pi) -- it has backed out and looks at its station
+local function has_enough()
+	local battery = robot.battery()
+	return battery and battery.percent >= ENOUGH
+end
+
+-- On its station nothing moves it: it charges, backs out and turns its back to the station.
+local function leave_station()
+	while not has_enough() do
+		robot.wait_for("battery", 60)
+	end
+	if robot.undock() then
+		robot.turn(math.pi)
+	end
 end
 
 while true do
-	local ok, code = robot.forward(SIDE, SPEED)
-	if not ok then
-		log.info(`did not get to the corner: {code}`)
-		task.wait(1)
+	if robot.docked() then
+		leave_station()
 	end
-	robot.blink("all", { count = 1 })
-	robot.turn(math.pi / 2) -- radians, to the left
+	local ok, code = robot.forward(SIDE, SPEED)
+	if ok then
+		robot.blink("all", { count = 1 })
+		robot.turn(math.pi / 2) -- radians, to the left
+	else
+		log.info(`did not get to the corner: {code}`)
+		robot.wait_for("docked", 30) -- the watchdog drives
+	end
 end

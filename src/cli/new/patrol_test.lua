@@ -8,7 +8,12 @@ scenario("drives its square and hits nothing", { battery = 80, seeds = 3, limit 
 	expect(sim:collisions() == 0, "it ran into something")
 end)
 
-scenario("is taken home when the battery runs low", { battery = 21, limit = 300 }, function(sim)
+scenario("is taken home when the battery runs low, charges and goes on", { battery = 24, limit = 900 }, function(sim)
 	sim:run("{{NAME}}.lua")
-	expect(sim:wait_until(function() return sim:charging() end, 200), "it did not come home")
+	for charge = 1, 2 do
+		expect(sim:wait_until(function() return sim:charging() end, 300), `it did not come home, charge {charge}`)
+		expect(sim:wait_until(function() return not sim:docked() end, 120), `it did not leave its station, charge {charge}`)
+		local driven = sim:distance()
+		expect(sim:wait_until(function() return sim:distance() > driven + 1 end, 60), `it did not go on, charge {charge}`)
+	end
 end)

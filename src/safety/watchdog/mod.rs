@@ -274,6 +274,12 @@ impl Watchdog {
         self.tracks.moving_since().is_some()
     }
 
+    /// Whether the robot is anywhere but at rest: its tracks were told to move, it searches for its
+    /// station, or it leaves it.
+    pub fn is_robot_moving(&self) -> bool {
+        self.moving() || self.searching || self.leaving.is_some() || self.whereabouts.is_leaving()
+    }
+
     /// Why no behaviour may move the robot now; `None`: it may.
     pub fn refusal(&self) -> Option<MotionEnd> {
         if !self.online {

@@ -6,6 +6,8 @@ use mlua::prelude::LuaResult;
 
 use super::super::arguments::{Bounds, Refusal};
 use super::super::events::{EventName, MAX_SUBSCRIPTIONS, Subscription};
+use super::super::output::Level;
+use super::super::streams::Demand;
 use super::super::task::{SubscriptionId, Wait};
 use super::frame::add_methods;
 use super::{Answered, Builder, Call, Entry, plain, waiting};
@@ -67,7 +69,7 @@ fn subscribe(call: &mut Call<'_>, subscription: Subscription) -> Answered {
             "there are {MAX_SUBSCRIPTIONS} handlers already; end some with :off()"
         )));
     }
-    listen(call, subscription.event)?;
+    listen(call, subscription.event);
     let id = SubscriptionId(call.state.tasks.next_id());
     call.state.subscriptions.insert(id, subscription);
     let object = call.lua.create_any_userdata(SubscriptionObject(id))?;
@@ -78,16 +80,37 @@ fn subscribe(call: &mut Call<'_>, subscription: Subscription) -> Answered {
 fn wait_for(call: &mut Call<'_>) -> Answered {
     let event = event(call)?;
     let time = call.args.optional_seconds(1, "timeout")?;
+    wait_for_event(call, event, time)
+}
+
+/// Waits for an event. For ever only if it can come.
+pub(super) fn wait_for_event(
+    call: &mut Call<'_>,
+    event: EventName,
+    time: Option<Duration>,
+) -> Answered {
     call.may_wait()?;
-    listen(call, event)?;
+    let streams = call.state.options.streams;
+    let refusal = event.stream().and_then(|stream| streams.refusal(stream));
+    match refusal {
+        Some(why) if time.is_none() => return Err(call.args.misuse(&why)),
+        _ => listen(call, event),
+    }
     call.wait(Wait::Event(event), time)
 }
 
-/// Frames and sound come only when their stream is on.
-pub(super) fn listen(call: &mut Call<'_>, event: EventName) -> Result<(), Refusal> {
-    event
-        .stream()
-        .map_or(Ok(()), |stream| call.switch_on(stream))
+/// Frames and sound come only when their stream is on. Where the config keeps it off they never
+/// come: the script can do without, and its log says so once.
+pub(super) fn listen(call: &mut Call<'_>, event: EventName) {
+    let Some(stream) = event.stream() else {
+        return;
+    };
+    if let Err(why) = call.state.want(stream, Demand::Used)
+        && call.state.missed.insert(event)
+    {
+        let text = format!("'{}' never comes: {why}", event.name());
+        call.state.log(Level::Warn, &text);
+    }
 }
 
 fn event(call: &Call<'_>) -> Result<EventName, Refusal> {

@@ -10,7 +10,6 @@ use mlua::prelude::{Lua, LuaFunction, LuaResult, LuaValue};
 use super::super::arguments::Refusal;
 use super::super::events::EventName;
 use super::super::output::Level;
-use super::super::task::Wait;
 use super::{Answered, Builder, Call, Entry, album, events, looking, plain, waiting};
 use crate::robot::Frame;
 use crate::vision::Size;
@@ -112,7 +111,7 @@ pub(super) fn add_methods<T>(
 
 /// `robot.frame()`: the newest frame, or nil.
 fn newest(call: &mut Call<'_>) -> Answered {
-    events::listen(call, EventName::Frame)?;
+    events::listen(call, EventName::Frame);
     let now = call.state.now;
     let fresh = |held: &&Rc<HeldFrame>| now.saturating_duration_since(held.frame.at) <= STALE;
     match call.state.newest.as_ref().filter(fresh) {
@@ -128,9 +127,7 @@ fn newest(call: &mut Call<'_>) -> Answered {
 /// here and for `frame` handlers.
 fn wait_frame(call: &mut Call<'_>) -> Answered {
     let time = call.args.optional_seconds(0, "timeout")?;
-    call.may_wait()?;
-    events::listen(call, EventName::Frame)?;
-    call.wait(Wait::Event(EventName::Frame), time)
+    events::wait_for_event(call, EventName::Frame, time)
 }
 
 /// `frame:save(name)`: the path, or `nil, "quota"` or `nil, "io"`.

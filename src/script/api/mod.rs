@@ -36,6 +36,7 @@ use super::failure::Place;
 use super::sandbox::{self, Prelude};
 use super::stage::Stage;
 use super::state::State;
+use super::streams::Demand;
 use super::task::{Cancel, SHORTEST_WAIT, Wait};
 
 use crate::wire::Stream;
@@ -166,11 +167,10 @@ impl Call<'_> {
         Ok(())
     }
 
-    /// Switches a stream on unless it is.
+    /// Switches a stream on, unless it is, until the script switches it off.
     fn switch_on(&mut self, stream: Stream) -> Result<(), Refusal> {
-        self.state
-            .want(stream)
-            .map_err(|why| self.args.misuse(&why))
+        let wanted = self.state.want(stream, Demand::Asked);
+        wanted.map_err(|why| self.args.misuse(&why))
     }
 
     fn make_room(&self, speech: usize) -> Result<(), Refusal> {

@@ -4,6 +4,7 @@ use mlua::prelude::{Lua, LuaFunction, LuaResult, LuaTable, LuaValue};
 
 use super::super::Script;
 use super::super::arguments::Refusal;
+use super::super::events::EventName;
 use super::super::failure::{Trouble, printable};
 use super::super::modules::{ModuleFile, ModuleId, ModuleName, Progress, Target, resolve};
 use super::super::sandbox;
@@ -32,11 +33,25 @@ pub(super) fn install(builder: &Builder<'_>) -> LuaResult<()> {
         };
         Ok(sandbox::unknown(&owner, &key, &names))
     })?;
+    let events = builder.lua.create_table()?;
+    for event in EventName::ALL {
+        events.raw_set(event.name(), true)?;
+    }
+    let place = builder
+        .lua
+        .create_function(|_, function| Ok(place(&function)))?;
     let require: LuaFunction = builder
         .prelude
         .function("requirer")?
-        .call((open, done, nearest))?;
+        .call((open, done, nearest, events, place))?;
     builder.lua.globals().raw_set("require", require)
+}
+
+/// The name of a function, if it has one, and the line in which it begins.
+fn place(function: &LuaFunction) -> (Option<String>, Option<usize>) {
+    let about = function.info();
+    let name = about.name.filter(|name| !name.is_empty());
+    (name.map(|name| printable(&name, 40)), about.line_defined)
 }
 
 /// The chunk of the innermost line that is the script's own.

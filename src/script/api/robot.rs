@@ -131,7 +131,7 @@ fn say(call: &mut Call<'_>) -> Answered {
         )));
     }
     let always = call.state.options.streams.audio_out == Use::On;
-    if !always && !call.state.streams.contains(&Stream::AudioOut) {
+    if !always && !call.state.streams.is_on(Stream::AudioOut) {
         return Err(call
             .args
             .misuse("switch the stream on first: robot.stream(\"audio_out\", true)"));
@@ -150,9 +150,9 @@ fn stream(call: &mut Call<'_>) -> Answered {
     if on {
         call.make_room(0)?;
         call.switch_on(stream)?;
-    } else if call.state.streams.contains(&stream) {
+    } else if call.state.streams.is_on(stream) {
         call.send(Intent::Stream { stream, on })?;
-        call.state.streams.retain(|one| *one != stream);
+        call.state.streams.switch_off(stream);
     }
     call.reply(())
 }

@@ -39,8 +39,9 @@ const MAX_WATCHERS: u32 = 16;
 const MAX_LESSONS: usize = 16;
 /// How far a blob may jump from frame to frame, in pixels.
 pub(super) const JUMP: Bounds = Bounds::Above(0.0, 10_000.0);
-/// The robot's own motion blurs frames for this long after it.
-const SETTLING: Duration = Duration::from_millis(400);
+/// A frame that comes within this time after the robot has moved may show it moving: the picture is
+/// late, and the robot rolls out and rocks.
+const SETTLING: Duration = Duration::from_secs(1);
 
 /// Counts a thing while it lives.
 struct Counted(Rc<Cell<u32>>);
@@ -231,8 +232,8 @@ fn detector(call: &mut Call<'_>) -> Answered {
     call.reply(object)
 }
 
-/// `Detector:update(frame)`: `{score, pixels, blobs}`, or `nil, "moving"` while the script's own
-/// motion moves the camera.
+/// `Detector:update(frame)`: `{score, pixels, blobs}`, or `nil, "moving"` while anything
+/// moves the robot, and for a while after.
 fn detect(call: &mut Call<'_>) -> Answered {
     let held = frame_argument(call)?;
     let object = call.args.value(0).as_userdata().cloned();

@@ -181,9 +181,9 @@ fn logs_carry_level_fields_and_line() {
         ]
     );
     assert_eq!(rig.log[2].line, Some(2));
-    assert_eq!(rig.texts()[4], "x 1 nil true");
-    assert!(rig.texts()[5].contains("log.info: the text is missing"));
-    assert!(rig.texts()[6].contains("the fields must be a table"));
+    assert_eq!(rig.texts()[3], "x 1 nil true");
+    assert!(rig.texts()[4].contains("log.info: the text is missing"));
+    assert!(rig.texts()[5].contains("the fields must be a table"));
 }
 
 #[test]

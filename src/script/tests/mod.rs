@@ -121,9 +121,10 @@ impl Rig {
         self.run();
     }
 
-    /// What was printed and logged, one text a line.
+    /// What was printed and logged above debug, one text a line.
     fn texts(&self) -> Vec<&str> {
-        self.log.iter().map(|line| line.text.as_str()).collect()
+        let lines = self.log.iter().filter(|line| line.level != Level::Debug);
+        lines.map(|line| line.text.as_str()).collect()
     }
 
     fn logged(&self, level: Level) -> Vec<&str> {

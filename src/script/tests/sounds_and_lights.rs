@@ -116,7 +116,7 @@ fn say_needs_its_stream_and_bounded_samples() {
 }
 
 #[test]
-fn a_stream_that_the_config_keeps_off_is_refused_whatever_wants_it() {
+fn a_stream_that_the_config_keeps_off_never_goes_on_and_who_can_do_without_lives_on() {
     let off = |options: &mut Options| {
         options.limits.callback_budget_ms = 2_000;
         options.streams = Streams {
@@ -127,11 +127,8 @@ fn a_stream_that_the_config_keeps_off_is_refused_whatever_wants_it() {
     };
     for (call, name) in [
         ("robot.stream('audio_in', true)", "audio_in"),
-        ("robot.on('audio', print)", "audio_in"),
-        ("robot.wait_for('noise', 1)", "audio_in"),
-        ("robot.on('frame', print)", "video"),
-        ("print(robot.frame())", "video"),
-        ("robot.wait_frame(1)", "video"),
+        ("robot.wait_for('noise')", "audio_in"),
+        ("robot.wait_frame()", "video"),
         ("robot.stream('audio_out', true)", "audio_out"),
     ] {
         let rig = Rig::with(call, off);
@@ -141,6 +138,25 @@ fn a_stream_that_the_config_keeps_off_is_refused_whatever_wants_it() {
     }
     let rig = Rig::with("robot.stream('audio_in', false) print('lives')", off);
     assert_eq!(rig.texts(), ["lives"]);
+    for (call, name, event) in [
+        ("robot.on('audio', print)", "audio_in", "audio"),
+        ("robot.once('noise', print)", "audio_in", "noise"),
+        ("robot.wait_for('noise', 1)", "audio_in", "noise"),
+        ("robot.on('frame', print)", "video", "frame"),
+        ("assert(robot.frame() == nil)", "video", "frame"),
+        (
+            "local _, why = robot.wait_frame(1) assert(why == 'timeout')",
+            "video",
+            "frame",
+        ),
+    ] {
+        let mut rig = Rig::with(&format!("for i = 1, 3 do {call} end print('lives')"), off);
+        rig.pass(5.0);
+        let why = format!("the config keeps {name} off; it has streams: {{ {name}: off }}");
+        let said = format!("'{event}' never comes: {why}");
+        assert_eq!(rig.texts(), [said.as_str(), "lives"], "{call}");
+        assert_eq!(rig.intents, [], "{call}");
+    }
 }
 
 #[test]

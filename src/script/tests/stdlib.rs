@@ -124,6 +124,10 @@ fn fsm_names_states_that_do_not_exist() {
             "there is no state 'x'",
         ),
         ("b = {}", "initial: there is no state 'a'"),
+        (
+            "a = {on = {dockd = 'a'}}",
+            "state a: on: event.dockd does not exist; did you mean 'docked'?",
+        ),
     ] {
         let text = failure(&format!(
             "require('@spykee/fsm').new({{initial = 'a', states = {{{states}}}}}):run()"
@@ -177,6 +181,105 @@ fn trees_answer_as_their_nodes_do() {
 }
 
 #[test]
+fn machines_and_trees_log_what_leads_on() {
+    let mut rig = Rig::new(
+        "local fsm = require('@spykee/fsm')
+         fsm.new{ initial = 'a', states = {
+             a = { task = function() task.wait(1) return 'b' end },
+             b = { timeout = {2, 'c'} },
+             c = { on = { docked = 'd' } },
+             d = { task = function(m) m:stop() end },
+         } }:run()",
+    );
+    rig.pass(5.0);
+    rig.deliver(Event::Docked);
+    rig.pass(1.0);
+    assert_eq!(
+        rig.logged(Level::Debug),
+        [
+            "fsm: begins in a",
+            "fsm: a -> b (its task)",
+            "fsm: b -> c (timeout of 2 s)",
+            "fsm: c -> d (on docked)",
+            "fsm: d is the last state (machine:stop)",
+        ]
+    );
+    let rig = lasting(
+        5.0,
+        "local bt = require('@spykee/bt')
+         local good = 1
+         local function is_good() return good > 0 end
+         local tree = bt.fallback(is_good, bt.name('the last way', function() return true end))
+         for _ = 1, 3 do bt.run(tree) end
+         good = 0
+         bt.run(tree)",
+    );
+    assert_eq!(
+        rig.logged(Level::Debug),
+        [
+            "bt: is_good has succeeded",
+            "bt: fallback has succeeded",
+            "bt: is_good has failed",
+            "bt: the last way has succeeded",
+        ]
+    );
+}
+
+#[test]
+fn an_error_in_a_tree_names_the_node() {
+    for (nodes, words) in [
+        (
+            "local function drive() error('ouch') end bt.run(bt.sequence(bt.retry(2, drive)))",
+            "test.lua:1: ouch (in the node drive)",
+        ),
+        (
+            "bt.run(bt.fallback(bt.name('look', function() error('ouch') end)))",
+            "ouch (in the node look)",
+        ),
+        (
+            "bt.run(bt.timeout(3, bt.action{run = function() error('ouch') end, halt = function() end}))",
+            "ouch (in the node of line 1)",
+        ),
+        (
+            "local function drive() return 1 end bt.run(bt.parallel({}, drive))",
+            "bt: the node drive must return true or false, got number",
+        ),
+    ] {
+        let text = failure(&format!("local bt = require('@spykee/bt') {nodes}"));
+        assert!(text.contains(words), "{text}");
+        assert!(text.matches("(in the node").count() <= 1, "{text}");
+    }
+}
+
+#[test]
+fn a_guard_halts_a_node_whose_condition_does_not_hold_any_more() {
+    let rig = lasting(
+        20.0,
+        "local bt = require('@spykee/bt')
+         local full = true
+         local function has_power() return full end
+         local work = bt.action{ run = function() task.wait(9) return true end, halt = function() print('halt', task.now()) end }
+         task.delay(2.05, function() full = false end)
+         print(bt.run(bt.guard(has_power, work)), task.now())
+         print(bt.run(bt.guard(has_power, work)), task.now())
+         full = true
+         print(bt.run(bt.guard(has_power, bt.timeout(1, work), 0.5)), task.now())
+         print(bt.run(bt.guard(has_power, function() return true end)))",
+    );
+    assert_eq!(
+        rig.texts(),
+        [
+            "halt 2.1",
+            "false 2.1",
+            "false 2.1",
+            "halt 3.1",
+            "false 3.1",
+            "true"
+        ]
+    );
+}
+
+#[test]
 fn halting_is_awaited_however_deep() {
     let rig = lasting(
         10.0,
@@ -210,6 +313,10 @@ fn easy_is_tolerant_and_its_errors_are_for_beginners() {
         (
             "easy.forward(1, 500)",
             "what speed must be from 1 to 100, got 500",
+        ),
+        (
+            "easy.drive(5000)",
+            "how many centimetres must be from -1000 to 1000, got 5000",
         ),
         ("easy.light('left', 'maybe')", "on or off?"),
         ("easy.light('lfet')", "left"),

@@ -259,7 +259,7 @@ fn motion_is_seen_only_by_a_robot_that_stands() {
     let setpoint = rig.take_intents().pop().unwrap();
     rig.deliver(motion_ended(&setpoint, MotionEnd::Done));
     for seq in 5..=7 {
-        rig.pass(0.5);
+        rig.pass(if seq == 5 { 1.1 } else { 0.5 });
         let x = 10 + 40 * (seq % 4) as u32;
         show(
             &mut rig,
@@ -273,6 +273,38 @@ fn motion_is_seen_only_by_a_robot_that_stands() {
     assert_eq!(texts[2..4], ["nil nil nil moving"; 2]);
     assert_eq!(texts[4], "false false 0 nil");
     assert!(texts[5].starts_with("true true"), "{texts:?}");
+}
+
+#[test]
+fn no_motion_is_seen_while_somebody_else_moves_the_robot_and_for_a_second_after() {
+    let mut rig = looking(
+        "d = rawget(_G, 'd') or vision.motion()
+         local m, why = d:update(f)
+         print(m and m.pixels > 100, why)",
+        |_| {},
+    );
+    let mut seq = 0;
+    let mut look = |rig: &mut Rig| {
+        rig.pass(0.2);
+        seq += 1;
+        let x = 10 + 40 * (seq as u32 % 6);
+        show(rig, seq, &picture(&[((x, 50, 30, 30), [250, 250, 250])]));
+        rig.texts()
+            .last()
+            .map(|text| (*text).to_owned())
+            .unwrap_or_default()
+    };
+    assert_eq!([look(&mut rig), look(&mut rig)], ["false nil", "true nil"]);
+    rig.deliver(Event::Moving { on: true });
+    assert_eq!(look(&mut rig), "nil moving");
+    rig.deliver(Event::Moving { on: false });
+    for _ in 0..4 {
+        assert_eq!(look(&mut rig), "nil moving");
+    }
+    let settled = [look(&mut rig), look(&mut rig)];
+    assert_eq!(settled, ["false nil", "true nil"]);
+    rig.deliver(Event::Undocked);
+    assert_eq!(look(&mut rig), "nil moving", "its own search or a person");
 }
 
 #[test]

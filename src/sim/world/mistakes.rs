@@ -172,7 +172,10 @@ fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
 /// Nothing may stand before the station, nor where the robot starts.
 fn check_start(world: &World) -> Result<(), Mistake> {
     let obstacles = world.obstacles();
-    let free = |pose: Pose| obstacles.clearance(pose.point()) >= RADIUS - 1e-6;
+    let free = |pose: Pose| {
+        let clear = obstacles.clearance(pose.point()) >= RADIUS - 1e-6;
+        clear && !world.solid(pose.point())
+    };
     if !free(world.station.dock_pose()) || !free(world.station.staging_pose()) {
         return Err(Mistake {
             path: vec![Step::Key("station"), Step::Key("at")],

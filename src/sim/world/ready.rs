@@ -44,6 +44,12 @@ impl World {
         World::from_yaml(yaml, &format!("{name}.yaml")).ok()
     }
 
+    /// The YAML of the world of such a name.
+    pub fn ready_yaml(name: &str) -> Option<&'static str> {
+        let (_, yaml) = READY.iter().find(|(known, _)| *known == name)?;
+        Some(yaml)
+    }
+
     /// The first comment of such a world: what is there, and what it is for.
     pub fn ready_about(name: &str) -> Option<String> {
         let (_, yaml) = READY.iter().find(|(known, _)| *known == name)?;

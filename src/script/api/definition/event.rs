@@ -28,7 +28,7 @@ pub(super) const EVENTS: &[Event] = &[
         "The watchdog finds the battery low and takes the robot home.",
     )
     .with("Battery"),
-    event("battery_ok", "The battery is full enough again.").with("Battery"),
+    event("battery_ok", "The watchdog lets go of a robot that was low: it charges, or its battery is full enough.").with("Battery"),
     event("charging", "Charging began or ended.").with("Charging"),
     event("charged", "The battery is full."),
     event("docked", "The robot stands on its charging station."),
@@ -47,7 +47,7 @@ pub(super) const EVENTS: &[Event] = &[
         "The microphone has sent a chunk of sound; only the newest is kept.",
     )
     .with("Audio"),
-    event("noise", "A sound was louder than the set level.").with("Noise"),
+    event("noise", "It became loud: a sound above the set level, after a second without one.").with("Noise"),
     event("sound_finished", "The robot has finished playing music."),
     event("safety", "The watchdog has done something.").with("Safety"),
     event(

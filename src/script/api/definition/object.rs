@@ -130,7 +130,12 @@ pub(super) const METHODS: &[Function] = &[
         "Detector:update",
         &[FRAME],
         &[
-            object("motion", "Motion", "nil while the robot itself moves").optional(),
+            object(
+                "motion",
+                "Motion",
+                "nil while anything moves the robot, and for a second after",
+            )
+            .optional(),
             text("why", "\"moving\"").optional(),
         ],
         "Compares the frame with the ones before.",
@@ -329,7 +334,13 @@ pub(super) const OBJECTS: &[Object] = &[
     table(
         "Noise",
         "A sound above the set level.",
-        &[number("dbfs", "its loudness").unit("dBFS")],
+        &[
+            number("dbfs", "its loudness").unit("dBFS"),
+            boolean(
+                "own",
+                "it may be the robot itself, which moves or makes a sound, or did just now",
+            ),
+        ],
     ),
     table("Connected", "A link was made.", &[text("address", "")]),
     table("Disconnected", "A link was lost.", &[text("reason", "")]),

@@ -1,0 +1,137 @@
+//! The scripts of a class: a folder with a folder or a script for each learner.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::catalogue::Lesson;
+
+/// Learners of one class.
+const MOST: usize = 2000;
+
+/// One learner, and what he has handed in.
+#[derive(Debug, PartialEq)]
+pub(super) struct Learner {
+    pub(super) name: String,
+    /// His script, or why there is none.
+    pub(super) script: Result<PathBuf, String>,
+}
+
+/// All learners by name: of the folder, and those of the list who are not in it.
+///
+/// # Errors
+/// A folder that cannot be read, or that holds far too much.
+pub(super) fn learners(
+    folder: &Path,
+    lesson: &Lesson,
+    list: &[String],
+) -> io::Result<Vec<Learner>> {
+    let nothing = || Err("nothing handed in".to_owned());
+    let mut found: BTreeMap<String, Result<PathBuf, String>> =
+        list.iter().map(|name| (name.clone(), nothing())).collect();
+    for path in entries(folder)? {
+        let (name, script) = if path.is_dir() {
+            (name_of(path.file_name()), script_in(&path, lesson)?)
+        } else if is_script(&path) {
+            (name_of(path.file_stem()), Ok(path))
+        } else {
+            continue;
+        };
+        found.insert(name, script);
+    }
+    if found.len() > MOST {
+        let words = format!("there are more than {MOST} in it");
+        return Err(io::Error::other(words));
+    }
+    let learner = |(name, script)| Learner { name, script };
+    Ok(found.into_iter().map(learner).collect())
+}
+
+/// Without hidden ones, by name.
+fn entries(folder: &Path) -> io::Result<Vec<PathBuf>> {
+    let mut paths = Vec::new();
+    for entry in fs::read_dir(folder)?.take(4 * MOST) {
+        let entry = entry?;
+        if !entry.file_name().as_encoded_bytes().starts_with(b".") {
+            paths.push(entry.path());
+        }
+    }
+    paths.sort();
+    Ok(paths)
+}
+
+fn name_of(name: Option<&std::ffi::OsStr>) -> String {
+    name.unwrap_or_default().to_string_lossy().into_owned()
+}
+
+fn is_script(path: &Path) -> bool {
+    let name = name_of(path.file_name());
+    path.is_file() && name.ends_with(".lua") && name != "check.lua" && !name.ends_with("_test.lua")
+}
+
+/// The one with the lesson's name, or the only one.
+fn script_in(folder: &Path, lesson: &Lesson) -> io::Result<Result<PathBuf, String>> {
+    let wanted = lesson.file();
+    let scripts: Vec<PathBuf> = entries(folder)?
+        .into_iter()
+        .filter(|path| is_script(path))
+        .collect();
+    let named = scripts.iter().find(|path| path.ends_with(&wanted));
+    Ok(match (named, scripts.as_slice()) {
+        (Some(path), _) | (None, [path]) => Ok(path.clone()),
+        (None, []) => Err("nothing handed in".to_owned()),
+        (None, several) => Err(format!(
+            "{} scripts handed in, and none is called {wanted}",
+            several.len()
+        )),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_learner_has_a_folder_or_a_script_and_who_is_missing_is_in_the_list() {
+        let class = tempfile::tempdir().unwrap();
+        for folder in ["Ada", "Ben", "Cem", "Dora", ".git"] {
+            fs::create_dir(class.path().join(folder)).unwrap();
+        }
+        for file in [
+            "Ada/moving.lua",
+            "Ada/other.lua",
+            "Ben/mine.lua",
+            "Cem/a.lua",
+            "Cem/b.lua",
+            "Eva.lua",
+            "notes.txt",
+        ] {
+            fs::write(class.path().join(file), "").unwrap();
+        }
+        let lesson = Lesson::named("3").unwrap();
+        let list = ["Ada".to_owned(), "Finn".to_owned()];
+        let found = learners(class.path(), lesson, &list).unwrap();
+        let shown: Vec<String> = found
+            .iter()
+            .map(|one| match &one.script {
+                Ok(path) => {
+                    let path = path.strip_prefix(class.path()).unwrap();
+                    format!("{}: {}", one.name, path.display())
+                }
+                Err(why) => format!("{}: {why}", one.name),
+            })
+            .collect();
+        assert_eq!(
+            shown,
+            [
+                "Ada: Ada/moving.lua",
+                "Ben: Ben/mine.lua",
+                "Cem: 2 scripts handed in, and none is called moving.lua",
+                "Dora: nothing handed in",
+                "Eva: Eva.lua",
+                "Finn: nothing handed in",
+            ]
+        );
+    }
+}

@@ -1,0 +1,291 @@
+//! `spykee lesson grade`: the scripts of a class, each checked as `spykee lesson check` does.
+
+use std::fs;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use serde_json::{Value, json};
+
+use super::catalogue::Lesson;
+use super::check::{marks_of, read};
+use super::class::{Learner, learners};
+use super::feedback::sentence;
+use super::likeness::{Pair, pairs};
+use super::marks::Marks;
+use super::{Console, Exit, Failure, LessonParser, Side, aligned, print};
+use crate::cli::screen::clean;
+use crate::cli::test::crew::parse_timeout;
+
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct GradeArgs {
+    /// A folder with a folder or a script for each learner, called by his name
+    #[arg(value_name = "FOLDER")]
+    folder: PathBuf,
+
+    /// Check the scripts against this lesson
+    #[arg(long, value_name = "LESSON", value_parser = LessonParser, hide_possible_values = true)]
+    lesson: &'static Lesson,
+
+    /// A file with the names of the class, one a line: who is not in the folder has handed in nothing
+    #[arg(long, value_name = "FILE")]
+    names: Option<PathBuf>,
+
+    /// Print a table for a spreadsheet
+    #[arg(long, conflicts_with = "json")]
+    csv: bool,
+
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+
+    /// End each try that takes longer than so many seconds of real time, and count it as failed
+    #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = parse_timeout)]
+    timeout: Duration,
+
+    /// Play so many tries at a time [default: one for each processor]
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
+    jobs: Option<u16>,
+}
+
+/// What came out for one learner.
+struct Graded {
+    name: String,
+    file: Option<PathBuf>,
+    points: u32,
+    /// In sentences; empty when nothing is.
+    missing: Vec<String>,
+}
+
+/// A class and its marks.
+struct Class {
+    lesson: &'static Lesson,
+    worth: u32,
+    learners: Vec<Graded>,
+    alike: Vec<Pair>,
+}
+
+pub(super) fn run(args: &GradeArgs, console: &Console) -> Result<Exit, Failure> {
+    let (folder, lesson) = (&args.folder, args.lesson);
+    let cannot = |error| Failure::usage(format_args!("cannot read {}: {error}", folder.display()));
+    let found = learners(folder, lesson, &names(args)?).map_err(cannot)?;
+    if found.is_empty() {
+        let why = format!("there is no script in {}", folder.display());
+        return Err(Failure::usage(why).help("each learner has a folder or a script in it"));
+    }
+    let (mut graded, mut texts, mut worth) = (Vec::new(), Vec::new(), 0);
+    for learner in found {
+        let Some((one, text, points)) = grade(learner, args, console)? else {
+            return Ok(Exit::Interrupted);
+        };
+        worth = worth.max(points);
+        graded.push(one);
+        texts.push(text);
+    }
+    let class = Class {
+        lesson,
+        worth,
+        learners: graded,
+        alike: pairs(&texts, lesson.starter),
+    };
+    print(&if args.json {
+        format!("{:#}\n", class.json())
+    } else if args.csv {
+        class.csv()
+    } else {
+        class.text()
+    })?;
+    Ok(Exit::Done)
+}
+
+fn names(args: &GradeArgs) -> Result<Vec<String>, Failure> {
+    let Some(path) = &args.names else {
+        return Ok(Vec::new());
+    };
+    let text = fs::read_to_string(path)
+        .map_err(|error| Failure::usage(format_args!("cannot read {}: {error}", path.display())))?;
+    let names = text.lines().map(str::trim).filter(|name| !name.is_empty());
+    Ok(names.map(str::to_owned).collect())
+}
+
+/// One learner's marks, his text, and how many points there are.
+type One = (Graded, Option<String>, u32);
+
+/// `None` if a person has interrupted it.
+fn grade(learner: Learner, args: &GradeArgs, console: &Console) -> Result<Option<One>, Failure> {
+    let mut graded = Graded {
+        name: learner.name,
+        file: None,
+        points: 0,
+        missing: Vec::new(),
+    };
+    let file = match learner.script {
+        Ok(file) => file,
+        Err(why) => {
+            graded.missing.push(why);
+            return Ok(Some((graded, None, 0)));
+        }
+    };
+    graded.file = Some(file.clone());
+    let source = match read(&file) {
+        Ok(source) => source,
+        Err(why) => {
+            graded.missing.push(why.what);
+            return Ok(Some((graded, None, 0)));
+        }
+    };
+    let Some(marks) = marks_of(args.lesson, (&file, &source), (args.jobs, args.timeout), console)? else {
+        return Ok(None);
+    };
+    graded.points = marks.points();
+    graded.missing = missing(&marks);
+    let text = String::from_utf8_lossy(&source).into_owned();
+    Ok(Some((graded, Some(text), marks.worth())))
+}
+
+/// What is missing, each sentence once.
+fn missing(marks: &Marks) -> Vec<String> {
+    let mut sentences: Vec<String> = Vec::new();
+    if marks.cannot_run {
+        let first = marks
+            .findings
+            .iter()
+            .map(|found| found.message.clone())
+            .next();
+        sentences.push(format!("It cannot run: {}", first.unwrap_or_default()));
+        return sentences;
+    }
+    for mark in &marks.marks {
+        let words = mark.failure().map(sentence);
+        sentences.extend(words.filter(|words| !sentences.contains(words)));
+    }
+    if let Some(words) = marks.breakdown() {
+        sentences.push(words.lines().next().unwrap_or_default().to_owned());
+    }
+    sentences
+}
+
+impl Class {
+    /// For a terminal.
+    fn text(&self) -> String {
+        let head = [
+            ("NAME", Side::Left),
+            ("POINTS", Side::Right),
+            ("WHAT IS MISSING", Side::Left),
+        ];
+        let row = |one: &Graded| {
+            let points = match one.file {
+                Some(_) => format!("{}", one.points),
+                None => "-".to_owned(),
+            };
+            vec![one.name.clone(), points, one.missing.join(" ")]
+        };
+        let rows: Vec<Vec<String>> = self.learners.iter().map(row).collect();
+        let (number, title) = (self.lesson.number, self.lesson.title());
+        let mut text = format!("Lesson {number}, {title}: {} points\n\n", self.worth);
+        text += &aligned(&head, &rows);
+        let absent: Vec<&str> = self
+            .learners
+            .iter()
+            .filter(|one| one.file.is_none())
+            .map(|one| one.name.as_str())
+            .collect();
+        if !absent.is_empty() {
+            text += &format!(
+                "\nHanded in nothing that can be checked: {}\n",
+                absent.join(", ")
+            );
+        }
+        for pair in &self.alike {
+            let (one, other) = self.names(pair);
+            let percent = (100.0 * pair.likeness).round();
+            text += &format!("\nNearly the same text ({percent} %): {one} and {other}\n");
+        }
+        clean(&text, false)
+    }
+
+    fn names(&self, pair: &Pair) -> (&str, &str) {
+        let name = |place: usize| self.learners[place].name.as_str();
+        (name(pair.places.0), name(pair.places.1))
+    }
+
+    /// For a spreadsheet.
+    fn csv(&self) -> String {
+        let mut text = "name,points,max_points,missing,file,same_text_as\n".to_owned();
+        for (place, one) in self.learners.iter().enumerate() {
+            let file = one.file.as_ref().map(|file| file.display().to_string());
+            let cells = [
+                one.name.clone(),
+                one.points.to_string(),
+                self.worth.to_string(),
+                one.missing.join(" "),
+                file.unwrap_or_default(),
+                self.alike_with(place).join(", "),
+            ];
+            text += &cells.map(|cell| csv_cell(&cell)).join(",");
+            text.push('\n');
+        }
+        text
+    }
+
+    /// Whose text is nearly the same.
+    fn alike_with(&self, place: usize) -> Vec<&str> {
+        let other = |pair: &Pair| match pair.places {
+            (one, other) if one == place => Some(other),
+            (other, one) if one == place => Some(other),
+            _ => None,
+        };
+        let places = self.alike.iter().filter_map(other);
+        places
+            .map(|place| self.learners[place].name.as_str())
+            .collect()
+    }
+
+    /// For programs.
+    fn json(&self) -> Value {
+        let learner = |one: &Graded| {
+            json!({
+                "name": one.name, "handed_in": one.file.is_some(),
+                "file": one.file.as_ref().map(|file| file.display().to_string()),
+                "points": one.points, "missing": one.missing,
+            })
+        };
+        let pair = |pair: &Pair| {
+            let (one, other) = self.names(pair);
+            json!({ "names": [one, other], "likeness": (pair.likeness * 100.0).round() / 100.0 })
+        };
+        json!({
+            "lesson": self.lesson.number, "title": self.lesson.title(), "max_points": self.worth,
+            "learners": self.learners.iter().map(learner).collect::<Vec<Value>>(),
+            "same_text": self.alike.iter().map(pair).collect::<Vec<Value>>(),
+        })
+    }
+}
+
+/// Quoted where need be, and never read as a formula: the text is a learner's.
+fn csv_cell(text: &str) -> String {
+    let mut text = clean(text, false).replace(['\n', '\r', '\t'], " ");
+    if text.starts_with(['=', '+', '-', '@']) {
+        text.insert(0, '\'');
+    }
+    if text.contains([',', '"', ';']) {
+        text = format!("\"{}\"", text.replace('"', "\"\""));
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cell_of_a_spreadsheet_is_one_cell_and_no_formula() {
+        for (text, cell) in [
+            ("Ada", "Ada"),
+            ("a, b", "\"a, b\""),
+            ("it \"drives\"\naway", "\"it \"\"drives\"\" away\""),
+            ("=HYPERLINK(1)", "'=HYPERLINK(1)"),
+        ] {
+            assert_eq!(csv_cell(text), cell);
+        }
+    }
+}

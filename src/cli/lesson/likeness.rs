@@ -1,0 +1,91 @@
+//! Which scripts of a class are nearly the same text. What all have from the lesson's starter does not
+//! count, nor does a text that is too short to say anything: three lines look alike by themselves.
+
+/// From this likeness on, of 1, two texts are nearly the same.
+const NEARLY_THE_SAME: f64 = 0.92;
+/// Letters that must be a learner's own before his text is compared.
+const SHORTEST: usize = 60;
+/// Letters that are compared.
+const LONGEST: usize = 20_000;
+
+/// Two of a list of texts that are nearly the same.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Pair {
+    /// Their places in the list, the first one first.
+    pub(super) places: (usize, usize),
+    /// 0 to 1.
+    pub(super) likeness: f64,
+}
+
+/// All pairs, the most alike first.
+pub(super) fn pairs(texts: &[Option<String>], starter: &str) -> Vec<Pair> {
+    let own = |text: &Option<String>| text.as_deref().and_then(|text| own_words(text, starter));
+    let own: Vec<Option<String>> = texts.iter().map(own).collect();
+    let mut pairs = Vec::new();
+    for (first, one) in own.iter().enumerate() {
+        for (second, other) in own.iter().enumerate().skip(first + 1) {
+            let (Some(one), Some(other)) = (one, other) else {
+                continue;
+            };
+            let likeness = strsim::sorensen_dice(one, other);
+            if likeness >= NEARLY_THE_SAME {
+                let places = (first, second);
+                pairs.push(Pair { places, likeness });
+            }
+        }
+    }
+    pairs.sort_by(|one, other| other.likeness.total_cmp(&one.likeness));
+    pairs
+}
+
+/// The lines that are not the starter's, without spaces; `None` if that is too little.
+fn own_words(text: &str, starter: &str) -> Option<String> {
+    let given: Vec<String> = starter.lines().map(without_spaces).collect();
+    let lines = text.lines().map(without_spaces);
+    let own: String = lines.filter(|line| !given.contains(line)).collect();
+    (own.chars().count() >= SHORTEST).then(|| own.chars().take(LONGEST).collect())
+}
+
+fn without_spaces(line: &str) -> String {
+    line.chars().filter(|c| !c.is_whitespace()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STARTER: &str = "-- spykee lesson 5\nrobot.led('all', true)\nrobot.turn(math.rad(360))\n";
+
+    fn script(middle: &str) -> Option<String> {
+        Some(format!(
+            "{STARTER}robot.on('noise', function(noise)\n  {middle}\n  print('I am awake now', noise.dbfs)\n\
+             \tfor count = 1, 3 do robot.play('bip_2') task.wait(0.3) end\nend)\n"
+        ))
+    }
+
+    #[test]
+    fn a_copy_is_found_whatever_its_spaces_and_a_little_change() {
+        let (one, other) = ("robot.led('all', true)", "robot.led(  'all',  true )");
+        let texts = [
+            script(one),
+            script(other),
+            None,
+            script(
+                "robot.turn(math.rad(180)) log.info('this is all of my very own idea, and long')",
+            ),
+        ];
+        let found = pairs(&texts, STARTER);
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert_eq!(found[0].places, (0, 1));
+    }
+
+    #[test]
+    fn the_starter_and_short_solutions_are_nobodys_copy() {
+        let short = Some(format!("{STARTER}robot.led('all', false)\n"));
+        let starter = Some(STARTER.repeat(9));
+        assert_eq!(
+            pairs(&[short.clone(), short, starter.clone(), starter], STARTER),
+            []
+        );
+    }
+}

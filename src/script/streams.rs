@@ -1,0 +1,74 @@
+//! Which of the robot's streams a script has on, and for how long. A stream is on as long as the
+//! script has asked for it by `robot.stream`, or listens to it or waits for it; and for [`LINGER`]
+//! after, so that a loop of `robot.wait_frame` does not switch the camera at each turn.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use crate::wire::Stream;
+
+/// A stream that nothing uses any more goes off after so long.
+pub(super) const LINGER: Duration = Duration::from_secs(2);
+
+/// Who wants a stream.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Demand {
+    /// `robot.stream(name, true)`: until it is switched off by the same call.
+    Asked,
+    /// A handler, a wait or `robot.frame()`: while it lasts.
+    Used,
+}
+
+/// See the module.
+#[derive(Debug, Default)]
+pub(super) struct WantedStreams {
+    asked: BTreeSet<Stream>,
+    /// All that are on, and when each was last used.
+    on: BTreeMap<Stream, Instant>,
+}
+
+impl WantedStreams {
+    /// Whether it is on.
+    pub(super) fn is_on(&self, stream: Stream) -> bool {
+        self.on.contains_key(&stream)
+    }
+
+    /// Wants a stream; `true` if it was off.
+    pub(super) fn want(&mut self, stream: Stream, by: Demand, now: Instant) -> bool {
+        if by == Demand::Asked {
+            self.asked.insert(stream);
+        }
+        self.on.insert(stream, now).is_none()
+    }
+
+    /// `robot.stream(name, false)`; `true` if it was on.
+    pub(super) fn switch_off(&mut self, stream: Stream) -> bool {
+        self.asked.remove(&stream);
+        self.on.remove(&stream).is_some()
+    }
+
+    /// Those that are on only while something uses them.
+    pub(super) fn lent(&self) -> Vec<Stream> {
+        let on = self.on.keys().copied();
+        on.filter(|stream| !self.asked.contains(stream)).collect()
+    }
+
+    /// It is in use now.
+    pub(super) fn note_use(&mut self, stream: Stream, now: Instant) {
+        if let Some(used) = self.on.get_mut(&stream) {
+            *used = now;
+        }
+    }
+
+    /// When one that nothing uses goes off.
+    pub(super) fn end_of(&self, stream: Stream) -> Option<Instant> {
+        self.on.get(&stream).map(|used| *used + LINGER)
+    }
+
+    /// Forgets one that nothing uses if its time is over; `true` if so.
+    pub(super) fn drop_if_unused(&mut self, stream: Stream, now: Instant) -> bool {
+        self.end_of(stream).is_some_and(|end| end <= now) && self.on.remove(&stream).is_some()
+    }
+}

@@ -1,0 +1,4 @@
+-- right
+robot.move(40, 40, 2)
+task.wait(1)
+robot.move(-40, -40, 2)

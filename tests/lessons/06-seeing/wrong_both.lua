@@ -1,0 +1,6 @@
+-- wrong: and yet the
+robot.on("frame", function(frame)
+	local ball = frame:find_blobs("red", { pixels_threshold = 40 })[1]
+	robot.led("left", ball ~= nil)
+	robot.led("right", ball ~= nil)
+end)

@@ -1,0 +1,9 @@
+-- wrong: remember the last offset in a variable
+robot.on("frame", function(frame)
+	local line = frame:find_line("black", { roi = { 0, 200, 320, 40 } })
+	if line then
+		robot.drive(0.12, -1.5 * line.offset)
+	else
+		robot.drive(0, 0.6)
+	end
+end)

@@ -1,0 +1,6 @@
+-- wrong: It could not get home, and yet there was a beep
+robot.undock()
+robot.turn(math.rad(180))
+robot.forward(0.5)
+robot.dock()
+robot.play("bip_2")

@@ -1,0 +1,36 @@
+-- wrong: but does not turn to look for the ball
+local fsm = require("@spykee/fsm")
+
+fsm.new({
+	initial = "asleep",
+	states = {
+		asleep = {
+			on = { noise = "awake" },
+		},
+		awake = {
+			enter = function()
+				robot.led("flash", true)
+			end,
+			task = function()
+				robot.drive(0, 0)
+				while true do
+					local frame = robot.wait_frame(1)
+					if frame and frame:find_blobs("red", { pixels_threshold = 40 })[1] then
+						return "happy"
+					end
+				end
+			end,
+			exit = function()
+				robot.led("flash", false)
+			end,
+			timeout = { 30, "asleep" },
+		},
+		happy = {
+			task = function()
+				robot.play("laugh")
+				task.wait(4) -- its own laugh is a noise too
+				return "asleep"
+			end,
+		},
+	},
+}):run()
