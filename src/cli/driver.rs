@@ -3,16 +3,17 @@
 
 use std::time::Duration;
 
-use tokio::sync::{mpsc, watch};
-use tokio::task::JoinHandle;
-use tokio::time::{MissedTickBehavior, interval, timeout};
+use tokio::sync::mpsc;
+use tokio::time::{MissedTickBehavior, interval};
+use tokio_util::sync::CancellationToken;
 
-use super::interrupt::interruption;
+use super::interrupt::obey;
 use super::run::{driving_core, pulse};
 use super::{Exit, Failure};
-use crate::link::LinkError;
-use crate::pilot::{Delivery, Dial, DrivingCore, Ending, LinkState, Pilot, Settings, Status};
-use crate::robot::channel::{Inbox, MAX_REQUESTS, Request, Role, Told, events};
+use crate::agent::{AgentError, Flight, Preflight};
+use crate::behaviour::{Launch, Launcher};
+use crate::pilot::{Dial, Settings, Status};
+use crate::robot::channel::{Inbox, Request, Role, Told, events};
 use crate::robot::{
     BehaviourId, CallId, DockEnd, DockPlan, Event, Intent, MotionEnd, MotionId, Priority, Setpoint,
 };
@@ -20,75 +21,91 @@ use crate::robot::{
 const ME: BehaviourId = BehaviourId(0);
 /// How often a driver that moves shows that it lives; the watchdog's patience is 0.25 s.
 const BEAT: Duration = Duration::from_millis(50);
-/// How long the last writes and the closing of the link may take.
-const LINK_END: Duration = Duration::from_millis(2500);
+
+/// What it takes to drive a robot by hand.
+pub(super) struct Means {
+    /// How to reach the robot.
+    pub(super) dial: Dial,
+    /// The pilot's numbers.
+    pub(super) settings: Settings,
+    /// The rescue behaviour, if there is to be one.
+    pub(super) rescue: Option<Launch>,
+}
 
 /// A seat in front of the pilot.
 pub(super) struct Driver {
     requests: mpsc::Sender<Request>,
     inbox: Inbox,
-    status: watch::Receiver<Status>,
-    flight: JoinHandle<Result<Delivery, LinkError>>,
-    ending: Ending,
+    flight: Flight,
     last: u64,
-    /// Dropped last: what runs on it ends first.
-    _core: DrivingCore,
 }
 
-/// Connects, lets `job` drive, and stops the robot before it lets go of it, however the job ends;
-/// Ctrl-C ends it too.
+/// Connects, lets `job` drive, and stops the robot before it lets go of it, however the job ends. Any
+/// signal that ends a program ends it; Ctrl-Z stops the robot, then the program. A robot whose battery
+/// is low is not left before it is home, unless by a signal.
 ///
 /// # Errors
 /// The robot cannot be reached, or the job's own.
 pub(super) async fn drive(
-    dial: Dial,
-    settings: Settings,
+    means: Means,
     job: impl AsyncFnOnce(&mut Driver) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
-    let interrupted = interruption()?;
-    let mut driver = Driver::launch(dial, settings)?;
+    let core = driving_core()?;
+    let stop = CancellationToken::new();
+    let mut driver = Driver::launch(means, core.handle(), &stop)?;
     let work = async {
         driver.board().await?;
-        job(&mut driver).await
+        let done = job(&mut driver).await;
+        let stayed = driver.flight.stay().await;
+        done.map(|exit| if stayed { Exit::Safety } else { exit })
     };
-    let result = tokio::select! {
+    let done = tokio::select! {
         biased;
-        () = interrupted => Ok(Exit::Interrupted),
-        result = work => result,
+        () = stop.cancelled() => None,
+        done = work => Some(done),
     };
-    driver.end().await;
-    result
+    let away = driver.flight.is_away();
+    driver.flight.end().await;
+    done.unwrap_or(Ok(if away {
+        Exit::Safety
+    } else {
+        Exit::Interrupted
+    }))
 }
 
 impl Driver {
-    fn launch(dial: Dial, settings: Settings) -> Result<Driver, Failure> {
-        let core = driving_core()?;
-        let (mut pilot, _frames, status) = Pilot::new(&settings);
-        pilot.set_pulse(Some(pulse(settings.simulated)));
-        let (requests, received) = mpsc::channel(MAX_REQUESTS);
-        let ending = Ending::default();
-        let flight = core
-            .handle()
-            .spawn(pilot.run(dial, settings, received, ending.clone()));
+    fn launch(
+        means: Means,
+        core: &tokio::runtime::Handle,
+        stop: &CancellationToken,
+    ) -> Result<Driver, Failure> {
+        let Means {
+            dial,
+            settings,
+            rescue,
+        } = means;
+        let pulse = pulse(settings.simulated);
+        let mut flight = Preflight::new(settings, dial, core.clone(), Some(pulse));
+        let requests = flight.requests();
+        obey(core, requests.clone(), stop.clone())?;
+        if let Some(rescue) = rescue {
+            let launcher = Launcher::this_executable().map_err(|error| {
+                Failure::usage(format_args!("cannot find this program's own file: {error}"))
+            })?;
+            flight.stand_by(launcher, rescue);
+        }
         // Replaced by the one that the pilot knows as soon as it is connected.
         let (_, inbox) = events();
         Ok(Driver {
             requests,
             inbox,
-            status,
-            flight,
-            ending,
+            flight: flight.launch(stop),
             last: 0,
-            _core: core,
         })
     }
 
     async fn board(&mut self) -> Result<(), Failure> {
-        tokio::select! {
-            biased;
-            ended = &mut self.flight => return Err(failed(ended)),
-            _ = self.status.wait_for(|status| status.link == LinkState::Up) => {}
-        }
+        self.flight.up().await.map_err(failed)?;
         let (outbox, inbox) = events();
         self.inbox = inbox;
         let (by, priority) = (ME, Priority(0));
@@ -104,7 +121,7 @@ impl Driver {
 
     /// Robot and watchdog as they are now.
     pub(super) fn status(&self) -> Status {
-        *self.status.borrow()
+        self.flight.status()
     }
 
     /// Drives for a while; how it ended.
@@ -179,7 +196,7 @@ impl Driver {
     async fn ask(&mut self, request: Request) -> Result<(), Failure> {
         match self.requests.send(request).await {
             Ok(()) => Ok(()),
-            Err(_) => Err(failed((&mut self.flight).await)),
+            Err(_) => Err(failed(self.flight.lost().await)),
         }
     }
 
@@ -204,27 +221,15 @@ impl Driver {
                 Told::Kill(reason) => {
                     return Err(Failure::new(Exit::Safety, reason.sentence()));
                 }
-                Told::Closed => return Err(failed((&mut self.flight).await)),
+                Told::Closed => return Err(failed(self.flight.lost().await)),
             }
-        }
-    }
-
-    /// A stop is written, then the link is closed.
-    async fn end(mut self) {
-        self.ending.parting.cancel();
-        self.ending.closing.cancel();
-        if !self.flight.is_finished() && timeout(LINK_END, &mut self.flight).await.is_err() {
-            self.flight.abort();
         }
     }
 }
 
-fn failed(ended: Result<Result<Delivery, LinkError>, tokio::task::JoinError>) -> Failure {
-    match ended {
-        Ok(Err(error)) => error.into(),
-        Ok(Ok(_)) | Err(_) => Failure::new(
-            Exit::Unreachable,
-            "internal error: the pilot broke down; the robot was told to stop",
-        ),
+fn failed(error: AgentError) -> Failure {
+    match error {
+        AgentError::Link(error) => error.into(),
+        error @ AgentError::Broken(_) => Failure::new(Exit::Unreachable, error),
     }
 }

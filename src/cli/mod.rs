@@ -35,6 +35,7 @@ mod sim;
 mod source;
 mod status;
 mod table;
+mod terminal;
 mod test;
 mod trace;
 mod world;

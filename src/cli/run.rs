@@ -9,14 +9,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use tokio::runtime::Handle;
 use tokio::sync::{mpsc, watch};
 use tokio::time::{MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
 
 use super::embedded::EmbeddedSim;
 use super::fast::{EventFile, Fast};
-use super::interrupt::{interruption, listen};
+use super::interrupt::obey;
 use super::params::{self, Param};
 use super::settings::SettingsArgs;
 use super::source::read_source;
@@ -31,15 +30,12 @@ use crate::lab;
 use crate::link::{self, Target};
 use crate::pilot::{Dial, DrivingCore, Pulse, Status};
 use crate::robot::EndReason;
-use crate::robot::channel::{Request, Sleep};
 use crate::script::{self, GivenParam};
 use crate::sim;
 use crate::wire::Login;
 
 /// How often the status line is drawn anew.
 pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
-/// How long the signal that stops this program may take to do so.
-const FALLING_ASLEEP: Duration = Duration::from_millis(50);
 /// The longest `--for`: a year.
 const LONGEST_RUN: f64 = 366.0 * 86_400.0;
 
@@ -244,55 +240,14 @@ fn fast(
 
 async fn drive(plan: Plan, line: StatusLine, console: &Console) -> Result<Exit, Failure> {
     let stop = CancellationToken::new();
-    stop_on_signal(&plan.core, stop.clone())?;
     let core = plan.core.clone();
     let (agent, status) = Agent::new(plan);
-    sleep_on_ctrl_z(&core, agent.requests())?;
+    obey(&core, agent.requests(), stop.clone())?;
     let showing = show(line, status, console);
     tokio::select! {
         outcome = agent.run(stop) => exit(outcome),
         never = showing => match never {},
     }
-}
-
-/// Cancels `stop` at the first signal that ends a program. The driving core hears it: this thread may
-/// be waiting for a disk.
-pub(super) fn stop_on_signal(core: &Handle, stop: CancellationToken) -> Result<(), Failure> {
-    let interrupted = {
-        let _heard_by = core.enter();
-        interruption()?
-    };
-    core.spawn(async move {
-        interrupted.await;
-        stop.cancel();
-    });
-    Ok(())
-}
-
-/// On Ctrl-Z the robot is stopped first, then this program.
-fn sleep_on_ctrl_z(core: &Handle, requests: mpsc::Sender<Request>) -> Result<(), Failure> {
-    let mut stopped = {
-        let _heard_by = core.enter();
-        listen(libc::SIGTSTP)?
-    };
-    core.spawn(async move {
-        while stopped.recv().await.is_some() {
-            let sleep = Request::Sleep(Sleep(Box::new(sleep_here)));
-            if requests.send(sleep).await.is_err() {
-                return;
-            }
-        }
-    });
-    Ok(())
-}
-
-/// Stops this program as the terminal would have done; returns when it goes on.
-fn sleep_here() {
-    use rustix::process::{Signal, getpid, kill_process};
-    tracing::info!("stopped by Ctrl-Z, and so is the robot");
-    let _ = kill_process(getpid(), Signal::STOP);
-    // The signal may reach another thread first: nothing may be done in the meantime.
-    std::thread::sleep(FALLING_ASLEEP);
 }
 
 /// The heartbeat of a run, with a guardian unless the robot is simulated in this program and ends with
@@ -315,7 +270,7 @@ pub(super) fn pulse(simulated: bool) -> Pulse {
 }
 
 /// The rescue behaviour that the config wants.
-fn rescue(config: &Config, seed: u64) -> Result<Option<Launch>, Failure> {
+pub(super) fn rescue(config: &Config, seed: u64) -> Result<Option<Launch>, Failure> {
     let choice = &config.watchdog.rescue;
     let options = config.script(RESCUE_NAME, choice.to_string(), seed);
     agent::rescue(choice, options).map_err(|error| {

@@ -1,4 +1,4 @@
-//! `spykee robot led`, `play`, `volume`: said, and written before the program ends.
+//! `spykee robot led`, `play`, `volume`: said, and acknowledged before the program ends.
 
 use clap::builder::PossibleValuesParser;
 
@@ -77,7 +77,7 @@ pub(super) fn volume(args: &VolumeArgs) -> Result<Exit, Failure> {
 
 fn say(aim: &AimArgs, command: Command) -> Result<Exit, Failure> {
     talk(aim, async |talk| {
-        talk.say(&[command]).await?;
+        talk.tell(command).await?;
         Ok(Exit::Done)
     })
 }

@@ -11,17 +11,17 @@ mod stop;
 mod talk;
 mod upload;
 
-pub(super) use talk::farewell;
+pub(super) use talk::send_home_if_low;
 
 use clap::Subcommand;
 
+use super::driver::Means;
 use super::embedded::EmbeddedSim;
-use super::run::{dial, place, reach};
+use super::run::{dial, place, reach, rescue};
 use super::settings::SettingsArgs;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::config::Config;
 use crate::link::{self, Target};
-use crate::pilot::{Dial, Settings};
 use crate::wire::{self, Login};
 
 /// Ask the robot for one thing: battery, docking, lights, a picture, its settings
@@ -153,10 +153,16 @@ impl Aim {
         .await
     }
 
-    /// For the pilot: how to dial, and the numbers of its rules.
-    pub(super) fn flight(&self, seed: u64) -> (Dial, Settings) {
+    /// What it takes to drive it.
+    ///
+    /// # Errors
+    /// The rescue behaviour of the config cannot be read.
+    pub(super) fn means(&self, seed: u64) -> Result<Means, Failure> {
         let link = self.config.link.clone();
-        let dial = dial(self.target.clone(), self.login.clone(), link);
-        (dial, self.config.pilot(self.sim.is_some(), seed))
+        Ok(Means {
+            dial: dial(self.target.clone(), self.login.clone(), link),
+            settings: self.config.pilot(self.sim.is_some(), seed),
+            rescue: rescue(&self.config, seed)?,
+        })
     }
 }

@@ -52,13 +52,13 @@ pub(super) struct UndockArgs {
 pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
     let seed = rand::random();
     let aim = args.aim.aim(seed)?;
-    let (dial, settings) = aim.flight(seed);
+    let means = aim.means(seed)?;
     let plan = DockPlan {
         timeout: Duration::from_secs(args.timeout),
         retries: args.retries,
         ..DockPlan::default()
     };
-    let docking = drive(dial, settings, async |driver| {
+    let docking = drive(means, async |driver| {
         let (end, attempts, took) = driver.dock(plan).await?;
         let seconds = took.as_secs_f64();
         if args.json {
@@ -77,8 +77,8 @@ pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
 pub(super) fn undock(args: &UndockArgs) -> Result<Exit, Failure> {
     let seed = rand::random();
     let aim = args.aim.aim(seed)?;
-    let (dial, settings) = aim.flight(seed);
-    let undocking = drive(dial, settings, async |driver| {
+    let means = aim.means(seed)?;
+    let undocking = drive(means, async |driver| {
         let end = driver.undock(Duration::from_secs(args.timeout)).await?;
         if args.json {
             print(&format!("{}\n", json!({ "end": end.name() })))?;
