@@ -26,7 +26,7 @@ use std::time::Duration;
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
-use tracing::{info, warn};
+use tracing::{debug, info, warn};
 
 pub use crate::link::Delivery;
 use crate::link::{LinkError, Writer, farewell};
@@ -394,6 +394,7 @@ impl Pilot {
         };
         match delivery {
             Delivery::Acknowledged => info!("{delivery}"),
+            Delivery::Offline if self.info.is_none() => debug!("never connected"),
             Delivery::NotAcknowledged { .. } | Delivery::Offline => warn!("{delivery}"),
         }
         // What has not arrived yet is the guardian's, which says it again.

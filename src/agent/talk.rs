@@ -12,7 +12,7 @@ use tracing::warn;
 use super::{AgentError, Flight, Preflight, SCRIPTS_END};
 use crate::behaviour::{Dialogue, Handle, Launch, Launcher, Order, Prepared, Said, Supervisor};
 use crate::robot::channel::{Request, Role};
-use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
+use crate::robot::{BehaviourId, EndReason, Intent, Pictures, Priority};
 use crate::script::Ending;
 
 /// Everything a session needs.
@@ -47,8 +47,6 @@ struct Session {
     requests: mpsc::Sender<Request>,
     frames: watch::Receiver<Pictures>,
     last: u16,
-    /// Nothing moves any more.
-    parted: bool,
 }
 
 impl Talk {
@@ -75,7 +73,6 @@ impl Talk {
             frames: self.flight.frames(),
             flight: self.flight.launch(&stop),
             last: 0,
-            parted: false,
         };
         let stayed = session.live(&mut orders, &said, &stop).await;
         let safety = session.flight.is_away();
@@ -99,9 +96,6 @@ impl Session {
         }
         while let Some(ending) = self.converse(orders, said, stop).await? {
             let _ = said.send(Said::Ended(ending)).await;
-        }
-        if self.parted {
-            return Ok(false);
         }
         tokio::select! {
             biased;
@@ -142,11 +136,9 @@ impl Session {
                 }
             }
         }
-        // A robot that is on its way home is not kept from it.
-        if stop.is_cancelled() || !self.flight.is_away() {
-            self.flight.part();
-            self.parted = true;
-        }
+        // Not parted from: its battery may be low, and then it is brought home first.
+        let rest = Request::Intent(BehaviourId(self.last), Intent::Stop);
+        let _ = self.requests.try_send(rest);
         handle.stop(EndReason::Shutdown);
         if timeout(SCRIPTS_END, running).await.is_err() {
             warn!("the lines' own end took too long and was left behind");

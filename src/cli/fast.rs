@@ -16,6 +16,7 @@ use super::interrupt::interruption;
 use super::run::STATUS_PERIOD;
 use super::status::StatusLine;
 use super::trace::TraceFile;
+use super::waiting::Tries;
 use super::{Console, Failure};
 use crate::agent::{AgentError, Behaviour, Outcome};
 use crate::lab::{self, Lab, Recorder};
@@ -119,7 +120,7 @@ async fn show(
     let Ok((status, sim)) = view.await else {
         return std::future::pending().await;
     };
-    let mut line = StatusLine::new(names, Some(sim.clone()));
+    let mut line = StatusLine::new(names, Some(sim.clone()), Tries::default());
     let mut beat = interval(STATUS_PERIOD);
     beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {

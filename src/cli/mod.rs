@@ -38,6 +38,7 @@ mod table;
 mod terminal;
 mod test;
 mod trace;
+mod waiting;
 mod world;
 
 use std::future::Future;

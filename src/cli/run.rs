@@ -21,13 +21,14 @@ use super::settings::SettingsArgs;
 use super::source::read_source;
 use super::status::StatusLine;
 use super::trace::TraceFile;
+use super::waiting::{Tries, until_answered};
 use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{self, Agent, AgentError, Behaviour, Outcome, Plan, RESCUE_NAME};
 use crate::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure};
 use crate::config::{Config, Entry};
 use crate::guardian::Guardian;
 use crate::lab;
-use crate::link::{self, Target};
+use crate::link::{self, LinkError, Target};
 use crate::pilot::{Dial, DrivingCore, Pulse, Status};
 use crate::robot::EndReason;
 use crate::script::{self, GivenParam};
@@ -49,7 +50,11 @@ pub(super) struct RunArgs {
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
 
-    /// End after so many seconds
+    /// Dial until the robot answers, instead of ending with exit code 3 if it does not
+    #[arg(long, conflicts_with = "fast")]
+    wait: bool,
+
+    /// End after so many seconds, from the first connection on
     #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
     limit: Option<Duration>,
 
@@ -151,7 +156,11 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         Failure::usage(format_args!("cannot find this program's own file: {error}"))
     })?;
     let names = names(&behaviours);
-    let dial = dial(target, login, config.link.clone());
+    let (link, tries) = (config.link.clone(), Tries::default());
+    let dial = match args.wait {
+        true => until_answered(target, login, link, seed, tries.clone()),
+        false => dial(target, login, link),
+    };
     let core = driving_core()?;
     let plan = Plan {
         behaviours,
@@ -163,7 +172,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         rescue: rescue(&config, seed)?,
         limit: args.limit,
     };
-    let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle));
+    let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle), tries);
     let outcome = runtime.block_on(async {
         for (watched, reloads) in watches {
             tokio::spawn(watched.run(reloads));
@@ -290,7 +299,7 @@ pub(super) fn driving_core() -> Result<DrivingCore, Failure> {
 fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
     let outcome = match outcome {
         Ok(outcome) => outcome,
-        Err(AgentError::Link(error)) => return Err(error.into()),
+        Err(AgentError::Link(error)) => return Err(unreachable(error)),
         Err(error @ AgentError::Broken(_)) => return Err(Failure::new(Exit::Script, error)),
     };
     let ended_by = |is: fn(EndReason) -> bool| {
@@ -308,6 +317,17 @@ fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
     } else {
         Exit::Done
     })
+}
+
+/// Of the first connection.
+fn unreachable(error: LinkError) -> Failure {
+    if error.is_final() {
+        return error.into();
+    }
+    let help = error.help();
+    Failure::from(error).help(format!(
+        "{help}; `spykee run --wait` dials until it answers"
+    ))
 }
 
 async fn show(
