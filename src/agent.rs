@@ -4,6 +4,7 @@
 mod flight;
 mod keeper;
 mod rescue;
+mod seat;
 mod talk;
 
 use std::time::Duration;
@@ -18,12 +19,13 @@ use tracing::{error, info, warn};
 pub use self::flight::{Flight, Preflight};
 use self::keeper::{Keeper, Surroundings};
 pub use self::rescue::{RESCUE_NAME, rescue};
+pub use self::seat::{Docked, Seat, SeatError};
 pub use self::talk::{Talk, TalkError};
 use crate::behaviour::{Launch, Launcher, Prepared, Reload, RestartPolicy};
 use crate::link::LinkError;
 use crate::pilot::{Dial, Pulse, Settings, Status};
 use crate::robot::channel::{Request, Role};
-use crate::robot::{BehaviourId, EndReason, Priority};
+use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
 use crate::script::Ending;
 
 /// How long the scripts' last words and the end of their hosts may take together.
@@ -117,6 +119,11 @@ impl Agent {
     /// Where the pilot of this run is asked, for what no behaviour may ask: see [`Request::Sleep`].
     pub fn requests(&self) -> mpsc::Sender<Request> {
         self.flight.requests()
+    }
+
+    /// What the camera shows.
+    pub fn pictures(&self) -> watch::Receiver<Pictures> {
+        self.flight.frames()
     }
 
     /// Runs until every behaviour has ended, the time is over, or `stop` is cancelled. Scripts that

@@ -19,6 +19,7 @@
 //! | 4 | `agent` | wiring and lifetimes |
 //! | 4 | `config` | the YAML file, composed of each module's own options |
 //! | 5 | `lab` | a whole run in virtual time: agent, hosts and simulator on one thread |
+//! | 5 | `control` | the socket by which a run that is on can be asked |
 //! | 6 | `scenario` | worlds, behaviours and what must become true: plays `*_test.lua` files |
 //! | 7 | `cli` | one file per subcommand |
 //! | side | `sim` | the simulated robot and its world; imports `wire` only |
@@ -30,6 +31,7 @@ pub mod agent;
 pub mod behaviour;
 pub mod cli;
 pub mod config;
+pub mod control;
 pub mod guardian;
 pub mod lab;
 pub mod link;

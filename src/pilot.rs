@@ -369,6 +369,8 @@ impl Pilot {
             low: self.watchdog.low().is_some(),
             rescue: self.watchdog.wants_rescue(),
             docked: self.watchdog.docked(),
+            place: self.watchdog.place(),
+            shed: self.watchdog.shed(),
             frames,
         };
         self.status

@@ -4,23 +4,18 @@
 use std::time::Duration;
 
 use tokio::sync::mpsc;
-use tokio::time::{MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
 
 use super::interrupt::obey;
 use super::run::{driving_core, pulse};
 use super::{Exit, Failure};
-use crate::agent::{AgentError, Flight, Preflight};
+use crate::agent::{AgentError, Docked, Flight, Preflight, Seat, SeatError};
 use crate::behaviour::{Launch, Launcher};
 use crate::pilot::{Dial, Settings, Status};
-use crate::robot::channel::{Inbox, Request, Role, Told, events};
-use crate::robot::{
-    BehaviourId, CallId, DockEnd, DockPlan, Event, Intent, MotionEnd, MotionId, Priority, Setpoint,
-};
+use crate::robot::channel::{Request, Role};
+use crate::robot::{BehaviourId, DockEnd, DockPlan, MotionEnd, Priority, Setpoint};
 
 const ME: BehaviourId = BehaviourId(0);
-/// How often a driver that moves shows that it lives; the watchdog's patience is 0.25 s.
-const BEAT: Duration = Duration::from_millis(50);
 
 /// What it takes to drive a robot by hand.
 pub(super) struct Means {
@@ -35,9 +30,9 @@ pub(super) struct Means {
 /// A seat in front of the pilot.
 pub(super) struct Driver {
     requests: mpsc::Sender<Request>,
-    inbox: Inbox,
+    /// Taken as soon as the robot is there.
+    seat: Option<Seat>,
     flight: Flight,
-    last: u64,
 }
 
 /// Connects, lets `job` drive, and stops the robot before it lets go of it, however the job ends. Any
@@ -94,29 +89,24 @@ impl Driver {
             })?;
             flight.stand_by(launcher, rescue);
         }
-        // Replaced by the one that the pilot knows as soon as it is connected.
-        let (_, inbox) = events();
         Ok(Driver {
             requests,
-            inbox,
+            seat: None,
             flight: flight.launch(stop),
-            last: 0,
         })
     }
 
     async fn board(&mut self) -> Result<(), Failure> {
         self.flight.up().await.map_err(failed)?;
-        let (outbox, inbox) = events();
-        self.inbox = inbox;
-        let (by, priority) = (ME, Priority(0));
-        self.ask(Request::Join {
-            by,
-            name: "spykee".into(),
-            priority,
-            role: Role::Behaviour,
-            outbox,
-        })
-        .await
+        let seat = Seat::join(
+            self.requests.clone(),
+            ME,
+            "spykee",
+            Priority(0),
+            Role::Person,
+        );
+        self.seat = Some(seat.await.map_err(refused)?);
+        Ok(())
     }
 
     /// Robot and watchdog as they are now.
@@ -133,41 +123,16 @@ impl Driver {
         setpoint: Setpoint,
         duration: Duration,
     ) -> Result<MotionEnd, Failure> {
-        let motion = MotionId(self.next());
-        let duration = Some(duration);
-        self.intend(Intent::Move {
-            motion,
-            setpoint,
-            duration,
-        })
-        .await?;
-        self.wait(|event| match event {
-            Event::MotionEnded { motion: of, end } if *of == motion => Some(*end),
-            _ => None,
-        })
-        .await
+        let end = self.seat()?.run(setpoint, duration).await;
+        end.map_err(refused)
     }
 
-    /// Goes to the station: how it ended, tries made, time taken.
+    /// Goes to the station.
     ///
     /// # Errors
     /// The pilot is gone.
-    pub(super) async fn dock(
-        &mut self,
-        plan: DockPlan,
-    ) -> Result<(DockEnd, u32, Duration), Failure> {
-        let call = CallId(self.next());
-        self.intend(Intent::Dock { call, plan }).await?;
-        self.wait(|event| match event {
-            Event::DockEnded {
-                call: of,
-                end,
-                attempts,
-                took,
-            } if *of == call => Some((*end, *attempts, *took)),
-            _ => None,
-        })
-        .await
+    pub(super) async fn dock(&mut self, plan: DockPlan) -> Result<Docked, Failure> {
+        self.seat()?.dock(plan).await.map_err(refused)
     }
 
     /// Leaves the station.
@@ -175,55 +140,26 @@ impl Driver {
     /// # Errors
     /// The pilot is gone.
     pub(super) async fn undock(&mut self, timeout: Duration) -> Result<DockEnd, Failure> {
-        let call = CallId(self.next());
-        self.intend(Intent::Undock { call, timeout }).await?;
-        self.wait(|event| match event {
-            Event::UndockEnded { call: of, end } if *of == call => Some(*end),
-            _ => None,
-        })
-        .await
+        self.seat()?.undock(timeout).await.map_err(refused)
     }
 
-    fn next(&mut self) -> u64 {
-        self.last += 1;
-        self.last
+    /// Speaks: s16 little-endian, mono, 16 kHz.
+    ///
+    /// # Errors
+    /// The pilot is gone.
+    pub(super) async fn say(&mut self, samples: &[u8]) -> Result<(), Failure> {
+        self.seat()?.say(samples).await.map_err(refused)
     }
 
-    async fn intend(&mut self, intent: Intent) -> Result<(), Failure> {
-        self.ask(Request::Intent(ME, intent)).await
+    fn seat(&mut self) -> Result<&mut Seat, Failure> {
+        self.seat.as_mut().ok_or_else(|| refused(SeatError::Closed))
     }
+}
 
-    async fn ask(&mut self, request: Request) -> Result<(), Failure> {
-        match self.requests.send(request).await {
-            Ok(()) => Ok(()),
-            Err(_) => Err(failed(self.flight.lost().await)),
-        }
-    }
-
-    /// Waits for an answer, and shows life meanwhile.
-    async fn wait<T>(&mut self, answer: impl Fn(&Event) -> Option<T>) -> Result<T, Failure> {
-        let mut beat = interval(BEAT);
-        beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        loop {
-            let told = tokio::select! {
-                told = self.inbox.next() => told,
-                _ = beat.tick() => {
-                    self.ask(Request::Alive(ME)).await?;
-                    continue;
-                }
-            };
-            match told {
-                Told::Event(event) => {
-                    if let Some(answer) = answer(&event) {
-                        return Ok(answer);
-                    }
-                }
-                Told::Kill(reason) => {
-                    return Err(Failure::new(Exit::Safety, reason.sentence()));
-                }
-                Told::Closed => return Err(failed(self.flight.lost().await)),
-            }
-        }
+fn refused(error: SeatError) -> Failure {
+    match error {
+        SeatError::Closed => failed(AgentError::Broken("the pilot")),
+        SeatError::Ended(_) => Failure::new(Exit::Safety, error),
     }
 }
 

@@ -29,6 +29,8 @@ mod picture;
 mod repl;
 mod robot;
 mod run;
+mod running;
+mod runs;
 mod screen;
 mod settings;
 mod sim;
@@ -95,6 +97,7 @@ pub enum LogFormat {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(run::RunArgs),
+    Status(runs::StatusArgs),
     New(new::NewArgs),
     Repl(repl::ReplArgs),
     Config(config::ConfigArgs),
@@ -118,6 +121,7 @@ impl Command {
     fn settings(&self) -> Option<&SettingsArgs> {
         match self {
             Command::Run(args) => Some(&args.settings),
+            Command::Status(args) => Some(&args.settings),
             Command::Repl(args) => Some(&args.settings),
             Command::Config(args) => args.settings(),
             Command::Check(args) => Some(&args.settings),
@@ -133,6 +137,7 @@ impl Command {
     fn run(self, console: &Console) -> Result<Exit, Failure> {
         match self {
             Command::Run(args) => run::run(&args, console),
+            Command::Status(args) => runs::run(&args),
             Command::New(args) => new::run(&args),
             Command::Repl(args) => repl::run(&args, console),
             Command::Config(args) => config::run(&args),

@@ -4,13 +4,14 @@ use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::fmt::Display;
 use std::fs::DirBuilder;
+use std::io;
 use std::os::unix::fs::DirBuilderExt as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use tokio::sync::{mpsc, watch};
-use tokio::time::{MissedTickBehavior, interval};
+use tokio::time::{Instant, MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
 
 use super::embedded::EmbeddedSim;
@@ -26,6 +27,7 @@ use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{self, Agent, AgentError, Behaviour, Outcome, Plan, RESCUE_NAME};
 use crate::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure};
 use crate::config::{Config, Entry};
+use crate::control::{self, Desk};
 use crate::guardian::Guardian;
 use crate::lab;
 use crate::link::{self, LinkError, Target};
@@ -151,6 +153,8 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         .build();
     let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
     let (target, sim) = reach(place, &login, seed)?;
+    let desk = Desk::open(config.data_folder());
+    let about = (target.to_string(), sim.is_some());
     let settings = config.pilot(sim.is_some(), seed);
     let launcher = Launcher::this_executable().map_err(|error| {
         Failure::usage(format_args!("cannot find this program's own file: {error}"))
@@ -177,7 +181,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         for (watched, reloads) in watches {
             tokio::spawn(watched.run(reloads));
         }
-        drive(plan, line, console).await
+        drive(plan, line, (desk, about), console).await
     });
     drop(core);
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
@@ -247,16 +251,47 @@ fn fast(
     exit(outcome)
 }
 
-async fn drive(plan: Plan, line: StatusLine, console: &Console) -> Result<Exit, Failure> {
+async fn drive(
+    plan: Plan,
+    line: StatusLine,
+    (desk, (target, simulated)): (io::Result<Desk>, (String, bool)),
+    console: &Console,
+) -> Result<Exit, Failure> {
     let stop = CancellationToken::new();
-    let core = plan.core.clone();
+    let (core, streams) = (plan.core.clone(), plan.settings.streams);
     let (agent, status) = Agent::new(plan);
     obey(&core, agent.requests(), stop.clone())?;
+    let run = control::Run {
+        requests: agent.requests(),
+        status: status.clone(),
+        pictures: agent.pictures(),
+        stop: stop.clone(),
+        streams,
+        target,
+        simulated,
+        began: Instant::now(),
+    };
     let showing = show(line, status, console);
     tokio::select! {
         outcome = agent.run(stop) => exit(outcome),
         never = showing => match never {},
+        never = serve(desk, run) => match never {},
     }
+}
+
+/// A run without a desk drives all the same.
+async fn serve(desk: io::Result<Desk>, run: control::Run) -> Infallible {
+    let served = match desk {
+        Ok(desk) => desk.serve(run).await,
+        Err(error) => Err(error),
+    };
+    if let Err(error) = served {
+        tracing::warn!(
+            "`spykee status` and `spykee robot` cannot ask this run: no socket in its data folder: \
+             {error}"
+        );
+    }
+    std::future::pending().await
 }
 
 /// The heartbeat of a run, with a guardian unless the robot is simulated in this program and ends with

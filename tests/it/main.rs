@@ -6,6 +6,7 @@ mod calibrate;
 mod check;
 mod cli;
 mod config;
+mod control;
 mod delivery;
 mod distress;
 mod doctor;

@@ -7,7 +7,9 @@ use tokio_util::sync::CancellationToken;
 
 use super::{Aim, AimArgs};
 use crate::cli::interrupt::interruption;
+use crate::cli::running::{AT_ONCE, ask};
 use crate::cli::{Exit, Failure, block_on, print};
+use crate::control::Errand;
 use crate::link::{LinkError, farewell};
 use crate::pilot::{DELIVERY, Delivery};
 use crate::safety::{Fact, Watchdog};
@@ -22,8 +24,10 @@ const PAUSE: Duration = Duration::from_millis(200);
 /// robot's side has acknowledged that. A robot that cannot be reached, or does not acknowledge it in
 /// 2 s, is tried again until the time is over; then the exit code is 3. A signal ends the tries, but
 /// not one that has got through. A robot with a low battery is left standing too: `spykee robot dock`
-/// sends it home. While another program is connected the robot lets nobody else in: that program must
-/// stop it.
+/// sends it home.
+///
+/// A `spykee run` that has the robot is told to stop it at once, whatever drives, and to end. While any
+/// other program is connected the robot lets nobody else in: that program must stop it.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot stop --robot 172.17.6.1")]
 pub(super) struct StopArgs {
@@ -36,7 +40,29 @@ pub(super) struct StopArgs {
 }
 
 pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
-    let aim = args.aim.aim(rand::random())?;
+    let running = args.aim.run_on()?;
+    let mut aim = args.aim.clone();
+    if let Some(run) = &running {
+        tracing::info!(
+            "ends the run that has the robot (process {})",
+            run.overview.pid
+        );
+        let asked = ask(run, &Errand::Stop, AT_ONCE);
+        if run.overview.simulated {
+            if asked?.is_none() {
+                return Ok(Exit::Interrupted);
+            }
+            print("stopped: the simulated robot ends with its run\n")?;
+            return Ok(Exit::Done);
+        }
+        // What follows stops the robot in any case, once it lets us in.
+        if let Err(failure) = asked {
+            tracing::warn!("{failure}");
+        }
+        // It may have been named by nothing but its being the only one.
+        aim.connection.robot = run.overview.target.parse().ok();
+    }
+    let aim = aim.aim(rand::random())?;
     let limit = Duration::from_secs(args.timeout);
     block_on(async {
         let (interrupted, ended) = (interruption()?, CancellationToken::new());

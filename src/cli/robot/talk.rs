@@ -7,6 +7,7 @@ use tokio::time::{Instant, timeout_at};
 
 use super::{Aim, AimArgs};
 use crate::cli::interrupt::interruption;
+use crate::cli::running::taken;
 use crate::cli::{Exit, Failure, block_on};
 use crate::config::Config;
 use crate::link::{LinkError, Session, farewell};
@@ -57,6 +58,20 @@ pub(super) fn talk(
         let exit = done?;
         arrived.map(|()| exit)
     })?
+}
+
+/// As [`talk`], for what a run that has the robot cannot be asked for.
+///
+/// # Errors
+/// As of [`talk`], or a run has the robot.
+pub(super) fn talk_alone(
+    args: &AimArgs,
+    job: impl AsyncFnOnce(&mut Talk) -> Result<Exit, Failure>,
+) -> Result<Exit, Failure> {
+    match args.run_on()? {
+        Some(run) => Err(taken(&run)),
+        None => talk(args, job),
+    }
 }
 
 /// Every login begins with a stop, which may have ended the search of a robot with a low battery: the
