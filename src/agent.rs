@@ -1,8 +1,10 @@
 //! Wiring and lifetimes of a run: load the scripts, connect, run them side by side, and bring
 //! everything to an end within two seconds, whoever asks for it and whatever hangs.
 
+mod flight;
 mod keeper;
 mod rescue;
+mod seat;
 mod talk;
 
 use std::time::Duration;
@@ -12,23 +14,22 @@ use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
-use tokio_util::task::AbortOnDropHandle;
 use tracing::{error, info, warn};
 
+pub use self::flight::{Flight, Preflight};
 use self::keeper::{Keeper, Surroundings};
 pub use self::rescue::{RESCUE_NAME, rescue};
+pub use self::seat::{Docked, Seat, SeatError};
 pub use self::talk::{Talk, TalkError};
 use crate::behaviour::{Launch, Launcher, Prepared, Reload, RestartPolicy};
 use crate::link::LinkError;
-use crate::pilot::{self, Delivery, Dial, LinkState, Pilot, Pulse, Settings, Status};
-use crate::robot::channel::{MAX_REQUESTS, Request, Role};
-use crate::robot::{BehaviourId, EndReason, Priority};
+use crate::pilot::{Dial, Pulse, Settings, Status};
+use crate::robot::channel::{Request, Role};
+use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
 use crate::script::Ending;
 
 /// How long the scripts' last words and the end of their hosts may take together.
 const SCRIPTS_END: Duration = Duration::from_millis(1100);
-/// How long the last writes and the closing of the link may take.
-const LINK_END: Duration = Duration::from_millis(2500);
 
 /// A script and what is to be made of it.
 #[derive(Debug)]
@@ -58,7 +59,7 @@ pub struct Plan {
     pub dial: Dial,
     /// How to start hosts.
     pub launcher: Launcher,
-    /// Runs the pilot and serves the hosts' pipes: that of a [`pilot::DrivingCore`], or in virtual time
+    /// Runs the pilot and serves the hosts' pipes: that of a [`DrivingCore`](crate::pilot::DrivingCore), or in virtual time
     /// the only one there is.
     pub core: runtime::Handle,
     /// Of a run in real time.
@@ -93,34 +94,36 @@ pub enum AgentError {
 
 /// A run that has not begun.
 pub struct Agent {
-    plan: Plan,
-    pilot: Pilot,
-    requests: (mpsc::Sender<Request>, mpsc::Receiver<Request>),
-    frames: watch::Receiver<crate::robot::Pictures>,
-    status: watch::Receiver<Status>,
+    behaviours: Vec<Behaviour>,
+    launcher: Launcher,
+    rescue: Option<Launch>,
+    limit: Option<Duration>,
+    flight: Preflight,
 }
 
 impl Agent {
     /// Also returns the newest status of robot and watchdog.
-    pub fn new(mut plan: Plan) -> (Agent, watch::Receiver<Status>) {
-        let (mut pilot, frames, status) = Pilot::new(&plan.settings);
-        pilot.set_pulse(plan.pulse.take());
-        let requests = mpsc::channel(MAX_REQUESTS);
-        (
-            Agent {
-                plan,
-                pilot,
-                requests,
-                frames,
-                status: status.clone(),
-            },
-            status,
-        )
+    pub fn new(plan: Plan) -> (Agent, watch::Receiver<Status>) {
+        let flight = Preflight::new(plan.settings, plan.dial, plan.core, plan.pulse);
+        let status = flight.status();
+        let agent = Agent {
+            behaviours: plan.behaviours,
+            launcher: plan.launcher,
+            rescue: plan.rescue,
+            limit: plan.limit,
+            flight,
+        };
+        (agent, status)
     }
 
-    /// Puts this program to sleep when asked, the robot first; see [`Request::Sleep`].
+    /// Where the pilot of this run is asked, for what no behaviour may ask: see [`Request::Sleep`].
     pub fn requests(&self) -> mpsc::Sender<Request> {
-        self.requests.0.clone()
+        self.flight.requests()
+    }
+
+    /// What the camera shows.
+    pub fn pictures(&self) -> watch::Receiver<Pictures> {
+        self.flight.frames()
     }
 
     /// Runs until every behaviour has ended, the time is over, or `stop` is cancelled. Scripts that
@@ -130,47 +133,35 @@ impl Agent {
     /// See [`AgentError`].
     pub async fn run(self, stop: CancellationToken) -> Result<Outcome, AgentError> {
         let Agent {
-            plan,
-            pilot,
-            requests: (requests, received),
-            frames,
-            status,
+            behaviours,
+            launcher,
+            rescue,
+            limit,
+            mut flight,
         } = self;
         let ended = watch::Sender::new(None);
         let around = Surroundings {
-            launcher: plan.launcher,
-            core: plan.core.clone(),
-            requests,
-            frames,
+            launcher: launcher.clone(),
+            core: flight.core().clone(),
+            requests: flight.requests(),
+            frames: flight.frames(),
             stop: ended.subscribe(),
             longest_silence: plan.settings.limits.host_idle_silence.get(),
         };
-        let rescue = plan.rescue.map(|launch| {
-            let standing_by = rescue::stand_by(around.clone(), launch, status.clone());
-            AbortOnDropHandle::new(tokio::spawn(standing_by))
-        });
-        let prepared = match prepare(around, plan.behaviours).await {
+        if let Some(launch) = rescue {
+            flight.stand_by(launcher, launch);
+        }
+        let prepared = match prepare(around, behaviours).await {
             Ok(prepared) => prepared,
             Err(refused) => return Ok(refused),
         };
-        let ending = pilot::Ending::default();
-        let flight = pilot.run(plan.dial, plan.settings, received, ending.clone());
-        // At once, even if this thread waits for the system just then.
-        let (stopped, parting) = (stop.clone(), ending.parting.clone());
-        let _part = AbortOnDropHandle::new(plan.core.spawn(async move {
-            stopped.cancelled().await;
-            parting.cancel();
-        }));
         let mut run = Run {
-            _rescue: rescue,
-            flight: AbortOnDropHandle::new(plan.core.spawn(flight)),
+            flight: flight.launch(&stop),
             scripts: JoinSet::new(),
             endings: Vec::new(),
             ended,
-            status,
-            ending,
         };
-        match run.live(prepared, plan.limit, &stop).await {
+        match run.live(prepared, limit, &stop).await {
             Ok(reason) => run.end(reason, stop.is_cancelled()).await,
             Err(error) => {
                 run.abandon().await;
@@ -207,8 +198,6 @@ fn refused(name: &str, ending: Ending) -> Outcome {
     }
 }
 
-type Flight = AbortOnDropHandle<Result<Delivery, LinkError>>;
-
 /// A run under way.
 struct Run {
     flight: Flight,
@@ -216,10 +205,6 @@ struct Run {
     endings: Vec<(String, Ending)>,
     /// Tells the behaviours why the run ends.
     ended: watch::Sender<Option<EndReason>>,
-    status: watch::Receiver<Status>,
-    ending: pilot::Ending,
-    /// Ends with the run.
-    _rescue: Option<AbortOnDropHandle<()>>,
 }
 
 impl Run {
@@ -233,24 +218,24 @@ impl Run {
         tokio::select! {
             biased;
             () = stop.cancelled() => return Ok(EndReason::Shutdown),
-            ended = &mut self.flight => return Err(broken_flight(ended)),
-            _ = self.status.wait_for(|status| status.link == LinkState::Up) => {}
+            up = self.flight.up() => up?,
         }
         for (keeper, first) in prepared {
             self.scripts.spawn(keeper.keep(first));
         }
+        let home = self.flight.stay();
         tokio::select! {
             biased;
             () = stop.cancelled() => Ok(EndReason::Shutdown),
-            ended = &mut self.flight => Err(broken_flight(ended)),
+            error = self.flight.lost() => Err(error),
             () = over(limit) => Ok(EndReason::Shutdown),
-            ended = run_out(&mut self.scripts, &mut self.endings, self.status.clone()) => ended,
+            ended = run_out(&mut self.scripts, &mut self.endings, home) => ended,
         }
     }
 
     /// First the tracks, then the scripts' last words, then the link.
     async fn end(mut self, reason: EndReason, interrupted: bool) -> Result<Outcome, AgentError> {
-        self.ending.parting.cancel();
+        self.flight.part();
         self.ended.send_replace(Some(reason));
         let scripts = async {
             while let Some(Ok(ended)) = self.scripts.join_next().await {
@@ -260,52 +245,35 @@ impl Run {
         if timeout(SCRIPTS_END, scripts).await.is_err() {
             warn!("scripts that did not end in time were left behind");
         }
-        let safety = reason == EndReason::Safety || self.status.borrow().low;
-        self.ending.closing.cancel();
-        match timeout(LINK_END, &mut self.flight).await {
-            Ok(Ok(_)) => {}
-            Ok(Err(error)) => warn!("the link's end: {error}"),
-            Err(_) => self.flight.abort(),
-        }
-        let Run { endings, .. } = self;
+        let safety = reason == EndReason::Safety || self.flight.status().low;
+        self.flight.end().await;
         Ok(Outcome {
-            endings,
+            endings: self.endings,
             safety,
             interrupted,
         })
     }
 
     /// Something of ours is broken: the pilot is dropped, and its writer's drop stops the tracks.
-    async fn abandon(&mut self) {
-        self.flight.abort();
+    async fn abandon(mut self) {
+        drop(self.flight);
         self.scripts.shutdown().await;
     }
 }
 
-/// Waits until every behaviour has ended, and then, through dropped links too, until a robot with a
-/// low battery is home.
+/// Waits until every behaviour has ended, and then until a robot with a low battery is home.
 async fn run_out(
     scripts: &mut JoinSet<(String, Ending)>,
     endings: &mut Vec<(String, Ending)>,
-    mut status: watch::Receiver<Status>,
+    home: impl Future<Output = bool>,
 ) -> Result<EndReason, AgentError> {
     while let Some(ended) = scripts.join_next().await {
         endings.push(ended.map_err(|_| AgentError::Broken("a supervisor"))?);
     }
-    let away = |status: &Status| status.low && !status.docked;
-    if away(&status.borrow_and_update()) {
-        info!("battery low: staying until the robot is on its station (Ctrl-C leaves now)");
-        let _ = status.wait_for(|status| !away(status)).await;
-        return Ok(EndReason::Safety);
-    }
-    Ok(EndReason::Done)
-}
-
-fn broken_flight(ended: Result<Result<Delivery, LinkError>, tokio::task::JoinError>) -> AgentError {
-    match ended {
-        Ok(Err(error)) => AgentError::Link(error),
-        Ok(Ok(_)) | Err(_) => AgentError::Broken("the pilot"),
-    }
+    Ok(match home.await {
+        true => EndReason::Safety,
+        false => EndReason::Done,
+    })
 }
 
 fn report(name: &str, ending: &Ending) {

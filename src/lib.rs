@@ -106,6 +106,7 @@
 //! | 4 | `agent` | wiring and lifetimes |
 //! | 4 | `config` | the YAML file, composed of each module's own options |
 //! | 5 | `lab` | a whole run in virtual time: agent, hosts and simulator on one thread |
+//! | 5 | `control` | the socket by which a run that is on can be asked |
 //! | 6 | `scenario` | worlds, behaviours and what must become true: plays `*_test.lua` files |
 //! | 7 | `cli` | one file per subcommand |
 //! | side | `sim` | the simulated robot and its world; imports floor 0 only |
@@ -120,6 +121,7 @@ pub mod budget;
 pub mod clean;
 pub mod cli;
 pub mod config;
+pub mod control;
 pub mod files;
 pub mod guardian;
 pub mod lab;

@@ -26,7 +26,7 @@ use std::time::Duration;
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
-use tracing::{info, warn};
+use tracing::{debug, info, warn};
 
 use crate::budget::Repeats;
 pub use crate::link::Delivery;
@@ -424,6 +424,8 @@ impl Pilot {
             low: self.watchdog.low().is_some(),
             rescue: self.watchdog.wants_rescue(),
             docked: self.watchdog.docked(),
+            place: self.watchdog.place(),
+            shed: self.watchdog.shed(),
             frames,
         };
         self.status
@@ -449,6 +451,7 @@ impl Pilot {
         };
         match delivery {
             Delivery::Acknowledged => info!("{delivery}"),
+            Delivery::Offline if self.info.is_none() => debug!("never connected"),
             Delivery::NotAcknowledged { .. } | Delivery::Offline => warn!("{delivery}"),
         }
         // What has not arrived yet is the guardian's, which says it again.

@@ -8,33 +8,24 @@ use tokio::runtime;
 use tokio::sync::{mpsc, watch};
 use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
-use tokio_util::task::AbortOnDropHandle;
 use tracing::warn;
 
-use super::{Flight, LINK_END, SCRIPTS_END, broken_flight};
+use super::{AgentError, Flight, Preflight, SCRIPTS_END};
 use crate::behaviour::{Dialogue, Handle, Launch, Launcher, Order, Prepared, Said, Supervisor};
-use crate::link::LinkError;
-use crate::pilot::{self, Dial, LinkState, Pilot, Pulse, Settings, Status};
-use crate::robot::channel::{MAX_REQUESTS, Request, Role};
-use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
+use crate::robot::channel::{Request, Role};
+use crate::robot::{BehaviourId, EndReason, Intent, Pictures, Priority};
 use crate::script::Ending;
-
-use super::AgentError;
 
 /// Everything a session needs.
 pub struct Talk {
     /// The behaviour, of which each new one is made; `interactive` in its options.
     pub launch: Launch,
-    /// The pilot's numbers.
-    pub settings: Settings,
-    /// How to reach the robot.
-    pub dial: Dial,
     /// How to start hosts.
     pub launcher: Launcher,
-    /// Runs the pilot and serves the host's pipe.
-    pub core: runtime::Handle,
-    /// Of a session in real time.
-    pub pulse: Option<Pulse>,
+    /// Drives the robot.
+    pub flight: Preflight,
+    /// The rescue behaviour, if there is to be one: see [`rescue`](super::rescue).
+    pub rescue: Option<Launch>,
 }
 
 /// Why a session could not go on.
@@ -48,12 +39,6 @@ pub enum TalkError {
     Host(Ending),
 }
 
-impl From<LinkError> for TalkError {
-    fn from(error: LinkError) -> TalkError {
-        TalkError::Agent(error.into())
-    }
-}
-
 /// The ways to and from the robot.
 struct Session {
     launch: Launch,
@@ -62,68 +47,65 @@ struct Session {
     flight: Flight,
     requests: mpsc::Sender<Request>,
     frames: watch::Receiver<Pictures>,
-    ending: pilot::Ending,
     /// Of a host's life.
     longest_silence: Duration,
     last: u16,
 }
 
 impl Talk {
-    /// Runs until `stop` is cancelled or nobody gives orders any more. All that can end it ends with
-    /// a stop of the robot.
+    /// Runs until `stop` is cancelled, or until nobody gives orders any more and a robot with a low
+    /// battery is home. All that can end it ends with a stop of the robot. Whether the watchdog had the
+    /// robot at the end.
     ///
     /// # Errors
     /// See [`TalkError`].
     pub async fn run(
-        self,
+        mut self,
         mut orders: mpsc::Receiver<Order>,
         said: mpsc::Sender<Said>,
         stop: CancellationToken,
-    ) -> Result<(), TalkError> {
-        let (mut pilot, frames, status) = Pilot::new(&self.settings);
-        pilot.set_pulse(self.pulse);
-        let (requests, received) = mpsc::channel(MAX_REQUESTS);
-        let ending = pilot::Ending::default();
-        let longest_silence = self.settings.limits.host_idle_silence.get();
-        let flight = pilot.run(self.dial, self.settings, received, ending.clone());
+    ) -> Result<bool, TalkError> {
+        if let Some(launch) = self.rescue {
+            self.flight.stand_by(self.launcher.clone(), launch);
+        }
         let mut session = Session {
             launch: self.launch,
             launcher: self.launcher,
-            flight: AbortOnDropHandle::new(self.core.spawn(flight)),
-            core: self.core,
-            requests,
-            frames,
-            ending,
-            longest_silence,
+            core: self.flight.core().clone(),
+            requests: self.flight.requests(),
+            frames: self.flight.frames(),
+            longest_silence: self.flight.longest_silence(),
+            flight: self.flight.launch(&stop),
             last: 0,
         };
-        let outcome = session.live(&mut orders, &said, status, &stop).await;
-        match &outcome {
-            Err(TalkError::Agent(_)) => session.flight.abort(),
-            _ => session.end().await,
-        }
-        outcome
+        let stayed = session.live(&mut orders, &said, &stop).await;
+        let safety = session.flight.is_away();
+        session.flight.end().await;
+        stayed.map(|stayed| stayed || safety)
     }
 }
 
 impl Session {
+    /// Whether a robot with a low battery had to be waited for.
     async fn live(
         &mut self,
         orders: &mut mpsc::Receiver<Order>,
         said: &mpsc::Sender<Said>,
-        mut status: watch::Receiver<Status>,
         stop: &CancellationToken,
-    ) -> Result<(), TalkError> {
+    ) -> Result<bool, TalkError> {
         tokio::select! {
             biased;
-            () = stop.cancelled() => return Ok(()),
-            ended = &mut self.flight => return Err(broken_flight(ended).into()),
-            _ = status.wait_for(|status| status.link == LinkState::Up) => {}
+            () = stop.cancelled() => return Ok(false),
+            up = self.flight.up() => up?,
         }
         while let Some(ending) = self.converse(orders, said, stop).await? {
             let _ = said.send(Said::Ended(ending)).await;
         }
-        Ok(())
+        tokio::select! {
+            biased;
+            () = stop.cancelled() => Ok(false),
+            stayed = self.flight.stay() => Ok(stayed),
+        }
     }
 
     /// One behaviour from its start to its end, which is returned; `None` if the session ends.
@@ -143,7 +125,7 @@ impl Session {
             tokio::select! {
                 biased;
                 () = stop.cancelled() => break,
-                ended = &mut self.flight => return Err(broken_flight(ended).into()),
+                error = self.flight.lost() => return Err(error.into()),
                 next = orders.recv() => match next {
                     // One that does not take its orders is not driven on.
                     Some(next) => if order.try_send(next).is_err() { handle.stop(EndReason::Cancelled) },
@@ -158,7 +140,9 @@ impl Session {
                 }
             }
         }
-        self.ending.parting.cancel();
+        // Not parted from: its battery may be low, and then it is brought home first.
+        let rest = Request::Intent(BehaviourId(self.last), Intent::Stop);
+        let _ = self.requests.try_send(rest);
         handle.stop(EndReason::Shutdown);
         if timeout(SCRIPTS_END, running).await.is_err() {
             warn!("the lines' own end took too long and was left behind");
@@ -179,16 +163,5 @@ impl Session {
         )
         .await
         .with_longest_silence(self.longest_silence))
-    }
-
-    /// The stop is written; now the link.
-    async fn end(&mut self) {
-        self.ending.parting.cancel();
-        self.ending.closing.cancel();
-        match timeout(LINK_END, &mut self.flight).await {
-            Ok(Ok(_)) => {}
-            Ok(Err(error)) => warn!("the link's end: {error}"),
-            Err(_) => self.flight.abort(),
-        }
     }
 }

@@ -3,108 +3,115 @@
 
 use std::time::Duration;
 
-use tokio::sync::{mpsc, watch};
-use tokio::task::JoinHandle;
-use tokio::time::{MissedTickBehavior, interval, timeout};
+use tokio::sync::mpsc;
+use tokio_util::sync::CancellationToken;
 
-use super::interrupt::interruption;
+use super::interrupt::obey;
 use super::run::{driving_core, pulse};
 use super::{Exit, Failure};
-use crate::link::LinkError;
-use crate::pilot::{Delivery, Dial, DrivingCore, Ending, LinkState, Pilot, Settings, Status};
-use crate::robot::channel::{Inbox, MAX_REQUESTS, Request, Role, Told, events};
-use crate::robot::{
-    BehaviourId, CallId, DockEnd, DockPlan, Event, Intent, MotionEnd, MotionId, Priority, Setpoint,
-};
+use crate::agent::{AgentError, Docked, Flight, Preflight, Seat, SeatError};
+use crate::behaviour::{Launch, Launcher};
+use crate::pilot::{Dial, Settings, Status};
+use crate::robot::channel::{Request, Role};
+use crate::robot::{BehaviourId, DockEnd, DockPlan, MotionEnd, Priority, Setpoint};
 
 const ME: BehaviourId = BehaviourId(0);
-/// How often a driver that moves shows that it lives; the watchdog's patience is 0.25 s.
-const BEAT: Duration = Duration::from_millis(50);
-/// How long the last writes and the closing of the link may take.
-const LINK_END: Duration = Duration::from_millis(2500);
+
+/// What it takes to drive a robot by hand.
+pub(super) struct Means {
+    /// How to reach the robot.
+    pub(super) dial: Dial,
+    /// The pilot's numbers.
+    pub(super) settings: Settings,
+    /// The rescue behaviour, if there is to be one.
+    pub(super) rescue: Option<Launch>,
+}
 
 /// A seat in front of the pilot.
 pub(super) struct Driver {
     requests: mpsc::Sender<Request>,
-    inbox: Inbox,
-    status: watch::Receiver<Status>,
-    flight: JoinHandle<Result<Delivery, LinkError>>,
-    ending: Ending,
-    last: u64,
-    /// Dropped last: what runs on it ends first.
-    _core: DrivingCore,
+    /// Taken as soon as the robot is there.
+    seat: Option<Seat>,
+    flight: Flight,
 }
 
-/// Connects, lets `job` drive, and stops the robot before it lets go of it, however the job ends;
-/// Ctrl-C ends it too.
+/// Connects, lets `job` drive, and stops the robot before it lets go of it, however the job ends. Any
+/// signal that ends a program ends it; Ctrl-Z stops the robot, then the program. A robot whose battery
+/// is low is not left before it is home, unless by a signal.
 ///
 /// # Errors
 /// The robot cannot be reached, or the job's own.
 pub(super) async fn drive(
-    dial: Dial,
-    settings: Settings,
+    means: Means,
     job: impl AsyncFnOnce(&mut Driver) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
-    let interrupted = interruption()?;
-    let mut driver = Driver::launch(dial, settings)?;
+    let core = driving_core()?;
+    let stop = CancellationToken::new();
+    let mut driver = Driver::launch(means, core.handle(), &stop)?;
     let work = async {
         driver.board().await?;
-        job(&mut driver).await
+        let done = job(&mut driver).await;
+        let stayed = driver.flight.stay().await;
+        done.map(|exit| if stayed { Exit::Safety } else { exit })
     };
-    let result = tokio::select! {
+    let done = tokio::select! {
         biased;
-        () = interrupted => Ok(Exit::Interrupted),
-        result = work => result,
+        () = stop.cancelled() => None,
+        done = work => Some(done),
     };
-    driver.end().await;
-    result
+    let away = driver.flight.is_away();
+    driver.flight.end().await;
+    done.unwrap_or(Ok(if away {
+        Exit::Safety
+    } else {
+        Exit::Interrupted
+    }))
 }
 
 impl Driver {
-    fn launch(dial: Dial, settings: Settings) -> Result<Driver, Failure> {
-        let core = driving_core()?;
-        let (mut pilot, _frames, status) = Pilot::new(&settings);
-        pilot.set_pulse(Some(pulse(settings.simulated)));
-        let (requests, received) = mpsc::channel(MAX_REQUESTS);
-        let ending = Ending::default();
-        let flight = core
-            .handle()
-            .spawn(pilot.run(dial, settings, received, ending.clone()));
-        // Replaced by the one that the pilot knows as soon as it is connected.
-        let (_, inbox) = events();
+    fn launch(
+        means: Means,
+        core: &tokio::runtime::Handle,
+        stop: &CancellationToken,
+    ) -> Result<Driver, Failure> {
+        let Means {
+            dial,
+            settings,
+            rescue,
+        } = means;
+        let pulse = pulse(settings.simulated);
+        let mut flight = Preflight::new(settings, dial, core.clone(), Some(pulse));
+        let requests = flight.requests();
+        obey(core, requests.clone(), stop.clone())?;
+        if let Some(rescue) = rescue {
+            let launcher = Launcher::this_executable().map_err(|error| {
+                Failure::usage(format_args!("cannot find this program's own file: {error}"))
+            })?;
+            flight.stand_by(launcher, rescue);
+        }
         Ok(Driver {
             requests,
-            inbox,
-            status,
-            flight,
-            ending,
-            last: 0,
-            _core: core,
+            seat: None,
+            flight: flight.launch(stop),
         })
     }
 
     async fn board(&mut self) -> Result<(), Failure> {
-        tokio::select! {
-            biased;
-            ended = &mut self.flight => return Err(failed(ended)),
-            _ = self.status.wait_for(|status| status.link == LinkState::Up) => {}
-        }
-        let (outbox, inbox) = events();
-        self.inbox = inbox;
-        let (by, priority) = (ME, Priority(0));
-        self.ask(Request::Join {
-            by,
-            name: "spykee".into(),
-            priority,
-            role: Role::Behaviour,
-            outbox,
-        })
-        .await
+        self.flight.up().await.map_err(failed)?;
+        let seat = Seat::join(
+            self.requests.clone(),
+            ME,
+            "spykee",
+            Priority(0),
+            Role::Person,
+        );
+        self.seat = Some(seat.await.map_err(refused)?);
+        Ok(())
     }
 
     /// Robot and watchdog as they are now.
     pub(super) fn status(&self) -> Status {
-        *self.status.borrow()
+        self.flight.status()
     }
 
     /// Drives for a while; how it ended.
@@ -116,41 +123,16 @@ impl Driver {
         setpoint: Setpoint,
         duration: Duration,
     ) -> Result<MotionEnd, Failure> {
-        let motion = MotionId(self.next());
-        let duration = Some(duration);
-        self.intend(Intent::Move {
-            motion,
-            setpoint,
-            duration,
-        })
-        .await?;
-        self.wait(|event| match event {
-            Event::MotionEnded { motion: of, end } if *of == motion => Some(*end),
-            _ => None,
-        })
-        .await
+        let end = self.seat()?.run(setpoint, duration).await;
+        end.map_err(refused)
     }
 
-    /// Goes to the station: how it ended, tries made, time taken.
+    /// Goes to the station.
     ///
     /// # Errors
     /// The pilot is gone.
-    pub(super) async fn dock(
-        &mut self,
-        plan: DockPlan,
-    ) -> Result<(DockEnd, u32, Duration), Failure> {
-        let call = CallId(self.next());
-        self.intend(Intent::Dock { call, plan }).await?;
-        self.wait(|event| match event {
-            Event::DockEnded {
-                call: of,
-                end,
-                attempts,
-                took,
-            } if *of == call => Some((*end, *attempts, *took)),
-            _ => None,
-        })
-        .await
+    pub(super) async fn dock(&mut self, plan: DockPlan) -> Result<Docked, Failure> {
+        self.seat()?.dock(plan).await.map_err(refused)
     }
 
     /// Leaves the station.
@@ -158,73 +140,32 @@ impl Driver {
     /// # Errors
     /// The pilot is gone.
     pub(super) async fn undock(&mut self, timeout: Duration) -> Result<DockEnd, Failure> {
-        let call = CallId(self.next());
-        self.intend(Intent::Undock { call, timeout }).await?;
-        self.wait(|event| match event {
-            Event::UndockEnded { call: of, end } if *of == call => Some(*end),
-            _ => None,
-        })
-        .await
+        self.seat()?.undock(timeout).await.map_err(refused)
     }
 
-    fn next(&mut self) -> u64 {
-        self.last += 1;
-        self.last
+    /// Speaks: s16 little-endian, mono, 16 kHz.
+    ///
+    /// # Errors
+    /// The pilot is gone.
+    pub(super) async fn say(&mut self, samples: &[u8]) -> Result<(), Failure> {
+        self.seat()?.say(samples).await.map_err(refused)
     }
 
-    async fn intend(&mut self, intent: Intent) -> Result<(), Failure> {
-        self.ask(Request::Intent(ME, intent)).await
-    }
-
-    async fn ask(&mut self, request: Request) -> Result<(), Failure> {
-        match self.requests.send(request).await {
-            Ok(()) => Ok(()),
-            Err(_) => Err(failed((&mut self.flight).await)),
-        }
-    }
-
-    /// Waits for an answer, and shows life meanwhile.
-    async fn wait<T>(&mut self, answer: impl Fn(&Event) -> Option<T>) -> Result<T, Failure> {
-        let mut beat = interval(BEAT);
-        beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        loop {
-            let told = tokio::select! {
-                told = self.inbox.next() => told,
-                _ = beat.tick() => {
-                    self.ask(Request::Alive(ME)).await?;
-                    continue;
-                }
-            };
-            match told {
-                Told::Event(event) => {
-                    if let Some(answer) = answer(&event) {
-                        return Ok(answer);
-                    }
-                }
-                Told::Kill(reason) => {
-                    return Err(Failure::new(Exit::Safety, reason.sentence()));
-                }
-                Told::Closed => return Err(failed((&mut self.flight).await)),
-            }
-        }
-    }
-
-    /// A stop is written, then the link is closed.
-    async fn end(mut self) {
-        self.ending.parting.cancel();
-        self.ending.closing.cancel();
-        if !self.flight.is_finished() && timeout(LINK_END, &mut self.flight).await.is_err() {
-            self.flight.abort();
-        }
+    fn seat(&mut self) -> Result<&mut Seat, Failure> {
+        self.seat.as_mut().ok_or_else(|| refused(SeatError::Closed))
     }
 }
 
-fn failed(ended: Result<Result<Delivery, LinkError>, tokio::task::JoinError>) -> Failure {
-    match ended {
-        Ok(Err(error)) => error.into(),
-        Ok(Ok(_)) | Err(_) => Failure::new(
-            Exit::Unreachable,
-            "internal error: the pilot broke down; the robot was told to stop",
-        ),
+fn refused(error: SeatError) -> Failure {
+    match error {
+        SeatError::Closed => failed(AgentError::Broken("the pilot")),
+        SeatError::Ended(_) => Failure::new(Exit::Safety, error),
+    }
+}
+
+fn failed(error: AgentError) -> Failure {
+    match error {
+        AgentError::Link(error) => error.into(),
+        error @ AgentError::Broken(_) => Failure::new(Exit::Unreachable, error),
     }
 }

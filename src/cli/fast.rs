@@ -17,6 +17,7 @@ use super::interrupt::EndingSignals;
 use super::run::STATUS_PERIOD;
 use super::status::StatusLine;
 use super::trace::TraceFile;
+use super::waiting::Tries;
 use super::{Console, Exit, Failure};
 use crate::agent::{AgentError, Behaviour, Outcome};
 use crate::lab::{self, Lab, Recorder};
@@ -147,7 +148,7 @@ async fn show(
     let Ok((status, sim)) = view.await else {
         return std::future::pending().await;
     };
-    let mut line = StatusLine::new(names, Some(sim.clone()));
+    let mut line = StatusLine::new(names, Some(sim.clone()), Tries::default());
     let mut beat = interval(STATUS_PERIOD);
     beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {

@@ -29,6 +29,8 @@ mod picture;
 mod repl;
 mod robot;
 mod run;
+mod running;
+mod runs;
 mod screen;
 mod secret;
 mod settings;
@@ -36,8 +38,10 @@ mod sim;
 mod source;
 mod status;
 mod table;
+mod terminal;
 mod test;
 mod trace;
+mod waiting;
 mod world;
 mod world_name;
 
@@ -98,6 +102,7 @@ pub enum LogFormat {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(run::RunArgs),
+    Status(runs::StatusArgs),
     New(new::NewArgs),
     Repl(repl::ReplArgs),
     Config(config::ConfigArgs),
@@ -121,6 +126,7 @@ impl Command {
     fn settings(&self) -> Option<&SettingsArgs> {
         match self {
             Command::Run(args) => Some(&args.settings),
+            Command::Status(args) => Some(&args.settings),
             Command::Repl(args) => Some(&args.settings),
             Command::Config(args) => args.settings(),
             Command::Check(args) => Some(&args.settings),
@@ -136,6 +142,7 @@ impl Command {
     fn run(self, console: &Console) -> Result<Exit, Failure> {
         match self {
             Command::Run(args) => run::run(&args, console),
+            Command::Status(args) => runs::run(&args),
             Command::New(args) => new::run(&args),
             Command::Repl(args) => repl::run(&args, console),
             Command::Config(args) => config::run(&args),

@@ -5,7 +5,6 @@
 mod editor;
 mod history;
 mod names;
-mod terminal;
 
 use std::io::IsTerminal as _;
 use std::path::PathBuf;
@@ -16,17 +15,17 @@ use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
 
-use super::interrupt::{EndingSignals, listen};
-use super::run::{dial, driving_core, place, pulse, reach};
+use super::interrupt::{listen, obey, obey_at_prompt};
+use super::run::{dial, driving_core, place, pulse, reach, rescue};
 use super::settings::SettingsArgs;
+use super::terminal::Terminal;
 use super::{ConnectionArgs, Console, Exit, Failure};
-use crate::agent::{AgentError, Talk, TalkError};
+use crate::agent::{AgentError, Preflight, Talk, TalkError};
 use crate::behaviour::{Launch, Launcher, Library, Order, Said};
 use crate::config::Config;
 use crate::robot::EndReason;
 use crate::script::{self, Evaluated, Level, LogLine};
 use editor::{Next, Told, Typed};
-use terminal::Terminal;
 
 /// What the session is called in logs, and its data folder.
 const NAME: &str = "repl";
@@ -71,16 +70,17 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     })?;
     let (target, sim) = reach(place, &login, seed)?;
     let core = driving_core()?;
+    let dial = dial(target, login, config.link.clone());
+    let settings = config.pilot(sim.is_some(), seed);
+    let pulse = Some(pulse(sim.is_some()));
     let talk = Talk {
-        core: core.handle().clone(),
-        pulse: Some(pulse(sim.is_some())),
         launch: launch(&config, seed)?,
-        settings: config.pilot(sim.is_some(), seed),
-        dial: dial(target, login, config.link.clone()),
         launcher,
+        flight: Preflight::new(settings, dial, core.handle().clone(), pulse),
+        rescue: rescue(&config, seed)?,
     };
     let terminal = Terminal::remember();
-    let outcome = runtime.block_on(converse(talk, console));
+    let outcome = runtime.block_on(converse(talk, &terminal, console));
     drop(core);
     console.divert(None);
     terminal.restore();
@@ -104,23 +104,33 @@ fn launch(config: &Config, seed: u64) -> Result<Launch, Failure> {
     })
 }
 
-async fn converse(talk: Talk, console: &Console) -> Result<Exit, Failure> {
+async fn converse(talk: Talk, terminal: &Terminal, console: &Console) -> Result<Exit, Failure> {
     let (order, orders) = mpsc::channel(16);
     let (say, said) = mpsc::channel(64);
     let (type_, typed) = mpsc::channel(1);
     let (tell, told) = mpsc::channel(MAX_TOLD);
     let stop = CancellationToken::new();
-    let mut signals = Signals::listen()?;
+    let interactive = std::io::stdin().is_terminal();
+    let (core, requests) = (talk.flight.core().clone(), talk.flight.requests());
+    let mut interruption = match interactive {
+        true => {
+            obey_at_prompt(&core, requests, stop.clone(), terminal.clone())?;
+            Some(listen(libc::SIGINT)?)
+        }
+        false => {
+            obey(&core, requests, stop.clone())?;
+            None
+        }
+    };
     let mut repl = Repl {
         order: Some(order),
         tell,
         console: console.clone(),
-        interactive: std::io::stdin().is_terminal(),
+        interactive,
         begun: false,
         running: false,
         failed: false,
         patience: None,
-        exit: None,
     };
     let console = console.clone();
     let thread = std::thread::Builder::new().name("editor".into());
@@ -132,11 +142,11 @@ async fn converse(talk: Talk, console: &Console) -> Result<Exit, Failure> {
     loop {
         tokio::select! {
             biased;
-            ended = &mut session => return repl.exit(ended),
-            (exit, ends) = signals.next() => repl.signalled(exit, ends, &stop),
+            ended = &mut session => return repl.exit(ended, stop.is_cancelled()),
+            () = next(&mut interruption) => repl.interrupted(&stop),
             Some(said) = said.recv() => repl.hear(said),
             () = at(repl.patience) => repl.give_up_on_terminal(),
-            typed = typed.recv() => match typed {
+            typed = typed.recv(), if repl.order.is_some() => match typed {
                 Some(typed) => repl.take(typed),
                 // A prompt that is gone: nobody can type any more.
                 None => drop(repl.order.take()),
@@ -152,26 +162,10 @@ async fn at(moment: Option<Instant>) {
     }
 }
 
-/// SIGINT interrupts; the others end.
-struct Signals {
-    interrupt: Signal,
-    ending: EndingSignals,
-}
-
-impl Signals {
-    fn listen() -> Result<Signals, Failure> {
-        Ok(Signals {
-            interrupt: listen(libc::SIGINT)?,
-            ending: EndingSignals::but(&[libc::SIGINT])?,
-        })
-    }
-
-    /// Whether it ends the session in any case.
-    async fn next(&mut self) -> (Exit, bool) {
-        tokio::select! {
-            _ = self.interrupt.recv() => (Exit::Interrupted, false),
-            () = self.ending.next() => (Exit::Interrupted, true),
-        }
+async fn next(signal: &mut Option<Signal>) {
+    match signal {
+        Some(signal) => _ = signal.recv().await,
+        None => std::future::pending().await,
     }
 }
 
@@ -191,7 +185,6 @@ struct Repl {
     failed: bool,
     /// When a terminal that shows no prompt has had its time.
     patience: Option<Instant>,
-    exit: Option<Exit>,
 }
 
 impl Repl {
@@ -218,12 +211,11 @@ impl Repl {
         }
     }
 
-    fn signalled(&mut self, exit: Exit, ends: bool, stop: &CancellationToken) {
-        if ends || !self.interactive {
-            self.exit = Some(exit);
-            stop.cancel();
-        } else {
-            self.order(Order::Interrupt);
+    /// A session that waits for nothing but a robot with a low battery is ended by it.
+    fn interrupted(&mut self, stop: &CancellationToken) {
+        match self.order {
+            Some(_) => self.order(Order::Interrupt),
+            None => stop.cancel(),
         }
     }
 
@@ -287,15 +279,17 @@ impl Repl {
         tracing::warn!("the terminal takes no output: everything was stopped");
     }
 
-    fn exit(&self, ended: Result<(), TalkError>) -> Result<Exit, Failure> {
+    fn exit(&self, ended: Result<bool, TalkError>, interrupted: bool) -> Result<Exit, Failure> {
         match ended {
-            Ok(()) => Ok(self.exit.unwrap_or({
-                if self.failed && !self.interactive {
-                    Exit::Script
-                } else {
-                    Exit::Done
-                }
-            })),
+            Ok(safety) => Ok(if safety {
+                Exit::Safety
+            } else if interrupted {
+                Exit::Interrupted
+            } else if self.failed && !self.interactive {
+                Exit::Script
+            } else {
+                Exit::Done
+            }),
             Err(TalkError::Agent(AgentError::Link(error))) => Err(error.into()),
             Err(error) => Err(Failure::new(Exit::Script, error)),
         }

@@ -4,42 +4,41 @@ use std::collections::BTreeMap;
 use std::convert::Infallible;
 use std::fmt::Display;
 use std::fs::DirBuilder;
+use std::io;
 use std::os::unix::fs::DirBuilderExt as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use tokio::runtime::Handle;
 use tokio::sync::{mpsc, watch};
-use tokio::time::{MissedTickBehavior, interval};
+use tokio::time::{Instant, MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
 
 use super::embedded::EmbeddedSim;
 use super::fast::{EventFile, Fast};
-use super::interrupt::{interruption, listen};
+use super::interrupt::obey;
 use super::params::{self, Param};
 use super::settings::SettingsArgs;
 use super::source::read_source;
 use super::status::StatusLine;
 use super::trace::TraceFile;
+use super::waiting::{Tries, until_answered};
 use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
 use crate::agent::{self, Agent, AgentError, Behaviour, Outcome, Plan, RESCUE_NAME};
 use crate::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure};
 use crate::config::{Config, Entry};
+use crate::control::{self, Desk};
 use crate::guardian::Guardian;
 use crate::lab;
-use crate::link::{self, Target};
+use crate::link::{self, LinkError, Target};
 use crate::pilot::{Dial, DrivingCore, Pulse, Status};
 use crate::robot::EndReason;
-use crate::robot::channel::{Request, Sleep};
 use crate::script::{self, GivenParam};
 use crate::sim;
 use crate::wire::Login;
 
 /// How often the status line is drawn anew.
 pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
-/// How long the signal that stops this program may take to do so.
-const FALLING_ASLEEP: Duration = Duration::from_millis(50);
 /// The longest `--for`: a year.
 const LONGEST_RUN: f64 = 366.0 * 86_400.0;
 
@@ -53,7 +52,11 @@ pub(super) struct RunArgs {
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
 
-    /// End after so many seconds
+    /// Dial until the robot answers, instead of ending with exit code 3 if it does not
+    #[arg(long, conflicts_with = "fast")]
+    wait: bool,
+
+    /// End after so many seconds, from the first connection on
     #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
     limit: Option<Duration>,
 
@@ -154,12 +157,18 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         .build();
     let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
     let (target, sim) = reach(place, &login, seed)?;
+    let desk = Desk::open(config.data_folder());
+    let about = (target.to_string(), sim.is_some());
     let settings = config.pilot(sim.is_some(), seed);
     let launcher = Launcher::this_executable().map_err(|error| {
         Failure::usage(format_args!("cannot find this program's own file: {error}"))
     })?;
     let names = names(&behaviours);
-    let dial = dial(target, login, config.link.clone());
+    let (link, tries) = (config.link.clone(), Tries::default());
+    let dial = match args.wait {
+        true => until_answered(target, login, link, seed, tries.clone()),
+        false => dial(target, login, link),
+    };
     let core = driving_core()?;
     let plan = Plan {
         behaviours,
@@ -171,12 +180,12 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         rescue: rescue(&config, seed)?,
         limit: args.limit,
     };
-    let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle));
+    let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle), tries);
     let outcome = runtime.block_on(async {
         for (watched, reloads) in watches {
             tokio::spawn(watched.run(reloads));
         }
-        drive(plan, line, console).await
+        drive(plan, line, (desk, about), console).await
     });
     drop(core);
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
@@ -246,57 +255,47 @@ fn fast(
     exit(outcome)
 }
 
-async fn drive(plan: Plan, line: StatusLine, console: &Console) -> Result<Exit, Failure> {
+async fn drive(
+    plan: Plan,
+    line: StatusLine,
+    (desk, (target, simulated)): (io::Result<Desk>, (String, bool)),
+    console: &Console,
+) -> Result<Exit, Failure> {
     let stop = CancellationToken::new();
-    stop_on_signal(&plan.core, stop.clone())?;
-    let core = plan.core.clone();
+    let (core, streams) = (plan.core.clone(), plan.settings.streams);
     let (agent, status) = Agent::new(plan);
-    sleep_on_ctrl_z(&core, agent.requests())?;
+    obey(&core, agent.requests(), stop.clone())?;
+    let run = control::Run {
+        requests: agent.requests(),
+        status: status.clone(),
+        pictures: agent.pictures(),
+        stop: stop.clone(),
+        streams,
+        target,
+        simulated,
+        began: Instant::now(),
+    };
     let showing = show(line, status, console);
     tokio::select! {
         outcome = agent.run(stop) => exit(outcome),
         never = showing => match never {},
+        never = serve(desk, run) => match never {},
     }
 }
 
-/// Cancels `stop` at the first signal that ends a program. The driving core hears it: this thread may
-/// be waiting for a disk.
-pub(super) fn stop_on_signal(core: &Handle, stop: CancellationToken) -> Result<(), Failure> {
-    let interrupted = {
-        let _heard_by = core.enter();
-        interruption()?
+/// A run without a desk drives all the same.
+async fn serve(desk: io::Result<Desk>, run: control::Run) -> Infallible {
+    let served = match desk {
+        Ok(desk) => desk.serve(run).await,
+        Err(error) => Err(error),
     };
-    core.spawn(async move {
-        interrupted.await;
-        stop.cancel();
-    });
-    Ok(())
-}
-
-/// On Ctrl-Z the robot is stopped first, then this program.
-fn sleep_on_ctrl_z(core: &Handle, requests: mpsc::Sender<Request>) -> Result<(), Failure> {
-    let mut stopped = {
-        let _heard_by = core.enter();
-        listen(libc::SIGTSTP)?
-    };
-    core.spawn(async move {
-        while stopped.recv().await.is_some() {
-            let sleep = Request::Sleep(Sleep(Box::new(sleep_here)));
-            if requests.send(sleep).await.is_err() {
-                return;
-            }
-        }
-    });
-    Ok(())
-}
-
-/// Stops this program as the terminal would have done; returns when it goes on.
-fn sleep_here() {
-    use rustix::process::{Signal, getpid, kill_process};
-    tracing::info!("stopped by Ctrl-Z, and so is the robot");
-    let _ = kill_process(getpid(), Signal::STOP);
-    // The signal may reach another thread first: nothing may be done in the meantime.
-    std::thread::sleep(FALLING_ASLEEP);
+    if let Err(error) = served {
+        tracing::warn!(
+            "`spykee status` and `spykee robot` cannot ask this run: no socket in its data folder: \
+             {error}"
+        );
+    }
+    std::future::pending().await
 }
 
 /// The heartbeat of a run, with a guardian unless the robot is simulated in this program and ends with
@@ -319,7 +318,7 @@ pub(super) fn pulse(simulated: bool) -> Pulse {
 }
 
 /// The rescue behaviour that the config wants.
-fn rescue(config: &Config, seed: u64) -> Result<Option<Launch>, Failure> {
+pub(super) fn rescue(config: &Config, seed: u64) -> Result<Option<Launch>, Failure> {
     let choice = &config.watchdog.rescue;
     let options = config.script(RESCUE_NAME, choice.to_string(), seed);
     agent::rescue(choice, options).map_err(|error| {
@@ -339,7 +338,7 @@ pub(super) fn driving_core() -> Result<DrivingCore, Failure> {
 fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
     let outcome = match outcome {
         Ok(outcome) => outcome,
-        Err(AgentError::Link(error)) => return Err(error.into()),
+        Err(AgentError::Link(error)) => return Err(unreachable(error)),
         Err(error @ AgentError::Broken(_)) => return Err(Failure::new(Exit::Script, error)),
     };
     let ended_by = |is: fn(EndReason) -> bool| {
@@ -357,6 +356,17 @@ fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
     } else {
         Exit::Done
     })
+}
+
+/// Of the first connection.
+fn unreachable(error: LinkError) -> Failure {
+    if error.is_final() {
+        return error.into();
+    }
+    let help = error.help();
+    Failure::from(error).help(format!(
+        "{help}; `spykee run --wait` dials until it answers"
+    ))
 }
 
 async fn show(

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
+use super::waiting::Tries;
 use crate::pilot::{LinkState, Status};
 use crate::robot::Battery;
 use crate::safety::WatchdogState;
@@ -19,6 +20,7 @@ const PLAIN_PERIOD: Duration = Duration::from_secs(60);
 pub(super) struct StatusLine {
     behaviours: String,
     sim: Option<Handle>,
+    tries: Tries,
     counted: (Instant, u64),
     rate: f64,
     told: Option<(Instant, Essence)>,
@@ -34,11 +36,13 @@ struct Essence {
 
 impl StatusLine {
     /// For behaviours of these names; with a simulator the robot's true place is shown.
-    pub(super) fn new(behaviours: String, sim: Option<Handle>) -> StatusLine {
+    /// Before the first connection the tries that have failed are shown.
+    pub(super) fn new(behaviours: String, sim: Option<Handle>, tries: Tries) -> StatusLine {
         let counted = (Instant::now(), 0);
         StatusLine {
             behaviours,
             sim,
+            tries,
             counted,
             rate: 0.0,
             told: None,
@@ -49,7 +53,7 @@ impl StatusLine {
     pub(super) fn draw(&mut self, status: &Status) -> String {
         self.count(status.frames);
         let battery = status.battery.map_or_else(|| "-".to_owned(), battery);
-        let mut parts = vec![state(status), format!("battery {battery}")];
+        let mut parts = vec![self.state(status), format!("battery {battery}")];
         if let Some(sim) = &self.sim {
             let state = sim.state();
             let pose = state.pose;
@@ -80,6 +84,17 @@ impl StatusLine {
         Some(self.draw(status))
     }
 
+    fn state(&self, status: &Status) -> String {
+        match (status.link, self.tries.count()) {
+            (LinkState::Connecting, 0) => "connecting".to_owned(),
+            (LinkState::Connecting, tries) => {
+                format!("waiting for the robot, tries so far: {tries}")
+            }
+            (LinkState::Lost, _) => "link lost, connecting anew".to_owned(),
+            (LinkState::Up, _) => status.safety.to_string(),
+        }
+    }
+
     fn count(&mut self, frames: u64) {
         let (since, before) = self.counted;
         let passed = since.elapsed();
@@ -87,14 +102,6 @@ impl StatusLine {
             self.rate = frames.saturating_sub(before) as f64 / passed.as_secs_f64();
             self.counted = (Instant::now(), frames);
         }
-    }
-}
-
-fn state(status: &Status) -> String {
-    match status.link {
-        LinkState::Connecting => "connecting".to_owned(),
-        LinkState::Lost => "link lost, connecting anew".to_owned(),
-        LinkState::Up => status.safety.to_string(),
     }
 }
 

@@ -1,7 +1,8 @@
 //! The guardian's own process: waits for notes and the time, and writes to the robot's socket.
 
+use std::fs::DirEntry;
 use std::io;
-use std::os::fd::{AsFd, OwnedFd};
+use std::os::fd::{AsFd, OwnedFd, RawFd};
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -16,6 +17,8 @@ use super::note::{MAX_NOTE_LEN, Note, Received};
 
 /// The hidden argument by which the executable knows that it is to be a guardian.
 pub const GUARDIAN_ARGUMENT: &str = "__guardian";
+/// The last of the descriptors that a program is meant to have.
+const STANDARD_ERROR: RawFd = 2;
 /// How long a socket that takes nothing is tried.
 const WRITE_LIMIT: Duration = Duration::from_secs(3);
 /// How long the socket is held open for the kernel to deliver the last words again and again.
@@ -34,11 +37,29 @@ const OUTLIVED: [SignalKind; 8] = [
 
 /// The life of a guardian process: until the agent's end of its standard input is closed.
 pub fn guardian_main() -> ExitCode {
+    close_inherited();
     // A session of its own: no terminal reaches it. Fails only for the leader of a process group.
     let _ = rustix::process::setsid();
     match outlive_signals().and_then(|_outlived| serve(&rustix::stdio::stdin())) {
         Ok(()) => ExitCode::SUCCESS,
         Err(_) => ExitCode::FAILURE,
+    }
+}
+
+/// Closes what the agent has got from whoever started it: files, pipes and terminals stay open for as
+/// long as any process holds them. Standard input is the way from the agent, standard output and error
+/// lead nowhere.
+fn close_inherited() {
+    let Ok(open) = std::fs::read_dir("/proc/self/fd") else {
+        return;
+    };
+    let number = |entry: io::Result<DirEntry>| entry.ok()?.file_name().to_str()?.parse().ok();
+    let numbers: Vec<RawFd> = open.filter_map(number).collect();
+    for number in numbers {
+        if number > STANDARD_ERROR {
+            // The folder that was listed is closed already.
+            let _ = nix::unistd::close(number);
+        }
     }
 }
 
@@ -64,6 +85,10 @@ fn serve(notes: &impl AsFd) -> io::Result<()> {
         loop {
             match Note::receive(notes, &mut buffer)? {
                 Received::Note(note, socket) => {
+                    if note == Note::Beat {
+                        // An agent that does not listen does not miss it.
+                        let _ = Note::Beat.send(notes, None);
+                    }
                     robot = match note {
                         Note::Release => None,
                         _ => socket.or(robot),

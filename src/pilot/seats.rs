@@ -7,7 +7,7 @@ use tracing::warn;
 
 use super::distress::Distress;
 use super::throttle::{Throttle, Together};
-use crate::robot::channel::{Outbox, Role};
+use crate::robot::channel::{Aboard, Outbox, Role};
 use crate::robot::{BehaviourId, EndReason, Event, Priority, Streams, Use};
 use crate::wire::{Command, Stream};
 
@@ -123,6 +123,18 @@ impl Seats {
     /// A behaviour's priority; `None` if it is not aboard.
     pub(super) fn priority(&self, by: BehaviourId) -> Option<Priority> {
         self.seats.get(&by).map(|seat| seat.priority)
+    }
+
+    /// The behaviours aboard, persons left out.
+    pub(super) fn aboard(&self) -> Vec<Aboard> {
+        let behaviours = self.seats.values();
+        behaviours
+            .filter(|seat| seat.role != Role::Person)
+            .map(|seat| Aboard {
+                name: seat.name.clone(),
+                priority: seat.priority,
+            })
+            .collect()
     }
 
     /// Tells one behaviour.

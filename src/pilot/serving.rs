@@ -9,7 +9,7 @@ use tokio::time::Instant;
 use super::Pilot;
 use super::distress::Distress;
 use super::lost::LinkLost;
-use crate::robot::channel::{Request, Role};
+use crate::robot::channel::{Crew, Request, Role};
 use crate::robot::{BehaviourId, CallId, DockEnd, Event, Intent, Priority};
 use crate::safety::{ALARM, Ask, Fact};
 use crate::wire::{Command, Engage, Stream};
@@ -53,6 +53,12 @@ impl Pilot {
             Request::Alarm => {
                 self.alarm_due = true;
                 self.sound_alarm()
+            }
+            Request::Crew(tell) => {
+                let (robot, aboard) = (self.info.clone(), self.seats.aboard());
+                // Who does not wait any more need not know.
+                let _ = tell.send(Crew { robot, aboard });
+                Ok(())
             }
             Request::Sleep(sleep) => self.sleep(sleep),
         }

@@ -1,7 +1,7 @@
 //! What a person wants to know at a glance.
 
 use crate::robot::Battery;
-use crate::safety::WatchdogState;
+use crate::safety::{Place, WatchdogState};
 
 /// Whether the robot is there.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -30,6 +30,10 @@ pub struct Status {
     pub rescue: bool,
     /// On the station, as far as is known; without a link as far as was known.
     pub docked: bool,
+    /// Where the robot is, as far as is known.
+    pub place: Place,
+    /// The battery is nearly empty: scripts have neither lights nor sounds nor streams.
+    pub shed: bool,
     /// Frames that have come so far, damaged ones included. Counting alone wakes nobody who waits for a change.
     pub frames: u64,
 }
@@ -44,6 +48,8 @@ impl Default for Status {
             low: false,
             rescue: false,
             docked: false,
+            place: Place::Unknown,
+            shed: false,
             frames: 0,
         }
     }

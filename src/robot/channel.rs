@@ -3,9 +3,10 @@
 
 use std::sync::Arc;
 
-use tokio::sync::{Notify, mpsc, watch};
+use serde::{Deserialize, Serialize};
+use tokio::sync::{Notify, mpsc, oneshot, watch};
 
-use super::{BehaviourId, EndReason, Event, Intent, Priority};
+use super::{BehaviourId, EndReason, Event, Intent, Priority, RobotInfo};
 
 /// How many requests may wait for the pilot; a supervisor that finds the queue full waits.
 pub const MAX_REQUESTS: usize = 256;
@@ -36,6 +37,8 @@ pub enum Request {
     Gone(BehaviourId),
     /// Something went wrong for good that a person should know: sound the alarm, once.
     Alarm,
+    /// Who is aboard?
+    Crew(oneshot::Sender<Crew>),
     /// Stop the robot, and then this program by this function, which returns when it goes on.
     Sleep(Sleep),
 }
@@ -48,6 +51,26 @@ pub enum Role {
     Behaviour,
     /// To bring a robot with a low battery to its station, with the tracks that the watchdog lends it.
     Rescuer,
+    /// A person, who asks by a tool.
+    Person,
+}
+
+/// The robot and who is aboard.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Crew {
+    /// As it said at its last login, if there was one.
+    pub robot: Option<RobotInfo>,
+    /// The behaviours that run now, persons left out.
+    pub aboard: Vec<Aboard>,
+}
+
+/// A behaviour that runs.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Aboard {
+    /// What people call it.
+    pub name: String,
+    /// Its priority.
+    pub priority: Priority,
 }
 
 /// Stops this program, and returns when it goes on.

@@ -11,6 +11,7 @@
 //! the station: the robot backs out by itself. What is allowed here may still be refused because the
 //! battery is low.
 
+use std::fmt;
 use std::time::Duration;
 
 use tokio::time::Instant;
@@ -26,6 +27,17 @@ pub enum Place {
     Left(Word),
     /// On the station or off it.
     Unknown,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Place::Charging => "on its station, charging",
+            Place::ContactSaid => "on its station, not charging",
+            Place::Left(_) => "off its station",
+            Place::Unknown => "unknown",
+        })
+    }
 }
 
 /// By whose word the robot is off its station.

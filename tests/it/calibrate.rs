@@ -1,18 +1,11 @@
 //! `spykee calibrate`: the simulator's true values, the config, and when it refuses.
 
 use std::f64::consts::{PI, TAU};
-use std::fs::File;
-use std::io::{Read as _, Write as _};
-use std::process::{Child, Command};
-use std::sync::{Arc, Mutex};
-use std::time::Duration;
 
-use rustix::fs::{Mode, OFlags, open};
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use spykee::sim::{FULL_SPEED, Firmware, TRACK_WIDTH};
-use tokio::time::timeout;
 
-use crate::rig::{PATIENCE, QUIET_WORLD, Rig, Run};
+use crate::rig::{QUIET_WORLD, Rig, Run};
+use crate::terminal::Terminal;
 
 fn number(text: &str, key: &str) -> f64 {
     let json = text.lines().find(|line| line.starts_with('{'));
@@ -91,91 +84,6 @@ async fn without_a_person_nothing_moves() {
     let mut run = rig.spykee(&["calibrate", "--robot", &rig.address]);
     assert_eq!(run.code().await, Some(2), "{}", run.text());
     assert!(rig.sim.state().commanded.left == 0 && !rig.sim.state().moving());
-}
-
-/// `spykee` with a person at a terminal.
-struct Terminal {
-    child: Child,
-    keyboard: File,
-    screen: Arc<Mutex<String>>,
-    read: usize,
-}
-
-impl Terminal {
-    fn start(args: &[&str], rig: &Rig) -> Terminal {
-        let keyboard = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
-        grantpt(&keyboard).unwrap();
-        unlockpt(&keyboard).unwrap();
-        let name = ptsname(&keyboard, Vec::new()).unwrap();
-        let end = || File::from(open(&name, OFlags::RDWR | OFlags::NOCTTY, Mode::empty()).unwrap());
-        let child = Command::new(env!("CARGO_BIN_EXE_spykee"))
-            .args(args)
-            .current_dir(rig.folder())
-            .env_remove("RUST_LOG")
-            .stdin(end())
-            .stdout(end())
-            .stderr(end())
-            .spawn()
-            .unwrap();
-        let (keyboard, screen) = (File::from(keyboard), Arc::new(Mutex::new(String::new())));
-        let (mut output, shown) = (keyboard.try_clone().unwrap(), Arc::clone(&screen));
-        std::thread::spawn(move || {
-            let mut bytes = [0; 4096];
-            while let Ok(count @ 1..) = output.read(&mut bytes) {
-                let text = String::from_utf8_lossy(&bytes[..count]);
-                shown.lock().unwrap().push_str(&text);
-            }
-        });
-        Terminal {
-            child,
-            keyboard,
-            screen,
-            read: 0,
-        }
-    }
-
-    /// Waits until this is shown, behind what was waited for before.
-    async fn shows(&mut self, words: &str) {
-        let shown = async {
-            loop {
-                let found = self.screen.lock().unwrap()[self.read..].find(words);
-                if let Some(at) = found {
-                    return at + words.len();
-                }
-                tokio::time::sleep(Duration::from_millis(10)).await;
-            }
-        };
-        let end = timeout(PATIENCE, shown).await;
-        self.read += end.unwrap_or_else(|_| panic!("no `{words}`: {}", self.text()));
-    }
-
-    fn types(&mut self, line: &str) {
-        self.keyboard.write_all(line.as_bytes()).unwrap();
-        self.keyboard.write_all(b"\n").unwrap();
-    }
-
-    fn text(&self) -> String {
-        self.screen.lock().unwrap().clone()
-    }
-
-    async fn code(&mut self) -> Option<i32> {
-        let ended = async {
-            loop {
-                if let Some(status) = self.child.try_wait().unwrap() {
-                    return status.code();
-                }
-                tokio::time::sleep(Duration::from_millis(5)).await;
-            }
-        };
-        timeout(PATIENCE, ended).await.unwrap()
-    }
-}
-
-impl Drop for Terminal {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
 }
 
 /// What a tape measure and a protractor say of the next move: metres and radians.

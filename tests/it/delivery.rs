@@ -2,16 +2,19 @@
 //! own, and between them one that forwards, or drops what goes to the robot.
 
 use std::fs::File;
+use std::io::Write as _;
+use std::net::TcpListener;
 use std::os::fd::AsFd;
 use std::path::Path;
 use std::process::{Child, Command as Process, Output, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
 use rustix::thread::{LinkNameSpaceType, move_into_link_name_space};
 use spykee::sim::{Handle, Options, Server, World};
-use spykee::wire::{Command, Engage, Power, Report};
+use spykee::wire::{Accepted, Command, Engage, Power, Report};
 use tokio::time::{sleep, timeout};
 
 use crate::rig::{PATIENCE, QUIET_WORLD, moves};
@@ -93,14 +96,48 @@ impl Net {
         handle.recv().unwrap()
     }
 
+    /// Who answers in the robot's place, on a thread of its own: lets one user in, says so, waits until
+    /// it may tell the battery's level, and then says nothing any more.
+    fn doorkeeper(&self) -> (mpsc::Receiver<()>, mpsc::Sender<()>) {
+        let namespace = File::open(format!("/run/netns/{}-robot", self.name)).unwrap();
+        let (let_in, entered) = mpsc::channel();
+        let (may, told) = mpsc::channel();
+        std::thread::spawn(move || {
+            move_into_link_name_space(namespace.as_fd(), Some(LinkNameSpaceType::Network)).unwrap();
+            let listener = TcpListener::bind(ROBOT).unwrap();
+            let_in.send(()).unwrap();
+            let (mut user, _) = listener.accept().unwrap();
+            let accepted = Report::Accepted(Accepted {
+                uid: "SPYKEE0001".to_owned(),
+                name: "test".to_owned(),
+                place: "test".to_owned(),
+                firmware: "1.0.22".to_owned(),
+                docked: false,
+            });
+            user.write_all(&accepted.to_bytes()).unwrap();
+            let_in.send(()).unwrap();
+            told.recv().unwrap();
+            let (percent, charging) = (90, false);
+            let power = Report::Power(Power { percent, charging });
+            user.write_all(&power.to_bytes()).unwrap();
+            let _ = told.recv();
+        });
+        entered.recv_timeout(PATIENCE).unwrap();
+        (entered, may)
+    }
+
     /// `spykee run` in the agent's namespace.
     fn run(&self, script: &Path) -> Agent {
+        self.spykee(&["run", script.to_str().unwrap(), "--seed", "7"])
+    }
+
+    /// `spykee` in the agent's namespace, for the robot.
+    fn spykee(&self, arguments: &[&str]) -> Agent {
         let binary = std::env::var("SPYKEE_BINARY");
         let binary = binary.unwrap_or_else(|_| env!("CARGO_BIN_EXE_spykee").to_owned());
         let mut process = Process::new("ip");
         process.args(["netns", "exec", &format!("{}-agent", self.name), &binary]);
-        process.arg("run").arg(script);
-        process.args(["--robot", ROBOT, "--seed", "7"]);
+        process.args(arguments).args(["--robot", ROBOT]);
         process.env_remove("RUST_LOG").stdin(Stdio::null());
         process.stdout(Stdio::null()).stderr(Stdio::piped());
         Agent(process.spawn().unwrap())
@@ -119,6 +156,11 @@ struct Agent(Child);
 impl Agent {
     fn interrupt(&self) {
         kill_process(Pid::from_child(&self.0), Signal::TERM).unwrap();
+    }
+
+    /// Its exit code, once it has ended.
+    fn code(&mut self) -> Option<i32> {
+        self.0.try_wait().unwrap().and_then(|status| status.code())
     }
 
     /// Waits for its end; what it said.
@@ -252,6 +294,22 @@ async fn a_stop_that_does_not_arrive_is_said_to_be_lost_in_time() {
         "{:?}",
         began.elapsed()
     );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn robot_stop_says_that_its_stop_has_not_arrived() {
+    let Some(net) = Net::new() else { return };
+    let (entered, may_tell) = net.doorkeeper();
+    let mut stop = net.spykee(&["robot", "stop", "--timeout", "1"]);
+    entered.recv_timeout(PATIENCE).unwrap();
+    assert!(net.shell(DROP).status.success());
+    may_tell.send(()).unwrap();
+    let said = stop.ended().await;
+    assert!(
+        said.contains("has not acknowledged the last stop"),
+        "{said}"
+    );
+    assert_eq!(stop.code(), Some(3), "{said}");
 }
 
 /// `SPYKEE_BINARY=... cargo test --test it -- --ignored --nocapture fifty` counts for any binary.

@@ -7,7 +7,7 @@ use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 use spykee::wire::{Command, Engage};
 use tokio::time::{Instant, timeout};
 
-use crate::rig::{PATIENCE, Rig, Run};
+use crate::rig::{PATIENCE, QUIET_WORLD, Rig, Run, becomes, state_of};
 
 /// Twice what the guardian promises, for a busy machine.
 const LIMIT: Duration = Duration::from_secs(2);
@@ -39,23 +39,6 @@ async fn goes_on_with_a_stop(rig: &Rig, run: &Run) {
     assert_eq!(rig.commands(slept)[0], Command::STOP);
     rig.sim.set_battery(10.0);
     rig.heard_dock(slept).await;
-}
-
-fn state_of(pid: Pid) -> char {
-    let path = format!("/proc/{}/stat", pid.as_raw_nonzero());
-    let stat = std::fs::read_to_string(path).unwrap_or_default();
-    let behind = stat.rsplit(") ").next().unwrap_or_default();
-    behind.chars().next().unwrap_or('?')
-}
-
-async fn becomes(pid: Pid, state: char) {
-    let became = async {
-        while state_of(pid) != state {
-            tokio::time::sleep(Duration::from_millis(5)).await;
-        }
-    };
-    let waited = timeout(PATIENCE, became).await;
-    waited.unwrap_or_else(|_| panic!("{pid:?} is {}, not {state}", state_of(pid)));
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -146,7 +129,7 @@ async fn a_low_robot_between_two_searches_is_sent_home_by_the_guardian() {
         search_limit: Duration::from_millis(300),
         ..Default::default()
     };
-    let rig = Rig::new(crate::rig::QUIET_WORLD, firmware).await;
+    let rig = Rig::new(QUIET_WORLD, firmware).await;
     let config = rig.file(
         "spykee.yaml",
         "watchdog: { recovery_legs: 0, rescue: off, dock_pause: 60 }\n",
@@ -239,6 +222,224 @@ async fn hosts_are_killed_before_the_agent_when_memory_is_short() {
         let path = format!("/proc/{}/oom_score_adj", host.as_raw_nonzero());
         assert_eq!(std::fs::read_to_string(path).unwrap().trim(), "500");
     }
+}
+
+/// Waits until another guardian than this one watches over the robot.
+async fn replaced(run: &Run, old: Pid) {
+    run.says("another guardian process watches").await;
+    assert_ne!(run.guardian(), Some(old));
+    assert!(run.guardian().is_some());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn in_the_place_of_a_guardian_that_is_killed_there_is_another_one() {
+    let (rig, run) = driving().await;
+    for _ in 0..2 {
+        let before = run.text().matches("another guardian").count();
+        let old = run.guardian().unwrap();
+        kill_process(old, Signal::KILL).unwrap();
+        let again = async {
+            while run.text().matches("another guardian").count() == before {
+                tokio::time::sleep(Duration::from_millis(10)).await;
+            }
+        };
+        timeout(PATIENCE, again).await.expect("another guardian");
+        replaced(&run, old).await;
+    }
+    run.signal(Signal::KILL);
+    let took = rests(&rig).await;
+    assert!(took < LIMIT, "{took:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_guardian_that_does_not_answer_is_replaced_and_the_robot_hears_nothing_of_it() {
+    let (rig, run) = driving().await;
+    let (old, from) = (run.guardian().unwrap(), rig.sim.heard_count());
+    kill_process(old, Signal::STOP).unwrap();
+    run.says("the guardian process does not answer").await;
+    replaced(&run, old).await;
+    assert_eq!(state_of(old), '?', "it is gone");
+    rig.heard_motion(rig.sim.heard_count()).await;
+    assert!(!rig.commands(from).contains(&Command::STOP));
+    run.signal(Signal::KILL);
+    let took = rests(&rig).await;
+    assert!(took < LIMIT, "{took:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_guardian_holds_nothing_open_that_the_run_was_given() {
+    let rig = Rig::quiet().await;
+    let script = rig.file("script.lua", DRIVE);
+    let kept = rig.file("kept", "");
+    let line = "exec 9<kept; exec \"$0\" run \"$1\" --robot \"$2\"";
+    let mut agent = std::process::Command::new("sh")
+        .args(["-c", line, env!("CARGO_BIN_EXE_spykee")])
+        .args([script.to_str().unwrap(), &rig.address])
+        .current_dir(rig.folder())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    rig.heard_motion(0).await;
+    let holds = |pid: Pid| {
+        let open = std::fs::read_dir(format!("/proc/{}/fd", pid.as_raw_nonzero())).unwrap();
+        let mut open = open.filter_map(|entry| std::fs::read_link(entry.unwrap().path()).ok());
+        open.any(|path| path == kept)
+    };
+    let pid = Pid::from_child(&agent);
+    let guardian = crate::rig::guardian_of(pid).unwrap();
+    assert!(holds(pid), "the test gives it nothing");
+    assert!(!holds(guardian));
+    agent.kill().unwrap();
+    agent.wait().unwrap();
+    let took = rests(&rig).await;
+    assert!(took < LIMIT, "{took:?}");
+}
+
+/// Lines typed into `spykee repl` by a pipe that stays open.
+fn prompt(rig: &Rig, lines: &str) -> (Run, std::process::ChildStdin) {
+    let (run, mut pipe) = rig.spykee_with_pipe(&["repl", "--robot", &rig.address]);
+    std::io::Write::write_all(&mut pipe, lines.as_bytes()).unwrap();
+    (run, pipe)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_prompt_that_is_killed_leaves_a_robot_that_stands_still() {
+    let rig = Rig::quiet().await;
+    let (run, _pipe) = prompt(&rig, "robot.move(40, 40)\n");
+    rig.heard_motion(0).await;
+    run.signal(Signal::KILL);
+    let took = rests(&rig).await;
+    assert!(took < LIMIT, "{took:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn ctrl_z_stops_the_robot_of_a_prompt_and_every_ending_signal_ends_it_in_order() {
+    let rig = Rig::quiet().await;
+    let (run, _pipe) = prompt(&rig, "robot.move(40, 40)\n");
+    let moving = rig.heard_motion(0).await;
+    run.signal(Signal::TSTP);
+    rig.heard_stop(moving).await;
+    becomes(run.pid(), 'T').await;
+    goes_on_with_a_stop(&rig, &run).await;
+    drop(run);
+    for signal in [
+        Signal::INT,
+        Signal::HUP,
+        Signal::QUIT,
+        Signal::USR1,
+        Signal::ALARM,
+    ] {
+        let rig = Rig::quiet().await;
+        let (mut run, _pipe) = prompt(&rig, "robot.move(40, 40)\n");
+        let moving = rig.heard_motion(0).await;
+        run.signal(signal);
+        rig.heard_stop(moving).await;
+        assert_eq!(run.code().await, Some(130), "{signal:?}: {}", run.text());
+        let said = run.text().contains("has acknowledged the stop");
+        assert!(said, "{signal:?}: {}", run.text());
+    }
+}
+
+/// A robot that searches its station by order of `spykee robot dock`.
+async fn docking() -> (Rig, Run) {
+    let rig = Rig::quiet().await;
+    rig.sim.hide_station(true);
+    let run = rig.spykee(&["robot", "dock", "--robot", &rig.address]);
+    rig.heard_dock(0).await;
+    let searching = rig
+        .sim
+        .wait_state(|state| state.searching && state.moving());
+    timeout(PATIENCE, searching).await.unwrap();
+    (rig, run)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_docking_by_hand_that_is_killed_stopped_or_ended_by_any_signal_stops_the_robot() {
+    for signal in [Signal::KILL, Signal::STOP] {
+        let (rig, run) = docking().await;
+        run.signal(signal);
+        let took = rests(&rig).await;
+        assert!(took < LIMIT, "{signal:?}: {took:?}");
+    }
+    let (rig, run) = docking().await;
+    let told = rig.sim.heard_count();
+    run.signal(Signal::TSTP);
+    rig.heard_stop(told).await;
+    becomes(run.pid(), 'T').await;
+    rests(&rig).await;
+    for signal in [Signal::HUP, Signal::QUIT, Signal::USR2] {
+        let (rig, mut run) = docking().await;
+        run.signal(signal);
+        assert_eq!(run.code().await, Some(130), "{signal:?}: {}", run.text());
+        let said = run.text().contains("has acknowledged the stop");
+        assert!(said, "{signal:?}: {}", run.text());
+        rests(&rig).await;
+    }
+}
+
+/// The last that the tracks of a low robot were told is to search, and they do.
+pub fn ends_with_a_search(rig: &Rig, from: usize) {
+    let tracks = |command: &Command| matches!(command, Command::Move { .. } | Command::Engine(_));
+    let last = rig.commands(from).into_iter().rfind(tracks);
+    assert_eq!(last, Some(Command::Engine(Engage::Dock)));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_prompt_stays_until_a_low_robot_is_home() {
+    let rig = Rig::quiet().await;
+    let (mut run, pipe) = prompt(&rig, "robot.move(20, 20)\n");
+    rig.heard_motion(0).await;
+    rig.sim.set_battery(15.0);
+    rig.heard_dock(0).await;
+    drop(pipe);
+    assert_eq!(run.code().await, Some(5), "{}", run.text());
+    let said = run
+        .text()
+        .contains("staying until the robot is on its station");
+    assert!(said, "{}", run.text());
+    let state = rig.sim.state();
+    assert!(state.docked && state.charging, "{state:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_docking_by_hand_of_a_low_robot_brings_it_home_or_ctrl_c_leaves_it_searching() {
+    let world = QUIET_WORLD.replace("level: 90", "level: 15");
+    let rig = Rig::new(&world, Default::default()).await;
+    let mut run = rig.spykee(&["robot", "dock", "--robot", &rig.address]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    assert!(rig.sim.state().docked);
+
+    let rig = Rig::new(&world, Default::default()).await;
+    rig.sim.hide_station(true);
+    let mut run = rig.spykee(&["robot", "dock", "--robot", &rig.address]);
+    let dock = rig.heard_dock(0).await;
+    run.signal(Signal::INT);
+    assert_eq!(run.code().await, Some(5), "{}", run.text());
+    ends_with_a_search(&rig, dock);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_tool_that_only_asks_does_not_end_the_search_of_a_low_robot() {
+    let world = QUIET_WORLD.replace("level: 90", "level: 15");
+    for tool in [&["battery"][..], &["led", "flash", "on"], &["config"]] {
+        let rig = Rig::new(&world, Default::default()).await;
+        rig.sim.hide_station(true);
+        let mut run = rig.spykee(&[&["robot"], tool, &["--robot", &rig.address]].concat());
+        assert_eq!(run.code().await, Some(0), "{}", run.text());
+        let said = run.text().contains("was told to search its station");
+        assert!(said, "{}", run.text());
+        ends_with_a_search(&rig, 0);
+    }
+    let rig = Rig::new(&world, Default::default()).await;
+    let mut run = rig.spykee(&["robot", "stop", "--robot", &rig.address]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let text = run.text();
+    assert!(
+        text.contains("acknowledged") && text.contains("the battery is low"),
+        "{text}"
+    );
+    let dock = Command::Engine(Engage::Dock);
+    assert!(!rig.commands(0).contains(&dock));
 }
 
 /// The thread of a process with this name.

@@ -24,8 +24,7 @@ impl Crew {
             rig.file(&format!("{name}.lua"), &format!("{TURN}{script}"));
             config.push_str(&format!("- {{ file: {name}.lua, priority: {priority} }}\n"));
         }
-        rig.file("spykee.yaml", &config);
-        let run = rig.spykee(&["run", "--config", "spykee.yaml", "--robot", &rig.address]);
+        let run = rig.run_config(&config);
         Crew { rig, run }
     }
 

@@ -3,7 +3,7 @@
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command as Process, ExitStatus, Stdio};
+use std::process::{Child, ChildStdin, Command as Process, ExitStatus, Stdio};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -93,9 +93,22 @@ impl Rig {
         ])
     }
 
+    /// `spykee run` of what this config names against this robot.
+    pub fn run_config(&self, config: &str) -> Run {
+        self.file("spykee.yaml", config);
+        self.spykee(&["run", "--config", "spykee.yaml", "--robot", &self.address])
+    }
+
     /// The binary with any arguments; works in the test's folder.
     pub fn spykee(&self, args: &[&str]) -> Run {
-        Run::start(args, self.folder.path())
+        Run::start(args, self.folder.path(), Stdio::null())
+    }
+
+    /// The same, with a pipe to type into.
+    pub fn spykee_with_pipe(&self, args: &[&str]) -> (Run, ChildStdin) {
+        let mut run = Run::start(args, self.folder.path(), Stdio::piped());
+        let pipe = run.child.stdin.take().unwrap();
+        (run, pipe)
     }
 
     /// Waits until the robot has heard a command, from a place in its journal on.
@@ -162,6 +175,33 @@ fn is_called(pid: rustix::process::Pid, argument: &str) -> bool {
         .is_some_and(|first| first == argument.as_bytes())
 }
 
+/// As `ps` shows it; `?`: it is gone.
+pub fn state_of(pid: rustix::process::Pid) -> char {
+    let path = format!("/proc/{}/stat", pid.as_raw_nonzero());
+    let stat = std::fs::read_to_string(path).unwrap_or_default();
+    let behind = stat.rsplit(") ").next().unwrap_or_default();
+    behind.chars().next().unwrap_or('?')
+}
+
+/// Waits until a process is in this state.
+pub async fn becomes(pid: rustix::process::Pid, state: char) {
+    let became = async {
+        while state_of(pid) != state {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+    };
+    let waited = timeout(PATIENCE, became).await;
+    waited.unwrap_or_else(|_| panic!("{pid:?} is {}, not {state}", state_of(pid)));
+}
+
+/// The process number of the guardian of an agent.
+pub fn guardian_of(agent: rustix::process::Pid) -> Option<rustix::process::Pid> {
+    let children = children_of(agent);
+    children
+        .into_iter()
+        .find(|pid| is_called(*pid, "__guardian"))
+}
+
 /// A MOVE that moves.
 pub fn moves(command: &Command) -> bool {
     matches!(command, Command::Move { left, right } if (*left, *right) != (0, 0))
@@ -175,14 +215,14 @@ pub struct Run {
 }
 
 impl Run {
-    fn start(args: &[&str], folder: &Path) -> Run {
+    fn start(args: &[&str], folder: &Path, input: Stdio) -> Run {
         let mut process = Process::new(env!("CARGO_BIN_EXE_spykee"));
         for variable in ["RUST_LOG", "NO_COLOR", "SPYKEE_PASSWORD", "RUST_BACKTRACE"] {
             process.env_remove(variable);
         }
         process.args(args).current_dir(folder);
         process
-            .stdin(Stdio::null())
+            .stdin(input)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped());
         let mut child = process.spawn().unwrap();
@@ -227,10 +267,7 @@ impl Run {
 
     /// The process number of its guardian.
     pub fn guardian(&self) -> Option<rustix::process::Pid> {
-        let children = children_of(self.pid());
-        children
-            .into_iter()
-            .find(|pid| is_called(*pid, "__guardian"))
+        guardian_of(self.pid())
     }
 
     /// Whether it still runs.

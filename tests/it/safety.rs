@@ -425,17 +425,8 @@ async fn a_higher_priority_drives_and_the_lower_hears_preempted() {
         "avoid.lua",
         "task.wait(1.5) robot.move(-50, -50, 1) task.wait(600)",
     );
-    let config = rig.file(
-        "spykee.yaml",
-        "behaviours:\n  - file: patrol.lua\n  - { file: avoid.lua, priority: 10 }\n",
-    );
-    let run = rig.spykee(&[
-        "run",
-        "--config",
-        config.to_str().unwrap(),
-        "--robot",
-        &rig.address,
-    ]);
+    let run = rig
+        .run_config("behaviours:\n  - file: patrol.lua\n  - { file: avoid.lua, priority: 10 }\n");
     let forward = Command::Move {
         left: 27,
         right: 27,

@@ -12,27 +12,19 @@ use crate::fast::{behaviour, quiet_world};
 
 const SECOND: Duration = Duration::from_secs(1);
 
-/// Talks without a pause, a second in each call, while it drives.
-const TALKS: &str = "
-robot.stream('audio_out', true)
-local second = buffer.create(32000)
-robot.move(20, -20)
-while true do
-    robot.say(second)
-    task.wait(1)
-end
-";
-
-/// Says as much as it is let.
-const SHOUTS: &str = "
-robot.stream('audio_out', true)
-local second = buffer.create(32000)
-robot.move(20, -20)
-while true do
-    robot.say(second)
-    task.wait(0.05)
-end
-";
+/// Talks while it drives, a second in each call, with a pause between two calls: 1 s is the speed of
+/// speech, less is as much as it is let.
+fn talks(pause: f64) -> String {
+    format!(
+        "robot.stream('audio_out', true)
+        local second = buffer.create(32000)
+        robot.move(20, -20)
+        while true do
+            robot.say(second)
+            task.wait({pause})
+        end"
+    )
+}
 
 /// The fastest change of mind.
 const DITHERS: &str = "
@@ -70,7 +62,7 @@ fn low() -> Report {
 }
 
 /// What was heard from the last moment on in which the battery became low, after `talk`.
-fn heard_of(scripts: &[&str], rate: Option<u32>, talk: Duration) -> (Vec<Heard>, Duration) {
+fn heard_of(scripts: &[String], rate: Option<u32>, talk: Duration) -> (Vec<Heard>, Duration) {
     lab::run(quiet_world(), troubled(), async |lab: &Lab| {
         if let Some(rate) = rate {
             lab.sim().begin(slow(rate));
@@ -101,8 +93,13 @@ fn lateness((heard, since): &(Vec<Heard>, Duration), command: &Command) -> f64 {
 
 #[test]
 fn a_robot_that_reads_as_fast_as_speech_hears_stop_and_search_in_time_however_long_the_talk() {
-    for (scripts, seconds) in [(&[TALKS][..], 30), (&[SHOUTS], 3), (&[SHOUTS, SHOUTS], 120)] {
-        let heard = heard_of(scripts, Some(32_000), SECOND * seconds);
+    let (talks, shouts) = (talks(1.0), talks(0.05));
+    for (scripts, seconds) in [
+        (vec![talks], 30),
+        (vec![shouts.clone()], 3),
+        (vec![shouts.clone(), shouts], 120),
+    ] {
+        let heard = heard_of(&scripts, Some(32_000), SECOND * seconds);
         for command in [Command::STOP, Command::Engine(Engage::Dock)] {
             let late = lateness(&heard, &command);
             assert!(late < 0.5, "{command:?} came {late} s late");
@@ -136,7 +133,7 @@ fn gaps(heard: &[Heard]) -> usize {
 #[test]
 fn talk_plays_without_a_gap() {
     for rate in [None, Some(64_000)] {
-        let (heard, _) = heard_of(&[TALKS], rate, SECOND * 30);
+        let (heard, _) = heard_of(&[talks(1.0)], rate, SECOND * 30);
         let spoken: usize = heard
             .iter()
             .map(|heard| match &heard.command {

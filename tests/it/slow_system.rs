@@ -18,20 +18,12 @@ const RESTLESS: &str = "task.wait(0.5) error('again')";
 #[tokio::test(flavor = "multi_thread")]
 async fn slow_folders_and_processes_delay_neither_motion_nor_the_way_home() {
     let rig = Rig::quiet().await;
-    let config = rig.file(
-        "spykee.yaml",
+    rig.file("driver.lua", DRIVER);
+    rig.file("restless.lua", RESTLESS);
+    let run = rig.run_config(
         "behaviours:\n  - { file: driver.lua }\n  - file: restless.lua\n    restart: \
          { policy: on-failure, max_restarts: 100, within: 1000, first_pause: 0.1, max_pause: 0.2 }\n",
     );
-    rig.file("driver.lua", DRIVER);
-    rig.file("restless.lua", RESTLESS);
-    let run = rig.spykee(&[
-        "run",
-        "--config",
-        config.to_str().unwrap(),
-        "--robot",
-        &rig.address,
-    ]);
     rig.heard_motion(0).await;
     run.says("restart 1").await;
     let Some(mut tracer) = trace(

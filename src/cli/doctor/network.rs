@@ -7,11 +7,12 @@ use tokio::time::{Instant, timeout, timeout_at};
 
 use super::{Diagnosis, Finding};
 use crate::cli::interrupt::interruption;
-use crate::cli::robot::farewell;
+use crate::cli::robot::send_home_if_low;
 use crate::cli::run::reach;
 use crate::cli::{ConnectionArgs, Exit, Failure, Place};
 use crate::config::{Config, Effective};
 use crate::link::{self, LinkError, Session, Target, discover};
+use crate::pilot::DELIVERY;
 use crate::vision::validate_markers;
 use crate::wire::{Command, Report, Stream};
 
@@ -122,21 +123,23 @@ async fn robot(
     );
     diagnosis.tell(Finding::ok("login", found))?;
     diagnosis.tell(battery(&session, config))?;
-    match further(&mut session, diagnosis).await {
+    match further(&mut session, config, diagnosis).await {
         Ok(result) => result?,
         Err(error) => {
             return diagnosis.tell(Finding::fail("link", error.to_string(), error.help()));
         }
     }
-    farewell(session).await;
+    link::farewell(session.reader, session.writer, DELIVERY).await;
     Ok(())
 }
 
 /// What only an open link tells.
 async fn further(
     session: &mut Session,
+    config: &Config,
     diagnosis: &mut Diagnosis,
 ) -> Result<Result<(), Failure>, LinkError> {
+    send_home_if_low(session, config).await?;
     let latency = latency(session).await?;
     if let Err(failure) = diagnosis.tell(latency) {
         return Ok(Err(failure));

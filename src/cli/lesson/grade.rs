@@ -13,7 +13,7 @@ use super::feedback::sentence;
 use super::likeness::{Pair, pairs};
 use super::marks::Marks;
 use super::{Console, Exit, Failure, LessonParser, Side, aligned, print};
-use crate::cli::screen::clean;
+use crate::clean;
 use crate::cli::test::crew::parse_timeout;
 
 #[derive(Debug, Clone, clap::Args)]
@@ -200,7 +200,7 @@ impl Class {
             let percent = (100.0 * pair.likeness).round();
             text += &format!("\nNearly the same text ({percent} %): {one} and {other}\n");
         }
-        clean(&text, false)
+        clean::text(&text, false)
     }
 
     fn names(&self, pair: &Pair) -> (&str, &str) {
@@ -263,7 +263,7 @@ impl Class {
 
 /// Quoted where need be, and never read as a formula: the text is a learner's.
 fn csv_cell(text: &str) -> String {
-    let mut text = clean(text, false).replace(['\n', '\r', '\t'], " ");
+    let mut text = clean::text(text, false).replace(['\n', '\r', '\t'], " ");
     if text.starts_with(['=', '+', '-', '@']) {
         text.insert(0, '\'');
     }

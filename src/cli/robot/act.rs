@@ -1,10 +1,12 @@
-//! `spykee robot led`, `play`, `volume`: said, and written before the program ends.
+//! `spykee robot led`, `play`, `volume`: said, and acknowledged before the program ends.
 
 use clap::builder::PossibleValuesParser;
 
 use super::AimArgs;
 use super::talk::talk;
+use crate::cli::running::{AT_ONCE, ask, nonsense};
 use crate::cli::{Exit, Failure};
+use crate::control::{Answer, Errand};
 use crate::robot::Percent;
 use crate::wire::{Command, Led, Sound};
 
@@ -57,27 +59,35 @@ pub(super) fn led(args: &LedArgs) -> Result<Exit, Failure> {
     let led = Led::from_name(&args.led)
         .ok_or_else(|| Failure::usage(format_args!("no such light: {}", args.led)))?;
     let on = args.state == "on";
-    say(&args.aim, Command::Led { led, on })
+    say(&args.aim, Command::Led { led, on }, Errand::Led { led, on })
 }
 
 pub(super) fn play(args: &PlayArgs) -> Result<Exit, Failure> {
-    let command = match &args.sound {
-        None => Command::StopSound,
-        Some(name) => Sound::from_name(name)
-            .map(Command::Play)
-            .ok_or_else(|| Failure::usage(format_args!("no such sound: {name}")))?,
+    let Some(name) = &args.sound else {
+        return say(&args.aim, Command::StopSound, Errand::StopSound);
     };
-    say(&args.aim, command)
+    let sound = Sound::from_name(name)
+        .ok_or_else(|| Failure::usage(format_args!("no such sound: {name}")))?;
+    say(&args.aim, Command::Play(sound), Errand::Play(sound))
 }
 
 pub(super) fn volume(args: &VolumeArgs) -> Result<Exit, Failure> {
-    let percent = Percent::saturating(args.percent).get();
-    say(&args.aim, Command::Volume(percent))
+    let percent = Percent::saturating(args.percent);
+    let command = Command::Volume(percent.get());
+    say(&args.aim, command, Errand::Volume(percent))
 }
 
-fn say(aim: &AimArgs, command: Command) -> Result<Exit, Failure> {
+/// By the command, or by a run that has the robot.
+fn say(aim: &AimArgs, command: Command, errand: Errand) -> Result<Exit, Failure> {
+    if let Some(run) = aim.run_on()? {
+        return match ask(&run, &errand, AT_ONCE)? {
+            None => Ok(Exit::Interrupted),
+            Some(Answer::Done) => Ok(Exit::Done),
+            Some(_) => Err(nonsense()),
+        };
+    }
     talk(aim, async |talk| {
-        talk.say(&[command]).await?;
+        talk.tell(command).await?;
         Ok(Exit::Done)
     })
 }

@@ -3,9 +3,11 @@
 use serde_json::json;
 
 use super::AimArgs;
-use super::talk::talk;
+use super::talk::{talk, talk_alone};
 use crate::clean;
+use crate::cli::runs::words;
 use crate::cli::{Exit, Failure, print};
+use crate::control::Overview;
 use crate::robot::Battery;
 use crate::wire::{Command, Report, latin1};
 
@@ -43,52 +45,120 @@ pub(super) struct LogArgs {
     pub(super) aim: AimArgs,
 }
 
+/// What is told of a robot, whoever tells it.
+struct Facts {
+    uid: String,
+    name: String,
+    /// `None`: a run does not keep it.
+    third_name: Option<String>,
+    firmware: String,
+    address: String,
+    docked: bool,
+    battery: Option<Battery>,
+    simulated: bool,
+}
+
 pub(super) fn info(args: &InfoArgs) -> Result<Exit, Failure> {
+    if let Some(run) = args.aim.run_on()? {
+        let Overview {
+            robot,
+            docked,
+            battery,
+            ..
+        } = run.overview;
+        let Some(robot) = robot else {
+            return Err(never_connected());
+        };
+        return show_info(
+            args.json,
+            &Facts {
+                uid: robot.uid,
+                name: robot.name,
+                third_name: None,
+                firmware: robot.firmware,
+                address: robot.address,
+                docked,
+                battery,
+                simulated: robot.simulated,
+            },
+        );
+    }
     talk(&args.aim, async |talk| {
         let robot = &talk.session.accepted;
-        let battery = Battery::reported(talk.session.power);
-        let address = talk.session.peer.to_string();
-        let text = if args.json {
-            let object = json!({
-                "uid": robot.uid, "name": robot.name, "third_name": robot.place,
-                "firmware": robot.firmware, "address": address, "docked": robot.docked,
-                "battery": battery.percent.get(), "charging": battery.charging,
-                "simulated": talk.simulated,
-            });
-            format!("{object}\n")
-        } else {
-            let docked = if robot.docked { "yes" } else { "no" };
-            let lines = format!(
-                "id          {}\nname        {}\nthird name  {} (its meaning is not known)\n\
-                 firmware    {}\naddress     {address}\nbattery     {}\non station  {docked}\n",
-                robot.uid,
-                robot.name,
-                robot.place,
-                robot.firmware,
-                words(battery),
-            );
-            clean::text(&lines, false)
+        let facts = Facts {
+            uid: robot.uid.clone(),
+            name: robot.name.clone(),
+            third_name: Some(robot.place.clone()),
+            firmware: robot.firmware.clone(),
+            address: talk.session.peer.to_string(),
+            docked: robot.docked,
+            battery: Some(Battery::reported(talk.session.power)),
+            simulated: talk.simulated,
         };
-        print(&text)?;
-        Ok(Exit::Done)
+        show_info(args.json, &facts)
     })
+}
+
+fn show_info(as_json: bool, facts: &Facts) -> Result<Exit, Failure> {
+    let text = if as_json {
+        let battery = facts.battery.map(|battery| battery.percent.get());
+        let charging = facts.battery.map(|battery| battery.charging);
+        let object = json!({
+            "uid": facts.uid, "name": facts.name, "third_name": facts.third_name,
+            "firmware": facts.firmware, "address": facts.address, "docked": facts.docked,
+            "battery": battery, "charging": charging, "simulated": facts.simulated,
+        });
+        format!("{object}\n")
+    } else {
+        let third = facts.third_name.as_ref().map_or_else(String::new, |name| {
+            format!("third name  {name} (its meaning is not known)\n")
+        });
+        let lines = format!(
+            "id          {}\nname        {}\n{third}firmware    {}\naddress     {}\n\
+             battery     {}\non station  {}\n",
+            facts.uid,
+            facts.name,
+            facts.firmware,
+            facts.address,
+            facts.battery.map_or_else(|| "-".to_owned(), words),
+            if facts.docked { "yes" } else { "no" },
+        );
+        clean::text(&lines, false)
+    };
+    print(&text)?;
+    Ok(Exit::Done)
 }
 
 pub(super) fn battery(args: &BatteryArgs) -> Result<Exit, Failure> {
+    if let Some(run) = args.aim.run_on()? {
+        let battery = run.overview.battery.ok_or_else(never_connected)?;
+        return show_battery(args.json, battery);
+    }
     talk(&args.aim, async |talk| {
-        let battery = Battery::reported(talk.session.power);
-        if args.json {
-            let object = json!({ "percent": battery.percent.get(), "charging": battery.charging });
-            print(&format!("{object}\n"))?;
-        } else {
-            print(&format!("{}\n", words(battery)))?;
-        }
-        Ok(Exit::Done)
+        show_battery(args.json, Battery::reported(talk.session.power))
     })
 }
 
+fn show_battery(as_json: bool, battery: Battery) -> Result<Exit, Failure> {
+    if as_json {
+        let object = json!({
+            "percent": battery.percent.get(), "charging": battery.charging,
+            "minutes_left": battery.minutes_left,
+        });
+        print(&format!("{object}\n"))?;
+    } else {
+        print(&format!("{}\n", words(battery)))?;
+    }
+    Ok(Exit::Done)
+}
+
+fn never_connected() -> Failure {
+    let what = "the run that is on has not reached its robot yet";
+    Failure::new(Exit::Unreachable, what).help("`spykee status` tells how things stand")
+}
+
 pub(super) fn log(args: &LogArgs) -> Result<Exit, Failure> {
-    talk(&args.aim, async |talk| {
+    talk_alone(&args.aim, async |talk| {
         let pick = |report| match report {
             Report::Log(text) => Some(text),
             _ => None,
@@ -104,10 +174,4 @@ pub(super) fn log(args: &LogArgs) -> Result<Exit, Failure> {
         }
         Ok(Exit::Done)
     })
-}
-
-/// As people read it.
-pub(super) fn words(battery: Battery) -> String {
-    let charging = if battery.charging { ", charging" } else { "" };
-    format!("{}{charging}", battery.percent)
 }

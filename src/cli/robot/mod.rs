@@ -4,30 +4,36 @@
 mod act;
 mod ask;
 mod mp3;
+mod say;
 mod settings;
 mod snapshot;
 mod station;
 mod stop;
 mod talk;
 mod upload;
+mod wav;
 
-pub(super) use talk::farewell;
+pub(super) use talk::send_home_if_low;
 
 use clap::Subcommand;
 
+use super::driver::Means;
 use super::embedded::EmbeddedSim;
-use super::run::{dial, place, reach};
+use super::run::{dial, place, reach, rescue};
+use super::running::run_on;
 use super::settings::SettingsArgs;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::config::Config;
+use crate::control::Client;
 use crate::link::{self, Target};
-use crate::pilot::{Dial, Settings};
 use crate::wire::{self, Login};
 
 /// Ask the robot for one thing: battery, docking, lights, a picture, its settings
 ///
-/// Low battery, the station and a dead link are watched over as in a run. The robot serves one
-/// user at a time: end other programs first.
+/// Low battery, the station and a dead link are watched over as in a run. The robot serves one user at
+/// a time. If that is a `spykee run` of the same data folder, battery, info, snapshot, dock, undock,
+/// stop, led, play, volume and say go through it; without --robot the only run that is on is meant. End
+/// other programs first.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     subcommand_required = true,
@@ -49,6 +55,7 @@ enum RobotCommand {
     Led(act::LedArgs),
     Play(act::PlayArgs),
     Volume(act::VolumeArgs),
+    Say(say::SayArgs),
     Snapshot(snapshot::SnapshotArgs),
     Log(ask::LogArgs),
     Config(settings::ConfigArgs),
@@ -69,6 +76,7 @@ impl RobotArgs {
             C::Led(args) => &args.aim,
             C::Play(args) => &args.aim,
             C::Volume(args) => &args.aim,
+            C::Say(args) => &args.aim,
             C::Snapshot(args) => &args.aim,
             C::Log(args) => &args.aim,
             C::Config(args) => &args.change.aim,
@@ -93,6 +101,7 @@ pub(super) fn run(args: &RobotArgs, console: &Console) -> Result<Exit, Failure> 
         RobotCommand::Led(args) => act::led(args),
         RobotCommand::Play(args) => act::play(args),
         RobotCommand::Volume(args) => act::volume(args),
+        RobotCommand::Say(args) => say::say(args),
         RobotCommand::Snapshot(args) => snapshot::snapshot(args),
         RobotCommand::Log(args) => ask::log(args),
         RobotCommand::Config(args) => settings::config(args),
@@ -120,6 +129,14 @@ pub(super) struct Aim {
 }
 
 impl AimArgs {
+    /// The run that has the robot which is meant, if one is on.
+    ///
+    /// # Errors
+    /// See [`run_on`].
+    pub(super) fn run_on(&self) -> Result<Option<Client>, Failure> {
+        run_on(&self.settings, &self.connection)
+    }
+
     /// Resolves flags and config, and starts the simulator if that is what was asked for.
     ///
     /// # Errors
@@ -153,10 +170,16 @@ impl Aim {
         .await
     }
 
-    /// For the pilot: how to dial, and the numbers of its rules.
-    pub(super) fn flight(&self, seed: u64) -> (Dial, Settings) {
+    /// What it takes to drive it.
+    ///
+    /// # Errors
+    /// The rescue behaviour of the config cannot be read.
+    pub(super) fn means(&self, seed: u64) -> Result<Means, Failure> {
         let link = self.config.link.clone();
-        let dial = dial(self.target.clone(), self.login.clone(), link);
-        (dial, self.config.pilot(self.sim.is_some(), seed))
+        Ok(Means {
+            dial: dial(self.target.clone(), self.login.clone(), link),
+            settings: self.config.pilot(self.sim.is_some(), seed),
+            rescue: rescue(&self.config, seed)?,
+        })
     }
 }

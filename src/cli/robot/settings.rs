@@ -7,7 +7,7 @@ use std::path::Path;
 use serde_json::{Map, Value, json};
 
 use super::AimArgs;
-use super::talk::{Talk, talk};
+use super::talk::{Talk, talk_alone};
 use crate::clean;
 use crate::cli::table::{Side, aligned};
 use crate::cli::{Exit, Failure, print};
@@ -67,7 +67,7 @@ pub(super) struct ChangeArgs {
 pub(super) fn config(args: &ConfigArgs) -> Result<Exit, Failure> {
     let args = &args.change;
     let wanted = wanted(args)?;
-    talk(&args.aim, async |talk| {
+    talk_alone(&args.aim, async |talk| {
         let mut settings = settings(talk).await?;
         if !wanted.is_empty() {
             settings = change(talk, args, &settings, &wanted).await?;
@@ -87,7 +87,7 @@ pub(super) fn wifi(args: &WifiArgs) -> Result<Exit, Failure> {
         let what = format_args!("{} is no setting of the network", other.key);
         return Err(Failure::usage(what).help("`spykee robot config --set` changes the others"));
     }
-    talk(&args.aim, async |talk| {
+    talk_alone(&args.aim, async |talk| {
         let mut own = settings(talk).await?;
         own.retain(|setting| concerns_network(&setting.key));
         if !wanted.is_empty() {

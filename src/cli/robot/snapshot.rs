@@ -9,7 +9,9 @@ use tokio::time::Instant;
 
 use super::AimArgs;
 use super::talk::{Talk, talk};
+use crate::cli::running::{AT_ONCE, ask, nonsense};
 use crate::cli::{Exit, Failure, print};
+use crate::control::{Answer, Client, Errand};
 use crate::robot::Use;
 use crate::vision::{Decoder, Size};
 use crate::wire::{Command, Report, Stream};
@@ -42,26 +44,64 @@ struct Shot {
 }
 
 pub(super) fn snapshot(args: &SnapshotArgs) -> Result<Exit, Failure> {
+    if let Some(run) = args.aim.run_on()? {
+        return match ask_for_shot(&run, Duration::from_secs(args.timeout))? {
+            Some(shot) => keep(args, &shot),
+            None => Ok(Exit::Interrupted),
+        };
+    }
     talk(&args.aim, async |talk| {
         if talk.streams.video == Use::Off {
             let failure = Failure::usage("the config keeps video off");
             return Err(failure.help("it has streams: { video: off }"));
         }
         let shot = shoot(talk, Duration::from_secs(args.timeout)).await?;
-        save(&args.output, &shot.jpeg)?;
-        let (file, bytes) = (args.output.display().to_string(), shot.jpeg.len());
-        let Size { width, height } = shot.size;
-        if args.json {
-            let object = json!({
-                "file": file, "bytes": bytes, "width": width, "height": height,
-                "damaged_frames": shot.damaged,
-            });
-            print(&format!("{object}\n"))?;
-        } else {
-            print(&format!("{file}: {width}x{height}, {bytes} bytes\n"))?;
-        }
-        Ok(Exit::Done)
+        keep(args, &shot)
     })
+}
+
+fn keep(args: &SnapshotArgs, shot: &Shot) -> Result<Exit, Failure> {
+    save(&args.output, &shot.jpeg)?;
+    let (file, bytes) = (args.output.display().to_string(), shot.jpeg.len());
+    let Size { width, height } = shot.size;
+    if args.json {
+        let object = json!({
+            "file": file, "bytes": bytes, "width": width, "height": height,
+            "damaged_frames": shot.damaged,
+        });
+        print(&format!("{object}\n"))?;
+    } else {
+        print(&format!("{file}: {width}x{height}, {bytes} bytes\n"))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// A good picture of a run that has the robot; `None`: interrupted.
+fn ask_for_shot(run: &Client, limit: Duration) -> Result<Option<Shot>, Failure> {
+    let until = std::time::Instant::now() + limit;
+    let (mut decoder, mut damaged) = (Decoder::default(), 0);
+    loop {
+        let left = until.saturating_duration_since(std::time::Instant::now());
+        let jpeg = match ask(run, &Errand::Picture(left), left + AT_ONCE)? {
+            None => return Ok(None),
+            Some(Answer::Picture(jpeg)) => Bytes::from(jpeg),
+            Some(Answer::NoPicture) => return Err(none_in_time(limit, damaged)),
+            Some(_) => return Err(nonsense()),
+        };
+        match decoder.decode(&jpeg).map(|image| image.size()) {
+            Ok(size) => {
+                return Ok(Some(Shot {
+                    jpeg,
+                    size,
+                    damaged,
+                }));
+            }
+            Err(error) => {
+                tracing::debug!("a damaged frame: {error}");
+                damaged += 1;
+            }
+        }
+    }
 }
 
 async fn shoot(talk: &mut Talk, limit: Duration) -> Result<Shot, Failure> {

@@ -5,9 +5,15 @@ use std::time::Duration;
 use serde_json::json;
 
 use super::AimArgs;
+use crate::agent::Docked;
 use crate::cli::driver::drive;
+use crate::cli::running::{ask, nonsense};
 use crate::cli::{Exit, Failure, block_on, print};
+use crate::control::{Answer, Errand};
 use crate::robot::{DockEnd, DockPlan};
+
+/// How much longer than planned a run may take to answer.
+const SLACK: Duration = Duration::from_secs(60);
 
 /// Drive to the charging station, as `robot.dock` does
 ///
@@ -50,44 +56,83 @@ pub(super) struct UndockArgs {
 }
 
 pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
-    let seed = rand::random();
-    let aim = args.aim.aim(seed)?;
-    let (dial, settings) = aim.flight(seed);
     let plan = DockPlan {
         timeout: Duration::from_secs(args.timeout),
         retries: args.retries,
         ..DockPlan::default()
     };
-    let docking = drive(dial, settings, async |driver| {
-        let (end, attempts, took) = driver.dock(plan).await?;
-        let seconds = took.as_secs_f64();
-        if args.json {
-            let object = json!({ "end": end.name(), "attempts": attempts, "seconds": seconds });
-            print(&format!("{object}\n"))?;
-        } else if end == DockEnd::Done {
-            print(&format!(
-                "on its station and charging, after {seconds:.0} s\n"
-            ))?;
-        }
-        judge(end, driver.status().low)
+    if let Some(run) = args.aim.run_on()? {
+        let limit = (plan.timeout + plan.charge_timeout) * (plan.retries + 1) + SLACK;
+        return match ask(&run, &Errand::Dock(plan), limit)? {
+            None => Ok(Exit::Interrupted),
+            Some(Answer::Docked {
+                end,
+                attempts,
+                took,
+            }) => {
+                let docked = Docked {
+                    end,
+                    attempts,
+                    took,
+                };
+                show_docked(args.json, docked)?;
+                judge(end, run.overview.low)
+            }
+            Some(_) => Err(nonsense()),
+        };
+    }
+    let seed = rand::random();
+    let aim = args.aim.aim(seed)?;
+    let docking = drive(aim.means(seed)?, async |driver| {
+        let docked = driver.dock(plan).await?;
+        show_docked(args.json, docked)?;
+        judge(docked.end, driver.status().low)
     });
     block_on(docking)?
 }
 
+fn show_docked(as_json: bool, docked: Docked) -> Result<(), Failure> {
+    let (end, attempts, seconds) = (docked.end, docked.attempts, docked.took.as_secs_f64());
+    if as_json {
+        let object = json!({ "end": end.name(), "attempts": attempts, "seconds": seconds });
+        return print(&format!("{object}\n"));
+    }
+    match end {
+        DockEnd::Done => print(&format!(
+            "on its station and charging, after {seconds:.0} s\n"
+        )),
+        _ => Ok(()),
+    }
+}
+
 pub(super) fn undock(args: &UndockArgs) -> Result<Exit, Failure> {
+    let limit = Duration::from_secs(args.timeout);
+    if let Some(run) = args.aim.run_on()? {
+        return match ask(&run, &Errand::Undock(limit), limit + SLACK)? {
+            None => Ok(Exit::Interrupted),
+            Some(Answer::Undocked(end)) => {
+                show_undocked(args.json, end)?;
+                judge(end, run.overview.low)
+            }
+            Some(_) => Err(nonsense()),
+        };
+    }
     let seed = rand::random();
     let aim = args.aim.aim(seed)?;
-    let (dial, settings) = aim.flight(seed);
-    let undocking = drive(dial, settings, async |driver| {
-        let end = driver.undock(Duration::from_secs(args.timeout)).await?;
-        if args.json {
-            print(&format!("{}\n", json!({ "end": end.name() })))?;
-        } else if end == DockEnd::Done {
-            print("off its station\n")?;
-        }
+    let undocking = drive(aim.means(seed)?, async |driver| {
+        let end = driver.undock(limit).await?;
+        show_undocked(args.json, end)?;
         judge(end, driver.status().low)
     });
     block_on(undocking)?
+}
+
+fn show_undocked(as_json: bool, end: DockEnd) -> Result<(), Failure> {
+    match end {
+        _ if as_json => print(&format!("{}\n", json!({ "end": end.name() }))),
+        DockEnd::Done => print("off its station\n"),
+        _ => Ok(()),
+    }
 }
 
 /// Where the robot was wanted is a success, also if it stood there before.

@@ -3,12 +3,16 @@
 use std::time::Duration;
 
 use tokio::time::{Instant, sleep};
+use tokio_util::sync::CancellationToken;
 
-use super::talk::farewell;
 use super::{Aim, AimArgs};
 use crate::cli::interrupt::interruption;
-use crate::cli::{Exit, Failure, block_on};
-use crate::link::LinkError;
+use crate::cli::running::{AT_ONCE, ask};
+use crate::cli::{Exit, Failure, block_on, print};
+use crate::control::Errand;
+use crate::link::{LinkError, farewell};
+use crate::pilot::{DELIVERY, Delivery};
+use crate::safety::{Fact, Watchdog};
 use crate::wire::{Command, Engage};
 
 /// Between two tries.
@@ -16,9 +20,14 @@ const PAUSE: Duration = Duration::from_millis(200);
 
 /// Stop the robot: tracks and the search for its station
 ///
-/// Logs in, says MOVE 0 0, ends a search for the station, says MOVE 0 0 again and ends when that is
-/// written. A robot that cannot be reached is tried again until the time is over. While another
-/// program is connected the robot lets nobody else in: that program must stop it.
+/// Logs in, says MOVE 0 0, ends a search for the station, says MOVE 0 0 again, and ends when the
+/// robot's side has acknowledged that. A robot that cannot be reached, or does not acknowledge it in
+/// 2 s, is tried again until the time is over; then the exit code is 3. A signal ends the tries, but
+/// not one that has got through. A robot with a low battery is left standing too: `spykee robot dock`
+/// sends it home.
+///
+/// A `spykee run` that has the robot is told to stop it at once, whatever drives, and to end. While any
+/// other program is connected the robot lets nobody else in: that program must stop it.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot stop --robot 172.17.6.1")]
 pub(super) struct StopArgs {
@@ -31,37 +40,90 @@ pub(super) struct StopArgs {
 }
 
 pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
-    let aim = args.aim.aim(rand::random())?;
+    let running = args.aim.run_on()?;
+    let mut aim = args.aim.clone();
+    if let Some(run) = &running {
+        tracing::info!(
+            "ends the run that has the robot (process {})",
+            run.overview.pid
+        );
+        // Whatever comes of it: what follows stops the robot in any case, once it lets us in.
+        if let Err(failure) = ask(run, &Errand::Stop, AT_ONCE) {
+            tracing::warn!("{failure}");
+        }
+        if run.overview.simulated {
+            print("stopped: the simulated robot ends with its run\n")?;
+            return Ok(Exit::Done);
+        }
+        // It may have been named by nothing but its being the only one.
+        aim.connection.robot = run.overview.target.parse().ok();
+    }
+    let aim = aim.aim(rand::random())?;
     let limit = Duration::from_secs(args.timeout);
     block_on(async {
-        let interrupted = interruption()?;
-        tokio::select! {
-            biased;
-            () = interrupted => Ok(Exit::Interrupted),
-            stopped = insist(&aim, limit) => Ok(stopped.map(|()| Exit::Done)?),
+        let (interrupted, ended) = (interruption()?, CancellationToken::new());
+        let ending = ended.clone();
+        tokio::spawn(async move {
+            interrupted.await;
+            ending.cancel();
+        });
+        match insist(&aim, limit, &ended).await? {
+            Some(Delivery::Acknowledged) => {
+                print("stopped: the robot's side has acknowledged it\n")?;
+                Ok(Exit::Done)
+            }
+            Some(delivery) => {
+                let help = "is the robot still in reach of its Wi-Fi? try again";
+                Err(Failure::new(Exit::Unreachable, delivery).help(help))
+            }
+            None => Ok(Exit::Interrupted),
         }
     })?
 }
 
-async fn insist(aim: &Aim, limit: Duration) -> Result<(), LinkError> {
+/// What became of the last try that got through; `None`: ended before one did.
+async fn insist(
+    aim: &Aim,
+    limit: Duration,
+    ended: &CancellationToken,
+) -> Result<Option<Delivery>, LinkError> {
     let until = Instant::now() + limit;
     loop {
-        match once(aim).await {
-            Err(error) if !error.is_final() && Instant::now() + PAUSE < until => {
-                tracing::warn!("not stopped yet: {error}; trying again");
-                sleep(PAUSE).await;
+        let tried = once(aim, ended).await;
+        let again = Instant::now() + PAUSE < until && !ended.is_cancelled();
+        match tried {
+            Ok(Some(delivery)) if delivery != Delivery::Acknowledged && again => {
+                tracing::warn!("{delivery}; trying again");
             }
-            ended => return ended,
+            Err(error) if !error.is_final() && again => {
+                tracing::warn!("not stopped yet: {error}; trying again");
+            }
+            tried => return tried,
         }
+        sleep(PAUSE).await;
     }
 }
 
 /// The login's own first command is MOVE 0 0; the second stop is for what the cancelled search may
 /// have left on the tracks.
-async fn once(aim: &Aim) -> Result<(), LinkError> {
-    let mut session = aim.connect().await?;
+async fn once(aim: &Aim, ended: &CancellationToken) -> Result<Option<Delivery>, LinkError> {
+    let mut session = tokio::select! {
+        biased;
+        () = ended.cancelled() => return Ok(None),
+        session = aim.connect() => session?,
+    };
     let commands = [Command::Engine(Engage::CancelDock), Command::STOP];
     session.writer.write(&commands).await?;
-    farewell(session).await;
-    Ok(())
+    let mut watchdog = Watchdog::new(aim.config.watchdog.clone(), Instant::now());
+    let (docked, power) = (session.accepted.docked, session.power);
+    watchdog.take(Fact::LinkUp { docked, power }, Instant::now());
+    if watchdog.low().is_some() && !watchdog.docked() {
+        let percent = power.percent;
+        tracing::warn!(
+            "the battery is low ({percent} %): `spykee robot dock` sends the robot to its station"
+        );
+    }
+    Ok(Some(
+        farewell(session.reader, session.writer, DELIVERY).await,
+    ))
 }

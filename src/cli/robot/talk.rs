@@ -3,13 +3,17 @@
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
-use tokio::time::{Instant, timeout, timeout_at};
+use tokio::time::{Instant, timeout_at};
 
-use super::AimArgs;
+use super::{Aim, AimArgs};
 use crate::cli::interrupt::interruption;
+use crate::cli::running::taken;
 use crate::cli::{Exit, Failure, block_on};
-use crate::link::Session;
+use crate::config::Config;
+use crate::link::{LinkError, Session, farewell};
+use crate::pilot::{DELIVERY, Delivery};
 use crate::robot::Streams;
+use crate::safety::{Act, Fact, Watchdog};
 use crate::wire::{Command, Report};
 
 /// The longest wait for the first part of an answer.
@@ -18,58 +22,123 @@ const ANSWER: Duration = Duration::from_secs(3);
 const QUIET: Duration = Duration::from_millis(400);
 /// Nothing that the robot has to tell is longer.
 const MAX_TEXT: usize = 1 << 20;
-/// The longest wait for the robot to hang up, when all is written.
-const FAREWELL: Duration = Duration::from_secs(1);
 
-/// A robot that listens; its tracks have been told to rest.
+/// A robot that listens; its tracks have been told to rest, or to take it home.
 pub(super) struct Talk {
     pub(super) session: Session,
     pub(super) simulated: bool,
     pub(super) streams: Streams,
+    /// Something was said that must arrive.
+    said: bool,
 }
 
-/// Logs in, talks, and hangs up. Ctrl-C ends it.
+/// Logs in, talks, and hangs up when the robot's side has acknowledged all that was said. Any signal
+/// that ends a program ends it so, too.
 ///
 /// # Errors
-/// The robot cannot be reached, or the job's own.
+/// The robot cannot be reached, the job's own, or what was said has not arrived.
 pub(super) fn talk(
     args: &AimArgs,
     job: impl AsyncFnOnce(&mut Talk) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
     let aim = args.aim(rand::random())?;
     block_on(async {
-        let interrupted = interruption()?;
-        let conversation = async {
-            let mut talk = Talk {
-                session: aim.connect().await?,
-                simulated: aim.sim.is_some(),
-                streams: aim.config.streams,
-            };
-            let exit = job(&mut talk).await?;
-            farewell(talk.session).await;
-            Ok(exit)
-        };
-        tokio::select! {
+        let mut interrupted = std::pin::pin!(interruption()?);
+        let mut talk = tokio::select! {
             biased;
-            () = interrupted => Ok(Exit::Interrupted),
-            exit = conversation => exit,
-        }
+            () = &mut interrupted => return Ok(Exit::Interrupted),
+            talk = Talk::begin(&aim) => talk?,
+        };
+        let done = tokio::select! {
+            biased;
+            () = &mut interrupted => Ok(Exit::Interrupted),
+            done = job(&mut talk) => done,
+        };
+        let arrived = talk.end().await;
+        let exit = done?;
+        arrived.map(|()| exit)
     })?
 }
 
-/// Writes what is left, closes our half, and listens until the robot has hung up too: a socket
-/// closed with unread news in it would be reset, and the robot might lose our last words.
-pub(in crate::cli) async fn farewell(session: Session) {
-    let Session {
-        mut reader, writer, ..
-    } = session;
-    writer.close().await;
-    let silence = async { while reader.next().await.is_ok() {} };
-    // A robot that does not hang up has heard us all the same.
-    let _ = timeout(FAREWELL, silence).await;
+/// As [`talk`], for what a run that has the robot cannot be asked for.
+///
+/// # Errors
+/// As of [`talk`], or a run has the robot.
+pub(super) fn talk_alone(
+    args: &AimArgs,
+    job: impl AsyncFnOnce(&mut Talk) -> Result<Exit, Failure>,
+) -> Result<Exit, Failure> {
+    match args.run_on()? {
+        Some(run) => Err(taken(&run)),
+        None => talk(args, job),
+    }
+}
+
+/// Every login begins with a stop, which may have ended the search of a robot with a low battery: the
+/// watchdog's rules say what it is told then, and what its last words are.
+///
+/// # Errors
+/// The link is gone.
+pub(in crate::cli) async fn send_home_if_low(
+    session: &mut Session,
+    config: &Config,
+) -> Result<(), LinkError> {
+    let now = Instant::now();
+    let mut watchdog = Watchdog::new(config.watchdog.clone(), now);
+    let (docked, power) = (session.accepted.docked, session.power);
+    let acts = watchdog.take(Fact::LinkUp { docked, power }, now);
+    let commands: Vec<Command> = acts.iter().filter_map(Act::command).collect();
+    session
+        .writer
+        .set_last_words(watchdog.last_words().commands());
+    session.writer.write(&commands).await?;
+    if watchdog.low().is_some() && !watchdog.docked() {
+        let percent = power.percent;
+        tracing::warn!(
+            "the battery is low ({percent} %): the robot was told to search its station; \
+             `spykee robot dock` stays until it is there"
+        );
+    }
+    Ok(())
 }
 
 impl Talk {
+    async fn begin(aim: &Aim) -> Result<Talk, LinkError> {
+        let mut session = aim.connect().await?;
+        send_home_if_low(&mut session, &aim.config).await?;
+        Ok(Talk {
+            session,
+            simulated: aim.sim.is_some(),
+            streams: aim.config.streams,
+            said: false,
+        })
+    }
+
+    /// Hangs up when all has arrived.
+    async fn end(self) -> Result<(), Failure> {
+        let Session { reader, writer, .. } = self.session;
+        match farewell(reader, writer, DELIVERY).await {
+            Delivery::NotAcknowledged { after } if self.said => {
+                let seconds = after.as_secs_f64();
+                let what = format_args!(
+                    "the robot's side has not acknowledged what it was told within {seconds:.1} s"
+                );
+                let failure = Failure::new(Exit::Unreachable, what);
+                Err(failure.help("is the robot still in reach of its Wi-Fi? try again"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Says something that must arrive: see [`talk`].
+    ///
+    /// # Errors
+    /// The link is gone.
+    pub(super) async fn tell(&mut self, command: Command) -> Result<(), Failure> {
+        self.said = true;
+        self.say(&[command]).await
+    }
+
     /// Says something, in one write.
     ///
     /// # Errors

@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::AimArgs;
 use super::mp3::{self, Mp3};
-use super::talk::{Talk, talk};
+use super::talk::{Talk, talk_alone};
 use crate::cli::{Console, Exit, Failure, print};
 use crate::files;
 use crate::wire::{Command, FileChunk, Report, Sound};
@@ -46,7 +46,7 @@ pub(super) struct UploadArgs {
 pub(super) fn upload(args: &UploadArgs, console: &Console) -> Result<Exit, Failure> {
     let (content, mp3) = load(&args.file)?;
     let chunks = chunks(&args.slot, &content)?;
-    talk(&args.aim, async |talk| {
+    talk_alone(&args.aim, async |talk| {
         send(talk, &chunks, console).await?;
         confirm(talk).await?;
         report(args, content.len(), mp3)?;

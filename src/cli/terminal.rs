@@ -1,8 +1,10 @@
-//! The terminal's settings: whoever was editing a line when the session ended, they are as before.
+//! The terminal's settings: whoever was editing a line when a session ended or was stopped, they are
+//! as before.
 
 use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
 
 /// The settings of standard input, if it is a terminal.
+#[derive(Clone)]
 pub(super) struct Terminal(Option<Termios>);
 
 impl Terminal {
@@ -12,9 +14,9 @@ impl Terminal {
     }
 
     /// As they were; an editor that still reads cannot be asked to do it.
-    pub(super) fn restore(self) {
-        if let Some(settings) = self.0 {
-            let _ = tcsetattr(rustix::stdio::stdin(), OptionalActions::Now, &settings);
+    pub(super) fn restore(&self) {
+        if let Some(settings) = &self.0 {
+            let _ = tcsetattr(rustix::stdio::stdin(), OptionalActions::Now, settings);
         }
     }
 }

@@ -1,0 +1,210 @@
+//! A seat in front of the pilot for a person: what a behaviour asks for through its host, asked for
+//! directly. The same rules hold.
+
+use std::time::Duration;
+
+use tokio::sync::mpsc;
+use tokio::time::{MissedTickBehavior, interval, sleep};
+
+use crate::robot::channel::{Inbox, Request, Role, Told, events};
+use crate::robot::{
+    BehaviourId, CallId, DockEnd, DockPlan, EndReason, Event, Intent, MotionEnd, MotionId,
+    Priority, Setpoint,
+};
+use crate::wire::Stream;
+
+/// How often who moves shows that he lives; the watchdog's patience is 0.25 s.
+const BEAT: Duration = Duration::from_millis(50);
+/// Half a second of speech: s16, mono, 16 kHz.
+const SPEECH: usize = 16_000;
+/// How long that takes.
+const SPEECH_TIME: Duration = Duration::from_millis(500);
+
+/// See the module. Dropping it is leaving: what it has asked for ends.
+#[derive(Debug)]
+pub struct Seat {
+    by: BehaviourId,
+    requests: mpsc::Sender<Request>,
+    inbox: Inbox,
+    last: u64,
+}
+
+/// Why nothing more can be asked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum SeatError {
+    /// The pilot is no more.
+    #[error("the pilot is no more")]
+    Closed,
+    /// The watchdog, or the pilot, hears us no more.
+    #[error("{}", .0.sentence())]
+    Ended(EndReason),
+}
+
+/// How a docking ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Docked {
+    /// How.
+    pub end: DockEnd,
+    /// Tries made.
+    pub attempts: u32,
+    /// Time taken.
+    pub took: Duration,
+}
+
+impl Seat {
+    /// Takes a seat.
+    ///
+    /// # Errors
+    /// [`SeatError::Closed`].
+    pub async fn join(
+        requests: mpsc::Sender<Request>,
+        by: BehaviourId,
+        name: &str,
+        priority: Priority,
+        role: Role,
+    ) -> Result<Seat, SeatError> {
+        let (outbox, inbox) = events();
+        let seat = Seat {
+            by,
+            requests,
+            inbox,
+            last: 0,
+        };
+        let name = name.to_owned();
+        seat.ask(Request::Join {
+            by,
+            name,
+            priority,
+            role,
+            outbox,
+        })
+        .await?;
+        Ok(seat)
+    }
+
+    /// Drives for a while; how it ended.
+    ///
+    /// # Errors
+    /// See [`SeatError`].
+    pub async fn run(
+        &mut self,
+        setpoint: Setpoint,
+        duration: Duration,
+    ) -> Result<MotionEnd, SeatError> {
+        let motion = MotionId(self.next());
+        let duration = Some(duration);
+        self.intend(Intent::Move {
+            motion,
+            setpoint,
+            duration,
+        })
+        .await?;
+        self.wait(|event| match event {
+            Event::MotionEnded { motion: of, end } if *of == motion => Some(*end),
+            _ => None,
+        })
+        .await
+    }
+
+    /// Goes to the station.
+    ///
+    /// # Errors
+    /// See [`SeatError`].
+    pub async fn dock(&mut self, plan: DockPlan) -> Result<Docked, SeatError> {
+        let call = CallId(self.next());
+        self.intend(Intent::Dock { call, plan }).await?;
+        self.wait(|event| match event {
+            Event::DockEnded {
+                call: of,
+                end,
+                attempts,
+                took,
+            } if *of == call => Some(Docked {
+                end: *end,
+                attempts: *attempts,
+                took: *took,
+            }),
+            _ => None,
+        })
+        .await
+    }
+
+    /// Leaves the station.
+    ///
+    /// # Errors
+    /// See [`SeatError`].
+    pub async fn undock(&mut self, timeout: Duration) -> Result<DockEnd, SeatError> {
+        let call = CallId(self.next());
+        self.intend(Intent::Undock { call, timeout }).await?;
+        self.wait(|event| match event {
+            Event::UndockEnded { call: of, end } if *of == call => Some(*end),
+            _ => None,
+        })
+        .await
+    }
+
+    /// Speaks: s16 little-endian, mono, 16 kHz. Takes as long as that does.
+    ///
+    /// # Errors
+    /// See [`SeatError`].
+    pub async fn say(&mut self, samples: &[u8]) -> Result<(), SeatError> {
+        let (stream, on) = (Stream::AudioOut, true);
+        self.intend(Intent::Stream { stream, on }).await?;
+        for samples in samples.chunks(SPEECH) {
+            self.intend(Intent::Say(samples.to_vec())).await?;
+            sleep(SPEECH_TIME.mul_f64(samples.len() as f64 / SPEECH as f64)).await;
+        }
+        // What the robot still has in its buffer.
+        sleep(SPEECH_TIME).await;
+        self.intend(Intent::Stream { stream, on: false }).await
+    }
+
+    /// Asks for what has no answer.
+    ///
+    /// # Errors
+    /// [`SeatError::Closed`].
+    pub async fn intend(&self, intent: Intent) -> Result<(), SeatError> {
+        self.ask(Request::Intent(self.by, intent)).await
+    }
+
+    fn next(&mut self) -> u64 {
+        self.last += 1;
+        self.last
+    }
+
+    async fn ask(&self, request: Request) -> Result<(), SeatError> {
+        let asked = self.requests.send(request).await;
+        asked.map_err(|_| SeatError::Closed)
+    }
+
+    /// Waits for an answer, and shows life meanwhile.
+    async fn wait<T>(&mut self, answer: impl Fn(&Event) -> Option<T>) -> Result<T, SeatError> {
+        let mut beat = interval(BEAT);
+        beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            let told = tokio::select! {
+                told = self.inbox.next() => told,
+                _ = beat.tick() => {
+                    self.ask(Request::Alive(self.by)).await?;
+                    continue;
+                }
+            };
+            match told {
+                Told::Event(event) => {
+                    if let Some(answer) = answer(&event) {
+                        return Ok(answer);
+                    }
+                }
+                Told::Kill(reason) => return Err(SeatError::Ended(reason)),
+                Told::Closed => return Err(SeatError::Closed),
+            }
+        }
+    }
+}
+
+impl Drop for Seat {
+    fn drop(&mut self) {
+        // No room: the pilot has more than enough to do, or is no more.
+        let _ = self.requests.try_send(Request::Gone(self.by));
+    }
+}

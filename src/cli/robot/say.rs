@@ -1,0 +1,73 @@
+//! `spykee robot say`: a sound file, spoken.
+
+use std::io::Read as _;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use super::AimArgs;
+use super::wav;
+use crate::cli::driver::drive;
+use crate::cli::running::{ask, nonsense};
+use crate::cli::{Exit, Failure, block_on};
+use crate::control::{Answer, Errand, MAX_SPEECH};
+use crate::robot::Use;
+
+/// Samples, and room for what stands before them.
+const MAX_FILE: u64 = MAX_SPEECH as u64 + 64 * 1024;
+/// Bytes of speech a second.
+const RATE: f64 = 32_000.0;
+/// How much longer than the speech itself it may take.
+const SLACK: Duration = Duration::from_secs(10);
+
+/// Speak a sound file: WAV, one channel, 16 kHz, 16 bits, up to 30 s
+#[derive(Debug, Clone, clap::Args)]
+#[command(
+    after_help = "Example: spykee robot say hello.wav --robot 172.17.6.1\n\n\
+                        Make such a file of any other: ffmpeg -i hello.mp3 -ac 1 -ar 16000 -c:a pcm_s16le hello.wav"
+)]
+pub(super) struct SayArgs {
+    /// The file
+    #[arg(value_name = "FILE.wav")]
+    file: PathBuf,
+    #[command(flatten)]
+    pub(super) aim: AimArgs,
+}
+
+pub(super) fn say(args: &SayArgs) -> Result<Exit, Failure> {
+    let file = read(&args.file)?;
+    let shown = args.file.display();
+    let refused = |why: &dyn std::fmt::Display| {
+        Failure::usage(format_args!("{shown} cannot be spoken: {why}"))
+            .help("ffmpeg -i FILE -ac 1 -ar 16000 -c:a pcm_s16le FILE.wav makes one that can")
+    };
+    let samples = wav::samples(&file).map_err(|error| refused(&error))?;
+    if samples.len() > MAX_SPEECH {
+        return Err(refused(&"it is longer than 30 s"));
+    }
+    if let Some(run) = args.aim.run_on()? {
+        let length = Duration::from_secs_f64(samples.len() as f64 / RATE);
+        return match ask(&run, &Errand::Say(samples.to_vec()), length + SLACK)? {
+            None => Ok(Exit::Interrupted),
+            Some(Answer::Done) => Ok(Exit::Done),
+            Some(_) => Err(nonsense()),
+        };
+    }
+    let seed = rand::random();
+    let aim = args.aim.aim(seed)?;
+    if aim.config.streams.audio_out == Use::Off {
+        let failure = Failure::usage("the config keeps the loudspeaker off");
+        return Err(failure.help("it has streams: { audio_out: off }"));
+    }
+    block_on(drive(aim.means(seed)?, async |driver| {
+        driver.say(samples).await?;
+        Ok(Exit::Done)
+    }))?
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, Failure> {
+    let mut file = Vec::new();
+    std::fs::File::open(path)
+        .and_then(|source| source.take(MAX_FILE).read_to_end(&mut file))
+        .map_err(|error| Failure::usage(format_args!("cannot read {}: {error}", path.display())))?;
+    Ok(file)
+}

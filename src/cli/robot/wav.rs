@@ -1,0 +1,138 @@
+//! The samples of a WAV file, if they are such as the robot's loudspeaker takes. Pure.
+
+/// What the robot speaks (`PROTOCOL.md`, AUDIO): one channel, 16 kHz, s16 little-endian.
+const CHANNELS: u16 = 1;
+const RATE: u32 = 16_000;
+const BITS: u16 = 16;
+/// Integer samples; and those whose kind stands further behind.
+const PCM: u16 = 1;
+const EXTENSIBLE: u16 = 0xFFFE;
+
+/// Why a file cannot be spoken.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub(super) enum WavError {
+    /// Something else.
+    #[error("it is no WAV file")]
+    NoWav,
+    /// Samples of another kind.
+    #[error(
+        "it has {channels} channels, {rate} samples a second of {bits} bits; the robot takes 1, 16000 and 16"
+    )]
+    Other {
+        /// Channels.
+        channels: u16,
+        /// Samples a second.
+        rate: u32,
+        /// Bits of a sample.
+        bits: u16,
+    },
+    /// Nothing to hear.
+    #[error("it has no samples")]
+    Empty,
+}
+
+/// The samples. A file that is cut off is as long as it is.
+///
+/// # Errors
+/// See [`WavError`].
+pub(super) fn samples(file: &[u8]) -> Result<&[u8], WavError> {
+    let (head, mut rest) = file.split_at_checked(12).ok_or(WavError::NoWav)?;
+    if !head.starts_with(b"RIFF") || !head.ends_with(b"WAVE") {
+        return Err(WavError::NoWav);
+    }
+    let mut known = false;
+    while let Some((head, behind)) = rest.split_first_chunk::<8>() {
+        let [a, b, c, d, length @ ..] = *head;
+        let length = usize::try_from(u32::from_le_bytes(length)).unwrap_or(usize::MAX);
+        let (chunk, next) = behind.split_at(length.min(behind.len()));
+        match &[a, b, c, d] {
+            b"fmt " => {
+                format(chunk)?;
+                known = true;
+            }
+            b"data" if known => {
+                let whole = chunk.len() - chunk.len() % 2;
+                return match whole {
+                    0 => Err(WavError::Empty),
+                    _ => Ok(&chunk[..whole]),
+                };
+            }
+            _ => {}
+        }
+        // Chunks begin at even places.
+        rest = next.get(length % 2..).unwrap_or_default();
+    }
+    Err(if known {
+        WavError::Empty
+    } else {
+        WavError::NoWav
+    })
+}
+
+fn format(chunk: &[u8]) -> Result<(), WavError> {
+    let Some(&[a, b, c, d, r0, r1, r2, r3, _, _, _, _, _, _, e, f]) = chunk.first_chunk() else {
+        return Err(WavError::NoWav);
+    };
+    let (kind, channels) = (u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d]));
+    let (rate, bits) = (
+        u32::from_le_bytes([r0, r1, r2, r3]),
+        u16::from_le_bytes([e, f]),
+    );
+    if matches!(kind, PCM | EXTENSIBLE) && (channels, rate, bits) == (CHANNELS, RATE, BITS) {
+        return Ok(());
+    }
+    Err(WavError::Other {
+        channels,
+        rate,
+        bits,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn wav(channels: u16, rate: u32, bits: u16, samples: &[u8]) -> Vec<u8> {
+        let mut file = b"RIFF\0\0\0\0WAVE".to_vec();
+        file.extend(b"LIST\x03\0\0\0abc\0fmt \x10\0\0\0\x01\0");
+        file.extend(channels.to_le_bytes());
+        file.extend(rate.to_le_bytes());
+        file.extend([0; 6]);
+        file.extend(bits.to_le_bytes());
+        file.extend(b"data");
+        file.extend(u32::try_from(samples.len()).unwrap().to_le_bytes());
+        file.extend(samples);
+        file
+    }
+
+    #[test]
+    fn samples_are_found_behind_other_chunks() {
+        assert_eq!(
+            samples(&wav(1, 16_000, 16, &[1, 2, 3, 4])),
+            Ok(&[1, 2, 3, 4][..])
+        );
+        let mut cut = wav(1, 16_000, 16, &[1, 2, 3, 4]);
+        cut.pop();
+        assert_eq!(samples(&cut), Ok(&[1, 2][..]));
+    }
+
+    #[test]
+    fn what_the_robot_cannot_speak_is_refused_in_words() {
+        let stereo = samples(&wav(2, 44_100, 16, &[0; 8])).unwrap_err();
+        assert!(stereo.to_string().contains("2 channels, 44100"), "{stereo}");
+        assert_eq!(samples(b"RIFF"), Err(WavError::NoWav));
+        assert_eq!(samples(&[0; 100]), Err(WavError::NoWav));
+        assert_eq!(samples(&wav(1, 16_000, 16, &[])), Err(WavError::Empty));
+    }
+
+    proptest! {
+        #[test]
+        fn no_file_is_a_panic(mut file in prop::collection::vec(any::<u8>(), 0..200), whole: bool) {
+            if whole && file.len() > 12 {
+                file[..12].copy_from_slice(b"RIFF\0\0\0\0WAVE");
+            }
+            let _ = samples(&file);
+        }
+    }
+}

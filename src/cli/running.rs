@@ -1,0 +1,101 @@
+//! Runs that are on in this data folder: which of them has the robot that is meant, and what becomes of
+//! an errand that it is sent.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use super::interrupt::interruption;
+use super::settings::SettingsArgs;
+use super::{ConnectionArgs, Exit, Failure, block_on};
+use crate::control::{self, Answer, Client, Errand};
+use crate::link::Target;
+
+/// How long a run may take for what is done at once.
+pub(super) const AT_ONCE: Duration = Duration::from_secs(5);
+
+/// The run that has the robot which is meant: the one that was named, else the config's, else that of
+/// the only run. With --sim a robot of its own is meant.
+///
+/// # Errors
+/// A config that cannot be used; several runs, and nobody said which.
+pub(super) fn run_on(
+    settings: &SettingsArgs,
+    connection: &ConnectionArgs,
+) -> Result<Option<Client>, Failure> {
+    if connection.sim.is_some() {
+        return Ok(None);
+    }
+    let config = settings.config()?;
+    let (mut runs, silent) = block_on(control::runs(config.data_folder()))?;
+    if silent > 0 {
+        tracing::warn!("a run does not answer: is it stopped by Ctrl-Z, or of another version?");
+    }
+    if let Some(target) = connection.robot.as_ref().or(config.robot.as_ref()) {
+        runs.retain(|run| has(run, target));
+    } else if runs.len() > 1 {
+        let robots: Vec<&str> = runs.iter().map(|run| &*run.overview.target).collect();
+        let failure = Failure::usage("several runs are on: which is meant?");
+        return Err(failure.help(format!("--robot says it: {}", robots.join(", "))));
+    }
+    Ok(runs.into_iter().next())
+}
+
+/// By name as the run was given it, or by address.
+fn has(run: &Client, target: &Target) -> bool {
+    let target = target.to_string();
+    let address = |text: &str| text.parse::<SocketAddr>().ok();
+    let connected = run.overview.robot.as_ref();
+    let connected = connected.and_then(|robot| address(&robot.address));
+    run.overview.target == target || (connected.is_some() && connected == address(&target))
+}
+
+/// Asks a run, and waits so long. `None`: interrupted; then the run gives the errand up.
+///
+/// # Errors
+/// It does not answer, its robot is out of reach, or it refuses.
+pub(super) fn ask(
+    run: &Client,
+    errand: &Errand,
+    limit: Duration,
+) -> Result<Option<Answer>, Failure> {
+    let pid = run.overview.pid;
+    let answer = block_on(async {
+        let interrupted = interruption()?;
+        tokio::select! {
+            biased;
+            () = interrupted => Ok(None),
+            answer = run.ask(errand, limit) => answer.map(Some).map_err(|error| {
+                Failure::new(Exit::Unreachable, format_args!("{error} (process {pid})"))
+                    .help("`spykee status` lists the runs that are on")
+            }),
+        }
+    })??;
+    match answer {
+        Some(Answer::Offline) => {
+            let what = format!("the run (process {pid}) has lost the robot and is connecting anew");
+            let failure = Failure::new(Exit::Unreachable, what);
+            Err(failure.help("is the robot still in reach of its Wi-Fi?"))
+        }
+        Some(Answer::Refused(why)) => {
+            let what = format!("the run (process {pid}) refuses it: {why}");
+            Err(Failure::new(Exit::Script, what).help("`spykee status` tells how things stand"))
+        }
+        answer => Ok(answer),
+    }
+}
+
+/// An answer to another question: only a run of another version gives such a one.
+pub(super) fn nonsense() -> Failure {
+    Failure::new(Exit::Unreachable, "the run answers something else")
+        .help("was it started by another version of this program?")
+}
+
+/// The run has the robot, and this needs it alone.
+pub(super) fn taken(run: &Client) -> Failure {
+    let overview = &run.overview;
+    let what = format!(
+        "a run has the robot {} (process {}), and this needs it alone",
+        overview.target, overview.pid
+    );
+    Failure::new(Exit::Unreachable, what).help("end the run first: `spykee robot stop` does")
+}

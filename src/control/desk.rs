@@ -1,0 +1,284 @@
+//! The run's side: takes errands and does them.
+
+use std::io;
+use std::path::Path;
+use std::sync::atomic::{AtomicU16, Ordering};
+use std::time::Duration;
+
+use tokio::net::{UnixListener, UnixStream};
+use tokio::sync::{mpsc, oneshot, watch};
+use tokio::task::JoinSet;
+use tokio::time::{Instant, sleep, timeout};
+use tokio_util::sync::CancellationToken;
+use tracing::{debug, info};
+
+use super::errand::{Answer, Errand, MAX_SPEECH, Overview};
+use super::folder::{Bound, Folder};
+use super::pipe::Pipe;
+use crate::agent::{Docked, Seat, SeatError};
+use crate::pilot::{LinkState, Status};
+use crate::robot::channel::{Crew, Request, Role};
+use crate::robot::{BehaviourId, Intent, Pictures, Priority, Streams, Use};
+use crate::safety::WatchdogState;
+use crate::wire::Stream;
+
+/// Clients that are served at a time; more wait in the system's queue.
+const MOST_CLIENTS: usize = 8;
+/// How long a client may take to ask.
+const ASKING: Duration = Duration::from_secs(2);
+/// How long a client may take to read its answer.
+const ANSWERING: Duration = Duration::from_secs(5);
+/// How long the pilot may take to say who is aboard.
+const CREW: Duration = Duration::from_secs(1);
+/// The pause after a connection that the system could not give.
+const PAUSE: Duration = Duration::from_millis(200);
+/// The number of the first person; behaviours are numbered from 0, and the last number is the rescue
+/// behaviour's.
+const FIRST_PERSON: u16 = 0xF000;
+/// Persons' numbers; many more than are served at a time.
+const PERSONS: u16 = 0x0FF0;
+/// A person is above all behaviours.
+const PERSON: Priority = Priority(i16::MAX);
+
+/// A run, as its desk needs to know it.
+#[derive(Debug, Clone)]
+pub struct Run {
+    /// Where its pilot is asked.
+    pub requests: mpsc::Sender<Request>,
+    /// The newest status.
+    pub status: watch::Receiver<Status>,
+    /// What the camera shows.
+    pub pictures: watch::Receiver<Pictures>,
+    /// Ends the run.
+    pub stop: CancellationToken,
+    /// When the robot's streams are on.
+    pub streams: Streams,
+    /// The robot as the run was told to reach it.
+    pub target: String,
+    /// In this program.
+    pub simulated: bool,
+    /// Since when.
+    pub began: Instant,
+}
+
+/// The socket of a run. Dropping it takes it away.
+#[derive(Debug)]
+pub struct Desk(Bound);
+
+impl Desk {
+    /// Opens it in this data folder. Waits for the disk: not to be called on the driving core.
+    ///
+    /// # Errors
+    /// What the system says; the run cannot be asked then.
+    pub fn open(data: &Path) -> io::Result<Desk> {
+        Folder::make(data)?.bind().map(Desk)
+    }
+
+    /// Serves for ever.
+    ///
+    /// # Errors
+    /// If the socket cannot be served at all.
+    pub async fn serve(self, run: Run) -> io::Result<()> {
+        let listener = UnixListener::from_std(self.0.listener.try_clone()?)?;
+        let mut clients = JoinSet::new();
+        loop {
+            tokio::select! {
+                Some(_) = clients.join_next() => {}
+                accepted = listener.accept(), if clients.len() < MOST_CLIENTS => match accepted {
+                    Ok((stream, _)) => {
+                        clients.spawn(serve(stream, run.clone()));
+                    }
+                    Err(error) => {
+                        debug!("a client could not be let in: {error}");
+                        sleep(PAUSE).await;
+                    }
+                },
+            }
+        }
+    }
+}
+
+/// One client: one errand. Whoever hangs up has changed his mind.
+async fn serve(stream: UnixStream, run: Run) {
+    let mut pipe = Pipe::new(stream);
+    let errand = match timeout(ASKING, pipe.receive::<Errand>()).await {
+        Ok(Ok(Some(errand))) => errand,
+        Ok(Ok(None)) => return,
+        Ok(Err(error)) => return debug!("a client talks nonsense: {error}"),
+        Err(_) => return debug!("a client asks nothing"),
+    };
+    if errand != Errand::Overview {
+        info!("a person asks from outside: {}", words(&errand));
+    }
+    let answer = tokio::select! {
+        answer = run.perform(errand) => answer,
+        _ = pipe.receive::<Errand>() => return,
+    };
+    if timeout(ANSWERING, pipe.send(&answer)).await.is_err() {
+        debug!("a client does not read its answer");
+    }
+}
+
+impl Run {
+    async fn perform(&self, errand: Errand) -> Answer {
+        if errand == Errand::Overview {
+            return self.overview().await;
+        }
+        if errand == Errand::Stop {
+            return self.halt().await;
+        }
+        if self.status.borrow().link != LinkState::Up {
+            return Answer::Offline;
+        }
+        match self.allowed(&errand) {
+            Err(why) => Answer::Refused(why.to_owned()),
+            Ok(()) => match self.try_perform(errand).await {
+                Ok(answer) => answer,
+                Err(error) => Answer::Refused(error.to_string()),
+            },
+        }
+    }
+
+    /// What is dropped without an answer further down is refused in words here.
+    fn allowed(&self, errand: &Errand) -> Result<(), &'static str> {
+        let status = *self.status.borrow();
+        let (stream, length) = match errand {
+            Errand::Say(samples) => (Some(Stream::AudioOut), samples.len()),
+            Errand::Picture(_) => (Some(Stream::Video), 0),
+            _ => (None, 0),
+        };
+        let lights_and_sounds = matches!(
+            errand,
+            Errand::Led { .. }
+                | Errand::Play(_)
+                | Errand::StopSound
+                | Errand::Volume(_)
+                | Errand::Say(_)
+        );
+        if stream.is_some_and(|stream| self.streams.usage(stream) == Use::Off) {
+            Err("the run's config keeps this stream off")
+        } else if length > MAX_SPEECH {
+            Err("that is too long to say at once")
+        } else if lights_and_sounds && status.safety == WatchdogState::Alarm {
+            Err("the battery is low and the alarm sounds: lights and sounds are the watchdog's")
+        } else if status.shed && (lights_and_sounds || stream.is_some()) {
+            Err("the battery is nearly empty: what is left of it is for the way home")
+        } else {
+            Ok(())
+        }
+    }
+
+    async fn try_perform(&self, errand: Errand) -> Result<Answer, SeatError> {
+        let mut seat = self.seat().await?;
+        let intent = match errand {
+            Errand::Overview | Errand::Stop => return Ok(Answer::Done),
+            Errand::Dock(plan) => {
+                let Docked {
+                    end,
+                    attempts,
+                    took,
+                } = seat.dock(plan).await?;
+                return Ok(Answer::Docked {
+                    end,
+                    attempts,
+                    took,
+                });
+            }
+            Errand::Undock(limit) => return seat.undock(limit).await.map(Answer::Undocked),
+            Errand::Say(samples) => return seat.say(&samples).await.map(|()| Answer::Done),
+            Errand::Picture(limit) => return self.picture(&seat, limit).await,
+            Errand::Led { led, on } => Intent::Led { led, on },
+            Errand::Play(sound) => Intent::Play(sound),
+            Errand::StopSound => Intent::StopSound,
+            Errand::Volume(percent) => Intent::Volume(percent),
+        };
+        seat.intend(intent).await?;
+        Ok(Answer::Done)
+    }
+
+    /// The tracks rest at once; then the run comes to its end, so that nothing drives on.
+    async fn halt(&self) -> Answer {
+        let stopped = match self.seat().await {
+            Ok(seat) => seat.intend(Intent::Stop).await,
+            Err(error) => Err(error),
+        };
+        self.stop.cancel();
+        match stopped {
+            Ok(()) => Answer::Done,
+            Err(error) => Answer::Refused(error.to_string()),
+        }
+    }
+
+    async fn picture(&self, seat: &Seat, limit: Duration) -> Result<Answer, SeatError> {
+        let (stream, asked) = (Stream::Video, Instant::now());
+        let mut pictures = self.pictures.clone();
+        seat.intend(Intent::Stream { stream, on: true }).await?;
+        let new = |pictures: &Pictures| {
+            let newest = pictures.newest.as_ref();
+            newest.is_some_and(|frame| frame.at > asked)
+        };
+        Ok(match timeout(limit, pictures.wait_for(new)).await {
+            Ok(Ok(pictures)) => match &pictures.newest {
+                Some(frame) => Answer::Picture(frame.jpeg.to_vec()),
+                None => Answer::NoPicture,
+            },
+            _ => Answer::NoPicture,
+        })
+    }
+
+    async fn seat(&self) -> Result<Seat, SeatError> {
+        static COUNT: AtomicU16 = AtomicU16::new(0);
+        let number = COUNT.fetch_add(1, Ordering::Relaxed) % PERSONS;
+        let by = BehaviourId(FIRST_PERSON + number);
+        Seat::join(self.requests.clone(), by, "a person", PERSON, Role::Person).await
+    }
+
+    async fn overview(&self) -> Answer {
+        let crew = match timeout(CREW, self.crew()).await {
+            Ok(Some(crew)) => crew,
+            _ => return Answer::Refused("the run is coming to its end".to_owned()),
+        };
+        let status = *self.status.borrow();
+        Answer::Overview(Box::new(Overview {
+            pid: std::process::id(),
+            target: self.target.clone(),
+            simulated: self.simulated,
+            running: self.began.elapsed(),
+            online: status.link == LinkState::Up,
+            robot: crew.robot,
+            state: match status.link {
+                LinkState::Connecting => "connecting".to_owned(),
+                LinkState::Lost => "link lost, connecting anew".to_owned(),
+                LinkState::Up => status.safety.to_string(),
+            },
+            place: status.place.to_string(),
+            docked: status.docked,
+            low: status.low,
+            battery: status.battery,
+            behaviours: crew.aboard,
+        }))
+    }
+
+    async fn crew(&self) -> Option<Crew> {
+        let (tell, told) = oneshot::channel();
+        self.requests.send(Request::Crew(tell)).await.ok()?;
+        told.await.ok()
+    }
+}
+
+/// For the log.
+fn words(errand: &Errand) -> String {
+    match errand {
+        Errand::Overview => "how things stand".to_owned(),
+        Errand::Dock(_) => "dock".to_owned(),
+        Errand::Undock(_) => "undock".to_owned(),
+        Errand::Stop => "stop; the run ends".to_owned(),
+        Errand::Led { led, on: true } => format!("light {} on", led.name()),
+        Errand::Led { led, on: false } => format!("light {} off", led.name()),
+        Errand::Play(sound) => format!("play {}", sound.name()),
+        Errand::StopSound => "stop the music".to_owned(),
+        Errand::Volume(percent) => format!("volume {percent}"),
+        Errand::Say(_) => "talk".to_owned(),
+        Errand::Picture(_) => "a picture".to_owned(),
+    }
+}

@@ -1,0 +1,99 @@
+//! What a run may be asked for, and what it answers.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use crate::robot::channel::Aboard;
+use crate::robot::{Battery, DockEnd, DockPlan, Percent, RobotInfo};
+use crate::wire::{Led, Sound};
+
+/// The most speech in one errand: half a minute, s16, mono, 16 kHz.
+pub const MAX_SPEECH: usize = 30 * 32_000;
+
+/// One thing that a person wants of a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Errand {
+    /// How things stand.
+    Overview,
+    /// Drive to the station.
+    Dock(DockPlan),
+    /// Leave the station, and wait so long for the robot's word.
+    Undock(Duration),
+    /// Stop the robot, and end the run.
+    Stop,
+    /// Switch a light.
+    Led {
+        /// Which.
+        led: Led,
+        /// On or off.
+        on: bool,
+    },
+    /// Play a sound.
+    Play(Sound),
+    /// Stop the music.
+    StopSound,
+    /// Set the volume.
+    Volume(Percent),
+    /// Speak: s16 little-endian, mono, 16 kHz; at most [`MAX_SPEECH`] bytes.
+    Say(Vec<u8>),
+    /// A picture that the camera takes from now on, waited for as long as this.
+    Picture(Duration),
+}
+
+/// What becomes of an [`Errand`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Answer {
+    /// How things stand.
+    Overview(Box<Overview>),
+    /// How a docking ended.
+    Docked {
+        /// How.
+        end: DockEnd,
+        /// Tries made.
+        attempts: u32,
+        /// Time taken.
+        took: Duration,
+    },
+    /// How an undocking ended.
+    Undocked(DockEnd),
+    /// The pilot has been asked.
+    Done,
+    /// A JPEG.
+    Picture(Vec<u8>),
+    /// No picture came in time.
+    NoPicture,
+    /// The robot is out of reach just now; the run is connecting anew.
+    Offline,
+    /// It is not done, for this reason.
+    Refused(String),
+}
+
+/// How things stand with a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Overview {
+    /// Of the run's process.
+    pub pid: u32,
+    /// The robot as the run was told to reach it.
+    pub target: String,
+    /// In the run's own program.
+    pub simulated: bool,
+    /// How long it has been running.
+    pub running: Duration,
+    /// The link is up.
+    pub online: bool,
+    /// What the robot has said of itself, if it was ever there.
+    pub robot: Option<RobotInfo>,
+    /// What the watchdog is at, in words.
+    pub state: String,
+    /// Where the robot is, in words.
+    pub place: String,
+    /// On its station, as far as is known.
+    pub docked: bool,
+    /// The watchdog has the robot: its battery is low.
+    pub low: bool,
+    /// The battery, as far as it is believed.
+    pub battery: Option<Battery>,
+    /// The behaviours that run now.
+    pub behaviours: Vec<Aboard>,
+}

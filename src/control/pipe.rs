@@ -1,0 +1,87 @@
+//! Messages on the socket: a 4-byte length, then the version and the message in postcard's encoding.
+
+use std::io;
+
+use bytes::Bytes;
+use futures_util::{SinkExt, StreamExt};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use tokio::net::UnixStream;
+use tokio_util::codec::{Framed, LengthDelimitedCodec};
+
+use super::errand::MAX_SPEECH;
+
+/// Counts up with every change of what is said; both ends may be of different builds.
+const VERSION: u16 = 1;
+/// The longest message: speech, and some bytes.
+const MAX_MESSAGE_LEN: usize = MAX_SPEECH + 1024;
+
+/// One end of a connection.
+pub(super) struct Pipe(Framed<UnixStream, LengthDelimitedCodec>);
+
+impl Pipe {
+    /// Over a connected socket.
+    pub(super) fn new(stream: UnixStream) -> Pipe {
+        let codec = LengthDelimitedCodec::builder()
+            .max_frame_length(MAX_MESSAGE_LEN)
+            .new_codec();
+        Pipe(Framed::new(stream, codec))
+    }
+
+    /// Sends a message.
+    ///
+    /// # Errors
+    /// It is too long, or the other end is gone.
+    pub(super) async fn send<M: Serialize>(&mut self, message: &M) -> io::Result<()> {
+        let bytes = postcard::to_allocvec(&(VERSION, message)).map_err(io::Error::other)?;
+        self.0.send(Bytes::from(bytes)).await
+    }
+
+    /// Waits for a message; `None`: the other end has hung up. Cancel-safe.
+    ///
+    /// # Errors
+    /// What comes is too long, no message, or one of another version.
+    pub(super) async fn receive<M: DeserializeOwned>(&mut self) -> io::Result<Option<M>> {
+        let Some(bytes) = self.0.next().await.transpose()? else {
+            return Ok(None);
+        };
+        let (version, rest) = postcard::take_from_bytes::<u16>(&bytes).map_err(io::Error::other)?;
+        if version != VERSION {
+            return Err(io::Error::new(
+                io::ErrorKind::Unsupported,
+                "the other program is of another version",
+            ));
+        }
+        postcard::from_bytes(rest)
+            .map(Some)
+            .map_err(io::Error::other)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::errand::{Answer, Errand};
+
+    #[tokio::test]
+    async fn messages_arrive_and_garbage_is_an_error() {
+        let (near, far) = UnixStream::pair().unwrap();
+        let (mut near, mut far) = (Pipe::new(near), Pipe::new(far));
+        near.send(&Errand::Overview).await.unwrap();
+        assert_eq!(far.receive().await.unwrap(), Some(Errand::Overview));
+        for garbage in [&[0xff; 40][..], &[], &[1], &[2, 0]] {
+            near.0.send(Bytes::copy_from_slice(garbage)).await.unwrap();
+            assert!(far.receive::<Answer>().await.is_err(), "{garbage:?}");
+        }
+        drop(near);
+        assert_eq!(far.receive::<Answer>().await.unwrap(), None);
+    }
+
+    #[tokio::test]
+    async fn a_message_that_is_too_long_is_refused_before_it_comes() {
+        use tokio::io::AsyncWriteExt;
+        let (mut near, far) = UnixStream::pair().unwrap();
+        near.write_all(&u32::MAX.to_be_bytes()).await.unwrap();
+        assert!(Pipe::new(far).receive::<Errand>().await.is_err());
+    }
+}

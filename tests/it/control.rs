@@ -1,0 +1,312 @@
+//! A run that is on is asked by other programs, through its private socket.
+
+use std::io::Write as _;
+use std::os::unix::net::UnixStream;
+
+use rustix::process::Signal;
+use spykee::sim::Firmware;
+use spykee::wire::{Command, Engage, Led, Sound};
+use tokio::time::timeout;
+
+use crate::rig::{PATIENCE, QUIET_WORLD, Rig, Run, moves};
+
+const DRIVE: &str = "while true do robot.move(30, 30, 0.5) end";
+const IDLE: &str = "task.wait(600)";
+
+/// A run whose socket is there, of a robot that is connected.
+async fn running(rig: &Rig, script: &str) -> Run {
+    let run = rig.run(script);
+    run.says("connected").await;
+    run
+}
+
+/// Exit code and words of a tool that is run in the folder of the run.
+async fn tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
+    let mut run = rig.spykee(args);
+    let code = run.code().await;
+    (code, run.text())
+}
+
+fn json(text: &str) -> serde_json::Value {
+    serde_json::from_str(text).unwrap_or_else(|_| panic!("{text}"))
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_tells_how_things_stand_and_its_robot_hears_what_it_is_asked_for() {
+    let rig = Rig::quiet().await;
+    let run = running(&rig, IDLE).await;
+    let user = rig.sim.state().user;
+    let (code, text) = tool(&rig, &["status", "--json"]).await;
+    let status = json(&text)[0].clone();
+    assert_eq!(
+        (code, status["robot"].as_str()),
+        (Some(0), Some(&*rig.address))
+    );
+    assert_eq!(status["behaviours"][0]["name"].as_str(), Some("script"));
+    assert_eq!(status["place"].as_str(), Some("off its station"));
+    assert_eq!(status["state"].as_str(), Some("free"));
+    assert_eq!(status["battery"]["percent"].as_u64(), Some(90));
+    assert_eq!(
+        status["process"].as_i64(),
+        Some(run.pid().as_raw_nonzero().get().into())
+    );
+    let (code, text) = tool(&rig, &["status"]).await;
+    assert_eq!(code, Some(0));
+    assert!(text.contains("90 %") && text.contains("script"), "{text}");
+    for robot in [&["--robot", &*rig.address][..], &[]] {
+        let ask = |args: &[&'static str]| [&["robot"], args, robot].concat();
+        let (code, text) = tool(&rig, &ask(&["battery"])).await;
+        assert_eq!((code, text.contains("90 %")), (Some(0), true), "{text}");
+        let (code, text) = tool(&rig, &ask(&["battery", "--json"])).await;
+        assert_eq!((code, json(&text)["percent"].as_u64()), (Some(0), Some(90)));
+        assert!(json(&text).get("minutes_left").is_some(), "{text}");
+        let (_, text) = tool(&rig, &ask(&["info", "--json"])).await;
+        assert_eq!(json(&text)["uid"].as_str(), Some("SPYKEE0001"), "{text}");
+        let (code, text) = tool(&rig, &ask(&["snapshot", "-o", "seen.jpg"])).await;
+        assert_eq!(code, Some(0), "{text}");
+        let jpeg = std::fs::read(rig.folder().join("seen.jpg")).unwrap();
+        spykee::vision::judge(&jpeg).unwrap();
+        for (args, wanted) in [
+            (&["play", "laser"][..], Command::Play(Sound::Laser)),
+            (&["play", "--stop"], Command::StopSound),
+            (&["volume", "30"], Command::Volume(30)),
+        ] {
+            let from = rig.sim.heard_count();
+            let (code, text) = tool(&rig, &ask(args)).await;
+            assert_eq!(code, Some(0), "{text}");
+            rig.heard(from, |command| *command == wanted).await;
+        }
+    }
+    for on in [true, false] {
+        let from = rig.sim.heard_count();
+        let word = if on { "on" } else { "off" };
+        let (code, text) = tool(&rig, &["robot", "led", "flash", word]).await;
+        assert_eq!(code, Some(0), "{text}");
+        let led = Led::Flash;
+        rig.heard(from, |command| *command == Command::Led { led, on })
+            .await;
+    }
+    let (code, text) = tool(&rig, &["robot", "undock"]).await;
+    assert_eq!(code, Some(0), "{text}");
+    let (code, text) = tool(&rig, &["robot", "log", "--robot", &rig.address]).await;
+    assert_eq!(
+        (code, text.contains("a run has the robot")),
+        (Some(3), true),
+        "{text}"
+    );
+    assert_eq!(
+        rig.sim.state().user,
+        user,
+        "the run's own link all the while"
+    );
+    assert!(
+        run.text().matches("connected").count() == 1,
+        "{}",
+        run.text()
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_sound_file_is_spoken_by_a_run_and_without_one() {
+    let rig = Rig::quiet().await;
+    let mut wav =
+        b"RIFF\0\0\0\0WAVEfmt \x10\0\0\0\x01\0\x01\0\x80\x3e\0\0\0\0\0\0\0\0\x10\0".to_vec();
+    wav.extend(b"data\0\x7d\0\0");
+    wav.extend([7; 32_000]);
+    std::fs::write(rig.folder().join("hello.wav"), &wav).unwrap();
+    let spoken = |from: usize| -> usize {
+        let heard = rig.commands(from).into_iter();
+        heard
+            .map(|command| match command {
+                Command::Audio(samples) => samples.len(),
+                _ => 0,
+            })
+            .sum()
+    };
+    let say = ["robot", "say", "hello.wav", "--robot", &rig.address];
+    let (code, text) = tool(&rig, &say).await;
+    assert_eq!(code, Some(0), "{text}");
+    assert_eq!(spoken(0), 32_000);
+    let _run = running(&rig, IDLE).await;
+    let from = rig.sim.heard_count();
+    let (code, text) = tool(&rig, &say).await;
+    assert_eq!(code, Some(0), "{text}");
+    assert_eq!(spoken(from), 32_000);
+    rig.file("no.wav", "RIFF");
+    let (code, text) = tool(&rig, &["robot", "say", "no.wav"]).await;
+    assert_eq!(
+        (code, text.contains("no WAV file")),
+        (Some(2), true),
+        "{text}"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn stop_stops_what_a_run_drives_and_ends_the_run() {
+    let rig = Rig::quiet().await;
+    let mut run = running(&rig, DRIVE).await;
+    let moving = rig.heard_motion(0).await;
+    let (code, text) = tool(&rig, &["robot", "stop"]).await;
+    assert_eq!(
+        (code, text.contains("has acknowledged it")),
+        (Some(0), true),
+        "{text}"
+    );
+    assert_eq!(run.code().await, Some(130), "{}", run.text());
+    let stopped = rig.heard_stop(moving).await;
+    assert!(!rig.commands(stopped).iter().any(moves));
+    assert!(!rig.sim.state().moving());
+    let (code, text) = tool(&rig, &["status"]).await;
+    assert_eq!(
+        (code, text.contains("no run is on")),
+        (Some(0), true),
+        "{text}"
+    );
+    assert!(
+        !rig.folder().join("spykee-data").exists(),
+        "nothing is left behind"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn stop_beats_the_watchdogs_own_search_and_says_that_the_battery_is_low() {
+    let rig = Rig::quiet().await;
+    rig.sim.hide_station(true);
+    let mut run = running(&rig, DRIVE).await;
+    rig.heard_motion(0).await;
+    rig.sim.set_battery(12.0);
+    rig.heard_dock(0).await;
+    let (code, text) = tool(&rig, &["robot", "stop"]).await;
+    assert_eq!(
+        (code, text.contains("the battery is low")),
+        (Some(0), true),
+        "{text}"
+    );
+    assert_eq!(run.code().await, Some(5), "{}", run.text());
+    let tracks = |command: &Command| matches!(command, Command::Move { .. } | Command::Engine(_));
+    let last = rig.commands(0).into_iter().rfind(tracks);
+    assert_eq!(last, Some(Command::STOP));
+    let resting = rig
+        .sim
+        .wait_state(|state| !state.searching && !state.moving());
+    timeout(PATIENCE, resting).await.expect("it rests");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_person_docks_above_every_behaviour_and_who_hangs_up_has_changed_his_mind() {
+    let rig = Rig::quiet().await;
+    let run = running(&rig, DRIVE).await;
+    rig.heard_motion(0).await;
+    rig.sim.hide_station(true);
+    let mut dock = rig.spykee(&["robot", "dock"]);
+    let asked = rig.heard_dock(0).await;
+    dock.signal(Signal::INT);
+    assert_eq!(dock.code().await, Some(130), "{}", dock.text());
+    let cancel = |command: &Command| *command == Command::Engine(Engage::CancelDock);
+    let cancelled = rig.heard(asked, cancel).await;
+    assert!(!rig.commands(asked)[..cancelled - asked].iter().any(moves));
+    rig.heard_motion(cancelled).await;
+    rig.sim.hide_station(false);
+    let (code, text) = tool(&rig, &["robot", "dock", "--json"]).await;
+    assert_eq!(code, Some(0), "{text} {}", run.text());
+    assert_eq!(json(&text)["end"].as_str(), Some("done"));
+    assert!(rig.sim.state().docked);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_with_a_low_robot_refuses_what_its_watchdog_does() {
+    let world = QUIET_WORLD
+        .replace("start: { at: [4, 4], heading_degrees: 90 }", "")
+        .replace("level: 90", "level: 12");
+    let rig = Rig::new(&world, Firmware::default()).await;
+    let _run = running(&rig, IDLE).await;
+    let (code, text) = tool(&rig, &["robot", "undock"]).await;
+    assert_eq!(code, Some(5), "{text}");
+    let undock = Command::Engine(Engage::Undock);
+    assert!(!rig.commands(0).contains(&undock));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_that_is_killed_leaves_a_socket_that_nobody_minds() {
+    let rig = Rig::quiet().await;
+    let mut run = running(&rig, IDLE).await;
+    run.signal(Signal::KILL);
+    run.status().await;
+    let socket = rig
+        .folder()
+        .join("spykee-data/.run")
+        .join(format!("{}.sock", run.pid().as_raw_nonzero()));
+    assert!(socket.exists());
+    let (code, text) = tool(&rig, &["status", "--json"]).await;
+    assert_eq!((code, &*text), (Some(0), "[]"));
+    let free = rig.sim.wait_state(|state| state.user.is_none());
+    timeout(PATIENCE, free).await.unwrap();
+    let (code, text) = tool(&rig, &["robot", "battery", "--robot", &rig.address]).await;
+    assert_eq!((code, text.contains("90 %")), (Some(0), true), "{text}");
+    let _run = running(&rig, IDLE).await;
+    assert!(!socket.exists());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn clients_that_say_nothing_or_nonsense_keep_neither_the_robot_nor_others_waiting() {
+    let rig = Rig::quiet().await;
+    let run = running(&rig, "robot.move(30, 30) task.wait(600)").await;
+    rig.heard_motion(0).await;
+    let name = format!("spykee-data/.run/{}.sock", run.pid().as_raw_nonzero());
+    let connect = || UnixStream::connect(rig.folder().join(&name)).unwrap();
+    let from = rig.sim.heard_count();
+    let silent: Vec<UnixStream> = (0..12).map(|_| connect()).collect();
+    for nonsense in [
+        &[0xff; 64][..],
+        b"\0\0\0\x02\x01\x7f",
+        b"GET / HTTP/1.1\r\n\r\n",
+    ] {
+        let _ = connect().write_all(nonsense);
+    }
+    // They are hung up on after a while, so that others get their turn.
+    let told = async {
+        loop {
+            let (code, text) = tool(&rig, &["status", "--json"]).await;
+            if code == Some(0) && text.contains("\"off its station\"") {
+                return;
+            }
+        }
+    };
+    timeout(PATIENCE, told).await.expect("others are served");
+    drop(silent);
+    let heard = rig.sim.heard_since(from);
+    let at: Vec<_> = heard
+        .iter()
+        .filter(|heard| moves(&heard.command))
+        .map(|heard| heard.at)
+        .collect();
+    let longest = at.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap();
+    println!("longest gap between MOVEs {longest:?}");
+    assert!(longest < std::time::Duration::from_secs(2), "{longest:?}");
+    assert!(!rig.commands(from).contains(&Command::STOP));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_simulated_run_can_be_asked_too_and_two_runs_must_be_told_apart() {
+    let home = Rig::quiet().await;
+    home.file("script.lua", IDLE);
+    home.file("world.yaml", QUIET_WORLD);
+    let mut first = home.spykee(&["run", "script.lua", "--sim", "world.yaml"]);
+    first.says("connected").await;
+    let (code, text) = tool(&home, &["robot", "battery"]).await;
+    assert_eq!((code, text.contains("90 %")), (Some(0), true), "{text}");
+    let second = home.spykee(&["run", "script.lua", "--robot", &home.address]);
+    second.says("connected").await;
+    let (code, text) = tool(&home, &["robot", "battery"]).await;
+    assert_eq!(
+        (code, text.contains("several runs")),
+        (Some(2), true),
+        "{text}"
+    );
+    let (code, text) = tool(&home, &["robot", "battery", "--robot", &home.address]).await;
+    assert_eq!((code, text.contains("90 %")), (Some(0), true), "{text}");
+    drop(second);
+    let (code, text) = tool(&home, &["robot", "stop"]).await;
+    assert_eq!(code, Some(0), "{text}");
+    assert_eq!(first.code().await, Some(130), "{}", first.text());
+}

@@ -1,0 +1,73 @@
+//! `run --wait`: a robot that is not there yet.
+
+use std::net::{SocketAddr, TcpListener};
+
+use rustix::process::Signal;
+use spykee::sim::{Options, World};
+
+use crate::rig::{QUIET_WORLD, Rig, Run};
+
+const DRIVE: &str = "robot.move(40, 40) task.wait(600)";
+
+/// Where nobody answers.
+fn free_address() -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    listener.local_addr().unwrap()
+}
+
+/// A run on a robot at this address, from the folder of another one.
+fn run(home: &Rig, address: SocketAddr, flags: &[&str]) -> Run {
+    home.file("spykee.yaml", "link: { longest_pause: 0.3 }\n");
+    home.file("script.lua", DRIVE);
+    let address = address.to_string();
+    home.spykee(&[&["run", "script.lua", "--robot", &address], flags].concat())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_that_waits_begins_when_the_robot_answers() {
+    let (home, address) = (Rig::quiet().await, free_address());
+    let mut run = run(&home, address, &["--wait"]);
+    run.says("dialling until it answers").await;
+    let options = Options {
+        listen: address,
+        ..Options::default()
+    };
+    let world = World::from_yaml(QUIET_WORLD, "test world").unwrap();
+    let late = Rig::with(world, options).await;
+    let moving = late.heard_motion(0).await;
+    run.signal(Signal::INT);
+    late.heard_stop(moving).await;
+    assert_eq!(run.code().await, Some(130), "{}", run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn ctrl_c_ends_the_waiting() {
+    let (home, address) = (Rig::quiet().await, free_address());
+    let mut run = run(&home, address, &["--wait"]);
+    run.says("dialling until it answers").await;
+    run.signal(Signal::INT);
+    assert_eq!(run.code().await, Some(130), "{}", run.text());
+    let said = run.text().matches("dialling until it answers").count();
+    assert_eq!(said, 1, "each reason is said once: {}", run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_robot_that_is_not_there_ends_a_run_that_does_not_wait_and_the_help_names_the_flag() {
+    let (home, address) = (Rig::quiet().await, free_address());
+    let mut run = run(&home, address, &[]);
+    assert_eq!(run.code().await, Some(3), "{}", run.text());
+    assert!(run.text().contains("`spykee run --wait`"), "{}", run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_password_that_is_refused_is_not_tried_again() {
+    let home = Rig::quiet().await;
+    let address = home.address.parse().unwrap();
+    let mut run = run(&home, address, &["--wait", "--user", "nobody"]);
+    assert_eq!(run.code().await, Some(3), "{}", run.text());
+    assert!(
+        run.text().contains("refuses user `nobody`"),
+        "{}",
+        run.text()
+    );
+}
