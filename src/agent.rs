@@ -146,7 +146,7 @@ impl Agent {
             requests: flight.requests(),
             frames: flight.frames(),
             stop: ended.subscribe(),
-            longest_silence: plan.settings.limits.host_idle_silence.get(),
+            longest_silence: flight.longest_silence(),
         };
         if let Some(launch) = rescue {
             flight.stand_by(launcher, launch);
