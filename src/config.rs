@@ -15,7 +15,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 pub use self::behaviours::Entry;
 pub use self::effective::{Effective, Named, Origin, Setting};
-pub use self::logging::{Format, Level, Logging, When};
+pub use self::logging::{Format, Level, Logging, Time, When};
 pub use self::schema::schema;
 use crate::files;
 use crate::link::{self, Target};

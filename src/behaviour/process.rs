@@ -17,8 +17,8 @@ use tokio::task::JoinHandle;
 
 use super::host::{Time, serve};
 use super::inspection::Inspector;
-use crate::walls::{Room, Walls};
 use crate::files::Folder;
+use crate::walls::{Room, Walls};
 
 /// The hidden argument by which the executable knows that it is to be a host.
 pub const HOST_ARGUMENT: &str = "__host";

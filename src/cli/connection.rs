@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Failure, secret};
 use super::world_name::WorldParser;
+use super::{Failure, secret};
 use crate::config::{Effective, Named};
 use crate::link::Target;
 use crate::wire::Login;

@@ -27,6 +27,7 @@ impl Default for Logging {
         Logging {
             level: Level::default(),
             format: Format::default(),
+            time: Time::default(),
             colour: When::default(),
             bytes_a_day: 256 << 20,
         }

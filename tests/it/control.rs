@@ -65,7 +65,7 @@ async fn a_run_tells_how_things_stand_and_its_robot_hears_what_it_is_asked_for()
         let (code, text) = tool(&rig, &ask(&["snapshot", "-o", "seen.jpg"])).await;
         assert_eq!(code, Some(0), "{text}");
         let jpeg = std::fs::read(rig.folder().join("seen.jpg")).unwrap();
-        spykee::vision::judge(&jpeg).unwrap();
+        spykee::vision::validate_markers(&jpeg).unwrap();
         for (args, wanted) in [
             (&["play", "laser"][..], Command::Play(Sound::Laser)),
             (&["play", "--stop"], Command::StopSound),

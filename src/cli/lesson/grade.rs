@@ -133,7 +133,13 @@ fn grade(learner: Learner, args: &GradeArgs, console: &Console) -> Result<Option
             return Ok(Some((graded, None, 0)));
         }
     };
-    let Some(marks) = marks_of(args.lesson, (&file, &source), (args.jobs, args.timeout), console)? else {
+    let Some(marks) = marks_of(
+        args.lesson,
+        (&file, &source),
+        (args.jobs, args.timeout),
+        console,
+    )?
+    else {
         return Ok(None);
     };
     graded.points = marks.points();

@@ -11,8 +11,8 @@ use super::Page;
 use super::crew::{Done, Job};
 use crate::clean;
 use crate::cli::fast::clock;
-use crate::scenario::{Failure, Scene};
 use crate::files::Folder;
+use crate::scenario::{Failure, Scene};
 
 /// All runs of a file.
 struct Sheet {

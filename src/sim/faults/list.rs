@@ -66,7 +66,8 @@ impl Fault {
             column,
             message,
         };
-        let Document { faults } = locate::read(text).map_err(|(place, message)| invalid(place, message))?;
+        let Document { faults } =
+            locate::read(text).map_err(|(place, message)| invalid(place, message))?;
         if faults.len() > MAX_FAULTS {
             let message = format!("{} faults are too many: at most {MAX_FAULTS}", faults.len());
             return Err(invalid(locate::find(text, &[Step::Key("faults")]), message));

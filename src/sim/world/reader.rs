@@ -62,7 +62,8 @@ impl World {
             column,
             message,
         };
-        let world: World = locate::read(text).map_err(|(place, message)| invalid(place, message))?;
+        let world: World =
+            locate::read(text).map_err(|(place, message)| invalid(place, message))?;
         mistakes::check(&world)
             .map_err(|mistake| invalid(locate::find(text, &mistake.path), mistake.message))?;
         Ok(world)
