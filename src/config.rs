@@ -15,7 +15,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 pub use self::behaviours::Entry;
 pub use self::effective::{Effective, Origin, Setting};
-pub use self::logging::{Format, Level, Logging, When};
+pub use self::logging::{Format, Level, Logging, Time, When};
 pub use self::schema::schema;
 use crate::link::{self, Target};
 use crate::pilot::Settings;
