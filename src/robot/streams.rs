@@ -11,10 +11,10 @@ use crate::wire::Stream;
 pub enum Use {
     /// From the start, whatever scripts ask for.
     On,
-    /// While a script wants it.
+    /// While a script wants it, and for two seconds after it was last used.
     #[default]
     Auto,
-    /// Never: a script that wants it is refused.
+    /// Never: what comes by it never comes, and the script's log says so; only `robot.stream` is an error.
     Off,
 }
 

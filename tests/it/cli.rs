@@ -346,3 +346,100 @@ fn a_stderr_that_nobody_reads_stalls_nothing() {
         log.len()
     );
 }
+
+/// A folder with a script and this config.
+fn place(script: &str, config: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("lights.lua"), script).unwrap();
+    std::fs::write(folder.path().join("spykee.yaml"), config).unwrap();
+    folder
+}
+
+fn logs_of(folder: &tempfile::TempDir, args: &[&str]) -> String {
+    let args = [&["run", "lights.lua", "--sim"], args].concat();
+    let output = spykee(&args).current_dir(folder.path()).output().unwrap();
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    said
+}
+
+const LIGHTS: &str = "robot.led('left', true) robot.led('left', true) robot.play('laugh')\n\
+                      task.wait(0.2) robot.led('left', false)\n";
+
+#[test]
+fn lights_and_sounds_of_a_simulated_robot_are_in_its_log_and_the_seed_is_not() {
+    let folder = place(LIGHTS, "");
+    for fast in [&[][..], &["--fast"]] {
+        let said = logs_of(&folder, fast);
+        for words in ["left light on", "plays laugh", "left light off"] {
+            assert_eq!(said.matches(words).count(), 1, "{words}: {said}");
+        }
+        assert!(!said.contains("seed"), "{said}");
+    }
+    let said = logs_of(&folder, &["--log-format", "json"]);
+    assert!(said.contains("\"seed\":"), "{said}");
+}
+
+#[test]
+fn the_time_of_a_log_line_is_that_of_the_config() {
+    for (time, begins) in [
+        ("run", &["+"][..]),
+        ("utc", &["20", "Z "]),
+        ("local", &["20", ":"]),
+        ("auto", &["20", "Z "]),
+    ] {
+        let folder = place(LIGHTS, &format!("logging: {{ time: {time} }}\n"));
+        let said = logs_of(&folder, &[]);
+        let line = said.lines().find(|line| line.contains("plays laugh"));
+        let stamp = &line.unwrap()[..30.min(line.unwrap().len())];
+        assert!(stamp.starts_with(begins[0]), "{time}: {said}");
+        assert!(
+            begins.iter().all(|part| stamp.contains(part)),
+            "{time}: {said}"
+        );
+        assert_eq!(
+            stamp.contains("Z "),
+            begins.contains(&"Z "),
+            "{time}: {said}"
+        );
+    }
+}
+
+#[test]
+fn a_world_prints_its_yaml_to_be_changed() {
+    for (args, first) in [
+        (&["hall"][..], "# Two rooms"),
+        (&[], "# The built-in world"),
+    ] {
+        let output = run(&[&["world", "show", "--yaml"], args].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let yaml = text(&output.stdout);
+        assert!(yaml.starts_with(first), "{yaml}");
+        spykee::sim::World::from_yaml(&yaml, "printed").unwrap();
+    }
+    let unknown = run(&["world", "show", "haal", "--yaml"]);
+    assert_eq!(unknown.status.code(), Some(2), "{}", text(&unknown.stderr));
+}
+
+#[test]
+fn a_start_inside_of_furniture_is_no_start() {
+    let world = "name: inside\nroom: { width: 4, depth: 4 }\nstation: { at: [0, 2], heading_degrees: 0 }\n\
+                 furniture:\n  - { at: [2, 2], length: 2, width: 2, height: 0.5, colour: red }\n\
+                 start: { at: [2, 2], heading_degrees: 0 }\n";
+    let error = spykee::sim::World::from_yaml(world, "inside.yaml").unwrap_err();
+    assert!(
+        error.to_string().contains("start inside something"),
+        "{error}"
+    );
+}
+
+#[test]
+fn shells_complete_worlds_and_lessons() {
+    let output = run(&["completions", "bash"]);
+    let script = text(&output.stdout);
+    for names in ["living_room", "line_loop", "patrol-and-dock"] {
+        assert!(script.contains(names), "{names}");
+    }
+    let help = text(&run(&["run", "--help"]).stdout);
+    assert!(!help.contains("line_loop"), "{help}");
+}

@@ -163,3 +163,21 @@ async fn every_command_that_takes_a_config_logs_as_it_says() {
         assert!(first.starts_with('{'), "{command:?}: {text}");
     }
 }
+
+#[tokio::test]
+async fn the_guard_watches_on_without_a_microphone_and_listens_on_without_a_camera() {
+    let guard = concat!(env!("CARGO_MANIFEST_DIR"), "/behaviours/guard.lua");
+    for (stream, event, seen) in [("audio_in", "noise", true), ("video", "frame", false)] {
+        let rig = Rig::quiet().await;
+        rig.file("spykee.yaml", &format!("streams: {{ {stream}: off }}\n"));
+        // Ada walks by within six seconds.
+        let mut run = rig.spykee(&[
+            "run", guard, "--sim", "hall", "--fast", "--for", "15", "--seed", "1",
+        ]);
+        assert_eq!(run.code().await, Some(0), "{}", run.text());
+        let text = run.text();
+        let told = format!("'{event}' never comes");
+        assert_eq!(text.matches(&told).count(), 1, "{text}");
+        assert_eq!(text.contains("something moves"), seen, "{text}");
+    }
+}

@@ -9,8 +9,9 @@ local function photograph(name)
 end
 
 local function round()
-	robot.undock()
-	robot.turn(math.rad(180))
+	if robot.docked() and robot.undock() then
+		robot.turn(math.rad(180))
+	end
 	for leg = 1, 3 do
 		robot.forward(0.4)
 		photograph(`leg-{leg}.jpg`)

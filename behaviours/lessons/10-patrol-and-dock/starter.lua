@@ -2,7 +2,8 @@
 -- A patrol for the whole day: three legs with a photograph each, home, charge to 60 %, and again.
 -- Here it drives one leg and goes home.
 
-robot.undock()
-robot.turn(math.rad(180))
+if robot.docked() and robot.undock() then
+	robot.turn(math.rad(180))
+end
 robot.forward(0.4)
 robot.dock()

@@ -22,11 +22,11 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<(&'static str, LuaTa
         let key = entry.name.trim_start_matches("log.");
         table.raw_set(key, function)?;
     }
-    let print = of_shim(
-        builder,
-        &plain("print", |call| write(call, Level::Info)),
-        "printer",
-    )?;
+    let native = builder.native(&plain("print", |call| write(call, Level::Info)))?;
+    let show = builder
+        .lua
+        .create_function(|_, value: LuaValue| Ok(convert::text(&value)))?;
+    let print: LuaFunction = builder.prelude.function("printer")?.call((native, show))?;
     builder.lua.globals().raw_set("print", print)?;
     Ok(("log", table))
 }

@@ -232,3 +232,13 @@ fn split_and_sort_do_what_luau_does() {
             .replace("3 3 a-b 1 k v", "3 a-b k v")
     );
 }
+
+#[test]
+fn a_printed_table_shows_what_is_in_it_and_no_address() {
+    let text = printed(
+        "print({1, 2, {x = 'y'}}, 'and', {})
+         local t = {} t.t = t print(t)
+         print(setmetatable({}, {__tostring = function() return 'mine' end}))",
+    );
+    assert_eq!(text, "{1, 2, {x=y}} and {}\n{t={t={t={...}}}}\nmine");
+}

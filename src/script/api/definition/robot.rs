@@ -148,7 +148,7 @@ pub(super) const FUNCTIONS: &[Function] = &[
         "robot.stream",
         &[choice("name", STREAM, "which"), boolean("on", "")],
         &[],
-        "Switches video or sound on or off; handlers and waits switch on what they need.",
+        "Switches video or sound on or off; handlers and waits switch on what they need, for as long as they need it and two seconds more.",
         "robot.stream(\"video\", true)",
     ),
     call(
@@ -200,7 +200,7 @@ pub(super) const FUNCTIONS: &[Function] = &[
         &[options(&[seconds("timeout", TIME, "20", "")])],
         &[OK, choice("code", DOCK_CODE, "how it ended")],
         "Leaves the charging station, and waits until the robot is off it.",
-        "robot.undock()\nrobot.turn(math.pi)",
+        "if robot.docked() and robot.undock() then\n\trobot.turn(math.pi) -- its back to the station\nend",
     )
     .waiting(),
     call(
