@@ -4,7 +4,7 @@
 
 use std::io;
 use std::os::fd::OwnedFd;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
 use std::thread;
@@ -75,7 +75,7 @@ impl Starter {
 
 /// The thread's life.
 fn replace(
-    executable: &PathBuf,
+    executable: &Path,
     mut process: Process,
     losses: &Receiver<OwnedFd>,
     started: &SyncSender<OwnedFd>,
