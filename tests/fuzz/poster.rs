@@ -96,7 +96,7 @@ impl Poster {
     fn chequers(&mut self, (x, y): (usize, usize), module: usize, side: usize, shade: u8) {
         for row in y..(y + side).min(self.height) {
             for column in x..(x + side).min(self.width) {
-                if (column / module + row / module) % 2 == 0 {
+                if (column / module + row / module).is_multiple_of(2) {
                     self.dot(column, row, shade);
                 }
             }

@@ -579,7 +579,7 @@ async fn run_until_played(run: &crate::rig::Run) {
     loop {
         let trial = trials(run).await[0];
         let line = std::fs::read(format!("/proc/{}/cmdline", trial.as_raw_nonzero()));
-        if line.is_ok_and(|line| String::from_utf8_lossy(&line).contains("\0601\0")) {
+        if line.is_ok_and(|line| String::from_utf8_lossy(&line).contains("\u{0}601\u{0}")) {
             return;
         }
         assert!(begun.elapsed() < crate::rig::PATIENCE, "{}", run.text());
