@@ -104,6 +104,29 @@ fn what_waits_is_bounded() {
 }
 
 #[test]
+fn more_is_taken_until_more_than_the_bound_waits() {
+    let mut rig = Rig::new();
+    let light = Command::Led {
+        led: Led::Left,
+        on: true,
+    };
+    let fits = [vec![light.clone(); 9358], vec![Command::Volume(1); 5]].concat();
+    assert!(rig.push(&fits));
+    assert_eq!(rig.outbox.waiting, MAX_WAITING);
+    assert!(rig.push(std::slice::from_ref(&light)));
+    assert!(!rig.push(&[light]));
+}
+
+#[test]
+fn samples_among_commands_are_speech() {
+    let mut rig = Rig::new();
+    rig.push(&[Command::Audio(samples(100))]);
+    assert!(rig.outbox.is_calm() && !rig.outbox.is_empty());
+    rig.outbox.drop_audio();
+    assert!(rig.outbox.is_empty());
+}
+
+#[test]
 fn a_newer_move_takes_the_place_of_those_that_wait() {
     let mut rig = Rig::new();
     rig.push(&[GO]);
