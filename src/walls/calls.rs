@@ -130,8 +130,10 @@ const FCNTL: &[i32] = &[
     sys::F_GETFL,
     sys::F_SETFL,
 ];
-/// What `prctl` may be asked: names of threads and of memory.
-const PRCTL: &[i32] = &[sys::PR_SET_NAME, sys::PR_SET_VMA];
+/// What `prctl` may be asked: the names of threads, and where the kernel's own functions are, without
+/// which every look at the clock would be a system call.
+const PRCTL: &[i32] = &[sys::PR_SET_NAME, PR_GET_AUXV];
+const PR_GET_AUXV: i32 = 0x4155_5856;
 
 /// Whether there are filters for this kind of processor.
 pub(super) fn are_known() -> bool {

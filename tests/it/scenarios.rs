@@ -536,7 +536,7 @@ async fn trials(run: &crate::rig::Run) -> Vec<rustix::process::Pid> {
         let mut trials = crate::rig::children_of(run.pid());
         trials.retain(|pid| {
             let line = std::fs::read(format!("/proc/{}/cmdline", pid.as_raw_nonzero()));
-            line.is_ok_and(|line| String::from_utf8_lossy(&line).contains("__worker\0scenario"))
+            line.is_ok_and(|line| String::from_utf8_lossy(&line).contains("__worker\x00scenario"))
         });
         if !trials.is_empty() {
             return trials;
@@ -579,7 +579,7 @@ async fn run_until_played(run: &crate::rig::Run) {
     loop {
         let trial = trials(run).await[0];
         let line = std::fs::read(format!("/proc/{}/cmdline", trial.as_raw_nonzero()));
-        if line.is_ok_and(|line| String::from_utf8_lossy(&line).contains("\u{0}601\u{0}")) {
+        if line.is_ok_and(|line| String::from_utf8_lossy(&line).contains("\x00601\x00")) {
             return;
         }
         assert!(begun.elapsed() < crate::rig::PATIENCE, "{}", run.text());
