@@ -103,7 +103,7 @@ impl Outbox {
             return None;
         }
         let fixed = |message: &Message| message.sort == Sort::Engine;
-        let from = self.commands.iter().rposition(fixed).map_or(0, |at| at + 1);
+        let from = self.commands.iter().rposition(fixed).unwrap_or(0);
         let mut since = None;
         let tail = self.commands.split_off(from);
         for message in tail {

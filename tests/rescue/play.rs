@@ -24,6 +24,9 @@ const LIMIT: Duration = Duration::from_secs(2 * 3600);
 /// How long a robot may wander until it is far from home.
 const LONGEST_DRIVE: Duration = Duration::from_secs(900);
 
+/// How long it wanders on there: where it comes in, it often still sees its station's beacon.
+const STAY: Duration = Duration::from_secs(15);
+
 /// How it ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum End {
@@ -104,13 +107,22 @@ fn play(place: &Place, strategy: Strategy, mut start: Start) -> Played {
     }
 }
 
-/// Lets the robot wander for so long at least, until it is far from home: where it is then, and its way.
+/// Lets the robot wander for so long at least, until it is far from home and has been there for a while:
+/// where it is then, and its way.
 async fn drive_away(place: &Place, lab: &Lab, least: Duration) -> Option<(Pose, f64)> {
-    sleep(least).await;
     let far = |state: &State| !state.docked && place.far_from_home(state.pose.point()).is_some();
-    let away = lab.sim().wait_state(far);
-    let state = timeout(LONGEST_DRIVE - least, away).await.ok()?;
-    Some((state.pose, place.far_from_home(state.pose.point())?))
+    let wander = async {
+        sleep(least).await;
+        loop {
+            lab.sim().wait_state(far).await;
+            sleep(STAY).await;
+            let state = lab.sim().state();
+            if let Some(way) = place.far_from_home(state.pose.point()) {
+                return (state.pose, way);
+            }
+        }
+    };
+    timeout(LONGEST_DRIVE, wander).await.ok()
 }
 
 /// Plays all starts on so many threads; `told` hears each time how many are done.

@@ -6,9 +6,9 @@ use std::sync::LazyLock;
 use spykee::safety::{Limits, Rescue};
 use spykee::script::RESCUE;
 
-/// The built-in rescue behaviour that does not go back the way it came, in a file.
-static NO_WAY: LazyLock<PathBuf> = LazyLock::new(|| {
-    let source = RESCUE.replacen("if loan.way_back then", "if false then", 1);
+/// The built-in rescue behaviour, going back the way it came, in a file.
+static RETRACE: LazyLock<PathBuf> = LazyLock::new(|| {
+    let source = RESCUE.replacen("RETRACES = false", "RETRACES = true", 1);
     assert_ne!(source, RESCUE);
     let file = tempfile::Builder::new().suffix(".lua").tempfile().unwrap();
     let (_, path) = file.keep().unwrap();
@@ -23,24 +23,24 @@ pub enum Strategy {
     None,
     /// It drives short legs blindly between its searches.
     Legs,
-    /// The built-in behaviour, but it does not go back the way it came.
-    NoWay,
     /// What every robot gets that is not told otherwise.
     Builtin,
+    /// The built-in behaviour, but it goes back the way it came.
+    Retrace,
 }
 
 impl Strategy {
     /// For robots that were put where they are: nobody knows how they came there.
     pub const PUT: [Strategy; 3] = [Strategy::None, Strategy::Legs, Strategy::Builtin];
     /// For robots that have driven there.
-    pub const DRIVEN: [Strategy; 3] = [Strategy::Legs, Strategy::NoWay, Strategy::Builtin];
+    pub const DRIVEN: [Strategy; 3] = [Strategy::Legs, Strategy::Builtin, Strategy::Retrace];
 
     pub fn text(self) -> &'static str {
         match self {
             Strategy::None => "none",
             Strategy::Legs => "legs",
-            Strategy::NoWay => "no way",
             Strategy::Builtin => "builtin",
+            Strategy::Retrace => "retrace",
         }
     }
 
@@ -56,11 +56,11 @@ impl Strategy {
                 rescue: Rescue::Off,
                 ..Limits::default()
             },
-            Strategy::NoWay => Limits {
-                rescue: Rescue::File(NO_WAY.clone()),
+            Strategy::Builtin => Limits::default(),
+            Strategy::Retrace => Limits {
+                rescue: Rescue::File(RETRACE.clone()),
                 ..Limits::default()
             },
-            Strategy::Builtin => Limits::default(),
         }
     }
 }

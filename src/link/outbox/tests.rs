@@ -95,11 +95,35 @@ fn what_waits_is_bounded() {
         on: true,
     };
     let pushes = (0..1_000_000).take_while(|_| rig.push(std::slice::from_ref(&light)));
-    assert!(pushes.count() < 1_000_000);
+    // Commands of 7 bytes, until more than 64 KiB wait.
+    assert_eq!(pushes.count(), 64 * 1024 / 7 + 1);
     assert!(!rig.outbox.say(&samples(128_002)) && rig.outbox.say(&samples(128_000)));
     assert!(!rig.outbox.say(&samples(2)));
     rig.outbox.drop_audio();
     assert!(rig.outbox.say(&samples(128_000)));
+}
+
+#[test]
+fn more_is_taken_until_more_than_the_bound_waits() {
+    let mut rig = Rig::new();
+    let light = Command::Led {
+        led: Led::Left,
+        on: true,
+    };
+    let fits = [vec![light.clone(); 9358], vec![Command::Volume(1); 5]].concat();
+    assert!(rig.push(&fits));
+    assert_eq!(rig.outbox.waiting, MAX_WAITING);
+    assert!(rig.push(std::slice::from_ref(&light)));
+    assert!(!rig.push(&[light]));
+}
+
+#[test]
+fn samples_among_commands_are_speech() {
+    let mut rig = Rig::new();
+    rig.push(&[Command::Audio(samples(100))]);
+    assert!(rig.outbox.is_calm() && !rig.outbox.is_empty());
+    rig.outbox.drop_audio();
+    assert!(rig.outbox.is_empty());
 }
 
 #[test]
