@@ -118,6 +118,18 @@ fn more_is_taken_until_more_than_the_bound_waits() {
 }
 
 #[test]
+fn what_another_process_must_say_begins_with_the_rest_of_what_is_partly_out() {
+    let mut rig = Rig::new();
+    rig.push(&[GO]);
+    rig.write(3);
+    rig.push(&[DOCK]);
+    let (rest, whole) = rig.outbox.after_replacing(&[Command::STOP]);
+    assert_eq!((rest, &whole[..]), (&GO_BYTES[3..], &STOP_BYTES[..]));
+    let (rest, whole) = rig.outbox.after_replacing(&[]);
+    assert_eq!((rest, &whole[..]), (&GO_BYTES[3..], &DOCK.to_bytes()[..]));
+}
+
+#[test]
 fn samples_among_commands_are_speech() {
     let mut rig = Rig::new();
     rig.push(&[Command::Audio(samples(100))]);
