@@ -6,14 +6,18 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::aslant::{Square, tries};
+
 /// Most squares that are looked at: those of four codes. The work grows with their third power.
 pub const MAX_FINDERS: usize = 12;
 /// Most pixels that are filled in search of squares.
 pub const MAX_FILLED: u64 = 8_000_000;
+/// Most steps in search of the small squares inside of codes.
+pub const MAX_STEPS: u64 = 4_000_000;
 /// Areas that the crate remembers.
 const REMEMBERED: usize = 250;
 /// How often squares are painted over before the picture is given up.
-const MAX_ROUNDS: u32 = 4;
+const MAX_ROUNDS: u32 = 8;
 /// Runs of the pattern of a square's middle row: dark, light, dark, light, dark.
 const PATTERN: [usize; 5] = [1, 1, 3, 1, 1];
 
@@ -31,6 +35,8 @@ pub struct QrWork {
     pub finders: usize,
     /// Pixels that are filled.
     pub filled: u64,
+    /// Steps in search of the small squares inside of codes.
+    pub steps: u64,
     /// Codes that were decoded.
     pub decoded: usize,
 }
@@ -63,6 +69,8 @@ struct Areas {
 struct Finder {
     ring: usize,
     stone: usize,
+    /// A pixel of the ring: where it was noticed.
+    at: (usize, usize),
 }
 
 impl Bitmap {
@@ -86,17 +94,20 @@ impl Bitmap {
             if filled > MAX_FILLED {
                 return None;
             }
-            if finders.len() <= MAX_FINDERS {
+            // The largest stay: they are the nearest.
+            finders.sort_by_key(|finder| std::cmp::Reverse(areas.pixels[finder.ring]));
+            let mut surplus = finders.split_off(finders.len().min(MAX_FINDERS));
+            let (steps, misfits) = areas.part_misfits(&mut finders);
+            surplus.extend(misfits);
+            if surplus.is_empty() {
                 return Some(QrWork {
                     finders: finders.len(),
                     filled,
+                    steps,
                     decoded: 0,
                 });
             }
-            // The largest stay: they are the nearest.
-            finders.sort_by_key(|finder| std::cmp::Reverse(areas.pixels[finder.ring]));
-            let surplus = finders[MAX_FINDERS..].iter().map(|finder| finder.stone);
-            self.paint_over(&areas, &surplus.collect());
+            self.paint_over(&areas, &surplus.iter().map(|finder| finder.stone).collect());
         }
         None
     }
@@ -174,7 +185,7 @@ impl Areas {
     fn survey(&self) -> (Vec<Finder>, u64) {
         let (mut found, mut filled) = (BTreeMap::new(), 0);
         let (mut asked, mut last) = (0_usize, BTreeMap::new());
-        for runs in self.by_row() {
+        for (y, runs) in self.by_row().enumerate() {
             for three in runs.windows(3).filter(|three| looks_like_a_square(three)) {
                 let (ring, stone) = (three[2].area, three[1].area);
                 for area in [ring, stone] {
@@ -186,12 +197,84 @@ impl Areas {
                         filled += 2 * self.pixels[area];
                     }
                 }
-                if self.is_square(three) && found.insert(ring, Finder { ring, stone }).is_none() {
+                if self.is_square(three) && !found.contains_key(&ring) {
                     filled += 2 * self.pixels[ring];
+                    let at = (three[2].start, y);
+                    found.insert(ring, Finder { ring, stone, at });
                 }
             }
         }
         (found.into_values().collect(), filled)
+    }
+
+    /// Takes out squares until those that are left are searched within bounds: the steps, and which.
+    fn part_misfits(&self, finders: &mut Vec<Finder>) -> (u64, Vec<Finder>) {
+        let mut squares: Vec<Square> = finders.iter().map(|finder| self.square(finder)).collect();
+        let mut misfits = Vec::new();
+        loop {
+            let tries = tries(&squares);
+            let sum: f64 = tries.iter().map(|(_, steps)| steps).sum();
+            if sum <= MAX_STEPS as f64 {
+                return (sum as u64, misfits);
+            }
+            let share = |index: usize| -> f64 {
+                let of_it = tries.iter().filter(|(three, _)| three.contains(&index));
+                // What is no number is the worst.
+                of_it
+                    .map(|(_, steps)| {
+                        if steps.is_finite() {
+                            *steps
+                        } else {
+                            f64::MAX / 1e6
+                        }
+                    })
+                    .sum()
+            };
+            let worst = (0..squares.len()).max_by(|a, b| share(*a).total_cmp(&share(*b)));
+            let Some(worst) = worst else {
+                return (0, misfits);
+            };
+            squares.remove(worst);
+            misfits.push(finders.remove(worst));
+        }
+    }
+
+    /// The corners of a ring: the pixel that is the farthest from where it was noticed, and the extremes
+    /// along and across the line to it.
+    fn square(&self, finder: &Finder) -> Square {
+        let ends: Vec<(f64, f64)> = self
+            .by_row()
+            .enumerate()
+            .flat_map(|(y, runs)| {
+                let own = runs.iter().filter(|run| run.area == finder.ring);
+                own.flat_map(move |run| {
+                    [
+                        (run.start as f64, y as f64),
+                        (run.end as f64 - 1.0, y as f64),
+                    ]
+                })
+            })
+            .collect();
+        let at = (finder.at.0 as f64, finder.at.1 as f64);
+        let farthest = |measure: &dyn Fn((f64, f64)) -> f64| {
+            let mut best = at;
+            for end in &ends {
+                if measure(*end) > measure(best) {
+                    best = *end;
+                }
+            }
+            best
+        };
+        let corner = farthest(&|(x, y)| (x - at.0).powi(2) + (y - at.1).powi(2));
+        let along = (corner.0 - at.0, corner.1 - at.1);
+        let by = |(x, y): (f64, f64)| x * along.0 + y * along.1;
+        let across = |(x, y): (f64, f64)| y * along.0 - x * along.1;
+        Square::new([
+            farthest(&by),
+            farthest(&across),
+            farthest(&|end| -by(end)),
+            farthest(&|end| -across(end)),
+        ])
     }
 
     /// Whether the outer two belong together, and the middle is not of them and has about the right

@@ -10,6 +10,7 @@
 //! a frame beyond that is cheap: brightness, sharpness and motion read the decoded luma as it
 //! is, and colours are looked up without ever making red, green and blue.
 
+mod aslant;
 mod blobs;
 mod colour;
 mod damage;
@@ -30,7 +31,7 @@ pub use colour::{Colour, ColourError, Span};
 pub use damage::Damage;
 pub use drawing::annotate::{Mark, annotate, annotate_enlarged};
 pub use eyes::Eyes;
-pub use finders::{MAX_FILLED, MAX_FINDERS, QrWork};
+pub use finders::{MAX_FILLED, MAX_FINDERS, MAX_STEPS, QrWork};
 pub use jpeg::decoder::Decoder;
 pub use jpeg::encoder::{Encoder as JpegEncoder, Subsampling};
 pub use jpeg::frame::{FrameError, MAX_JPEG_LEN, validate_markers};

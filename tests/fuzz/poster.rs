@@ -88,7 +88,7 @@ impl Poster {
     fn rings(&mut self, (x, y): (usize, usize), module: usize, many: usize, shade: u8) {
         for ring in 0..many {
             let side = (2 * (many - ring)).saturating_sub(1) * module;
-            let grey = if ring % 2 == 0 { shade } else { 235 };
+            let grey = if ring.is_multiple_of(2) { shade } else { 235 };
             self.block((x + ring * module, y + ring * module), side, side, grey);
         }
     }
@@ -139,7 +139,7 @@ impl Poster {
                 .wrapping_add(1);
             let timing = row == 6 || column == 6;
             let dark = if timing {
-                (row + column) % 2 == 0
+                (row + column).is_multiple_of(2)
             } else {
                 state >> 63 == 1
             };

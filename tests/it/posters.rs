@@ -4,8 +4,8 @@
 use image::RgbImage;
 use proptest::prelude::*;
 use spykee::vision::{
-    BlobFinder, BlobOptions, Camera, Colour, Image, MAX_CODES, MAX_FILLED, MAX_FINDERS, Palette,
-    QrWork, find_qrcodes_counting,
+    BlobFinder, BlobOptions, Camera, Colour, Image, MAX_CODES, MAX_FILLED, MAX_FINDERS, MAX_STEPS,
+    Palette, QrWork, find_qrcodes_counting,
 };
 
 use crate::poster::paint;
@@ -21,7 +21,7 @@ fn look(bytes: &[u8]) -> QrWork {
     let image = image(bytes);
     let (codes, work) = find_qrcodes_counting(&image);
     assert!(
-        work.finders <= MAX_FINDERS && work.filled <= MAX_FILLED,
+        work.finders <= MAX_FINDERS && work.filled <= MAX_FILLED && work.steps <= MAX_STEPS,
         "{work:?}"
     );
     assert!(

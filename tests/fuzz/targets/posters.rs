@@ -7,7 +7,7 @@ use std::cell::RefCell;
 use image::RgbImage;
 use libfuzzer_sys::fuzz_target;
 use spykee::vision::{
-    BlobFinder, BlobOptions, Camera, Colour, Image, MAX_CODES, MAX_FILLED, MAX_FINDERS, Palette,
+    BlobFinder, BlobOptions, Camera, Colour, Image, MAX_CODES, MAX_FILLED, MAX_FINDERS, MAX_STEPS, Palette,
     find_qrcodes_counting,
 };
 
@@ -26,7 +26,7 @@ fuzz_target!(|bytes: &[u8]| {
     let image = Image::from_rgb(&pixels);
     let (codes, work) = find_qrcodes_counting(&image);
     assert!(work.finders <= MAX_FINDERS, "{work:?}");
-    assert!(work.filled <= MAX_FILLED, "{work:?}");
+    assert!(work.filled <= MAX_FILLED && work.steps <= MAX_STEPS, "{work:?}");
     assert!(work.decoded <= MAX_CODES && codes.len() <= work.decoded, "{work:?}");
     let colours: Vec<Colour> = ["black", "white"].iter().filter_map(|name| Colour::named(name)).collect();
     let options = BlobOptions {
