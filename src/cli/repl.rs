@@ -199,7 +199,10 @@ impl Repl {
                 self.order(Order::Interrupt);
                 self.finish(Next::Prompt);
             }
-            Typed::End => drop(self.order.take()),
+            Typed::End => {
+                self.order = None;
+                self.console.divert(None);
+            }
         }
     }
 

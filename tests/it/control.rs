@@ -162,10 +162,8 @@ async fn stop_stops_what_a_run_drives_and_ends_the_run() {
         (Some(0), true),
         "{text}"
     );
-    assert!(
-        !rig.folder().join("spykee-data").exists(),
-        "nothing is left behind"
-    );
+    let sockets = rig.folder().join("spykee-data/.run");
+    assert!(!sockets.exists(), "nothing is left behind");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -197,7 +197,8 @@ async fn ctrl_z_at_a_prompt_stops_the_tracks_and_gives_the_terminal_back_until_i
     terminal.presses("\u{1a}");
     rig.heard_stop(moving).await;
     becomes(terminal.pid(), 'T').await;
-    assert!(!rig.sim.state().moving());
+    let resting = rig.sim.wait_state(|state| !state.moving());
+    timeout(PATIENCE, resting).await.expect("the tracks rest");
     assert!(terminal.is_plain());
     let slept = rig.sim.heard_count();
     kill_process(terminal.pid(), Signal::CONT).unwrap();

@@ -87,7 +87,9 @@ pub(super) fn serve(typed: &mpsc::Sender<Typed>, told: mpsc::Receiver<Told>, con
         let Some(what) = prompt.read(next) else {
             return;
         };
-        if typed.blocking_send(what).is_err() {
+        // At the end the printer above the prompt goes with it: nobody would read what it is given.
+        let ends = matches!(what, Typed::End);
+        if typed.blocking_send(what).is_err() || ends {
             return;
         }
     }

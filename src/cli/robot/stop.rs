@@ -47,13 +47,17 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
             "ends the run that has the robot (process {})",
             run.overview.pid
         );
-        // Whatever comes of it: what follows stops the robot in any case, once it lets us in.
-        if let Err(failure) = ask(run, &Errand::Stop, AT_ONCE) {
-            tracing::warn!("{failure}");
-        }
+        let asked = ask(run, &Errand::Stop, AT_ONCE);
         if run.overview.simulated {
+            if asked?.is_none() {
+                return Ok(Exit::Interrupted);
+            }
             print("stopped: the simulated robot ends with its run\n")?;
             return Ok(Exit::Done);
+        }
+        // What follows stops the robot in any case, once it lets us in.
+        if let Err(failure) = asked {
+            tracing::warn!("{failure}");
         }
         // It may have been named by nothing but its being the only one.
         aim.connection.robot = run.overview.target.parse().ok();
