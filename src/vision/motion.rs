@@ -274,7 +274,11 @@ mod tests {
     /// A room with furniture under a light that may fall off from one side, with fresh noise each time.
     fn room(brightness: f64, slope: f64, ball: Option<(i32, i32)>, seed: u32) -> Image {
         let mut picture = RgbImage::from_fn(320, 240, |x, y| {
-            let plank = if (x / 40 + y / 30).is_multiple_of(2) { 110 } else { 80 };
+            let plank = if (x / 40 + y / 30).is_multiple_of(2) {
+                110
+            } else {
+                80
+            };
             let shelf = if (200..260).contains(&x) && (40..120).contains(&y) {
                 40
             } else {
@@ -352,7 +356,11 @@ mod tests {
     fn shifted(by: u32, ball: Option<(i32, i32)>) -> Image {
         let mut picture = RgbImage::from_fn(320, 240, |x, y| {
             let x = x + 400 - by;
-            let plank = if (x / 40 + y / 30).is_multiple_of(2) { 115 } else { 75 };
+            let plank = if (x / 40 + y / 30).is_multiple_of(2) {
+                115
+            } else {
+                75
+            };
             Rgb([plank; 3])
         });
         if let Some((x, y)) = ball {

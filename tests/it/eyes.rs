@@ -259,7 +259,7 @@ fn a_bad_picture_is_named_with_its_reason_and_the_others_go_on() {
         ("half.jpg", "cut short"),
         ("text.jpg", "no JPEG"),
         ("none.jpg", "No such file"),
-        (" .: ", "directory"),
+        (" .: ", "folder"),
     ];
     for (file, reason) in reasons {
         let said = |line: &str| line.contains(file) && line.contains(reason);

@@ -477,13 +477,19 @@ fn a_scenario_and_what_it_runs_read_nothing_of_other_folders() {
     }
     let elsewhere = folder(&[("secret.lua", "SECRET = 1"), ("secret.yaml", "SECRET: 1")]);
     let elsewhere = elsewhere.path().display();
-    for call in [
-        "sim:run('/etc/passwd')".to_owned(),
-        "sim:run('/proc/self/environ')".to_owned(),
-        format!("sim:run('{elsewhere}/secret.lua')"),
+    for (call, why) in [
+        ("sim:run('/etc/passwd')".to_owned(), "must end in .lua"),
+        (
+            "sim:run('/proc/self/environ')".to_owned(),
+            "must end in .lua",
+        ),
+        (
+            format!("sim:run('{elsewhere}/secret.lua')"),
+            "Permission denied",
+        ),
     ] {
         let said = complaint(&format!("scenario('x', function(sim) {call} end)"));
-        assert!(said.contains("Permission denied"), "{call}: {said}");
+        assert!(said.contains(why), "{call}: {said}");
     }
     let world = format!("{{ world = '{elsewhere}/secret.yaml' }}");
     let said = complaint(&format!("scenario('x', {world}, function(sim) end)"));
