@@ -32,14 +32,14 @@ pub(super) struct CheckArgs {
 /// Folders are not followed deeper.
 const MAX_DEPTH: u32 = 16;
 
-pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> {
+pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
     let config = args.settings.config()?;
     let path = args.settings.file();
     let mut files = Vec::new();
     for path in &args.files {
         collect(path, 0, &mut files)?;
     }
-    let mut examiner = Examiner::new(console);
+    let mut examiner = Examiner::default();
     for file in &files {
         let (source, options) = of_file(file, config, path)?;
         examiner.behaviour(&source, &options);
@@ -80,15 +80,15 @@ fn of_file(
 }
 
 /// All that is wrong with a script that would run with these options.
-pub(super) fn of_source(source: &[u8], options: &Options, console: &Console) -> Vec<Finding> {
-    let mut examiner = Examiner::new(console);
+pub(super) fn of_source(source: &[u8], options: &Options) -> Vec<Finding> {
+    let mut examiner = Examiner::default();
     examiner.behaviour(source, options);
     examiner.findings
 }
 
 /// Refuses to run what cannot work; warnings are only shown.
 pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<(), Failure> {
-    let mut examiner = Examiner::new(console);
+    let mut examiner = Examiner::default();
     for behaviour in behaviours {
         let Launch {
             source, options, ..

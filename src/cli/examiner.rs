@@ -1,19 +1,15 @@
-//! Looks at scripts and at the modules that they require, each file once, with the type checker if
-//! there is one.
+//! Checks scripts and the modules that they require, each file once.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 
-use super::Console;
-use super::checker::TypeChecker;
 use crate::behaviour::Library;
 use crate::script::check::{Finding, Required, Surroundings, check, required};
 use crate::script::{ModuleFile, Options};
 
 /// See the module.
-pub(super) struct Examiner<'a> {
-    types: TypeChecker,
-    console: &'a Console,
+#[derive(Default)]
+pub(super) struct Examiner {
     seen: BTreeSet<PathBuf>,
     /// In the order of the files.
     pub(super) findings: Vec<Finding>,
@@ -27,16 +23,7 @@ struct File {
     folder: String,
 }
 
-impl Examiner<'_> {
-    pub(super) fn new(console: &Console) -> Examiner<'_> {
-        Examiner {
-            types: TypeChecker::beside(),
-            console,
-            seen: BTreeSet::new(),
-            findings: Vec::new(),
-        }
-    }
-
+impl Examiner {
     /// How many files were looked at.
     pub(super) fn count(&self) -> usize {
         self.seen.len()
@@ -55,7 +42,7 @@ impl Examiner<'_> {
             if !self.is_new(Path::new(&file.options.chunk)) {
                 continue;
             }
-            let found = self.file(&file);
+            let found = findings(&file);
             for module in required(&file.source, &file.folder) {
                 match library.fetch(&module.name) {
                     Ok(module) => files.push_back(of_module(module, &folder, options)),
@@ -71,21 +58,6 @@ impl Examiner<'_> {
         self.seen.insert(file)
     }
 
-    fn file(&mut self, file: &File) -> Vec<Finding> {
-        let (source, chunk) = (file.source.as_slice(), file.options.chunk.as_str());
-        let surroundings = Surroundings::new(&file.options, Some(Path::new(chunk)));
-        let mut found = check(source, chunk, &surroundings);
-        match self.types.findings((source, chunk), &found) {
-            Ok(types) => found.extend(types),
-            Err(why) => {
-                let text = format!("{chunk}: types were not checked: {why}");
-                self.console.say("WARN", &text);
-            }
-        }
-        found.sort_by_key(|finding| (finding.line, finding.column));
-        found
-    }
-
     /// A module that is there and cannot be had, such as one behind a symbolic link. Of one that is
     /// not there the check has spoken already.
     fn missing(&mut self, file: &File, module: &Required, why: &str, found: &[Finding]) {
@@ -97,6 +69,12 @@ impl Examiner<'_> {
         };
         self.findings.extend(refused.filter(|one| !known(one)));
     }
+}
+
+fn findings(file: &File) -> Vec<Finding> {
+    let chunk = file.options.chunk.as_str();
+    let surroundings = Surroundings::new(&file.options, Some(Path::new(chunk)));
+    check(&file.source, chunk, &surroundings)
 }
 
 /// A module takes no values from outside that are not the behaviour's.

@@ -37,6 +37,5 @@ mod soak;
 mod stdlib;
 mod supervision;
 mod tools;
-mod type_checker;
 mod vision;
 mod world;

@@ -1,7 +1,7 @@
 //! Calls of our API against its definition: how many arguments, of which types, within which
 //! bounds; and the keys of options.
 
-use super::super::api::definition::{Choice, Function, Need, Type, Value, takes_an_event};
+use super::super::api::definition::{Choice, Function, Need, Type, Value};
 use super::super::events::EventName;
 use super::super::nearest::suggestion;
 use super::kinds::Kind;
@@ -70,7 +70,7 @@ impl<'a> Walk<'a> {
         let wanted = match site.function.path {
             "robot.frame" | "robot.wait_frame" => Some(Stream::Video),
             "robot.stream" if !switched_off() => text(0).and_then(Stream::from_name),
-            _ if takes_an_event(site.function) => text(0)
+            _ if site.function.takes_an_event() => text(0)
                 .and_then(EventName::from_name)
                 .and_then(EventName::stream),
             _ => None,

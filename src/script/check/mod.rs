@@ -5,7 +5,6 @@
 //! bounded whatever the file holds, and nothing of it runs.
 
 mod calls;
-mod desugar;
 mod explain;
 mod finding;
 mod foreign;
@@ -17,9 +16,7 @@ mod parser;
 mod required;
 mod syntax;
 mod tree;
-mod typing;
 mod walk;
-mod wording;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -37,7 +34,6 @@ pub(super) use explain::explain;
 pub use finding::{Finding, Severity};
 use lexer::Span;
 pub use required::{Required, required};
-pub use typing::{Answer, Question, Typing};
 
 /// What a script finds around itself.
 #[derive(Debug, Clone)]

@@ -4,15 +4,15 @@ use std::fmt::Write as _;
 
 use super::terms::{Function, Object, Type, Value};
 
-/// What scripts of scenarios can call, for editors and for the type checker.
-pub(super) const STAGE: &str = include_str!("stage.d.luau");
+/// What scripts of scenarios can call, for editors.
+const STAGE: &str = include_str!("stage.d.luau");
 
 /// The text of `spykee.d.luau`.
 pub fn luau() -> String {
     let mut text = String::from(
         "-- What scripts of spykee can call. Written by `spykee api --luau`; do not edit.\n",
     );
-    types(&mut text, Function::parameters_luau);
+    types(&mut text);
     text += "export type Colours = string | Colour | { string | Colour }\n";
     for name in namespaces() {
         namespace(&mut text, name);
@@ -26,7 +26,7 @@ pub fn luau() -> String {
 }
 
 /// The types: choices of names, plain tables, and objects with methods.
-pub(super) fn types(text: &mut String, parameters: fn(&Function) -> String) {
+fn types(text: &mut String) {
     for choice in super::choices() {
         let names: Vec<_> = (choice.names)()
             .iter()
@@ -39,12 +39,12 @@ pub(super) fn types(text: &mut String, parameters: fn(&Function) -> String) {
         record(text, object);
     }
     for object in super::objects().filter(|object| object.strict) {
-        class(text, object, parameters);
+        class(text, object);
     }
 }
 
 /// The namespaces, in the order of their first call.
-pub(super) fn namespaces() -> Vec<&'static str> {
+fn namespaces() -> Vec<&'static str> {
     let mut names = Vec::new();
     let owners = super::functions()
         .filter(|function| !function.is_method())
@@ -69,7 +69,7 @@ fn record(text: &mut String, object: &Object) {
     *text += "}\n";
 }
 
-fn class(text: &mut String, object: &Object, parameters: fn(&Function) -> String) {
+fn class(text: &mut String, object: &Object) {
     let _ = writeln!(text, "\n--- {}\ndeclare class {}", object.doc, object.name);
     for field in object.fields {
         let _ = writeln!(text, "\t{}: {}{}", field.name, field.luau(), remark(field));
@@ -85,7 +85,7 @@ fn class(text: &mut String, object: &Object, parameters: fn(&Function) -> String
             "\t--- {}\n\tfunction {}(self{comma}{}): {}",
             method.doc,
             method.key(),
-            parameters(method),
+            method.parameters_luau(),
             method.returns_luau()
         );
     }

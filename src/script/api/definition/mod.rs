@@ -5,7 +5,6 @@
 //! the editor definitions and the reference page. A test walks a live VM and compares, so a call
 //! that is added, renamed or removed without its definition fails loudly.
 
-mod checker;
 mod event;
 mod keeping;
 mod log;
@@ -20,7 +19,6 @@ mod text;
 mod vision;
 
 pub use super::super::arguments::Bounds;
-pub use checker::{MODULE_CALL, checker, event_name, event_path, takes_an_event};
 pub use luau::luau;
 pub use markdown::markdown;
 pub use terms::{Choice, Constant, Event, Function, Need, Object, Type, Value};

@@ -160,6 +160,12 @@ impl Function {
         self.path.contains(':')
     }
 
+    /// Whether its first argument names an event, on which its handler or its result depends.
+    pub fn takes_an_event(&self) -> bool {
+        let mut values = self.parameters.iter().chain(self.returns);
+        values.any(|value| matches!(value.kind, Type::Handler | Type::Payload))
+    }
+
     /// Whether calling it without using what it returns does nothing at all.
     pub fn only_answers(&self) -> bool {
         const ANSWERS: [&str; 12] = [
