@@ -14,10 +14,10 @@ use super::{Behaviour, report};
 use crate::behaviour::{
     Handle, Launch, Launcher, Patience, Prepared, Reload, RestartPolicy, Supervisor, Verdict,
 };
+use crate::check;
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
 use crate::script::Ending;
-use crate::script::check;
 
 /// Why the run ends, once it does.
 type Stop = watch::Receiver<Option<EndReason>>;

@@ -10,9 +10,9 @@ use super::source::read_source;
 use super::{Console, Exit, Failure, print};
 use crate::agent::Behaviour;
 use crate::behaviour::Launch;
+use crate::check::{Finding, Severity};
 use crate::config::{Config, Entry};
 use crate::script::Options;
-use crate::script::check::{Finding, Severity};
 
 /// Look for mistakes in behaviours without running them
 #[derive(Debug, Clone, clap::Args)]

@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 
 use crate::behaviour::Library;
-use crate::script::check::{Finding, Required, Surroundings, check, required};
+use crate::check::{Finding, Required, Surroundings, check, required};
 use crate::script::{ModuleFile, Options};
 
 /// See the module.

@@ -6,9 +6,9 @@ use serde_json::Value;
 
 use crate::agent::Behaviour;
 use crate::behaviour::{Launch, Library, read_source};
+use crate::check::{self, Finding};
 use crate::config::{Config, Entry};
 use crate::script;
-use crate::script::check::{self, Finding};
 
 /// Makes behaviours.
 pub(super) struct Cast {

@@ -7,12 +7,13 @@ use std::time::Duration;
 use mlua::prelude::{Lua, LuaFunction, LuaResult, LuaTable, LuaValue};
 use tokio::time::Instant;
 
-use super::api::{HeldFrame, frame_to_lua};
+use super::api::{HeldFrame, frame_to_lua, of_row};
 use super::queue::Timer;
 use super::sound;
 use super::task::{SubscriptionId, TaskId};
+use crate::api;
+pub(super) use crate::api::EventName;
 use crate::robot::{Battery, Event};
-use crate::wire::Stream;
 
 /// Subscriptions that may exist at once.
 pub(super) const MAX_SUBSCRIPTIONS: usize = 64;
@@ -20,58 +21,7 @@ pub(super) const MAX_SUBSCRIPTIONS: usize = 64;
 /// Events that may wait for one subscription.
 const MAX_QUEUE: usize = 64;
 
-/// Declares the events with the names that scripts use.
-macro_rules! event_names {
-    ($($variant:ident = $text:literal,)+) => {
-        /// An event that a script can listen to (`API.md`, *Events*).
-        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-        pub(super) enum EventName { $($variant,)+ }
-
-        impl EventName {
-            pub(super) const ALL: &'static [EventName] = &[$(EventName::$variant,)+];
-
-            pub(super) fn name(self) -> &'static str {
-                match self { $(EventName::$variant => $text,)+ }
-            }
-        }
-    };
-}
-
-event_names! {
-    Connected = "connected",
-    Disconnected = "disconnected",
-    Battery = "battery",
-    BatteryLow = "battery_low",
-    BatteryOk = "battery_ok",
-    Charging = "charging",
-    Charged = "charged",
-    Docked = "docked",
-    Undocked = "undocked",
-    BaseNotFound = "base_not_found",
-    Frame = "frame",
-    Audio = "audio",
-    Noise = "noise",
-    SoundFinished = "sound_finished",
-    Safety = "safety",
-    Loan = "loan",
-    Engine = "engine",
-}
-
 impl EventName {
-    pub(super) fn from_name(name: &str) -> Option<EventName> {
-        let mut all = EventName::ALL.iter().copied();
-        all.find(|event| event.name() == name)
-    }
-
-    /// What must be on for it to come.
-    pub(super) fn stream(self) -> Option<Stream> {
-        match self {
-            EventName::Frame => Some(Stream::Video),
-            EventName::Audio | EventName::Noise => Some(Stream::AudioIn),
-            _ => None,
-        }
-    }
-
     /// The name of an event that comes from outside; `None` for the answers to waiting calls.
     pub(super) fn of(event: &Event) -> Option<EventName> {
         Some(match event {
@@ -118,11 +68,18 @@ impl Payload {
             Payload::Noise { dbfs } => {
                 let table = lua.create_table_with_capacity(0, 1)?;
                 table.raw_set("dbfs", *dbfs)?;
-                return Ok(LuaValue::Table(table));
+                return Ok(LuaValue::Table(of_row("Noise", table)));
             }
             Payload::Event(event) => event,
         };
-        event_table(lua, event).map(LuaValue::Table)
+        let table = event_table(lua, event)?;
+        let row = EventName::of(event).and_then(|name| api::event(name.name()));
+        let payload = row.and_then(|row| row.payload);
+        let table = match payload {
+            Some(object) => of_row(object.name, table),
+            None => table,
+        };
+        Ok(LuaValue::Table(table))
     }
 }
 
@@ -157,7 +114,7 @@ pub(super) fn battery_table(lua: &Lua, battery: Battery, age: Duration) -> LuaRe
     table.raw_set("charging", battery.charging)?;
     table.raw_set("age", age.as_secs_f64())?;
     table.raw_set("minutes_left", battery.minutes_left)?;
-    Ok(table)
+    Ok(of_row("Battery", table))
 }
 
 /// One `robot.on` or `robot.once`.

@@ -152,7 +152,7 @@ fn has_place(message: &str) -> bool {
 
 /// At most `longest` characters, without control characters other than line feed and tab, so that
 /// a script cannot write to the terminal what it likes.
-pub(super) fn printable(text: &str, longest: usize) -> String {
+pub(crate) fn printable(text: &str, longest: usize) -> String {
     let safe = |c: &char| !c.is_control() || matches!(c, '\n' | '\t');
     let mut kept: String = text.chars().filter(safe).take(longest + 1).collect();
     if let Some((cut, _)) = kept.char_indices().nth(longest) {

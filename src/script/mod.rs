@@ -9,13 +9,12 @@
 //! business of the process around it.
 //!
 //! The parts: `sandbox` makes a VM that holds; `budget` and `interrupt` end what runs too long;
-//! `task`, `queue` and `scheduler` decide who runs next; `slice` runs; `ending` ends; `api/` has one
-//! file for each Lua namespace; `stdlib/` what is written in Lua.
+//! `task`, `queue` and `scheduler` decide who runs next; `slice` runs; `ending` ends; `api/` has the
+//! natives of each Lua namespace; `stdlib/` what is written in Lua.
 
 mod api;
 mod arguments;
 mod budget;
-pub mod check;
 mod declaration;
 mod ending;
 mod eval;
@@ -42,7 +41,7 @@ pub mod stdlib;
 mod store;
 mod task;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -59,20 +58,23 @@ use events::EventName;
 use state::State;
 use task::{Answer, Kind};
 
-pub use api::definition;
 pub(crate) use api::write_privately;
 pub(crate) use budget::only_simulated;
+pub(crate) use declaration::{Declaration, settle};
 pub use eval::Evaluated;
+pub(crate) use failure::printable;
 pub use failure::{Ending, Failure, Place};
 pub use modules::{ModuleFile, ModuleName};
+pub(crate) use modules::{Target, resolve};
 pub use nearest::suggestion;
 pub use options::{Calibration, Limits, Options};
 pub use output::{Level, LogLine, Output};
 pub use params::{GivenParam, ParamOrigin, ParamValue};
 pub use sandbox::MAX_SOURCE;
+pub(crate) use sandbox::{check_source as read_text, compile_error};
 pub use sighting::{Seen, Sighting};
 pub use stage::Stage;
-pub use state::Usage;
+pub use state::{Explain, Usage};
 pub use stdlib::RESCUE;
 
 /// A script with its VM. Stays on the thread that made it.
@@ -140,6 +142,11 @@ impl Script {
             .tasks
             .add(main, Kind::Main, start, None, now);
         Ok(Script { lua, state })
+    }
+
+    /// Has failures explained in words for people, wherever they are logged or told.
+    pub fn explain_with(&mut self, explain: Explain) {
+        self.state.borrow_mut().explain = Some(explain);
     }
 
     /// Tells the script what happened.

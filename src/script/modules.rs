@@ -66,13 +66,13 @@ pub struct ModuleFile {
 
 /// What a path leads to.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Target {
+pub(crate) enum Target {
     Library(&'static str, &'static str),
     File(ModuleName),
 }
 
 /// Finds out what a path means in a file of this folder, which is relative to the behaviour's.
-pub(super) fn resolve(folder: &str, path: &str) -> Result<Target, String> {
+pub(crate) fn resolve(folder: &str, path: &str) -> Result<Target, String> {
     if path.len() > LONGEST {
         return Err(format!("the path is too long: at most {LONGEST} bytes"));
     }

@@ -45,7 +45,7 @@ impl Script {
     }
 
     /// Such a script with nothing in it and nobody to ask.
-    pub(super) fn on_empty_stage(options: Options, now: Instant) -> Result<Script, Failure> {
+    pub(crate) fn on_empty_stage(options: Options, now: Instant) -> Result<Script, Failure> {
         Script::on_stage(b"", options, Rc::new(Empty), now)
     }
 }

@@ -59,6 +59,10 @@ impl Known {
     }
 }
 
+/// Puts the VM's text of a failure, such as `a.lua:3: attempt to index nil`, into words: the text,
+/// the file, its source. `None` if it is not of this file, or has nothing to add.
+pub type Explain = fn(text: &str, chunk: &str, source: &str) -> Option<String>;
+
 /// What a script has used.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Usage {
@@ -73,6 +77,7 @@ pub struct Usage {
 /// Everything that natives and scheduler share.
 pub(super) struct State {
     pub(super) options: Options,
+    pub(super) explain: Option<Explain>,
     /// The script's text, to show its lines in messages.
     pub(super) source: String,
     /// Typed lines so far.
@@ -127,6 +132,7 @@ impl State {
         let witness = options.annotate_dir.as_ref().map(|_| Witness::default());
         State {
             options,
+            explain: None,
             source: String::new(),
             inputs: 0,
             start: now,
@@ -320,8 +326,9 @@ impl State {
     pub(super) fn explained(&self, text: &str) -> String {
         let main = (self.options.chunk.as_str(), self.source.as_str());
         let mut files = std::iter::once(main).chain(self.modules.sources());
-        let explained =
-            files.find_map(|(chunk, source)| super::check::explain(text, chunk, source));
+        let explained = self
+            .explain
+            .and_then(|explain| files.find_map(|(chunk, source)| explain(text, chunk, source)));
         explained.unwrap_or_else(|| text.to_owned())
     }
 

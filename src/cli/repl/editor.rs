@@ -12,7 +12,8 @@ use super::super::Console;
 use super::super::screen::clean;
 use super::history;
 use super::names::Names;
-use crate::script::{MAX_SOURCE, definition};
+use crate::api;
+use crate::script::MAX_SOURCE;
 
 /// Where a new input begins, and where one goes on.
 const PROMPTS: (&str, &str) = ("spykee> ", "     .. ");
@@ -213,7 +214,7 @@ impl Prompt {
             (":quit" | ":q", _) => return Some(Typed::End),
             (":help" | ":h", _) => show(HELP),
             (":api", "") => show("which? such as :api robot.move"),
-            (":api", name) => match definition::full(name) {
+            (":api", name) => match api::page(name) {
                 Some(text) => show(&text),
                 None => show(&format!(
                     "nothing in the API is called '{name}'; Tab completes"

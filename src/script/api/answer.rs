@@ -4,6 +4,7 @@ use mlua::prelude::{IntoLuaMulti, Lua, LuaMultiValue, LuaResult, LuaValue};
 
 use super::super::scheduler::CANCELLED;
 use super::super::task::{Answer, Status};
+use super::of_row;
 use crate::robot::{DockEnd, MotionEnd};
 
 /// The values for `Thread::resume`: plain arguments at the start, and behind a yield `true` and
@@ -40,6 +41,7 @@ fn returned(lua: &Lua, answer: Answer) -> LuaResult<LuaMultiValue> {
             let info = lua.create_table_with_capacity(0, 2)?;
             info.raw_set("attempts", attempts)?;
             info.raw_set("seconds", took.as_secs_f64())?;
+            let info = of_row("DockInfo", info);
             (is_docked(end), end.name(), info).into_lua_multi(lua)
         }
         Answer::Undock(end) => (is_undocked(end), end.name()).into_lua_multi(lua),

@@ -5,22 +5,20 @@ use std::cell::Cell;
 use std::rc::Rc;
 use std::time::Duration;
 
-use mlua::prelude::{Lua, LuaFunction, LuaResult, LuaValue};
+use mlua::UserDataFields as _;
+use mlua::prelude::{Lua, LuaResult, LuaValue};
 
-use super::super::arguments::Refusal;
+use super::super::arguments::{Argument, Given, Refusal};
 use super::super::events::EventName;
 use super::super::output::Level;
 use super::super::task::Wait;
-use super::{Answered, Builder, Call, Entry, album, events, looking, plain, waiting};
+use super::{Answered, Builder, Call, Natives, album, events, looking};
 use crate::robot::Frame;
 use crate::vision::Size;
 
-pub(super) const CALLS: [Entry; 2] = [
-    plain("robot.frame", newest),
-    waiting("robot.wait_frame", wait_frame),
-];
+pub(super) const CALLS: &Natives = &[("robot.frame", newest), ("robot.wait_frame", wait_frame)];
 
-const METHODS: [Entry; 1] = [plain("Frame:save", save)];
+const METHODS: &Natives = &[("Frame:save", save)];
 
 /// Older frames are not the newest any more: the stream has stopped.
 const STALE: Duration = Duration::from_secs(1);
@@ -73,41 +71,29 @@ pub(super) fn of_value(value: &LuaValue) -> Option<Rc<HeldFrame>> {
 
 /// The frame that a method was called on.
 pub(super) fn subject(call: &Call<'_>) -> Result<Rc<HeldFrame>, Refusal> {
-    of_value(call.args.value(0)).ok_or_else(|| call.no_subject("frame"))
+    Ok(Rc::clone(&call.subject::<FrameObject>()?.0))
+}
+
+impl Argument for Rc<HeldFrame> {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        of_value(&given.value).ok_or_else(|| given.wrong("a Frame"))
+    }
 }
 
 pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
-    let unknown = builder.strict_object("Frame")?;
-    let methods = builder.methods(&[&METHODS, &looking::METHODS])?;
     let shared = Rc::clone(builder.shared);
-    builder
-        .lua
-        .register_userdata_type::<FrameObject>(|registry| {
-            use mlua::UserDataFields as _;
-            registry.add_meta_field("__type", "Frame");
-            registry.add_meta_field("__index", unknown);
-            registry.add_field_method_get("seq", |_, frame| Ok(frame.0.frame.seq));
-            registry.add_field_method_get("bytes", |_, frame| Ok(frame.0.frame.jpeg.len()));
-            registry.add_field_method_get("width", |_, frame| Ok(frame.0.size.width));
-            registry.add_field_method_get("height", |_, frame| Ok(frame.0.size.height));
-            registry.add_field_method_get("age", move |_, frame| {
-                let now = shared.borrow().now;
-                let age = now.saturating_duration_since(frame.0.frame.at);
-                Ok(age.as_secs_f64())
-            });
-            add_methods(registry, methods);
-        })
-}
-
-/// Gives a type its methods.
-pub(super) fn add_methods<T>(
-    registry: &mut mlua::UserDataRegistry<T>,
-    methods: Vec<(&'static str, LuaFunction)>,
-) {
-    use mlua::UserDataFields as _;
-    for (name, method) in methods {
-        registry.add_field(name, method);
-    }
+    let natives = [METHODS, looking::METHODS];
+    builder.object::<FrameObject>("Frame", &natives, |registry| {
+        registry.add_field_method_get("seq", |_, frame| Ok(frame.0.frame.seq));
+        registry.add_field_method_get("bytes", |_, frame| Ok(frame.0.frame.jpeg.len()));
+        registry.add_field_method_get("width", |_, frame| Ok(frame.0.size.width));
+        registry.add_field_method_get("height", |_, frame| Ok(frame.0.size.height));
+        registry.add_field_method_get("age", move |_, frame| {
+            let now = shared.borrow().now;
+            let age = now.saturating_duration_since(frame.0.frame.at);
+            Ok(age.as_secs_f64())
+        });
+    })
 }
 
 /// `robot.frame()`: the newest frame, or nil.
@@ -127,7 +113,7 @@ fn newest(call: &mut Call<'_>) -> Answered {
 /// `robot.wait_frame(timeout)`: the next frame, or `nil, "timeout"`. A frame cut short counts as none,
 /// here and for `frame` handlers.
 fn wait_frame(call: &mut Call<'_>) -> Answered {
-    let time = call.args.optional_seconds(0, "timeout")?;
+    let time = call.args.get(0)?;
     call.may_wait()?;
     events::listen(call, EventName::Frame)?;
     call.wait(Wait::Event(EventName::Frame), time)
@@ -136,7 +122,7 @@ fn wait_frame(call: &mut Call<'_>) -> Answered {
 /// `frame:save(name)`: the path, or `nil, "quota"` or `nil, "io"`.
 fn save(call: &mut Call<'_>) -> Answered {
     let held = subject(call)?;
-    let name = call.args.text(1, "name", 100)?;
+    let name = call.args.get::<String>(0)?;
     let Some(name) = album::file_name(&name) else {
         return Err(call.args.misuse(
             "the name may have letters, digits, '-', '_' and '.', and not begin with '.'",

@@ -11,12 +11,11 @@ use super::super::declaration::{self, Declaration};
 use super::super::failure::printable;
 use super::super::nearest::suggestion;
 use super::super::params::ParamValue;
-use super::{Answered, Builder, Call, Entry, describe, plain};
+use super::{Answered, Builder, Call, Natives, describe};
+use crate::api::Type;
 
-const CALLS: [Entry; 1] = [plain("params.declare", declare)];
+const CALLS: &Natives = &[("params.declare", declare)];
 
-/// What can be said of one parameter.
-const KEYS: [&str; 6] = ["default", "min", "max", "unit", "choices", "doc"];
 /// Parameters of one script, and choices of one parameter.
 const MAX_PARAMS: usize = 64;
 /// Bytes of a text.
@@ -24,12 +23,12 @@ const LONGEST: usize = 1000;
 /// Where the error for unknown names is kept.
 const STRICT: &str = "spykee.params";
 
-pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<(&'static str, LuaTable)> {
+pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     let shared = Rc::clone(builder.shared);
     let names = move |_: &Lua, _: &str| shared.borrow().declared.clone().unwrap_or_default();
     let strict = builder.strict_with("params", names)?;
     builder.lua.set_named_registry_value(STRICT, strict)?;
-    Ok(("params", builder.table(&CALLS)?))
+    builder.namespace("params", &[CALLS])
 }
 
 /// `params.declare{ speed = {default=40, min=10, max=100, unit="%", doc="..."} }` returns the values.
@@ -114,18 +113,16 @@ fn pairs(
     let mut pairs = Vec::new();
     let _ = table.for_each(|key: LuaValue, value: LuaValue| {
         pairs.push((key, value));
-        match pairs.len() > MAX_PARAMS {
-            true => Err(LuaError::runtime("enough")),
-            false => Ok(()),
+        if pairs.len() > MAX_PARAMS {
+            return Err(LuaError::runtime("enough"));
         }
+        Ok(())
     });
-    match pairs.len() > MAX_PARAMS {
-        true => {
-            let words = format!("{what} may have at most {MAX_PARAMS} entries");
-            Err(call.args.misuse(&words))
-        }
-        false => Ok(pairs),
+    if pairs.len() > MAX_PARAMS {
+        let words = format!("{what} may have at most {MAX_PARAMS} entries");
+        return Err(call.args.misuse(&words));
     }
+    Ok(pairs)
 }
 
 fn is_name(text: &str) -> bool {
@@ -188,15 +185,25 @@ impl One<'_> {
         Ok(())
     }
 
+    /// What can be said of one parameter.
+    fn keys(&self) -> Vec<&'static str> {
+        let row = self.call.args.function.parameters.first();
+        match row.map(|row| row.kind) {
+            Some(Type::Named(keys)) => keys.iter().map(|key| key.name).collect(),
+            _ => Vec::new(),
+        }
+    }
+
     fn check_keys(&self, table: &LuaTable) -> Result<(), Refusal> {
         for (key, _) in pairs(self.call, table, self.name)? {
             let text = match &key {
                 LuaValue::String(text) => printable(&text.to_string_lossy(), 40),
                 other => describe(other),
             };
-            if !KEYS.contains(&text.as_str()) {
-                let near = suggestion(&text, KEYS);
-                let known = KEYS.join(", ");
+            let keys = self.keys();
+            if !keys.contains(&text.as_str()) {
+                let near = suggestion(&text, keys.iter().copied());
+                let known = keys.join(", ");
                 return Err(self.wrong(&format!("unknown key '{text}'{near} (known: {known})")));
             }
         }

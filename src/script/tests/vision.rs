@@ -158,7 +158,7 @@ fn mistakes_are_answered_in_words() {
         ),
         (
             "vision.tracker{colour = 'red'}:update(5)",
-            "Tracker:update: the argument must be a frame, got 5",
+            "Tracker:update: frame must be a Frame, got 5",
         ),
         (
             "vision.motion{threshold = 300}",

@@ -1,0 +1,281 @@
+//! Walks a tree and says what cannot work: names that do not exist, calls that do not fit, loops
+//! that never wait. Whatever depends on more than the file tells is left to the run.
+
+mod calls;
+mod names;
+
+use super::Surroundings;
+use super::finding::{Finding, Severity};
+use super::kinds::{Kind, Kinds, of_type};
+use super::lexer::Span;
+use super::loops;
+use super::tree::{Block, Body, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
+use crate::api;
+
+pub(super) struct Walk<'a> {
+    pub(super) kinds: Kinds<'a>,
+    pub(super) surroundings: &'a Surroundings,
+    /// File and source.
+    text: (&'a str, &'a str),
+    findings: Vec<Finding>,
+}
+
+/// All that is wrong in a tree, in the order of the text.
+pub(super) fn walk<'a>(
+    tree: &'a Tree,
+    text: (&'a str, &'a str),
+    surroundings: &'a Surroundings,
+) -> Vec<Finding> {
+    walked(tree, text, surroundings).0
+}
+
+/// The same, with what is known of the names afterwards.
+pub(super) fn walked<'a>(
+    tree: &'a Tree,
+    text: (&'a str, &'a str),
+    surroundings: &'a Surroundings,
+) -> (Vec<Finding>, Kinds<'a>) {
+    let mut walk = Walk {
+        kinds: Kinds::new(tree, &surroundings.paths),
+        surroundings,
+        text,
+        findings: Vec::new(),
+    };
+    walk.block(&tree.block);
+    let mut findings = walk.findings;
+    findings.sort_by_key(|finding| (finding.line, finding.column));
+    findings.dedup();
+    (findings, walk.kinds)
+}
+
+impl<'a> Walk<'a> {
+    pub(super) fn error(&mut self, span: Span, message: impl Into<String>) -> &mut Finding {
+        self.note(span, Severity::Error, message)
+    }
+
+    pub(super) fn warning(&mut self, span: Span, message: impl Into<String>) -> &mut Finding {
+        self.note(span, Severity::Warning, message)
+    }
+
+    fn note(&mut self, span: Span, severity: Severity, message: impl Into<String>) -> &mut Finding {
+        let finding = Finding::new(self.text, span, severity, message);
+        self.findings.push(finding);
+        let last = self.findings.len() - 1;
+        &mut self.findings[last]
+    }
+
+    fn words(&self, span: Span) -> String {
+        crate::script::printable(span.of(self.text.1), 60)
+    }
+
+    // Statements -----------------------------------------------------------------------------
+
+    fn block(&mut self, block: &'a Block) {
+        for statement in block {
+            self.statement(statement);
+        }
+    }
+
+    fn statement(&mut self, statement: &'a Statement) {
+        use StatementKind as S;
+        match &statement.kind {
+            S::Local(ids, values) => {
+                self.exprs(values);
+                self.declare(ids, values);
+            }
+            S::LocalFunction(id, body) => {
+                self.hides(*id);
+                self.kinds.bind(*id, Kind::Function(Some(body)));
+                self.body(body);
+            }
+            S::Function(target, body) => {
+                self.target(target);
+                self.body(body);
+            }
+            S::Assign(targets, values) => {
+                targets.iter().for_each(|target| self.target(target));
+                self.exprs(values);
+            }
+            S::Compound(target, operator, value) => {
+                self.expr(target);
+                self.expr(value);
+                self.operands(operator, target, value);
+            }
+            S::Call(call) => {
+                self.expr(call);
+                self.unused(call);
+            }
+            S::While(condition, block) => {
+                self.expr(condition);
+                self.endless(statement, condition, block);
+                self.block(block);
+            }
+            S::Count(id, values, block) => {
+                self.exprs(values);
+                self.kinds.bind(*id, Kind::Number(None));
+                self.block(block);
+            }
+            S::Each(ids, values, block) => {
+                self.exprs(values);
+                self.each(ids, values);
+                self.block(block);
+            }
+            S::If(arms, otherwise) => {
+                for (condition, block) in arms {
+                    self.expr(condition);
+                    self.block(block);
+                }
+                otherwise.iter().for_each(|block| self.block(block));
+            }
+            S::Repeat(block, condition) => {
+                self.block(block);
+                self.expr(condition);
+            }
+            S::Return(values) => self.exprs(values),
+            S::Do(block) => self.block(block),
+            S::Leave | S::Type => {}
+        }
+    }
+
+    fn declare(&mut self, ids: &'a [LocalId], values: &'a [Expr]) {
+        for (at, id) in ids.iter().enumerate() {
+            self.hides(*id);
+            let kind = match (values.get(at), values.last()) {
+                (Some(value), _) if at + 1 < values.len() => self.kinds.of(value),
+                (_, Some(last))
+                    if matches!(last.kind, ExprKind::Call(..) | ExprKind::Method(..)) =>
+                {
+                    self.kinds.result(last, at + 1 - values.len().min(at + 1))
+                }
+                (Some(value), _) => self.kinds.of(value),
+                (None, Some(last)) if matches!(last.kind, ExprKind::Varargs) => Kind::Unknown,
+                (None, _) => Kind::Nothing,
+            };
+            // A table written out here may be filled later.
+            let kind = match kind {
+                Kind::Table(_) => Kind::Unknown,
+                kind => kind,
+            };
+            self.kinds.bind(*id, kind);
+        }
+    }
+
+    /// A local name that hides a namespace makes its calls unreachable.
+    fn hides(&mut self, id: LocalId) {
+        let tree = self.kinds.tree;
+        let local = &tree.locals[id.0];
+        let ours = !local.name.is_empty() && api::namespace(&local.name).is_some();
+        // `local params = params.declare{...}` is how it is meant.
+        let usual = local.name == "params";
+        if ours && !usual && self.kinds.namespace(&local.name) {
+            let message = format!(
+                "this variable hides {0}: from here on {0}.* cannot be called",
+                local.name
+            );
+            self.warning(local.span, message).help = Some("give it another name".to_owned());
+        }
+    }
+
+    fn each(&mut self, ids: &'a [LocalId], values: &'a [Expr]) {
+        let [one] = values else { return };
+        let list = match &one.kind {
+            ExprKind::Call(callee, arguments) if matches!(&callee.kind, ExprKind::Global(name) if name == "ipairs" || name == "pairs") => {
+                arguments
+                    .first()
+                    .map_or(Kind::Unknown, |list| self.kinds.of(list))
+            }
+            _ => self.kinds.of(one),
+        };
+        if let (Kind::List(of), [index, item, ..]) = (list, ids) {
+            self.kinds.bind(*index, Kind::Number(None));
+            self.kinds.bind(*item, of_type(of));
+        }
+    }
+
+    fn target(&mut self, target: &'a Expr) {
+        match &target.kind {
+            ExprKind::Global(_) | ExprKind::Local(_) => {}
+            ExprKind::Field(object, name, _) => {
+                self.expr(object);
+                if let Kind::Namespace(owner) = self.kinds.of(object) {
+                    let message = format!("{owner}.{name} cannot be set");
+                    self.error(target.span, message).help =
+                        Some("keep your own values in a local variable".to_owned());
+                }
+            }
+            _ => self.exprs(target.parts()),
+        }
+    }
+
+    fn unused(&mut self, call: &'a Expr) {
+        let function = match &call.kind {
+            ExprKind::Call(callee, _) => match self.kinds.of(callee) {
+                Kind::Native(function) => function,
+                _ => return,
+            },
+            ExprKind::Method(object, name, ..) => {
+                match self.kinds.method(self.kinds.of(object), name) {
+                    Some(function) => function,
+                    None => return,
+                }
+            }
+            _ => return,
+        };
+        if function.pure {
+            let message = format!(
+                "{} only answers, and nobody looks at the answer",
+                function.path
+            );
+            let result = function
+                .returns
+                .first()
+                .map_or("answer", |value| value.name);
+            self.warning(call.span, message).help = Some(format!(
+                "keep it: local {result} = {}",
+                self.words(call.span)
+            ));
+        }
+    }
+
+    fn endless(&mut self, statement: &'a Statement, condition: &'a Expr, block: &'a Block) {
+        if loops::always_true(condition) && !loops::may_pause(&self.kinds, block) {
+            let line_end = Span {
+                start: statement.span.start,
+                end: condition.span.end,
+            };
+            let message = "this loop never waits: the script would be ended after 0.1 s";
+            self.warning(line_end, message).help = Some("put task.wait(0.1) into it".to_owned());
+        }
+    }
+
+    // Expressions ------------------------------------------------------------------------------
+
+    fn exprs(&mut self, exprs: impl IntoIterator<Item = &'a Expr>) {
+        for expr in exprs {
+            self.expr(expr);
+        }
+    }
+
+    fn body(&mut self, body: &'a Body) {
+        self.block(&body.block);
+    }
+
+    fn expr(&mut self, expr: &'a Expr) {
+        match &expr.kind {
+            ExprKind::Global(name) => return self.global(name, expr.span),
+            ExprKind::Function(body) => return self.body(body),
+            ExprKind::Call(callee, arguments) => return self.called(expr, callee, arguments),
+            ExprKind::Method(object, name, at, arguments) => {
+                return self.method(expr, object, (name, *at), arguments);
+            }
+            ExprKind::Field(object, name, at) => {
+                self.expr(object);
+                return self.field(object, name, *at);
+            }
+            ExprKind::Item(list, index) => self.item(list, index, expr.span),
+            ExprKind::Binary(operator, left, right) => self.operands(operator, left, right),
+            _ => {}
+        }
+        self.exprs(expr.parts());
+    }
+}
