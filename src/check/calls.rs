@@ -87,6 +87,15 @@ impl<'a> Walk<'a> {
     /// One argument or option against what is defined.
     fn argument(&mut self, call: &str, value: &'static Value, argument: &'a Expr) {
         let kind = self.kinds.of(argument);
+        if let (Type::Function(_) | Type::Handler, Some(path)) =
+            (&value.kind, self.answered_by(argument))
+        {
+            let what = value.spoken();
+            let message = format!("{call}: {what} must be a function, got what {path} answers");
+            self.error(argument.span, message).help =
+                Some("without the () behind it the function itself is handed over, and called later; its arguments stand behind it".to_owned());
+            return;
+        }
         if matches!(kind, Kind::Nothing) {
             let call_without_result = matches!(
                 argument.bare().kind,
@@ -111,6 +120,19 @@ impl<'a> Walk<'a> {
             return;
         }
         self.fits(call, value, argument, kind);
+    }
+
+    /// The native that an argument calls, if what it gives is no function.
+    fn answered_by(&self, argument: &'a Expr) -> Option<&'static str> {
+        let ExprKind::Call(callee, _) = &argument.kind else {
+            return None;
+        };
+        let Kind::Native(function) = self.kinds.of(callee) else {
+            return None;
+        };
+        let first = function.returns.first()?;
+        let open = matches!(first.kind, Type::Any | Type::Function(_) | Type::Payload);
+        (!open).then_some(function.path)
     }
 
     fn fits(&mut self, call: &str, value: &'static Value, argument: &'a Expr, kind: Kind<'a>) {

@@ -3,8 +3,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::tree::{Block, Body, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
-use crate::api::{self, Function, Namespace, Object, Type};
+use super::tree::{Block, Body, Entry, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
+use crate::api::{self, Choice, Function, Namespace, Object, Type};
 
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Kind<'a> {
@@ -22,6 +22,8 @@ pub(super) enum Kind<'a> {
     /// What `require("@spykee/...")` gives.
     Module(&'static Namespace),
     Object(&'static Object),
+    /// What `params.declare` gives, of the table that is written out there.
+    Params(&'a Expr),
     List(&'static Type),
 }
 
@@ -36,7 +38,7 @@ impl Kind<'_> {
             Kind::Number(None) => "a number".to_owned(),
             Kind::Text(Some(text)) => format!("'{}'", crate::script::printable(text, 40)),
             Kind::Text(None) => "a text".to_owned(),
-            Kind::Table(_) => "a table".to_owned(),
+            Kind::Table(_) | Kind::Params(_) => "a table".to_owned(),
             Kind::Function(_) | Kind::Native(_) => "a function".to_owned(),
             Kind::Namespace(name) => format!("all of {name}"),
             Kind::Module(module) => format!("the module {}", module.name),
@@ -56,6 +58,8 @@ pub(super) struct Kinds<'a> {
     /// Fields that the script sets, of whatever.
     pub(super) fields: BTreeSet<&'a str>,
     pub(super) locals: BTreeMap<LocalId, Kind<'a>>,
+    /// Local variables whose text is one of a set of names.
+    choices: BTreeMap<LocalId, &'static Choice>,
 }
 
 impl<'a> Kinds<'a> {
@@ -66,13 +70,14 @@ impl<'a> Kinds<'a> {
             globals: BTreeSet::new(),
             fields: BTreeSet::new(),
             locals: BTreeMap::new(),
+            choices: BTreeMap::new(),
         };
         kinds.note_block(&tree.block);
         tree.each_expr(&mut |expr| match &expr.kind {
             ExprKind::Function(body) => kinds.note_block(&body.block),
             ExprKind::Table(entries) => {
                 for entry in entries {
-                    if let super::tree::Entry::Named(name, ..) = entry {
+                    if let Entry::Named(name, ..) = entry {
                         kinds.fields.insert(name);
                     }
                 }
@@ -95,9 +100,12 @@ impl<'a> Kinds<'a> {
     fn note(&mut self, statement: &'a Statement) {
         let targets: Vec<&Expr> = match &statement.kind {
             StatementKind::Assign(targets, _) => targets.iter().collect(),
-            StatementKind::Compound(target, ..) | StatementKind::Function(target, _) => {
-                vec![target]
-            }
+            StatementKind::Function(target, _) => vec![target],
+            // Changes what is there already.
+            StatementKind::Compound(target, ..) => match target.kind {
+                ExprKind::Field(..) => vec![target],
+                _ => Vec::new(),
+            },
             _ => Vec::new(),
         };
         for target in targets {
@@ -169,6 +177,16 @@ impl<'a> Kinds<'a> {
                 api::function(&path).map_or(Kind::Unknown, Kind::Native)
             }
             Kind::Module(module) => module.function(name).map_or(Kind::Unknown, Kind::Native),
+            Kind::Params(table) => {
+                let about = parameter(table, name).map(|about| &about.bare().kind);
+                let Some(ExprKind::Table(entries)) = about else {
+                    return Kind::Unknown;
+                };
+                match entries.iter().find_map(|entry| entry.named("default")) {
+                    Some(default) => self.of(default).of_any_value(),
+                    None => Kind::Unknown,
+                }
+            }
             Kind::Object(object) if object.strict || !self.fields.contains(name) => {
                 let field = object.fields.iter().find(|field| field.name == name);
                 field.map_or(Kind::Unknown, |field| of_type(&field.kind))
@@ -196,6 +214,7 @@ impl<'a> Kinds<'a> {
         match function.returns.get(number).map(|value| value.kind) {
             Some(Type::Payload) => self.payload(arguments),
             _ if function.path == "require" => self.module(arguments),
+            _ if function.path == "params.declare" => self.params(arguments),
             // Results that are left out make a call a missing argument of another.
             Some(_) if number == 0 && matches!(function.path, "robot.move" | "robot.drive") => {
                 Kind::Unknown
@@ -203,6 +222,49 @@ impl<'a> Kinds<'a> {
             Some(kind) => of_owned(kind),
             None if function.returns.is_empty() && function.rest.is_none() => Kind::Nothing,
             None => Kind::Unknown,
+        }
+    }
+
+    fn params(&self, arguments: &'a [Expr]) -> Kind<'a> {
+        let Some(Kind::Table(table)) = arguments.first().map(|table| self.of(table)) else {
+            return Kind::Unknown;
+        };
+        let names = parameters(table);
+        names.map_or(Kind::Unknown, |_| Kind::Params(table))
+    }
+
+    /// Notes that a local variable is a result of this number of a call, which may be one of a set of
+    /// names.
+    pub(super) fn bind_choice(&mut self, id: LocalId, call: &'a Expr, number: usize) {
+        let function = match &call.kind {
+            ExprKind::Call(callee, _) => match self.of(callee) {
+                Kind::Native(function) => function,
+                _ => return,
+            },
+            _ => return,
+        };
+        if let Some(Type::Choice(choice)) = function.returns.get(number).map(|one| one.kind)
+            && !self.tree.locals[id.0].changes
+        {
+            self.choices.insert(id, choice);
+        }
+    }
+
+    /// The set of names that the text of an expression is one of.
+    pub(super) fn choice(&self, expr: &'a Expr) -> Option<&'static Choice> {
+        match &expr.bare().kind {
+            ExprKind::Local(id) => self.choices.get(id).copied(),
+            ExprKind::Field(object, name, _) => {
+                let Kind::Object(object) = self.of(object) else {
+                    return None;
+                };
+                let field = object.fields.iter().find(|field| field.name == name)?;
+                match field.kind {
+                    Type::Choice(choice) => Some(choice),
+                    _ => None,
+                }
+            }
+            _ => None,
         }
     }
 
@@ -257,6 +319,38 @@ impl<'a> Kinds<'a> {
             },
         }
     }
+}
+
+impl Kind<'_> {
+    /// The kind without its value.
+    fn of_any_value(self) -> Self {
+        match self {
+            Kind::Number(_) => Kind::Number(None),
+            Kind::Text(_) => Kind::Text(None),
+            Kind::Boolean => Kind::Boolean,
+            _ => Kind::Unknown,
+        }
+    }
+}
+
+/// The names in a table that is written out, if all of them are.
+pub(super) fn parameters(table: &Expr) -> Option<Vec<&str>> {
+    let ExprKind::Table(entries) = &table.kind else {
+        return None;
+    };
+    let names = entries.iter().map(|entry| match entry {
+        Entry::Named(name, ..) => Some(name.as_str()),
+        _ => None,
+    });
+    names.collect()
+}
+
+/// What stands behind a name in such a table.
+fn parameter<'a>(table: &'a Expr, name: &str) -> Option<&'a Expr> {
+    let ExprKind::Table(entries) = &table.kind else {
+        return None;
+    };
+    entries.iter().find_map(|entry| entry.named(name))
 }
 
 fn computed(operator: &str, a: f64, b: f64) -> Option<f64> {

@@ -20,7 +20,11 @@ pub(super) fn refused(
         let Entry::Named(name, _, about) = entry else {
             return None;
         };
-        declared.insert(name.clone(), declaration(kinds, about)?);
+        let declaration = declaration(kinds, about)?;
+        if let Err(wrong) = declaration.check() {
+            return Some(format!("params.declare: {name}: {wrong}"));
+        }
+        declared.insert(name.clone(), declaration);
     }
     settle(&declared, given).err()
 }

@@ -128,6 +128,14 @@ impl Expr {
 }
 
 impl Entry {
+    /// What stands behind this name, if the entry has it.
+    pub(super) fn named(&self, key: &str) -> Option<&Expr> {
+        match self {
+            Entry::Named(name, _, value) if name == key => Some(value),
+            _ => None,
+        }
+    }
+
     pub(super) fn value(&self) -> &Expr {
         match self {
             Entry::Item(value) | Entry::Named(_, _, value) | Entry::Keyed(_, value) => value,

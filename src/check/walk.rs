@@ -106,7 +106,7 @@ impl<'a> Walk<'a> {
                 self.unused(call);
             }
             S::While(condition, block) => {
-                self.expr(condition);
+                self.condition(condition);
                 self.endless(statement, condition, block);
                 self.block(block);
             }
@@ -122,14 +122,14 @@ impl<'a> Walk<'a> {
             }
             S::If(arms, otherwise) => {
                 for (condition, block) in arms {
-                    self.expr(condition);
+                    self.condition(condition);
                     self.block(block);
                 }
                 otherwise.iter().for_each(|block| self.block(block));
             }
             S::Repeat(block, condition) => {
                 self.block(block);
-                self.expr(condition);
+                self.condition(condition);
             }
             S::Return(values) => self.exprs(values),
             S::Do(block) => self.block(block),
@@ -145,7 +145,9 @@ impl<'a> Walk<'a> {
                 (_, Some(last))
                     if matches!(last.kind, ExprKind::Call(..) | ExprKind::Method(..)) =>
                 {
-                    self.kinds.result(last, at + 1 - values.len().min(at + 1))
+                    let number = at + 1 - values.len().min(at + 1);
+                    self.kinds.bind_choice(*id, last, number);
+                    self.kinds.result(last, number)
                 }
                 (Some(value), _) => self.kinds.of(value),
                 (None, Some(last)) if matches!(last.kind, ExprKind::Varargs) => Kind::Unknown,
@@ -204,6 +206,30 @@ impl<'a> Walk<'a> {
                 }
             }
             _ => self.exprs(target.parts()),
+        }
+    }
+
+    /// A function in the place of a condition is true, whatever it would answer.
+    fn condition(&mut self, condition: &'a Expr) {
+        self.expr(condition);
+        let mut parts = vec![condition];
+        while let Some(part) = parts.pop() {
+            match &part.bare().kind {
+                ExprKind::Binary(operator, left, right)
+                    if operator == "and" || operator == "or" =>
+                {
+                    parts.extend([&**left, &**right]);
+                }
+                ExprKind::Unary(operator, operand) if operator == "not" => parts.push(operand),
+                _ => {
+                    if let Kind::Native(function) = self.kinds.of(part) {
+                        let path = function.path;
+                        let message = format!("{path} is a function here, which is always true");
+                        self.warning(part.span, message).help =
+                            Some(format!("call it: {}", function.call()));
+                    }
+                }
+            }
         }
     }
 

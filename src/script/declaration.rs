@@ -40,6 +40,27 @@ impl Declaration {
         }
     }
 
+    /// What is said must make sense for the default's type, and hold for the default itself.
+    pub(crate) fn check(&self) -> Result<(), String> {
+        let is_number = matches!(self.default, ParamValue::Number(_));
+        let is_text = matches!(self.default, ParamValue::Text(_));
+        if !is_number && (self.min.is_some() || self.max.is_some()) {
+            return Err("min and max are for numbers only".to_owned());
+        }
+        if !is_text && !self.choices.is_empty() {
+            return Err("choices are for texts only".to_owned());
+        }
+        if let (Some(min), Some(max)) = (self.min, self.max)
+            && min > max
+        {
+            return Err(format!("min {min} is above max {max}"));
+        }
+        if !self.allows(&self.default) {
+            return Err(format!("default must be {}", self.expected()));
+        }
+        Ok(())
+    }
+
     /// Whether a value has the right type and lies within the bounds.
     pub(crate) fn allows(&self, value: &ParamValue) -> bool {
         match (&self.default, value) {

@@ -58,7 +58,7 @@ use events::EventName;
 use state::State;
 use task::{Answer, Kind};
 
-pub(crate) use api::write_privately;
+pub(crate) use api::{PICTURE_NAMES, picture_name, write_privately};
 pub(crate) use budget::only_simulated;
 pub(crate) use declaration::{Declaration, settle};
 pub use eval::Evaluated;

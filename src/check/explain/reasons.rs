@@ -18,6 +18,7 @@ impl<'a> Scene<'a> {
                 (
                     Kind::Namespace(_)
                     | Kind::Module(_)
+                    | Kind::Params(_)
                     | Kind::Native(_)
                     | Kind::Function(_)
                     | Kind::Table(_),
@@ -51,6 +52,7 @@ impl<'a> Scene<'a> {
                     | Kind::Unknown
                     | Kind::Namespace(_)
                     | Kind::Module(_)
+                    | Kind::Params(_)
             ),
             "function" => matches!(kind, Kind::Function(_) | Kind::Native(_) | Kind::Unknown),
             _ => matches!(kind, Kind::Unknown | Kind::Object(_)),

@@ -7,6 +7,12 @@ use super::super::parameters;
 use super::super::tree::{Expr, ExprKind};
 use super::Walk;
 use crate::api::{self, Function, Type};
+use crate::script::{PICTURE_NAMES, picture_name, suggestion};
+
+/// Two turns and a bit: more is hardly meant in radians.
+const MOST_RADIANS: f64 = 13.0;
+/// More than a room is long.
+const MOST_METRES: f64 = 20.0;
 
 impl<'a> Walk<'a> {
     pub(super) fn called(&mut self, call: &'a Expr, callee: &'a Expr, arguments: &'a [Expr]) {
@@ -64,17 +70,49 @@ impl<'a> Walk<'a> {
 
     /// Calls whose arguments depend on what is around the script.
     pub(super) fn special(&mut self, function: &'static Function, arguments: &'a [Expr]) {
-        let [argument] = arguments else { return };
+        self.units(function, arguments);
+        let [.., argument] = arguments else { return };
         let wrong = match (function.path, self.kinds.of(argument)) {
             ("require", Kind::Text(Some(path))) => self.surroundings.missing_module(path),
             ("params.declare", Kind::Table(table)) => {
                 parameters::refused(&self.kinds, table, &self.surroundings.params)
+            }
+            ("Frame:save", Kind::Text(Some(name))) if picture_name(name).is_none() => {
+                Some(format!("Frame:save: {PICTURE_NAMES}"))
+            }
+            ("store.set", Kind::Function(_) | Kind::Native(_)) if arguments.len() == 2 => {
+                Some("store.set: a function cannot be kept".to_owned())
             }
             _ => None,
         };
         if let Some(wrong) = wrong {
             self.error(argument.span, wrong);
         }
+    }
+
+    /// Numbers that are hardly meant in the unit of their row.
+    fn units(&mut self, function: &'static Function, arguments: &'a [Expr]) {
+        let Some(first) = arguments.first() else {
+            return;
+        };
+        let Kind::Number(Some(number)) = self.kinds.of(first) else {
+            return;
+        };
+        let (message, help) = match function.path {
+            "robot.turn" if number.abs() > MOST_RADIANS => {
+                let turns = number.abs() / std::f64::consts::TAU;
+                (
+                    format!("robot.turn takes radians: {number} are {turns:.0} turns"),
+                    format!("for degrees, write robot.turn(math.rad({number}))"),
+                )
+            }
+            "robot.forward" if number.abs() > MOST_METRES => (
+                format!("robot.forward takes metres: {number} of them are a long way"),
+                "to drive for a time, write robot.move(40, 40, seconds)".to_owned(),
+            ),
+            _ => return,
+        };
+        self.warning(first.span, message).help = Some(help);
     }
 
     /// What the parameter of a function that is written out here is: an event's payload, or the
@@ -127,11 +165,14 @@ impl<'a> Walk<'a> {
                 }
             }
             Kind::Object(of) => match of.method(name) {
-                Some(function) => self.call(Site {
-                    function,
-                    arguments,
-                    span: call.span,
-                }),
+                Some(function) => {
+                    self.call(Site {
+                        function,
+                        arguments,
+                        span: call.span,
+                    });
+                    self.special(function, arguments);
+                }
                 None if of.fields.iter().any(|field| field.name == name) => {
                     let words = self.words(object.span);
                     let message = format!("'{name}' is data, not a function: write {words}.{name}");
@@ -166,6 +207,10 @@ impl<'a> Walk<'a> {
             );
             let message = "`not` belongs to the left side alone here, so this compares true or false with something else";
             self.warning(left.span.to(right.span), message).help = Some(help);
+        }
+        if matches!(operator, "==" | "~=") {
+            self.one_of_names(left, right);
+            self.one_of_names(right, left);
         }
         if !(compares || counts || operator == "..") {
             return;
@@ -207,6 +252,23 @@ impl<'a> Walk<'a> {
             )
             .help = Some("tonumber(text) makes a number of a text".to_owned());
         }
+    }
+
+    /// A text that a name of a set is compared with, and that is none of them.
+    fn one_of_names(&mut self, named: &'a Expr, text: &'a Expr) {
+        let (Some(choice), Kind::Text(Some(said))) =
+            (self.kinds.choice(named), self.kinds.of(text))
+        else {
+            return;
+        };
+        let names = (choice.names)();
+        if names.contains(&said) {
+            return;
+        }
+        let near = suggestion(said, names.iter().copied());
+        let words = crate::script::printable(said, 40);
+        let message = format!("no {} is called '{words}'{near}", choice.what);
+        self.warning(text.span, message).help = Some(format!("known: {}", names.join(", ")));
     }
 
     pub(super) fn got_words(&self, side: &Expr, kind: Kind<'a>) -> Option<String> {

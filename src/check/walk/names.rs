@@ -1,7 +1,7 @@
 //! Names and fields that do not exist.
 
 use super::super::foreign;
-use super::super::kinds::Kind;
+use super::super::kinds::{Kind, parameters};
 use super::super::lexer::Span;
 use super::super::tree::Expr;
 use super::Walk;
@@ -59,6 +59,14 @@ impl<'a> Walk<'a> {
             }
             Kind::Module(module) if module.function(name).is_none() => {
                 self.unknown_field(module.name, name, at);
+            }
+            Kind::Params(table) => {
+                let known = parameters(table).unwrap_or_default();
+                if !known.contains(&name) {
+                    let near = suggestion(name, known.iter().copied());
+                    let message = format!("params.{name} does not exist{near}");
+                    self.error(at, message).help = Some(format!("declared: {}", known.join(", ")));
+                }
             }
             Kind::Object(of) => self.member(of, name, at),
             Kind::List(_) if !self.kinds.fields.contains(name) => {

@@ -69,9 +69,13 @@ impl Album {
     }
 }
 
+/// What names of pictures look like.
+pub(crate) const NAMES: &str =
+    "the name may have letters, digits, '-', '_' and '.', and not begin with '.'";
+
 /// The file's name, `.jpg` behind it unless it has an ending; `None` if it could leave the folder or
 /// trouble a shell.
-pub(super) fn file_name(name: &str) -> Option<String> {
+pub(crate) fn file_name(name: &str) -> Option<String> {
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     if name.is_empty() || name.starts_with(['.', '-']) || !name.chars().all(plain) {
         return None;

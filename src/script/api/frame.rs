@@ -124,9 +124,7 @@ fn save(call: &mut Call<'_>) -> Answered {
     let held = subject(call)?;
     let name = call.args.get::<String>(0)?;
     let Some(name) = album::file_name(&name) else {
-        return Err(call.args.misuse(
-            "the name may have letters, digits, '-', '_' and '.', and not begin with '.'",
-        ));
+        return Err(call.args.misuse(album::NAMES));
     };
     match call.state.album.save(&name, &held.frame.jpeg) {
         Ok(path) => call.reply(path.to_string_lossy().into_owned()),

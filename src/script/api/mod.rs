@@ -45,7 +45,7 @@ use crate::wire::Stream;
 use builder::Builder;
 
 pub(super) use album::Album;
-pub(crate) use album::write_privately;
+pub(crate) use album::{NAMES as PICTURE_NAMES, file_name as picture_name, write_privately};
 pub(super) use answer::resume_values;
 pub(super) use builder::{every_path, of_row};
 pub(super) use frame::{HeldFrame, to_lua as frame_to_lua};

@@ -159,30 +159,8 @@ impl One<'_> {
             default,
         };
         self.text(table, "doc")?;
-        self.check(&declaration)?;
+        declaration.check().map_err(|words| self.wrong(&words))?;
         Ok(declaration)
-    }
-
-    /// What is said must make sense for the default's type, and hold for the default itself.
-    fn check(&self, declaration: &Declaration) -> Result<(), Refusal> {
-        let is_number = matches!(declaration.default, ParamValue::Number(_));
-        let is_text = matches!(declaration.default, ParamValue::Text(_));
-        if !is_number && (declaration.min.is_some() || declaration.max.is_some()) {
-            return Err(self.wrong("min and max are for numbers only"));
-        }
-        if !is_text && !declaration.choices.is_empty() {
-            return Err(self.wrong("choices are for texts only"));
-        }
-        if let (Some(min), Some(max)) = (declaration.min, declaration.max)
-            && min > max
-        {
-            return Err(self.wrong(&format!("min {min} is above max {max}")));
-        }
-        if !declaration.allows(&declaration.default) {
-            let expected = declaration.expected();
-            return Err(self.wrong(&format!("default must be {expected}")));
-        }
-        Ok(())
     }
 
     /// What can be said of one parameter.
