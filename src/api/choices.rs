@@ -1,6 +1,5 @@
 //! Sets of names that arguments and results are taken from.
 
-use super::events::EVENTS;
 use super::terms::Choice;
 use crate::robot::{DockEnd, MotionEnd, SafetyAction};
 use crate::vision::Colour;
@@ -24,19 +23,13 @@ pub(super) const STREAM: &Choice = &Choice {
     names: || Stream::ALL.iter().map(|one| one.name()).collect(),
 };
 
-pub(super) const EVENT: &Choice = &Choice {
-    name: "EventName",
-    what: "event",
-    names: || EVENTS.iter().map(|event| event.name).collect(),
-};
-
 pub(super) const QUEUE: &Choice = &Choice {
     name: "Queue",
     what: "queue",
     names: || vec!["latest", "all"],
 };
 
-const COLOUR_NAME: &Choice = &Choice {
+pub(super) const COLOUR_NAME: &Choice = &Choice {
     name: "ColourName",
     what: "colour",
     names: || Colour::NAMES.to_vec(),
@@ -65,16 +58,3 @@ pub(super) const TASK_STATUS: &Choice = &Choice {
     what: "status",
     names: || vec!["running", "done", "failed", "cancelled"],
 };
-
-pub(super) const CHOICES: [&Choice; 10] = [
-    LIGHT,
-    SOUND,
-    STREAM,
-    EVENT,
-    QUEUE,
-    COLOUR_NAME,
-    MOTION_CODE,
-    DOCK_CODE,
-    SAFETY_ACTION,
-    TASK_STATUS,
-];

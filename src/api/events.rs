@@ -4,7 +4,7 @@ use super::frame::FRAME;
 use super::tables::{
     AUDIO, BATTERY, CHARGING, CONNECTED, DISCONNECTED, ENGINE, LOAN, NOISE, SAFETY,
 };
-use super::terms::Event;
+use super::terms::{Choice, Event};
 use crate::wire::Stream;
 
 /// Declares the events: the runtime's name, the row.
@@ -51,6 +51,12 @@ events! {
     Loan: "loan", Some(&LOAN), "The watchdog lends this behaviour the tracks of a robot with a low battery. Only the rescue behaviour of the config hears of it.";
     Engine: "engine", Some(&ENGINE), "The robot has sent an engine code that is not documented.";
 }
+
+pub(super) const EVENT: &Choice = &Choice {
+    name: "EventName",
+    what: "event",
+    names: || EVENTS.iter().map(|event| event.name).collect(),
+};
 
 impl EventName {
     /// The event of this name.

@@ -31,7 +31,7 @@ pub use events::EventName;
 pub use frame::PIXELS;
 pub use luau::{luau, module_stub};
 pub use markdown::markdown;
-pub use page::{known, list, page};
+pub use page::{known, list, page, titles};
 pub use robot::LONGEST_DRIVE;
 pub use terms::{
     Choice, Constant, Event, Function, Literal, Namespace, Need, Object, Place, Type, Value,
@@ -99,7 +99,23 @@ pub fn events() -> impl Iterator<Item = &'static Event> {
 
 /// Every set of names that arguments and results are taken from.
 pub fn choices() -> impl Iterator<Item = &'static Choice> {
-    choices::CHOICES.into_iter()
+    use choices::{
+        COLOUR_NAME, DOCK_CODE, LIGHT, MOTION_CODE, QUEUE, SAFETY_ACTION, SOUND, STREAM,
+        TASK_STATUS,
+    };
+    const ALL: [&Choice; 10] = [
+        LIGHT,
+        SOUND,
+        STREAM,
+        events::EVENT,
+        QUEUE,
+        COLOUR_NAME,
+        MOTION_CODE,
+        DOCK_CODE,
+        SAFETY_ACTION,
+        TASK_STATUS,
+    ];
+    ALL.into_iter()
 }
 
 /// Every function that needs no object and no `require`.

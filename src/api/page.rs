@@ -41,8 +41,15 @@ pub fn page(name: &str) -> Option<String> {
     (!pages.is_empty()).then(|| pages.join("\n"))
 }
 
-/// Every name that [`page`] knows, but for the short ones.
+/// Every name that [`page`] knows.
 pub fn known() -> Vec<String> {
+    let mut known: Vec<String> = titles().into_iter().map(str::to_owned).collect();
+    known.extend(objects_fields());
+    known
+}
+
+/// The same without the fields of objects.
+pub fn titles() -> Vec<&'static str> {
     let functions = all_functions().map(|one| one.path);
     let constants = constants().map(|one| one.path);
     let namespaces = namespaces().chain(modules()).map(|one| one.name);
@@ -50,15 +57,11 @@ pub fn known() -> Vec<String> {
     let events = events().map(|one| one.name);
     let lists = ["events", "objects", "modules"];
     let names = functions.chain(constants).chain(namespaces).chain(objects);
-    let names = names
-        .chain(events)
-        .chain(lists)
-        .filter(|name| !name.is_empty());
-    let mut known: Vec<String> = names.map(str::to_owned).collect();
-    known.extend(objects_fields());
-    known.sort();
-    known.dedup();
-    known
+    let names = names.chain(events).chain(lists);
+    let mut titles: Vec<_> = names.filter(|name| !name.is_empty()).collect();
+    titles.sort_unstable();
+    titles.dedup();
+    titles
 }
 
 /// A line for each function, constant, object, module and event.
@@ -66,6 +69,10 @@ pub fn list() -> String {
     let mut text = String::new();
     for namespace in namespaces() {
         text += &lines(namespace);
+        text.push('\n');
+    }
+    for object in objects().filter(|object| !object.methods.is_empty()) {
+        text.extend(object.methods.iter().map(|one| line(&one.call(), one.doc)));
         text.push('\n');
     }
     for (title, list) in lists() {

@@ -1,7 +1,8 @@
 //! `robot.*`, and what it gives.
 
 use super::bounds::{Bounds, SECONDS};
-use super::choices::{DOCK_CODE, EVENT, LIGHT, MOTION_CODE, QUEUE, SOUND, STREAM};
+use super::choices::{DOCK_CODE, LIGHT, MOTION_CODE, QUEUE, SOUND, STREAM};
+use super::events::EVENT;
 use super::frame::FRAME;
 use super::tables::{BATTERY, DOCK_INFO, INFO};
 use super::task::TASK;

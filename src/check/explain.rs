@@ -47,9 +47,10 @@ pub fn explain(text: &str, chunk: &str, source: &str) -> Option<String> {
         help: String::new(),
     });
     // The caret stands on the line that the VM tells, whatever stands around it.
-    let at = match remark.at.start >= whole.start && remark.at.start <= whole.end {
-        true => remark.at,
-        false => whole,
+    let at = if remark.at.start >= whole.start && remark.at.start <= whole.end {
+        remark.at
+    } else {
+        whole
     };
     let finding = Finding::new((chunk, source), at, Severity::Error, "").help(remark.help);
     Some(format!(

@@ -5,7 +5,6 @@
 //! is never complained about: what the file alone cannot tell is left to the run. The work is
 //! bounded whatever the file holds, and nothing of it runs.
 
-mod calls;
 mod explain;
 mod finding;
 mod foreign;

@@ -1,6 +1,7 @@
 //! Walks a tree and says what cannot work: names that do not exist, calls that do not fit, loops
 //! that never wait. Whatever depends on more than the file tells is left to the run.
 
+mod arguments;
 mod calls;
 mod names;
 

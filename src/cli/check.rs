@@ -45,12 +45,13 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
         examiner.behaviour(&source, &options);
     }
     let (count, findings) = (examiner.count(), examiner.findings);
-    let text = match args.json {
-        true => format!(
+    let text = if args.json {
+        format!(
             "{}\n",
             serde_json::to_string_pretty(&findings).map_err(Failure::usage)?
-        ),
-        false => report(&findings, count),
+        )
+    } else {
+        report(&findings, count)
     };
     print(&text)?;
     Ok(if has_errors(&findings) {
@@ -103,10 +104,11 @@ pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<
         console.say("WARN", &warning.text());
     }
     let texts: Vec<_> = errors.iter().map(Finding::text).collect();
-    match texts.is_empty() {
-        true => Ok(()),
-        false => Err(Failure::new(Exit::Check, texts.join("\n\nerror: "))
-            .help("nothing was run; --no-check runs it all the same")),
+    if texts.is_empty() {
+        Ok(())
+    } else {
+        Err(Failure::new(Exit::Check, texts.join("\n\nerror: "))
+            .help("nothing was run; --no-check runs it all the same"))
     }
 }
 
@@ -170,9 +172,12 @@ fn report(findings: &[Finding], files: usize) -> String {
 
 /// Findings for people, a blank line between two.
 fn shown(findings: &[Finding], colours: bool) -> String {
-    let one = |finding: &Finding| match colours {
-        true => coloured(finding),
-        false => finding.to_string(),
+    let one = |finding: &Finding| {
+        if colours {
+            coloured(finding)
+        } else {
+            finding.to_string()
+        }
     };
     findings
         .iter()

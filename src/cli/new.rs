@@ -80,9 +80,10 @@ fn parse_name(text: &str) -> Result<String, String> {
 /// # Errors
 /// If it is there or cannot be made.
 pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
-    let folder = match args.into.as_os_str() == "." {
-        true => PathBuf::from(&args.name),
-        false => args.into.join(&args.name),
+    let folder = if args.into.as_os_str() == "." {
+        PathBuf::from(&args.name)
+    } else {
+        args.into.join(&args.name)
     };
     let shown = folder.display();
     fs::create_dir_all(&args.into).map_err(|error| {

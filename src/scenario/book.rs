@@ -196,12 +196,13 @@ impl Book {
             }
         }
         let found = stage.found.take();
-        match found.is_empty() {
-            true => invalid(format!(
+        if found.is_empty() {
+            invalid(format!(
                 "{shown}: there is no scenario in it, such as\n\
                  scenario(\"hits nothing\", {{ limit = 60 }}, function(sim) ... end)"
-            )),
-            false => Ok(found),
+            ))
+        } else {
+            Ok(found)
         }
     }
 }
@@ -223,7 +224,7 @@ impl Stage for Declaring {
         let given = Arguments(arguments);
         let name = given.text(0).unwrap_or_default();
         if name.trim().is_empty() {
-            return Err("the name is empty".to_owned());
+            return Err("the name must have 1 to 200 bytes".to_owned());
         }
         let options = Options::of(given.value(1));
         load_world(options.world.as_deref(), self.folder.as_deref())?;

@@ -100,11 +100,12 @@ impl Cast {
 fn refuse_mistakes(source: &[u8], options: &script::Options) -> Result<(), String> {
     let errors = check::errors(source, options);
     let errors: Vec<String> = errors.iter().map(Finding::text).collect();
-    match errors.is_empty() {
-        true => Ok(()),
-        false => Err(format!(
+    if errors.is_empty() {
+        Ok(())
+    } else {
+        Err(format!(
             "the behaviour cannot work:\n{}",
             errors.join("\n\n")
-        )),
+        ))
     }
 }

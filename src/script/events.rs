@@ -4,16 +4,13 @@ use std::collections::{BTreeMap, VecDeque};
 use std::rc::Rc;
 use std::time::Duration;
 
-use mlua::prelude::{Lua, LuaFunction, LuaResult, LuaTable, LuaValue};
+use mlua::prelude::LuaFunction;
 use tokio::time::Instant;
 
-use super::api::{HeldFrame, frame_to_lua, of_row};
-use super::queue::Timer;
-use super::sound;
-use super::task::{SubscriptionId, TaskId};
-use crate::api;
+use super::held::HeldFrame;
+use super::ids::{SubscriptionId, TaskId, Timer};
 pub(super) use crate::api::EventName;
-use crate::robot::{Battery, Event};
+use crate::robot::Event;
 
 /// Subscriptions that may exist at once.
 pub(super) const MAX_SUBSCRIPTIONS: usize = 64;
@@ -58,63 +55,6 @@ pub(super) enum Payload {
     Event(Rc<Event>),
     Frame(Rc<HeldFrame>),
     Noise { dbfs: f64 },
-}
-
-impl Payload {
-    /// The table of `API.md`, *Events*; an empty one where the event carries nothing.
-    pub(super) fn to_lua(&self, lua: &Lua) -> LuaResult<LuaValue> {
-        let event = match self {
-            Payload::Frame(held) => return frame_to_lua(lua, held),
-            Payload::Noise { dbfs } => {
-                let table = lua.create_table_with_capacity(0, 1)?;
-                table.raw_set("dbfs", *dbfs)?;
-                return Ok(LuaValue::Table(of_row("Noise", table)));
-            }
-            Payload::Event(event) => event,
-        };
-        let table = event_table(lua, event)?;
-        let row = EventName::of(event).and_then(|name| api::event(name.name()));
-        let payload = row.and_then(|row| row.payload);
-        let table = match payload {
-            Some(object) => of_row(object.name, table),
-            None => table,
-        };
-        Ok(LuaValue::Table(table))
-    }
-}
-
-fn event_table(lua: &Lua, event: &Event) -> LuaResult<LuaTable> {
-    let table = lua.create_table()?;
-    match event {
-        Event::Connected { info, .. } => table.raw_set("address", info.address.as_str())?,
-        Event::Disconnected { reason } => table.raw_set("reason", reason.as_str())?,
-        Event::Battery(battery) | Event::BatteryLow(battery) | Event::BatteryOk(battery) => {
-            return battery_table(lua, *battery, Duration::ZERO);
-        }
-        Event::Charging { on } => table.raw_set("on", *on)?,
-        Event::Audio(samples) => return sound::to_lua(lua, samples),
-        Event::Safety { action, reason } => {
-            table.raw_set("action", action.name())?;
-            table.raw_set("reason", reason.as_str())?;
-        }
-        Event::Loan { seconds, power } => {
-            table.raw_set("seconds", seconds.as_secs_f64())?;
-            table.raw_set("power", power.get())?;
-        }
-        Event::Engine { code } => table.raw_set("code", *code)?,
-        _ => {}
-    }
-    Ok(table)
-}
-
-/// What `robot.battery()` answers.
-pub(super) fn battery_table(lua: &Lua, battery: Battery, age: Duration) -> LuaResult<LuaTable> {
-    let table = lua.create_table_with_capacity(0, 4)?;
-    table.raw_set("percent", battery.percent.get())?;
-    table.raw_set("charging", battery.charging)?;
-    table.raw_set("age", age.as_secs_f64())?;
-    table.raw_set("minutes_left", battery.minutes_left)?;
-    Ok(of_row("Battery", table))
 }
 
 /// One `robot.on` or `robot.once`.

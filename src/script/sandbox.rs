@@ -10,20 +10,11 @@ use mlua::prelude::{Lua, LuaFunction, LuaLightUserData, LuaResult, LuaTable, Lua
 use mlua::state::{GcIncParams, GcMode};
 use mlua::{LuaOptions, StdLib};
 
-use super::failure::{Failure, Trouble};
+use super::failure::{Failure, PRELUDE, Trouble};
 use super::{interrupt, nearest};
 
 /// The largest source, in bytes: the compiler's time and memory are outside the VM's limits.
 pub const MAX_SOURCE: usize = 256 * 1024;
-
-/// The prelude's name in stack frames.
-pub(super) const PRELUDE: &str = "spykee";
-
-/// Whether a stack frame is not the script's own: the prelude's, of the VM's binding, or of a module
-/// that comes with the runtime.
-pub(super) fn is_ours(source: &str) -> bool {
-    source == PRELUDE || source.starts_with("__mlua") || source.starts_with("@spykee/")
-}
 
 /// The most work of one pattern search: length of the text times length of the pattern.
 const MOST_WORK: u32 = 1 << 24;

@@ -1,33 +1,31 @@
 //! Everything that a script's natives and its scheduler share.
 
-use std::cell::Cell;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::time::Duration;
 
-use mlua::prelude::LuaFunction;
 use tokio::time::Instant;
 
-use super::api::{Album, HeldFrame};
-use super::ending::Life;
-use super::events::{EventName, Payload, Subscriptions, is_round};
+use super::album::Album;
+use super::complaints::{Complaints, Telling};
+use super::events::{EventName, Payload, Subscriptions};
 use super::group::Group;
+use super::held::HeldFrame;
+use super::life::{Exit, Life};
 use super::modules::Modules;
 use super::motion::{Motion, Owner};
 use super::options::Options;
 use super::output::{Level, LogLine, Outbox};
 use super::queue::Tasks;
-use super::sighting::{Seen, Sighting, Witness};
+use super::sight::Sight;
+use super::sighting::{Seen, Sighting};
 use super::sound::Loudness;
 use super::stage::Stage;
 use super::store::Store;
 use super::task::{Answer, GroupId, Kind, SubscriptionId, Wait};
 use crate::robot::{Battery, Event, Frame, Intent, RobotInfo};
-use crate::vision::{Damage, Eyes, FrameError, judge};
+use crate::vision::{FrameError, judge};
 use crate::wire::Stream;
-
-/// Places whose complaints are counted; those of further places are logged each time.
-const MAX_PLACES: usize = 256;
 
 /// What the script knows of the robot, from the events it was told.
 #[derive(Debug, Default)]
@@ -59,10 +57,6 @@ impl Known {
     }
 }
 
-/// Puts the VM's text of a failure, such as `a.lua:3: attempt to index nil`, into words: the text,
-/// the file, its source. `None` if it is not of this file, or has nothing to add.
-pub type Explain = fn(text: &str, chunk: &str, source: &str) -> Option<String>;
-
 /// What a script has used.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Usage {
@@ -74,12 +68,19 @@ pub struct Usage {
     pub memory_bytes: u64,
 }
 
+/// What the script has declared with `params.declare`.
+#[derive(Default)]
+pub(super) struct Declared {
+    /// The names, once it was called.
+    pub(super) names: Option<Vec<String>>,
+    /// What is wrong with the values that were given to it.
+    pub(super) refused: Option<String>,
+}
+
 /// Everything that natives and scheduler share.
 pub(super) struct State {
     pub(super) options: Options,
-    pub(super) explain: Option<Explain>,
-    /// The script's text, to show its lines in messages.
-    pub(super) source: String,
+    pub(super) complaints: Complaints,
     /// Typed lines so far.
     pub(super) inputs: u64,
     pub(super) start: Instant,
@@ -90,50 +91,32 @@ pub(super) struct State {
     pub(super) known: Known,
     pub(super) motion: Motion,
     pub(super) streams: Vec<Stream>,
-    pub(super) newest: Option<Rc<HeldFrame>>,
-    /// JPEG bytes of all frames that anyone holds.
-    pub(super) frame_bytes: Rc<Cell<u64>>,
-    pub(super) eyes: Eyes,
-    /// Trackers and motion detectors that live.
-    pub(super) watchers: Rc<Cell<u32>>,
+    pub(super) sight: Sight,
     pub(super) album: Album,
     pub(super) store: Store,
     pub(super) modules: Modules,
     /// Whom a script asks that drives no robot.
     pub(super) stage: Option<Rc<dyn Stage>>,
-    /// Names of `params.declare`, once it was called.
-    pub(super) declared: Option<Vec<String>>,
-    /// What is wrong with the values that were given to it.
-    pub(super) refused: Option<String>,
-    /// Only where someone wants to see what the script sees.
-    witness: Option<Witness>,
+    pub(super) params: Declared,
     pub(super) outbox: Outbox,
-    pub(super) farewells: VecDeque<LuaFunction>,
     pub(super) life: Life,
+    pub(super) exit: Exit,
     /// No coroutine of the running task stands where it cannot yield.
     pub(super) can_wait: bool,
-    /// The running task has called `script.stop`.
-    pub(super) stop_asked: Option<Option<String>>,
-    /// A native has panicked: nothing of the script can be trusted any more.
-    pub(super) broken: bool,
     pub(super) usage: Usage,
     pub(super) last_call: u64,
     /// When a track last turned.
     moved: Option<Instant>,
-    complaints: BTreeMap<String, u64>,
-    pub(super) damage: Damage,
 }
 
 impl State {
     pub(super) fn new(options: Options, now: Instant) -> State {
         let album = Album::new(options.data_dir.clone(), options.data_quota);
         let modules = Modules::new(&options.chunk);
-        let eyes = Eyes::new(options.camera);
-        let witness = options.annotate_dir.as_ref().map(|_| Witness::default());
+        let sight = Sight::new(&options);
         State {
             options,
-            explain: None,
-            source: String::new(),
+            complaints: Complaints::default(),
             inputs: 0,
             start: now,
             now,
@@ -143,28 +126,19 @@ impl State {
             known: Known::default(),
             motion: Motion::default(),
             streams: Vec::new(),
-            newest: None,
-            frame_bytes: Rc::default(),
-            eyes,
-            watchers: Rc::default(),
+            sight,
             album,
             store: Store::default(),
             modules,
             stage: None,
-            declared: None,
-            refused: None,
-            witness,
+            params: Declared::default(),
             outbox: Outbox::new(now),
-            farewells: VecDeque::new(),
             life: Life::Running,
+            exit: Exit::default(),
             can_wait: true,
-            stop_asked: None,
-            broken: false,
             usage: Usage::default(),
             last_call: 0,
             moved: None,
-            complaints: BTreeMap::new(),
-            damage: Damage::default(),
         }
     }
 
@@ -223,23 +197,23 @@ impl State {
             Ok(size) => size,
             Err(error) => return self.note_damage(frame.seq, &error),
         };
-        let held = Rc::new(HeldFrame::new(frame, size, &self.frame_bytes));
-        self.newest = Some(Rc::clone(&held));
+        let held = Rc::new(HeldFrame::new(frame, size, &self.sight.held_bytes));
+        self.sight.newest = Some(Rc::clone(&held));
         self.publish(EventName::Frame, Payload::Frame(held));
     }
 
     /// Takes note of what the script was told about a frame.
     pub(super) fn saw(&mut self, held: &HeldFrame, found: impl IntoIterator<Item = Seen>) {
-        if let Some(witness) = &mut self.witness {
+        if let Some(witness) = &mut self.sight.witness {
             witness.note(held.frame(), self.now, found);
         }
     }
 
     /// See [`Script::take_sighting`](super::Script::take_sighting).
     pub(super) fn take_sighting(&mut self) -> Option<Sighting> {
-        let newest = self.newest.as_ref().map(|held| held.frame().seq);
+        let newest = self.sight.newest.as_ref().map(|held| held.frame().seq);
         let busy = !self.has_ended() && self.tasks.is_ready();
-        let witness = self.witness.as_mut()?;
+        let witness = self.sight.witness.as_mut()?;
         witness.take_if(|sighting| !busy || newest != Some(sighting.frame.seq))
     }
 
@@ -300,34 +274,28 @@ impl State {
 
     /// Counts a frame that is no picture; the log says so once in a while.
     pub(super) fn note_damage(&mut self, seq: u64, error: &FrameError) {
-        if let Some(text) = self.damage.note(seq, &error.to_string(), self.now) {
+        if let Some(text) = self.sight.damage.note(seq, &error.to_string(), self.now) {
             self.log(Level::Warn, &text);
         }
     }
 
     /// Logs a failure, the first time and then ever more rarely for the same place.
     pub(super) fn complain(&mut self, text: &str) {
-        let place = text.split(": ").next().unwrap_or(text);
-        let known = self.complaints.contains_key(place);
-        if !known && self.complaints.len() >= MAX_PLACES {
-            return self.log(Level::Error, text);
-        }
-        let count = self.complaints.entry(place.to_owned()).or_default();
-        *count += 1;
-        let count = *count;
-        if count == 1 {
-            self.log(Level::Error, &self.explained(text));
-        } else if is_round(count) {
-            self.log(Level::Error, &format!("{text} ({count} times)"));
-        }
+        let text = match self.complaints.count(text) {
+            Telling::Explained => self.explained(text),
+            Telling::Plain => text.to_owned(),
+            Telling::Counted(count) => format!("{text} ({count} times)"),
+            Telling::Silent => return,
+        };
+        self.log(Level::Error, &text);
     }
 
     /// A failure in words for people, with the line where it happened.
     pub(super) fn explained(&self, text: &str) -> String {
-        let main = (self.options.chunk.as_str(), self.source.as_str());
+        let main = (self.options.chunk.as_str(), self.complaints.source.as_str());
         let mut files = std::iter::once(main).chain(self.modules.sources());
-        let explained = self
-            .explain
+        let explain = self.complaints.explain;
+        let explained = explain
             .and_then(|explain| files.find_map(|(chunk, source)| explain(text, chunk, source)));
         explained.unwrap_or_else(|| text.to_owned())
     }

@@ -55,9 +55,10 @@ impl<'a> Parser<'a> {
         };
         let deepest = expr.parts().iter().map(|part| part.depth).max();
         expr.depth = deepest.unwrap_or(0) + 1;
-        match expr.depth > MAX_DEPTH {
-            true => Err(self.lost()),
-            false => Ok(expr),
+        if expr.depth > MAX_DEPTH {
+            Err(self.lost())
+        } else {
+            Ok(expr)
         }
     }
 
@@ -190,16 +191,13 @@ impl<'a> Parser<'a> {
     /// A name or something in parentheses, and what is read or called of it.
     pub(super) fn suffixed(&mut self) -> Parsed<Expr> {
         let start = self.token().span;
-        let mut expr = match self.accept("(") {
-            true => {
-                let inner = self.expr()?;
-                self.expect(")")?;
-                self.made(start, ExprKind::Inner(Box::new(inner)))?
-            }
-            false => {
-                let (name, span) = self.name()?;
-                self.variable(name, span)
-            }
+        let mut expr = if self.accept("(") {
+            let inner = self.expr()?;
+            self.expect(")")?;
+            self.made(start, ExprKind::Inner(Box::new(inner)))?
+        } else {
+            let (name, span) = self.name()?;
+            self.variable(name, span)
         };
         loop {
             expr = match self.word() {

@@ -65,9 +65,10 @@ impl<'a> Parser<'a> {
             "return" => {
                 self.advance();
                 let ends = matches!(self.word(), "end" | "else" | "elseif" | "until" | ";");
-                let values = match ends || self.token().kind == Kind::End {
-                    true => Vec::new(),
-                    false => self.exprs()?,
+                let values = if ends || self.token().kind == Kind::End {
+                    Vec::new()
+                } else {
+                    self.exprs()?
                 };
                 Ok(S::Return(values))
             }
@@ -138,9 +139,10 @@ impl<'a> Parser<'a> {
             return Ok(StatementKind::LocalFunction(id, self.body()?));
         }
         let names = self.names()?;
-        let values = match self.accept("=") {
-            true => self.exprs()?,
-            false => Vec::new(),
+        let values = if self.accept("=") {
+            self.exprs()?
+        } else {
+            Vec::new()
         };
         let declare = |(name, span)| self.declare(name, span, false);
         let ids = names.into_iter().map(declare).collect();

@@ -95,10 +95,7 @@ impl Scene<'_> {
                 .count()
                 == 2
         });
-        let token = match comment {
-            true => first,
-            false => behind?,
-        };
+        let token = if comment { first } else { behind? };
         Some(Remark {
             at: token.span,
             message: "this is no comment here".to_owned(),

@@ -1,11 +1,11 @@
 //! Calls, operators and what they are given.
 
-use super::super::calls::Site;
 use super::super::kinds::Kind;
 use super::super::lexer::Span;
 use super::super::parameters;
 use super::super::tree::{Expr, ExprKind};
 use super::Walk;
+use super::arguments::Site;
 use crate::api::{self, Function, Type};
 use crate::script::{PICTURE_NAMES, picture_name, suggestion};
 
@@ -234,9 +234,10 @@ impl<'a> Walk<'a> {
                     _ => "cannot be counted with",
                 };
                 let words = self.words(side.span);
-                let message = match words == what {
-                    true => format!("{what} {does}"),
-                    false => format!("`{words}` is {what}: it {does}"),
+                let message = if words == what {
+                    format!("{what} {does}")
+                } else {
+                    format!("`{words}` is {what}: it {does}")
                 };
                 let help = self.what_to_read(side, kind, operator);
                 self.error(side.span, message).help = help;

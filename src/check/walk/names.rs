@@ -27,13 +27,12 @@ impl<'a> Walk<'a> {
         if let Some(local) = elsewhere {
             let line = self.text.1[..local.span.start].matches('\n').count() + 1;
             let message = format!("'{name}' is not known here");
-            let help = match local.span.start > span.start {
-                true => {
-                    format!("it is made further down, in line {line}; move that above this line")
-                }
-                false => format!(
+            let help = if local.span.start > span.start {
+                format!("it is made further down, in line {line}; move that above this line")
+            } else {
+                format!(
                     "the '{name}' of line {line} is known only inside of its own block; declare it before that block"
-                ),
+                )
             };
             return (message, Some(help));
         }
@@ -45,9 +44,10 @@ impl<'a> Walk<'a> {
         let own = tree.locals.iter().map(|local| local.name.as_str());
         let set = self.kinds.globals.iter().copied();
         let near = suggestion(name, globals.chain(own).chain(set));
-        let help = match near.is_empty() {
-            true => foreign::belongs_to(name),
-            false => None,
+        let help = if near.is_empty() {
+            foreign::belongs_to(name)
+        } else {
+            None
         };
         (format!("unknown name '{name}'{near}"), help)
     }
@@ -105,9 +105,10 @@ impl<'a> Walk<'a> {
                 .collect(),
         };
         let near = suggestion(name, known);
-        let help = match near.is_empty() {
-            true => foreign::belongs_to(name),
-            false => None,
+        let help = if near.is_empty() {
+            foreign::belongs_to(name)
+        } else {
+            None
         };
         self.error(at, format!("{owner}.{name} does not exist{near}"))
             .help = help;

@@ -4,7 +4,7 @@ use mlua::prelude::{IntoLuaMulti, Lua, LuaMultiValue, LuaResult, LuaValue};
 
 use super::super::scheduler::CANCELLED;
 use super::super::task::{Answer, Status};
-use super::of_row;
+use super::{of_row, payload};
 use crate::robot::{DockEnd, MotionEnd};
 
 /// The values for `Thread::resume`: plain arguments at the start, and behind a yield `true` and
@@ -12,7 +12,7 @@ use crate::robot::{DockEnd, MotionEnd};
 pub(in super::super) fn resume_values(lua: &Lua, answer: Answer) -> LuaResult<LuaMultiValue> {
     match answer {
         Answer::Start(values) => Ok(values),
-        Answer::Deliver(payload) => payload.to_lua(lua)?.into_lua_multi(lua),
+        Answer::Deliver(payload) => payload::to_lua(&payload, lua)?.into_lua_multi(lua),
         // The text has its place already.
         Answer::Failed(text) => (false, text, true).into_lua_multi(lua),
         Answer::Cancelled => (false, CANCELLED).into_lua_multi(lua),
@@ -29,7 +29,7 @@ fn returned(lua: &Lua, answer: Answer) -> LuaResult<LuaMultiValue> {
     match answer {
         Answer::Slept(time) => time.as_secs_f64().into_lua_multi(lua),
         Answer::Beat(missed) => (missed as f64).into_lua_multi(lua),
-        Answer::Event(payload) => payload.to_lua(lua)?.into_lua_multi(lua),
+        Answer::Event(payload) => payload::to_lua(&payload, lua)?.into_lua_multi(lua),
         Answer::NoEvent => (LuaValue::Nil, "timeout").into_lua_multi(lua),
         Answer::Refused(code) => (false, code).into_lua_multi(lua),
         Answer::Motion(end) => (end == MotionEnd::Done, end.name()).into_lua_multi(lua),

@@ -15,7 +15,7 @@ use super::super::budget;
 use super::super::failure::printable;
 use super::super::sandbox::{self, Prelude};
 use super::super::scheduler::CANCELLED;
-use super::{Answered, Call, Native, Natives, Reply, Shared, events, frame, tasks, vision};
+use super::{Answered, Call, Native, Natives, Reply, Shared};
 use crate::api::{self, Function};
 
 /// Makes Lua tables of rows and natives.
@@ -32,13 +32,7 @@ impl Builder<'_> {
             let mut state = shared.borrow_mut();
             Ok(std::mem::replace(&mut state.can_wait, can))
         })?;
-        self.prelude
-            .function("use_can_wait")?
-            .call::<()>(can_wait)?;
-        tasks::register_handle(self)?;
-        events::register_handle(self)?;
-        frame::register(self)?;
-        vision::register(self)
+        self.prelude.function("use_can_wait")?.call(can_wait)
     }
 
     /// A table with a function for each row of a namespace.
@@ -131,7 +125,7 @@ impl Builder<'_> {
                     })
                 }));
                 let Ok(answered) = answered else {
-                    shared.borrow_mut().broken = true;
+                    shared.borrow_mut().exit.broken = true;
                     budget::latch_stopped();
                     return failed(lua, "internal fault");
                 };
@@ -205,7 +199,7 @@ fn unpaired(owner: &str) -> LuaError {
 
 /// A table that a call or an event gives, which has the fields of its row: held in builds with debug
 /// assertions.
-pub(in super::super) fn of_row(object: &'static str, table: LuaTable) -> LuaTable {
+pub(super) fn of_row(object: &'static str, table: LuaTable) -> LuaTable {
     debug_assert!(has_fields(object, &table), "a {object} has other fields");
     table
 }

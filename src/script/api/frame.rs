@@ -1,64 +1,32 @@
 //! `robot.frame`, `robot.wait_frame` and the Frame object: its data, and `frame:save`. What is seen
 //! in it is asked in [`looking`](super::looking).
 
-use std::cell::Cell;
 use std::rc::Rc;
 use std::time::Duration;
 
 use mlua::UserDataFields as _;
 use mlua::prelude::{Lua, LuaResult, LuaValue};
 
+use super::super::album::{self, NotSaved};
 use super::super::arguments::{Argument, Given, Refusal};
 use super::super::events::EventName;
+use super::super::held::HeldFrame;
 use super::super::output::Level;
 use super::super::task::Wait;
-use super::{Answered, Builder, Call, Natives, album, events, looking};
-use crate::robot::Frame;
-use crate::vision::Size;
+use super::{Answered, Builder, Call, Natives, events};
 
 pub(super) const CALLS: &Natives = &[("robot.frame", newest), ("robot.wait_frame", wait_frame)];
 
-const METHODS: &Natives = &[("Frame:save", save)];
+pub(super) const METHODS: &Natives = &[("Frame:save", save)];
 
 /// Older frames are not the newest any more: the stream has stopped.
 const STALE: Duration = Duration::from_secs(1);
-
-/// A frame as it came, counted while anyone holds it.
-pub(in super::super) struct HeldFrame {
-    pub(super) frame: Frame,
-    size: Size,
-    held: Rc<Cell<u64>>,
-}
-
-impl HeldFrame {
-    /// As it came.
-    pub(in super::super) fn frame(&self) -> &Frame {
-        &self.frame
-    }
-
-    /// `size` is what its markers say. Adds its bytes to `held` for as long as it lives.
-    pub(in super::super) fn new(frame: Frame, size: Size, held: &Rc<Cell<u64>>) -> HeldFrame {
-        held.set(held.get() + frame.jpeg.len() as u64);
-        HeldFrame {
-            frame,
-            size,
-            held: Rc::clone(held),
-        }
-    }
-}
-
-impl Drop for HeldFrame {
-    fn drop(&mut self) {
-        let bytes = self.frame.jpeg.len() as u64;
-        self.held.set(self.held.get().saturating_sub(bytes));
-    }
-}
 
 /// What the script holds of a frame.
 struct FrameObject(Rc<HeldFrame>);
 
 /// The Frame object of a frame.
-pub(in super::super) fn to_lua(lua: &Lua, held: &Rc<HeldFrame>) -> LuaResult<LuaValue> {
+pub(super) fn to_lua(lua: &Lua, held: &Rc<HeldFrame>) -> LuaResult<LuaValue> {
     let object = lua.create_any_userdata(FrameObject(Rc::clone(held)))?;
     Ok(LuaValue::UserData(object))
 }
@@ -80,10 +48,10 @@ impl Argument for Rc<HeldFrame> {
     }
 }
 
-pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
+/// With these methods.
+pub(super) fn register(builder: &Builder<'_>, natives: &[&Natives]) -> LuaResult<()> {
     let shared = Rc::clone(builder.shared);
-    let natives = [METHODS, looking::METHODS];
-    builder.object::<FrameObject>("Frame", &natives, |registry| {
+    builder.object::<FrameObject>("Frame", natives, |registry| {
         registry.add_field_method_get("seq", |_, frame| Ok(frame.0.frame.seq));
         registry.add_field_method_get("bytes", |_, frame| Ok(frame.0.frame.jpeg.len()));
         registry.add_field_method_get("width", |_, frame| Ok(frame.0.size.width));
@@ -101,7 +69,7 @@ fn newest(call: &mut Call<'_>) -> Answered {
     events::listen(call, EventName::Frame)?;
     let now = call.state.now;
     let fresh = |held: &&Rc<HeldFrame>| now.saturating_duration_since(held.frame.at) <= STALE;
-    match call.state.newest.as_ref().filter(fresh) {
+    match call.state.sight.newest.as_ref().filter(fresh) {
         Some(held) => {
             let object = to_lua(call.lua, held)?;
             call.reply(object)
@@ -128,8 +96,8 @@ fn save(call: &mut Call<'_>) -> Answered {
     };
     match call.state.album.save(&name, &held.frame.jpeg) {
         Ok(path) => call.reply(path.to_string_lossy().into_owned()),
-        Err(album::NotSaved::Quota) => call.reply((LuaValue::Nil, "quota")),
-        Err(album::NotSaved::Io(reason)) => {
+        Err(NotSaved::Quota) => call.reply((LuaValue::Nil, "quota")),
+        Err(NotSaved::Io(reason)) => {
             call.state
                 .log(Level::Warn, &format!("{name} is not saved: {reason}"));
             call.reply((LuaValue::Nil, "io"))

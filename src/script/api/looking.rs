@@ -8,10 +8,11 @@
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Argument, Given, Refusal};
+use super::super::held::HeldFrame;
 use super::super::sighting::Seen;
 use super::super::state::State;
 use super::colours::Colours;
-use super::frame::{HeldFrame, subject};
+use super::frame::subject;
 use super::{Answered, Call, Natives, of_row};
 use crate::api::PIXELS;
 use crate::vision::{Blob, BlobOptions, Image, Line, Roi, brightness, find_qrcodes, sharpness};
@@ -30,12 +31,12 @@ const LINE_MARGIN: f64 = 4.0;
 impl State {
     /// The picture of a frame; `None` for a damaged one, which is counted.
     pub(super) fn look(&mut self, held: &HeldFrame) -> Option<&Image> {
-        if let Err(error) = self.eyes.look(held.frame.seq, &held.frame.jpeg) {
+        if let Err(error) = self.sight.eyes.look(held.frame.seq, &held.frame.jpeg) {
             self.note_damage(held.frame.seq, &error);
             return None;
         }
         // Decoded already: this only borrows it again.
-        self.eyes.look(held.frame.seq, &held.frame.jpeg).ok()
+        self.sight.eyes.look(held.frame.seq, &held.frame.jpeg).ok()
     }
 
     /// The blobs of a frame; none in a damaged one.
@@ -47,6 +48,7 @@ impl State {
     ) -> Vec<Blob> {
         let frame = &held.frame;
         let found = self
+            .sight
             .eyes
             .find_blobs(frame.seq, &frame.jpeg, &colours.colours, options);
         match found {
@@ -67,6 +69,7 @@ impl State {
     ) -> Option<Line> {
         let frame = &held.frame;
         let found = self
+            .sight
             .eyes
             .find_line(frame.seq, &frame.jpeg, &colours.colours, part);
         found.unwrap_or_else(|error| {

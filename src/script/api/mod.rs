@@ -4,7 +4,6 @@
 //! A native gets a [`Call`] and answers with a [`Reply`]; it never raises. Waiting is registered
 //! with the scheduler and answered later ([`answer`]).
 
-mod album;
 mod answer;
 mod builder;
 mod colours;
@@ -17,6 +16,7 @@ mod looking;
 mod modules;
 mod motion;
 mod params;
+mod payload;
 mod robot;
 mod script;
 mod stage;
@@ -35,7 +35,7 @@ use mlua::prelude::{
 
 use super::arguments::{Args, Refusal, describe};
 use super::budget;
-use super::failure::Place;
+use super::failure::{Place, is_ours};
 use super::sandbox::{self, Prelude};
 use super::stage::Stage;
 use super::state::State;
@@ -44,11 +44,9 @@ use super::task::{Cancel, SHORTEST_WAIT, Wait};
 use crate::wire::Stream;
 use builder::Builder;
 
-pub(super) use album::Album;
-pub(crate) use album::{NAMES as PICTURE_NAMES, file_name as picture_name, write_privately};
 pub(super) use answer::resume_values;
-pub(super) use builder::{every_path, of_row};
-pub(super) use frame::{HeldFrame, to_lua as frame_to_lua};
+pub(super) use builder::every_path;
+use builder::of_row;
 
 /// State that natives and the scheduler share. Borrowed only while no line of the script runs.
 pub(super) type Shared = Rc<RefCell<State>>;
@@ -186,6 +184,7 @@ pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: Surroundings) ->
         prelude: &prelude,
     };
     builder.prepare()?;
+    objects(&builder)?;
     let mut tables = vec![
         ("script", script::namespace(&builder)?),
         ("log", builder.namespace("log", &[log::CALLS])?),
@@ -212,6 +211,14 @@ pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: Surroundings) ->
     sandbox::close(lua, builder.strict("")?, memory)
 }
 
+/// The types of the script's objects.
+fn objects(builder: &Builder<'_>) -> LuaResult<()> {
+    tasks::register_handle(builder)?;
+    events::register_handle(builder)?;
+    frame::register(builder, &[frame::METHODS, looking::METHODS])?;
+    vision::register(builder)
+}
+
 /// The functions without a namespace.
 fn globals(builder: &Builder<'_>) -> LuaResult<()> {
     let table = builder.namespace("", &[log::PRINT, modules::REQUIRE])?;
@@ -228,7 +235,7 @@ fn place(lua: &Lua) -> Option<Place> {
             lua.inspect_stack(level, |frame| {
                 let file = frame.source().short_src?.into_owned();
                 let line = u32::try_from(frame.current_line()?).ok()?;
-                (!sandbox::is_ours(&file)).then_some(Place { file, line })
+                (!is_ours(&file)).then_some(Place { file, line })
             })
         })
         .flatten()

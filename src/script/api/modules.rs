@@ -4,8 +4,9 @@ use mlua::prelude::{Lua, LuaError, LuaFunction, LuaResult, LuaTable, LuaValue};
 
 use super::super::Script;
 use super::super::arguments::Refusal;
-use super::super::failure::{Trouble, printable};
-use super::super::modules::{ModuleFile, ModuleId, ModuleName, Progress, Target, resolve};
+use super::super::failure::{Trouble, is_ours, printable};
+use super::super::ids::ModuleId;
+use super::super::modules::{ModuleFile, ModuleName, Progress, Target, resolve};
 use super::super::sandbox;
 use super::super::task::{Answer, Cancel, TaskId, Wait};
 use super::{Answered, Builder, Call, Natives};
@@ -72,7 +73,7 @@ fn importer(lua: &Lua) -> Option<String> {
         lua.inspect_stack(level, |frame| {
             let source = frame.source().source?.into_owned();
             let name = source.strip_prefix('=')?.to_owned();
-            (frame.current_line().is_some() && !sandbox::is_ours(&name)).then_some(name)
+            (frame.current_line().is_some() && !is_ours(&name)).then_some(name)
         })
     };
     (0..64).map_while(source).flatten().next()

@@ -25,7 +25,7 @@ const STRICT: &str = "spykee.params";
 
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     let shared = Rc::clone(builder.shared);
-    let names = move |_: &Lua, _: &str| shared.borrow().declared.clone().unwrap_or_default();
+    let names = move |_: &Lua, _: &str| shared.borrow().params.names.clone().unwrap_or_default();
     let strict = builder.strict_with("params", names)?;
     builder.lua.set_named_registry_value(STRICT, strict)?;
     builder.namespace("params", &[CALLS])
@@ -33,7 +33,7 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
 
 /// `params.declare{ speed = {default=40, min=10, max=100, unit="%", doc="..."} }` returns the values.
 fn declare(call: &mut Call<'_>) -> Answered {
-    if call.state.declared.is_some() {
+    if call.state.params.names.is_some() {
         let words = "it was called before; declare all parameters in one call";
         return Err(call.args.misuse(words));
     }
@@ -42,7 +42,7 @@ fn declare(call: &mut Call<'_>) -> Answered {
         return Err(call.args.misuse(words));
     };
     let declared = declarations(call, &table)?;
-    call.state.declared = Some(declared.keys().cloned().collect());
+    call.state.params.names = Some(declared.keys().cloned().collect());
     let given = &call.state.options.params;
     match declaration::settle(&declared, given) {
         Ok(values) => {
@@ -51,7 +51,7 @@ fn declare(call: &mut Call<'_>) -> Answered {
         }
         Err(words) => {
             // No pcall may go on with a value that nobody wanted.
-            call.state.refused = Some(words);
+            call.state.params.refused = Some(words);
             budget::latch_stopped();
             call.reply(())
         }

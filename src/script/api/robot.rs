@@ -5,8 +5,9 @@ use std::time::Duration;
 use mlua::prelude::{IntoLua, LuaFunction, LuaMultiValue, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Argument, Given, Refusal};
-use super::super::events::battery_table;
-use super::{Answered, Builder, Call, Natives, dock, events, frame, motion, of_row, tasks};
+use super::{
+    Answered, Builder, Call, Natives, dock, events, frame, motion, of_row, payload, tasks,
+};
 use crate::robot::{Intent, Percent, Use};
 use crate::wire::{Led, Stream};
 
@@ -151,7 +152,7 @@ fn battery(call: &mut Call<'_>) -> Answered {
         return call.reply(LuaValue::Nil);
     };
     let age: Duration = call.state.now.saturating_duration_since(at);
-    let table = battery_table(call.lua, battery, age)?;
+    let table = payload::battery_table(call.lua, battery, age)?;
     call.reply(table)
 }
 

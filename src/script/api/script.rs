@@ -30,7 +30,7 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
 fn stop(call: &mut Call<'_>) -> Answered {
     let reason: Option<String> = call.args.get(0)?;
     let reason = reason.map(|reason| printable(&reason, 1000));
-    call.state.stop_asked = Some(reason);
+    call.state.exit.asked = Some(reason);
     budget::latch_stopped();
     call.reply(())
 }
@@ -39,12 +39,12 @@ fn stop(call: &mut Call<'_>) -> Answered {
 fn on_stop(call: &mut Call<'_>) -> Answered {
     call.must_be_running()?;
     let function = call.args.get(0)?;
-    if call.state.farewells.len() >= MAX_FAREWELLS {
+    if call.state.exit.farewells.len() >= MAX_FAREWELLS {
         return Err(call
             .args
             .misuse("at most 16 functions can be called at the end"));
     }
-    call.state.farewells.push_back(function);
+    call.state.exit.farewells.push_back(function);
     call.reply(())
 }
 

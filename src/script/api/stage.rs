@@ -17,28 +17,19 @@ const LONGEST: usize = 64 * 1024;
 pub(super) fn install(builder: &Builder<'_>) -> LuaResult<()> {
     let lua = builder.lua;
     let row = api::function("scenario").ok_or_else(|| LuaError::runtime("no scenarios"))?;
-    let (ask, check) = (
-        builder.under("plain", row, ask)?,
-        builder.under("plain", row, check)?,
-    );
-    let (wait, fail) = (wait_function(builder)?, builder.prelude.function("fail")?);
+    let (ask, wait) = (builder.under("plain", row, ask)?, wait_function(builder)?);
+    let fail = builder.prelude.function("fail")?;
     let rows = api::object("Sim").map_or(&[][..], |sim| sim.methods);
     let methods = lua.create_table()?;
     for row in rows {
         methods.raw_set(row.key(), row.waits)?;
     }
-    let made: LuaTable = stdlib::scenario(lua, (ask, check, wait, fail, methods))?;
+    let made: LuaTable = stdlib::scenario(lua, (ask, wait, fail, methods))?;
     for name in ["scenario", "expect"] {
         let function: LuaFunction = made.raw_get(name)?;
         lua.globals().raw_set(name, function)?;
     }
     builder.close("sim", made.raw_get("sim")?)
-}
-
-/// `check(call, ...)`: the arguments against the call's row.
-fn check(call: &mut Call<'_>) -> Answered {
-    checked(call)?;
-    call.reply(())
 }
 
 /// The call's name, its row if it has one, and its arguments.

@@ -7,9 +7,10 @@ use std::time::Duration;
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::Refusal;
+use super::super::held::HeldFrame;
 use super::super::sighting::Seen;
 use super::colours::{self, ColourObject, Colours};
-use super::frame::{self, HeldFrame};
+use super::frame;
 use super::looking::{blob_table, mark};
 use super::{Answered, Builder, Call, Natives, of_row};
 use crate::vision::{
@@ -68,7 +69,7 @@ pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
 
 /// Room for one more tracker or detector, after collecting garbage if need be.
 fn count(call: &Call<'_>) -> Result<Counted, Refusal> {
-    let watchers = &call.state.watchers;
+    let watchers = &call.state.sight.watchers;
     if watchers.get() >= MAX_WATCHERS {
         call.lua.gc_collect()?;
     }

@@ -366,5 +366,5 @@ fn a_frame_is_decoded_once_for_many_questions() {
     for seq in 1..=3 {
         show(&mut rig, seq, &jpeg);
     }
-    assert_eq!(rig.script.state.borrow().eyes.decoded(), 3);
+    assert_eq!(rig.script.state.borrow().sight.eyes.decoded(), 3);
 }

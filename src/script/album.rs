@@ -26,7 +26,7 @@ impl From<io::Error> for NotSaved {
 
 /// See the module.
 #[derive(Debug)]
-pub(in super::super) struct Album {
+pub(super) struct Album {
     folder: Option<PathBuf>,
     quota: u64,
     /// What the folder holds, once that was counted.
@@ -35,7 +35,7 @@ pub(in super::super) struct Album {
 
 impl Album {
     /// `None`: nothing can be saved.
-    pub(in super::super) fn new(folder: Option<PathBuf>, quota: u64) -> Album {
+    pub(super) fn new(folder: Option<PathBuf>, quota: u64) -> Album {
         Album {
             folder,
             quota,

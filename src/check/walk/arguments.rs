@@ -1,12 +1,11 @@
 //! Calls of the API against its table: how many arguments, of which types, within which
 //! bounds; and the keys of options.
 
-use super::kinds::Kind;
-use super::lexer::Span;
-use super::tree::{Entry, Expr, ExprKind};
-use super::walk::Walk;
-use crate::api::EventName;
-use crate::api::{Choice, Function, Need, Type, Value};
+use super::super::kinds::Kind;
+use super::super::lexer::Span;
+use super::super::tree::{Entry, Expr, ExprKind};
+use super::Walk;
+use crate::api::{Choice, EventName, Function, Need, Type, Value};
 use crate::script::suggestion;
 use crate::wire::Stream;
 
@@ -108,11 +107,10 @@ impl<'a> Walk<'a> {
                     value.kind.words()
                 );
                 let function = matches!(value.kind, Type::Function(_) | Type::Handler);
-                let help = match function && call_without_result {
-                    true => {
-                        "without the () behind it the function itself is handed over, and called later"
-                    }
-                    false => "",
+                let help = if function && call_without_result {
+                    "without the () behind it the function itself is handed over, and called later"
+                } else {
+                    ""
                 };
                 self.error(argument.span, message).help =
                     (!help.is_empty()).then(|| help.to_owned());
