@@ -38,7 +38,7 @@ pub struct Behaviour {
     pub priority: Priority,
     /// The script and its VM's options.
     pub launch: Launch,
-    /// A text that comes later is looked over as [`check`](crate::script::check::check) does, and not
+    /// A text that comes later is looked over as [`check`](crate::check::check) does, and not
     /// loaded if that finds an error. The first one is the caller's business.
     pub checked: bool,
     /// What is done when it fails.

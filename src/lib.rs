@@ -98,17 +98,19 @@
 //! | 0 | `budget` | so many bytes a day, and lines that are said once a minute |
 //! | 1 | `robot` | the words that cross between tasks and processes |
 //! | 1 | `guardian` | the process that stops the robot when the agent cannot |
+//! | 2 | `api` | the one table of what scripts can call and read |
 //! | 2 | `safety` | watchdog, arbiter, docking: pure rules |
 //! | 2 | `link` | connect, log in, reconnect, discover |
-//! | 2 | `script` | the VM: sandbox, tasks, the Lua API |
+//! | 3 | `script` | the VM: sandbox, tasks, the natives behind the API |
 //! | 3 | `pilot` | the task that owns the socket |
-//! | 3 | `behaviour` | a behaviour's host process and its supervisor |
-//! | 4 | `agent` | wiring and lifetimes |
-//! | 4 | `config` | the YAML file, composed of each module's own options |
-//! | 5 | `lab` | a whole run in virtual time: agent, hosts and simulator on one thread |
-//! | 5 | `control` | the socket by which a run that is on can be asked |
-//! | 6 | `scenario` | worlds, behaviours and what must become true: plays `*_test.lua` files |
-//! | 7 | `cli` | one file per subcommand |
+//! | 4 | `check` | what is wrong in a script, before it runs and when it failed |
+//! | 5 | `behaviour` | a behaviour's host process and its supervisor |
+//! | 6 | `agent` | wiring and lifetimes |
+//! | 6 | `config` | the YAML file, composed of each module's own options |
+//! | 7 | `lab` | a whole run in virtual time: agent, hosts and simulator on one thread |
+//! | 7 | `control` | the socket by which a run that is on can be asked |
+//! | 8 | `scenario` | worlds, behaviours and what must become true: plays `*_test.lua` files |
+//! | 9 | `cli` | one file per subcommand |
 //! | side | `sim` | the simulated robot and its world; imports floor 0 only |
 //!
 //! `tests/it/floors.rs` holds every `use crate::` line against this table, `tests/it/circles.rs`
@@ -116,8 +118,10 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod agent;
+pub mod api;
 pub mod behaviour;
 pub mod budget;
+pub mod check;
 pub mod clean;
 pub mod cli;
 pub mod config;

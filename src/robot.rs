@@ -189,13 +189,18 @@ pub struct DockPlan {
     pub charge_timeout: Duration,
 }
 
+impl DockPlan {
+    /// The defaults.
+    pub const DEFAULT: DockPlan = DockPlan {
+        timeout: Duration::from_secs(180),
+        retries: 2,
+        charge_timeout: Duration::from_secs(30),
+    };
+}
+
 impl Default for DockPlan {
     fn default() -> DockPlan {
-        DockPlan {
-            timeout: Duration::from_secs(180),
-            retries: 2,
-            charge_timeout: Duration::from_secs(30),
-        }
+        DockPlan::DEFAULT
     }
 }
 

@@ -16,10 +16,10 @@ use crate::behaviour::{
     Handle, Inspector, Launch, Launcher, Patience, Prepared, Reload, RestartPolicy, Supervisor,
     Verdict,
 };
+use crate::check;
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
 use crate::script::Ending;
-use crate::script::check;
 
 /// Why the run ends, once it does.
 type Stop = watch::Receiver<Option<EndReason>>;

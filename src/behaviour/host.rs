@@ -14,6 +14,7 @@ use super::gallery::Gallery;
 use super::keeper::Keeper;
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
+use crate::check;
 use crate::robot::{EndReason, Frame};
 use crate::script::{Ending, Level, LogLine, Output, Script};
 use crate::walls::{Room, confine};
@@ -109,6 +110,7 @@ pub(super) async fn serve(
     });
     match Script::load(&source, options, Instant::now()) {
         Ok(mut script) => {
+            script.explain_with(check::explain);
             outbox.send(&FromHost::Ready).await?;
             if let Some(damage) = keeper.as_ref().and_then(|one| restore(&mut script, one)) {
                 outbox.send(&warning(damage)).await?;

@@ -1,4 +1,4 @@
-//! Looks at a script as [`check`](crate::script::check) does, in a confined process of its own: the
+//! Looks at a script as [`check`](crate::check) does, in a confined process of its own: the
 //! compiler reads texts of whoever has written them.
 
 use std::ffi::OsString;
@@ -10,8 +10,8 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::host::STACK;
+use crate::check::{Finding, Required, Severity, Surroundings, check, required};
 use crate::script::Options;
-use crate::script::check::{Finding, Required, Severity, Surroundings, check, required};
 use crate::walls::{self, Room, Worker};
 
 /// What its process is started for.

@@ -3,14 +3,14 @@
 use serde_json::{Value as Json, json};
 
 use super::{Exit, Failure, print};
-use crate::script::definition::{self, Function, Need, Type, Value};
+use crate::api::{self, Function, Namespace, Need, Type, Value};
 use crate::script::suggestion;
 
 /// Show what scripts can call: a list, or one entry in full
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct ApiArgs {
-    /// A function, event, object or field, such as robot.move, frame, Blob or Blob.cx; or a
-    /// namespace, such as vision
+    /// A function, namespace, module, object, field or event, such as robot.move, vision, bt, frame
+    /// or Blob.cx; or events, objects, modules
     #[arg(value_name = "NAME")]
     name: Option<String>,
 
@@ -30,96 +30,57 @@ pub(super) struct ApiArgs {
 pub(super) fn run(args: &ApiArgs) -> Result<Exit, Failure> {
     let text = match &args.name {
         Some(name) => one(name)?,
-        None if args.luau => definition::luau(),
-        None if args.markdown => definition::markdown(),
+        None if args.luau => api::luau(),
+        None if args.markdown => api::markdown(),
         None if args.json => format!("{:#}\n", json()),
-        None => list(|_| true),
+        None => api::list(),
     };
     print(&text)?;
     Ok(Exit::Done)
 }
 
 fn one(name: &str) -> Result<String, Failure> {
-    if let Some(text) = definition::full(name) {
-        return Ok(text);
-    }
-    let inside = list(|function| function.owner() == name);
-    if !inside.is_empty() {
-        return Ok(inside);
-    }
-    let mut known: Vec<String> = definition::names().map(|(path, ..)| path).collect();
-    let events = definition::events().map(|event| event.name);
-    let objects = definition::objects().map(|object| object.name);
-    let namespaces = definition::functions().map(Function::owner);
-    known.extend(events.chain(objects).chain(namespaces).map(str::to_owned));
-    let near = suggestion(name, known.iter().map(String::as_str));
-    let failure = Failure::usage(format_args!("nothing in the API is called '{name}'{near}"));
-    Err(failure.help("spykee api lists all of it"))
-}
-
-/// A line for each function, constant and event.
-fn list(wanted: impl Fn(&Function) -> bool) -> String {
-    let mut text = String::new();
-    let mut owner = None;
-    for function in definition::functions().filter(|function| wanted(function)) {
-        if owner.is_some_and(|owner| owner != function.owner()) {
-            text.push('\n');
-        }
-        owner = Some(function.owner());
-        text += &line(&function.call(), function.doc);
-    }
-    let all = wanted(&EVERYTHING);
-    if all {
-        text.push('\n');
-        for constant in definition::constants() {
-            text += &line(constant.path, constant.doc);
-        }
-        text += "\nevents: robot.on(NAME, fn)\n";
-        for event in definition::events() {
-            text += &line(&format!("  {}", event.name), event.doc);
-        }
-        text += "\nspykee api NAME shows one in full, with an example\n";
-    }
-    text
-}
-
-/// Belongs to no namespace: only a list of all wants it.
-const EVERYTHING: Function = Function {
-    path: "\u{0}.",
-    parameters: &[],
-    rest: None,
-    returns: &[],
-    waits: false,
-    doc: "",
-    example: "",
-};
-
-fn line(call: &str, doc: &str) -> String {
-    format!("{call:<46} {doc}\n")
+    api::page(name).ok_or_else(|| {
+        let known = api::known();
+        let near = suggestion(name, known.iter().map(String::as_str));
+        let failure = Failure::usage(format_args!("nothing in the API is called '{name}'{near}"));
+        failure.help("spykee api lists all of it")
+    })
 }
 
 fn json() -> Json {
-    let functions: Vec<_> = definition::functions().map(function_json).collect();
-    let constants: Vec<_> = definition::constants()
+    let functions = api::functions().chain(api::methods());
+    let functions: Vec<_> = functions.map(function_json).collect();
+    let modules: Vec<_> = api::modules().map(module_json).collect();
+    let constants: Vec<_> = api::constants()
         .map(|one| json!({ "path": one.path, "type": one.kind.luau(), "doc": one.doc, "example": one.example }))
         .collect();
-    let objects: Vec<_> = definition::objects()
+    let objects: Vec<_> = api::objects()
         .map(|one| {
             json!({
                 "name": one.name, "doc": one.doc, "fields": values_json(one.fields),
-                "methods": one.methods().map(|method| method.path).collect::<Vec<_>>(),
+                "methods": one.methods.iter().map(|method| method.path).collect::<Vec<_>>(),
             })
         })
         .collect();
-    let events: Vec<_> = definition::events()
-        .map(|one| json!({ "name": one.name, "payload": one.payload, "doc": one.doc }))
+    let events: Vec<_> = api::events()
+        .map(|one| json!({ "name": one.name, "payload": one.payload.map(|object| object.name), "doc": one.doc }))
         .collect();
-    let choices: serde_json::Map<_, _> = definition::choices()
+    let choices: serde_json::Map<_, _> = api::choices()
         .map(|one| (one.name.to_owned(), json!((one.names)())))
         .collect();
     json!({
         "functions": functions, "constants": constants, "objects": objects, "events": events,
-        "names": choices,
+        "modules": modules, "names": choices,
+    })
+}
+
+fn module_json(module: &Namespace) -> Json {
+    json!({
+        "path": format!("@spykee/{}", module.name),
+        "doc": module.about,
+        "functions": module.functions.iter().map(function_json).collect::<Vec<_>>(),
+        "example": module.example,
     })
 }
 
@@ -152,7 +113,7 @@ fn value_json(value: &Value) -> Json {
         json[key] = json!(text);
     }
     if let Need::Default(usual) = value.need {
-        json["default"] = json!(usual);
+        json["default"] = json!(usual.to_string());
     }
     if let Type::Options(keys) | Type::Named(keys) = value.kind {
         json["keys"] = json!(values_json(keys));

@@ -10,10 +10,10 @@ use super::source::read_source;
 use super::{Console, Exit, Failure, print, print_coloured};
 use crate::agent::Behaviour;
 use crate::behaviour::Launch;
+use crate::check::{Finding, Severity};
 use crate::clean;
 use crate::config::{Config, Entry};
 use crate::script::Options;
-use crate::script::check::{Finding, Severity};
 
 /// Look for mistakes in behaviours without running them
 #[derive(Debug, Clone, clap::Args)]
@@ -33,25 +33,26 @@ pub(super) struct CheckArgs {
 /// Folders are not followed deeper.
 const MAX_DEPTH: u32 = 16;
 
-pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> {
+pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
     let config = args.settings.config()?;
     let path = args.settings.file();
     let mut files = Vec::new();
     for path in &args.files {
         collect(path, 0, &mut files)?;
     }
-    let mut examiner = Examiner::new(console)?;
+    let mut examiner = Examiner::new()?;
     for file in &files {
         let (source, options) = of_file(file, config, path)?;
         examiner.behaviour(&source, &options)?;
     }
     let (count, findings) = (examiner.count(), examiner.findings);
-    let text = match args.json {
-        true => format!(
+    let text = if args.json {
+        format!(
             "{}\n",
             serde_json::to_string_pretty(&findings).map_err(Failure::usage)?
-        ),
-        false => report(&findings, count),
+        )
+    } else {
+        report(&findings, count)
     };
     match args.json {
         true => print(&text)?,
@@ -84,19 +85,15 @@ fn of_file(
 }
 
 /// All that is wrong with a script that would run with these options.
-pub(super) fn of_source(
-    source: &[u8],
-    options: &Options,
-    console: &Console,
-) -> Result<Vec<Finding>, Failure> {
-    let mut examiner = Examiner::new(console)?;
+pub(super) fn of_source(source: &[u8], options: &Options) -> Result<Vec<Finding>, Failure> {
+    let mut examiner = Examiner::new()?;
     examiner.behaviour(source, options)?;
     Ok(examiner.findings)
 }
 
 /// Refuses to run what cannot work; warnings are only shown.
 pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<(), Failure> {
-    let mut examiner = Examiner::new(console)?;
+    let mut examiner = Examiner::new()?;
     for behaviour in behaviours {
         let Launch {
             source, options, ..
@@ -111,10 +108,11 @@ pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<
         console.say("WARN", &warning.text());
     }
     let texts: Vec<_> = errors.iter().map(Finding::text).collect();
-    match texts.is_empty() {
-        true => Ok(()),
-        false => Err(Failure::new(Exit::Check, texts.join("\n\nerror: "))
-            .help("nothing was run; --no-check runs it all the same")),
+    if texts.is_empty() {
+        Ok(())
+    } else {
+        Err(Failure::new(Exit::Check, texts.join("\n\nerror: "))
+            .help("nothing was run; --no-check runs it all the same"))
     }
 }
 
@@ -178,9 +176,12 @@ fn report(findings: &[Finding], files: usize) -> String {
 
 /// Findings for people, a blank line between two.
 fn shown(findings: &[Finding], colours: bool) -> String {
-    let one = |finding: &Finding| match colours {
-        true => coloured(finding),
-        false => finding.to_string(),
+    let one = |finding: &Finding| {
+        if colours {
+            coloured(finding)
+        } else {
+            finding.to_string()
+        }
     };
     findings
         .iter()

@@ -1,20 +1,16 @@
-//! Has scripts and the modules that they require looked at, each file once and in a confined process,
-//! with the type checker if there is one.
+//! Has scripts and the modules that they require looked at, each file once and in a confined process.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 
-use super::checker::TypeChecker;
-use super::{Console, Exit, Failure};
+use super::{Exit, Failure};
 use crate::behaviour::{Inspected, Inspector, Library};
-use crate::script::check::{Finding, Required};
+use crate::check::{Finding, Required};
 use crate::script::{ModuleFile, Options};
 
 /// See the module.
-pub(super) struct Examiner<'a> {
+pub(super) struct Examiner {
     inspector: Inspector,
-    types: TypeChecker,
-    console: &'a Console,
     seen: BTreeSet<PathBuf>,
     /// In the order of the files.
     pub(super) findings: Vec<Finding>,
@@ -28,15 +24,13 @@ struct File {
     folder: String,
 }
 
-impl Examiner<'_> {
-    pub(super) fn new(console: &Console) -> Result<Examiner<'_>, Failure> {
+impl Examiner {
+    pub(super) fn new() -> Result<Examiner, Failure> {
         let inspector = Inspector::of_this_executable().map_err(|error| {
             Failure::usage(format_args!("cannot find this program's own file: {error}"))
         })?;
         Ok(Examiner {
             inspector,
-            types: TypeChecker::beside(),
-            console,
             seen: BTreeSet::new(),
             findings: Vec::new(),
         })
@@ -92,13 +86,6 @@ impl Examiner<'_> {
                 format_args!("{chunk}: cannot be checked: {why}"),
             )
         })?;
-        match self.types.findings((source, chunk), &found) {
-            Ok(types) => found.extend(types),
-            Err(why) => {
-                let text = format!("{chunk}: types were not checked: {why}");
-                self.console.say("WARN", &text);
-            }
-        }
         found.sort_by_key(|finding| (finding.line, finding.column));
         Ok((found, required))
     }

@@ -6,7 +6,6 @@ mod api;
 mod blobs;
 mod calibrate;
 mod check;
-mod checker;
 mod colours;
 mod completions;
 mod config;
@@ -146,7 +145,7 @@ impl Command {
             Command::New(args) => new::run(&args),
             Command::Repl(args) => repl::run(&args, console),
             Command::Config(args) => config::run(&args),
-            Command::Check(args) => check::run(&args, console),
+            Command::Check(args) => check::run(&args),
             Command::Test(args) => test::run(&args, console),
             Command::Lesson(args) => lesson::run(&args, console),
             Command::Api(args) => api::run(&args),

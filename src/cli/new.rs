@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 
 use super::{Exit, Failure, print};
+use crate::api;
 use crate::config;
-use crate::script::definition;
 
 /// The longest name.
 const MAX_NAME: usize = 64;
@@ -80,9 +80,10 @@ fn parse_name(text: &str) -> Result<String, String> {
 /// # Errors
 /// If it is there or cannot be made.
 pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
-    let folder = match args.into.as_os_str() == "." {
-        true => PathBuf::from(&args.name),
-        false => args.into.join(&args.name),
+    let folder = if args.into.as_os_str() == "." {
+        PathBuf::from(&args.name)
+    } else {
+        args.into.join(&args.name)
     };
     let shown = folder.display();
     fs::create_dir_all(&args.into).map_err(|error| {
@@ -116,7 +117,7 @@ fn write(path: &Path, text: &str) -> Result<(), Failure> {
 fn files(name: &str, template: Template) -> Vec<(String, String)> {
     let (behaviour, test) = template.texts();
     let own = |text: &str| text.replace("{{NAME}}", name);
-    vec![
+    let mut files = vec![
         (format!("{name}.lua"), own(behaviour)),
         (format!("{name}_test.lua"), own(test)),
         (
@@ -137,12 +138,17 @@ fn files(name: &str, template: Template) -> Vec<(String, String)> {
             ".vscode/extensions.json".to_owned(),
             include_str!("new/extensions.json").to_owned(),
         ),
-        ("spykee.d.luau".to_owned(), definition::luau()),
+        ("spykee.d.luau".to_owned(), api::luau()),
         (
             "spykee.schema.json".to_owned(),
             format!("{:#}\n", config::schema()),
         ),
-    ]
+    ];
+    files.extend(api::modules().map(|module| {
+        let file = format!(".spykee/{}.luau", module.name);
+        (file, api::module_stub(module))
+    }));
+    files
 }
 
 #[cfg(test)]
@@ -167,6 +173,7 @@ mod tests {
             }
             let text = |wanted: &str| &files.iter().find(|(name, _)| name == wanted).unwrap().1;
             config::Config::parse(text("spykee.yaml"), "spykee.yaml").unwrap();
+            assert!(text(".spykee/bt.luau").contains("function bt.sequence("));
             for json in [
                 ".luaurc",
                 ".vscode/settings.json",

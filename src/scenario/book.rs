@@ -12,14 +12,13 @@ use tokio::time::Instant;
 use super::arguments::Arguments;
 use super::options::Options;
 use crate::behaviour::{Library, read_source};
+use crate::check;
 use crate::robot::EndReason;
 use crate::script::{self, Ending, Output, Place, Script, Stage, suggestion};
 use crate::sim::World;
 
 /// Scenarios of one file.
 const MAX_SCENARIOS: usize = 1000;
-/// Bytes of a scenario's name.
-const LONGEST_NAME: usize = 200;
 /// A scenario's own script may think so long without waiting; it stops no robot meanwhile.
 const BUDGET_MS: u64 = 2000;
 
@@ -156,7 +155,9 @@ impl Book {
             ..script::Options::new("scenario", self.file.display().to_string())
         };
         options.limits.callback_budget_ms = BUDGET_MS;
-        Script::on_stage(&self.source, options, stage, Instant::now())
+        let mut script = Script::on_stage(&self.source, options, stage, Instant::now())?;
+        script.explain_with(check::explain);
+        Ok(script)
     }
 
     /// Serves what a script of this book sends out; its lines are handed to `line`.
@@ -211,12 +212,13 @@ impl Book {
             }
         }
         let found = stage.found.take();
-        match found.is_empty() {
-            true => invalid(format!(
+        if found.is_empty() {
+            invalid(format!(
                 "{shown}: there is no scenario in it, such as\n\
                  scenario(\"hits nothing\", {{ limit = 60 }}, function(sim) ... end)"
-            )),
-            false => Ok(found),
+            ))
+        } else {
+            Ok(found)
         }
     }
 }
@@ -236,11 +238,11 @@ impl Stage for Declaring {
             );
         }
         let given = Arguments(arguments);
-        let name = given.text(0, "the name")?;
-        if name.trim().is_empty() || name.len() > LONGEST_NAME {
-            return Err(format!("the name must have 1 to {LONGEST_NAME} bytes"));
+        let name = given.text(0).unwrap_or_default();
+        if name.trim().is_empty() {
+            return Err("the name must have 1 to 200 bytes".to_owned());
         }
-        let options = Options::of(given.value(1))?;
+        let options = Options::of(given.value(1));
         load_world(options.world.as_deref(), self.folder.as_deref())?;
         let mut found = self.found.borrow_mut();
         if let Some(twin) = found.iter().find(|other| other.name == name) {

@@ -8,34 +8,29 @@ use super::arguments::Arguments;
 use super::stage::PlayStage;
 use crate::sim::{Fault, FaultsError, Point, Pose, What};
 
-/// Farther away, metres, nothing can be put.
-const FAR: f64 = 1000.0;
-
 impl PlayStage {
     pub(super) fn call(&self, call: &str, given: Arguments<'_>) -> Result<Value, String> {
         match call {
-            "sim:place" => self.put_robot(given),
+            "sim:place" => Ok(self.put_robot(given)),
             "sim:place_ball" => self.put_ball(given),
-            "sim:battery" if given.has(0) => {
-                self.sim
-                    .set_battery(given.number(0, "percent", 0.0, 100.0)?);
+            "sim:battery" if !given.value(0).is_null() => {
+                self.sim.set_battery(given.number(0));
                 Ok(Value::Null)
             }
             "sim:noise" => {
-                let level = given.number(0, "dbfs", -90.0, -3.0)?;
-                self.sim.disturb(level, given.seconds(1)?);
+                self.sim.disturb(given.number(0), given.seconds(1));
                 Ok(Value::Null)
             }
             "sim:light" => {
-                self.sim.set_light(given.number(0, "factor", 0.0, 10.0)?);
+                self.sim.set_light(given.number(0));
                 Ok(Value::Null)
             }
             "sim:hide_station" => {
-                self.sim.hide_station(given.flag(0, "hidden")?);
+                self.sim.hide_station(given.is_true(0));
                 Ok(Value::Null)
             }
             "sim:break_charger" => {
-                self.sim.set_charging_broken(given.flag(0, "broken")?);
+                self.sim.set_charging_broken(given.is_true(0));
                 Ok(Value::Null)
             }
             "sim:fault" => self.begin_fault(given),
@@ -64,38 +59,33 @@ impl PlayStage {
             "sim:photos" => pictures(&self.cast.data).into(),
             "sim:distance" => state.distance.into(),
             "sim:collisions" => state.collisions.into(),
-            "sim:ended" => {
-                let name = given.optional_text(0, "the behaviour's name")?;
-                self.chronicle.ended(name).into()
-            }
-            "sim:log" => {
-                let text = given.optional_text(0, "the text")?;
-                self.chronicle.lines(text.unwrap_or_default())
-            }
+            "sim:ended" => self.chronicle.ended(given.text(0)).into(),
+            "sim:log" => self.chronicle.lines(given.text(0).unwrap_or_default()),
             _ => return Err("it does not exist".to_owned()),
         })
     }
 
-    fn put_robot(&self, given: Arguments<'_>) -> Result<Value, String> {
-        let place = given.fields(0, "the place", &["x", "y", "heading"])?;
-        let missing = |name| format!("{name} is missing; as in {{ x = 1, y = 2, heading = 0 }}");
+    fn put_robot(&self, given: Arguments<'_>) -> Value {
         let old = self.sim.state().pose;
+        let number = |key, old| given.option(0, key).unwrap_or(old);
         self.sim.place(Pose {
-            x: place.number("x", -FAR, FAR)?.ok_or_else(|| missing("x"))?,
-            y: place.number("y", -FAR, FAR)?.ok_or_else(|| missing("y"))?,
-            heading: place.number("heading", -FAR, FAR)?.unwrap_or(old.heading),
+            x: number("x", old.x),
+            y: number("y", old.y),
+            heading: number("heading", old.heading),
         });
-        Ok(Value::Null)
+        Value::Null
     }
 
     fn ball_number(&self, given: Arguments<'_>) -> Result<usize, String> {
-        let balls = self.sim.world().balls.len();
-        match balls {
-            0 => Err("there is no ball in this world".to_owned()),
-            balls => given
-                .whole(0, "the ball's number", balls)
-                .map(|number| number - 1),
+        let (number, balls) = (given.number(0), self.sim.world().balls.len());
+        if balls == 0 {
+            return Err("there is no ball in this world".to_owned());
         }
+        if !(1.0..=balls as f64).contains(&number) {
+            let words = format!("the ball's number must be between 1 and {balls}, got {number}");
+            return Err(words);
+        }
+        Ok(number as usize - 1)
     }
 
     fn ball(&self, given: Arguments<'_>) -> Result<Value, String> {
@@ -110,12 +100,9 @@ impl PlayStage {
 
     fn put_ball(&self, given: Arguments<'_>) -> Result<Value, String> {
         let index = self.ball_number(given)?;
-        let place = given.fields(1, "the place", &["x", "y"])?;
-        let (x, y) = (place.number("x", -FAR, FAR)?, place.number("y", -FAR, FAR)?);
-        let (Some(x), Some(y)) = (x, y) else {
-            return Err("the place needs x and y, as in { x = 1, y = 2 }".to_owned());
-        };
-        self.sim.put_ball(index, Point::new(x, y));
+        let number = |key| given.option(1, key).unwrap_or_default();
+        self.sim
+            .put_ball(index, Point::new(number("x"), number("y")));
         Ok(Value::Null)
     }
 

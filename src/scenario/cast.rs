@@ -6,9 +6,9 @@ use serde_json::Value;
 
 use crate::agent::Behaviour;
 use crate::behaviour::{Launch, Library, read_source};
+use crate::check::{self, Finding};
 use crate::config::{Config, Entry};
 use crate::script;
-use crate::script::check::{self, Finding};
 
 /// Makes behaviours.
 pub(super) struct Cast {
@@ -116,11 +116,12 @@ fn is_script(file: &Path) -> bool {
 fn refuse_mistakes(source: &[u8], options: &script::Options) -> Result<(), String> {
     let errors = check::errors(source, options);
     let errors: Vec<String> = errors.iter().map(Finding::text).collect();
-    match errors.is_empty() {
-        true => Ok(()),
-        false => Err(format!(
+    if errors.is_empty() {
+        Ok(())
+    } else {
+        Err(format!(
             "the behaviour cannot work:\n{}",
             errors.join("\n\n")
-        )),
+        ))
     }
 }

@@ -1,5 +1,5 @@
-//! A script's values to ours, with words for what is wrong. Never runs code of the script: tables
-//! are read raw, and nothing of a value is echoed at length.
+//! A script's values to ours, by the rows of the API table, with words for what is wrong. Never runs
+//! code of the script: tables are read raw, and nothing of a value is echoed at length.
 
 use std::time::Duration;
 
@@ -7,9 +7,8 @@ use mlua::prelude::{LuaError, LuaFunction, LuaMultiValue, LuaTable, LuaValue};
 
 use super::failure::printable;
 use super::nearest::suggestion;
-
-/// The longest that one call can wait, in seconds: thirty days.
-const LONGEST: f64 = 30.0 * 86_400.0;
+use crate::api::{Bounds, Choice, Function, Literal, Need, Type, Value};
+use crate::wire::{Sound, Stream};
 
 /// Why a native does not do what it was asked.
 #[derive(Debug)]
@@ -28,81 +27,183 @@ impl From<LuaError> for Refusal {
     }
 }
 
+/// What a row without a name reads: only a native that asks for more arguments than its row has
+/// comes by it.
+const UNNAMED: &Value = &Value {
+    name: "the argument",
+    kind: Type::Any,
+    unit: "",
+    need: Need::Optional,
+    doc: "",
+};
+
 /// The arguments of one call.
 pub(super) struct Args {
-    /// As people write it, such as `robot.move`.
-    pub(super) call: &'static str,
+    pub(super) function: &'static Function,
     pub(super) values: LuaMultiValue,
 }
 
-/// A number's bounds, in words.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Bounds {
-    /// From the first up to the second.
-    Between(f64, f64),
-    /// Above the first, up to the second.
-    Above(f64, f64),
-}
-
-impl Bounds {
-    /// Whether a number is within them.
-    pub fn holds(self, number: f64) -> bool {
-        match self {
-            Bounds::Between(low, high) => (low..=high).contains(&number),
-            Bounds::Above(low, high) => number > low && number <= high,
-        }
-    }
-
-    /// Such as `between 0 and 100`.
-    pub fn words(self) -> String {
-        match self {
-            Bounds::Between(low, high) => format!("between {low} and {high}"),
-            Bounds::Above(low, high) => format!("above {low} and at most {high}"),
-        }
-    }
-}
-
-/// How long a call may wait.
-pub(super) const SECONDS: Bounds = Bounds::Between(0.0, LONGEST);
-
 impl Args {
-    /// The argument at `index`; nil beyond the last.
+    /// The value of a parameter; nil beyond the last. A method's object is not counted.
     pub(super) fn value(&self, index: usize) -> &LuaValue {
+        let index = index + usize::from(self.function.is_method());
         self.values.get(index).unwrap_or(&LuaValue::Nil)
     }
 
-    pub(super) fn has(&self, index: usize) -> bool {
-        !self.value(index).is_nil()
+    /// What a method was called on.
+    pub(super) fn subject(&self) -> &LuaValue {
+        self.values.front().unwrap_or(&LuaValue::Nil)
+    }
+
+    /// What comes behind the parameters.
+    pub(super) fn rest(&self) -> LuaMultiValue {
+        let skipped = self.function.parameters.len() + usize::from(self.function.is_method());
+        self.values.iter().skip(skipped).cloned().collect()
     }
 
     /// An error about this call.
     pub(super) fn misuse(&self, words: &str) -> Refusal {
-        Refusal::Misuse(format!("{}: {words}", self.call))
+        Refusal::Misuse(format!("{}: {words}", self.function.path))
     }
 
+    /// The argument of a parameter, as its row says; its default if it is left out.
+    pub(super) fn get<T: Argument>(&self, index: usize) -> Result<T, Refusal> {
+        T::read(self.given(index))
+    }
+
+    /// The same, not read yet.
+    pub(super) fn given(&self, index: usize) -> Given<'_> {
+        Given {
+            args: self,
+            row: self.function.parameters.get(index).unwrap_or(UNNAMED),
+            value: self.value(index).clone(),
+        }
+    }
+
+    /// The table of options of a parameter, its keys checked.
+    pub(super) fn options(&self, index: usize) -> Result<Options<'_>, Refusal> {
+        self.given(index).options()
+    }
+}
+
+/// One argument or option: its row, and what was given.
+pub(super) struct Given<'a> {
+    pub(super) args: &'a Args,
+    row: &'static Value,
+    pub(super) value: LuaValue,
+}
+
+/// What arguments are read as.
+pub(super) trait Argument: Sized {
+    /// Reads what was given; an error in words if it is something else.
+    fn read(given: Given<'_>) -> Result<Self, Refusal>;
+}
+
+impl<'a> Given<'a> {
+    /// An error that says what was expected.
+    pub(super) fn wrong(&self, expected: &str) -> Refusal {
+        self.args.wrong(self.row.spoken(), expected, &self.value)
+    }
+
+    /// What it is unless given.
+    fn default(&self) -> Option<Literal> {
+        match self.row.need {
+            Need::Default(literal) if self.value.is_nil() => Some(literal),
+            _ => None,
+        }
+    }
+
+    fn choice(&self, choice: &Choice) -> Result<&'static str, Refusal> {
+        let names = (choice.names)();
+        let LuaValue::String(text) = &self.value else {
+            return Err(self.wrong(&format!("one of {}", names.join(", "))));
+        };
+        let text = printable(&text.to_string_lossy(), 40);
+        let found = names.iter().find(|name| **name == text);
+        found.copied().ok_or_else(|| {
+            let near = suggestion(&text, names.iter().copied());
+            let (what, known) = (choice.what, names.join(", "));
+            let words = format!("unknown {what} '{text}'{near} (known: {known})");
+            self.args.misuse(&words)
+        })
+    }
+
+    /// One of a set of names.
+    fn name(&self) -> Result<&'static str, Refusal> {
+        match self.row.kind {
+            Type::Choice(choice) => self.choice(choice),
+            _ => Err(self.wrong("a name")),
+        }
+    }
+
+    /// What one of a set of names stands for.
+    pub(super) fn named<T>(&self, find: impl Fn(&str) -> Option<T>) -> Result<T, Refusal> {
+        let name = self.name()?;
+        find(name).ok_or_else(|| self.wrong("another name"))
+    }
+
+    /// Its keys checked.
+    fn options(self) -> Result<Options<'a>, Refusal> {
+        let keys = match self.row.kind {
+            Type::Options(keys) => keys,
+            _ => &[],
+        };
+        let table = match &self.value {
+            LuaValue::Nil if self.row.need != Need::Required => None,
+            LuaValue::Table(table) => Some(table.clone()),
+            _ => return Err(self.wrong("a table")),
+        };
+        if let Some(table) = &table {
+            self.args.check_keys(table, keys)?;
+        }
+        let args = self.args;
+        Ok(Options { args, keys, table })
+    }
+
+    /// Holds what was given against its row, without reading it as anything. Types that need more
+    /// than the row are left to who reads them.
+    pub(super) fn check(self) -> Result<(), Refusal> {
+        if self.value.is_nil() && self.row.need != Need::Required {
+            return Ok(());
+        }
+        match self.row.kind {
+            Type::Boolean => bool::read(self).map(drop),
+            Type::Number(_) => f64::read(self).map(drop),
+            Type::Whole(_) => u32::read(self).map(drop),
+            Type::Text(_) => String::read(self).map(drop),
+            Type::Function(_) | Type::Handler => LuaFunction::read(self).map(drop),
+            Type::Choice(choice) => self.choice(choice).map(drop),
+            Type::Options(_) => {
+                let options = self.options()?;
+                let mut keys = options.keys.iter();
+                keys.try_for_each(|key| options.given(key.name)?.check())
+            }
+            Type::Fields if !self.value.is_table() => Err(self.wrong("a table")),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Args {
     fn wrong(&self, name: &str, expected: &str, value: &LuaValue) -> Refusal {
         if value.is_nil() {
             return self.misuse(&format!("{name} is missing; it must be {expected}"));
         }
         let mut words = format!("{name} must be {expected}, got {}", describe(value));
-        if matches!(self.values.front(), Some(LuaValue::Table(_)))
-            && matches!(value, LuaValue::Table(_))
-        {
-            let wrong = self.call.replacen('.', ":", 1);
-            words += &format!(" (call it with a dot: {}, not {wrong})", self.call);
+        let path = self.function.path;
+        let with_colon = matches!(self.values.front(), Some(LuaValue::Table(_)));
+        if with_colon && value.is_table() && !self.function.is_method() {
+            let wrong = path.replacen('.', ":", 1);
+            words += &format!(" (call it with a dot: {path}, not {wrong})");
         }
         self.misuse(&words)
-    }
-
-    pub(super) fn number(&self, index: usize, name: &str, bounds: Bounds) -> Result<f64, Refusal> {
-        self.check_number(name, self.value(index), bounds)
     }
 
     pub(super) fn check_number(
         &self,
         name: &str,
         value: &LuaValue,
-        bounds: Bounds,
+        bounds: Option<Bounds>,
     ) -> Result<f64, Refusal> {
         let number = match value {
             LuaValue::Integer(number) => *number as f64,
@@ -112,107 +213,15 @@ impl Args {
             LuaValue::Number(number) => *number,
             other => return Err(self.wrong(name, "a number", other)),
         };
-        if bounds.holds(number) {
-            return Ok(number);
-        }
-        Err(self.misuse(&format!("{name} must be {}, got {number}", bounds.words())))
-    }
-
-    pub(super) fn optional_number(
-        &self,
-        index: usize,
-        name: &str,
-        bounds: Bounds,
-    ) -> Result<Option<f64>, Refusal> {
-        self.has(index)
-            .then(|| self.number(index, name, bounds))
-            .transpose()
-    }
-
-    pub(super) fn seconds(&self, index: usize, name: &str) -> Result<Duration, Refusal> {
-        Ok(Duration::from_secs_f64(self.number(index, name, SECONDS)?))
-    }
-
-    pub(super) fn optional_seconds(
-        &self,
-        index: usize,
-        name: &str,
-    ) -> Result<Option<Duration>, Refusal> {
-        self.has(index)
-            .then(|| self.seconds(index, name))
-            .transpose()
-    }
-
-    pub(super) fn boolean(&self, index: usize, name: &str) -> Result<bool, Refusal> {
-        match self.value(index) {
-            LuaValue::Boolean(on) => Ok(*on),
-            other => Err(self.wrong(name, "true or false", other)),
+        match bounds.filter(|bounds| !bounds.holds(number)) {
+            None => Ok(number),
+            Some(bounds) => {
+                Err(self.misuse(&format!("{name} must be {}, got {number}", bounds.words())))
+            }
         }
     }
 
-    pub(super) fn function(&self, index: usize, name: &str) -> Result<LuaFunction, Refusal> {
-        match self.value(index) {
-            LuaValue::Function(function) => Ok(function.clone()),
-            other => Err(self.wrong(name, "a function", other)),
-        }
-    }
-
-    /// Text of at most `longest` bytes.
-    pub(super) fn text(&self, index: usize, name: &str, longest: usize) -> Result<String, Refusal> {
-        let LuaValue::String(text) = self.value(index) else {
-            return Err(self.wrong(name, "a string", self.value(index)));
-        };
-        let bytes = text.as_bytes();
-        if bytes.len() > longest {
-            return Err(self.misuse(&format!("{name} is too long: at most {longest} bytes")));
-        }
-        Ok(String::from_utf8_lossy(&bytes).into_owned())
-    }
-
-    /// One of the names that `known` lists.
-    pub(super) fn choice<T: Copy>(
-        &self,
-        index: usize,
-        what: &str,
-        known: &[(&'static str, T)],
-    ) -> Result<T, Refusal> {
-        self.check_choice(what, self.value(index), known)
-    }
-
-    fn check_choice<T: Copy>(
-        &self,
-        what: &str,
-        value: &LuaValue,
-        known: &[(&'static str, T)],
-    ) -> Result<T, Refusal> {
-        let names = || known.iter().map(|(name, _)| *name);
-        let LuaValue::String(text) = value else {
-            let expected = format!("one of {}", list(names()));
-            return Err(self.wrong(what, &expected, value));
-        };
-        let text = printable(&text.to_string_lossy(), 40);
-        let found = known.iter().find(|(name, _)| *name == text);
-        found.map(|(_, value)| *value).ok_or_else(|| {
-            let near = suggestion(&text, names());
-            let names = list(names());
-            self.misuse(&format!("unknown {what} '{text}'{near} (known: {names})"))
-        })
-    }
-
-    /// The table of options at `index`, its keys checked.
-    pub(super) fn options<'a>(&'a self, index: usize, keys: &[&str]) -> Result<Table<'a>, Refusal> {
-        let table = match self.value(index) {
-            LuaValue::Nil => None,
-            LuaValue::Table(table) => Some(table.clone()),
-            other => return Err(self.wrong("the options", "a table", other)),
-        };
-        if let Some(table) = &table {
-            self.check_keys(table, keys)?;
-        }
-        Ok(Table { args: self, table })
-    }
-
-    fn check_keys(&self, table: &LuaTable, keys: &[&str]) -> Result<(), Refusal> {
+    fn check_keys(&self, table: &LuaTable, keys: &[Value]) -> Result<(), Refusal> {
         let mut wrong = None;
         // The first unknown key is enough; the visit stops there.
         let _ = table.for_each(|key: LuaValue, _: LuaValue| {
@@ -220,83 +229,178 @@ impl Args {
                 LuaValue::String(text) => printable(&text.to_string_lossy(), 40),
                 other => describe(other),
             };
-            if keys.contains(&text.as_str()) {
+            if keys.iter().any(|known| known.name == text) {
                 return Ok(());
             }
             wrong = Some(text);
             Err(LuaError::runtime("unknown key"))
         });
         let Some(key) = wrong else { return Ok(()) };
-        let near = suggestion(&key, keys.iter().copied());
-        let known = list(keys.iter().copied());
+        let known: Vec<_> = keys.iter().map(|known| known.name).collect();
+        let (near, known) = (suggestion(&key, known.iter().copied()), known.join(", "));
         Err(self.misuse(&format!("unknown option '{key}'{near} (known: {known})")))
     }
 }
 
-/// A table of named values whose keys were checked.
-pub(super) struct Table<'a> {
-    pub(super) args: &'a Args,
-    table: Option<LuaTable>,
+impl<T: Argument> Argument for Option<T> {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        if given.value.is_nil() && given.default().is_none() {
+            return Ok(None);
+        }
+        T::read(given).map(Some)
+    }
 }
 
-impl Table<'_> {
-    pub(super) fn value(&self, key: &str) -> Result<LuaValue, Refusal> {
-        match &self.table {
-            Some(table) => Ok(table.raw_get(key)?),
-            None => Ok(LuaValue::Nil),
+impl Argument for f64 {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        if let Some(Literal::Number(number)) = given.default() {
+            return Ok(number);
         }
+        let bounds = match given.row.kind {
+            Type::Number(bounds) | Type::Whole(bounds) => bounds,
+            _ => None,
+        };
+        let args = given.args;
+        args.check_number(given.row.spoken(), &given.value, bounds)
     }
+}
 
-    pub(super) fn number(&self, key: &str, default: f64, bounds: Bounds) -> Result<f64, Refusal> {
-        Ok(self.optional_number(key, bounds)?.unwrap_or(default))
-    }
-
-    pub(super) fn optional_number(
-        &self,
-        key: &str,
-        bounds: Bounds,
-    ) -> Result<Option<f64>, Refusal> {
-        match self.value(key)? {
-            LuaValue::Nil => Ok(None),
-            value => self.args.check_number(key, &value, bounds).map(Some),
-        }
-    }
-
-    pub(super) fn boolean(&self, key: &str, default: bool) -> Result<bool, Refusal> {
-        match self.value(key)? {
-            LuaValue::Nil => Ok(default),
-            LuaValue::Boolean(on) => Ok(on),
-            other => Err(self.args.wrong(key, "true or false", &other)),
-        }
-    }
-
-    /// A whole number.
-    pub(super) fn count(&self, key: &str, default: u32, most: u32) -> Result<u32, Refusal> {
-        let bounds = Bounds::Between(0.0, f64::from(most));
-        let number = self.number(key, f64::from(default), bounds)?;
+impl Argument for u32 {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        let (args, name) = (given.args, given.row.spoken());
+        let number = f64::read(given)?;
         if number.fract() == 0.0 {
             return Ok(number as u32);
         }
-        Err(self
-            .args
-            .misuse(&format!("{key} must be a whole number, got {number}")))
+        Err(args.misuse(&format!("{name} must be a whole number, got {number}")))
     }
+}
 
-    pub(super) fn choice<T: Copy>(
-        &self,
-        key: &str,
-        known: &[(&'static str, T)],
-    ) -> Result<Option<T>, Refusal> {
-        match self.value(key)? {
-            LuaValue::Nil => Ok(None),
-            value => self.args.check_choice(key, &value, known).map(Some),
+/// In seconds.
+impl Argument for Duration {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        let (args, name) = (given.args, given.row.spoken());
+        Duration::try_from_secs_f64(f64::read(given)?)
+            .map_err(|_| args.misuse(&format!("{name} is not a time")))
+    }
+}
+
+impl Argument for bool {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        match (&given.value, given.default()) {
+            (LuaValue::Boolean(on), _) => Ok(*on),
+            (_, Some(Literal::Boolean(on))) => Ok(on),
+            _ => Err(given.wrong("true or false")),
         }
     }
 }
 
-/// Names behind each other, for messages.
-fn list<'a>(names: impl Iterator<Item = &'a str>) -> String {
-    names.collect::<Vec<_>>().join(", ")
+impl Argument for LuaFunction {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        match &given.value {
+            LuaValue::Function(function) => Ok(function.clone()),
+            _ => Err(given.wrong("a function")),
+        }
+    }
+}
+
+impl Argument for String {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        let LuaValue::String(text) = &given.value else {
+            return Err(given.wrong("a string"));
+        };
+        let bytes = text.as_bytes();
+        if let Type::Text(Some(most)) = given.row.kind
+            && bytes.len() > most
+        {
+            let words = format!("{} is too long: at most {most} bytes", given.row.spoken());
+            return Err(given.args.misuse(&words));
+        }
+        Ok(String::from_utf8_lossy(&bytes).into_owned())
+    }
+}
+
+/// One of a set of names.
+impl Argument for &'static str {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        given.name()
+    }
+}
+
+impl Argument for Sound {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        given.named(Sound::from_name)
+    }
+}
+
+impl Argument for Stream {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        given.named(Stream::from_name)
+    }
+}
+
+/// `{low, high}`
+impl Argument for [f64; 2] {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        if let Some(Literal::Range(low, high)) = given.default() {
+            return Ok([low, high]);
+        }
+        let name = given.row.name;
+        let wrong = || {
+            let words = format!("{name} must be two numbers, such as {name}={{20, 80}}");
+            given.args.misuse(&words)
+        };
+        let table = given.value.as_table().ok_or_else(wrong)?;
+        if table.raw_len() != 2 {
+            return Err(wrong());
+        }
+        let number = |index: usize| -> Result<f64, Refusal> {
+            let value: LuaValue = table.raw_get(index)?;
+            let whole = || value.as_integer().map(|number| number as f64);
+            value.as_number().or_else(whole).ok_or_else(wrong)
+        };
+        Ok([number(1)?, number(2)?])
+    }
+}
+
+/// A table of named values whose keys were checked.
+pub(super) struct Options<'a> {
+    args: &'a Args,
+    keys: &'static [Value],
+    table: Option<LuaTable>,
+}
+
+impl Options<'_> {
+    /// An option as its row says; its default if it is left out.
+    pub(super) fn get<T: Argument>(&self, key: &str) -> Result<T, Refusal> {
+        T::read(self.given(key)?)
+    }
+
+    fn given(&self, key: &str) -> Result<Given<'_>, Refusal> {
+        let row = self.keys.iter().find(|row| row.name == key);
+        Ok(Given {
+            args: self.args,
+            row: row.unwrap_or(UNNAMED),
+            value: match &self.table {
+                Some(table) => table.raw_get(key)?,
+                None => LuaValue::Nil,
+            },
+        })
+    }
+
+    /// What stands at a key.
+    pub(super) fn value(&self, key: &str) -> Result<LuaValue, Refusal> {
+        Ok(self.given(key)?.value)
+    }
+
+    /// The defaults of the keys that are left out.
+    pub(super) fn defaults(&self) -> Result<Vec<(&'static str, Literal)>, Refusal> {
+        let mut found = Vec::new();
+        for key in self.keys {
+            found.extend(self.given(key.name)?.default().map(|one| (key.name, one)));
+        }
+        Ok(found)
+    }
 }
 
 /// A value in a few words: never more than a short piece of it.

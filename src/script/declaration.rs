@@ -8,21 +8,21 @@ use super::params::{GivenParam, ParamOrigin, ParamValue};
 
 /// One declared parameter; its type is that of its default.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Declaration {
-    pub(super) default: ParamValue,
+pub(crate) struct Declaration {
+    pub(crate) default: ParamValue,
     /// Of a number.
-    pub(super) min: Option<f64>,
+    pub(crate) min: Option<f64>,
     /// Of a number.
-    pub(super) max: Option<f64>,
+    pub(crate) max: Option<f64>,
     /// Behind a number, such as `%`.
-    pub(super) unit: Option<String>,
+    pub(crate) unit: Option<String>,
     /// Of a text; empty: any.
-    pub(super) choices: Vec<String>,
+    pub(crate) choices: Vec<String>,
 }
 
 impl Declaration {
     /// What a value must be, in words.
-    pub(super) fn expected(&self) -> String {
+    pub(crate) fn expected(&self) -> String {
         match &self.default {
             ParamValue::Boolean(_) => "true or false".to_owned(),
             ParamValue::Text(_) if self.choices.is_empty() => "a text".to_owned(),
@@ -40,8 +40,29 @@ impl Declaration {
         }
     }
 
+    /// What is said must make sense for the default's type, and hold for the default itself.
+    pub(crate) fn check(&self) -> Result<(), String> {
+        let is_number = matches!(self.default, ParamValue::Number(_));
+        let is_text = matches!(self.default, ParamValue::Text(_));
+        if !is_number && (self.min.is_some() || self.max.is_some()) {
+            return Err("min and max are for numbers only".to_owned());
+        }
+        if !is_text && !self.choices.is_empty() {
+            return Err("choices are for texts only".to_owned());
+        }
+        if let (Some(min), Some(max)) = (self.min, self.max)
+            && min > max
+        {
+            return Err(format!("min {min} is above max {max}"));
+        }
+        if !self.allows(&self.default) {
+            return Err(format!("default must be {}", self.expected()));
+        }
+        Ok(())
+    }
+
     /// Whether a value has the right type and lies within the bounds.
-    pub(super) fn allows(&self, value: &ParamValue) -> bool {
+    pub(crate) fn allows(&self, value: &ParamValue) -> bool {
         match (&self.default, value) {
             (ParamValue::Boolean(_), ParamValue::Boolean(_)) => true,
             (ParamValue::Number(_), ParamValue::Number(number)) => {
@@ -72,7 +93,7 @@ impl Declaration {
 }
 
 /// The value of each declared parameter, or what is wrong with the values that were given.
-pub(super) fn settle(
+pub(crate) fn settle(
     declared: &BTreeMap<String, Declaration>,
     given: &BTreeMap<String, GivenParam>,
 ) -> Result<BTreeMap<String, ParamValue>, String> {

@@ -3,9 +3,8 @@
 
 use std::time::Duration;
 
-use tokio::time::Instant;
-
 use super::failure::Ending;
+use super::life::{Life, Stopping};
 use super::output::{Level, Mark};
 use super::state::State;
 use super::task::Wait;
@@ -14,36 +13,11 @@ use crate::robot::{EndReason, Intent, MotionId};
 /// How long cleaning up and `script.on_stop` may take together.
 const STOP_TIME: Duration = Duration::from_millis(500);
 
-/// Where in its life a script is.
-#[derive(Debug)]
-pub(super) enum Life {
-    Running,
-    Stopping(Stopping),
-    Ended(Ending),
-}
-
-/// The last half second.
-#[derive(Debug)]
-pub(super) struct Stopping {
-    pub(super) ending: Ending,
-    pub(super) deadline: Instant,
-    /// Real time that its slices took: the deadline's own time may stand still.
-    spent: Duration,
-}
-
 /// What must be taken back if the slice that now begins is the last.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Before {
     mark: Mark,
     motion: Option<MotionId>,
-}
-
-/// Whether a script that ends for this reason runs no further line.
-pub(super) fn is_kill(reason: EndReason) -> bool {
-    matches!(
-        reason,
-        EndReason::Cpu | EndReason::Memory | EndReason::Safety
-    )
 }
 
 impl State {
@@ -149,10 +123,10 @@ impl State {
         self.tasks.clear();
         self.groups.clear();
         self.subscriptions.clear();
-        self.farewells.clear();
+        self.exit.farewells.clear();
         self.modules.clear();
-        self.newest = None;
-        if let Some(text) = self.damage.rest() {
+        self.sight.newest = None;
+        if let Some(text) = self.sight.damage.rest() {
             self.log(Level::Warn, &text);
         }
         self.outbox.say_folded();

@@ -4,12 +4,12 @@
 //! together, so that the robot moves on while the person types the next one.
 
 use mlua::prelude::{Lua, LuaError, LuaFunction, LuaMultiValue, LuaTable, LuaValue};
-use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
 use super::Script;
 use super::arguments::describe;
 use super::failure::{Trouble, printable};
+use super::output::Evaluated;
 use super::sandbox;
 use super::scheduler::Outcome;
 use super::state::State;
@@ -21,19 +21,6 @@ const MAX_ENTRIES: usize = 16;
 const MAX_VALUES: usize = 16;
 /// Characters of a text that are shown.
 const MAX_TEXT: usize = 200;
-
-/// What became of a line.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Evaluated {
-    /// It ran; its values in the order of Lua, as text for people. None for a statement.
-    Values(Vec<String>),
-    /// It is the beginning of something: the next line belongs to it.
-    Incomplete,
-    /// It is wrong, or it failed; in words.
-    Failed(String),
-    /// It was interrupted.
-    Cancelled,
-}
 
 impl State {
     /// What became of the line that was typed last.
@@ -49,7 +36,7 @@ impl State {
     fn next_input(&mut self, text: &str) -> String {
         self.inputs += 1;
         self.options.chunk = format!("input{}", self.inputs);
-        text.clone_into(&mut self.source);
+        text.clone_into(&mut self.complaints.source);
         self.options.chunk.clone()
     }
 }

@@ -14,6 +14,15 @@ const LONGEST: usize = 1000;
 const RESUMED_BY_OTHERS: &str = "a task's coroutine was resumed or closed by the script; \
     end a task with task:cancel(), and resume only what coroutine.create has made";
 
+/// The prelude's name in stack frames.
+pub(super) const PRELUDE: &str = "spykee";
+
+/// Whether a stack frame is not the script's own: the prelude's, of the VM's binding, or of a module
+/// that comes with the runtime.
+pub(super) fn is_ours(source: &str) -> bool {
+    source == PRELUDE || source.starts_with("__mlua") || source.starts_with("@spykee/")
+}
+
 /// Why a file cannot be run at all.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error, Serialize, Deserialize)]
 pub enum Failure {
@@ -121,7 +130,7 @@ fn from_traceback(text: &str) -> String {
         .unwrap_or((text, ""));
     let inside = message
         .split_once(':')
-        .filter(|(file, _)| super::sandbox::is_ours(file))
+        .filter(|(file, _)| is_ours(file))
         .and_then(|(_, rest)| rest.split_once(": "));
     let message = match (inside, first_place(trace)) {
         (Some((_, words)), Some(place)) => format!("{place}: {words}"),
@@ -138,7 +147,7 @@ fn first_place(trace: &str) -> Option<&str> {
         let end = line.find(' ').unwrap_or(line.len());
         let place = line.get(..end)?.trim_end_matches(':');
         let (file, number) = place.rsplit_once(':')?;
-        let theirs = !super::sandbox::is_ours(file) && !file.starts_with('[');
+        let theirs = !is_ours(file) && !file.starts_with('[');
         (theirs && number.parse::<u32>().is_ok()).then_some(place)
     })
 }
@@ -152,7 +161,7 @@ fn has_place(message: &str) -> bool {
 
 /// At most `longest` characters, without control characters other than line feed and tab, so that
 /// a script cannot write to the terminal what it likes.
-pub(super) fn printable(text: &str, longest: usize) -> String {
+pub(crate) fn printable(text: &str, longest: usize) -> String {
     let safe = |c: &char| !c.is_control() || matches!(c, '\n' | '\t');
     let mut kept: String = text.chars().filter(safe).take(longest + 1).collect();
     if let Some((cut, _)) = kept.char_indices().nth(longest) {

@@ -2,9 +2,7 @@
 
 use mlua::prelude::{LuaMultiValue, LuaValue};
 
-use super::scheduler::Outcome;
-use super::state::State;
-use super::task::{Answer, GroupId, TaskId};
+use super::ids::TaskId;
 
 /// When a group is over, and what its caller gets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,7 +37,11 @@ impl Group {
     }
 
     /// A child is done; what the parent gets, if that ends the group.
-    fn child_done(&mut self, index: usize, mut values: LuaMultiValue) -> Option<LuaMultiValue> {
+    pub(super) fn child_done(
+        &mut self,
+        index: usize,
+        mut values: LuaMultiValue,
+    ) -> Option<LuaMultiValue> {
         match self.rule {
             Rule::Race => Some(values),
             Rule::Timeout => {
@@ -52,35 +54,6 @@ impl Group {
                 }
                 self.missing -= 1;
                 (self.missing == 0).then(|| LuaMultiValue::from_vec(self.results.split_off(0)))
-            }
-        }
-    }
-}
-
-impl State {
-    /// A child of a group has ended.
-    pub(super) fn child_ended(&mut self, id: GroupId, index: usize, outcome: Outcome) {
-        let Some(group) = self.groups.get_mut(&id) else {
-            return;
-        };
-        let parent = group.parent;
-        let answer = match outcome {
-            Outcome::Done(values) => group.child_done(index, values).map(Answer::Values),
-            Outcome::Failed(text) => Some(Answer::Failed(text)),
-            Outcome::Cancelled => Some(Answer::Cancelled),
-        };
-        if let Some(answer) = answer {
-            self.dissolve(id);
-            self.tasks.wake(parent, answer, self.now);
-        }
-    }
-
-    /// Ends a group: children that still live are cancelled, and run their clean-up before their
-    /// parent goes on.
-    pub(super) fn dissolve(&mut self, id: GroupId) {
-        if let Some(group) = self.groups.remove(&id) {
-            for child in group.children {
-                self.cancel(child);
             }
         }
     }

@@ -9,30 +9,36 @@
 //! business of the process around it.
 //!
 //! The parts: `sandbox` makes a VM that holds; `budget` and `interrupt` end what runs too long;
-//! `task`, `queue` and `scheduler` decide who runs next; `slice` runs; `ending` ends; `api/` has one
-//! file for each Lua namespace; `stdlib/` what is written in Lua.
+//! `task`, `queue` and `scheduler` decide who runs next; `slice` runs; `ending` ends; `api/` has the
+//! natives of each Lua namespace; `stdlib/` what is written in Lua.
 
+mod album;
 mod api;
 mod arguments;
 mod budget;
-pub mod check;
+mod complaints;
 mod declaration;
 mod ending;
 mod eval;
 mod events;
 mod failure;
 mod group;
+mod held;
+mod ids;
 mod interrupt;
+mod life;
 mod modules;
 mod motion;
 mod nearest;
 mod options;
 mod output;
+mod pace;
 mod params;
 mod plain;
 mod queue;
 mod sandbox;
 mod scheduler;
+mod sight;
 mod sighting;
 mod slice;
 mod sound;
@@ -43,7 +49,7 @@ mod store;
 mod streams;
 mod task;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod way_back;
 
 use std::cell::RefCell;
@@ -56,21 +62,25 @@ use crate::robot::{EndReason, Event, Frame};
 use crate::wire::Stream;
 
 use api::Shared;
-use ending::{Life, is_kill};
 use events::EventName;
+use life::{Life, is_kill};
 use state::State;
 use task::{Answer, Kind};
 
-pub use api::definition;
+pub(crate) use album::{NAMES as PICTURE_NAMES, file_name as picture_name};
 pub(crate) use budget::{only_simulated, running, stuck, when_stuck};
-pub use eval::Evaluated;
+pub use complaints::Explain;
+pub(crate) use declaration::{Declaration, settle};
+pub(crate) use failure::printable;
 pub use failure::{Ending, Failure, Place};
 pub use modules::{ModuleFile, ModuleName};
+pub(crate) use modules::{Target, resolve};
 pub use nearest::suggestion;
 pub use options::{Calibration, Limits, Options};
-pub use output::{Level, LogLine, Output};
+pub use output::{Evaluated, Level, LogLine, Output};
 pub use params::{GivenParam, ParamOrigin, ParamValue};
 pub use sandbox::MAX_SOURCE;
+pub(crate) use sandbox::{check_source as read_text, compile_error};
 pub use sighting::{Seen, Sighting};
 pub use stage::Stage;
 pub use state::Usage;
@@ -97,6 +107,25 @@ impl Script {
     /// does not compile; the message has file and line.
     pub fn load(source: &[u8], options: Options, now: Instant) -> Result<Script, Failure> {
         Script::load_with(source, options, api::Surroundings::Robot, now)
+    }
+
+    /// Loads a script that has `scenario`, `expect` and `sim`, and of the usual names `task`, `log`,
+    /// `script`, `print` and `require`.
+    ///
+    /// # Errors
+    /// As of [`Script::load`].
+    pub fn on_stage(
+        source: &[u8],
+        options: Options,
+        stage: Rc<dyn Stage>,
+        now: Instant,
+    ) -> Result<Script, Failure> {
+        Script::load_with(source, options, api::Surroundings::Stage(stage), now)
+    }
+
+    /// Such a script with nothing in it and nobody to ask.
+    pub(crate) fn on_empty_stage(options: Options, now: Instant) -> Result<Script, Failure> {
+        Script::on_stage(b"", options, Rc::new(Empty), now)
     }
 
     fn load_with(
@@ -131,7 +160,7 @@ impl Script {
         let (chunk, seed) = (options.chunk.clone(), options.seed);
         let text = source.to_owned();
         let state = Rc::new(RefCell::new(State::new(options, now)));
-        state.borrow_mut().source = text;
+        state.borrow_mut().complaints.source = text;
         sandbox::seed(&lua, seed)?;
         api::install(&lua, &state, surroundings)?;
         let main = lua.create_thread(sandbox::compile(&lua, source, &chunk)?)?;
@@ -141,6 +170,11 @@ impl Script {
             .tasks
             .add(main, Kind::Main, start, None, now);
         Ok(Script { lua, state })
+    }
+
+    /// Has failures explained in words for people, wherever they are logged or told.
+    pub fn explain_with(&mut self, explain: Explain) {
+        self.state.borrow_mut().complaints.explain = Some(explain);
     }
 
     /// Tells the script what happened.
@@ -163,14 +197,14 @@ impl Script {
 
     /// Decodes what has come of the next frame, so that it is looked at sooner.
     pub fn look_ahead(&mut self, beginning: &[u8]) {
-        self.state.borrow_mut().eyes.look_ahead(beginning);
+        self.state.borrow_mut().sight.eyes.look_ahead(beginning);
     }
 
     /// Whether the script has looked at the newest frame, rather than let it pass or save it.
     pub fn looks_at_frames(&self) -> bool {
         let state = self.state.borrow();
-        let newest = state.newest.as_ref().map(|held| held.frame().seq);
-        newest.is_some() && newest == state.eyes.seen()
+        let newest = state.sight.newest.as_ref().map(|held| held.frame().seq);
+        newest.is_some() && newest == state.sight.eyes.seen()
     }
 
     /// Runs the next task that is ready or due, until it waits: one slice, so that the host can
@@ -287,6 +321,20 @@ impl Script {
         let mut usage = self.state.borrow().usage;
         usage.memory_bytes = self.lua.used_memory() as u64;
         usage
+    }
+}
+
+/// Answers nothing: for those who only want to know which names there are.
+struct Empty;
+
+impl Stage for Empty {
+    fn ask(
+        &self,
+        call: &str,
+        _: &[serde_json::Value],
+        _: Option<Place>,
+    ) -> Result<serde_json::Value, String> {
+        Err(format!("{call} is not possible here"))
     }
 }
 

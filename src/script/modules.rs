@@ -4,9 +4,9 @@
 use mlua::prelude::LuaFunction;
 use serde::{Deserialize, Serialize};
 
+use super::ids::{ModuleId, TaskId};
 use super::nearest::suggestion;
 use super::stdlib;
-use super::task::TaskId;
 
 /// Bytes of a module's name.
 const LONGEST: usize = 200;
@@ -48,9 +48,10 @@ impl TryFrom<String> for ModuleName {
         let plain = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-' | '.' | ' ');
         let is_segment =
             |one: &str| !one.is_empty() && !one.starts_with('.') && one.chars().all(plain);
-        match name.len() <= LONGEST && name.split('/').all(is_segment) {
-            true => Ok(ModuleName(name)),
-            false => Err("not a module's name"),
+        if name.len() <= LONGEST && name.split('/').all(is_segment) {
+            Ok(ModuleName(name))
+        } else {
+            Err("not a module's name")
         }
     }
 }
@@ -66,13 +67,13 @@ pub struct ModuleFile {
 
 /// What a path leads to.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Target {
+pub(crate) enum Target {
     Library(&'static str, &'static str),
     File(ModuleName),
 }
 
 /// Finds out what a path means in a file of this folder, which is relative to the behaviour's.
-pub(super) fn resolve(folder: &str, path: &str) -> Result<Target, String> {
+pub(crate) fn resolve(folder: &str, path: &str) -> Result<Target, String> {
     if path.len() > LONGEST {
         return Err(format!("the path is too long: at most {LONGEST} bytes"));
     }
@@ -120,10 +121,6 @@ fn library(path: &str) -> Result<Target, String> {
             format!("there is no module '{path}'{near} (known: {known})")
         })
 }
-
-/// Names a module; counts up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct ModuleId(usize);
 
 /// How far a module is.
 #[derive(Debug, Clone)]
@@ -223,9 +220,10 @@ impl Modules {
         if self.all.len() > MAX_MODULES {
             return Err(format!("a script may load at most {MAX_MODULES} modules"));
         }
-        let chunk = match key.starts_with(LIBRARY) {
-            true => key.to_owned(),
-            false => format!("{}{key}", self.shown),
+        let chunk = if key.starts_with(LIBRARY) {
+            key.to_owned()
+        } else {
+            format!("{}{key}", self.shown)
         };
         self.all.push(Module {
             key: key.to_owned(),
@@ -250,11 +248,12 @@ impl Modules {
             module.chunk.clone_from(&chunk);
             module.source = String::from_utf8_lossy(&file.source).into_owned();
         }
-        match self.bytes > MAX_BYTES {
-            true => Err(format!(
+        if self.bytes > MAX_BYTES {
+            Err(format!(
                 "{chunk}: the modules of a script may have {MAX_BYTES} bytes (1 MiB) together, and have more"
-            )),
-            false => Ok(chunk),
+            ))
+        } else {
+            Ok(chunk)
         }
     }
 

@@ -2,7 +2,7 @@
 
 use crate::robot::{MotionId, Setpoint};
 
-use super::task::{SubscriptionId, TaskId};
+use super::ids::{SubscriptionId, TaskId};
 
 /// Who made a setpoint; it ends with its owner. A handler's setpoints outlive the single run: they
 /// belong to its subscription.

@@ -5,7 +5,6 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
-use super::eval::Evaluated;
 use super::failure::printable;
 use super::modules::ModuleName;
 use crate::robot::Intent;
@@ -32,6 +31,19 @@ pub enum Output {
     Evaluated(Evaluated),
     /// The file of this module is wanted: see [`Script::deliver_module`](super::Script::deliver_module).
     Module(ModuleName),
+}
+
+/// What became of a line that a person typed.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Evaluated {
+    /// It ran; its values in the order of Lua, as text for people. None for a statement.
+    Values(Vec<String>),
+    /// It is the beginning of something: the next line belongs to it.
+    Incomplete,
+    /// It is wrong, or it failed; in words.
+    Failed(String),
+    /// It was interrupted.
+    Cancelled,
 }
 
 /// How much a log line matters.

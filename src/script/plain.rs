@@ -161,9 +161,10 @@ impl Writer {
     }
 
     fn make_room(&self, bytes: usize) -> Result<(), NotPlain> {
-        match self.out.len() + bytes > self.longest {
-            true => Err(NotPlain::TooLong(self.longest)),
-            false => Ok(()),
+        if self.out.len() + bytes > self.longest {
+            Err(NotPlain::TooLong(self.longest))
+        } else {
+            Ok(())
         }
     }
 

@@ -7,15 +7,9 @@ use std::rc::Rc;
 use mlua::prelude::LuaThread;
 use tokio::time::Instant;
 
-use super::task::{
-    Answer, Cancel, Handle, Kind, Phase, SHORTEST_WAIT, Status, SubscriptionId, Task, TaskId, Wait,
-};
-
-/// So often may one task be resumed within [`SHORTEST_WAIT`] before it is made to wait.
-const FASTEST: u32 = 64;
-
-/// When a timer rings; equal times ring in the order in which they were set.
-pub(super) type Timer = (Instant, u64);
+use super::ids::{SubscriptionId, TaskId, Timer};
+use super::pace::{Pace, SHORTEST_WAIT};
+use super::task::{Answer, Cancel, Handle, Kind, Phase, Status, Task, Wait};
 
 /// What a timer is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,31 +27,6 @@ pub(super) enum Due {
 pub(super) enum Ready {
     Task(TaskId),
     Handler(SubscriptionId),
-}
-
-/// How often a task was resumed lately.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Pace {
-    since: Instant,
-    count: u32,
-}
-
-impl Pace {
-    pub(super) fn new(now: Instant) -> Pace {
-        Pace {
-            since: now,
-            count: 0,
-        }
-    }
-
-    /// Counts a resumption; `true` if there were too many.
-    fn is_too_fast(&mut self, now: Instant) -> bool {
-        if now.saturating_duration_since(self.since) >= SHORTEST_WAIT {
-            *self = Pace::new(now);
-        }
-        self.count += 1;
-        self.count > FASTEST
-    }
 }
 
 /// All tasks, the queue of those that can run, and the timers.

@@ -10,20 +10,11 @@ use mlua::prelude::{Lua, LuaFunction, LuaLightUserData, LuaResult, LuaTable, Lua
 use mlua::state::{GcIncParams, GcMode};
 use mlua::{LuaOptions, StdLib};
 
-use super::failure::Failure;
+use super::failure::{Failure, PRELUDE, Trouble};
 use super::{interrupt, nearest};
 
 /// The largest source, in bytes: the compiler's time and memory are outside the VM's limits.
 pub const MAX_SOURCE: usize = 256 * 1024;
-
-/// The prelude's name in stack frames.
-pub(super) const PRELUDE: &str = "spykee";
-
-/// Whether a stack frame is not the script's own: the prelude's, of the VM's binding, or of a module
-/// that comes with the runtime.
-pub(super) fn is_ours(source: &str) -> bool {
-    source == PRELUDE || source.starts_with("__mlua") || source.starts_with("@spykee/")
-}
 
 /// The most work of one pattern search: length of the text times length of the pattern.
 const MOST_WORK: u32 = 1 << 24;
@@ -43,7 +34,7 @@ const REMOVED: [&str; 7] = [
 ];
 
 /// Checks what can be checked of a source without compiling it; without its byte order mark.
-pub(super) fn check_source<'a>(source: &'a [u8], chunk: &str) -> Result<&'a str, Failure> {
+pub(crate) fn check_source<'a>(source: &'a [u8], chunk: &str) -> Result<&'a str, Failure> {
     let chunk = || chunk.to_owned();
     if source.len() > MAX_SOURCE {
         return Err(Failure::TooLarge {
@@ -77,6 +68,15 @@ pub(super) fn compile(lua: &Lua, source: &str, chunk: &str) -> LuaResult<LuaFunc
         .set_mode(ChunkMode::Text)
         .set_compiler(compiler())
         .into_function()
+}
+
+/// The compiler's complaint about a source that was checked, if it has one.
+pub(crate) fn compile_error(source: &str, chunk: &str) -> Option<String> {
+    let compiled = open().and_then(|lua| compile(&lua, source, chunk).map(drop));
+    compiled.err().map(|error| match Trouble::of(&error) {
+        Trouble::Memory => "not enough memory to compile it".to_owned(),
+        Trouble::Text(text) => text,
+    })
 }
 
 /// The same for a module, with globals of its own.

@@ -6,8 +6,9 @@
 
 use mlua::prelude::LuaMultiValue;
 
-use super::ending::Life;
 use super::events::Busy;
+use super::ids::GroupId;
+use super::life::Life;
 use super::motion::Owner;
 use super::output::Level;
 use super::queue::Due;
@@ -222,5 +223,34 @@ impl State {
             && !self.options.interactive
             && self.tasks.is_empty()
             && self.subscriptions.is_empty()
+    }
+}
+
+impl State {
+    /// A child of a group has ended.
+    pub(super) fn child_ended(&mut self, id: GroupId, index: usize, outcome: Outcome) {
+        let Some(group) = self.groups.get_mut(&id) else {
+            return;
+        };
+        let parent = group.parent;
+        let answer = match outcome {
+            Outcome::Done(values) => group.child_done(index, values).map(Answer::Values),
+            Outcome::Failed(text) => Some(Answer::Failed(text)),
+            Outcome::Cancelled => Some(Answer::Cancelled),
+        };
+        if let Some(answer) = answer {
+            self.dissolve(id);
+            self.tasks.wake(parent, answer, self.now);
+        }
+    }
+
+    /// Ends a group: children that still live are cancelled, and run their clean-up before their
+    /// parent goes on.
+    pub(super) fn dissolve(&mut self, id: GroupId) {
+        if let Some(group) = self.groups.remove(&id) {
+            for child in group.children {
+                self.cancel(child);
+            }
+        }
     }
 }

@@ -7,9 +7,10 @@ use super::Script;
 use super::api::resume_values;
 use super::budget::{self, Spent};
 use super::declaration::undeclared;
-use super::ending::{Before, Life};
+use super::ending::Before;
 use super::events::Busy;
 use super::failure::Trouble;
+use super::life::Life;
 use super::queue::Ready;
 use super::sandbox;
 use super::scheduler::Outcome;
@@ -73,7 +74,7 @@ impl Script {
         let values = resume_values(&self.lua, answer)?;
         let (slice, spent) = self.resume(id, &thread, values);
         self.account(&spent);
-        if self.state.borrow().broken {
+        if self.state.borrow().exit.broken {
             self.broken(before);
             return Ok(());
         }
@@ -171,7 +172,7 @@ impl Script {
     /// Whether the slice has called `script.stop`: how it ended after that does not count.
     fn stop_if_asked(&self) -> bool {
         let mut state = self.state.borrow_mut();
-        let Some(reason) = state.stop_asked.take() else {
+        let Some(reason) = state.exit.asked.take() else {
             return false;
         };
         state.begin_stop(EndReason::Done, reason);
@@ -182,14 +183,14 @@ impl Script {
     /// leaves.
     fn refused_params(&self, id: TaskId, slice: &Slice) -> Option<String> {
         let mut state = self.state.borrow_mut();
-        if let Some(words) = state.refused.take() {
+        if let Some(words) = state.params.refused.take() {
             return Some(words);
         }
         let loads = |wait: &Phase| matches!(wait, Phase::Waiting(Wait::Module(_)));
         let loading = matches!(slice, Slice::Waits)
             && state.tasks.get(id).is_some_and(|task| loads(&task.phase));
         let fails = matches!(slice, Slice::Over(Outcome::Failed(_)));
-        if state.declared.is_some() || loading || fails {
+        if state.params.names.is_some() || loading || fails {
             return None;
         }
         undeclared(&state.options.params)
@@ -240,7 +241,7 @@ impl Script {
     fn check_frames(&self, before: Before) -> LuaResult<()> {
         let (held, limit) = {
             let state = self.state.borrow();
-            let held = std::rc::Rc::clone(&state.frame_bytes);
+            let held = std::rc::Rc::clone(&state.sight.held_bytes);
             (held, state.options.limits.frame_bytes)
         };
         if held.get() <= limit {
@@ -275,7 +276,7 @@ impl Script {
             return;
         }
         let reason = stopping.ending.reason.name();
-        let Some(farewell) = state.farewells.pop_front() else {
+        let Some(farewell) = state.exit.farewells.pop_front() else {
             return state.end_stopped();
         };
         let now = state.now;

@@ -1,23 +1,24 @@
 //! Everything that a script's natives and its scheduler share.
 
-use std::cell::Cell;
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 use std::time::Duration;
 
-use mlua::prelude::LuaFunction;
 use tokio::time::Instant;
 
-use super::api::{Album, HeldFrame};
-use super::ending::Life;
-use super::events::{EventName, Loan, Payload, Subscriptions, is_round};
+use super::album::Album;
+use super::complaints::{Complaints, Telling};
+use super::events::{EventName, Loan, Payload, Subscriptions};
 use super::group::Group;
+use super::held::HeldFrame;
+use super::life::{Exit, Life};
 use super::modules::Modules;
 use super::motion::{Motion, Owner};
 use super::options::Options;
 use super::output::{Level, LogLine, Outbox};
 use super::queue::Tasks;
-use super::sighting::{Seen, Sighting, Witness};
+use super::sight::Sight;
+use super::sighting::{Seen, Sighting};
 use super::sound::Loudness;
 use super::stage::Stage;
 use super::store::Store;
@@ -25,7 +26,7 @@ use super::streams::{Demand, WantedStreams};
 use super::task::{Answer, GroupId, Kind, SubscriptionId, Wait};
 use super::way_back::way_back;
 use crate::robot::{Battery, Event, Frame, Intent, RobotInfo};
-use crate::vision::{Damage, Eyes, FrameError, validate_markers};
+use crate::vision::{FrameError, validate_markers};
 use crate::wire::Stream;
 
 /// After so long without a loud sound the next one is another noise.
@@ -34,8 +35,6 @@ const QUIET: Duration = Duration::from_secs(1);
 const MOTOR: Duration = Duration::from_secs(1);
 /// A sound may be heard for so long after it has begun.
 const SOUND: Duration = Duration::from_secs(5);
-/// Places whose complaints are counted; those of further places are logged each time.
-const MAX_PLACES: usize = 256;
 
 /// What the script knows of the robot, from the events it was told.
 #[derive(Debug, Default)]
@@ -93,11 +92,19 @@ pub struct Usage {
     pub memory_bytes: u64,
 }
 
+/// What the script has declared with `params.declare`.
+#[derive(Default)]
+pub(super) struct Declared {
+    /// The names, once it was called.
+    pub(super) names: Option<Vec<String>>,
+    /// What is wrong with the values that were given to it.
+    pub(super) refused: Option<String>,
+}
+
 /// Everything that natives and scheduler share.
 pub(super) struct State {
     pub(super) options: Options,
-    /// The script's text, to show its lines in messages.
-    pub(super) source: String,
+    pub(super) complaints: Complaints,
     /// Typed lines so far.
     pub(super) inputs: u64,
     pub(super) start: Instant,
@@ -108,32 +115,18 @@ pub(super) struct State {
     pub(super) known: Known,
     pub(super) motion: Motion,
     pub(super) streams: WantedStreams,
-    pub(super) newest: Option<Rc<HeldFrame>>,
-    /// JPEG bytes of all frames that anyone holds.
-    pub(super) frame_bytes: Rc<Cell<u64>>,
-    pub(super) eyes: Eyes,
-    /// Trackers and motion detectors that live.
-    pub(super) watchers: Rc<Cell<u32>>,
+    pub(super) sight: Sight,
     pub(super) album: Album,
     pub(super) store: Store,
     pub(super) modules: Modules,
     /// Whom a script asks that drives no robot.
     pub(super) stage: Option<Rc<dyn Stage>>,
-    /// Names of `params.declare`, once it was called.
-    pub(super) declared: Option<Vec<String>>,
-    /// What is wrong with the values that were given to it.
-    pub(super) refused: Option<String>,
-    /// Only where someone wants to see what the script sees.
-    witness: Option<Witness>,
+    pub(super) params: Declared,
     pub(super) outbox: Outbox,
-    pub(super) farewells: VecDeque<LuaFunction>,
     pub(super) life: Life,
+    pub(super) exit: Exit,
     /// No coroutine of the running task stands where it cannot yield.
     pub(super) can_wait: bool,
-    /// The running task has called `script.stop`.
-    pub(super) stop_asked: Option<Option<String>>,
-    /// A native has panicked: nothing of the script can be trusted any more.
-    pub(super) broken: bool,
     pub(super) usage: Usage,
     pub(super) last_call: u64,
     /// When the robot last moved, whoever moved it.
@@ -142,21 +135,18 @@ pub(super) struct State {
     loud: Option<Instant>,
     /// When the robot was last told to make a sound.
     sounded: Option<Instant>,
-    complaints: BTreeMap<String, u64>,
     /// Events that the script listens to and that the config keeps from coming; said once each.
     pub(super) missed: BTreeSet<EventName>,
-    pub(super) damage: Damage,
 }
 
 impl State {
     pub(super) fn new(options: Options, now: Instant) -> State {
         let album = Album::new(options.data_dir.clone(), &options.limits);
         let modules = Modules::new(&options.chunk);
-        let eyes = Eyes::new(options.camera);
-        let witness = options.annotate_dir.as_ref().map(|_| Witness::default());
+        let sight = Sight::new(&options);
         State {
             options,
-            source: String::new(),
+            complaints: Complaints::default(),
             inputs: 0,
             start: now,
             now,
@@ -166,31 +156,22 @@ impl State {
             known: Known::default(),
             motion: Motion::default(),
             streams: WantedStreams::default(),
-            newest: None,
-            frame_bytes: Rc::default(),
-            eyes,
-            watchers: Rc::default(),
+            sight,
             album,
             store: Store::default(),
             modules,
             stage: None,
-            declared: None,
-            refused: None,
-            witness,
+            params: Declared::default(),
             outbox: Outbox::new(now),
-            farewells: VecDeque::new(),
             life: Life::Running,
+            exit: Exit::default(),
             can_wait: true,
-            stop_asked: None,
-            broken: false,
             usage: Usage::default(),
             last_call: 0,
             moved: None,
             loud: None,
             sounded: None,
-            complaints: BTreeMap::new(),
             missed: BTreeSet::new(),
-            damage: Damage::default(),
         }
     }
 
@@ -271,23 +252,23 @@ impl State {
             Ok(size) => size,
             Err(error) => return self.note_damage(frame.seq, &error),
         };
-        let held = Rc::new(HeldFrame::new(frame, size, &self.frame_bytes));
-        self.newest = Some(Rc::clone(&held));
+        let held = Rc::new(HeldFrame::new(frame, size, &self.sight.held_bytes));
+        self.sight.newest = Some(Rc::clone(&held));
         self.publish(EventName::Frame, Payload::Frame(held));
     }
 
     /// Takes note of what the script was told about a frame.
     pub(super) fn saw(&mut self, held: &HeldFrame, found: impl IntoIterator<Item = Seen>) {
-        if let Some(witness) = &mut self.witness {
+        if let Some(witness) = &mut self.sight.witness {
             witness.note(held.frame(), self.now, found);
         }
     }
 
     /// See [`Script::take_sighting`](super::Script::take_sighting).
     pub(super) fn take_sighting(&mut self) -> Option<Sighting> {
-        let newest = self.newest.as_ref().map(|held| held.frame().seq);
+        let newest = self.sight.newest.as_ref().map(|held| held.frame().seq);
         let busy = !self.has_ended() && self.tasks.is_ready();
-        let witness = self.witness.as_mut()?;
+        let witness = self.sight.witness.as_mut()?;
         witness.take_if(|sighting| !busy || newest != Some(sighting.frame.seq))
     }
 
@@ -362,34 +343,29 @@ impl State {
 
     /// Counts a frame that is no picture; the log says so once in a while.
     pub(super) fn note_damage(&mut self, seq: u64, error: &FrameError) {
-        if let Some(text) = self.damage.note(seq, &error.to_string(), self.now) {
+        if let Some(text) = self.sight.damage.note(seq, &error.to_string(), self.now) {
             self.log(Level::Warn, &text);
         }
     }
 
     /// Logs a failure, the first time and then ever more rarely for the same place.
     pub(super) fn complain(&mut self, text: &str) {
-        let place = text.split(": ").next().unwrap_or(text);
-        let known = self.complaints.contains_key(place);
-        if !known && self.complaints.len() >= MAX_PLACES {
-            return self.log(Level::Error, text);
-        }
-        let count = self.complaints.entry(place.to_owned()).or_default();
-        *count += 1;
-        let count = *count;
-        if count == 1 {
-            self.log(Level::Error, &self.explained(text));
-        } else if is_round(count) {
-            self.log(Level::Error, &format!("{text} ({count} times)"));
-        }
+        let text = match self.complaints.count(text) {
+            Telling::Explained => self.explained(text),
+            Telling::Plain => text.to_owned(),
+            Telling::Counted(count) => format!("{text} ({count} times)"),
+            Telling::Silent => return,
+        };
+        self.log(Level::Error, &text);
     }
 
     /// A failure in words for people, with the line where it happened.
     pub(super) fn explained(&self, text: &str) -> String {
-        let main = (self.options.chunk.as_str(), self.source.as_str());
+        let main = (self.options.chunk.as_str(), self.complaints.source.as_str());
         let mut files = std::iter::once(main).chain(self.modules.sources());
-        let explained =
-            files.find_map(|(chunk, source)| super::check::explain(text, chunk, source));
+        let explain = self.complaints.explain;
+        let explained = explain
+            .and_then(|explain| files.find_map(|(chunk, source)| explain(text, chunk, source)));
         explained.unwrap_or_else(|| text.to_owned())
     }
 

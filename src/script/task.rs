@@ -8,27 +8,14 @@ use mlua::prelude::{LuaMultiValue, LuaThread};
 use tokio::time::Instant;
 
 use super::events::{EventName, Payload};
-use super::modules::ModuleId;
-use super::queue::{Pace, Timer};
+pub(super) use super::ids::{GroupId, SubscriptionId, TaskId};
+use super::ids::{ModuleId, Timer};
+use super::pace::Pace;
+pub(super) use super::pace::SHORTEST_WAIT;
 use crate::robot::{CallId, DockEnd, MotionEnd, MotionId};
 
 /// The most tasks that may live at once, timers and running handlers included.
 pub(super) const MAX_TASKS: usize = 256;
-
-/// The shortest wait: shorter ones would let a script spin without time passing.
-pub(super) const SHORTEST_WAIT: Duration = Duration::from_millis(1);
-
-/// Names a task; counts up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(super) struct TaskId(pub(super) u64);
-
-/// Names a subscription; counts up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(super) struct SubscriptionId(pub(super) u64);
-
-/// Names a `task.all`, `task.race` or `task.timeout` under way; counts up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(super) struct GroupId(pub(super) u64);
 
 /// What the script reads as `task.status`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -36,17 +36,22 @@ pub struct BlobOptions {
     pub max_blobs: usize,
 }
 
+impl BlobOptions {
+    /// The defaults.
+    pub const DEFAULT: BlobOptions = BlobOptions {
+        roi: None,
+        invert: false,
+        area_threshold: 10,
+        pixels_threshold: 10,
+        merge: false,
+        margin: 0,
+        max_blobs: 32,
+    };
+}
+
 impl Default for BlobOptions {
-    fn default() -> Self {
-        BlobOptions {
-            roi: None,
-            invert: false,
-            area_threshold: 10,
-            pixels_threshold: 10,
-            merge: false,
-            margin: 0,
-            max_blobs: 32,
-        }
+    fn default() -> BlobOptions {
+        BlobOptions::DEFAULT
     }
 }
 

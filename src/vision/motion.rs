@@ -41,12 +41,17 @@ pub struct MotionOptions {
     pub min_pixels: u32,
 }
 
+impl MotionOptions {
+    /// The defaults.
+    pub const DEFAULT: MotionOptions = MotionOptions {
+        threshold: 15,
+        min_pixels: 150,
+    };
+}
+
 impl Default for MotionOptions {
-    fn default() -> Self {
-        MotionOptions {
-            threshold: 15,
-            min_pixels: 150,
-        }
+    fn default() -> MotionOptions {
+        MotionOptions::DEFAULT
     }
 }
 

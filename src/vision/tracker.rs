@@ -33,13 +33,18 @@ pub struct TrackerOptions {
     pub max_jump: f64,
 }
 
+impl TrackerOptions {
+    /// The defaults.
+    pub const DEFAULT: TrackerOptions = TrackerOptions {
+        min_age: 3,
+        max_lost: 5,
+        max_jump: 80.0,
+    };
+}
+
 impl Default for TrackerOptions {
-    fn default() -> Self {
-        TrackerOptions {
-            min_age: 3,
-            max_lost: 5,
-            max_jump: 80.0,
-        }
+    fn default() -> TrackerOptions {
+        TrackerOptions::DEFAULT
     }
 }
 

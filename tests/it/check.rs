@@ -228,6 +228,15 @@ fn the_api_is_shown_whole_and_by_name() {
     for words in ["power of the left track", "between -100 and 100", "example"] {
         assert!(one.contains(words), "{one}");
     }
+    for (name, words) in [
+        ("bt", "bt.sequence(node, ...)"),
+        ("frame", "Frame:save(name)"),
+        ("events", "battery_low"),
+        ("sim", "sim:wait_until(fn, seconds)"),
+    ] {
+        let page = text(&spykee(&["api", name]).stdout);
+        assert!(page.contains(words), "{name}: {page}");
+    }
     let output = spykee(&["api", "robot.mvoe"]);
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("did you mean 'robot.move'?"));

@@ -100,13 +100,12 @@ fn rust_files(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// `src/link/mod.rs` and `src/link.rs` belong to `link`; `lib.rs` and `main.rs` to none, nor does
-/// `luau_check.rs`, a program that uses nothing of the library.
+/// `src/link/mod.rs` and `src/link.rs` belong to `link`; `lib.rs` and `main.rs` to none.
 fn module_of(file: &Path) -> Option<String> {
     let inside = file.strip_prefix(source()).unwrap();
     let first = Path::new(inside.components().next().unwrap().as_os_str());
     let name = first.file_stem().unwrap().to_str().unwrap().to_owned();
-    (!matches!(name.as_str(), "lib" | "main" | "luau_check")).then_some(name)
+    (!matches!(name.as_str(), "lib" | "main")).then_some(name)
 }
 
 /// What is wrong with one import, if anything is.

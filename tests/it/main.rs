@@ -45,7 +45,6 @@ mod stdlib;
 mod supervision;
 mod terminal;
 mod tools;
-mod type_checker;
 mod vision;
 mod waiting;
 mod walls;

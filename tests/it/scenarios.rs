@@ -253,7 +253,7 @@ fn wrong_files_are_refused_with_file_line_and_what_to_do() {
         ("scenario('x', { world = 'no.yaml' }, print)", "no.yaml"),
         (
             "sim:wait(3)",
-            "a_test.lua:1: wait: this can be asked inside of a scenario only",
+            "a_test.lua:1: sim:wait: this can be asked inside of a scenario only",
         ),
         (
             "task.wait(1)\nscenario('x', {}, print)",
@@ -291,7 +291,7 @@ fn wrong_calls_and_scripts_that_misbehave_fail_their_scenario_in_words() {
         ("sim:run('a.lua', 'a.lua')", "two behaviours are called 'a'"),
         ("sim:run() sim:run()", "behaviours are running already"),
         ("scenario('y', {}, print)", "not within another"),
-        ("sim:wait_until(3, 4)", "must be a function, got number"),
+        ("sim:wait_until(3, 4)", "must be a function, got 3"),
         ("sim:wait_until(print)", "seconds is missing"),
         ("while true do end", "ran longer than"),
         ("sim:wait(1000)", "it was not over within its limit of 30 s"),

@@ -92,7 +92,7 @@ pub(super) fn marks_of(
         ..Setting::default()
     };
     let options = Config::default().script("check", file.display().to_string(), 0);
-    let findings = of_source(source, &options, console)?;
+    let findings = of_source(source, &options)?;
     let cannot_run = has_errors(&findings);
     let mut marks = Marks::new(book.scenarios(), findings, cannot_run);
     let stop = setting.stop.clone();

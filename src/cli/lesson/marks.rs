@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use crate::check::Finding;
 use crate::scenario::{Cause, Failure, Scenario};
-use crate::script::check::Finding;
 
 /// All that came out of a check.
 pub(super) struct Marks {

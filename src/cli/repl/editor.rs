@@ -11,8 +11,9 @@ use tokio::sync::mpsc;
 use super::super::Console;
 use super::history;
 use super::names::Names;
+use crate::api;
 use crate::clean;
-use crate::script::{MAX_SOURCE, definition};
+use crate::script::MAX_SOURCE;
 
 /// Where a new input begins, and where one goes on.
 const PROMPTS: (&str, &str) = ("spykee> ", "     .. ");
@@ -227,7 +228,7 @@ impl Prompt {
             (":quit" | ":q", _) => return Some(Typed::End),
             (":help" | ":h", _) => show(HELP),
             (":api", "") => show("which? such as :api robot.move"),
-            (":api", name) => match definition::full(name) {
+            (":api", name) => match api::page(name) {
                 Some(text) => show(&text),
                 None => show(&format!(
                     "nothing in the API is called '{name}'; Tab completes"

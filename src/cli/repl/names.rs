@@ -1,4 +1,4 @@
-//! What can be completed: every name of the API, from its one definition.
+//! What can be completed: every name of the API, from its table.
 
 use rustyline::completion::Completer;
 use rustyline::highlight::Highlighter;
@@ -6,7 +6,7 @@ use rustyline::hint::Hinter;
 use rustyline::validate::Validator;
 use rustyline::{Context, Helper};
 
-use crate::script::definition;
+use crate::api;
 
 /// Words of the language and of its libraries that people type.
 const WORDS: [&str; 24] = [
@@ -20,7 +20,7 @@ pub(super) struct Names(Vec<String>);
 
 impl Names {
     pub(super) fn new() -> Names {
-        let api = definition::names().map(|(path, ..)| path);
+        let api = api::names().map(|(path, ..)| path);
         let words = WORDS.iter().map(|&word| word.to_owned());
         let mut names: Vec<String> = api.chain(words).collect();
         names.sort();

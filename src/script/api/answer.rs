@@ -4,6 +4,7 @@ use mlua::prelude::{IntoLuaMulti, Lua, LuaMultiValue, LuaResult, LuaValue};
 
 use super::super::scheduler::CANCELLED;
 use super::super::task::{Answer, Status};
+use super::{of_row, payload};
 use crate::robot::{DockEnd, MotionEnd};
 
 /// The values for `Thread::resume`: plain arguments at the start, and behind a yield `true` and
@@ -11,7 +12,7 @@ use crate::robot::{DockEnd, MotionEnd};
 pub(in super::super) fn resume_values(lua: &Lua, answer: Answer) -> LuaResult<LuaMultiValue> {
     match answer {
         Answer::Start(values) => Ok(values),
-        Answer::Deliver(payload) => payload.to_lua(lua)?.into_lua_multi(lua),
+        Answer::Deliver(payload) => payload::to_lua(&payload, lua)?.into_lua_multi(lua),
         // The text has its place already.
         Answer::Failed(text) => (false, text, true).into_lua_multi(lua),
         Answer::Cancelled => (false, CANCELLED).into_lua_multi(lua),
@@ -28,7 +29,7 @@ fn returned(lua: &Lua, answer: Answer) -> LuaResult<LuaMultiValue> {
     match answer {
         Answer::Slept(time) => time.as_secs_f64().into_lua_multi(lua),
         Answer::Beat(missed) => (missed as f64).into_lua_multi(lua),
-        Answer::Event(payload) => payload.to_lua(lua)?.into_lua_multi(lua),
+        Answer::Event(payload) => payload::to_lua(&payload, lua)?.into_lua_multi(lua),
         Answer::NoEvent => (LuaValue::Nil, "timeout").into_lua_multi(lua),
         Answer::Refused(code) => (false, code).into_lua_multi(lua),
         Answer::Motion(end) => (end == MotionEnd::Done, end.name()).into_lua_multi(lua),
@@ -40,6 +41,7 @@ fn returned(lua: &Lua, answer: Answer) -> LuaResult<LuaMultiValue> {
             let info = lua.create_table_with_capacity(0, 2)?;
             info.raw_set("attempts", attempts)?;
             info.raw_set("seconds", took.as_secs_f64())?;
+            let info = of_row("DockInfo", info);
             (is_docked(end), end.name(), info).into_lua_multi(lua)
         }
         Answer::Undock(end) => (is_undocked(end), end.name()).into_lua_multi(lua),

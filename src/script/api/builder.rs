@@ -1,19 +1,24 @@
-//! Tables of [`Entry`] to Lua tables: each native under its shim, unknown names as errors.
+//! Rows of the API table and their natives to Lua tables: each native under its shim, unknown names
+//! as errors.
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::rc::Rc;
 
-use mlua::prelude::{IntoLuaMulti, Lua, LuaFunction, LuaMultiValue, LuaResult, LuaTable, LuaValue};
+use mlua::prelude::{
+    IntoLuaMulti, Lua, LuaError, LuaFunction, LuaMultiValue, LuaResult, LuaTable, LuaValue,
+};
+use mlua::{UserDataFields as _, UserDataRegistry};
 
 use super::super::arguments::{Args, Refusal, describe};
 use super::super::budget;
 use super::super::failure::printable;
 use super::super::sandbox::{self, Prelude};
 use super::super::scheduler::CANCELLED;
-use super::{Answered, Call, Entry, Reply, Shared, definition, events, frame, tasks, vision};
+use super::{Answered, Call, Native, Natives, Reply, Shared, convert};
+use crate::api::{self, Function};
 
-/// Turns tables of [`Entry`] into Lua tables.
+/// Makes Lua tables of rows and natives.
 pub(super) struct Builder<'a> {
     pub(super) lua: &'a Lua,
     pub(super) shared: &'a Shared,
@@ -27,52 +32,90 @@ impl Builder<'_> {
             let mut state = shared.borrow_mut();
             Ok(std::mem::replace(&mut state.can_wait, can))
         })?;
-        self.prelude
-            .function("use_can_wait")?
-            .call::<()>(can_wait)?;
-        tasks::register_handle(self)?;
-        events::register_handle(self)?;
-        frame::register(self)?;
-        vision::register(self)
+        self.prelude.function("use_can_wait")?.call(can_wait)
     }
 
-    /// A table with a function for each entry, under the last part of its name.
-    pub(super) fn table(&self, entries: &[Entry]) -> LuaResult<LuaTable> {
+    /// A table with a function for each row of a namespace.
+    pub(super) fn namespace(
+        &self,
+        name: &'static str,
+        natives: &[&Natives],
+    ) -> LuaResult<LuaTable> {
         let table = self.lua.create_table()?;
-        for entry in entries {
-            table.raw_set(entry.key(), self.function(entry)?)?;
+        let rows = api::namespace(name).map_or(&[][..], |namespace| namespace.functions);
+        for (row, native) in paired(name, rows, natives)? {
+            table.raw_set(row.key(), self.function(row, native)?)?;
         }
         Ok(table)
     }
 
-    /// The methods of an object.
-    pub(super) fn methods(
+    /// The type behind the script's objects of a kind: its methods, its fields, and errors for other
+    /// names.
+    pub(super) fn object<T: 'static>(
         &self,
-        parts: &[&[Entry]],
-    ) -> LuaResult<Vec<(&'static str, LuaFunction)>> {
-        parts
-            .iter()
-            .copied()
-            .flatten()
-            .map(|entry| Ok((entry.key(), self.function(entry)?)))
-            .collect()
+        name: &'static str,
+        natives: &[&Natives],
+        more: impl FnOnce(&mut UserDataRegistry<T>),
+    ) -> LuaResult<()> {
+        let object = api::object(name).ok_or_else(|| unpaired(name))?;
+        let mut methods = Vec::new();
+        for (row, native) in paired(name, object.methods, natives)? {
+            methods.push((row.key(), self.function(row, native)?));
+        }
+        let members = move |_: &Lua, _: &str| {
+            let members = object.members().into_iter();
+            members.map(str::to_owned).collect()
+        };
+        let unknown = self.strict_with(name, members)?;
+        self.lua.register_userdata_type::<T>(|registry| {
+            registry.add_meta_field("__type", name);
+            registry.add_meta_field("__index", unknown);
+            more(registry);
+            for (name, method) in methods {
+                registry.add_field(name, method);
+            }
+        })
     }
 
     /// The function that the script sees.
-    pub(super) fn function(&self, entry: &Entry) -> LuaResult<LuaFunction> {
-        let shim = if entry.waits { "waiting" } else { "plain" };
-        let native = self.native(entry)?;
-        self.prelude.function(shim)?.call(native)
+    pub(super) fn function(
+        &self,
+        row: &'static Function,
+        native: Native,
+    ) -> LuaResult<LuaFunction> {
+        let shim = match row.path {
+            "print" => "printer",
+            _ if row.owner() == "log" => "logger",
+            _ if row.waits => "waiting",
+            _ => "plain",
+        };
+        self.under(shim, row, native)
+    }
+
+    /// The same under another shim: for what the prelude and the modules call.
+    pub(super) fn under(
+        &self,
+        shim: &str,
+        row: &'static Function,
+        native: Native,
+    ) -> LuaResult<LuaFunction> {
+        let native = self.native(row, native, shim == "waiting")?;
+        let shim = self.prelude.function(shim)?;
+        let show = |_: &Lua, value: LuaValue| Ok(convert::text(&value));
+        match row.path {
+            "print" => shim.call((native, self.lua.create_function(show)?)),
+            _ => shim.call(native),
+        }
     }
 
     /// The native under its shim: `true, values...`, or `false, message`, or nothing.
-    pub(super) fn native(&self, entry: &Entry) -> LuaResult<LuaFunction> {
+    fn native(
+        &self,
+        function: &'static Function,
+        native: Native,
+        waits: bool,
+    ) -> LuaResult<LuaFunction> {
         let shared = Rc::clone(self.shared);
-        let Entry {
-            name,
-            native,
-            waits,
-        } = *entry;
         self.lua
             .create_function(move |lua, mut values: LuaMultiValue| {
                 let yieldable = waits && values.pop_front() == Some(LuaValue::Boolean(true));
@@ -82,12 +125,12 @@ impl Builder<'_> {
                     native(&mut Call {
                         lua,
                         state: &mut state,
-                        args: Args { call: name, values },
+                        args: Args { function, values },
                         yieldable,
                     })
                 }));
                 let Ok(answered) = answered else {
-                    shared.borrow_mut().broken = true;
+                    shared.borrow_mut().exit.broken = true;
                     budget::latch_stopped();
                     return failed(lua, "internal fault");
                 };
@@ -98,16 +141,6 @@ impl Builder<'_> {
     /// An error with the nearest name for fields of a namespace that do not exist; "" for globals.
     pub(super) fn strict(&self, owner: &'static str) -> LuaResult<LuaFunction> {
         self.strict_with(owner, known_names)
-    }
-
-    /// The same for the members of an object, as its definition lists them.
-    pub(super) fn strict_object(&self, owner: &'static str) -> LuaResult<LuaFunction> {
-        let names = move |_: &Lua, _: &str| {
-            let members = definition::object(owner).map(definition::members);
-            let members = members.unwrap_or_default().into_iter();
-            members.map(str::to_owned).collect()
-        };
-        self.strict_with(owner, names)
     }
 
     pub(super) fn strict_with(
@@ -139,6 +172,57 @@ impl Builder<'_> {
         table.set_readonly(true);
         self.lua.globals().raw_set(name, table)
     }
+}
+
+/// Each row with its native.
+///
+/// # Errors
+/// A row without a native, or a native without a row.
+fn paired(
+    owner: &str,
+    rows: &'static [Function],
+    natives: &[&Natives],
+) -> LuaResult<Vec<(&'static Function, Native)>> {
+    let natives: Vec<_> = natives.iter().copied().flatten().collect();
+    let pair = |row: &'static Function| {
+        let found = natives.iter().find(|(path, _)| *path == row.path);
+        found.map(|(_, native)| (row, *native))
+    };
+    let pairs: Vec<_> = rows.iter().filter_map(pair).collect();
+    if pairs.len() == rows.len() && pairs.len() == natives.len() {
+        Ok(pairs)
+    } else {
+        Err(unpaired(owner))
+    }
+}
+
+fn unpaired(owner: &str) -> LuaError {
+    LuaError::runtime(format!(
+        "the natives of '{owner}' are not the rows of the API table"
+    ))
+}
+
+/// A table that a call or an event gives, which has the fields of its row: held in builds with debug
+/// assertions.
+pub(super) fn of_row(object: &'static str, table: LuaTable) -> LuaTable {
+    debug_assert!(has_fields(object, &table), "a {object} has other fields");
+    table
+}
+
+fn has_fields(object: &str, table: &LuaTable) -> bool {
+    let Some(object) = api::object(object) else {
+        return false;
+    };
+    let mut known = true;
+    let visited = table.for_each(|key: String, _: LuaValue| {
+        known &= object.fields.iter().any(|field| field.name == key);
+        Ok(())
+    });
+    let has = |field: &api::Value| {
+        let value = table.raw_get::<LuaValue>(field.name);
+        field.need != api::Need::Required || value.is_ok_and(|value| !value.is_nil())
+    };
+    visited.is_ok() && known && object.fields.iter().all(has)
 }
 
 /// A native's answer in the form that its shim understands.

@@ -1,6 +1,7 @@
 //! Colours as scripts write them: names, `vision.lab`, `vision.hsv`, what `vision.learn` gives, and
 //! lists of these.
 
+use mlua::UserDataMethods as _;
 use mlua::prelude::{LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Refusal, describe};
@@ -19,15 +20,9 @@ pub(super) struct Colours {
 }
 
 pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
-    let unknown = builder.strict_object("Colour")?;
-    builder
-        .lua
-        .register_userdata_type::<ColourObject>(|registry| {
-            use mlua::{UserDataFields as _, UserDataMethods as _};
-            registry.add_meta_field("__type", "Colour");
-            registry.add_meta_field("__index", unknown);
-            registry.add_meta_method("__tostring", |_, colour, ()| Ok(colour.0.to_string()));
-        })
+    builder.object::<ColourObject>("Colour", &[], |registry| {
+        registry.add_meta_method("__tostring", |_, colour, ()| Ok(colour.0.to_string()));
+    })
 }
 
 impl Colours {
@@ -101,63 +96,20 @@ fn unnamed(call: &Call<'_>, value: &LuaValue) -> Result<Colour, Refusal> {
 
 /// `vision.lab{l={30,70}, a={20,80}, b={10,60}}`
 pub(super) fn lab(call: &mut Call<'_>) -> Answered {
-    let [l, a, b] = ranges(
-        call,
-        [
-            ("l", 0.0, 100.0),
-            ("a", -128.0, 127.0),
-            ("b", -128.0, 127.0),
-        ],
-    )?;
-    made(call, Colour::lab(l, a, b))
+    let options = call.args.options(0)?;
+    let colour = Colour::lab(options.get("l")?, options.get("a")?, options.get("b")?);
+    made(call, colour)
 }
 
 /// `vision.hsv{h={340,20}, s={50,100}, v={30,100}}`
 pub(super) fn hsv(call: &mut Call<'_>) -> Answered {
-    let [h, s, v] = ranges(
-        call,
-        [("h", 0.0, 360.0), ("s", 0.0, 100.0), ("v", 0.0, 100.0)],
-    )?;
-    made(call, Colour::hsv(h, s, v))
+    let options = call.args.options(0)?;
+    let colour = Colour::hsv(options.get("h")?, options.get("s")?, options.get("v")?);
+    made(call, colour)
 }
 
 fn made(call: &Call<'_>, colour: Result<Colour, crate::vision::ColourError>) -> Answered {
     let colour = colour.map_err(|error| call.args.misuse(&error.to_string()))?;
     let object = call.lua.create_any_userdata(ColourObject(colour))?;
     call.reply(object)
-}
-
-/// The ranges of a table, the full one for a channel that is left out.
-fn ranges(call: &Call<'_>, channels: [(&str, f64, f64); 3]) -> Result<[[f64; 2]; 3], Refusal> {
-    let options = call.args.options(0, &channels.map(|(name, ..)| name))?;
-    let mut ranges = [[0.0; 2]; 3];
-    for (range, (name, low, high)) in ranges.iter_mut().zip(channels) {
-        *range = match options.value(name)? {
-            LuaValue::Nil => [low, high],
-            value => pair(call, name, &value)?,
-        };
-    }
-    Ok(ranges)
-}
-
-fn pair(call: &Call<'_>, name: &str, value: &LuaValue) -> Result<[f64; 2], Refusal> {
-    let wrong = || {
-        call.args.misuse(&format!(
-            "{name} must be two numbers, such as {name}={{20, 80}}"
-        ))
-    };
-    let LuaValue::Table(table) = value else {
-        return Err(wrong());
-    };
-    if table.raw_len() != 2 {
-        return Err(wrong());
-    }
-    let number = |index: usize| -> Result<f64, Refusal> {
-        let value: LuaValue = table.raw_get(index)?;
-        value
-            .as_number()
-            .or_else(|| value.as_integer().map(|n| n as f64))
-            .ok_or_else(wrong)
-    };
-    Ok([number(1)?, number(2)?])
 }

@@ -4,60 +4,49 @@ use std::time::Duration;
 
 use mlua::prelude::LuaResult;
 
-use super::super::arguments::{Bounds, Refusal};
+use super::super::arguments::{Argument, Given, Refusal};
 use super::super::events::{EventName, MAX_SUBSCRIPTIONS, Subscription};
 use super::super::output::Level;
 use super::super::streams::Demand;
 use super::super::task::{SubscriptionId, Wait};
-use super::frame::add_methods;
-use super::{Answered, Builder, Call, Entry, plain, waiting};
+use super::{Answered, Builder, Call, Natives};
 
-pub(super) const CALLS: [Entry; 3] = [
-    plain("robot.on", on),
-    plain("robot.once", once),
-    waiting("robot.wait_for", wait_for),
+pub(super) const CALLS: &Natives = &[
+    ("robot.on", on),
+    ("robot.once", once),
+    ("robot.wait_for", wait_for),
 ];
 
-const METHODS: [Entry; 1] = [plain("Subscription:off", off)];
-
-/// Runs of a handler a second, at most. A slower one would overrun the clock's numbers.
-pub(super) const RATE: Bounds = Bounds::Between(0.001, 1000.0);
+const METHODS: &Natives = &[("Subscription:off", off)];
 
 /// What the script holds of a subscription.
 struct SubscriptionObject(SubscriptionId);
 
 pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
-    let methods = builder.methods(&[&METHODS])?;
-    let unknown = builder.strict_object("Subscription")?;
-    builder
-        .lua
-        .register_userdata_type::<SubscriptionObject>(|registry| {
-            use mlua::UserDataFields as _;
-            registry.add_meta_field("__type", "Subscription");
-            registry.add_meta_field("__index", unknown);
-            add_methods(registry, methods);
-        })
+    builder.object::<SubscriptionObject>("Subscription", &[METHODS], |_| {})
+}
+
+impl Argument for EventName {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        given.named(EventName::from_name)
+    }
 }
 
 /// `robot.on(name, fn, {rate=, queue=})`
 fn on(call: &mut Call<'_>) -> Answered {
-    let event = event(call)?;
-    let function = call.args.function(1, "the function")?;
-    let mut subscription = Subscription::new(event, function);
-    let options = call.args.options(2, &["rate", "queue"])?;
-    let rate = options.optional_number("rate", RATE)?;
+    let mut subscription = Subscription::new(call.args.get(0)?, call.args.get(1)?);
+    let options = call.args.options(2)?;
+    let rate: Option<f64> = options.get("rate")?;
     subscription.interval = rate.map(|rate| Duration::from_secs_f64(1.0 / rate));
-    if let Some(latest) = options.choice("queue", &[("latest", true), ("all", false)])? {
-        subscription.latest = latest;
+    if let Some(queue) = options.get::<Option<&str>>("queue")? {
+        subscription.latest = queue == "latest";
     }
     subscribe(call, subscription)
 }
 
 /// `robot.once(name, fn)`
 fn once(call: &mut Call<'_>) -> Answered {
-    let event = event(call)?;
-    let function = call.args.function(1, "the function")?;
-    let mut subscription = Subscription::new(event, function);
+    let mut subscription = Subscription::new(call.args.get(0)?, call.args.get(1)?);
     subscription.once = true;
     subscribe(call, subscription)
 }
@@ -78,8 +67,7 @@ fn subscribe(call: &mut Call<'_>, subscription: Subscription) -> Answered {
 
 /// `robot.wait_for(name, timeout)` returns the payload, or `nil, "timeout"`.
 fn wait_for(call: &mut Call<'_>) -> Answered {
-    let event = event(call)?;
-    let time = call.args.optional_seconds(1, "timeout")?;
+    let (event, time) = (call.args.get(0)?, call.args.get(1)?);
     wait_for_event(call, event, time)
 }
 
@@ -113,21 +101,9 @@ pub(super) fn listen(call: &mut Call<'_>, event: EventName) {
     }
 }
 
-fn event(call: &Call<'_>) -> Result<EventName, Refusal> {
-    let known: Vec<_> = EventName::ALL
-        .iter()
-        .map(|event| (event.name(), *event))
-        .collect();
-    call.args.choice(0, "event", &known)
-}
-
 /// `Subscription:off()`
 fn off(call: &mut Call<'_>) -> Answered {
-    let object = call.args.value(0).as_userdata();
-    let object = object.and_then(|object| object.borrow::<SubscriptionObject>().ok());
-    let Some(id) = object.map(|object| object.0) else {
-        return Err(call.no_subject("subscription"));
-    };
+    let id = call.subject::<SubscriptionObject>()?.0;
     call.state.unsubscribe(id);
     call.reply(())
 }

@@ -1,40 +1,21 @@
 //! `log.*` and `print`.
 
-use mlua::prelude::{LuaFunction, LuaResult, LuaTable, LuaValue};
+use mlua::prelude::LuaValue;
 
 use super::super::output::{Level, LogLine};
-use super::{Answered, Builder, Call, Entry, convert, place, plain};
+use super::{Answered, Call, Natives, convert, place};
 
-const CALLS: [Entry; 4] = [
-    plain("log.debug", |call| write(call, Level::Debug)),
-    plain("log.info", |call| write(call, Level::Info)),
-    plain("log.warn", |call| write(call, Level::Warn)),
-    plain("log.error", |call| write(call, Level::Error)),
+pub(super) const CALLS: &Natives = &[
+    ("log.debug", |call| write(call, Level::Debug)),
+    ("log.info", |call| write(call, Level::Info)),
+    ("log.warn", |call| write(call, Level::Warn)),
+    ("log.error", |call| write(call, Level::Error)),
 ];
+
+pub(super) const PRINT: &Natives = &[("print", |call| write(call, Level::Info))];
 
 /// So many bytes of a text are looked at; the log keeps fewer.
 const LOOK_AT: usize = 8 * 1024;
-
-pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<(&'static str, LuaTable)> {
-    let table = builder.lua.create_table()?;
-    for entry in &CALLS {
-        let function = of_shim(builder, entry, "logger")?;
-        let key = entry.name.trim_start_matches("log.");
-        table.raw_set(key, function)?;
-    }
-    let native = builder.native(&plain("print", |call| write(call, Level::Info)))?;
-    let show = builder
-        .lua
-        .create_function(|_, value: LuaValue| Ok(convert::text(&value)))?;
-    let print: LuaFunction = builder.prelude.function("printer")?.call((native, show))?;
-    builder.lua.globals().raw_set("print", print)?;
-    Ok(("log", table))
-}
-
-fn of_shim(builder: &Builder<'_>, entry: &Entry, shim: &str) -> LuaResult<LuaFunction> {
-    let native = builder.native(entry)?;
-    builder.prelude.function(shim)?.call(native)
-}
 
 /// `log.info(text, fields)`: the text has been through `tostring`.
 fn write(call: &mut Call<'_>, level: Level) -> Answered {

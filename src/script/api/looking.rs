@@ -7,39 +7,36 @@
 
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
-use super::super::arguments::{Bounds, Refusal, Table};
+use super::super::arguments::{Argument, Given, Refusal};
+use super::super::held::HeldFrame;
 use super::super::sighting::Seen;
 use super::super::state::State;
 use super::colours::Colours;
-use super::frame::{HeldFrame, subject};
-use super::{Answered, Call, Entry, plain};
+use super::frame::subject;
+use super::{Answered, Call, Natives, of_row};
+use crate::api::PIXELS;
 use crate::vision::{Blob, BlobOptions, Image, Line, Roi, brightness, find_qrcodes, sharpness};
 
-pub(super) const METHODS: [Entry; 6] = [
-    plain("Frame:find_blobs", blobs),
-    plain("Frame:find_line", line),
-    plain("Frame:find_qrcodes", qrcodes),
-    plain("Frame:brightness", |call| measure(call, brightness)),
-    plain("Frame:sharpness", |call| measure(call, sharpness)),
-    plain("Frame:get_pixel", pixel),
+pub(super) const METHODS: &Natives = &[
+    ("Frame:find_blobs", blobs),
+    ("Frame:find_line", line),
+    ("Frame:find_qrcodes", qrcodes),
+    ("Frame:brightness", |call| measure(call, brightness)),
+    ("Frame:sharpness", |call| measure(call, sharpness)),
+    ("Frame:get_pixel", pixel),
 ];
 
-/// Coordinates and sizes of a part of a frame, in pixels.
-pub(super) const PIXELS: Bounds = Bounds::Between(-10_000.0, 10_000.0);
 /// From a line's column to the sides of its box, in pixels.
 const LINE_MARGIN: f64 = 4.0;
-/// The most blobs of one call.
-const MAX_BLOBS: u32 = 1000;
-
 impl State {
     /// The picture of a frame; `None` for a damaged one, which is counted.
     pub(super) fn look(&mut self, held: &HeldFrame) -> Option<&Image> {
-        if let Err(error) = self.eyes.look(held.frame.seq, &held.frame.jpeg) {
+        if let Err(error) = self.sight.eyes.look(held.frame.seq, &held.frame.jpeg) {
             self.note_damage(held.frame.seq, &error);
             return None;
         }
         // Decoded already: this only borrows it again.
-        self.eyes.look(held.frame.seq, &held.frame.jpeg).ok()
+        self.sight.eyes.look(held.frame.seq, &held.frame.jpeg).ok()
     }
 
     /// The blobs of a frame; none in a damaged one.
@@ -51,6 +48,7 @@ impl State {
     ) -> Vec<Blob> {
         let frame = &held.frame;
         let found = self
+            .sight
             .eyes
             .find_blobs(frame.seq, &frame.jpeg, &colours.colours, options);
         match found {
@@ -71,6 +69,7 @@ impl State {
     ) -> Option<Line> {
         let frame = &held.frame;
         let found = self
+            .sight
             .eyes
             .find_line(frame.seq, &frame.jpeg, &colours.colours, part);
         found.unwrap_or_else(|error| {
@@ -83,14 +82,15 @@ impl State {
 /// `frame:find_blobs(colour, {roi=, invert=, ...})`
 fn blobs(call: &mut Call<'_>) -> Answered {
     let held = subject(call)?;
-    let colours = Colours::of(call, call.args.value(1))?;
+    let colours = Colours::of(call, call.args.value(0))?;
     let options = blob_options(call)?;
     let blobs = call.state.find(&held, &colours, &options);
     let marks = blobs.iter().map(|blob| mark(blob, colours.name_of(blob)));
     call.state.saw(&held, marks);
     let list = call.lua.create_table_with_capacity(blobs.len(), 0)?;
     for blob in &blobs {
-        list.raw_push(blob_table(call.lua, blob, &colours.names)?)?;
+        let table = blob_table(call.lua, blob, &colours.names)?;
+        list.raw_push(of_row("Blob", table))?;
     }
     call.reply(list)
 }
@@ -104,55 +104,35 @@ pub(super) fn mark(blob: &Blob, text: &str) -> Seen {
 }
 
 fn blob_options(call: &Call<'_>) -> Result<BlobOptions, Refusal> {
-    let usual = BlobOptions::default();
-    let table = call.args.options(
-        2,
-        &[
-            "roi",
-            "invert",
-            "area_threshold",
-            "pixels_threshold",
-            "merge",
-            "margin",
-            "max_blobs",
-        ],
-    )?;
-    let count = |key, default| table.count(key, default, 2_000_000);
+    let options = call.args.options(1)?;
     Ok(BlobOptions {
-        roi: optional_roi(&table)?,
-        invert: table.boolean("invert", usual.invert)?,
-        area_threshold: count("area_threshold", usual.area_threshold)?,
-        pixels_threshold: count("pixels_threshold", usual.pixels_threshold)?,
-        merge: table.boolean("merge", usual.merge)?,
-        margin: table.count("margin", usual.margin, 10_000)?,
-        max_blobs: table.count("max_blobs", usual.max_blobs as u32, MAX_BLOBS)? as usize,
+        roi: options.get("roi")?,
+        invert: options.get("invert")?,
+        area_threshold: options.get("area_threshold")?,
+        pixels_threshold: options.get("pixels_threshold")?,
+        merge: options.get("merge")?,
+        margin: options.get("margin")?,
+        max_blobs: options.get::<u32>("max_blobs")? as usize,
     })
 }
 
-fn optional_roi(table: &Table<'_>) -> Result<Option<Roi>, Refusal> {
-    match table.value("roi")? {
-        LuaValue::Nil => Ok(None),
-        value => roi(table.args, &value).map(Some),
-    }
-}
-
-/// A part of a frame: `{x, y, w, h}`, or anything with these names, such as a blob.
-pub(super) fn roi(args: &super::Args, value: &LuaValue) -> Result<Roi, Refusal> {
-    let LuaValue::Table(table) = value else {
-        return Err(args.misuse(&format!(
-            "roi must be a table {{x, y, w, h}}, got {}",
-            super::describe(value)
-        )));
-    };
-    let mut numbers = [0.0; 4];
-    for (index, (number, name)) in numbers.iter_mut().zip(["x", "y", "w", "h"]).enumerate() {
-        let mut value: LuaValue = table.raw_get(index + 1)?;
-        if value.is_nil() {
-            value = table.raw_get(name)?;
+/// `{x, y, w, h}`, or anything with these names, such as a blob.
+impl Argument for Roi {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        let LuaValue::Table(table) = &given.value else {
+            return Err(given.wrong("a table {x, y, w, h}"));
+        };
+        let mut numbers = [0.0; 4];
+        for (index, (number, name)) in numbers.iter_mut().zip(["x", "y", "w", "h"]).enumerate() {
+            let mut value: LuaValue = table.raw_get(index + 1)?;
+            if value.is_nil() {
+                value = table.raw_get(name)?;
+            }
+            let name = format!("roi's {name}");
+            *number = given.args.check_number(&name, &value, Some(PIXELS))?;
         }
-        *number = args.check_number(&format!("roi's {name}"), &value, PIXELS)?;
+        Ok(clipped(numbers))
     }
-    Ok(clipped(numbers))
 }
 
 /// What sticks out to the left or above does not count.
@@ -205,8 +185,8 @@ pub(super) fn blob_table(lua: &Lua, blob: &Blob, names: &[Option<String>]) -> Lu
 /// `frame:find_line(colour, {roi=})`: `{offset, angle, strength}`, or nil.
 fn line(call: &mut Call<'_>) -> Answered {
     let held = subject(call)?;
-    let colours = Colours::of(call, call.args.value(1))?;
-    let part = optional_roi(&call.args.options(2, &["roi"])?)?;
+    let colours = Colours::of(call, call.args.value(0))?;
+    let part: Option<Roi> = call.args.options(1)?.get("roi")?;
     let line = call.state.find_line(&held, &colours, part);
     let size = call.state.look(&held).map(Image::size);
     if let Some(whole) = size {
@@ -220,7 +200,7 @@ fn line(call: &mut Call<'_>) -> Answered {
     table.raw_set("offset", line.offset)?;
     table.raw_set("angle", line.angle)?;
     table.raw_set("strength", line.strength)?;
-    call.reply(table)
+    call.reply(of_row("Line", table))
 }
 
 /// What a person is shown of a line: a narrow box around the column that `offset` tells, as high
@@ -250,12 +230,12 @@ fn qrcodes(call: &mut Call<'_>) -> Answered {
             let corner = call.lua.create_table_with_capacity(0, 2)?;
             corner.raw_set("x", x)?;
             corner.raw_set("y", y)?;
-            corners.raw_push(corner)?;
+            corners.raw_push(of_row("Corner", corner))?;
         }
         let table = call.lua.create_table_with_capacity(0, 2)?;
         table.raw_set("text", code.text)?;
         table.raw_set("corners", corners)?;
-        list.raw_push(table)?;
+        list.raw_push(of_row("QrCode", table))?;
     }
     call.reply(list)
 }
@@ -263,10 +243,7 @@ fn qrcodes(call: &mut Call<'_>) -> Answered {
 /// `frame:brightness(roi)` and `frame:sharpness(roi)`
 fn measure(call: &mut Call<'_>, figure: fn(&Image, Option<Roi>) -> f64) -> Answered {
     let held = subject(call)?;
-    let part = match call.args.value(1) {
-        LuaValue::Nil => None,
-        value => Some(roi(&call.args, value)?),
-    };
+    let part = call.args.get(0)?;
     let figure = call
         .state
         .look(&held)
@@ -277,8 +254,8 @@ fn measure(call: &mut Call<'_>, figure: fn(&Image, Option<Roi>) -> f64) -> Answe
 /// `frame:get_pixel(x, y)`: `r, g, b`, or nil outside the picture.
 fn pixel(call: &mut Call<'_>) -> Answered {
     let held = subject(call)?;
-    let x = call.args.number(1, "x", PIXELS)?.floor();
-    let y = call.args.number(2, "y", PIXELS)?.floor();
+    let (x, y): (f64, f64) = (call.args.get(0)?, call.args.get(1)?);
+    let (x, y) = (x.floor(), y.floor());
     if x < 0.0 || y < 0.0 {
         return call.reply(LuaValue::Nil);
     }

@@ -1,14 +1,13 @@
-//! What a script can call: one file for each Lua namespace, each with a table of its calls.
+//! The natives behind the API table ([`crate::api`]): one file for each Lua namespace. The table has
+//! their names, arguments and defaults; a native without a row in it does not load.
 //!
 //! A native gets a [`Call`] and answers with a [`Reply`]; it never raises. Waiting is registered
 //! with the scheduler and answered later ([`answer`]).
 
-mod album;
 mod answer;
 mod builder;
 mod colours;
 mod convert;
-pub mod definition;
 mod dock;
 mod events;
 mod frame;
@@ -17,6 +16,7 @@ mod looking;
 mod modules;
 mod motion;
 mod params;
+mod payload;
 mod robot;
 mod script;
 mod stage;
@@ -28,11 +28,14 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::time::Duration;
 
-use mlua::prelude::{IntoLuaMulti, Lua, LuaFunction, LuaMultiValue, LuaResult};
+use mlua::prelude::{
+    IntoLuaMulti, Lua, LuaFunction, LuaMultiValue, LuaResult, LuaUserDataRef, LuaUserDataRefMut,
+    LuaValue,
+};
 
 use super::arguments::{Args, Refusal, describe};
 use super::budget;
-use super::failure::Place;
+use super::failure::{Place, is_ours};
 use super::sandbox::{self, Prelude};
 use super::stage::Stage;
 use super::state::State;
@@ -42,10 +45,9 @@ use super::task::{Cancel, SHORTEST_WAIT, Wait};
 use crate::wire::Stream;
 use builder::Builder;
 
-pub(super) use album::Album;
 pub(super) use answer::resume_values;
 pub(super) use builder::every_path;
-pub(super) use frame::{HeldFrame, to_lua as frame_to_lua};
+use builder::of_row;
 
 /// State that natives and the scheduler share. Borrowed only while no line of the script runs.
 pub(super) type Shared = Rc<RefCell<State>>;
@@ -68,39 +70,8 @@ enum Reply {
 
 type Answered = Result<Reply, Refusal>;
 type Native = fn(&mut Call<'_>) -> Answered;
-
-/// One function that scripts can call.
-struct Entry {
-    /// As people write it, such as `robot.move`.
-    name: &'static str,
-    native: Native,
-    waits: bool,
-}
-
-impl Entry {
-    /// The last part of its name.
-    fn key(&self) -> &'static str {
-        self.name.rsplit(['.', ':']).next().unwrap_or(self.name)
-    }
-}
-
-/// A function that answers at once.
-const fn plain(name: &'static str, native: Native) -> Entry {
-    Entry {
-        name,
-        native,
-        waits: false,
-    }
-}
-
-/// A function that may wait.
-const fn waiting(name: &'static str, native: Native) -> Entry {
-    Entry {
-        name,
-        native,
-        waits: true,
-    }
-}
+/// Natives by the paths of their rows.
+type Natives = [(&'static str, Native)];
 
 impl Call<'_> {
     /// Answers with values.
@@ -141,13 +112,26 @@ impl Call<'_> {
         Ok(Reply::Wait)
     }
 
+    /// The object that a method was called on.
+    fn subject<T: 'static>(&self) -> Result<LuaUserDataRef<T>, Refusal> {
+        let object = self.args.subject().as_userdata();
+        let object = object.and_then(|object| object.borrow().ok());
+        object.ok_or_else(|| self.no_subject())
+    }
+
+    /// The same, to change it.
+    fn subject_mut<T: 'static>(&self) -> Result<LuaUserDataRefMut<T>, Refusal> {
+        let object = self.args.subject().as_userdata();
+        let object = object.and_then(|object| object.borrow_mut().ok());
+        object.ok_or_else(|| self.no_subject())
+    }
+
     /// The error of a method that was not called on its object.
-    fn no_subject(&self, what: &str) -> Refusal {
-        let at = self.args.call.find(':').unwrap_or(0);
-        let method = &self.args.call[at..];
-        self.args.misuse(&format!(
-            "call it on a {what} with a colon, like {what}{method}()"
-        ))
+    fn no_subject(&self) -> Refusal {
+        let function = self.args.function;
+        let (what, key) = (function.owner().to_lowercase(), function.key());
+        let words = format!("call it on a {what} with a colon, like {what}:{key}()");
+        self.args.misuse(&words)
     }
 
     /// Nothing new begins once the script is ending.
@@ -200,17 +184,18 @@ pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: Surroundings) ->
         prelude: &prelude,
     };
     builder.prepare()?;
+    objects(&builder)?;
     let mut tables = vec![
-        script::namespace(&builder)?,
-        log::namespace(&builder)?,
-        tasks::namespace(&builder)?,
+        ("script", script::namespace(&builder)?),
+        ("log", builder.namespace("log", &[log::CALLS])?),
+        ("task", tasks::namespace(&builder)?),
     ];
     if let Surroundings::Robot = surroundings {
         tables.extend([
-            robot::namespace(&builder)?,
-            vision::namespace(&builder)?,
-            params::namespace(&builder)?,
-            store::namespace(&builder)?,
+            ("robot", robot::namespace(&builder)?),
+            ("vision", builder.namespace("vision", &[vision::CALLS])?),
+            ("params", params::namespace(&builder)?),
+            ("store", builder.namespace("store", &[store::CALLS])?),
         ]);
     }
     for (name, table) in tables {
@@ -220,10 +205,27 @@ pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: Surroundings) ->
         shared.borrow_mut().stage = Some(asked);
         stage::install(&builder)?;
     }
-    modules::install(&builder)?;
+    globals(&builder)?;
     let memory = shared.borrow().options.limits.memory_bytes;
     let memory = usize::try_from(memory).unwrap_or(usize::MAX);
     sandbox::close(lua, builder.strict("")?, memory)
+}
+
+/// The types of the script's objects.
+fn objects(builder: &Builder<'_>) -> LuaResult<()> {
+    tasks::register_handle(builder)?;
+    events::register_handle(builder)?;
+    frame::register(builder, &[frame::METHODS, looking::METHODS])?;
+    vision::register(builder)
+}
+
+/// The functions without a namespace.
+fn globals(builder: &Builder<'_>) -> LuaResult<()> {
+    let table = builder.namespace("", &[log::PRINT, modules::REQUIRE])?;
+    modules::wrap(builder, &table)?;
+    table.for_each(|name: LuaValue, function: LuaValue| {
+        builder.lua.globals().raw_set(name, function)
+    })
 }
 
 /// The innermost line of the script itself.
@@ -233,7 +235,7 @@ fn place(lua: &Lua) -> Option<Place> {
             lua.inspect_stack(level, |frame| {
                 let file = frame.source().short_src?.into_owned();
                 let line = u32::try_from(frame.current_line()?).ok()?;
-                (!sandbox::is_ours(&file)).then_some(Place { file, line })
+                (!is_ours(&file)).then_some(Place { file, line })
             })
         })
         .flatten()

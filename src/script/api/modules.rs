@@ -1,37 +1,37 @@
 //! `require`.
 
-use mlua::prelude::{Lua, LuaFunction, LuaResult, LuaTable, LuaValue};
+use mlua::prelude::{Lua, LuaError, LuaFunction, LuaResult, LuaTable, LuaValue};
 
 use super::super::Script;
 use super::super::arguments::Refusal;
 use super::super::events::EventName;
-use super::super::failure::{Trouble, printable};
-use super::super::modules::{ModuleFile, ModuleId, ModuleName, Progress, Target, resolve};
+use super::super::failure::{Trouble, is_ours, printable};
+use super::super::ids::ModuleId;
+use super::super::modules::{ModuleFile, ModuleName, Progress, Target, resolve};
 use super::super::sandbox;
 use super::super::task::{Answer, Cancel, TaskId, Wait};
-use super::{Answered, Builder, Call, Entry, plain, waiting};
+use super::{Answered, Builder, Call, Natives};
+use crate::api::{self, Function, Namespace};
 
-/// What the script calls; the rest of it is the prelude's.
-const REQUIRE: Entry = waiting("require", open);
-/// Told by the prelude when a module's file has run.
-const DONE: Entry = plain("require", done);
+/// The first half of `require`; the rest of it is the prelude's.
+pub(super) const REQUIRE: &Natives = &[("require", open)];
 
-/// Adds the global.
-pub(super) fn install(builder: &Builder<'_>) -> LuaResult<()> {
-    let (open, done) = (builder.function(&REQUIRE)?, builder.function(&DONE)?);
+/// Puts the prelude's half around the native in the table of globals.
+pub(super) fn wrap(builder: &Builder<'_>, globals: &LuaTable) -> LuaResult<()> {
+    let row = api::function("require").ok_or_else(|| LuaError::runtime("no require"))?;
+    let open: LuaFunction = globals.raw_get("require")?;
+    let done = builder.under("plain", row, done)?;
     let nearest = builder.lua.create_function(|_, (owner, key, table)| {
         let (owner, key, table): (String, LuaValue, LuaTable) = (owner, key, table);
-        let mut names = Vec::new();
-        table.for_each(|key: LuaValue, _: LuaValue| {
-            names.extend(key.as_string().map(|name| name.to_string_lossy()));
-            Ok(())
-        })?;
-        names.sort();
         let key = match &key {
             LuaValue::String(text) => printable(&text.to_string_lossy(), 40),
             other => super::describe(other),
         };
-        Ok(sandbox::unknown(&owner, &key, &names))
+        Ok(sandbox::unknown(&owner, &key, &names(&table)?))
+    })?;
+    let mismatch = builder.lua.create_function(|_, (owner, table)| {
+        let (owner, table): (String, LuaTable) = (owner, table);
+        mismatch(&owner, &names(&table)?)
     })?;
     let events = builder.lua.create_table()?;
     for event in EventName::ALL {
@@ -43,8 +43,36 @@ pub(super) fn install(builder: &Builder<'_>) -> LuaResult<()> {
     let require: LuaFunction = builder
         .prelude
         .function("requirer")?
-        .call((open, done, nearest, events, place))?;
-    builder.lua.globals().raw_set("require", require)
+        .call((open, done, nearest, mismatch, events, place))?;
+    globals.raw_set("require", require)
+}
+
+/// The texts among a table's keys, in order.
+fn names(table: &LuaTable) -> LuaResult<Vec<String>> {
+    let mut names = Vec::new();
+    table.for_each(|key: LuaValue, _: LuaValue| {
+        names.extend(key.as_string().map(|name| name.to_string_lossy()));
+        Ok(())
+    })?;
+    names.sort();
+    Ok(names)
+}
+
+/// What is wrong if a module of the runtime, or an object that it makes, has other functions than
+/// its row in the API table. One without a row is none of the API.
+fn mismatch(owner: &str, names: &[String]) -> LuaResult<Option<String>> {
+    let module = api::module(owner).map(Namespace::members);
+    let mut objects = api::objects().filter(|object| object.name.eq_ignore_ascii_case(owner));
+    let object = || {
+        let methods = objects.next()?.methods.iter();
+        Some(methods.map(Function::key).collect())
+    };
+    let Some(mut known) = module.or_else(object) else {
+        return Ok(None);
+    };
+    known.sort_unstable();
+    let wrong = known != names;
+    Ok(wrong.then(|| format!("{owner} has {names:?}, but the API table {known:?}")))
 }
 
 /// The name of a function, if it has one, and the line in which it begins.
@@ -60,7 +88,7 @@ fn importer(lua: &Lua) -> Option<String> {
         lua.inspect_stack(level, |frame| {
             let source = frame.source().source?.into_owned();
             let name = source.strip_prefix('=')?.to_owned();
-            (frame.current_line().is_some() && !sandbox::is_ours(&name)).then_some(name)
+            (frame.current_line().is_some() && !is_ours(&name)).then_some(name)
         })
     };
     (0..64).map_while(source).flatten().next()
@@ -173,7 +201,10 @@ fn run(
 
 /// `done(key, failed)`: the file has run, or failed with this text.
 fn done(call: &mut Call<'_>) -> Answered {
-    let key = call.args.text(0, "key", 1000)?;
+    let LuaValue::String(key) = call.args.value(0) else {
+        return call.reply(());
+    };
+    let key = key.to_string_lossy();
     let failed = match call.args.value(1) {
         LuaValue::String(text) => Some(printable(&text.to_string_lossy(), 1000)),
         _ => None,

@@ -2,33 +2,20 @@
 
 use std::time::Duration;
 
-use super::super::arguments::{Bounds, Refusal};
 use super::super::options::Calibration;
 use super::super::task::{Cancel, Wait};
-use super::{Answered, Call, Entry, plain, waiting};
+use super::{Answered, Call, Natives};
+use crate::api::LONGEST_DRIVE;
 use crate::robot::{Intent, MotionEnd, Setpoint};
 
-pub(super) const CALLS: [Entry; 5] = [
-    waiting("robot.move", move_tracks),
-    waiting("robot.drive", drive),
-    waiting("robot.forward", forward),
-    waiting("robot.turn", turn),
-    plain("robot.stop", stop),
+pub(super) const CALLS: &Natives = &[
+    ("robot.move", move_tracks),
+    ("robot.drive", drive),
+    ("robot.forward", forward),
+    ("robot.turn", turn),
+    ("robot.stop", stop),
 ];
 
-/// A speed, in metres or radians per second: what is too fast is slowed, so this only keeps the
-/// arithmetic finite.
-pub(super) const SPEED: Bounds = Bounds::Between(-1000.0, 1000.0);
-/// A way, in metres or radians.
-pub(super) const WAY: Bounds = Bounds::Between(-1e6, 1e6);
-/// Power of a track, in percent.
-pub(super) const POWER: Bounds = Bounds::Between(-100.0, 100.0);
-/// The longest drive of one call, in seconds.
-const LONGEST: f64 = 3600.0;
-/// How long a drive of one call lasts, in seconds.
-pub(super) const DURATION: Bounds = Bounds::Above(0.0, LONGEST);
-/// Speed of `forward` and `turn`, in metres or radians per second.
-pub(super) const WAY_SPEED: Bounds = Bounds::Above(0.0, 1000.0);
 /// Speed of `forward` and `turn` unless they say, as a part of full speed.
 const USUAL: f64 = 0.5;
 
@@ -63,51 +50,38 @@ impl Tracks {
 
 /// `robot.move(left, right [, seconds])`
 fn move_tracks(call: &mut Call<'_>) -> Answered {
-    let left = call.args.number(0, "left", POWER)?;
-    let right = call.args.number(1, "right", POWER)?;
-    let time = duration(call)?;
+    let (left, right) = (call.args.get(0)?, call.args.get(1)?);
+    let time = call.args.get(2)?;
     go(call, Setpoint::from_percent(left, right), time)
 }
 
 /// `robot.drive(linear, angular [, seconds])`
 fn drive(call: &mut Call<'_>) -> Answered {
-    let linear = call.args.number(0, "linear", SPEED)?;
-    let angular = call.args.number(1, "angular", SPEED)?;
-    let time = duration(call)?;
+    let (linear, angular) = (call.args.get(0)?, call.args.get(1)?);
+    let time = call.args.get(2)?;
     let calibration = call.state.options.calibration;
     let (setpoint, _) = Tracks::of(linear, angular, calibration).setpoint(calibration);
     go(call, setpoint, time)
 }
 
-/// The optional third argument.
-fn duration(call: &Call<'_>) -> Result<Option<Duration>, Refusal> {
-    let seconds = call.args.optional_number(2, "seconds", DURATION)?;
-    Ok(seconds.map(Duration::from_secs_f64))
-}
-
 /// `robot.forward(metres [, speed])`
 fn forward(call: &mut Call<'_>) -> Answered {
     let calibration = call.state.options.calibration;
-    let metres = call.args.number(0, "metres", WAY)?;
+    let metres = call.args.get(0)?;
     let usual = calibration.full_speed * USUAL;
-    let speed = speed(call, usual)?.copysign(metres);
+    let speed = call.args.get::<Option<f64>>(1)?;
+    let speed = speed.unwrap_or(usual).copysign(metres);
     travel(call, metres, Tracks::of(speed, 0.0, calibration), speed)
 }
 
 /// `robot.turn(angle [, speed])`
 fn turn(call: &mut Call<'_>) -> Answered {
     let calibration = call.state.options.calibration;
-    let angle = call.args.number(0, "angle", WAY)?;
+    let angle = call.args.get(0)?;
     let usual = calibration.full_speed * USUAL * 2.0 / calibration.track_width;
-    let speed = speed(call, usual)?.copysign(angle);
+    let speed = call.args.get::<Option<f64>>(1)?;
+    let speed = speed.unwrap_or(usual).copysign(angle);
     travel(call, angle, Tracks::of(0.0, speed, calibration), speed)
-}
-
-fn speed(call: &Call<'_>, usual: f64) -> Result<f64, Refusal> {
-    Ok(call
-        .args
-        .optional_number(1, "speed", WAY_SPEED)?
-        .unwrap_or(usual))
 }
 
 /// Drives `tracks` until `way` is covered at `speed`, both in the same unit and of the same sign.
@@ -115,9 +89,9 @@ fn travel(call: &mut Call<'_>, way: f64, tracks: Tracks, speed: f64) -> Answered
     let calibration = call.state.options.calibration;
     let (setpoint, slowed) = tracks.setpoint(calibration);
     let seconds = way / (speed * slowed);
-    if seconds > LONGEST {
+    if seconds > LONGEST_DRIVE {
         return Err(call.args.misuse(&format!(
-            "that would take {seconds:.0} seconds; the most is {LONGEST}"
+            "that would take {seconds:.0} seconds; the most is {LONGEST_DRIVE}"
         )));
     }
     if seconds <= 0.0 {

@@ -11,12 +11,11 @@ use super::super::declaration::{self, Declaration};
 use super::super::failure::printable;
 use super::super::nearest::suggestion;
 use super::super::params::ParamValue;
-use super::{Answered, Builder, Call, Entry, describe, plain};
+use super::{Answered, Builder, Call, Natives, describe};
+use crate::api::Type;
 
-const CALLS: [Entry; 1] = [plain("params.declare", declare)];
+const CALLS: &Natives = &[("params.declare", declare)];
 
-/// What can be said of one parameter.
-const KEYS: [&str; 6] = ["default", "min", "max", "unit", "choices", "doc"];
 /// Parameters of one script, and choices of one parameter.
 const MAX_PARAMS: usize = 64;
 /// Bytes of a text.
@@ -24,17 +23,17 @@ const LONGEST: usize = 1000;
 /// Where the error for unknown names is kept.
 const STRICT: &str = "spykee.params";
 
-pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<(&'static str, LuaTable)> {
+pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     let shared = Rc::clone(builder.shared);
-    let names = move |_: &Lua, _: &str| shared.borrow().declared.clone().unwrap_or_default();
+    let names = move |_: &Lua, _: &str| shared.borrow().params.names.clone().unwrap_or_default();
     let strict = builder.strict_with("params", names)?;
     builder.lua.set_named_registry_value(STRICT, strict)?;
-    Ok(("params", builder.table(&CALLS)?))
+    builder.namespace("params", &[CALLS])
 }
 
 /// `params.declare{ speed = {default=40, min=10, max=100, unit="%", doc="..."} }` returns the values.
 fn declare(call: &mut Call<'_>) -> Answered {
-    if call.state.declared.is_some() {
+    if call.state.params.names.is_some() {
         let words = "it was called before; declare all parameters in one call";
         return Err(call.args.misuse(words));
     }
@@ -43,7 +42,7 @@ fn declare(call: &mut Call<'_>) -> Answered {
         return Err(call.args.misuse(words));
     };
     let declared = declarations(call, &table)?;
-    call.state.declared = Some(declared.keys().cloned().collect());
+    call.state.params.names = Some(declared.keys().cloned().collect());
     let given = &call.state.options.params;
     match declaration::settle(&declared, given) {
         Ok(values) => {
@@ -52,7 +51,7 @@ fn declare(call: &mut Call<'_>) -> Answered {
         }
         Err(words) => {
             // No pcall may go on with a value that nobody wanted.
-            call.state.refused = Some(words);
+            call.state.params.refused = Some(words);
             budget::latch_stopped();
             call.reply(())
         }
@@ -114,18 +113,16 @@ fn pairs(
     let mut pairs = Vec::new();
     let _ = table.for_each(|key: LuaValue, value: LuaValue| {
         pairs.push((key, value));
-        match pairs.len() > MAX_PARAMS {
-            true => Err(LuaError::runtime("enough")),
-            false => Ok(()),
+        if pairs.len() > MAX_PARAMS {
+            return Err(LuaError::runtime("enough"));
         }
+        Ok(())
     });
-    match pairs.len() > MAX_PARAMS {
-        true => {
-            let words = format!("{what} may have at most {MAX_PARAMS} entries");
-            Err(call.args.misuse(&words))
-        }
-        false => Ok(pairs),
+    if pairs.len() > MAX_PARAMS {
+        let words = format!("{what} may have at most {MAX_PARAMS} entries");
+        return Err(call.args.misuse(&words));
     }
+    Ok(pairs)
 }
 
 fn is_name(text: &str) -> bool {
@@ -162,30 +159,17 @@ impl One<'_> {
             default,
         };
         self.text(table, "doc")?;
-        self.check(&declaration)?;
+        declaration.check().map_err(|words| self.wrong(&words))?;
         Ok(declaration)
     }
 
-    /// What is said must make sense for the default's type, and hold for the default itself.
-    fn check(&self, declaration: &Declaration) -> Result<(), Refusal> {
-        let is_number = matches!(declaration.default, ParamValue::Number(_));
-        let is_text = matches!(declaration.default, ParamValue::Text(_));
-        if !is_number && (declaration.min.is_some() || declaration.max.is_some()) {
-            return Err(self.wrong("min and max are for numbers only"));
+    /// What can be said of one parameter.
+    fn keys(&self) -> Vec<&'static str> {
+        let row = self.call.args.function.parameters.first();
+        match row.map(|row| row.kind) {
+            Some(Type::Named(keys)) => keys.iter().map(|key| key.name).collect(),
+            _ => Vec::new(),
         }
-        if !is_text && !declaration.choices.is_empty() {
-            return Err(self.wrong("choices are for texts only"));
-        }
-        if let (Some(min), Some(max)) = (declaration.min, declaration.max)
-            && min > max
-        {
-            return Err(self.wrong(&format!("min {min} is above max {max}")));
-        }
-        if !declaration.allows(&declaration.default) {
-            let expected = declaration.expected();
-            return Err(self.wrong(&format!("default must be {expected}")));
-        }
-        Ok(())
     }
 
     fn check_keys(&self, table: &LuaTable) -> Result<(), Refusal> {
@@ -194,9 +178,10 @@ impl One<'_> {
                 LuaValue::String(text) => printable(&text.to_string_lossy(), 40),
                 other => describe(other),
             };
-            if !KEYS.contains(&text.as_str()) {
-                let near = suggestion(&text, KEYS);
-                let known = KEYS.join(", ");
+            let keys = self.keys();
+            if !keys.contains(&text.as_str()) {
+                let near = suggestion(&text, keys.iter().copied());
+                let known = keys.join(", ");
                 return Err(self.wrong(&format!("unknown key '{text}'{near} (known: {known})")));
             }
         }

@@ -4,73 +4,66 @@ use std::time::Duration;
 
 use mlua::prelude::{IntoLua, LuaFunction, LuaMultiValue, LuaResult, LuaTable, LuaValue};
 
-use super::super::arguments::{Bounds, Refusal};
-use super::super::events::battery_table;
-use super::{Answered, Builder, Call, Entry, dock, events, frame, motion, plain, tasks};
+use super::super::arguments::{Argument, Given, Refusal};
+use super::{
+    Answered, Builder, Call, Natives, dock, events, frame, motion, of_row, payload, tasks,
+};
 use crate::robot::{Intent, Percent, Use};
-use crate::wire::{Led, Sound, Stream};
+use crate::wire::{Led, Stream};
 
-const CALLS: [Entry; 10] = [
-    plain("robot.led", led),
-    plain("robot.blink", blink),
-    plain("robot.play", play),
-    plain("robot.stop_sound", stop_sound),
-    plain("robot.volume", volume),
-    plain("robot.say", say),
-    plain("robot.stream", stream),
-    plain("robot.battery", battery),
-    plain("robot.docked", |call| call.reply(call.state.known.docked)),
-    plain("robot.connected", |call| {
+const CALLS: &Natives = &[
+    ("robot.led", led),
+    ("robot.blink", blink),
+    ("robot.play", play),
+    ("robot.stop_sound", stop_sound),
+    ("robot.volume", volume),
+    ("robot.say", say),
+    ("robot.stream", stream),
+    ("robot.battery", battery),
+    ("robot.docked", |call| call.reply(call.state.known.docked)),
+    ("robot.connected", |call| {
         call.reply(call.state.known.connected)
     }),
+    ("robot.info", info),
 ];
 
 /// The longest speech of one call, in bytes: what one message of the wire holds.
 const MAX_SPEECH: usize = crate::wire::MAX_PAYLOAD_LEN;
 
-/// Times of `robot.blink`, in seconds.
-pub(super) const BLINK: Bounds = Bounds::Between(0.02, 3600.0);
-
-/// In percent.
-pub(super) const VOLUME: Bounds = Bounds::Between(0.0, 100.0);
-
 /// Where the prelude's loop of `robot.blink` is kept.
 const BLINKER: &str = "spykee.blinker";
 
-pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<(&'static str, LuaTable)> {
-    let table = builder.table(&CALLS)?;
-    table.raw_set("info", builder.function(&plain("robot.info", info))?)?;
-    let parts: [&[Entry]; 4] = [&motion::CALLS, &dock::CALLS, &events::CALLS, &frame::CALLS];
-    for entries in parts {
-        builder
-            .table(entries)?
-            .for_each(|name: LuaValue, function: LuaValue| table.raw_set(name, function))?;
-    }
-    let wait = builder.function(&tasks::WAIT)?;
-    let led: LuaFunction = table.raw_get("led")?;
+pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
+    let parts = [
+        CALLS,
+        motion::CALLS,
+        dock::CALLS,
+        events::CALLS,
+        frame::CALLS,
+    ];
+    let table = builder.namespace("robot", &parts)?;
+    let (led, wait): (LuaFunction, _) = (table.raw_get("led")?, tasks::wait_function(builder)?);
     let blinker: LuaFunction = builder.prelude.function("blinker")?.call((led, wait))?;
     builder.lua.set_named_registry_value(BLINKER, blinker)?;
-    Ok(("robot", table))
+    Ok(table)
 }
 
 /// The lights of a name.
-fn lights(call: &Call<'_>) -> Result<&'static [Led], Refusal> {
-    call.args.choice(
-        0,
-        "light",
-        &[
-            ("flash", &[Led::Flash][..]),
-            ("left", &[Led::Left][..]),
-            ("right", &[Led::Right][..]),
-            ("all", Led::ALL),
-        ],
-    )
+impl Argument for &'static [Led] {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        given.named(|name| match name {
+            "flash" => Some(&[Led::Flash][..]),
+            "left" => Some(&[Led::Left][..]),
+            "right" => Some(&[Led::Right][..]),
+            "all" => Some(Led::ALL),
+            _ => None,
+        })
+    }
 }
 
 /// `robot.led(name, on)`
 fn led(call: &mut Call<'_>) -> Answered {
-    let lights = lights(call)?;
-    let on = call.args.boolean(1, "on")?;
+    let (lights, on): (&[Led], _) = (call.args.get(0)?, call.args.get(1)?);
     for &led in lights {
         call.send(Intent::Led { led, on })?;
     }
@@ -79,11 +72,10 @@ fn led(call: &mut Call<'_>) -> Answered {
 
 /// `robot.blink(name, {on=0.2, off=0.2, count=3})` returns a Task.
 fn blink(call: &mut Call<'_>) -> Answered {
-    lights(call)?;
-    let options = call.args.options(1, &["on", "off", "count"])?;
-    let on = options.number("on", 0.2, BLINK)?;
-    let off = options.number("off", 0.2, BLINK)?;
-    let count = options.count("count", 3, 1_000_000)?;
+    let _: &[Led] = call.args.get(0)?;
+    let options = call.args.options(1)?;
+    let (on, off): (f64, f64) = (options.get("on")?, options.get("off")?);
+    let count: u32 = options.get("count")?;
     let name = call.args.value(0).clone();
     let mut values = LuaMultiValue::from_iter([name]);
     for number in [on, off, f64::from(count)] {
@@ -95,8 +87,7 @@ fn blink(call: &mut Call<'_>) -> Answered {
 
 /// `robot.play(sound)`
 fn play(call: &mut Call<'_>) -> Answered {
-    let known: Vec<_> = Sound::ALL.iter().map(|one| (one.name(), *one)).collect();
-    let sound = call.args.choice(0, "sound", &known)?;
+    let sound = call.args.get(0)?;
     call.send(Intent::Play(sound))?;
     call.reply(())
 }
@@ -109,8 +100,8 @@ fn stop_sound(call: &mut Call<'_>) -> Answered {
 
 /// `robot.volume(percent)`
 fn volume(call: &mut Call<'_>) -> Answered {
-    let percent = call.args.number(0, "percent", VOLUME)?;
-    // Inside 0..=100 by the check above.
+    let percent: f64 = call.args.get(0)?;
+    // Inside 0..=100 by its row.
     if let Some(percent) = Percent::new(percent.round() as u8) {
         call.send(Intent::Volume(percent))?;
     }
@@ -144,9 +135,7 @@ fn say(call: &mut Call<'_>) -> Answered {
 
 /// `robot.stream(name, on)`
 fn stream(call: &mut Call<'_>) -> Answered {
-    let known: Vec<_> = Stream::ALL.iter().map(|one| (one.name(), *one)).collect();
-    let stream = call.args.choice(0, "stream", &known)?;
-    let on = call.args.boolean(1, "on")?;
+    let (stream, on) = (call.args.get(0)?, call.args.get(1)?);
     if on {
         call.make_room(0)?;
         call.switch_on(stream)?;
@@ -163,7 +152,7 @@ fn battery(call: &mut Call<'_>) -> Answered {
         return call.reply(LuaValue::Nil);
     };
     let age: Duration = call.state.now.saturating_duration_since(at);
-    let table = battery_table(call.lua, battery, age)?;
+    let table = payload::battery_table(call.lua, battery, age)?;
     call.reply(table)
 }
 
@@ -178,5 +167,5 @@ fn info(call: &mut Call<'_>) -> Answered {
     table.raw_set("firmware", info.firmware.as_str())?;
     table.raw_set("address", info.address.as_str())?;
     table.raw_set("simulated", info.simulated)?;
-    call.reply(table)
+    call.reply(of_row("Info", table))
 }

@@ -4,35 +4,33 @@ use mlua::prelude::{LuaResult, LuaTable};
 
 use super::super::budget;
 use super::super::failure::printable;
-use super::{Answered, Builder, Call, Entry, plain};
+use super::{Answered, Builder, Call, Natives, of_row};
 
-const CALLS: [Entry; 3] = [
-    plain("script.stop", stop),
-    plain("script.on_stop", on_stop),
-    plain("script.usage", usage),
+const CALLS: &Natives = &[
+    ("script.stop", stop),
+    ("script.on_stop", on_stop),
+    ("script.usage", usage),
 ];
 
 /// Functions that `script.on_stop` keeps.
 const MAX_FAREWELLS: usize = 16;
 
-pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<(&'static str, LuaTable)> {
-    let table = builder.table(&CALLS)?;
+pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
+    let table = builder.namespace("script", &[CALLS])?;
     #[cfg(test)]
-    table.raw_set(
-        "fault",
-        builder.function(&plain("script.fault", |_| panic!("tested")))?,
-    )?;
+    if let Some(row) = crate::api::function("script.stop") {
+        let fault = builder.function(row, |_| panic!("tested"))?;
+        table.raw_set("fault", fault)?;
+    }
     table.raw_set("name", builder.shared.borrow().options.name.as_str())?;
-    Ok(("script", table))
+    Ok(table)
 }
 
 /// `script.stop(reason)`: the calling task does not go on.
 fn stop(call: &mut Call<'_>) -> Answered {
-    let reason = match call.args.has(0) {
-        true => Some(printable(&call.args.text(0, "reason", 1000)?, 1000)),
-        false => None,
-    };
-    call.state.stop_asked = Some(reason);
+    let reason: Option<String> = call.args.get(0)?;
+    let reason = reason.map(|reason| printable(&reason, 1000));
+    call.state.exit.asked = Some(reason);
     budget::latch_stopped();
     call.reply(())
 }
@@ -40,13 +38,13 @@ fn stop(call: &mut Call<'_>) -> Answered {
 /// `script.on_stop(fn)`
 fn on_stop(call: &mut Call<'_>) -> Answered {
     call.must_be_running()?;
-    let function = call.args.function(0, "the function")?;
-    if call.state.farewells.len() >= MAX_FAREWELLS {
+    let function = call.args.get(0)?;
+    if call.state.exit.farewells.len() >= MAX_FAREWELLS {
         return Err(call
             .args
             .misuse("at most 16 functions can be called at the end"));
     }
-    call.state.farewells.push_back(function);
+    call.state.exit.farewells.push_back(function);
     call.reply(())
 }
 
@@ -60,5 +58,5 @@ fn usage(call: &mut Call<'_>) -> Answered {
         usage.worst_callback.as_secs_f64() * 1e3,
     )?;
     table.raw_set("memory_bytes", call.lua.used_memory())?;
-    call.reply(table)
+    call.reply(of_row("Usage", table))
 }

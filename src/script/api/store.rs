@@ -1,28 +1,21 @@
 //! `store.*`: what a script keeps from run to run.
 
-use mlua::prelude::{LuaResult, LuaTable, LuaValue};
+use mlua::prelude::LuaValue;
 
 use super::super::arguments::Refusal;
 use super::super::plain as data;
 use super::super::store::QUOTA;
-use super::{Answered, Builder, Call, Entry, plain};
+use super::{Answered, Call, Natives};
 
-const CALLS: [Entry; 4] = [
-    plain("store.get", get),
-    plain("store.set", set),
-    plain("store.delete", delete),
-    plain("store.keys", keys),
+pub(super) const CALLS: &Natives = &[
+    ("store.get", get),
+    ("store.set", set),
+    ("store.delete", delete),
+    ("store.keys", keys),
 ];
 
-/// Bytes of a key.
-const LONGEST_KEY: usize = 200;
-
-pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<(&'static str, LuaTable)> {
-    Ok(("store", builder.table(&CALLS)?))
-}
-
 fn key(call: &Call<'_>) -> Result<String, Refusal> {
-    let key = call.args.text(0, "key", LONGEST_KEY)?;
+    let key = call.args.get::<String>(0)?;
     if key.is_empty() || key.contains('\u{fffd}') {
         return Err(call.args.misuse("key must be a text of UTF-8, not empty"));
     }

@@ -3,70 +3,65 @@
 use std::rc::Rc;
 use std::time::Duration;
 
-use mlua::prelude::{LuaFunction, LuaMultiValue, LuaResult, LuaTable, LuaValue};
+use mlua::UserDataFields as _;
+use mlua::prelude::{LuaError, LuaFunction, LuaMultiValue, LuaResult, LuaTable, LuaValue};
 use tokio::time::Instant;
 
-use super::super::arguments::{Args, Bounds, Refusal};
+use super::super::arguments::{Refusal, describe};
 use super::super::group::{Group, Rule};
 
 use super::super::task::{Answer, GroupId, Handle, Kind, MAX_TASKS, SHORTEST_WAIT, Status, Wait};
-use super::frame::add_methods;
-use super::{Answered, Builder, Call, Entry, plain, waiting};
+use super::{Answered, Builder, Call, Natives};
+use crate::api;
 
-const CALLS: [Entry; 7] = [
-    WAIT,
-    plain("task.spawn", spawn),
-    plain("task.delay", delay),
-    plain("task.now", now),
-    waiting("task.all", |call| group(call, Rule::All)),
-    waiting("task.race", |call| group(call, Rule::Race)),
-    waiting("task.timeout", timeout),
+const CALLS: &Natives = &[
+    (WAIT, wait),
+    ("task.spawn", spawn),
+    ("task.delay", delay),
+    (EVERY, every),
+    ("task.now", now),
+    ("task.all", |call| group(call, Rule::All)),
+    ("task.race", |call| group(call, Rule::Race)),
+    ("task.timeout", timeout),
 ];
 
-/// What other namespaces build upon.
-pub(super) const WAIT: Entry = waiting("task.wait", wait);
+const WAIT: &str = "task.wait";
+const EVERY: &str = "task.every";
 
-const METHODS: [Entry; 2] = [plain("Task:cancel", cancel), waiting("Task:join", join)];
-
-/// The shortest and the longest beat of `task.every`, in seconds.
-pub(super) const BEAT: Bounds = Bounds::Between(0.001, 30.0 * 86_400.0);
+const METHODS: &Natives = &[("Task:cancel", cancel), ("Task:join", join)];
 
 /// What the script holds of a task.
 pub(super) struct TaskObject(Rc<Handle>);
 
-pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<(&'static str, LuaTable)> {
-    let table = builder.table(&CALLS)?;
-    let beat = builder.function(&waiting("task.every", beat))?;
-    let beats: LuaFunction = builder.prelude.function("beats")?.call(beat)?;
-    builder.lua.set_named_registry_value(BEATS, beats)?;
-    table.raw_set("every", builder.function(&plain("task.every", every))?)?;
-    Ok(("task", table))
+pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
+    let table = builder.namespace("task", &[CALLS])?;
+    if let Some(row) = api::function(EVERY) {
+        let beat = builder.under("waiting", row, beat)?;
+        let beats: LuaFunction = builder.prelude.function("beats")?.call(beat)?;
+        builder.lua.set_named_registry_value(BEATS, beats)?;
+    }
+    Ok(table)
+}
+
+/// `task.wait`, for what other namespaces build upon.
+pub(super) fn wait_function(builder: &Builder<'_>) -> LuaResult<LuaFunction> {
+    let row = api::function(WAIT).ok_or_else(|| LuaError::runtime(WAIT))?;
+    builder.function(row, wait)
 }
 
 /// Where the prelude's loop of `task.every` is kept.
 const BEATS: &str = "spykee.beats";
 
 pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
-    let methods = builder.methods(&[&METHODS])?;
-    let unknown = builder.strict_object("Task")?;
-    builder
-        .lua
-        .register_userdata_type::<TaskObject>(|registry| {
-            use mlua::UserDataFields as _;
-            registry.add_meta_field("__type", "Task");
-            registry.add_meta_field("__index", unknown);
-            registry.add_field_method_get("status", |_, task| Ok(task.0.status.get().name()));
-            registry.add_field_method_get("missed", |_, task| Ok(task.0.missed.get()));
-            add_methods(registry, methods);
-        })
+    builder.object::<TaskObject>("Task", &[METHODS], |registry| {
+        registry.add_field_method_get("status", |_, task| Ok(task.0.status.get().name()));
+        registry.add_field_method_get("missed", |_, task| Ok(task.0.missed.get()));
+    })
 }
 
 /// `task.wait(seconds)` returns the seconds that passed.
 fn wait(call: &mut Call<'_>) -> Answered {
-    let time = match call.args.has(0) {
-        true => call.args.seconds(0, "seconds")?,
-        false => Duration::ZERO,
-    };
+    let time = call.args.get(0)?;
     call.may_wait()?;
     let since = call.state.now;
     call.wait(Wait::Time { since }, Some(time))
@@ -80,24 +75,21 @@ fn now(call: &mut Call<'_>) -> Answered {
 
 /// `task.spawn(fn, ...)`
 fn spawn(call: &mut Call<'_>) -> Answered {
-    let function = call.args.function(0, "the function")?;
-    let values = rest(&call.args, 1);
+    let (function, values) = (call.args.get(0)?, call.args.rest());
     begin(call, &function, values, None)
 }
 
 /// `task.delay(seconds, fn, ...)`
 fn delay(call: &mut Call<'_>) -> Answered {
-    let time = call.args.seconds(0, "seconds")?;
-    let function = call.args.function(1, "the function")?;
-    let values = rest(&call.args, 2);
+    let (time, function): (Duration, _) = (call.args.get(0)?, call.args.get(1)?);
+    let values = call.args.rest();
     let start = call.state.now + time.max(SHORTEST_WAIT);
     begin(call, &function, values, Some(start))
 }
 
 /// `task.every(seconds, fn)`
 fn every(call: &mut Call<'_>) -> Answered {
-    let seconds = call.args.number(0, "seconds", BEAT)?;
-    let function = call.args.function(1, "the function")?;
+    let (seconds, function) = (call.args.get(0)?, call.args.get(1)?);
     let beats: LuaFunction = call.lua.named_registry_value(BEATS)?;
     let values = [LuaValue::Number(seconds), LuaValue::Function(function)];
     begin(call, &beats, values.into_iter().collect(), None)
@@ -105,7 +97,7 @@ fn every(call: &mut Call<'_>) -> Answered {
 
 /// The wait between two beats. Beats that are over already are counted and left out.
 fn beat(call: &mut Call<'_>) -> Answered {
-    let period = call.args.seconds(0, "seconds")?.max(SHORTEST_WAIT);
+    let period = call.args.get::<Duration>(0)?.max(SHORTEST_WAIT);
     call.may_wait()?;
     let now = call.state.now;
     let Some(task) = call.state.tasks.running() else {
@@ -124,11 +116,6 @@ fn beat(call: &mut Call<'_>) -> Answered {
 fn missed_beats(due: Instant, period: Duration, now: Instant) -> u64 {
     let late = now.saturating_duration_since(due);
     (late.as_secs_f64() / period.as_secs_f64()).ceil() as u64
-}
-
-/// Arguments from `start` on.
-pub(super) fn rest(args: &Args, start: usize) -> LuaMultiValue {
-    args.values.iter().skip(start).cloned().collect()
 }
 
 /// Begins a task of its own and returns its Task.
@@ -168,9 +155,13 @@ fn add(
 fn group(call: &mut Call<'_>, rule: Rule) -> Answered {
     let count = call.args.values.len();
     let functions = (0..count)
-        .map(|index| {
-            call.args
-                .function(index, &format!("argument {}", index + 1))
+        .map(|index| match call.args.value(index) {
+            LuaValue::Function(function) => Ok(function.clone()),
+            other => {
+                let (number, got) = (index + 1, describe(other));
+                let words = format!("argument {number} must be a function, got {got}");
+                Err(call.args.misuse(&words))
+            }
         })
         .collect::<Result<Vec<_>, _>>()?;
     if functions.is_empty() && rule == Rule::Race {
@@ -186,9 +177,8 @@ fn group(call: &mut Call<'_>, rule: Rule) -> Answered {
 
 /// `task.timeout(seconds, fn, ...)` returns `true` and the results, or `false, "timeout"`.
 fn timeout(call: &mut Call<'_>) -> Answered {
-    let time = call.args.seconds(0, "seconds")?;
-    let function = call.args.function(1, "the function")?;
-    let values = rest(&call.args, 2);
+    let (time, function): (Duration, _) = (call.args.get(0)?, call.args.get(1)?);
+    let values = call.args.rest();
     call.may_wait()?;
     run_group(call, Rule::Timeout, vec![(function, values)], Some(time))
 }
@@ -223,11 +213,7 @@ fn run_group(
 
 /// The task that a method was called on.
 fn subject(call: &Call<'_>) -> Result<Rc<Handle>, Refusal> {
-    let object = call.args.value(0).as_userdata();
-    let object = object.and_then(|object| object.borrow::<TaskObject>().ok());
-    object
-        .map(|object| Rc::clone(&object.0))
-        .ok_or_else(|| call.no_subject("task"))
+    Ok(Rc::clone(&call.subject::<TaskObject>()?.0))
 }
 
 /// `Task:cancel()`
@@ -240,7 +226,7 @@ fn cancel(call: &mut Call<'_>) -> Answered {
 /// `Task:join(timeout)` returns `ok, status`, for a failed task also its message.
 fn join(call: &mut Call<'_>) -> Answered {
     let handle = subject(call)?;
-    let time = call.args.optional_seconds(1, "timeout")?;
+    let time = call.args.get(0)?;
     call.may_wait()?;
     match handle.status.get() {
         Status::Running if call.state.tasks.current == Some(handle.id) => {

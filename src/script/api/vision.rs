@@ -6,39 +6,38 @@ use std::time::Duration;
 
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
-use super::super::arguments::{Bounds, Refusal};
+use super::super::arguments::Refusal;
+use super::super::held::HeldFrame;
 use super::super::sighting::Seen;
 use super::colours::{self, ColourObject, Colours};
-use super::frame::{self, HeldFrame, add_methods};
-use super::looking::{blob_table, mark, roi};
-use super::{Answered, Builder, Call, Entry, plain};
+use super::frame;
+use super::looking::{blob_table, mark};
+use super::{Answered, Builder, Call, Natives, of_row};
 use crate::vision::{
     BlobOptions, Image, MotionDetector, MotionOptions, Track, Tracker, TrackerOptions, learn,
 };
 
-const CALLS: [Entry; 5] = [
-    plain("vision.lab", colours::lab),
-    plain("vision.hsv", colours::hsv),
-    plain("vision.tracker", tracker),
-    plain("vision.motion", detector),
-    plain("vision.learn", learn_colour),
+pub(super) const CALLS: &Natives = &[
+    ("vision.lab", colours::lab),
+    ("vision.hsv", colours::hsv),
+    ("vision.tracker", tracker),
+    ("vision.motion", detector),
+    ("vision.learn", learn_colour),
 ];
 
-const TRACKER: [Entry; 3] = [
-    plain("Tracker:update", track),
-    plain("Tracker:best", best),
-    plain("Tracker:reset", reset),
+const TRACKER: &Natives = &[
+    ("Tracker:update", track),
+    ("Tracker:best", best),
+    ("Tracker:reset", reset),
 ];
 
-const DETECTOR: [Entry; 1] = [plain("Detector:update", detect)];
+const DETECTOR: &Natives = &[("Detector:update", detect)];
 
 /// Trackers and detectors that a script may hold at once: their buffers are outside the VM's
 /// memory.
 const MAX_WATCHERS: u32 = 16;
 /// Frames of one `vision.learn`: each is decoded into memory of its own.
 const MAX_LESSONS: usize = 16;
-/// How far a blob may jump from frame to frame, in pixels.
-pub(super) const JUMP: Bounds = Bounds::Above(0.0, 10_000.0);
 /// A frame that comes within this time after the robot has moved may show it moving: the picture is
 /// late, and the robot rolls out and rocks.
 const SETTLING: Duration = Duration::from_secs(1);
@@ -63,37 +62,15 @@ struct DetectorObject {
     _counted: Counted,
 }
 
-pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<(&'static str, LuaTable)> {
-    Ok(("vision", builder.table(&CALLS)?))
-}
-
 pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
     colours::register(builder)?;
-    let unknown = builder.strict_object("Tracker")?;
-    let methods = builder.methods(&[&TRACKER])?;
-    builder
-        .lua
-        .register_userdata_type::<TrackerObject>(|registry| {
-            use mlua::UserDataFields as _;
-            registry.add_meta_field("__type", "Tracker");
-            registry.add_meta_field("__index", unknown);
-            add_methods(registry, methods);
-        })?;
-    let unknown = builder.strict_object("Detector")?;
-    let methods = builder.methods(&[&DETECTOR])?;
-    builder
-        .lua
-        .register_userdata_type::<DetectorObject>(|registry| {
-            use mlua::UserDataFields as _;
-            registry.add_meta_field("__type", "Detector");
-            registry.add_meta_field("__index", unknown);
-            add_methods(registry, methods);
-        })
+    builder.object::<TrackerObject>("Tracker", &[TRACKER], |_| {})?;
+    builder.object::<DetectorObject>("Detector", &[DETECTOR], |_| {})
 }
 
 /// Room for one more tracker or detector, after collecting garbage if need be.
 fn count(call: &Call<'_>) -> Result<Counted, Refusal> {
-    let watchers = &call.state.watchers;
+    let watchers = &call.state.sight.watchers;
     if watchers.get() >= MAX_WATCHERS {
         call.lua.gc_collect()?;
     }
@@ -108,15 +85,12 @@ fn count(call: &Call<'_>) -> Result<Counted, Refusal> {
 
 /// `vision.tracker{colour=, min_age=3, max_lost=5, max_jump=80}`
 fn tracker(call: &mut Call<'_>) -> Answered {
-    let usual = TrackerOptions::default();
-    let table = call
-        .args
-        .options(0, &["colour", "min_age", "max_lost", "max_jump"])?;
+    let table = call.args.options(0)?;
     let colours = Colours::of(call, &table.value("colour")?)?;
     let options = TrackerOptions {
-        min_age: table.count("min_age", usual.min_age, 1000)?,
-        max_lost: table.count("max_lost", usual.max_lost, 1000)?,
-        max_jump: table.number("max_jump", usual.max_jump, JUMP)?,
+        min_age: table.get("min_age")?,
+        max_lost: table.get("max_lost")?,
+        max_jump: table.get("max_jump")?,
     };
     let object = TrackerObject {
         tracker: Tracker::new(options, call.state.options.camera),
@@ -127,34 +101,18 @@ fn tracker(call: &mut Call<'_>) -> Answered {
     call.reply(object)
 }
 
-/// The frame that is the first argument of a method.
-fn frame_argument(call: &Call<'_>) -> Result<Rc<HeldFrame>, Refusal> {
-    frame::of_value(call.args.value(1)).ok_or_else(|| {
-        let got = super::describe(call.args.value(1));
-        call.args
-            .misuse(&format!("the argument must be a frame, got {got}"))
-    })
-}
-
 /// Does something with the tracker that a method was called on.
 fn with_tracker<R>(
     call: &mut Call<'_>,
     work: impl FnOnce(&mut Call<'_>, &mut TrackerObject) -> Result<R, Refusal>,
 ) -> Result<R, Refusal> {
-    let object = call.args.value(0).as_userdata().cloned();
-    let object = object.and_then(|object| {
-        let borrowed = object.borrow_mut::<TrackerObject>();
-        borrowed.ok()
-    });
-    match object {
-        Some(mut object) => work(call, &mut object),
-        None => Err(call.no_subject("tracker")),
-    }
+    let mut object = call.subject_mut::<TrackerObject>()?;
+    work(call, &mut object)
 }
 
 /// `Tracker:update(frame)`: a list of blobs with `id, age, lost, vx, vy`.
 fn track(call: &mut Call<'_>) -> Answered {
-    let held = frame_argument(call)?;
+    let held: Rc<HeldFrame> = call.args.get(0)?;
     with_tracker(call, |call, object| {
         let blobs = call
             .state
@@ -192,7 +150,7 @@ fn track_table(lua: &Lua, track: &Track, colours: &Colours) -> LuaResult<LuaTabl
     table.raw_set("lost", track.lost)?;
     table.raw_set("vx", track.vx)?;
     table.raw_set("vy", track.vy)?;
-    Ok(table)
+    Ok(of_row("Track", table))
 }
 
 /// `Tracker:best()`: the one to follow, or nil.
@@ -216,13 +174,11 @@ fn reset(call: &mut Call<'_>) -> Answered {
 
 /// `vision.motion{threshold=15, min_pixels=150}`
 fn detector(call: &mut Call<'_>) -> Answered {
-    let usual = MotionOptions::default();
-    let table = call.args.options(0, &["threshold", "min_pixels"])?;
-    let threshold = table.count("threshold", usual.threshold.into(), 255)?;
+    let table = call.args.options(0)?;
     let options = MotionOptions {
-        // At most 255 by the check above.
-        threshold: u8::try_from(threshold).unwrap_or(u8::MAX),
-        min_pixels: table.count("min_pixels", usual.min_pixels, 2_000_000)?,
+        // At most 255 by its row.
+        threshold: u8::try_from(table.get::<u32>("threshold")?).unwrap_or(u8::MAX),
+        min_pixels: table.get("min_pixels")?,
     };
     let object = DetectorObject {
         detector: MotionDetector::new(options, call.state.options.camera),
@@ -235,15 +191,8 @@ fn detector(call: &mut Call<'_>) -> Answered {
 /// `Detector:update(frame)`: `{score, pixels, blobs}`, or `nil, "moving"` while anything
 /// moves the robot, and for a while after.
 fn detect(call: &mut Call<'_>) -> Answered {
-    let held = frame_argument(call)?;
-    let object = call.args.value(0).as_userdata().cloned();
-    let object = object.and_then(|object| {
-        let borrowed = object.borrow_mut::<DetectorObject>();
-        borrowed.ok()
-    });
-    let Some(mut object) = object else {
-        return Err(call.no_subject("detector"));
-    };
+    let held: Rc<HeldFrame> = call.args.get(0)?;
+    let mut object = call.subject_mut::<DetectorObject>()?;
     if call.state.has_moved_within(SETTLING) {
         object.detector.reset();
         return call.reply((LuaValue::Nil, "moving"));
@@ -269,19 +218,19 @@ fn motion_table(
 ) -> LuaResult<LuaTable> {
     let list = lua.create_table_with_capacity(blobs.len(), 0)?;
     for blob in blobs {
-        list.raw_push(blob_table(lua, blob, &[])?)?;
+        list.raw_push(of_row("Blob", blob_table(lua, blob, &[])?))?;
     }
     let table = lua.create_table_with_capacity(0, 3)?;
     table.raw_set("score", score)?;
     table.raw_set("pixels", pixels)?;
     table.raw_set("blobs", list)?;
-    Ok(table)
+    Ok(of_row("Motion", table))
 }
 
 /// `vision.learn(frames, roi)`: a colour and `{quality}`; or nil and why not.
 fn learn_colour(call: &mut Call<'_>) -> Answered {
     let frames = lessons(call)?;
-    let part = roi(&call.args, call.args.value(1))?;
+    let part = call.args.get(1)?;
     let mut images = Vec::new();
     for held in &frames {
         images.extend(call.state.look(held).cloned());
@@ -292,7 +241,7 @@ fn learn_colour(call: &mut Call<'_>) -> Answered {
             let colour = call.lua.create_any_userdata(ColourObject(learned.colour))?;
             let info = call.lua.create_table_with_capacity(0, 1)?;
             info.raw_set("quality", learned.quality)?;
-            call.reply((colour, info))
+            call.reply((colour, of_row("Learned", info)))
         }
         Err(refusal) => call.reply((LuaValue::Nil, refusal.code())),
     }

@@ -1,8 +1,7 @@
 //! Scripts in a rig: the time is passed, the output collected, the robot's answers given by hand.
 
-mod checking;
-mod definitions;
 mod events;
+mod examples;
 mod hostile;
 mod language;
 mod life;
@@ -22,7 +21,9 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::{Ending, Evaluated, Level, LogLine, ModuleFile, ModuleName, Options, Output, Script};
+use super::{
+    Ending, Evaluated, Explain, Level, LogLine, ModuleFile, ModuleName, Options, Output, Script,
+};
 use crate::robot::{EndReason, Event, Intent, MotionEnd, RobotInfo};
 
 /// A script and what it has sent.
@@ -162,6 +163,19 @@ fn failure(source: &str) -> String {
     let ending = Rig::new(source).ending();
     assert_eq!(ending.reason, EndReason::Error, "{ending:?}");
     ending.message.unwrap_or_default()
+}
+
+/// The message with which a script fails on a robot that sees nothing, explained.
+pub(crate) fn failure_with(source: &str, explain: Explain) -> String {
+    let mut rig = Rig::loaded(source, |options| {
+        options.limits.callback_budget_ms = 2_000;
+    });
+    rig.script.explain_with(explain);
+    rig.run();
+    rig.deliver(connected(false));
+    vision::show(&mut rig, 1, &vision::picture(&[]));
+    rig.pass(2.0);
+    rig.ending().message.unwrap_or_default()
 }
 
 fn connected(docked: bool) -> Event {

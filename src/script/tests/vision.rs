@@ -158,7 +158,7 @@ fn mistakes_are_answered_in_words() {
         ),
         (
             "vision.tracker{colour = 'red'}:update(5)",
-            "Tracker:update: the argument must be a frame, got 5",
+            "Tracker:update: frame must be a Frame, got 5",
         ),
         (
             "vision.motion{threshold = 300}",
@@ -408,7 +408,7 @@ fn a_frame_is_decoded_once_for_many_questions() {
     for seq in 1..=3 {
         show(&mut rig, seq, &jpeg);
     }
-    assert_eq!(rig.script.state.borrow().eyes.decoded(), 3);
+    assert_eq!(rig.script.state.borrow().sight.eyes.decoded(), 3);
 }
 
 /// A floor under a wall, and something red that stands on it, in a picture of any size.

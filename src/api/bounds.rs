@@ -1,0 +1,31 @@
+//! Bounds of numbers.
+
+/// A number's bounds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Bounds {
+    /// From the first up to the second.
+    Between(f64, f64),
+    /// Above the first, up to the second.
+    Above(f64, f64),
+}
+
+/// How long a call may wait, in seconds: up to thirty days.
+pub(super) const SECONDS: Bounds = Bounds::Between(0.0, 30.0 * 86_400.0);
+
+impl Bounds {
+    /// Whether a number is within them.
+    pub fn holds(self, number: f64) -> bool {
+        match self {
+            Bounds::Between(low, high) => (low..=high).contains(&number),
+            Bounds::Above(low, high) => number > low && number <= high,
+        }
+    }
+
+    /// Such as `between 0 and 100`.
+    pub fn words(self) -> String {
+        match self {
+            Bounds::Between(low, high) => format!("between {low} and {high}"),
+            Bounds::Above(low, high) => format!("above {low} and at most {high}"),
+        }
+    }
+}

@@ -1,0 +1,205 @@
+//! Frames, and what is seen in them.
+
+use super::bounds::Bounds;
+use super::terms::{
+    Function, Object, Type, Value, boolean, bounded, call, count, number, object, options,
+    short_text, strict, table, text, value, whole,
+};
+use crate::vision::BlobOptions;
+
+const ROI: Value = value("roi", Type::Roi, "only here").optional();
+pub(super) const COLOURS: Value = value("colour", Type::Colours, "which");
+/// Coordinates and sizes of a part of a frame, in pixels.
+pub const PIXELS: Bounds = Bounds::Between(-10_000.0, 10_000.0);
+const USUAL: BlobOptions = BlobOptions::DEFAULT;
+
+const FIND_BLOBS: Function = call(
+    "Frame:find_blobs",
+    &[
+        COLOURS,
+        options(&[
+            ROI,
+            boolean("invert", "find what is not of the colour").default_is(USUAL.invert),
+            count("area_threshold", 2_000_000, "the smallest box")
+                .unit("px")
+                .default(USUAL.area_threshold as f64),
+            count("pixels_threshold", 2_000_000, "the fewest pixels")
+                .unit("px")
+                .default(USUAL.pixels_threshold as f64),
+            boolean("merge", "make one of those whose boxes overlap").default_is(USUAL.merge),
+            count(
+                "margin",
+                10_000,
+                "by how much boxes may miss each other and be merged",
+            )
+            .unit("px")
+            .default(USUAL.margin as f64),
+            count("max_blobs", 1000, "the most to find").default(USUAL.max_blobs as f64),
+        ]),
+    ],
+    &[value(
+        "blobs",
+        Type::List(&Type::Object(&BLOB)),
+        "the largest first; empty if there are none",
+    )],
+    "Finds patches of a colour, as OpenMV does.",
+    "local ball = frame:find_blobs(\"red\", { pixels_threshold = 25 })[1]\nif ball then\n\tprint(ball.cx, ball.bearing)\nend",
+)
+.pure();
+
+pub(super) const FRAME: Object = strict(
+    "Frame",
+    "A picture of the camera; decoded when it is first looked at.",
+    &[
+        whole("seq", "its number"),
+        number("age", "since it came").unit("s"),
+        whole("width", "").unit("px"),
+        whole("height", "").unit("px"),
+        whole("bytes", "of the picture as it came"),
+    ],
+    &[
+        FIND_BLOBS,
+        call(
+            "Frame:find_line",
+            &[COLOURS, options(&[ROI])],
+            &[object("line", &LINE, "nil if there is none").optional()],
+            "Finds a line on the floor, to follow it.",
+            "local line = frame:find_line(\"black\")\nif line then\n\trobot.drive(0.1, -line.offset)\nend",
+        )
+        .pure(),
+        call(
+            "Frame:find_qrcodes",
+            &[],
+            &[value("codes", Type::List(&Type::Object(&QR_CODE)), "")],
+            "Reads QR codes.",
+            "for _, code in frame:find_qrcodes() do\n\tprint(code.text)\nend",
+        )
+        .pure(),
+        call(
+            "Frame:brightness",
+            &[ROI],
+            &[number("brightness", "0 is black, 1 is white")],
+            "How bright the picture is.",
+            "if frame:brightness() < 0.1 then\n\trobot.led(\"flash\", true)\nend",
+        )
+        .pure(),
+        call(
+            "Frame:sharpness",
+            &[ROI],
+            &[number("sharpness", "0 or more; more is sharper")],
+            "How sharp the picture is, for comparing pictures of one place.",
+            "print(frame:sharpness())",
+        )
+        .pure(),
+        call(
+            "Frame:get_pixel",
+            &[
+                bounded("x", PIXELS, "column, 0 is the left").unit("px"),
+                bounded("y", PIXELS, "row, 0 is the top").unit("px"),
+            ],
+            &[
+                whole("r", "red, 0 to 255; nil outside the picture").optional(),
+                whole("g", "green").optional(),
+                whole("b", "blue").optional(),
+            ],
+            "The colour of one pixel.",
+            "local r, g, b = frame:get_pixel(160, 120)\nprint(r, g, b)",
+        )
+        .pure(),
+        call(
+            "Frame:save",
+            &[short_text("name", 100, "letters, digits, `-`, `_` and `.`")],
+            &[
+                text("path", "nil if it was not saved").optional(),
+                text("why", "\"quota\" or \"io\"").optional(),
+            ],
+            "Saves the picture as it came from the camera. The oldest pictures make room when the folder is full; \"quota\" means that the bytes of the day are used up, or the disk is.",
+            "local path, why = frame:save(\"ball.jpg\")\nprint(path or why)",
+        ),
+    ],
+);
+
+const PATCH: [Value; 18] = [
+    whole("x", "left column of its box").unit("px"),
+    whole("y", "top row of its box").unit("px"),
+    whole("w", "columns of its box").unit("px"),
+    whole("h", "rows of its box").unit("px"),
+    number("cx", "column of its centroid").unit("px"),
+    number("cy", "row of its centroid").unit("px"),
+    whole("pixels", "how many pixels have the colour").unit("px"),
+    whole("area", "pixels of its box").unit("px"),
+    number("density", "`pixels / area`, 0 to 1"),
+    number("rotation", "of its long axis; 0 lies flat").unit("rad"),
+    number("elongation", "0 for a disc, towards 1 for a line"),
+    number("roundness", "1 for a disc, 0 for a line"),
+    whole("perimeter", "its border pixels").unit("px"),
+    whole("code", "one bit for each colour of the list"),
+    whole("count", "how many blobs were merged into it"),
+    text(
+        "colour",
+        "the first of the names that matches; nil for a colour without a name",
+    )
+    .optional(),
+    number("bearing", "direction of its centroid, left positive").unit("rad"),
+    boolean("edge", "it touches the border of the picture"),
+];
+
+const FOLLOWED: [Value; 23] = {
+    let own = [
+        whole("id", "stays the same while it is followed"),
+        whole("age", "frames since it was first seen"),
+        whole("lost", "frames since it was last seen; 0 while in sight"),
+        number("vx", "to the right").unit("px/s"),
+        number("vy", "downwards").unit("px/s"),
+    ];
+    let mut all = [own[0]; 23];
+    let mut at = 0;
+    while at < 23 {
+        all[at] = if at < 18 { PATCH[at] } else { own[at - 18] };
+        at += 1;
+    }
+    all
+};
+
+pub(super) const BLOB: Object = table("Blob", "A patch of a colour in a frame.", &PATCH);
+
+pub(super) const TRACK: Object = table(
+    "Track",
+    "A Blob that is followed from frame to frame.",
+    &FOLLOWED,
+);
+
+pub(super) const LINE: Object = table(
+    "Line",
+    "A line on the floor.",
+    &[
+        number("offset", "-1 is the left border, 1 the right one"),
+        number("angle", "of the line").unit("rad"),
+        number("strength", "how surely, 0 to 1"),
+    ],
+);
+
+pub(super) const QR_CODE: Object = table(
+    "QrCode",
+    "A QR code in a frame.",
+    &[
+        text("text", "what it says"),
+        value("corners", Type::List(&Type::Object(&CORNER)), "four"),
+    ],
+);
+
+pub(super) const CORNER: Object = table(
+    "Corner",
+    "A place in a frame.",
+    &[number("x", "").unit("px"), number("y", "").unit("px")],
+);
+
+pub(super) const MOTION: Object = table(
+    "Motion",
+    "What has moved.",
+    &[
+        number("score", "the part of the picture that changed, 0 to 1"),
+        whole("pixels", "how many").unit("px"),
+        value("blobs", Type::List(&Type::Object(&BLOB)), "where"),
+    ],
+);

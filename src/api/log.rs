@@ -1,0 +1,48 @@
+//! `log.*`.
+
+use super::terms::{Function, Namespace, Place, Type, Value, call, value};
+
+const PARAMETERS: &[Value] = &[
+    value("text", Type::Any, "what to say"),
+    value("fields", Type::Fields, "named values beside the text").optional(),
+];
+
+const FUNCTIONS: &[Function] = &[
+    call(
+        "log.debug",
+        PARAMETERS,
+        &[],
+        "Writes a line that is shown only when someone looks for faults.",
+        "log.debug(\"looking\", { angle = 0.4 })",
+    ),
+    call(
+        "log.info",
+        PARAMETERS,
+        &[],
+        "Writes a line to the log, with the script's name and line.",
+        "log.info(\"on my way\")",
+    ),
+    call(
+        "log.warn",
+        PARAMETERS,
+        &[],
+        "Writes a warning to the log.",
+        "log.warn(\"this takes long\", { seconds = task.now() })",
+    ),
+    call(
+        "log.error",
+        PARAMETERS,
+        &[],
+        "Writes an error to the log; the script goes on.",
+        "log.error(\"no ball far and wide\")",
+    ),
+];
+
+pub(super) const LOG: Namespace = Namespace {
+    name: "log",
+    about: "lines for the log",
+    place: Place::Everywhere,
+    functions: FUNCTIONS,
+    constants: &[],
+    example: "",
+};

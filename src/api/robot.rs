@@ -1,0 +1,306 @@
+//! `robot.*`, and what it gives.
+
+use super::bounds::{Bounds, SECONDS};
+use super::choices::{DOCK_CODE, LIGHT, MOTION_CODE, QUEUE, SOUND, STREAM};
+use super::events::EVENT;
+use super::frame::FRAME;
+use super::tables::{BATTERY, DOCK_INFO, INFO};
+use super::task::TASK;
+use super::terms::{
+    Function, Namespace, Object, Place, Type, Value, boolean, bounded, call, choice, count, object,
+    options, strict, value,
+};
+use crate::robot::DockPlan;
+
+/// Power of a track, in percent.
+const POWER: Bounds = Bounds::Between(-100.0, 100.0);
+/// A speed, in metres or radians per second: what is too fast is slowed, so this only keeps the
+/// arithmetic finite.
+const SPEED: Bounds = Bounds::Between(-1000.0, 1000.0);
+/// A way, in metres or radians.
+const WAY: Bounds = Bounds::Between(-1e6, 1e6);
+/// Speed of `forward` and `turn`, in metres or radians per second.
+const WAY_SPEED: Bounds = Bounds::Above(0.0, 1000.0);
+/// The longest drive of one call, in seconds.
+pub const LONGEST_DRIVE: f64 = 3600.0;
+const DRIVE: Bounds = Bounds::Above(0.0, LONGEST_DRIVE);
+/// Times of `robot.blink`, in seconds.
+const BLINK: Bounds = Bounds::Between(0.02, 3600.0);
+/// Times of docking, in seconds.
+const DOCKING: Bounds = Bounds::Between(1.0, 3600.0);
+/// Runs of a handler a second, at most. A slower one would overrun the clock's numbers.
+const RATE: Bounds = Bounds::Between(0.001, 1000.0);
+const PLAN: DockPlan = DockPlan::DEFAULT;
+/// `ok` of calls that wait for an end.
+const OK: Value = boolean("ok", "whether it was done");
+
+const SECONDS_OF_MOTION: Value = bounded(
+    "seconds",
+    DRIVE,
+    "waits so long and stops; without it the setpoint holds until changed",
+)
+.unit("s")
+.optional();
+const ENDED: &[Value] = &[OK, choice("code", MOTION_CODE, "why it ended")];
+/// Nothing is returned where no time was given.
+const ENDED_IF_TIMED: &[Value] = &[
+    boolean("ok", "whether it was done; only with seconds").optional(),
+    choice("code", MOTION_CODE, "why it ended").optional(),
+];
+const NAMED_LIGHT: Value = choice("name", LIGHT, "which");
+const NAMED_EVENT: Value = choice("name", EVENT, "which event");
+const HANDLER: Value = value("fn", Type::Handler, "gets the event's payload");
+const SUBSCRIPTION: Value = object("subscription", &LISTENER, "");
+const TIMEOUT: Value = bounded("timeout", SECONDS, "waits for ever without it")
+    .unit("s")
+    .optional();
+const WHY_NOT: Value = value("why", Type::Text(None), "\"timeout\" when there is none").optional();
+
+const fn seconds(name: &'static str, bounds: Bounds, usual: f64, doc: &'static str) -> Value {
+    bounded(name, bounds, doc).unit("s").default(usual)
+}
+
+const FUNCTIONS: &[Function] = &[
+    call(
+        "robot.move",
+        &[
+            bounded("left", POWER, "power of the left track").unit("%"),
+            bounded("right", POWER, "power of the right track").unit("%"),
+            SECONDS_OF_MOTION,
+        ],
+        ENDED_IF_TIMED,
+        "Sets the power of both tracks.",
+        "robot.move(40, 40, 2) -- two seconds straight on\nrobot.move(20, -20) -- turns to the right until told otherwise\ntask.wait(1)\nrobot.stop()",
+    )
+    .waiting(),
+    call(
+        "robot.drive",
+        &[
+            bounded("linear", SPEED, "forwards").unit("m/s"),
+            bounded("angular", SPEED, "to the left").unit("rad/s"),
+            SECONDS_OF_MOTION,
+        ],
+        ENDED_IF_TIMED,
+        "Drives a curve; what is too fast is slowed and the curve kept.",
+        "robot.drive(0.2, 0.5, 3) -- a curve to the left",
+    )
+    .waiting(),
+    call(
+        "robot.forward",
+        &[
+            bounded("metres", WAY, "backwards if negative").unit("m"),
+            bounded("speed", WAY_SPEED, "half of full speed without it").unit("m/s").optional(),
+        ],
+        ENDED,
+        "Drives straight for a distance, and waits until that is done.",
+        "local ok, code = robot.forward(0.5)\nprint(ok, code)",
+    )
+    .waiting(),
+    call(
+        "robot.turn",
+        &[
+            bounded("angle", WAY, "to the left; to the right if negative").unit("rad"),
+            bounded("speed", WAY_SPEED, "half of full speed without it").unit("rad/s").optional(),
+        ],
+        ENDED,
+        "Turns on the spot, and waits until that is done.",
+        "robot.turn(math.rad(90)) -- a quarter to the left",
+    )
+    .waiting(),
+    call(
+        "robot.stop",
+        &[],
+        &[],
+        "Stops the tracks; always works.",
+        "robot.move(30, 30)\ntask.wait(1)\nrobot.stop()",
+    ),
+    call(
+        "robot.led",
+        &[NAMED_LIGHT, boolean("on", "")],
+        &[],
+        "Switches a light.",
+        "robot.led(\"left\", true)",
+    ),
+    call(
+        "robot.blink",
+        &[
+            NAMED_LIGHT,
+            options(&[
+                seconds("on", BLINK, 0.2, "how long it is on"),
+                seconds("off", BLINK, 0.2, "how long it is off"),
+                count("count", 1_000_000, "how often").default(3.0),
+            ]),
+        ],
+        &[object("task", &TASK, "ends it with `:cancel()`")],
+        "Blinks a light, as a task of its own.",
+        "robot.blink(\"all\", { on = 0.1, off = 0.3, count = 5 }):join()",
+    ),
+    call(
+        "robot.play",
+        &[choice("sound", SOUND, "")],
+        &[],
+        "Plays one of the robot's sounds.",
+        "robot.play(\"laugh\")",
+    ),
+    call(
+        "robot.stop_sound",
+        &[],
+        &[],
+        "Ends what is playing, but not the watchdog's alarm: while that sounds, no script plays, talks or stops sounds.",
+        "robot.play(\"music\")\ntask.wait(2)\nrobot.stop_sound()",
+    ),
+    call(
+        "robot.volume",
+        &[bounded("percent", Bounds::Between(0.0, 100.0), "").unit("%")],
+        &[],
+        "Sets how loud the robot is. The watchdog's alarm is always at 100 %, and leaves it so.",
+        "robot.volume(60)",
+    ),
+    call(
+        "robot.say",
+        &[value("samples", Type::Buffer, "signed 16-bit numbers, mono, 16000 a second")],
+        &[],
+        "Sends sound to the loudspeaker; needs the stream `audio_out`.",
+        "robot.stream(\"audio_out\", true)\nlocal tone = buffer.create(3200)\nfor at = 0, 1599 do\n\tbuffer.writei16(tone, 2 * at, 8000 * math.sin(at * 0.17))\nend\nrobot.say(tone)",
+    ),
+    call(
+        "robot.stream",
+        &[choice("name", STREAM, "which"), boolean("on", "")],
+        &[],
+        "Switches video or sound on or off; handlers and waits switch on what they need, for as long as they need it and two seconds more.",
+        "robot.stream(\"video\", true)",
+    ),
+    call(
+        "robot.battery",
+        &[],
+        &[object("battery", &BATTERY, "nil before the robot's first report").optional()],
+        "The battery's level, and whether it charges.",
+        "local battery = robot.battery()\nif battery then\n\tprint(battery.percent, \"%\")\nend",
+    )
+    .pure(),
+    call(
+        "robot.docked",
+        &[],
+        &[boolean("docked", "")],
+        "Whether the robot stands on its charging station.",
+        "if robot.docked() then\n\trobot.undock()\nend",
+    )
+    .pure(),
+    call(
+        "robot.connected",
+        &[],
+        &[boolean("connected", "")],
+        "Whether there is a link to the robot.",
+        "print(robot.connected())",
+    )
+    .pure(),
+    call(
+        "robot.info",
+        &[],
+        &[object("info", &INFO, "nil before the first connection").optional()],
+        "Which robot this is.",
+        "local info = robot.info()\nif info then\n\tprint(\"I am\", info.name)\nend",
+    )
+    .pure(),
+    call(
+        "robot.dock",
+        &[options(&[
+            seconds("timeout", DOCKING, PLAN.timeout.as_secs() as f64, "the longest search of one try"),
+            count("retries", 20, "tries after the first").default(PLAN.retries as f64),
+            seconds("charge_timeout", DOCKING, PLAN.charge_timeout.as_secs() as f64, "how long charging may take to begin"),
+        ])],
+        &[
+            OK,
+            choice("code", DOCK_CODE, "how it ended"),
+            object("info", &DOCK_INFO, "nil if it could not begin").optional(),
+        ],
+        "Drives to the charging station, and waits until the robot charges.",
+        "local docked, code = robot.dock({ retries = 3 })\nif not docked then\n\tlog.warn(`not home: {code}`)\nend",
+    )
+    .waiting(),
+    call(
+        "robot.undock",
+        &[options(&[seconds("timeout", DOCKING, 20.0, "")])],
+        &[OK, choice("code", DOCK_CODE, "how it ended")],
+        "Leaves the charging station, and waits until the robot is off it.",
+        "if robot.docked() and robot.undock() then\n\trobot.turn(math.pi) -- its back to the station\nend",
+    )
+    .waiting(),
+    call(
+        "robot.cancel_dock",
+        &[],
+        &[],
+        "Gives up docking; a `robot.dock` that waits returns `cancelled`.",
+        "task.delay(20, robot.cancel_dock)\nrobot.dock()",
+    ),
+    call(
+        "robot.on",
+        &[
+            NAMED_EVENT,
+            HANDLER,
+            options(&[
+                bounded("rate", RATE, "runs a second, at most").unit("Hz").optional(),
+                choice("queue", QUEUE, "keep all that happened meanwhile, or only the newest").optional(),
+            ]),
+        ],
+        &[SUBSCRIPTION],
+        "Calls a function whenever something happens.",
+        "robot.on(\"battery_low\", function(battery)\n\tlog.warn(`{battery.percent} % left`)\nend)",
+    ),
+    call(
+        "robot.once",
+        &[NAMED_EVENT, HANDLER],
+        &[SUBSCRIPTION],
+        "Calls a function the next time something happens, and not again.",
+        "robot.once(\"frame\", function(frame)\n\tprint(frame.width, frame.height)\nend)",
+    ),
+    call(
+        "robot.wait_for",
+        &[NAMED_EVENT, TIMEOUT],
+        &[
+            value("payload", Type::Payload, "nil when the time was over").optional(),
+            WHY_NOT,
+        ],
+        "Waits until something happens.",
+        "local battery, why = robot.wait_for(\"battery\", 30)\nprint(battery and battery.percent or why)",
+    )
+    .waiting(),
+    call(
+        "robot.frame",
+        &[],
+        &[object("frame", &FRAME, "nil without one of the last second").optional()],
+        "The newest picture of the camera.",
+        "local frame = robot.frame()\nif frame then\n\tprint(frame:brightness())\nend",
+    ),
+    call(
+        "robot.wait_frame",
+        &[TIMEOUT],
+        &[object("frame", &FRAME, "nil when the time was over").optional(), WHY_NOT],
+        "Waits for the next picture of the camera.",
+        "local frame = robot.wait_frame(2)\nif frame then\n\tframe:save(\"here.jpg\")\nend",
+    )
+    .waiting(),
+];
+
+/// What `robot.on` and `robot.once` give.
+pub(super) const LISTENER: Object = strict(
+    "Subscription",
+    "What `robot.on` and `robot.once` give.",
+    &[],
+    &[call(
+        "Subscription:off",
+        &[],
+        &[],
+        "Ends the subscription: its function is not called again.",
+        "local listening = robot.on(\"noise\", print)\nlistening:off()",
+    )],
+);
+
+pub(super) const ROBOT: Namespace = Namespace {
+    name: "robot",
+    about: "motion, lights, sounds, docking, events, pictures",
+    place: Place::Behaviour,
+    functions: FUNCTIONS,
+    constants: &[],
+    example: "",
+};

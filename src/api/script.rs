@@ -1,0 +1,51 @@
+//! `script.*`: the script's own life.
+
+use super::tables::USAGE;
+use super::terms::{
+    Constant, Function, Namespace, Place, Type, call, function, object, short_text,
+};
+
+const CONSTANTS: &[Constant] = &[Constant {
+    path: "script.name",
+    kind: Type::Text(None),
+    doc: "The script's name: its file's, without `.lua`.",
+    example: "print(script.name)",
+}];
+
+const FUNCTIONS: &[Function] = &[
+    call(
+        "script.stop",
+        &[short_text("reason", 1000, "stands in the log").optional()],
+        &[],
+        "Ends the script; the calling task does not go on.",
+        "script.stop(\"seen enough\")",
+    ),
+    call(
+        "script.on_stop",
+        &[function(
+            "fn",
+            "(reason: string) -> ...any",
+            "gets why the script ends, has 0.5 s and cannot move",
+        )],
+        &[],
+        "Calls a function when the script ends, whatever the reason.",
+        "script.on_stop(function(reason)\n\tprint(\"goodbye:\", reason)\nend)",
+    ),
+    call(
+        "script.usage",
+        &[],
+        &[object("usage", &USAGE, "")],
+        "What the script has used so far.",
+        "print(script.usage().memory_bytes // 1024, \"KiB\")",
+    )
+    .pure(),
+];
+
+pub(super) const SCRIPT: Namespace = Namespace {
+    name: "script",
+    about: "the script's own life",
+    place: Place::Everywhere,
+    functions: FUNCTIONS,
+    constants: CONSTANTS,
+    example: "",
+};

@@ -1,0 +1,130 @@
+//! `task.*` and the Task object.
+
+use super::bounds::{Bounds, SECONDS};
+use super::choices::TASK_STATUS;
+use super::terms::{
+    Function, Namespace, Object, Place, Type, Value, boolean, bounded, call, choice, function,
+    number, object, strict, text, value, whole,
+};
+
+const FUNCTION: Value = function("fn", "(...any) -> ...any", "what to run");
+const HANDLE: Value = object("task", &TASK, "");
+/// The shortest and the longest beat of `task.every`, in seconds.
+const BEAT: Bounds = Bounds::Between(0.001, 30.0 * 86_400.0);
+const TIME: Value = bounded("seconds", SECONDS, "").unit("s");
+
+const FUNCTIONS: &[Function] = &[
+    call(
+        "task.wait",
+        &[TIME.default(0.0)],
+        &[number("passed", "the time that really passed").unit("s")],
+        "Waits; other tasks and handlers run meanwhile.",
+        "task.wait(0.5)",
+    )
+    .waiting(),
+    call(
+        "task.now",
+        &[],
+        &[number("seconds", "").unit("s")],
+        "Seconds since the script started.",
+        "local began = task.now()\ntask.wait(1)\nprint(task.now() - began)",
+    )
+    .pure(),
+    call(
+        "task.spawn",
+        &[FUNCTION],
+        &[HANDLE],
+        "Runs a function as a task of its own, beside the others.",
+        "local lights = task.spawn(function()\n\trobot.led(\"left\", true)\n\ttask.wait(1)\n\trobot.led(\"left\", false)\nend)\nlights:join()",
+    )
+    .and("arguments of the function"),
+    call(
+        "task.delay",
+        &[TIME, FUNCTION],
+        &[HANDLE],
+        "Runs a function later, as a task of its own.",
+        "task.delay(2, robot.play, \"bip_2\")",
+    )
+    .and("arguments of the function"),
+    call(
+        "task.every",
+        &[
+            bounded("seconds", BEAT, "from beat to beat").unit("s"),
+            function("fn", "(missed: number) -> ...any", "gets how many beats were missed"),
+        ],
+        &[HANDLE],
+        "Runs a function again and again, with a steady beat.",
+        "local beat = task.every(1, function()\n\tprint(\"tick\")\nend)\ntask.wait(3)\nbeat:cancel()",
+    ),
+    call(
+        "task.all",
+        &[],
+        &[value("results", Type::Any, "the first result of each function, in order").optional()],
+        "Runs functions side by side and waits for all of them.",
+        "task.all(function()\n\ttask.wait(1)\nend, function()\n\trobot.blink(\"all\"):join()\nend)",
+    )
+    .and("the functions")
+    .waiting(),
+    call(
+        "task.race",
+        &[FUNCTION],
+        &[value("results", Type::Any, "of the first that is done").optional()],
+        "Runs functions side by side until one is done; the others are cancelled.",
+        "task.race(function()\n\ttask.wait(1)\nend, function()\n\trobot.wait_for(\"docked\")\nend)",
+    )
+    .and("more functions")
+    .waiting(),
+    call(
+        "task.timeout",
+        &[TIME, FUNCTION],
+        &[
+            boolean("ok", "false when the time was over"),
+            value("results", Type::Any, "of the function, or \"timeout\"").optional(),
+        ],
+        "Runs a function, for so long at most.",
+        "local ok = task.timeout(5, function()\n\trobot.forward(1)\nend)\nprint(ok)",
+    )
+    .and("arguments of the function")
+    .waiting(),
+];
+
+pub(super) const TASK: Object = strict(
+    "Task",
+    "A function that runs beside others.",
+    &[
+        choice("status", TASK_STATUS, "how it is"),
+        whole("missed", "beats of `task.every` that were missed"),
+    ],
+    &[
+        call(
+            "Task:cancel",
+            &[],
+            &[],
+            "Ends the task; its motion stops with it.",
+            "local beat = task.every(1, print)\nbeat:cancel()",
+        ),
+        call(
+            "Task:join",
+            &[bounded("timeout", SECONDS, "waits for ever without it")
+                .unit("s")
+                .optional()],
+            &[
+                boolean("ok", "whether the task is done"),
+                text("status", "as `.status`, or \"timeout\""),
+                text("message", "of a task that failed").optional(),
+            ],
+            "Waits until the task has ended.",
+            "robot.blink(\"left\"):join()",
+        )
+        .waiting(),
+    ],
+);
+
+pub(super) const TASKS: Namespace = Namespace {
+    name: "task",
+    about: "time, and functions side by side",
+    place: Place::Everywhere,
+    functions: FUNCTIONS,
+    constants: &[],
+    example: "",
+};

@@ -1,0 +1,173 @@
+//! `vision.*`: colours, trackers, motion detectors.
+
+use super::bounds::Bounds;
+use super::frame::{FRAME, MOTION, TRACK};
+use super::terms::{
+    Function, Namespace, Object, Place, Type, Value, bounded, call, count, number, object, options,
+    range, strict, table, text, value,
+};
+use crate::vision::{MotionOptions, TrackerOptions};
+
+const TRACKS: TrackerOptions = TrackerOptions::DEFAULT;
+const MOVES: MotionOptions = MotionOptions::DEFAULT;
+const LIGHTNESS: (f64, f64) = (0.0, 100.0);
+const OPPONENT: (f64, f64) = (-128.0, 127.0);
+const HUE: (f64, f64) = (0.0, 360.0);
+const PERCENT: (f64, f64) = (0.0, 100.0);
+const NEXT: Value = object("frame", &FRAME, "the next one");
+
+pub(super) const COLOUR: Object = strict(
+    "Colour",
+    "A colour without a name; made by `vision.lab`, `vision.hsv` and `vision.learn`.",
+    &[],
+    &[],
+);
+
+pub(super) const LEARNED: Object = table(
+    "Learned",
+    "How well a colour was learned.",
+    &[number("quality", "0 to 1")],
+);
+
+pub(super) const TRACKER: Object = strict(
+    "Tracker",
+    "Follows blobs; made by `vision.tracker`.",
+    &[],
+    &[
+        call(
+            "Tracker:update",
+            &[NEXT],
+            &[value("tracks", Type::List(&Type::Object(&TRACK)), "")],
+            "Looks at the next frame.",
+            "local balls = vision.tracker({ colour = \"red\" })\nfor _, ball in balls:update(frame) do\n\tprint(ball.id, ball.cx)\nend",
+        ),
+        call(
+            "Tracker:best",
+            &[],
+            &[object("track", &TRACK, "nil while there is none").optional()],
+            "The one to follow: seen for long enough, and the largest.",
+            "local balls = vision.tracker({ colour = \"red\" })\nballs:update(frame)\nlocal ball = balls:best()\nprint(ball and ball.cx)",
+        )
+        .pure(),
+        call(
+            "Tracker:reset",
+            &[],
+            &[],
+            "Forgets all that was seen.",
+            "local balls = vision.tracker({ colour = \"red\" })\nballs:reset()",
+        ),
+    ],
+);
+
+pub(super) const DETECTOR: Object = strict(
+    "Detector",
+    "Notices motion; made by `vision.motion`.",
+    &[],
+    &[call(
+        "Detector:update",
+        &[NEXT],
+        &[
+            object(
+                "motion",
+                &MOTION,
+                "nil while anything moves the robot, and for a second after",
+            )
+            .optional(),
+            text("why", "\"moving\"").optional(),
+        ],
+        "Compares the frame with the ones before.",
+        "local watch = vision.motion()\nlocal motion = watch:update(frame)\nprint(motion and motion.score)",
+    )],
+);
+
+const FUNCTIONS: &[Function] = &[
+    call(
+        "vision.lab",
+        &[options(&[
+            range("l", LIGHTNESS, "lightness"),
+            range("a", OPPONENT, "from green to red"),
+            range("b", OPPONENT, "from blue to yellow"),
+        ])],
+        &[object("colour", &COLOUR, "")],
+        "A colour as ranges of L*a*b*.",
+        "local sock = vision.lab({ l = { 30, 70 }, a = { 20, 80 }, b = { 10, 60 } })\nlocal frame = robot.frame()\nprint(frame and #frame:find_blobs(sock))",
+    ),
+    call(
+        "vision.hsv",
+        &[options(&[
+            range("h", HUE, "hue; may wrap, as in {340, 20}").unit("degrees"),
+            range("s", PERCENT, "saturation").unit("%"),
+            range("v", PERCENT, "value").unit("%"),
+        ])],
+        &[object("colour", &COLOUR, "")],
+        "A colour as ranges of hue, saturation and value.",
+        "local pink = vision.hsv({ h = { 310, 350 }, s = { 30, 100 }, v = { 40, 100 } })\nlocal frame = robot.frame()\nprint(frame and #frame:find_blobs(pink))",
+    ),
+    call(
+        "vision.tracker",
+        &[options(&[
+            value("colour", Type::Colours, "what to follow"),
+            count("min_age", 1000, "frames until a blob counts").default(TRACKS.min_age as f64),
+            count("max_lost", 1000, "frames that it may be out of sight")
+                .default(TRACKS.max_lost as f64),
+            bounded(
+                "max_jump",
+                Bounds::Above(0.0, 10_000.0),
+                "from frame to frame",
+            )
+            .unit("px")
+            .default(TRACKS.max_jump),
+        ])
+        .required()],
+        &[object("tracker", &TRACKER, "")],
+        "Follows blobs from frame to frame.",
+        "local balls = vision.tracker({ colour = \"red\" })\nrobot.on(\"frame\", function(frame)\n\tballs:update(frame)\n\tlocal ball = balls:best()\n\tif ball then\n\t\tprint(ball.id, ball.vx)\n\tend\nend)",
+    ),
+    call(
+        "vision.motion",
+        &[options(&[
+            count(
+                "threshold",
+                255,
+                "how much brighter or darker a pixel must become",
+            )
+            .default(MOVES.threshold as f64),
+            count("min_pixels", 2_000_000, "the smallest thing that counts")
+                .unit("px")
+                .default(MOVES.min_pixels as f64),
+        ])],
+        &[object("detector", &DETECTOR, "")],
+        "Notices what moves before a camera that stands still.",
+        "local watch = vision.motion()\nrobot.on(\"frame\", function(frame)\n\tlocal motion = watch:update(frame)\n\tif motion and motion.score > 0.05 then\n\t\trobot.play(\"alarm\")\n\tend\nend)",
+    ),
+    call(
+        "vision.learn",
+        &[
+            value(
+                "frames",
+                Type::OneOrMore(&Type::Object(&FRAME)),
+                "1 to 16 frames that show the thing",
+            ),
+            value("roi", Type::Roi, "where it is in them"),
+        ],
+        &[
+            object("colour", &COLOUR, "nil if none can be told").optional(),
+            value(
+                "info",
+                Type::Any,
+                "a Learned; or \"too_grey\" or \"too_mixed\"",
+            ),
+        ],
+        "Learns the colour of a thing that is held before the camera.",
+        "local frame = robot.wait_frame(2)\nif frame then\n\tlocal colour = vision.learn({ frame }, { 150, 110, 20, 20 })\n\tprint(colour or \"hold it nearer\")\nend",
+    ),
+];
+
+pub(super) const VISION: Namespace = Namespace {
+    name: "vision",
+    about: "colours, trackers and motion detectors",
+    place: Place::Behaviour,
+    functions: FUNCTIONS,
+    constants: &[],
+    example: "",
+};

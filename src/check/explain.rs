@@ -1,0 +1,261 @@
+//! A failed run in words for people: which expression was nil, why it may be, and the line with a
+//! caret. The VM tells the line and what it could not do; the tree tells what stands there.
+
+mod failures;
+mod reasons;
+
+use std::collections::BTreeMap;
+
+use super::finding::{Finding, Severity};
+use super::kinds::Kinds;
+use super::lexer::Span;
+use super::tree::{Block, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
+use super::{Surroundings, parser, walk};
+
+/// What could not be done, and where.
+struct Remark {
+    at: Span,
+    message: String,
+    help: String,
+}
+
+/// The text of an error, such as `a.lua:3: attempt to index nil with 'cx'`, in words, with the
+/// source line; `None` if it is not of this file.
+pub fn explain(text: &str, chunk: &str, source: &str) -> Option<String> {
+    let rest = text.strip_prefix(chunk)?.strip_prefix(':')?;
+    let (line, words) = rest.split_once(": ")?;
+    let number: usize = line.parse().ok()?;
+    let whole = line_span(source, number)?;
+    let tree = parser::parse(source).ok();
+    let remark = tree.as_ref().and_then(|tree| {
+        let surroundings = Surroundings::defined();
+        let scene = Scene::new(tree, source, number, &surroundings);
+        scene.remark(words)
+    });
+    let remark = remark.or_else(|| general(words, whole));
+    if remark.is_none()
+        && ["error(", "assert("]
+            .iter()
+            .any(|call| whole.of(source).contains(call))
+    {
+        // The script's own words need no explanation.
+        return None;
+    }
+    let remark = remark.unwrap_or(Remark {
+        at: whole,
+        message: words.to_owned(),
+        help: String::new(),
+    });
+    // The caret stands on the line that the VM tells, whatever stands around it.
+    let at = if remark.at.start >= whole.start && remark.at.start <= whole.end {
+        remark.at
+    } else {
+        whole
+    };
+    let finding = Finding::new((chunk, source), at, Severity::Error, "").help(remark.help);
+    Some(format!(
+        "{chunk}:{line}: {}\n{}",
+        remark.message,
+        finding.excerpt()
+    ))
+}
+
+/// A line without its indentation.
+fn line_span(source: &str, number: usize) -> Option<Span> {
+    let start: usize = source
+        .split_inclusive('\n')
+        .take(number.checked_sub(1)?)
+        .map(str::len)
+        .sum();
+    let line = source.get(start..)?.lines().next()?;
+    let indent = line.len() - line.trim_start().len();
+    Some(Span {
+        start: start + indent,
+        end: start + line.trim_end().len().max(indent),
+    })
+}
+
+/// What needs no tree.
+fn general(words: &str, at: Span) -> Option<Remark> {
+    let said = |message: &str, help: &str| {
+        Some(Remark {
+            at,
+            message: message.to_owned(),
+            help: help.to_owned(),
+        })
+    };
+    if words.contains("stack overflow") {
+        return said(
+            "a function calls itself again and again, without end",
+            "let it stop at some point, or use a loop: while true do ... task.wait(0.1) end",
+        );
+    }
+    if words.contains("attempt to call a") || words.contains("attempt to call missing") {
+        return said(
+            "what is called here is no function",
+            "check the spelling of its name",
+        );
+    }
+    if words.contains("attempt to yield across") {
+        return said(
+            words,
+            "nothing can wait inside a table.sort or gsub function or a metamethod",
+        );
+    }
+    if words.contains("readonly table") {
+        return said(
+            "this is a readonly table, which cannot be changed",
+            "keep your own values in a local variable",
+        );
+    }
+    let kin = [
+        (
+            "attempt to index",
+            "a field is read of what has none, perhaps of nil",
+        ),
+        (
+            "attempt to perform arithmetic",
+            "one of the two values is not a number, perhaps nil",
+        ),
+        (
+            "attempt to compare",
+            "only numbers can be compared with numbers; one of the two values is something else, perhaps nil",
+        ),
+        (
+            "attempt to concatenate",
+            "one of the two values is no text, perhaps nil",
+        ),
+        (
+            "attempt to get length",
+            "only lists and texts have a length",
+        ),
+        (
+            "attempt to iterate",
+            "what stands behind `in` is no list, perhaps nil",
+        ),
+        ("invalid 'for'", "a `for` counts with numbers only"),
+    ];
+    let found = kin.iter().find(|(piece, _)| words.contains(piece));
+    found.and_then(|(_, message)| said(message, "print the values to see which it is"))
+}
+
+struct Scene<'a> {
+    source: &'a str,
+    /// All that begins or ends on the line, in the order of the text.
+    exprs: Vec<&'a Expr>,
+    statements: Vec<&'a Statement>,
+    kinds: Kinds<'a>,
+    /// What local variables begin as: the value, and which of its results.
+    begins: BTreeMap<LocalId, (&'a Expr, usize)>,
+}
+
+impl<'a> Scene<'a> {
+    fn new(
+        tree: &'a Tree,
+        source: &'a str,
+        line: usize,
+        surroundings: &'a Surroundings,
+    ) -> Scene<'a> {
+        let (_, kinds) = walk::walked(tree, ("", source), surroundings);
+        let mut scene = Scene {
+            source,
+            exprs: Vec::new(),
+            statements: Vec::new(),
+            kinds,
+            begins: BTreeMap::new(),
+        };
+        let starts: Vec<usize> = source.match_indices('\n').map(|(at, _)| at).collect();
+        let line_of = |at: usize| starts.partition_point(|start| *start < at) + 1;
+        let on_line =
+            |span: Span| line_of(span.start) <= line && line <= line_of(span.end.saturating_sub(1));
+        each_statement(&tree.block, &mut |statement| {
+            if on_line(statement.span) {
+                scene.statements.push(statement);
+            }
+            if let StatementKind::Local(ids, values) = &statement.kind {
+                for (at, id) in ids.iter().enumerate() {
+                    let last = values.len().saturating_sub(1);
+                    if let Some(value) = values.get(at.min(last)) {
+                        scene.begins.insert(*id, (value, at.saturating_sub(last)));
+                    }
+                }
+            }
+        });
+        tree.each_expr(&mut |expr| {
+            if on_line(expr.span) {
+                scene.exprs.push(expr);
+            }
+        });
+        scene
+    }
+
+    fn text(&self, expr: &Expr) -> String {
+        let text = expr.span.of(self.source);
+        let short = crate::script::printable(text.lines().next().unwrap_or_default(), 60);
+        short.trim().to_owned()
+    }
+
+    fn remark(&self, words: &str) -> Option<Remark> {
+        if let Some(rest) = words.strip_prefix("attempt to index ") {
+            let (what, with) = rest.split_once(" with ")?;
+            return self.index(what, with.trim_matches('\''));
+        }
+        if let Some(rest) = words.strip_prefix("attempt to call missing method '") {
+            return self.missing_method(rest.split('\'').next()?);
+        }
+        if let Some(rest) = words.strip_prefix("attempt to call a ") {
+            return self.call(rest.split(' ').next()?);
+        }
+        if let Some(rest) = words.strip_prefix("attempt to perform arithmetic (") {
+            let (operation, rest) = rest.split_once(") on ")?;
+            return self.arithmetic(operation, rest);
+        }
+        if let Some(rest) = words.strip_prefix("attempt to compare ") {
+            return self.compare(rest);
+        }
+        if let Some(rest) = words.strip_prefix("attempt to concatenate ") {
+            let (left, right) = rest.split_once(" with ")?;
+            return self.join(left, right);
+        }
+        if let Some(rest) = words.strip_prefix("attempt to get length of a ") {
+            return self.length(rest.split(' ').next()?);
+        }
+        if let Some(rest) = words.strip_prefix("attempt to iterate over a ") {
+            return self.iterate(rest.split(' ').next()?);
+        }
+        if let Some(rest) = words.strip_prefix("invalid 'for' ") {
+            return self.count(rest);
+        }
+        if words.starts_with("invalid argument #") || words.starts_with("missing argument #") {
+            return self.library_argument(words);
+        }
+        self.api(words)
+    }
+}
+
+/// Every statement, outer ones first, those of functions too.
+fn each_statement<'a>(block: &'a Block, visit: &mut dyn FnMut(&'a Statement)) {
+    for statement in block {
+        visit(statement);
+        for inner in statement.blocks() {
+            each_statement(inner, visit);
+        }
+        for expr in statement.exprs() {
+            let mut bodies = Vec::new();
+            outer_functions(expr, &mut bodies);
+            for body in bodies {
+                each_statement(body, visit);
+            }
+        }
+    }
+}
+
+/// The blocks of the functions in an expression, those within them left out.
+fn outer_functions<'a>(expr: &'a Expr, bodies: &mut Vec<&'a Block>) {
+    if let ExprKind::Function(body) = &expr.kind {
+        return bodies.push(&body.block);
+    }
+    for part in expr.parts() {
+        outer_functions(part, bodies);
+    }
+}

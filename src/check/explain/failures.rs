@@ -1,0 +1,329 @@
+//! One remark for each kind of failure that the VM knows.
+
+use super::super::kinds::Kind;
+use super::super::tree::{Expr, ExprKind, StatementKind};
+use super::reasons::a;
+use super::{Remark, Scene};
+use crate::api;
+
+impl<'a> Scene<'a> {
+    pub(super) fn index(&self, what: &str, key: &str) -> Option<Remark> {
+        let read = |expr: &&'a Expr| match &expr.kind {
+            ExprKind::Field(object, name, _) | ExprKind::Method(object, name, ..)
+                if name == key =>
+            {
+                Some(&**object)
+            }
+            ExprKind::Item(object, _) if matches!(key, "number" | "string" | "nil" | "boolean") => {
+                Some(&**object)
+            }
+            ExprKind::Item(object, index) => match self.kinds.of(index) {
+                Kind::Text(Some(text)) if text != key => None,
+                _ => Some(&**object),
+            },
+            _ => None,
+        };
+        let mut found = self
+            .exprs
+            .iter()
+            .filter_map(|expr| read(expr).map(|object| (*expr, object)));
+        let (whole, object) = found.find(|(_, object)| self.may_be(object, what))?;
+        let name = self.text(object);
+        let message = match whole.kind {
+            ExprKind::Item(..) => {
+                format!("{}, so nothing can be read of it", self.is(object, what))
+            }
+            ExprKind::Method(..) => format!(
+                "{}, so `{name}:{key}()` cannot be called",
+                self.is(object, what)
+            ),
+            _ => format!(
+                "{}, so `{name}.{key}` cannot be read",
+                self.is(object, what)
+            ),
+        };
+        let help = self.why(object, what);
+        Some(Remark {
+            at: object.span,
+            message,
+            help,
+        })
+    }
+
+    pub(super) fn missing_method(&self, name: &str) -> Option<Remark> {
+        let mut exprs = self.exprs.iter();
+        exprs.find_map(|expr| match &expr.kind {
+            ExprKind::Method(object, method, at, _) if method == name => Some(Remark {
+                at: *at,
+                message: format!("`{}` has no function `{name}`", self.text(object)),
+                help: "check its spelling".to_owned(),
+            }),
+            _ => None,
+        })
+    }
+
+    pub(super) fn call(&self, what: &str) -> Option<Remark> {
+        let mut exprs = self.exprs.iter();
+        let callee = exprs.find_map(|expr| match &expr.kind {
+            ExprKind::Call(callee, _) => self.may_be(callee, what).then_some(&**callee),
+            _ => None,
+        })?;
+        let help = match (&callee.kind, what) {
+            (ExprKind::Field(_, name, _), "nil") => format!("there is no function of the name `{name}` there; check its spelling"),
+            (_, "nil") => "there is no function of that name here; check its spelling, and that it is made above this line".to_owned(),
+            _ => "only functions can be called".to_owned(),
+        };
+        let message = format!("{}, so it cannot be called", self.is(callee, what));
+        Some(Remark {
+            at: callee.span,
+            message,
+            help,
+        })
+    }
+
+    pub(super) fn arithmetic(&self, operation: &str, types: &str) -> Option<Remark> {
+        let operator = match operation {
+            "add" => "+",
+            "sub" | "unm" => "-",
+            "mul" => "*",
+            "div" => "/",
+            "idiv" => "//",
+            "mod" => "%",
+            "pow" => "^",
+            _ => return None,
+        };
+        let (left, right) = types.split_once(" and ").unwrap_or((types, types));
+        let (side, what) = self.sides(operator, left, right, |what| what != "number")?;
+        Some(self.operand(side, what, "so it cannot be counted with"))
+    }
+
+    pub(super) fn compare(&self, words: &str) -> Option<Remark> {
+        let mut parts = words.split(' ');
+        let (left, operator, right) = (parts.next()?, parts.next()?, parts.next()?);
+        let turned = if operator == "<" { ">" } else { ">=" };
+        let other = if left == "number" || left == "string" {
+            right
+        } else {
+            left
+        };
+        let wrong = |what: &str| what == other;
+        let found = self
+            .sides(operator, left, right, wrong)
+            .or_else(|| self.sides(turned, right, left, wrong));
+        let (side, what) = found?;
+        Some(self.operand(side, what, "so it cannot be compared with < or >"))
+    }
+
+    pub(super) fn operand(&self, side: &Expr, what: &str, so: &str) -> Remark {
+        Remark {
+            at: side.span,
+            message: format!("{}, {so}", self.is(side, what)),
+            help: self.why(side, what),
+        }
+    }
+
+    /// The side of an operation on this line that is not what it should be.
+    pub(super) fn sides<'b>(
+        &self,
+        operator: &str,
+        left: &'b str,
+        right: &'b str,
+        wrong: impl Fn(&str) -> bool,
+    ) -> Option<(&'a Expr, &'b str)> {
+        let of_exprs = self.exprs.iter().filter_map(|expr| match &expr.kind {
+            ExprKind::Binary(one, a, b) if one == operator => Some((&**a, &**b)),
+            ExprKind::Unary(one, a) if one == operator => Some((&**a, &**a)),
+            _ => None,
+        });
+        let of_statements = self
+            .statements
+            .iter()
+            .filter_map(|statement| match &statement.kind {
+                StatementKind::Compound(a, one, b) if one == operator => Some((a, b)),
+                _ => None,
+            });
+        let mut pairs = of_exprs.chain(of_statements);
+        pairs.find_map(|(a, b)| {
+            if wrong(left) && self.may_be(a, left) && (wrong(right) || self.may_be(b, right)) {
+                return Some((a, left));
+            }
+            (wrong(right) && self.may_be(b, right) && self.may_be(a, left)).then_some((b, right))
+        })
+    }
+
+    pub(super) fn join(&self, left: &str, right: &str) -> Option<Remark> {
+        let joins = |what: &str| matches!(what, "string" | "number");
+        let what = if joins(left) { right } else { left };
+        let mut leaves = Vec::new();
+        for expr in &self.exprs {
+            if let ExprKind::Binary(operator, a, b) = &expr.kind
+                && operator == ".."
+            {
+                let ends = [&**a, &**b].into_iter();
+                leaves.extend(ends.filter(
+                    |one| !matches!(&one.kind, ExprKind::Binary(operator, ..) if operator == ".."),
+                ));
+            }
+        }
+        leaves.retain(|leaf| {
+            self.may_be(leaf, what)
+                && !matches!(self.kinds.of(leaf), Kind::Text(_) | Kind::Number(_))
+        });
+        leaves.sort_by_key(|leaf| leaf.span.start);
+        let statement = self
+            .statements
+            .iter()
+            .find_map(|statement| match &statement.kind {
+                StatementKind::Compound(a, operator, b) if operator == ".." => {
+                    Some(if joins(left) { b } else { a })
+                }
+                _ => None,
+            });
+        let side = leaves.first().copied().or(statement)?;
+        if leaves.len() > 1 && what == "nil" {
+            let names: Vec<_> = leaves
+                .iter()
+                .map(|leaf| format!("`{}`", self.text(leaf)))
+                .collect();
+            return Some(Remark {
+                at: side.span,
+                message: format!(
+                    "one of {} is nil, so it cannot be joined to a text",
+                    names.join(", ")
+                ),
+                help: "tostring(value) makes a text of any value".to_owned(),
+            });
+        }
+        let mut remark = self.operand(side, what, "so it cannot be joined to a text");
+        if what != "nil" {
+            remark.help = format!("tostring({}) makes a text of it", self.text(side));
+        }
+        Some(remark)
+    }
+
+    pub(super) fn length(&self, what: &str) -> Option<Remark> {
+        let side = self.exprs.iter().find_map(|expr| match &expr.kind {
+            ExprKind::Unary(operator, operand) if operator == "#" && self.may_be(operand, what) => {
+                Some(&**operand)
+            }
+            _ => None,
+        })?;
+        Some(self.operand(side, what, "so it has no length"))
+    }
+
+    pub(super) fn iterate(&self, what: &str) -> Option<Remark> {
+        let list = self
+            .statements
+            .iter()
+            .find_map(|statement| match &statement.kind {
+                StatementKind::Each(_, values, _) => values.first(),
+                _ => None,
+            })?;
+        let mut remark = self.operand(list, what, "so nothing can be gone through");
+        if what == "number" {
+            remark.help = format!("to count, write for i = 1, {} do", self.text(list));
+        }
+        Some(remark)
+    }
+
+    /// `initial value must be a number`, in the VM's words.
+    pub(super) fn count(&self, words: &str) -> Option<Remark> {
+        let values = self
+            .statements
+            .iter()
+            .find_map(|statement| match &statement.kind {
+                StatementKind::Count(_, values, _) => Some(values),
+                _ => None,
+            })?;
+        let (at, which) = match words {
+            words if words.starts_with("initial") => (0, "begins"),
+            words if words.starts_with("limit") => (1, "ends"),
+            _ => (2, "steps"),
+        };
+        let value = values.get(at)?;
+        let what = words
+            .split("got ")
+            .nth(1)
+            .unwrap_or("nil")
+            .trim_end_matches(')');
+        let mut remark = self.operand(value, what, "");
+        remark.message = format!(
+            "a `for` {which} with a number, but {}",
+            self.is(value, what)
+        );
+        Some(remark)
+    }
+
+    /// `invalid argument #1 to 'floor' (number expected, got nil)`.
+    pub(super) fn library_argument(&self, words: &str) -> Option<Remark> {
+        let (_, rest) = words.split_once('#')?;
+        let (number, rest) = rest.split_once(" to '")?;
+        let (name, rest) = rest.split_once('\'')?;
+        let detail = rest.trim().trim_start_matches('(').trim_end_matches(')');
+        let (callee, arguments, method) = self.exprs.iter().find_map(|expr| match &expr.kind {
+            ExprKind::Call(callee, arguments) => {
+                let ends = callee.span.of(self.source).rsplit(['.', ':']).next() == Some(name);
+                ends.then_some((callee.span, arguments, false))
+            }
+            ExprKind::Method(_, method, at, arguments) if method == name => {
+                Some((*at, arguments, true))
+            }
+            _ => None,
+        })?;
+        let number: usize = number.parse().ok()?;
+        let number = number - usize::from(method && number > 1);
+        let (wanted, got) = detail.split_once(" expected").unwrap_or((detail, ""));
+        let got = got.split("got ").nth(1).unwrap_or("nothing");
+        let path = callee.of(self.source);
+        let argument = arguments.get(number.saturating_sub(1));
+        let message = match argument {
+            Some(argument) => format!(
+                "{path}: `{}` must be a {wanted}, but it is {}",
+                self.text(argument),
+                a(got)
+            ),
+            None => format!("{path}: argument {number} is missing; it must be a {wanted}"),
+        };
+        let help = argument
+            .map(|argument| self.why(argument, got))
+            .unwrap_or_default();
+        Some(Remark {
+            at: argument.map_or(callee, |argument| argument.span),
+            message,
+            help,
+        })
+    }
+
+    /// `robot.move: left must be ...`: the caret goes below the argument.
+    pub(super) fn api(&self, words: &str) -> Option<Remark> {
+        let (path, rest) = words.split_once(": ")?;
+        let function = api::function(path)?;
+        let key = function.key();
+        let (whole, arguments) = self.exprs.iter().find_map(|expr| match &expr.kind {
+            ExprKind::Call(callee, arguments) => {
+                let ends = callee.span.of(self.source).rsplit(['.', ':']).next() == Some(key);
+                ends.then_some((*expr, arguments))
+            }
+            ExprKind::Method(_, name, _, arguments) if name == key => Some((*expr, arguments)),
+            _ => None,
+        })?;
+        let named = function.parameters.iter().position(|parameter| {
+            let what = format!("{} ", parameter.spoken());
+            let rest = rest.strip_prefix("unknown ").unwrap_or(rest);
+            rest.starts_with(&what)
+        });
+        let argument = named.and_then(|at| arguments.get(at));
+        let help = match argument {
+            Some(argument) if rest.ends_with("got nothing") || rest.contains("is missing") => {
+                self.why(argument, "nil")
+            }
+            _ if rest.contains("is missing") => format!("it is called as {}", function.call()),
+            _ => String::new(),
+        };
+        Some(Remark {
+            at: argument.map_or(whole.span, |argument| argument.span),
+            message: words.to_owned(),
+            help,
+        })
+    }
+}

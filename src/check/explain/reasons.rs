@@ -1,0 +1,190 @@
+//! What is known of an expression: what it may be, and why it is nil.
+
+use super::super::kinds::Kind;
+use super::super::tree::{Expr, ExprKind, each_in_expr};
+use super::Scene;
+use crate::api::{self, Need};
+
+impl<'a> Scene<'a> {
+    /// Whether an expression can be of this type of the language.
+    pub(super) fn may_be(&self, expr: &Expr, what: &str) -> bool {
+        let kind = self.kind(expr);
+        match what {
+            "nil" => match (kind, &expr.bare().kind) {
+                (Kind::Nothing, _) => true,
+                (Kind::Unknown, _) => {
+                    !matches!(expr.bare().kind, ExprKind::Function(_) | ExprKind::Table(_))
+                }
+                (
+                    Kind::Namespace(_)
+                    | Kind::Module(_)
+                    | Kind::Params(_)
+                    | Kind::Native(_)
+                    | Kind::Function(_)
+                    | Kind::Table(_),
+                    _,
+                ) => false,
+                (
+                    _,
+                    ExprKind::Number(_)
+                    | ExprKind::Text(_)
+                    | ExprKind::Boolean(_)
+                    | ExprKind::Pieces(_),
+                ) => false,
+                (_, ExprKind::Binary(operator, ..)) => matches!(operator.as_str(), "and" | "or"),
+                (
+                    Kind::Object(_)
+                    | Kind::List(_)
+                    | Kind::Number(_)
+                    | Kind::Text(_)
+                    | Kind::Boolean,
+                    _,
+                ) => true,
+            },
+            "number" => matches!(kind, Kind::Number(_) | Kind::Unknown),
+            "string" => matches!(kind, Kind::Text(_) | Kind::Unknown),
+            "boolean" => matches!(kind, Kind::Boolean | Kind::Unknown),
+            "table" => matches!(
+                kind,
+                Kind::Table(_)
+                    | Kind::Object(_)
+                    | Kind::List(_)
+                    | Kind::Unknown
+                    | Kind::Namespace(_)
+                    | Kind::Module(_)
+                    | Kind::Params(_)
+            ),
+            "function" => matches!(kind, Kind::Function(_) | Kind::Native(_) | Kind::Unknown),
+            _ => matches!(kind, Kind::Unknown | Kind::Object(_)),
+        }
+    }
+
+    pub(super) fn kind(&self, expr: &Expr) -> Kind<'a> {
+        // The scene's own expressions live as long as its tree.
+        let own = self.exprs.iter().find_map(|one| {
+            let mut found = None;
+            each_in_expr(one, &mut |part| {
+                if std::ptr::eq(part, expr) {
+                    found = Some(part);
+                }
+            });
+            found
+        });
+        own.map_or(Kind::Unknown, |expr| self.kinds.of(expr))
+    }
+
+    pub(super) fn is(&self, expr: &Expr, what: &str) -> String {
+        match expr.bare().kind {
+            ExprKind::Nil => "there is nil".to_owned(),
+            _ => format!("`{}` is {} here", self.text(expr), a(what)),
+        }
+    }
+
+    /// Why it may be nil, and what to do.
+    pub(super) fn why(&self, expr: &Expr, what: &str) -> String {
+        if what != "nil" && what != "nothing" {
+            return match what {
+                "string" => format!("tonumber({}) makes a number of a text", self.text(expr)),
+                _ => String::new(),
+            };
+        }
+        let name = self.text(expr);
+        match &expr.bare().kind {
+            ExprKind::Local(id) => match self.begins.get(id) {
+                Some((value, number)) => {
+                    let reason = self.reason(value, *number);
+                    format!("{reason}test it first: if {name} then ... end")
+                }
+                None if self.kinds.tree.locals[id.0].bound => {
+                    format!(
+                        "it is what the function is called with; test it first: if {name} then ... end"
+                    )
+                }
+                None => format!("nothing has been put into {name} yet"),
+            },
+            ExprKind::Nil => String::new(),
+            ExprKind::Call(..) | ExprKind::Method(..) | ExprKind::Item(..) => {
+                let reason = self.reason(expr, 0);
+                format!(
+                    "{reason}keep it in a variable and test it first: local it = {name}, then if it then ... end"
+                )
+            }
+            ExprKind::Field(object, field, _) => match self.kind(object) {
+                Kind::Object(_) => format!("test it first: if {name} then ... end"),
+                _ => format!(
+                    "nothing has been put into {field} of {} yet; check the spelling",
+                    self.text(object)
+                ),
+            },
+            _ => format!("test it first: if {name} then ... end"),
+        }
+    }
+
+    /// Why the result of a call, or a thing of a list, may be nil; empty if that is not known.
+    pub(super) fn reason(&self, value: &Expr, number: usize) -> String {
+        match &value.bare().kind {
+            ExprKind::Item(list, _) => match self.kind_anywhere(list) {
+                Kind::List(_) => format!("{} has found none; ", self.called(list)),
+                _ => String::new(),
+            },
+            ExprKind::Call(..) | ExprKind::Method(..) => {
+                let Some(function) = self.native(value) else {
+                    return String::new();
+                };
+                match function.returns.get(number) {
+                    Some(result) if result.need != Need::Required && !result.doc.is_empty() => {
+                        format!("{} gives {}; ", function.path, result.doc)
+                    }
+                    None if function.returns.is_empty() => {
+                        format!("{} gives nothing; ", function.path)
+                    }
+                    _ => String::new(),
+                }
+            }
+            _ => String::new(),
+        }
+    }
+
+    pub(super) fn called(&self, list: &Expr) -> String {
+        let list = match &list.bare().kind {
+            ExprKind::Local(id) => self.begins.get(id).map_or(list, |(value, _)| value),
+            _ => list,
+        };
+        self.native(list)
+            .map_or_else(|| "it".to_owned(), |function| function.key().to_owned())
+    }
+
+    pub(super) fn native(&self, call: &Expr) -> Option<&'static api::Function> {
+        match &call.bare().kind {
+            ExprKind::Call(callee, _) => match self.kind_anywhere(callee) {
+                Kind::Native(function) => Some(function),
+                _ => None,
+            },
+            ExprKind::Method(object, name, ..) => {
+                self.kinds.method(self.kind_anywhere(object), name)
+            }
+            _ => None,
+        }
+    }
+
+    /// Also of an expression of another line.
+    pub(super) fn kind_anywhere(&self, expr: &Expr) -> Kind<'a> {
+        let mut found = None;
+        self.kinds.tree.each_expr(&mut |part| {
+            if std::ptr::eq(part, expr) {
+                found = Some(part);
+            }
+        });
+        found.map_or(Kind::Unknown, |expr| self.kinds.of(expr))
+    }
+}
+
+/// A type of the language with its article.
+pub(super) fn a(what: &str) -> String {
+    match what {
+        "nil" | "nothing" | "no value" => "nil".to_owned(),
+        "string" => "a text".to_owned(),
+        "boolean" => "true or false".to_owned(),
+        other => format!("a {other}"),
+    }
+}

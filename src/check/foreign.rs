@@ -1,0 +1,76 @@
+//! What people write who come from another language, and where a function of ours lives.
+
+use crate::api;
+
+/// Names of other languages, and what is meant by them here.
+const MEANT: [(&str, &str); 32] = [
+    ("null", "nothing is called nil here"),
+    ("None", "nothing is called nil here"),
+    ("undefined", "nothing is called nil here"),
+    ("True", "it is written true, in small letters"),
+    ("False", "it is written false, in small letters"),
+    ("TRUE", "it is written true, in small letters"),
+    ("FALSE", "it is written false, in small letters"),
+    ("wait", "to wait, write task.wait(seconds)"),
+    ("sleep", "to wait, write task.wait(seconds)"),
+    (
+        "delay",
+        "to wait, write task.wait(seconds); task.delay(seconds, fn) calls a function later",
+    ),
+    (
+        "spawn",
+        "to run a function beside others, write task.spawn(fn)",
+    ),
+    ("import", "modules come with require(\"./name\")"),
+    ("include", "modules come with require(\"./name\")"),
+    ("elif", "it is written elseif"),
+    ("elsif", "it is written elseif"),
+    ("def", "functions begin with the word function"),
+    ("fn", "functions begin with the word function"),
+    ("func", "functions begin with the word function"),
+    ("var", "variables begin with the word local"),
+    ("let", "variables begin with the word local"),
+    ("const", "variables begin with the word local"),
+    ("console", "to write something, use print(...)"),
+    ("echo", "to write something, use print(...)"),
+    ("printf", "to write something, use print(...)"),
+    ("len", "the length of a list or text is #list"),
+    ("range", "to count, write for i = 1, 10 do"),
+    ("str", "a text of a value is tostring(value)"),
+    (
+        "int",
+        "a number of a text is tonumber(text); math.floor(x) rounds down",
+    ),
+    ("self", "only functions declared with a colon have self"),
+    (
+        "this",
+        "only functions declared with a colon have self; there is no this",
+    ),
+    ("os", "scripts have no os; task.now() is the time"),
+    (
+        "io",
+        "scripts have no files; print, log and frame:save(name) write",
+    ),
+];
+
+pub(super) fn meant(name: &str) -> Option<&'static str> {
+    let found = MEANT.iter().find(|(foreign, _)| *foreign == name);
+    found.map(|(_, meant)| *meant)
+}
+
+/// Where a function of this name lives.
+pub(super) fn belongs_to(name: &str) -> Option<String> {
+    let text = api::choices().find(|choice| (choice.names)().contains(&name));
+    if let Some(choice) = text {
+        return Some(format!(
+            "the name of a {} stands in quotes: \"{name}\"",
+            choice.what
+        ));
+    }
+    if let Some(found) = api::functions().find(|function| function.key() == name) {
+        return Some(format!("did you mean {}?", found.path));
+    }
+    let mut objects = api::objects();
+    let owner = objects.find(|object| object.method(name).is_some())?;
+    Some(format!("{name} is a function of {}", owner.with_article()))
+}

@@ -1,0 +1,390 @@
+//! What an expression is, as far as the file itself tells: constants, results of our calls, payloads
+//! of events. What is not certain is [`Kind::Unknown`], and nobody complains about that.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::tree::{Block, Body, Entry, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
+use crate::api::{self, Choice, Function, Namespace, Object, Type};
+
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Kind<'a> {
+    Unknown,
+    /// nil, or the result of a function that returns nothing.
+    Nothing,
+    Boolean,
+    Number(Option<f64>),
+    Text(Option<&'a str>),
+    /// A table that is written out here.
+    Table(&'a Expr),
+    Function(Option<&'a Body>),
+    Native(&'static Function),
+    Namespace(&'a str),
+    /// What `require("@spykee/...")` gives.
+    Module(&'static Namespace),
+    Object(&'static Object),
+    /// What `params.declare` gives, of the table that is written out there.
+    Params(&'a Expr),
+    List(&'static Type),
+}
+
+impl Kind<'_> {
+    /// In a few words, for messages; `None` for what is not known.
+    pub(super) fn words(&self) -> Option<String> {
+        Some(match self {
+            Kind::Unknown => return None,
+            Kind::Nothing => "nothing".to_owned(),
+            Kind::Boolean => "true or false".to_owned(),
+            Kind::Number(Some(number)) => number.to_string(),
+            Kind::Number(None) => "a number".to_owned(),
+            Kind::Text(Some(text)) => format!("'{}'", crate::script::printable(text, 40)),
+            Kind::Text(None) => "a text".to_owned(),
+            Kind::Table(_) | Kind::Params(_) => "a table".to_owned(),
+            Kind::Function(_) | Kind::Native(_) => "a function".to_owned(),
+            Kind::Namespace(name) => format!("all of {name}"),
+            Kind::Module(module) => format!("the module {}", module.name),
+            Kind::Object(object) => object.with_article(),
+            Kind::List(_) => "a list".to_owned(),
+        })
+    }
+}
+
+/// What is known of names.
+pub(super) struct Kinds<'a> {
+    pub(super) tree: &'a Tree,
+    /// Every path that a live VM has.
+    pub(super) paths: &'a BTreeSet<String>,
+    /// Globals that the script sets.
+    pub(super) globals: BTreeSet<&'a str>,
+    /// Fields that the script sets, of whatever.
+    pub(super) fields: BTreeSet<&'a str>,
+    pub(super) locals: BTreeMap<LocalId, Kind<'a>>,
+    /// Local variables whose text is one of a set of names.
+    choices: BTreeMap<LocalId, &'static Choice>,
+}
+
+impl<'a> Kinds<'a> {
+    pub(super) fn new(tree: &'a Tree, paths: &'a BTreeSet<String>) -> Kinds<'a> {
+        let mut kinds = Kinds {
+            tree,
+            paths,
+            globals: BTreeSet::new(),
+            fields: BTreeSet::new(),
+            locals: BTreeMap::new(),
+            choices: BTreeMap::new(),
+        };
+        kinds.note_block(&tree.block);
+        tree.each_expr(&mut |expr| match &expr.kind {
+            ExprKind::Function(body) => kinds.note_block(&body.block),
+            ExprKind::Table(entries) => {
+                for entry in entries {
+                    if let Entry::Named(name, ..) = entry {
+                        kinds.fields.insert(name);
+                    }
+                }
+            }
+            _ => {}
+        });
+        kinds
+    }
+
+    /// Notes what the statements of a block set.
+    fn note_block(&mut self, block: &'a Block) {
+        for statement in block {
+            self.note(statement);
+            for inner in statement.blocks() {
+                self.note_block(inner);
+            }
+        }
+    }
+
+    fn note(&mut self, statement: &'a Statement) {
+        let targets: Vec<&Expr> = match &statement.kind {
+            StatementKind::Assign(targets, _) => targets.iter().collect(),
+            StatementKind::Function(target, _) => vec![target],
+            // Changes what is there already.
+            StatementKind::Compound(target, ..) => match target.kind {
+                ExprKind::Field(..) => vec![target],
+                _ => Vec::new(),
+            },
+            _ => Vec::new(),
+        };
+        for target in targets {
+            match &target.kind {
+                ExprKind::Global(name) => {
+                    self.globals.insert(name);
+                }
+                ExprKind::Field(object, name, _) => {
+                    self.fields.insert(name);
+                    if matches!(&object.kind, ExprKind::Global(name) if name == "_G") {
+                        self.globals.insert(name);
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Remembers what a local variable is, unless it changes later.
+    pub(super) fn bind(&mut self, id: LocalId, kind: Kind<'a>) {
+        if !self.tree.locals[id.0].changes {
+            self.locals.insert(id, kind);
+        }
+    }
+
+    /// Whether a global name is a namespace, and not one that the script has made.
+    pub(super) fn namespace(&self, name: &str) -> bool {
+        let inside = format!("{name}.");
+        let from = self.paths.range(inside.clone()..).next();
+        !self.globals.contains(name) && from.is_some_and(|path| path.starts_with(&inside))
+    }
+
+    pub(super) fn of(&self, expr: &'a Expr) -> Kind<'a> {
+        match &expr.kind {
+            ExprKind::Nil => Kind::Nothing,
+            ExprKind::Boolean(_) => Kind::Boolean,
+            ExprKind::Number(number) => Kind::Number(Some(*number)),
+            ExprKind::Text(text) => Kind::Text((!text.contains('\\')).then_some(text)),
+            ExprKind::Pieces(_) => Kind::Text(None),
+            ExprKind::Function(body) => Kind::Function(Some(body)),
+            ExprKind::Table(_) => Kind::Table(expr),
+            ExprKind::Inner(inner) => self.of(inner),
+            ExprKind::Local(id) => self.locals.get(id).copied().unwrap_or(Kind::Unknown),
+            ExprKind::Global(name) if self.globals.contains(name.as_str()) => Kind::Unknown,
+            ExprKind::Global(name) if self.namespace(name) && name == "sim" => {
+                api::object("Sim").map_or(Kind::Unknown, Kind::Object)
+            }
+            ExprKind::Global(name) if self.namespace(name) && name != "_G" => Kind::Namespace(name),
+            ExprKind::Global(name) => api::function(name).map_or(Kind::Unknown, Kind::Native),
+            ExprKind::Field(object, name, _) => self.field(self.of(object), name),
+            ExprKind::Item(list, index) => match (self.of(list), self.of(index)) {
+                (Kind::List(of), Kind::Number(_)) => of_type(of),
+                _ => Kind::Unknown,
+            },
+            ExprKind::Call(..) | ExprKind::Method(..) => self.result(expr, 0),
+            ExprKind::Unary(operator, operand) => self.unary(operator, self.of(operand)),
+            ExprKind::Binary(operator, left, right) => self.binary(operator, left, right),
+            ExprKind::Varargs | ExprKind::Choose(_) => Kind::Unknown,
+        }
+    }
+
+    fn field(&self, owner: Kind<'a>, name: &str) -> Kind<'a> {
+        match owner {
+            Kind::Namespace(namespace) => {
+                let path = format!("{namespace}.{name}");
+                if let Some(constant) = api::constants().find(|one| one.path == path) {
+                    return of_type(&constant.kind);
+                }
+                api::function(&path).map_or(Kind::Unknown, Kind::Native)
+            }
+            Kind::Module(module) => module.function(name).map_or(Kind::Unknown, Kind::Native),
+            Kind::Params(table) => {
+                let about = parameter(table, name).map(|about| &about.bare().kind);
+                let Some(ExprKind::Table(entries)) = about else {
+                    return Kind::Unknown;
+                };
+                match entries.iter().find_map(|entry| entry.named("default")) {
+                    Some(default) => self.of(default).of_any_value(),
+                    None => Kind::Unknown,
+                }
+            }
+            Kind::Object(object) if object.strict || !self.fields.contains(name) => {
+                let field = object.fields.iter().find(|field| field.name == name);
+                field.map_or(Kind::Unknown, |field| of_type(&field.kind))
+            }
+            _ => Kind::Unknown,
+        }
+    }
+
+    /// What a call gives as its result of this number, from 0.
+    pub(super) fn result(&self, call: &'a Expr, number: usize) -> Kind<'a> {
+        let (function, arguments) = match &call.kind {
+            ExprKind::Call(callee, arguments) => match self.of(callee) {
+                Kind::Native(function) => (function, arguments),
+                Kind::Function(Some(body)) if !returns(&body.block) => return Kind::Nothing,
+                _ => return Kind::Unknown,
+            },
+            ExprKind::Method(object, name, _, arguments) => {
+                match self.method(self.of(object), name) {
+                    Some(function) => (function, arguments),
+                    None => return Kind::Unknown,
+                }
+            }
+            _ => return Kind::Unknown,
+        };
+        match function.returns.get(number).map(|value| value.kind) {
+            Some(Type::Payload) => self.payload(arguments),
+            _ if function.path == "require" => self.module(arguments),
+            _ if function.path == "params.declare" => self.params(arguments),
+            // Results that are left out make a call a missing argument of another.
+            Some(_) if number == 0 && matches!(function.path, "robot.move" | "robot.drive") => {
+                Kind::Unknown
+            }
+            Some(kind) => of_owned(kind),
+            None if function.returns.is_empty() && function.rest.is_none() => Kind::Nothing,
+            None => Kind::Unknown,
+        }
+    }
+
+    fn params(&self, arguments: &'a [Expr]) -> Kind<'a> {
+        let Some(Kind::Table(table)) = arguments.first().map(|table| self.of(table)) else {
+            return Kind::Unknown;
+        };
+        let names = parameters(table);
+        names.map_or(Kind::Unknown, |_| Kind::Params(table))
+    }
+
+    /// Notes that a local variable is a result of this number of a call, which may be one of a set of
+    /// names.
+    pub(super) fn bind_choice(&mut self, id: LocalId, call: &'a Expr, number: usize) {
+        let function = match &call.kind {
+            ExprKind::Call(callee, _) => match self.of(callee) {
+                Kind::Native(function) => function,
+                _ => return,
+            },
+            _ => return,
+        };
+        if let Some(Type::Choice(choice)) = function.returns.get(number).map(|one| one.kind)
+            && !self.tree.locals[id.0].changes
+        {
+            self.choices.insert(id, choice);
+        }
+    }
+
+    /// The set of names that the text of an expression is one of.
+    pub(super) fn choice(&self, expr: &'a Expr) -> Option<&'static Choice> {
+        match &expr.bare().kind {
+            ExprKind::Local(id) => self.choices.get(id).copied(),
+            ExprKind::Field(object, name, _) => {
+                let Kind::Object(object) = self.of(object) else {
+                    return None;
+                };
+                let field = object.fields.iter().find(|field| field.name == name)?;
+                match field.kind {
+                    Type::Choice(choice) => Some(choice),
+                    _ => None,
+                }
+            }
+            _ => None,
+        }
+    }
+
+    /// The module of the runtime that a call of `require` gives.
+    fn module(&self, arguments: &'a [Expr]) -> Kind<'a> {
+        let name = match arguments.first().map(|path| self.of(path)) {
+            Some(Kind::Text(Some(path))) => path.strip_prefix("@spykee/"),
+            _ => None,
+        };
+        let module = name.and_then(api::module);
+        module.map_or(Kind::Unknown, Kind::Module)
+    }
+
+    /// What handlers of the event get that the first argument names.
+    pub(super) fn payload(&self, arguments: &'a [Expr]) -> Kind<'a> {
+        let Some(Kind::Text(Some(name))) = arguments.first().map(|name| self.of(name)) else {
+            return Kind::Unknown;
+        };
+        let payload = api::event(name).and_then(|event| event.payload);
+        payload.map_or(Kind::Unknown, Kind::Object)
+    }
+
+    pub(super) fn method(&self, owner: Kind<'a>, name: &str) -> Option<&'static Function> {
+        match owner {
+            Kind::Object(object) => object.method(name),
+            _ => None,
+        }
+    }
+
+    fn unary(&self, operator: &str, operand: Kind<'a>) -> Kind<'a> {
+        match (operator, operand) {
+            ("not", _) => Kind::Boolean,
+            ("-", Kind::Number(number)) => Kind::Number(number.map(|number| -number)),
+            ("#", _) => Kind::Number(None),
+            _ => Kind::Unknown,
+        }
+    }
+
+    fn binary(&self, operator: &str, left: &'a Expr, right: &'a Expr) -> Kind<'a> {
+        match operator {
+            "==" | "~=" | "<" | ">" | "<=" | ">=" => Kind::Boolean,
+            ".." => match (self.of(left), self.of(right)) {
+                (Kind::Unknown, _) | (_, Kind::Unknown) => Kind::Unknown,
+                _ => Kind::Text(None),
+            },
+            "and" | "or" => Kind::Unknown,
+            _ => match (self.of(left), self.of(right)) {
+                (Kind::Number(a), Kind::Number(b)) => {
+                    Kind::Number(a.zip(b).and_then(|(a, b)| computed(operator, a, b)))
+                }
+                _ => Kind::Unknown,
+            },
+        }
+    }
+}
+
+impl Kind<'_> {
+    /// The kind without its value.
+    fn of_any_value(self) -> Self {
+        match self {
+            Kind::Number(_) => Kind::Number(None),
+            Kind::Text(_) => Kind::Text(None),
+            Kind::Boolean => Kind::Boolean,
+            _ => Kind::Unknown,
+        }
+    }
+}
+
+/// The names in a table that is written out, if all of them are.
+pub(super) fn parameters(table: &Expr) -> Option<Vec<&str>> {
+    let ExprKind::Table(entries) = &table.kind else {
+        return None;
+    };
+    let names = entries.iter().map(|entry| match entry {
+        Entry::Named(name, ..) => Some(name.as_str()),
+        _ => None,
+    });
+    names.collect()
+}
+
+/// What stands behind a name in such a table.
+fn parameter<'a>(table: &'a Expr, name: &str) -> Option<&'a Expr> {
+    let ExprKind::Table(entries) = &table.kind else {
+        return None;
+    };
+    entries.iter().find_map(|entry| entry.named(name))
+}
+
+fn computed(operator: &str, a: f64, b: f64) -> Option<f64> {
+    let value = match operator {
+        "+" => a + b,
+        "-" => a - b,
+        "*" => a * b,
+        "/" => a / b,
+        _ => return None,
+    };
+    value.is_finite().then_some(value)
+}
+
+/// What a value of a defined type is.
+pub(super) fn of_type<'a>(kind: &'static Type) -> Kind<'a> {
+    of_owned(*kind)
+}
+
+fn of_owned<'a>(kind: Type) -> Kind<'a> {
+    match kind {
+        Type::Boolean => Kind::Boolean,
+        Type::Number(_) | Type::Whole(_) => Kind::Number(None),
+        Type::Text(_) | Type::Choice(_) => Kind::Text(None),
+        Type::Object(object) => Kind::Object(object),
+        Type::List(of) => Kind::List(of),
+        _ => Kind::Unknown,
+    }
+}
+
+/// Whether a function's block returns any value; those of functions in it do not count.
+pub(super) fn returns(block: &Block) -> bool {
+    block.iter().any(|statement| match &statement.kind {
+        StatementKind::Return(values) => !values.is_empty(),
+        StatementKind::Function(..) | StatementKind::LocalFunction(..) => false,
+        _ => statement.blocks().into_iter().any(returns),
+    })
+}

@@ -1,0 +1,252 @@
+//! Luau's words: text to tokens. Never fails: what is no token of Luau is [`Kind::Stray`], and
+//! [`super::syntax`] may know what was meant.
+
+/// A piece of the source, in bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+pub(crate) struct Span {
+    pub(crate) start: usize,
+    pub(crate) end: usize,
+}
+
+impl Span {
+    pub(super) fn to(self, other: Span) -> Span {
+        Span {
+            start: self.start,
+            end: other.end.max(self.start),
+        }
+    }
+
+    pub(crate) fn of<'a>(&self, source: &'a str) -> &'a str {
+        source.get(self.start..self.end).unwrap_or_default()
+    }
+}
+
+/// What a token is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Name,
+    Keyword,
+    Number,
+    /// A whole string, with its quotes.
+    Text,
+    /// From the backtick or the closing brace to the next opening brace.
+    PieceBefore,
+    /// From the backtick or the closing brace to the backtick that ends it.
+    PieceLast,
+    /// A string or long comment without its end.
+    Unfinished,
+    Symbol,
+    /// Nothing that Luau knows.
+    Stray,
+    End,
+}
+
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Token {
+    pub(super) kind: Kind,
+    pub(super) span: Span,
+}
+
+pub(super) const KEYWORDS: [&str; 21] = [
+    "and", "break", "do", "else", "elseif", "end", "false", "for", "function", "if", "in", "local",
+    "nil", "not", "or", "repeat", "return", "then", "true", "until", "while",
+];
+
+/// The longest first.
+const SYMBOLS: [&str; 41] = [
+    "...", "..=", "//=", "::", "==", "~=", "<=", ">=", "->", "..", "//", "+=", "-=", "*=", "/=",
+    "%=", "^=", "+", "-", "*", "/", "%", "^", "#", "<", ">", "=", "(", ")", "{", "}", "[", "]",
+    ";", ":", ",", ".", "?", "|", "&", "@",
+];
+
+/// All tokens, with one [`Kind::End`] behind them.
+pub(super) fn tokens(source: &str) -> Vec<Token> {
+    let mut lexer = Lexer {
+        source,
+        at: 0,
+        braces: Vec::new(),
+    };
+    let mut tokens = Vec::new();
+    loop {
+        let token = lexer.next();
+        tokens.push(token);
+        if token.kind == Kind::End {
+            return tokens;
+        }
+    }
+}
+
+struct Lexer<'a> {
+    source: &'a str,
+    at: usize,
+    /// Of each open brace, whether it stands in an interpolated string.
+    braces: Vec<bool>,
+}
+
+impl Lexer<'_> {
+    fn rest(&self) -> &str {
+        &self.source[self.at..]
+    }
+
+    fn byte(&self, ahead: usize) -> u8 {
+        let bytes = self.source.as_bytes();
+        bytes.get(self.at + ahead).copied().unwrap_or(0)
+    }
+
+    fn next(&mut self) -> Token {
+        if let Some(unfinished) = self.skip_blank() {
+            return unfinished;
+        }
+        let start = self.at;
+        let kind = match self.rest().chars().next() {
+            None => Kind::End,
+            Some('a'..='z' | 'A'..='Z' | '_') => self.name(),
+            Some('0'..='9') => self.number(),
+            Some('.') if self.byte(1).is_ascii_digit() => self.number(),
+            Some(quote @ ('"' | '\'')) => self.text(quote as u8),
+            Some('`') => self.piece(),
+            Some('[') if self.long_bracket().is_some() => self.long_text(),
+            Some('}') if self.braces.pop() == Some(true) => self.piece(),
+            Some(c) => self.symbol(c),
+        };
+        let span = Span {
+            start,
+            end: self.at,
+        };
+        Token { kind, span }
+    }
+
+    /// Blanks and comments; a token only for a comment without an end.
+    fn skip_blank(&mut self) -> Option<Token> {
+        loop {
+            let rest = self.rest();
+            let blank = rest.len() - rest.trim_start().len();
+            self.at += blank;
+            if !self.rest().starts_with("--") {
+                return None;
+            }
+            let start = self.at;
+            self.at += 2;
+            if self.long_bracket().is_some() {
+                if self.long_text() == Kind::Unfinished {
+                    let span = Span {
+                        start,
+                        end: self.at,
+                    };
+                    let kind = Kind::Unfinished;
+                    return Some(Token { kind, span });
+                }
+            } else {
+                self.at += self.rest().find('\n').unwrap_or(self.rest().len());
+            }
+        }
+    }
+
+    fn name(&mut self) -> Kind {
+        let rest = self.rest();
+        let end = rest.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_'));
+        let word = &rest[..end.unwrap_or(rest.len())];
+        let keyword = KEYWORDS.contains(&word);
+        self.at += word.len();
+        if keyword { Kind::Keyword } else { Kind::Name }
+    }
+
+    fn number(&mut self) -> Kind {
+        let mut last = 0;
+        loop {
+            let byte = self.byte(0);
+            let sign = matches!(byte, b'+' | b'-') && matches!(last, b'e' | b'E');
+            let dots = byte == b'.' && self.byte(1) == b'.';
+            if dots || !(byte.is_ascii_alphanumeric() || byte == b'_' || byte == b'.' || sign) {
+                return Kind::Number;
+            }
+            last = byte;
+            self.at += 1;
+        }
+    }
+
+    fn text(&mut self, quote: u8) -> Kind {
+        self.at += 1;
+        loop {
+            match self.byte(0) {
+                byte if byte == quote && self.at < self.source.len() => {
+                    self.at += 1;
+                    return Kind::Text;
+                }
+                b'\\' => self.skip_escape(),
+                b'\n' | b'\r' => return Kind::Unfinished,
+                _ if self.at >= self.source.len() => return Kind::Unfinished,
+                _ => self.at += 1,
+            }
+        }
+    }
+
+    /// A backslash and what belongs to it; `\z` takes the blanks behind it along.
+    fn skip_escape(&mut self) {
+        let z = self.byte(1) == b'z';
+        self.at = (self.at + 2).min(self.source.len());
+        while !self.source.is_char_boundary(self.at) {
+            self.at += 1;
+        }
+        if z {
+            self.at += self.rest().len() - self.rest().trim_start().len();
+        }
+    }
+
+    /// A piece of an interpolated string; stands on its backtick or closing brace.
+    fn piece(&mut self) -> Kind {
+        self.at += 1;
+        loop {
+            match self.byte(0) {
+                b'`' => {
+                    self.at += 1;
+                    return Kind::PieceLast;
+                }
+                b'{' => {
+                    self.at += 1;
+                    self.braces.push(true);
+                    return Kind::PieceBefore;
+                }
+                b'\\' => self.skip_escape(),
+                b'\n' | b'\r' => return Kind::Unfinished,
+                _ if self.at >= self.source.len() => return Kind::Unfinished,
+                _ => self.at += 1,
+            }
+        }
+    }
+
+    /// How many `=` the long bracket here has.
+    fn long_bracket(&self) -> Option<usize> {
+        let inside = self.rest().strip_prefix('[')?;
+        let level = inside.len() - inside.trim_start_matches('=').len();
+        inside[level..].starts_with('[').then_some(level)
+    }
+
+    fn long_text(&mut self) -> Kind {
+        let level = self.long_bracket().unwrap_or(0);
+        let close = format!("]{}]", "=".repeat(level));
+        match self.rest().find(&close) {
+            Some(at) => {
+                self.at += at + close.len();
+                Kind::Text
+            }
+            None => {
+                self.at = self.source.len();
+                Kind::Unfinished
+            }
+        }
+    }
+
+    fn symbol(&mut self, c: char) -> Kind {
+        let symbol = SYMBOLS.iter().find(|one| self.rest().starts_with(**one));
+        let Some(symbol) = symbol else {
+            self.at += c.len_utf8();
+            return Kind::Stray;
+        };
+        if c == '{' {
+            self.braces.push(false);
+        }
+        self.at += symbol.len();
+        Kind::Symbol
+    }
+}

@@ -1,0 +1,173 @@
+//! Looks at a script before it runs: syntax, names, calls of the API, modules. And explains in words
+//! for people what the VM says of a script that failed: [`explain`].
+//!
+//! The compiler judges syntax; for the rest the script is read into a tree. A script that is right
+//! is never complained about: what the file alone cannot tell is left to the run. The work is
+//! bounded whatever the file holds, and nothing of it runs.
+
+mod explain;
+mod finding;
+mod foreign;
+mod kinds;
+mod lexer;
+mod loops;
+mod parameters;
+mod parser;
+mod required;
+mod syntax;
+#[cfg(test)]
+mod tests;
+mod tree;
+mod walk;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use tokio::time::Instant;
+
+use crate::api;
+use crate::robot::Streams;
+use crate::script::{Failure, GivenParam, Options, Script, compile_error, read_text, resolve};
+use crate::vision::Colour;
+
+pub use explain::explain;
+pub use finding::{Finding, Severity};
+use lexer::Span;
+pub use required::{Required, required};
+
+/// What a script finds around itself.
+#[derive(Debug, Clone)]
+pub struct Surroundings {
+    /// Every path that a live VM has.
+    paths: BTreeSet<String>,
+    /// Colours of the config.
+    colours: Vec<String>,
+    /// The script's file, beside which its modules are.
+    file: Option<PathBuf>,
+    /// No global is unknown: there is no VM to ask.
+    open_globals: bool,
+    /// Values from outside for what the script declares.
+    params: BTreeMap<String, GivenParam>,
+    /// What the config says of the robot's streams.
+    streams: Streams,
+}
+
+impl Surroundings {
+    /// Of a script with these options, which is in this file.
+    pub fn new(options: &Options, file: Option<&Path>) -> Surroundings {
+        let script = if file.is_some_and(is_scenario) {
+            Script::on_empty_stage(options.clone(), Instant::now())
+        } else {
+            Script::load(b"", options.clone(), Instant::now())
+        };
+        Surroundings {
+            paths: script
+                .map(|script| script.known_names())
+                .unwrap_or_default(),
+            colours: options.colours.keys().cloned().collect(),
+            file: file.map(Path::to_path_buf),
+            open_globals: false,
+            params: options.params.clone(),
+            streams: options.streams,
+        }
+    }
+
+    /// Only what is defined, without a VM.
+    fn defined() -> Surroundings {
+        let functions = api::functions();
+        let constants = api::constants().map(|one| one.path.to_owned());
+        Surroundings {
+            paths: functions
+                .map(|one| one.path.to_owned())
+                .chain(constants)
+                .collect(),
+            colours: Vec::new(),
+            file: None,
+            open_globals: true,
+            params: BTreeMap::new(),
+            streams: Streams::default(),
+        }
+    }
+
+    fn colour_names(&self) -> Vec<String> {
+        let known = Colour::NAMES.iter().map(|name| (*name).to_owned());
+        self.colours.iter().cloned().chain(known).collect()
+    }
+
+    /// Why there is no such module.
+    fn missing_module(&self, path: &str) -> Option<String> {
+        let beside = path.starts_with("./") || path.starts_with("../");
+        if !beside {
+            return resolve("", path).err();
+        }
+        let folder = self.file.as_ref()?.parent()?;
+        let path = path.trim_end_matches(".luau").trim_end_matches(".lua");
+        let found = ["lua", "luau"]
+            .iter()
+            .any(|ending| may_be_file(&folder.join(format!("{path}.{ending}"))));
+        (!found).then(|| format!("there is no module '{path}': no file {path}.lua beside this one"))
+    }
+}
+
+/// Whether it is a file, or nobody tells this process, which may have fewer rights than its user.
+fn may_be_file(path: &Path) -> bool {
+    match path.metadata() {
+        Ok(metadata) => metadata.is_file(),
+        Err(error) => error.kind() == std::io::ErrorKind::PermissionDenied,
+    }
+}
+
+/// What refuses a script with these options, whose chunk is its file; mere warnings are left out.
+pub fn errors(source: &[u8], options: &Options) -> Vec<Finding> {
+    let surroundings = Surroundings::new(options, Some(Path::new(&options.chunk)));
+    let mut findings = check(source, &options.chunk, &surroundings);
+    findings.retain(|finding| finding.severity == Severity::Error);
+    findings
+}
+
+/// Whether a file's script tries behaviours rather than being one: `*_test.lua`, and the `check.lua`
+/// of a lesson.
+fn is_scenario(file: &Path) -> bool {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    name.ends_with("_test.lua") || name == "check.lua"
+}
+
+/// All that is wrong with a script, as far as can be told without running it.
+pub fn check(source: &[u8], chunk: &str, surroundings: &Surroundings) -> Vec<Finding> {
+    let text = match read_text(source, chunk) {
+        Ok(text) => text,
+        Err(failure) => return vec![unreadable(source, chunk, &failure)],
+    };
+    if let Some(complaint) = compile_error(text, chunk) {
+        return vec![syntax::finding((chunk, text), &complaint)];
+    }
+    match parser::parse(text) {
+        Ok(tree) => walk::walk(&tree, (chunk, text), surroundings),
+        Err(_) => Vec::new(),
+    }
+}
+
+/// Whether a source is read into a tree.
+#[cfg(test)]
+fn reads(source: &str) -> bool {
+    parser::parse(source).is_ok()
+}
+
+/// A file that is no script at all.
+fn unreadable(source: &[u8], chunk: &str, failure: &Failure) -> Finding {
+    let text = String::from_utf8_lossy(source);
+    let line = match failure {
+        Failure::NotUtf8 { line, .. } | Failure::Control { line, .. } => *line,
+        _ => 1,
+    };
+    let start: usize = text
+        .split_inclusive('\n')
+        .take(line - 1)
+        .map(str::len)
+        .sum();
+    let span = Span { start, end: start };
+    let words = failure.to_string();
+    let words = words.strip_prefix(chunk).unwrap_or(&words);
+    let words = words.trim_start_matches(|c: char| c == ':' || c == ' ' || c.is_ascii_digit());
+    Finding::new((chunk, &text), span, Severity::Error, words)
+}

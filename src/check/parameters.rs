@@ -1,0 +1,83 @@
+//! Values from outside against what a script declares, where the declaration is written out.
+
+use std::collections::BTreeMap;
+
+use super::kinds::{Kind, Kinds};
+use super::tree::{Entry, Expr, ExprKind};
+use crate::script::{Declaration, GivenParam, ParamValue, settle};
+
+/// What is wrong with the values that were given; nothing if the declaration cannot be read here.
+pub(super) fn refused(
+    kinds: &Kinds<'_>,
+    table: &Expr,
+    given: &BTreeMap<String, GivenParam>,
+) -> Option<String> {
+    let ExprKind::Table(entries) = &table.kind else {
+        return None;
+    };
+    let mut declared = BTreeMap::new();
+    for entry in entries {
+        let Entry::Named(name, _, about) = entry else {
+            return None;
+        };
+        let declaration = declaration(kinds, about)?;
+        if let Err(wrong) = declaration.check() {
+            return Some(format!("params.declare: {name}: {wrong}"));
+        }
+        declared.insert(name.clone(), declaration);
+    }
+    settle(&declared, given).err()
+}
+
+fn declaration(kinds: &Kinds<'_>, about: &Expr) -> Option<Declaration> {
+    let ExprKind::Table(entries) = &about.bare().kind else {
+        return None;
+    };
+    let mut values = BTreeMap::new();
+    for entry in entries {
+        match entry {
+            Entry::Named(name, _, value) => values.insert(name.as_str(), value),
+            _ => return None,
+        };
+    }
+    let number = |key| match values.get(key) {
+        None => Some(None),
+        Some(value) => match constant(kinds, value)? {
+            ParamValue::Number(number) => Some(Some(number)),
+            _ => None,
+        },
+    };
+    let choices = match values.get("choices") {
+        None => Vec::new(),
+        Some(list) => texts(kinds, list)?,
+    };
+    Some(Declaration {
+        default: constant(kinds, values.get("default")?)?,
+        min: number("min")?,
+        max: number("max")?,
+        unit: None,
+        choices,
+    })
+}
+
+fn texts(kinds: &Kinds<'_>, list: &Expr) -> Option<Vec<String>> {
+    let ExprKind::Table(entries) = &list.bare().kind else {
+        return None;
+    };
+    let text = |entry: &Entry| match (entry, constant(kinds, entry.value())?) {
+        (Entry::Item(_), ParamValue::Text(text)) => Some(text),
+        _ => None,
+    };
+    entries.iter().map(text).collect()
+}
+
+fn constant(kinds: &Kinds<'_>, value: &Expr) -> Option<ParamValue> {
+    if let ExprKind::Boolean(value) = value.bare().kind {
+        return Some(ParamValue::Boolean(value));
+    }
+    match kinds.of(value) {
+        Kind::Number(Some(number)) => Some(ParamValue::Number(number)),
+        Kind::Text(Some(text)) => Some(ParamValue::Text(text.to_owned())),
+        _ => None,
+    }
+}

@@ -1,0 +1,244 @@
+//! What people write who come from elsewhere: quotes, comments and words of other languages.
+
+use super::super::lexer::{Kind, Token};
+use super::{Remark, Scene};
+
+impl Scene<'_> {
+    pub(super) fn quotes(&self) -> Option<Remark> {
+        let typographic = ['“', '”', '„', '‘', '’', '«', '»'];
+        let is_one = |token: &&Token| self.text(token).starts_with(typographic);
+        let token = self.around().into_iter().find(|token| is_one(&token))?;
+        Some(Remark {
+            at: token.span,
+            message: "these are typographic quotes".to_owned(),
+            help: "a text stands in straight quotes: \"text\"".to_owned(),
+        })
+    }
+
+    pub(super) fn unfinished(&self) -> Option<Remark> {
+        let token = self
+            .tokens
+            .iter()
+            .find(|token| token.kind == Kind::Unfinished)?;
+        if self.line_of(token) > self.line {
+            return None;
+        }
+        let (message, help) = match self.text(token).chars().next() {
+            Some('-' | '[') => ("this has no end", "a long comment ends with ]]"),
+            Some('`') => (
+                "this text has no closing quote",
+                "a text in backticks ends with `",
+            ),
+            Some('}') => (
+                "this text has no closing quote",
+                "a text in backticks ends with `",
+            ),
+            Some('\'') => (
+                "this text has no closing quote",
+                "it ends with ', in the same line",
+            ),
+            _ => (
+                "this text has no closing quote",
+                "it ends with \", in the same line",
+            ),
+        };
+        Some(Remark {
+            at: token.span,
+            message: message.to_owned(),
+            help: help.to_owned(),
+        })
+    }
+
+    /// Signs that are not of this language.
+    pub(super) fn strangers(&self) -> Option<Remark> {
+        let tokens = self.around();
+        for (at, token) in tokens.iter().enumerate() {
+            let next = tokens.get(at + 1).map_or("", |next| self.text(next));
+            let help = match (self.text(token), next) {
+                ("!", "=") | ("!", "==") => "\"not equal\" is written ~=",
+                ("!", _) => "\"not\" is written not",
+                ("&", "&") => "\"and\" is written and",
+                ("|", "|") => "\"or\" is written or",
+                ("$" | "\\" | "~", _) => "this sign means nothing here",
+                _ => continue,
+            };
+            let end = match (self.text(token), next) {
+                ("!", "=" | "==") | ("&", "&") | ("|", "|") => tokens[at + 1].span,
+                _ => token.span,
+            };
+            let whole = token.span.to(end);
+            return Some(Remark {
+                at: whole,
+                message: format!("'{}' is not known here", whole.of(self.source)),
+                help: help.to_owned(),
+            });
+        }
+        None
+    }
+
+    pub(super) fn comments(&self) -> Option<Remark> {
+        let tokens = self.on_line();
+        let first = tokens.first()?;
+        let second = tokens.get(1).map_or("", |token| self.text(token));
+        let comment =
+            matches!(self.text(first), "//" | "#") || (self.text(first) == "/" && second == "*");
+        let behind = tokens
+            .iter()
+            .skip(1)
+            .find(|token| matches!(self.text(token), "//" | "#"));
+        let behind = behind.filter(|token| {
+            let next = tokens
+                .iter()
+                .filter(|other| other.span.start > token.span.end);
+            next.take(2)
+                .filter(|other| other.kind == Kind::Name)
+                .count()
+                == 2
+        });
+        let token = if comment { first } else { behind? };
+        Some(Remark {
+            at: token.span,
+            message: "this is no comment here".to_owned(),
+            help: "a comment begins with --".to_owned(),
+        })
+    }
+
+    /// `x++`, and `x--`, whose second half is a comment.
+    pub(super) fn steps(&self) -> Option<Remark> {
+        for tokens in [self.last_line_before(), self.on_line()] {
+            for pair in tokens.windows(3) {
+                let [name, one, two] = pair else { continue };
+                if name.kind == Kind::Name && self.text(one) == "+" && self.text(two) == "+" {
+                    let text = self.text(name);
+                    return Some(Remark {
+                        at: one.span.to(two.span),
+                        message: "there is no ++".to_owned(),
+                        help: format!("write {text} += 1"),
+                    });
+                }
+            }
+        }
+        let tokens = self.last_line_before();
+        let [name] = tokens.as_slice() else {
+            return None;
+        };
+        let behind = self.source[name.span.end..]
+            .lines()
+            .next()
+            .unwrap_or_default();
+        (name.kind == Kind::Name && behind.starts_with("--")).then(|| Remark {
+            at: name.span,
+            message: "there is no --: it begins a comment".to_owned(),
+            help: format!("write {} -= 1", self.text(name)),
+        })
+    }
+
+    /// A line that begins with a word of another language.
+    pub(super) fn other_languages(&self) -> Option<Remark> {
+        for tokens in [self.on_line(), self.last_line_before()] {
+            let Some(first) = tokens
+                .iter()
+                .find(|token| !matches!(self.text(token), "}" | "local"))
+            else {
+                continue;
+            };
+            let second = tokens
+                .iter()
+                .find(|token| token.span.start > first.span.start);
+            let named = second.is_some_and(|token| matches!(token.kind, Kind::Name));
+            let help = match self.text(first) {
+                "def" | "func" | "fn" | "fun" | "void" if named => {
+                    "a function begins with: function name(...), and ends with end"
+                }
+                "var" | "let" | "const" | "int" | "float" | "double" | "string" | "bool"
+                | "auto"
+                    if named =>
+                {
+                    "a variable begins with the word local: local name = value"
+                }
+                "import" | "from" | "include" | "using" if second.is_some() => {
+                    "modules come with local name = require(\"./name\")"
+                }
+                "elif" | "elsif" => "it is written elseif ... then",
+                "switch" | "case" | "match" => {
+                    "there is no such word; write if ... then ... elseif ... then ... end"
+                }
+                "try" | "except" | "catch" => {
+                    "there is no such word; pcall(fn) calls a function and tells whether it failed"
+                }
+                "class" if named => "there are no classes; a table and functions do",
+                "loop" | "forever" => "write while true do ... end",
+                "foreach" => "write for _, thing in list do ... end",
+                _ => continue,
+            };
+            return Some(Remark {
+                at: first.span,
+                message: format!("'{}' is not a word of this language", self.text(first)),
+                help: help.to_owned(),
+            });
+        }
+        None
+    }
+
+    pub(super) fn single_equals(&self) -> Option<Remark> {
+        let tokens = self.on_line();
+        let begins = tokens
+            .iter()
+            .position(|token| matches!(self.text(token), "if" | "elseif" | "while" | "until"))?;
+        let equals = tokens[begins..]
+            .iter()
+            .find(|token| matches!(self.text(token), "=" | "then" | "do"))?;
+        (self.text(equals) == "=").then(|| Remark {
+            at: equals.span,
+            message: "a single = sets a variable".to_owned(),
+            help: "to compare, write ==".to_owned(),
+        })
+    }
+
+    /// `else if` opens a second `if`, which needs an `end` of its own.
+    pub(super) fn else_if(&self) -> Option<Remark> {
+        if !self.words.contains("'end'") {
+            return None;
+        }
+        let pair = self.tokens.windows(2).find(|pair| {
+            self.text(&pair[0]) == "else"
+                && self.text(&pair[1]) == "if"
+                && self.line_of(&pair[0]) == self.line_of(&pair[1])
+        })?;
+        Some(Remark {
+            at: pair[0].span.to(pair[1].span),
+            message: "`else if` begins a second if, which needs an end of its own".to_owned(),
+            help: "write elseif, in one word".to_owned(),
+        })
+    }
+
+    /// A block in braces is noticed at its end only, for `f() {` calls `f` with a table.
+    pub(super) fn braces(&self) -> Option<Remark> {
+        let lines = self
+            .tokens
+            .chunk_by(|a, b| self.line_of(a) == self.line_of(b));
+        let mut above = lines.filter(|line| {
+            line.first()
+                .is_some_and(|first| self.line_of(first) <= self.line)
+        });
+        let (keyword, brace) = above.find_map(|line| {
+            let first = line.iter().find(|token| self.text(token) != "}")?;
+            let opens = matches!(self.text(first), "if" | "elseif" | "else" | "while" | "for");
+            let closed = line
+                .iter()
+                .any(|token| matches!(self.text(token), "then" | "do"));
+            let last = line.iter().rfind(|token| token.kind != Kind::End)?;
+            (opens && !closed && self.text(last) == "{").then_some((first, last))
+        })?;
+        let begin = match self.text(keyword) {
+            "if" | "elseif" => "`then` here, and ",
+            "else" => "",
+            _ => "`do` here, and ",
+        };
+        Some(Remark {
+            at: brace.span,
+            message: "'{' does not begin a block".to_owned(),
+            help: format!("write {begin}`end` where the block ends"),
+        })
+    }
+}

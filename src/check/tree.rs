@@ -1,0 +1,217 @@
+//! The syntax tree of a script, with names resolved to local variables.
+
+use super::lexer::Span;
+
+/// Beyond this depth no tree is made: people do not nest so deep, and walking stays bounded.
+pub(super) const MAX_DEPTH: u32 = 160;
+
+/// A local variable, by its place in [`Tree::locals`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct LocalId(pub(super) usize);
+
+#[derive(Debug)]
+pub(crate) struct Local {
+    pub(super) name: String,
+    pub(super) span: Span,
+    /// Assigned anywhere after its declaration.
+    pub(super) changes: bool,
+    /// A parameter of a function or a variable of a loop.
+    pub(super) bound: bool,
+}
+
+#[derive(Debug, Default)]
+pub(crate) struct Tree {
+    pub(super) block: Block,
+    pub(crate) locals: Vec<Local>,
+}
+
+pub(crate) type Block = Vec<Statement>;
+
+#[derive(Debug)]
+pub(crate) struct Statement {
+    pub(super) kind: StatementKind,
+    pub(super) span: Span,
+}
+
+#[derive(Debug)]
+pub(super) enum StatementKind {
+    Local(Vec<LocalId>, Vec<Expr>),
+    Assign(Vec<Expr>, Vec<Expr>),
+    /// `a += b`, with the operator without its `=`.
+    Compound(Expr, String, Expr),
+    Call(Expr),
+    Do(Block),
+    While(Expr, Block),
+    Repeat(Block, Expr),
+    If(Vec<(Expr, Block)>, Option<Block>),
+    Count(LocalId, Vec<Expr>, Block),
+    Each(Vec<LocalId>, Vec<Expr>, Block),
+    Function(Expr, Body),
+    LocalFunction(LocalId, Body),
+    Return(Vec<Expr>),
+    /// `break` and `continue`.
+    Leave,
+    Type,
+}
+
+#[derive(Debug)]
+pub(crate) struct Body {
+    pub(super) parameters: Vec<LocalId>,
+    pub(super) block: Block,
+}
+
+#[derive(Debug)]
+pub(crate) struct Expr {
+    pub(super) kind: ExprKind,
+    pub(super) span: Span,
+    pub(super) depth: u32,
+}
+
+#[derive(Debug)]
+pub(super) enum ExprKind {
+    Nil,
+    Boolean(bool),
+    Number(f64),
+    Text(String),
+    /// An interpolated string.
+    Pieces(Vec<Expr>),
+    Varargs,
+    Function(Box<Body>),
+    Local(LocalId),
+    Global(String),
+    /// `object.name`
+    Field(Box<Expr>, String, Span),
+    /// `object[index]`
+    Item(Box<Expr>, Box<Expr>),
+    Call(Box<Expr>, Vec<Expr>),
+    /// `object:name(...)`
+    Method(Box<Expr>, String, Span, Vec<Expr>),
+    Unary(String, Box<Expr>),
+    Binary(String, Box<Expr>, Box<Expr>),
+    Table(Vec<Entry>),
+    /// `if a then b else c`: conditions and values.
+    Choose(Vec<Expr>),
+    /// In parentheses, or with a type behind it.
+    Inner(Box<Expr>),
+}
+
+#[derive(Debug)]
+pub(super) enum Entry {
+    Item(Expr),
+    Named(String, Span, Expr),
+    Keyed(Expr, Expr),
+}
+
+impl Expr {
+    /// Without parentheses around it.
+    pub(super) fn bare(&self) -> &Expr {
+        let mut expr = self;
+        while let ExprKind::Inner(inner) = &expr.kind {
+            expr = inner;
+        }
+        expr
+    }
+
+    /// The expressions directly within it; of a function nothing.
+    pub(super) fn parts(&self) -> Vec<&Expr> {
+        match &self.kind {
+            ExprKind::Pieces(all) | ExprKind::Choose(all) => all.iter().collect(),
+            ExprKind::Field(one, ..) | ExprKind::Unary(_, one) | ExprKind::Inner(one) => vec![one],
+            ExprKind::Item(one, two) | ExprKind::Binary(_, one, two) => vec![one, two],
+            ExprKind::Call(one, all) | ExprKind::Method(one, _, _, all) => {
+                std::iter::once(&**one).chain(all).collect()
+            }
+            ExprKind::Table(entries) => entries.iter().flat_map(Entry::parts).collect(),
+            _ => Vec::new(),
+        }
+    }
+}
+
+impl Entry {
+    /// What stands behind this name, if the entry has it.
+    pub(super) fn named(&self, key: &str) -> Option<&Expr> {
+        match self {
+            Entry::Named(name, _, value) if name == key => Some(value),
+            _ => None,
+        }
+    }
+
+    pub(super) fn value(&self) -> &Expr {
+        match self {
+            Entry::Item(value) | Entry::Named(_, _, value) | Entry::Keyed(_, value) => value,
+        }
+    }
+
+    fn parts(&self) -> Vec<&Expr> {
+        match self {
+            Entry::Keyed(key, value) => vec![key, value],
+            other => vec![other.value()],
+        }
+    }
+}
+
+impl Statement {
+    /// The expressions directly within it.
+    pub(super) fn exprs(&self) -> Vec<&Expr> {
+        use StatementKind as S;
+        match &self.kind {
+            S::Local(_, values)
+            | S::Return(values)
+            | S::Count(_, values, _)
+            | S::Each(_, values, _) => values.iter().collect(),
+            S::Assign(targets, values) => targets.iter().chain(values).collect(),
+            S::Compound(target, _, value) => vec![target, value],
+            S::Call(call) => vec![call],
+            S::While(condition, _) | S::Repeat(_, condition) => vec![condition],
+            S::If(arms, _) => arms.iter().map(|(condition, _)| condition).collect(),
+            S::Function(target, _) => vec![target],
+            S::Do(_) | S::LocalFunction(..) | S::Leave | S::Type => Vec::new(),
+        }
+    }
+
+    /// The blocks directly within it, those of functions too.
+    pub(super) fn blocks(&self) -> Vec<&Block> {
+        use StatementKind as S;
+        match &self.kind {
+            S::Do(block)
+            | S::While(_, block)
+            | S::Repeat(block, _)
+            | S::Count(_, _, block)
+            | S::Each(_, _, block) => vec![block],
+            S::If(arms, otherwise) => {
+                let arms = arms.iter().map(|(_, block)| block);
+                arms.chain(otherwise).collect()
+            }
+            S::Function(_, body) | S::LocalFunction(_, body) => vec![&body.block],
+            _ => Vec::new(),
+        }
+    }
+}
+
+impl Tree {
+    /// Calls `visit` with every expression, outer ones first, in the order of the text.
+    pub(super) fn each_expr<'a>(&'a self, visit: &mut dyn FnMut(&'a Expr)) {
+        each_in_block(&self.block, visit);
+    }
+}
+
+pub(super) fn each_in_block<'a>(block: &'a Block, visit: &mut dyn FnMut(&'a Expr)) {
+    for statement in block {
+        for expr in statement.exprs() {
+            each_in_expr(expr, visit);
+        }
+        for inner in statement.blocks() {
+            each_in_block(inner, visit);
+        }
+    }
+}
+
+pub(super) fn each_in_expr<'a>(expr: &'a Expr, visit: &mut dyn FnMut(&'a Expr)) {
+    visit(expr);
+    if let ExprKind::Function(body) = &expr.kind {
+        each_in_block(&body.block, visit);
+    }
+    for part in expr.parts() {
+        each_in_expr(part, visit);
+    }
+}

@@ -1,0 +1,365 @@
+//! Walks a tree and says what cannot work: names that do not exist, calls that do not fit, loops
+//! that never wait. Whatever depends on more than the file tells is left to the run.
+
+mod arguments;
+mod calls;
+mod names;
+
+use super::Surroundings;
+use super::finding::{Finding, Severity};
+use super::kinds::{Kind, Kinds, of_type};
+use super::lexer::Span;
+use super::loops;
+use super::tree::{Block, Body, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
+use crate::api;
+use crate::script::suggestion;
+
+pub(super) struct Walk<'a> {
+    pub(super) kinds: Kinds<'a>,
+    pub(super) surroundings: &'a Surroundings,
+    /// File and source.
+    text: (&'a str, &'a str),
+    findings: Vec<Finding>,
+    /// What is found when enough was said; it is counted only.
+    surplus: Surplus,
+}
+
+/// So much is said of one file.
+const MAX_FINDINGS: usize = 200;
+
+/// See [`Walk::surplus`].
+#[derive(Default)]
+struct Surplus {
+    errors: usize,
+    warnings: usize,
+    /// Written to and never read.
+    spare: Option<Finding>,
+}
+
+impl Surplus {
+    fn count(&mut self, severity: Severity) {
+        match severity {
+            Severity::Error => self.errors += 1,
+            Severity::Warning => self.warnings += 1,
+        }
+    }
+
+    /// In place of all that was counted.
+    fn summary(&self, text: (&str, &str)) -> Option<Finding> {
+        let (severity, count) = match (self.errors, self.warnings) {
+            (0, 0) => return None,
+            (0, warnings) => (Severity::Warning, warnings),
+            (errors, warnings) => (Severity::Error, errors + warnings),
+        };
+        let end = text.1.trim_end().len();
+        let span = Span { start: end, end };
+        let message = format!("and {count} more mistakes in this file");
+        Some(Finding::new(text, span, severity, message).help("correct the first ones first"))
+    }
+}
+
+/// All that is wrong in a tree, in the order of the text.
+pub(super) fn walk<'a>(
+    tree: &'a Tree,
+    text: (&'a str, &'a str),
+    surroundings: &'a Surroundings,
+) -> Vec<Finding> {
+    walked(tree, text, surroundings).0
+}
+
+/// The same, with what is known of the names afterwards.
+pub(super) fn walked<'a>(
+    tree: &'a Tree,
+    text: (&'a str, &'a str),
+    surroundings: &'a Surroundings,
+) -> (Vec<Finding>, Kinds<'a>) {
+    let mut walk = Walk {
+        kinds: Kinds::new(tree, &surroundings.paths),
+        surroundings,
+        text,
+        findings: Vec::new(),
+        surplus: Surplus::default(),
+    };
+    walk.block(&tree.block);
+    let mut findings = walk.findings;
+    findings.sort_by_key(|finding| (finding.line, finding.column));
+    findings.dedup();
+    findings.extend(walk.surplus.summary(text));
+    (findings, walk.kinds)
+}
+
+impl<'a> Walk<'a> {
+    pub(super) fn error(&mut self, span: Span, message: impl Into<String>) -> &mut Finding {
+        self.note(span, Severity::Error, message)
+    }
+
+    pub(super) fn warning(&mut self, span: Span, message: impl Into<String>) -> &mut Finding {
+        self.note(span, Severity::Warning, message)
+    }
+
+    fn note(&mut self, span: Span, severity: Severity, message: impl Into<String>) -> &mut Finding {
+        if self.has_said_enough() {
+            self.surplus.count(severity);
+            let text = ("", "");
+            let spare = || Finding::new(text, Span { start: 0, end: 0 }, severity, "");
+            return self.surplus.spare.get_or_insert_with(spare);
+        }
+        let finding = Finding::new(self.text, span, severity, message);
+        self.findings.push(finding);
+        let last = self.findings.len() - 1;
+        &mut self.findings[last]
+    }
+
+    pub(super) fn has_said_enough(&self) -> bool {
+        self.findings.len() >= MAX_FINDINGS
+    }
+
+    /// What was probably meant; nothing when enough was said, as looking for it takes long.
+    pub(super) fn near<'n>(&self, wrong: &str, known: impl IntoIterator<Item = &'n str>) -> String {
+        match self.has_said_enough() {
+            true => String::new(),
+            false => suggestion(wrong, known),
+        }
+    }
+
+    fn words(&self, span: Span) -> String {
+        crate::script::printable(span.of(self.text.1), 60)
+    }
+
+    // Statements -----------------------------------------------------------------------------
+
+    fn block(&mut self, block: &'a Block) {
+        for statement in block {
+            self.statement(statement);
+        }
+    }
+
+    fn statement(&mut self, statement: &'a Statement) {
+        use StatementKind as S;
+        match &statement.kind {
+            S::Local(ids, values) => {
+                self.exprs(values);
+                self.declare(ids, values);
+            }
+            S::LocalFunction(id, body) => {
+                self.hides(*id);
+                self.kinds.bind(*id, Kind::Function(Some(body)));
+                self.body(body);
+            }
+            S::Function(target, body) => {
+                self.target(target);
+                self.body(body);
+            }
+            S::Assign(targets, values) => {
+                targets.iter().for_each(|target| self.target(target));
+                self.exprs(values);
+            }
+            S::Compound(target, operator, value) => {
+                self.expr(target);
+                self.expr(value);
+                self.operands(operator, target, value);
+            }
+            S::Call(call) => {
+                self.expr(call);
+                self.unused(call);
+            }
+            S::While(condition, block) => {
+                self.condition(condition);
+                self.endless(statement, condition, block);
+                self.block(block);
+            }
+            S::Count(id, values, block) => {
+                self.exprs(values);
+                self.kinds.bind(*id, Kind::Number(None));
+                self.block(block);
+            }
+            S::Each(ids, values, block) => {
+                self.exprs(values);
+                self.each(ids, values);
+                self.block(block);
+            }
+            S::If(arms, otherwise) => {
+                for (condition, block) in arms {
+                    self.condition(condition);
+                    self.block(block);
+                }
+                otherwise.iter().for_each(|block| self.block(block));
+            }
+            S::Repeat(block, condition) => {
+                self.block(block);
+                self.condition(condition);
+            }
+            S::Return(values) => self.exprs(values),
+            S::Do(block) => self.block(block),
+            S::Leave | S::Type => {}
+        }
+    }
+
+    fn declare(&mut self, ids: &'a [LocalId], values: &'a [Expr]) {
+        for (at, id) in ids.iter().enumerate() {
+            self.hides(*id);
+            let kind = match (values.get(at), values.last()) {
+                (Some(value), _) if at + 1 < values.len() => self.kinds.of(value),
+                (_, Some(last))
+                    if matches!(last.kind, ExprKind::Call(..) | ExprKind::Method(..)) =>
+                {
+                    let number = at + 1 - values.len().min(at + 1);
+                    self.kinds.bind_choice(*id, last, number);
+                    self.kinds.result(last, number)
+                }
+                (Some(value), _) => self.kinds.of(value),
+                (None, Some(last)) if matches!(last.kind, ExprKind::Varargs) => Kind::Unknown,
+                (None, _) => Kind::Nothing,
+            };
+            // A table written out here may be filled later.
+            let kind = match kind {
+                Kind::Table(_) => Kind::Unknown,
+                kind => kind,
+            };
+            self.kinds.bind(*id, kind);
+        }
+    }
+
+    /// A local name that hides a namespace makes its calls unreachable.
+    fn hides(&mut self, id: LocalId) {
+        let tree = self.kinds.tree;
+        let local = &tree.locals[id.0];
+        let ours = !local.name.is_empty() && api::namespace(&local.name).is_some();
+        // `local params = params.declare{...}` is how it is meant.
+        let usual = local.name == "params";
+        if ours && !usual && self.kinds.namespace(&local.name) {
+            let message = format!(
+                "this variable hides {0}: from here on {0}.* cannot be called",
+                local.name
+            );
+            self.warning(local.span, message).help = Some("give it another name".to_owned());
+        }
+    }
+
+    fn each(&mut self, ids: &'a [LocalId], values: &'a [Expr]) {
+        let [one] = values else { return };
+        let list = match &one.kind {
+            ExprKind::Call(callee, arguments) if matches!(&callee.kind, ExprKind::Global(name) if name == "ipairs" || name == "pairs") => {
+                arguments
+                    .first()
+                    .map_or(Kind::Unknown, |list| self.kinds.of(list))
+            }
+            _ => self.kinds.of(one),
+        };
+        if let (Kind::List(of), [index, item, ..]) = (list, ids) {
+            self.kinds.bind(*index, Kind::Number(None));
+            self.kinds.bind(*item, of_type(of));
+        }
+    }
+
+    fn target(&mut self, target: &'a Expr) {
+        match &target.kind {
+            ExprKind::Global(_) | ExprKind::Local(_) => {}
+            ExprKind::Field(object, name, _) => {
+                self.expr(object);
+                if let Kind::Namespace(owner) = self.kinds.of(object) {
+                    let message = format!("{owner}.{name} cannot be set");
+                    self.error(target.span, message).help =
+                        Some("keep your own values in a local variable".to_owned());
+                }
+            }
+            _ => self.exprs(target.parts()),
+        }
+    }
+
+    /// A function in the place of a condition is true, whatever it would answer.
+    fn condition(&mut self, condition: &'a Expr) {
+        self.expr(condition);
+        let mut parts = vec![condition];
+        while let Some(part) = parts.pop() {
+            match &part.bare().kind {
+                ExprKind::Binary(operator, left, right)
+                    if operator == "and" || operator == "or" =>
+                {
+                    parts.extend([&**left, &**right]);
+                }
+                ExprKind::Unary(operator, operand) if operator == "not" => parts.push(operand),
+                _ => {
+                    if let Kind::Native(function) = self.kinds.of(part) {
+                        let path = function.path;
+                        let message = format!("{path} is a function here, which is always true");
+                        self.warning(part.span, message).help =
+                            Some(format!("call it: {}", function.call()));
+                    }
+                }
+            }
+        }
+    }
+
+    fn unused(&mut self, call: &'a Expr) {
+        let function = match &call.kind {
+            ExprKind::Call(callee, _) => match self.kinds.of(callee) {
+                Kind::Native(function) => function,
+                _ => return,
+            },
+            ExprKind::Method(object, name, ..) => {
+                match self.kinds.method(self.kinds.of(object), name) {
+                    Some(function) => function,
+                    None => return,
+                }
+            }
+            _ => return,
+        };
+        if function.pure {
+            let message = format!(
+                "{} only answers, and nobody looks at the answer",
+                function.path
+            );
+            let result = function
+                .returns
+                .first()
+                .map_or("answer", |value| value.name);
+            self.warning(call.span, message).help = Some(format!(
+                "keep it: local {result} = {}",
+                self.words(call.span)
+            ));
+        }
+    }
+
+    fn endless(&mut self, statement: &'a Statement, condition: &'a Expr, block: &'a Block) {
+        if loops::always_true(condition) && !loops::may_pause(&self.kinds, block) {
+            let line_end = Span {
+                start: statement.span.start,
+                end: condition.span.end,
+            };
+            let message = "this loop never waits: the script would be ended after 0.1 s";
+            self.warning(line_end, message).help = Some("put task.wait(0.1) into it".to_owned());
+        }
+    }
+
+    // Expressions ------------------------------------------------------------------------------
+
+    fn exprs(&mut self, exprs: impl IntoIterator<Item = &'a Expr>) {
+        for expr in exprs {
+            self.expr(expr);
+        }
+    }
+
+    fn body(&mut self, body: &'a Body) {
+        self.block(&body.block);
+    }
+
+    fn expr(&mut self, expr: &'a Expr) {
+        match &expr.kind {
+            ExprKind::Global(name) => return self.global(name, expr.span),
+            ExprKind::Function(body) => return self.body(body),
+            ExprKind::Call(callee, arguments) => return self.called(expr, callee, arguments),
+            ExprKind::Method(object, name, at, arguments) => {
+                return self.method(expr, object, (name, *at), arguments);
+            }
+            ExprKind::Field(object, name, at) => {
+                self.expr(object);
+                return self.field(object, name, *at);
+            }
+            ExprKind::Item(list, index) => self.item(list, index, expr.span),
+            ExprKind::Binary(operator, left, right) => self.operands(operator, left, right),
+            _ => {}
+        }
+        self.exprs(expr.parts());
+    }
+}

@@ -1,0 +1,333 @@
+//! Calls of the API against its table: how many arguments, of which types, within which
+//! bounds; and the keys of options.
+
+use super::super::kinds::Kind;
+use super::super::lexer::Span;
+use super::super::tree::{Entry, Expr, ExprKind};
+use super::Walk;
+use crate::api::{Choice, EventName, Function, Need, Type, Value};
+use crate::wire::Stream;
+
+/// A call that is looked at.
+#[derive(Clone, Copy)]
+pub(super) struct Site<'a> {
+    pub(super) function: &'static Function,
+    pub(super) arguments: &'a [Expr],
+    pub(super) span: Span,
+}
+
+impl<'a> Walk<'a> {
+    pub(super) fn call(&mut self, site: Site<'a>) {
+        let Site {
+            function,
+            arguments,
+            span,
+        } = site;
+        if arguments.len() > function.parameters.len() && function.rest.is_none() {
+            let most = function.parameters.len();
+            let extra = &arguments[most];
+            let message = format!(
+                "{}: takes {}, got {}",
+                function.path,
+                counted(most),
+                arguments.len()
+            );
+            let open = most + 1 == arguments.len() && is_open(extra);
+            if !open {
+                self.error(extra.span, message).help = Some(function.call());
+            }
+        }
+        let mut forms = function.forms();
+        let short = forms.len() > 1 && forms[1].len() == arguments.len();
+        let parameters = forms.swap_remove(usize::from(short));
+        for (parameter, argument) in parameters.into_iter().zip(arguments) {
+            self.argument(function.path, parameter, argument);
+        }
+        self.stream(site);
+        let open = arguments.last().is_some_and(is_open);
+        if arguments.len() < function.least() && !open && !short {
+            let missing = &function.parameters[arguments.len()];
+            let missing_words = format!(
+                "{}: {} is missing; it must be {}",
+                function.path,
+                missing.spoken(),
+                missing.kind.words()
+            );
+            self.error(span, missing_words).help = Some(function.call());
+        }
+    }
+
+    /// A script that counts on a stream that the config keeps off is told so when it asks for it; it may
+    /// be prepared for that.
+    fn stream(&mut self, site: Site<'a>) {
+        let text = |index: usize| match site.arguments.get(index).map(|one| self.kinds.of(one)) {
+            Some(Kind::Text(text)) => text,
+            _ => None,
+        };
+        let switched_off = || {
+            let on = site.arguments.get(1).map(|one| &one.bare().kind);
+            matches!(on, Some(ExprKind::Boolean(false)))
+        };
+        let wanted = match site.function.path {
+            "robot.frame" | "robot.wait_frame" => Some(Stream::Video),
+            "robot.stream" if !switched_off() => text(0).and_then(Stream::from_name),
+            _ if site.function.takes_an_event() => text(0)
+                .and_then(EventName::from_name)
+                .and_then(EventName::stream),
+            _ => None,
+        };
+        let refusal = wanted.and_then(|stream| self.surroundings.streams.refusal(stream));
+        if let Some(why) = refusal {
+            self.warning(site.span, format!("{}: {why}", site.function.path));
+        }
+    }
+
+    /// One argument or option against what is defined.
+    fn argument(&mut self, call: &str, value: &'static Value, argument: &'a Expr) {
+        let kind = self.kinds.of(argument);
+        if let (Type::Function(_) | Type::Handler, Some(path)) =
+            (&value.kind, self.answered_by(argument))
+        {
+            let what = value.spoken();
+            let message = format!("{call}: {what} must be a function, got what {path} answers");
+            self.error(argument.span, message).help =
+                Some("without the () behind it the function itself is handed over, and called later; its arguments stand behind it".to_owned());
+            return;
+        }
+        if matches!(kind, Kind::Nothing) {
+            let call_without_result = matches!(
+                argument.bare().kind,
+                ExprKind::Call(..) | ExprKind::Method(..)
+            );
+            if value.need == Need::Required && !matches!(value.kind, Type::Any) {
+                let message = format!(
+                    "{call}: {} must be {}, got nothing",
+                    value.spoken(),
+                    value.kind.words()
+                );
+                let function = matches!(value.kind, Type::Function(_) | Type::Handler);
+                let help = if function && call_without_result {
+                    "without the () behind it the function itself is handed over, and called later"
+                } else {
+                    ""
+                };
+                self.error(argument.span, message).help =
+                    (!help.is_empty()).then(|| help.to_owned());
+            }
+            return;
+        }
+        self.fits(call, value, argument, kind);
+    }
+
+    /// The native that an argument calls, if what it gives is no function.
+    fn answered_by(&self, argument: &'a Expr) -> Option<&'static str> {
+        let ExprKind::Call(callee, _) = &argument.kind else {
+            return None;
+        };
+        let Kind::Native(function) = self.kinds.of(callee) else {
+            return None;
+        };
+        let first = function.returns.first()?;
+        let open = matches!(first.kind, Type::Any | Type::Function(_) | Type::Payload);
+        (!open).then_some(function.path)
+    }
+
+    fn fits(&mut self, call: &str, value: &'static Value, argument: &'a Expr, kind: Kind<'a>) {
+        match (&value.kind, kind) {
+            (_, Kind::Unknown) | (Type::Any | Type::Payload, _) => {}
+            (Type::Number(bounds) | Type::Whole(bounds), Kind::Number(number)) => {
+                let Some(number) = number else { return };
+                if let Some(bounds) = bounds.filter(|bounds| !bounds.holds(number)) {
+                    let words = bounds.words();
+                    let message = format!("{call}: {} must be {words}, got {number}", value.name);
+                    self.error(argument.span, message);
+                } else if matches!(value.kind, Type::Whole(_)) && number.fract() != 0.0 {
+                    let message = format!(
+                        "{call}: {} must be a whole number, got {number}",
+                        value.name
+                    );
+                    self.error(argument.span, message);
+                }
+            }
+            (Type::Boolean, Kind::Boolean)
+            | (Type::Text(_), Kind::Text(_))
+            | (Type::Function(_) | Type::Handler, Kind::Function(_) | Kind::Native(_))
+            | (
+                Type::Roi | Type::Range | Type::Fields,
+                Kind::Table(_) | Kind::Object(_) | Kind::List(_),
+            ) => {}
+            (Type::Choice(choice), Kind::Text(text)) => {
+                self.name(call, choice, text, argument.span)
+            }
+            (Type::Colours, _) => self.colour(call, value, argument, kind),
+            (Type::Options(keys), Kind::Table(table)) => self.options(call, keys, table),
+            (Type::Options(_), Kind::Object(_) | Kind::List(_)) => {}
+            (Type::Named(keys), Kind::Table(table)) => {
+                let ExprKind::Table(entries) = &table.kind else {
+                    return;
+                };
+                for entry in entries {
+                    if let (Entry::Named(..), Kind::Table(one)) =
+                        (entry, self.kinds.of(entry.value()))
+                    {
+                        self.options(call, keys, one);
+                    }
+                }
+            }
+            (Type::Object(wanted), Kind::Object(object)) if object.name == wanted.name => {}
+            (Type::Object(wanted), Kind::Table(_) | Kind::Object(_)) if !wanted.strict => {}
+            (Type::List(_), Kind::Table(_) | Kind::List(_)) => {}
+            (Type::OneOrMore(_), Kind::Table(_) | Kind::List(_) | Kind::Object(_)) => {}
+            (Type::Buffer, Kind::Object(_)) => {}
+            (_, kind) => {
+                let Some(got) = self.got(argument, kind) else {
+                    return;
+                };
+                let what = value.spoken();
+                let message = format!("{call}: {what} must be {}, got {got}", value.kind.words());
+                self.error(argument.span, message);
+            }
+        }
+    }
+
+    /// What stands there, in words; the word itself for `true` and `false`.
+    fn got(&self, argument: &Expr, kind: Kind<'_>) -> Option<String> {
+        match argument.bare().kind {
+            ExprKind::Boolean(on) => Some(on.to_string()),
+            _ => kind.words(),
+        }
+    }
+
+    fn name(&mut self, call: &str, choice: &Choice, text: Option<&str>, span: Span) {
+        let names = (choice.names)();
+        let Some(text) = text.filter(|text| !names.contains(text)) else {
+            return;
+        };
+        let near = self.near(text, names.iter().copied());
+        let text = crate::script::printable(text, 40);
+        let message = format!("{call}: unknown {} '{text}'{near}", choice.what);
+        self.error(span, message).help = Some(format!("known: {}", names.join(", ")));
+    }
+
+    fn colour(&mut self, call: &str, value: &'static Value, argument: &'a Expr, kind: Kind<'a>) {
+        match kind {
+            Kind::Text(Some(text)) => {
+                let known: Vec<String> = self.surroundings.colour_names();
+                if known.iter().any(|name| name == text) {
+                    return;
+                }
+                let near = self.near(text, known.iter().map(String::as_str));
+                let text = crate::script::printable(text, 40);
+                let message = format!("{call}: unknown colour '{text}'{near}");
+                self.error(argument.span, message).help =
+                    Some(format!("known: {}", known.join(", ")));
+            }
+            Kind::Table(table) => {
+                let ExprKind::Table(entries) = &table.kind else {
+                    return;
+                };
+                for entry in entries {
+                    if let Entry::Item(item) = entry {
+                        let kind = self.kinds.of(item);
+                        if !matches!(kind, Kind::Table(_) | Kind::Nothing) {
+                            self.colour(call, value, item, kind);
+                        }
+                    }
+                }
+            }
+            Kind::Number(_) | Kind::Boolean | Kind::Function(_) | Kind::Native(_) => {
+                let Some(got) = self.got(argument, kind) else {
+                    return;
+                };
+                let message = format!(
+                    "{call}: {} must be {}, got {got}",
+                    value.name,
+                    value.kind.words()
+                );
+                self.error(argument.span, message);
+            }
+            Kind::Object(object) if object.name != "Colour" => {
+                let message = format!(
+                    "{call}: {} must be {}, got {}",
+                    value.name,
+                    value.kind.words(),
+                    object.with_article()
+                );
+                self.error(argument.span, message);
+            }
+            _ => {}
+        }
+    }
+
+    fn options(&mut self, call: &str, keys: &'static [Value], table: &'a Expr) {
+        let ExprKind::Table(entries) = &table.kind else {
+            return;
+        };
+        let mut given = Vec::new();
+        let mut certain = true;
+        for entry in entries {
+            let (name, span) = match entry {
+                Entry::Named(name, span, _) => (name.as_str(), *span),
+                Entry::Item(item) => {
+                    let message = format!(
+                        "{call}: an option needs its name, such as {}",
+                        example(keys)
+                    );
+                    self.error(item.span, message);
+                    continue;
+                }
+                Entry::Keyed(key, _) => match self.kinds.of(key) {
+                    Kind::Text(Some(name)) => (name, key.span),
+                    _ => {
+                        certain = false;
+                        continue;
+                    }
+                },
+            };
+            given.push(name);
+            match keys.iter().find(|key| key.name == name) {
+                Some(key) => self.argument(call, key, entry.value()),
+                None => self.unknown_option(call, keys, name, span),
+            }
+        }
+        let missing = keys
+            .iter()
+            .find(|key| key.need == Need::Required && !given.contains(&key.name));
+        if let Some(missing) = missing.filter(|_| certain) {
+            let message = format!(
+                "{call}: {} is missing; it must be {}",
+                missing.name,
+                missing.kind.words()
+            );
+            self.error(table.span, message);
+        }
+    }
+
+    fn unknown_option(&mut self, call: &str, keys: &[Value], name: &str, span: Span) {
+        let known: Vec<_> = keys.iter().map(|key| key.name).collect();
+        let near = self.near(name, known.iter().copied());
+        let message = format!("{call}: unknown option '{name}'{near}");
+        self.error(span, message).help = Some(format!("known: {}", known.join(", ")));
+    }
+}
+
+/// What may be several values, or none.
+fn is_open(argument: &Expr) -> bool {
+    matches!(
+        argument.kind,
+        ExprKind::Call(..) | ExprKind::Method(..) | ExprKind::Varargs
+    )
+}
+
+fn counted(count: usize) -> String {
+    match count {
+        0 => "no arguments".to_owned(),
+        1 => "1 argument".to_owned(),
+        many => format!("{many} arguments"),
+    }
+}
+
+fn example(keys: &[Value]) -> String {
+    let key = keys.first().map_or("name", |key| key.name);
+    format!("{{{key} = ...}}")
+}

@@ -1,0 +1,311 @@
+//! Calls, operators and what they are given.
+
+use super::super::kinds::Kind;
+use super::super::lexer::Span;
+use super::super::parameters;
+use super::super::tree::{Expr, ExprKind};
+use super::Walk;
+use super::arguments::Site;
+use crate::api::{self, Function, Type};
+use crate::script::{PICTURE_NAMES, picture_name};
+
+/// Two turns and a bit: more is hardly meant in radians.
+const MOST_RADIANS: f64 = 13.0;
+/// More than a room is long.
+const MOST_METRES: f64 = 20.0;
+
+impl<'a> Walk<'a> {
+    pub(super) fn called(&mut self, call: &'a Expr, callee: &'a Expr, arguments: &'a [Expr]) {
+        self.expr(callee);
+        let kind = self.kinds.of(callee);
+        if let Kind::Native(function) = kind {
+            self.handler(function, arguments);
+        }
+        self.exprs(arguments);
+        match kind {
+            Kind::Native(function) => {
+                self.call(Site {
+                    function,
+                    arguments,
+                    span: call.span,
+                });
+                self.special(function, arguments);
+            }
+            Kind::Namespace(name) => {
+                self.error(callee.span, format!("{name} is no function"))
+                    .help = Some(format!("its functions are called as {name}.NAME()"));
+            }
+            Kind::Nothing | Kind::Number(_) | Kind::Boolean | Kind::Text(_) | Kind::List(_) => {
+                let what = kind.words().unwrap_or_default();
+                let message = format!("'{}' is {what}, not a function", self.words(callee.span));
+                self.error(callee.span, message);
+            }
+            _ => self.library(callee, arguments),
+        }
+    }
+
+    /// Calls of what is no native: functions of the language that do not exist, and methods called
+    /// with a dot.
+    pub(super) fn library(&mut self, callee: &'a Expr, arguments: &'a [Expr]) {
+        let ExprKind::Field(object, name, at) = &callee.kind else {
+            return;
+        };
+        match self.kinds.of(object) {
+            Kind::Namespace(owner)
+                if owner != "_G" && !self.is_ours(owner) && !self.has(owner, name) =>
+            {
+                self.unknown_field(owner, name, *at);
+            }
+            Kind::Object(of) if of.method(name).is_some() => {
+                let again = arguments.first().map(|first| self.kinds.of(first));
+                if !matches!(again, Some(Kind::Object(_) | Kind::Unknown)) {
+                    let object = self.words(object.span);
+                    let message = format!("{name} is called with a colon: {object}:{name}(...)");
+                    self.error(*at, message);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Calls whose arguments depend on what is around the script.
+    pub(super) fn special(&mut self, function: &'static Function, arguments: &'a [Expr]) {
+        self.units(function, arguments);
+        let [.., argument] = arguments else { return };
+        let wrong = match (function.path, self.kinds.of(argument)) {
+            ("require", Kind::Text(Some(path))) => self.surroundings.missing_module(path),
+            ("params.declare", Kind::Table(table)) => {
+                parameters::refused(&self.kinds, table, &self.surroundings.params)
+            }
+            ("Frame:save", Kind::Text(Some(name))) if picture_name(name).is_none() => {
+                Some(format!("Frame:save: {PICTURE_NAMES}"))
+            }
+            ("store.set", Kind::Function(_) | Kind::Native(_)) if arguments.len() == 2 => {
+                Some("store.set: a function cannot be kept".to_owned())
+            }
+            _ => None,
+        };
+        if let Some(wrong) = wrong {
+            self.error(argument.span, wrong);
+        }
+    }
+
+    /// Numbers that are hardly meant in the unit of their row.
+    fn units(&mut self, function: &'static Function, arguments: &'a [Expr]) {
+        let Some(first) = arguments.first() else {
+            return;
+        };
+        let Kind::Number(Some(number)) = self.kinds.of(first) else {
+            return;
+        };
+        let (message, help) = match function.path {
+            "robot.turn" if number.abs() > MOST_RADIANS => {
+                let turns = number.abs() / std::f64::consts::TAU;
+                (
+                    format!("robot.turn takes radians: {number} are {turns:.0} turns"),
+                    format!("for degrees, write robot.turn(math.rad({number}))"),
+                )
+            }
+            "robot.forward" if number.abs() > MOST_METRES => (
+                format!("robot.forward takes metres: {number} of them are a long way"),
+                "to drive for a time, write robot.move(40, 40, seconds)".to_owned(),
+            ),
+            _ => return,
+        };
+        self.warning(first.span, message).help = Some(help);
+    }
+
+    /// What the parameter of a function that is written out here is: an event's payload, or the
+    /// object that the row names.
+    pub(super) fn handler(&mut self, function: &'static Function, arguments: &'a [Expr]) {
+        let mut forms = function.forms();
+        let short = forms.len() > 1 && forms[1].len() == arguments.len();
+        let rows = forms.swap_remove(usize::from(short));
+        for (row, argument) in rows.iter().zip(arguments) {
+            let ExprKind::Function(body) = &argument.kind else {
+                continue;
+            };
+            let kind = match row.kind {
+                Type::Handler => self.kinds.payload(arguments),
+                Type::Function(luau) => first_parameter(luau),
+                _ => Kind::Unknown,
+            };
+            if let Some(first) = body.parameters.first() {
+                self.kinds.bind(*first, kind);
+            }
+        }
+    }
+
+    pub(super) fn method(
+        &mut self,
+        call: &'a Expr,
+        object: &'a Expr,
+        (name, at): (&'a str, Span),
+        arguments: &'a [Expr],
+    ) {
+        self.expr(object);
+        self.exprs(arguments);
+        match self.kinds.of(object) {
+            Kind::Namespace(owner) if self.is_ours(owner) => {
+                let path = format!("{owner}.{name}");
+                if self.surroundings.paths.contains(&path) {
+                    let message = format!("{path} is called with a dot, not with a colon");
+                    self.error(at, message).help = Some(format!("write {path}(...)"));
+                } else {
+                    self.unknown_field(owner, name, at);
+                }
+            }
+            Kind::Module(module) => {
+                if module.function(name).is_some() {
+                    let path = format!("{}.{name}", module.name);
+                    let message = format!("{path} is called with a dot, not with a colon");
+                    self.error(at, message).help = Some(format!("write {path}(...)"));
+                } else {
+                    self.unknown_field(module.name, name, at);
+                }
+            }
+            Kind::Object(of) => match of.method(name) {
+                Some(function) => {
+                    self.call(Site {
+                        function,
+                        arguments,
+                        span: call.span,
+                    });
+                    self.special(function, arguments);
+                }
+                None if of.fields.iter().any(|field| field.name == name) => {
+                    let words = self.words(object.span);
+                    let message = format!("'{name}' is data, not a function: write {words}.{name}");
+                    self.error(at, message);
+                }
+                None => self.member(of, name, at),
+            },
+            Kind::List(_) | Kind::Nothing => {
+                let what = self.kinds.of(object).words().unwrap_or_default();
+                let message = format!(
+                    "'{}' is {what}: it has no function '{name}'",
+                    self.words(object.span)
+                );
+                self.error(at, message);
+            }
+            _ => {}
+        }
+    }
+
+    /// Arithmetic, order and joining of what is neither number nor text.
+    pub(super) fn operands(&mut self, operator: &str, left: &'a Expr, right: &'a Expr) {
+        let compares = matches!(operator, "<" | ">" | "<=" | ">=");
+        let counts = matches!(operator, "+" | "-" | "*" | "/" | "//" | "%" | "^");
+        if operator == "=="
+            && matches!(left.kind, ExprKind::Unary(ref not, _) if not == "not")
+            && !matches!(self.kinds.of(right), Kind::Boolean | Kind::Unknown)
+        {
+            let help = format!(
+                "write {} ~= {}",
+                self.words(left.span).trim_start_matches("not").trim(),
+                self.words(right.span)
+            );
+            let message = "`not` belongs to the left side alone here, so this compares true or false with something else";
+            self.warning(left.span.to(right.span), message).help = Some(help);
+        }
+        if matches!(operator, "==" | "~=") {
+            self.one_of_names(left, right);
+            self.one_of_names(right, left);
+        }
+        if !(compares || counts || operator == "..") {
+            return;
+        }
+        for side in [left, right] {
+            let kind = self.kinds.of(side);
+            let wrong = match kind {
+                Kind::Object(_)
+                | Kind::List(_)
+                | Kind::Nothing
+                | Kind::Native(_)
+                | Kind::Function(_) => true,
+                Kind::Boolean => operator != "==",
+                _ => false,
+            };
+            let what = self.got_words(side, kind);
+            if wrong && let Some(what) = what {
+                let does = match operator {
+                    ".." => "cannot be joined to a text",
+                    _ if compares => "cannot be compared with < or >",
+                    _ => "cannot be counted with",
+                };
+                let words = self.words(side.span);
+                let message = if words == what {
+                    format!("{what} {does}")
+                } else {
+                    format!("`{words}` is {what}: it {does}")
+                };
+                let help = self.what_to_read(side, kind, operator);
+                self.error(side.span, message).help = help;
+                return;
+            }
+        }
+        if let (true, Kind::Number(_), Kind::Text(_)) | (true, Kind::Text(_), Kind::Number(_)) =
+            (compares, self.kinds.of(left), self.kinds.of(right))
+        {
+            self.error(
+                left.span.to(right.span),
+                "a number cannot be compared with a text",
+            )
+            .help = Some("tonumber(text) makes a number of a text".to_owned());
+        }
+    }
+
+    /// A text that a name of a set is compared with, and that is none of them.
+    fn one_of_names(&mut self, named: &'a Expr, text: &'a Expr) {
+        let (Some(choice), Kind::Text(Some(said))) =
+            (self.kinds.choice(named), self.kinds.of(text))
+        else {
+            return;
+        };
+        let names = (choice.names)();
+        if names.contains(&said) {
+            return;
+        }
+        let near = self.near(said, names.iter().copied());
+        let words = crate::script::printable(said, 40);
+        let message = format!("no {} is called '{words}'{near}", choice.what);
+        self.warning(text.span, message).help = Some(format!("known: {}", names.join(", ")));
+    }
+
+    pub(super) fn got_words(&self, side: &Expr, kind: Kind<'a>) -> Option<String> {
+        match side.bare().kind {
+            ExprKind::Nil => Some("nil".to_owned()),
+            _ => kind.words(),
+        }
+    }
+
+    pub(super) fn what_to_read(
+        &self,
+        side: &Expr,
+        kind: Kind<'a>,
+        operator: &str,
+    ) -> Option<String> {
+        let words = self.words(side.span);
+        match kind {
+            Kind::Object(object) => {
+                let field = object.fields.first()?.name;
+                Some(format!("read one of its fields, such as {words}.{field}"))
+            }
+            Kind::List(_) => Some(format!("#{words} is how many are in it")),
+            Kind::Native(function) => Some(format!("call it: {}", function.call())),
+            Kind::Function(_) => Some(format!("call it: {words}()")),
+            Kind::Boolean if operator == ".." => {
+                Some(format!("tostring({words}) makes a text of it"))
+            }
+            _ => None,
+        }
+    }
+}
+
+/// What `(sim: Sim) -> ()` says of its first parameter.
+fn first_parameter<'a>(luau: &str) -> Kind<'a> {
+    let inside = luau.strip_prefix('(').unwrap_or_default();
+    let first = inside.split([',', ')']).next().unwrap_or_default();
+    let name = first.split_once(": ").map_or("", |(_, name)| name);
+    api::object(name).map_or(Kind::Unknown, Kind::Object)
+}

@@ -1,0 +1,336 @@
+//! The data folder: pictures that a script saves. Names cannot leave the folder, links in it are not
+//! followed, and what it holds is bounded: the oldest pictures make room for new ones.
+
+use std::collections::VecDeque;
+use std::io;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use super::options::Limits;
+use crate::budget::{Budget, Repeats};
+use crate::files::{Folder, Item};
+
+/// What a file counts as at least, in bytes: folders full of tiny files are full too.
+const LEAST: u64 = 4096;
+/// How often is said what was not kept.
+const SAID_EVERY: Duration = Duration::from_secs(3600);
+
+/// Why a picture was not saved.
+#[derive(Debug)]
+pub(super) enum NotSaved {
+    /// It may not be; in words, once an hour.
+    Quota(Option<String>),
+    /// The system's reason.
+    Io(io::Error),
+}
+
+impl From<io::Error> for NotSaved {
+    fn from(error: io::Error) -> NotSaved {
+        NotSaved::Io(error)
+    }
+}
+
+/// A picture that was saved.
+#[derive(Debug)]
+pub(super) struct Saved {
+    pub(super) path: PathBuf,
+    /// What had to go for it, in words, once an hour.
+    pub(super) gone: Option<String>,
+}
+
+/// What is said once an hour.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    Removed,
+    Day,
+    Disk,
+    TooLarge,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct Album {
+    folder: Option<PathBuf>,
+    quota: u64,
+    free: u64,
+    day: Budget,
+    /// What the folder holds, once that was looked at.
+    held: Option<Held>,
+    said: Repeats<Kind>,
+}
+
+/// Files of a folder.
+#[derive(Debug, Default)]
+struct Held {
+    /// Oldest first.
+    pictures: VecDeque<Item>,
+    /// Weight of the pictures and of all else.
+    weight: u64,
+}
+
+impl Held {
+    fn of(folder: &Folder) -> io::Result<Held> {
+        let mut items = folder.items()?;
+        items.sort();
+        let weight = items.iter().map(|item| weight(item.bytes)).sum();
+        items.retain(|item| is_picture(&item.name));
+        let pictures = items.into();
+        Ok(Held { pictures, weight })
+    }
+
+    fn forget(&mut self, name: &str) {
+        if let Some(at) = self.pictures.iter().position(|item| item.name == name)
+            && let Some(item) = self.pictures.remove(at)
+        {
+            self.weight = self.weight.saturating_sub(weight(item.bytes));
+        }
+    }
+}
+
+impl Album {
+    /// `None`: nothing can be saved.
+    pub(super) fn new(folder: Option<PathBuf>, limits: &Limits) -> Album {
+        Album {
+            folder,
+            quota: limits.picture_bytes,
+            free: limits.free_bytes,
+            day: Budget::new(limits.picture_bytes_a_day),
+            held: None,
+            said: Repeats::new(SAID_EVERY),
+        }
+    }
+
+    /// Writes a file, in the place of one of the same name; the oldest pictures make room for it.
+    pub(super) fn save(
+        &mut self,
+        name: &str,
+        bytes: &[u8],
+        now: Instant,
+    ) -> Result<Saved, NotSaved> {
+        let Some(path) = self.folder.clone() else {
+            return Err(io::Error::other("there is no data folder").into());
+        };
+        let folder = Folder::make(&path)?;
+        let heavy = weight(bytes.len() as u64);
+        if heavy > self.quota {
+            let why = format!(
+                "it is larger than all pictures may be, {} bytes",
+                self.quota
+            );
+            return Err(self.refuse(Kind::TooLarge, &why, now));
+        }
+        if folder
+            .free()
+            .is_ok_and(|free| free < self.free.saturating_add(heavy))
+        {
+            let why = format!("the disk has less than {} bytes left", self.free);
+            return Err(self.refuse(Kind::Disk, &why, now));
+        }
+        if !self.day.take(heavy, now) {
+            let why = format!("{} bytes of pictures a day are used up", self.day.per_day());
+            return Err(self.refuse(Kind::Day, &why, now));
+        }
+        let gone = self.make_room(&folder, name, heavy)?;
+        folder.replace(name, bytes)?;
+        self.keep(&folder, name)?;
+        let gone = (gone > 0)
+            .then(|| self.tell(Kind::Removed, gone, now))
+            .flatten();
+        Ok(Saved {
+            path: path.join(name),
+            gone,
+        })
+    }
+
+    /// Removes the oldest until there is room; how many.
+    fn make_room(&mut self, folder: &Folder, name: &str, heavy: u64) -> io::Result<u64> {
+        let mut held = match self.held.take() {
+            Some(held) => held,
+            None => Held::of(folder)?,
+        };
+        held.forget(name);
+        let mut gone = 0;
+        while held.weight + heavy > self.quota {
+            let Some(oldest) = held.pictures.front().map(|item| item.name.clone()) else {
+                break;
+            };
+            match folder.remove(&oldest) {
+                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+                _ => held.forget(&oldest),
+            }
+            gone += 1;
+        }
+        self.held = Some(held);
+        Ok(gone)
+    }
+
+    fn keep(&mut self, folder: &Folder, name: &str) -> io::Result<()> {
+        let (Some(item), Some(held)) = (folder.item(name)?, &mut self.held) else {
+            return Ok(());
+        };
+        held.weight += weight(item.bytes);
+        held.pictures.push_back(item);
+        Ok(())
+    }
+
+    fn refuse(&mut self, kind: Kind, why: &str, now: Instant) -> NotSaved {
+        let words = self.said.note(kind, now).map(|before| match before {
+            0 => format!("a picture is not kept: {why}"),
+            before => format!("a picture is not kept, nor were {before} before it: {why}"),
+        });
+        NotSaved::Quota(words)
+    }
+
+    fn tell(&mut self, kind: Kind, gone: u64, now: Instant) -> Option<String> {
+        let before = self.said.note(kind, now)?;
+        let quota = self.quota;
+        Some(format!(
+            "the pictures have reached {quota} bytes: the oldest make room, {} so far since the last \
+             such line",
+            before + gone
+        ))
+    }
+}
+
+fn is_picture(name: &str) -> bool {
+    !name.starts_with('.') && name.to_ascii_lowercase().ends_with(".jpg")
+}
+
+/// What names of pictures look like.
+pub(crate) const NAMES: &str =
+    "the name may have letters, digits, '-', '_' and '.', and not begin with '.'";
+
+/// The file's name, `.jpg` behind it unless it has an ending; `None` if it could leave the folder or
+/// trouble a shell.
+pub(crate) fn file_name(name: &str) -> Option<String> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+    if name.is_empty() || name.starts_with(['.', '-']) || !name.chars().all(plain) {
+        return None;
+    }
+    let has_ending = name.to_ascii_lowercase().ends_with(".jpg");
+    Some(if has_ending {
+        name.to_owned()
+    } else {
+        format!("{name}.jpg")
+    })
+}
+
+fn weight(bytes: u64) -> u64 {
+    bytes.max(LEAST)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+    use std::os::unix::fs::{PermissionsExt as _, symlink};
+    use std::path::Path;
+
+    fn limits(pictures: u64) -> Limits {
+        Limits {
+            picture_bytes: pictures * LEAST,
+            picture_bytes_a_day: 1 << 40,
+            free_bytes: 0,
+            ..Limits::default()
+        }
+    }
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
+        let mut names: Vec<_> = entries
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn names_stay_in_the_folder() {
+        assert_eq!(file_name("ball").as_deref(), Some("ball.jpg"));
+        assert_eq!(file_name("ball-1.JPG").as_deref(), Some("ball-1.JPG"));
+        for name in [
+            "", ".", "..", "../x", "a/b", "a\\b", "-x", ".x", "a b", "ä", "a\0",
+        ] {
+            assert_eq!(file_name(name), None, "{name:?}");
+        }
+    }
+
+    #[test]
+    fn the_oldest_pictures_make_room_and_the_folder_is_private() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = root.path().join("data");
+        let (mut album, now) = (Album::new(Some(folder.clone()), &limits(3)), Instant::now());
+        for name in ["a.jpg", "b.jpg", "a.jpg", "c.jpg"] {
+            assert!(album.save(name, &[1, 2, 3], now).unwrap().gone.is_none());
+        }
+        let told = album.save("d.jpg", &[1], now).unwrap().gone.unwrap();
+        assert!(told.contains("the oldest make room, 1 so far"), "{told}");
+        assert_eq!(names(&folder), ["a.jpg", "c.jpg", "d.jpg"]);
+        assert!(album.save("e.jpg", &[1], now).unwrap().gone.is_none());
+        // What is no picture stays, and counts.
+        fs::write(folder.join("store.json"), "{}").unwrap();
+        let mut again = Album::new(Some(folder.clone()), &limits(3));
+        let path = again.save("f.jpg", &[9], now).unwrap().path;
+        assert_eq!(names(&folder), ["e.jpg", "f.jpg", "store.json"]);
+        assert_eq!(fs::read(&path).unwrap(), [9]);
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        assert_eq!((mode(&path), mode(&folder)), (0o600, 0o700));
+    }
+
+    #[test]
+    fn a_day_has_its_bytes_and_the_disk_its_floor() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = Some(root.path().to_owned());
+        let mut now = Instant::now();
+        let day = Limits {
+            picture_bytes_a_day: 48 * LEAST,
+            ..limits(100)
+        };
+        let mut album = Album::new(folder.clone(), &day);
+        let mut save = |now| album.save("a.jpg", &[1], now);
+        assert!(save(now).is_ok() && save(now).is_ok());
+        let refused = save(now);
+        assert!(
+            matches!(&refused, Err(NotSaved::Quota(Some(why))) if why.contains("a day")),
+            "{refused:?}"
+        );
+        assert!(matches!(save(now), Err(NotSaved::Quota(None))));
+        now += SAID_EVERY;
+        assert!(save(now).is_ok());
+        assert!(
+            matches!(save(now), Err(NotSaved::Quota(Some(why))) if why.contains("nor were 1 before"))
+        );
+        let floor = Limits {
+            free_bytes: u64::MAX,
+            ..limits(100)
+        };
+        let refused = Album::new(folder.clone(), &floor).save("a.jpg", &[1], now);
+        assert!(matches!(refused, Err(NotSaved::Quota(Some(why))) if why.contains("disk")));
+        let large = Album::new(folder, &limits(1)).save("a.jpg", &[1; 5000], now);
+        assert!(matches!(large, Err(NotSaved::Quota(Some(why))) if why.contains("larger")));
+    }
+
+    #[test]
+    fn a_link_is_replaced_and_not_followed() {
+        let root = tempfile::tempdir().unwrap();
+        let path = |name: &str| root.path().join(name);
+        fs::write(path("secret"), "secret").unwrap();
+        fs::create_dir(path("data")).unwrap();
+        symlink(path("secret"), path("data/a.jpg")).unwrap();
+        let mut album = Album::new(Some(path("data")), &limits(10));
+        album.save("a.jpg", &[1], Instant::now()).unwrap();
+        assert_eq!(fs::read(path("secret")).unwrap(), b"secret");
+        symlink(path("data"), path("other")).unwrap();
+        let saved =
+            Album::new(Some(path("other")), &limits(10)).save("b.jpg", &[1], Instant::now());
+        assert!(matches!(saved, Err(NotSaved::Io(_))));
+    }
+
+    #[test]
+    fn without_a_folder_nothing_is_saved() {
+        let result = Album::new(None, &limits(10)).save("a.jpg", &[1], Instant::now());
+        assert!(matches!(result, Err(NotSaved::Io(_))));
+    }
+}

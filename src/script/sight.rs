@@ -1,0 +1,36 @@
+//! What the script sees: the newest frame, what decodes it, and what looks from frame to frame.
+
+use std::cell::Cell;
+use std::rc::Rc;
+
+use super::held::HeldFrame;
+use super::options::Options;
+use super::sighting::Witness;
+use crate::vision::{Damage, Eyes};
+
+/// See the module.
+pub(super) struct Sight {
+    pub(super) newest: Option<Rc<HeldFrame>>,
+    /// JPEG bytes of all frames that anyone holds.
+    pub(super) held_bytes: Rc<Cell<u64>>,
+    pub(super) eyes: Eyes,
+    /// Trackers and motion detectors that live.
+    pub(super) watchers: Rc<Cell<u32>>,
+    /// Frames that were no pictures.
+    pub(super) damage: Damage,
+    /// Only where someone wants to see what the script sees.
+    pub(super) witness: Option<Witness>,
+}
+
+impl Sight {
+    pub(super) fn new(options: &Options) -> Sight {
+        Sight {
+            newest: None,
+            held_bytes: Rc::default(),
+            eyes: Eyes::new(options.camera),
+            watchers: Rc::default(),
+            damage: Damage::default(),
+            witness: options.annotate_dir.as_ref().map(|_| Witness::default()),
+        }
+    }
+}

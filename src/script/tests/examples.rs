@@ -1,0 +1,82 @@
+//! The examples of the API table, run, and its objects, read.
+
+use super::vision::{RED, picture, show};
+use super::{Rig, connected};
+use crate::api;
+use crate::robot::EndReason;
+use crate::script::Level;
+
+/// Runs an example before a robot that shows a red thing.
+#[track_caller]
+fn runs(path: &str, source: &str) {
+    let mut rig = Rig::new(source);
+    rig.deliver(connected(false));
+    show(&mut rig, 1, &picture(&[((140, 100, 40, 40), RED)]));
+    rig.pass(2.0);
+    if let Some(ending) = rig.script.ended() {
+        let message = ending.message.unwrap_or_default();
+        assert_eq!(ending.reason, EndReason::Done, "{path}: {message}");
+    }
+    let complaints = rig.logged(Level::Error);
+    assert!(
+        complaints.is_empty() || path == "log.error",
+        "{path}: {complaints:?}"
+    );
+}
+
+#[test]
+fn every_example_runs() {
+    let of_behaviours = api::namespaces().filter(|one| one.place != api::Place::Scenario);
+    for namespace in of_behaviours {
+        for function in namespace.functions {
+            runs(function.path, function.example);
+        }
+        for constant in namespace.constants {
+            runs(constant.path, constant.example);
+        }
+    }
+    for method in api::methods().filter(|one| one.owner() != "sim") {
+        let example = method.example;
+        let source = if example.contains("frame") {
+            format!("robot.on('frame', function(frame)\n{example}\nend)")
+        } else {
+            example.to_owned()
+        };
+        runs(method.path, &source);
+    }
+}
+
+#[test]
+fn every_example_of_a_module_runs() {
+    for module in api::modules() {
+        let name = module.name;
+        runs(name, module.example);
+        for function in module.functions {
+            let example = function.example;
+            let source = format!("local {name} = require('@spykee/{name}')\n{example}");
+            runs(function.path, &source);
+        }
+    }
+}
+
+#[test]
+fn every_field_of_an_object_can_be_read() {
+    for (name, made) in [
+        ("Frame", "robot.wait_frame(2)"),
+        ("Task", "task.spawn(print)"),
+        ("Battery", "robot.battery()"),
+        ("Info", "robot.info()"),
+        (
+            "Machine",
+            "require('@spykee/fsm').new({initial = 'a', states = {a = {}}})",
+        ),
+    ] {
+        let fields = api::object(name).unwrap().fields;
+        let reads = fields
+            .iter()
+            .map(|field| format!("print(it.{})", field.name));
+        let reads: Vec<_> = reads.collect();
+        let source = format!("local it = {made}\nif it then {} end", reads.join(" "));
+        runs(name, &source);
+    }
+}

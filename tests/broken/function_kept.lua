@@ -1,0 +1,3 @@
+-- Functions cannot be kept from run to run.
+-- expect: check 3: store.set: a function cannot be kept
+store.set("step", function() end)
