@@ -107,6 +107,19 @@ const BT: Namespace = module(
         )
         .and(NODES),
         call(
+            "bt.guard",
+            &[
+                function("condition", "(...any) -> boolean", "returns true or false"),
+                NODE,
+                bounded("seconds", Bounds::Above(0.0, 30.0 * 86_400.0), "from one look at the condition to the next")
+                    .unit("s")
+                    .default(0.1),
+            ],
+            MADE,
+            "Runs a node while a condition is true, which is asked before and over and over; once it is false the node is halted and has failed.",
+            "print(bt.run(bt.guard(function() return true end, function() return true end)))",
+        ),
+        call(
             "bt.retry",
             &[TIMES, NODE],
             MADE,
@@ -151,18 +164,34 @@ const BT: Namespace = module(
             "Runs a node and fails in any case.",
             "print(bt.run(bt.fail(function() return true end)))",
         ),
+        call(
+            "bt.name",
+            &[text("name", "a name of your own"), NODE],
+            MADE,
+            "Gives a node a name for the log and for errors.",
+            "print(bt.run(bt.name(\"the last way\", function() return true end)))",
+        ),
     ],
-    "local bt = require(\"@spykee/bt\")\nlocal function has_power() local battery = robot.battery() return battery ~= nil and battery.percent > 30 end\nlocal function drive() return (robot.forward(1)) end\nlocal tree = bt.fallback(\n\tbt.sequence(has_power, bt.timeout(10, drive)),\n\tfunction() return (robot.dock()) end\n)\nprint(bt.run(tree))",
+    "local bt = require(\"@spykee/bt\")\nlocal function has_power() local battery = robot.battery() return battery ~= nil and battery.percent > 30 end\nlocal function drive() return (robot.forward(1)) end\nlocal function go_home() return (robot.dock()) end\nlocal tree = bt.fallback(\n\tbt.guard(has_power, bt.timeout(10, drive)),\n\tgo_home\n)\nprint(bt.run(tree))",
 );
 
 const SPEED: Value = value("speed", Type::Any, "from 1 to 100").optional();
 const LASTING: Value = value("seconds", Type::Any, "1 unless given").optional();
+const CENTIMETRES: Value = value("centimetres", Type::Any, "30 unless given").optional();
 const ANGLE: Value = value("degrees", Type::Any, "90 unless given").optional();
 
 const EASY: Namespace = module(
     "easy",
-    "for your first programs: plain words, seconds and degrees; each line is over before the next one begins",
+    "for your first programs: plain words, seconds, centimetres and degrees; each line is over before the next one begins",
     &[
+        call(
+            "easy.drive",
+            &[CENTIMETRES],
+            OK,
+            "Drives so far, backwards if it is less than 0; on its station the robot leaves it first.",
+            "easy.drive(40)",
+        )
+        .waiting(),
         call(
             "easy.forward",
             &[LASTING, SPEED],
@@ -258,7 +287,7 @@ const EASY: Namespace = module(
         )
         .waiting(),
     ],
-    "local easy = require(\"@spykee/easy\")\neasy.light(\"left\", \"on\")\neasy.forward(2)\neasy.left(90)\nif easy.see(\"red\") then easy.sound(\"laugh\") end\neasy.go_home()",
+    "local easy = require(\"@spykee/easy\")\neasy.light(\"left\", \"on\")\neasy.drive(40)\neasy.left(90)\nif easy.see(\"red\") then easy.sound(\"laugh\") end\neasy.go_home()",
 );
 
 const SEEN: Object = table(
@@ -315,7 +344,7 @@ const FSM: Namespace = module(
         ])
         .required()],
         &[object("machine", &MACHINE, "")],
-        "Makes a machine; its names are checked at once.",
+        "Makes a machine; its states and events are checked at once.",
         "local machine = fsm.new({\n\tinitial = \"rest\",\n\tstates = { rest = { task = function(machine) machine:stop() end } },\n})\nprint(machine:run())",
     )],
     "local fsm = require(\"@spykee/fsm\")\nfsm.new({\n\tinitial = \"search\",\n\tstates = {\n\t\tsearch = {\n\t\t\ttask = function() robot.turn(2 * math.pi) return \"drive\" end,\n\t\t\ton = { battery_low = \"home\" },\n\t\t},\n\t\tdrive = {\n\t\t\ttask = function() robot.forward(1) return \"search\" end,\n\t\t\ttimeout = { 20, \"search\" },\n\t\t},\n\t\thome = { task = function(machine) robot.dock() machine:stop() end },\n\t},\n}):run()",
