@@ -352,7 +352,11 @@ mod tests {
     fn shifted(by: u32, ball: Option<(i32, i32)>) -> Image {
         let mut picture = RgbImage::from_fn(320, 240, |x, y| {
             let x = x + 400 - by;
-            let plank = if (x / 40 + y / 30) % 2 == 0 { 115 } else { 75 };
+            let plank = if (x / 40 + y / 30).is_multiple_of(2) {
+                115
+            } else {
+                75
+            };
             Rgb([plank; 3])
         });
         if let Some((x, y)) = ball {
