@@ -158,14 +158,18 @@ fn name(number: usize) -> String {
 
 /// Where an earlier run left off, so that the folder always holds the newest.
 fn behind_newest(folder: &Folder) -> io::Result<usize> {
-    let items = folder.items()?;
-    let numbered = items.iter().filter_map(|item| {
-        let number = (0..PICTURES).find(|number| name(*number) == item.name)?;
-        Some((item.written, number))
-    });
-    Ok(numbered
-        .max()
-        .map_or(0, |(_, newest)| (newest + 1) % PICTURES))
+    let mut written = [None; PICTURES];
+    for item in folder.items()? {
+        if let Some(number) = (0..PICTURES).find(|number| name(*number) == item.name) {
+            written[number] = Some(item.written);
+        }
+    }
+    // Clocks of disks are coarse: of several of one moment, the last is the one whose follower is older.
+    let is_last = |number: &usize| written[(number + 1) % PICTURES] < written[*number];
+    let newest = (0..PICTURES)
+        .filter(is_last)
+        .max_by_key(|number| written[*number]);
+    Ok(newest.map_or(0, |newest| (newest + 1) % PICTURES))
 }
 
 fn encode(picture: &RgbImage) -> io::Result<Vec<u8>> {

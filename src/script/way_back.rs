@@ -5,7 +5,7 @@ use crate::robot::Stroke;
 use super::options::Calibration;
 
 /// From one place of a way to the next, metres, at least.
-const SPACING: f64 = 0.15;
+const SPACING: f64 = 0.14;
 /// A way that comes so near to itself, in metres, is cut short there.
 const CROSSING: f64 = 0.2;
 /// A curve is walked along in steps of so many metres of the busier track.
@@ -64,7 +64,7 @@ fn walk(strokes: &[Stroke], calibration: Calibration) -> Vec<Pose> {
     let mut poses = vec![pose];
     for stroke in strokes {
         let metres = |seconds: f32| f64::from(seconds) * calibration.full_speed;
-        let steps = (metres(stroke.length()) / STEP).ceil().max(1.0);
+        let steps = (metres(stroke.length()) / STEP).round().max(1.0);
         let (left, right) = (metres(stroke.left) / steps, metres(stroke.right) / steps);
         let turn = (right - left) / calibration.track_width;
         for _ in 0..steps as usize {

@@ -53,7 +53,11 @@ async fn a_run_tells_how_things_stand_and_its_robot_hears_what_it_is_asked_for()
     let (code, text) = tool(&rig, &["status"]).await;
     assert_eq!(code, Some(0));
     assert!(text.contains("90 %") && text.contains("script"), "{text}");
-    for robot in [&["--robot", &*rig.address][..], &[]] {
+    // The robot is not told a volume that it has.
+    for (robot, (volume, told)) in [
+        (&["--robot", &*rig.address][..], ("30", 30)),
+        (&[], ("40", 40)),
+    ] {
         let ask = |args: &[&'static str]| [&["robot"], args, robot].concat();
         let (code, text) = tool(&rig, &ask(&["battery"])).await;
         assert_eq!((code, text.contains("90 %")), (Some(0), true), "{text}");
@@ -69,7 +73,7 @@ async fn a_run_tells_how_things_stand_and_its_robot_hears_what_it_is_asked_for()
         for (args, wanted) in [
             (&["play", "laser"][..], Command::Play(Sound::Laser)),
             (&["play", "--stop"], Command::StopSound),
-            (&["volume", "30"], Command::Volume(30)),
+            (&["volume", volume], Command::Volume(told)),
         ] {
             let from = rig.sim.heard_count();
             let (code, text) = tool(&rig, &ask(args)).await;

@@ -179,7 +179,7 @@ async fn ctrl_z_stops_the_tracks_before_it_stops_the_program() {
     run.signal(Signal::TSTP);
     rig.heard_stop(told).await;
     becomes(run.pid(), 'T').await;
-    assert!(!rig.sim.state().moving());
+    rests(&rig).await;
     goes_on_with_a_stop(&rig, &run).await;
 }
 

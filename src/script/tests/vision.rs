@@ -439,6 +439,11 @@ fn shown(behaviour: &str, width: u32, height: u32) -> Rig {
         options.limits.callback_budget_ms = 5_000;
     });
     rig.deliver(connected(false));
+    // It stands off its station: there is nothing to leave.
+    if let Some(Intent::Undock { call, .. }) = rig.take_intents().last() {
+        let (call, end) = (*call, crate::robot::DockEnd::NotDocked);
+        rig.deliver(Event::UndockEnded { call, end });
+    }
     let jpeg = room(width, height);
     for seq in 1..=3 {
         rig.pass(0.2);
