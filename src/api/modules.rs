@@ -111,9 +111,13 @@ const BT: Namespace = module(
             &[
                 function("condition", "(...any) -> boolean", "returns true or false"),
                 NODE,
-                bounded("seconds", Bounds::Above(0.0, 30.0 * 86_400.0), "from one look at the condition to the next")
-                    .unit("s")
-                    .default(0.1),
+                bounded(
+                    "seconds",
+                    Bounds::Above(0.0, 30.0 * 86_400.0),
+                    "from one look at the condition to the next",
+                )
+                .unit("s")
+                .default(0.1),
             ],
             MADE,
             "Runs a node while a condition is true, which is asked before and over and over; once it is false the node is halted and has failed.",
