@@ -4,10 +4,10 @@ use crate::robot::Stroke;
 
 use super::options::Calibration;
 
-/// From one place of a way to the next, metres, at least.
+/// From one place of a way to the next, metres, at least. No multiple of a step, and so no matter of rounding.
 const SPACING: f64 = 0.14;
 /// A way that comes so near to itself, in metres, is cut short there.
-const CROSSING: f64 = 0.2;
+const CROSSING: f64 = 0.19;
 /// A curve is walked along in steps of so many metres of the busier track.
 const STEP: f64 = 0.05;
 
