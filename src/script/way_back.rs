@@ -150,7 +150,7 @@ mod tests {
         };
         let last = *way(&[stroke]).last().unwrap();
         assert!(
-            (last.0 + 1.0).abs() < 0.16 && (last.1 - 1.0).abs() < 0.02,
+            (last.0 + 1.0).abs() < 0.02 && (last.1 - 1.0).abs() < SPACING + 0.02,
             "{last:?}"
         );
     }
