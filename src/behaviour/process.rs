@@ -5,9 +5,8 @@
 
 use std::fmt;
 use std::io;
-use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
-use std::process::{ExitStatus, Stdio};
+use std::process::ExitStatus;
 
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite};
 use tokio::net::UnixStream;
@@ -18,7 +17,7 @@ use tokio::task::JoinHandle;
 use super::host::{Time, serve};
 use super::inspection::Inspector;
 use crate::files::Folder;
-use crate::walls::{Room, Walls};
+use crate::walls::{self, Room};
 
 /// The hidden argument by which the executable knows that it is to be a host.
 pub const HOST_ARGUMENT: &str = "__host";
@@ -100,26 +99,13 @@ fn start_child(
     folders: &[&Path],
     core: &Handle,
 ) -> io::Result<(HostProcess, PipeReader, PipeWriter)> {
-    Walls::say_what_is_missing();
-    let (ours, theirs) = std::os::unix::net::UnixStream::pair()?;
-    ours.set_nonblocking(true)?;
     let room = Room {
         write: folders.iter().map(|folder| folder.to_path_buf()).collect(),
         ..Room::default()
     };
-    let child = Command::new(executable)
-        .arg(HOST_ARGUMENT)
-        .args(room.arguments())
-        .env_clear()
-        // Every thread of glibc reserves 64 MiB of address space for its own heap otherwise.
-        .env("MALLOC_ARENA_MAX", "1")
-        .stdin(Stdio::from(OwnedFd::from(theirs)))
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .kill_on_drop(true)
-        // Ctrl-C in a terminal is for the agent: it has the script say its last words.
-        .process_group(0)
-        .spawn()?;
+    let (command, ours) = walls::command(executable, &[HOST_ARGUMENT], &room)?;
+    ours.set_nonblocking(true)?;
+    let child = Command::from(command).kill_on_drop(true).spawn()?;
     let (reader, writer) = {
         let _served_by = core.enter();
         UnixStream::from_std(ours)?.into_split()

@@ -52,7 +52,7 @@ pub struct Room {
 
 impl Room {
     /// For [`Room::of_arguments`], the parent's number first.
-    pub fn arguments(&self) -> Vec<OsString> {
+    pub(super) fn arguments(&self) -> Vec<OsString> {
         let numbers = [u64::from(std::process::id()), self.processor];
         let numbers = numbers.map(|number| OsString::from(number.to_string()));
         let read = self.read.iter().map(OsString::from);
@@ -136,7 +136,7 @@ impl Walls {
     }
 
     /// Says once in a process's life what this kernel does not offer.
-    pub fn say_what_is_missing() {
+    pub(super) fn say_what_is_missing() {
         static ONCE: Once = Once::new();
         ONCE.call_once(|| {
             let walls = Walls::offered();

@@ -7,8 +7,10 @@
 //! and the rest stands.
 
 mod calls;
+mod command;
 mod confine;
 mod worker;
 
+pub use command::command;
 pub use confine::{Landlock, Room, Walls, confine, keep_descriptors};
 pub use worker::{Answer, Trouble, WORKER_ARGUMENT, Worker, answer};

@@ -7,14 +7,14 @@ use std::ffi::OsString;
 use std::fmt;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::Shutdown;
-use std::os::fd::{AsFd, OwnedFd};
+use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
-use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
-use std::process::{Child, Command, ExitCode, Stdio};
+use std::process::{Child, ExitCode};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use super::command::command;
 use super::confine::{Room, confine};
 
 /// The hidden argument by which the executable knows that it is to answer one question.
@@ -137,21 +137,10 @@ impl Worker {
     }
 
     fn start(&self, room: &Room) -> io::Result<(Process, UnixStream)> {
-        super::Walls::say_what_is_missing();
-        let (ours, theirs) = UnixStream::pair()?;
+        let (mut command, ours) = command(&self.executable, &[WORKER_ARGUMENT, self.kind], room)?;
         ours.set_read_timeout(Some(LOOK_EVERY))?;
         ours.set_write_timeout(Some(LOOK_EVERY))?;
-        let child = Command::new(&self.executable)
-            .args([WORKER_ARGUMENT, self.kind])
-            .args(room.arguments())
-            .env_clear()
-            .env("MALLOC_ARENA_MAX", "1")
-            .stdin(Stdio::from(OwnedFd::from(theirs)))
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .process_group(0)
-            .spawn()?;
-        Ok((Process(child), ours))
+        Ok((Process(command.spawn()?), ours))
     }
 }
 
