@@ -26,6 +26,7 @@ use crate::link::LinkError;
 use crate::pilot::{Dial, Pulse, Settings, Status};
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
+pub use crate::robot::{Bus, Happening, Heard, Listener, Occurrence};
 use crate::script::Ending;
 
 /// How long the scripts' last words and the end of their hosts may take together.
@@ -68,6 +69,8 @@ pub struct Plan {
     pub rescue: Option<Launch>,
     /// End after this time.
     pub limit: Option<Duration>,
+    /// Where it says what happens; it may be another's too.
+    pub bus: Bus,
 }
 
 /// How a run went.
@@ -98,19 +101,22 @@ pub struct Agent {
     launcher: Launcher,
     rescue: Option<Launch>,
     limit: Option<Duration>,
+    bus: Bus,
     flight: Preflight,
 }
 
 impl Agent {
     /// Also returns the newest status of robot and watchdog.
     pub fn new(plan: Plan) -> (Agent, watch::Receiver<Status>) {
-        let flight = Preflight::new(plan.settings, plan.dial, plan.core, plan.pulse);
+        let flight = Preflight::new(plan.settings, plan.dial, plan.core, plan.pulse)
+            .with_bus(plan.bus.clone());
         let status = flight.status();
         let agent = Agent {
             behaviours: plan.behaviours,
             launcher: plan.launcher,
             rescue: plan.rescue,
             limit: plan.limit,
+            bus: plan.bus,
             flight,
         };
         (agent, status)
@@ -137,6 +143,7 @@ impl Agent {
             launcher,
             rescue,
             limit,
+            bus,
             mut flight,
         } = self;
         let ended = watch::Sender::new(None);
@@ -147,6 +154,7 @@ impl Agent {
             frames: flight.frames(),
             stop: ended.subscribe(),
             longest_silence: flight.longest_silence(),
+            bus,
         };
         if let Some(launch) = rescue {
             flight.stand_by(launcher, launch);
@@ -182,7 +190,10 @@ async fn prepare(around: Surroundings, behaviours: Vec<Behaviour>) -> Result<Vec
         let by = BehaviourId(u16::try_from(number).unwrap_or(u16::MAX));
         let keeper = Keeper::new(around.clone(), by, Role::Behaviour, behaviour);
         match keeper.prepare().await {
-            Err(ending) if !keeper.is_watched() => return Err(refused(keeper.name(), ending)),
+            Err(ending) if !keeper.is_watched() => {
+                keeper.tell_ended(&ending, Duration::ZERO);
+                return Err(refused(keeper.name(), ending));
+            }
             first => prepared.push((keeper, first)),
         }
     }

@@ -17,6 +17,7 @@ use super::motion::{Motion, Owner};
 use super::options::Options;
 use super::output::{Level, LogLine, Outbox};
 use super::queue::Tasks;
+use super::shares::Shares;
 use super::sight::Sight;
 use super::sighting::{Seen, Sighting};
 use super::sound::Loudness;
@@ -118,6 +119,7 @@ pub(super) struct State {
     pub(super) sight: Sight,
     pub(super) album: Album,
     pub(super) store: Store,
+    pub(super) shares: Shares,
     pub(super) modules: Modules,
     /// Whom a script asks that drives no robot.
     pub(super) stage: Option<Rc<dyn Stage>>,
@@ -142,6 +144,7 @@ pub(super) struct State {
 impl State {
     pub(super) fn new(options: Options, now: Instant) -> State {
         let album = Album::new(options.data_dir.clone(), &options.limits);
+        let shares = Shares::new(&options.limits);
         let modules = Modules::new(&options.chunk);
         let sight = Sight::new(&options);
         State {
@@ -159,6 +162,7 @@ impl State {
             sight,
             album,
             store: Store::default(),
+            shares,
             modules,
             stage: None,
             params: Declared::default(),
