@@ -71,7 +71,7 @@ impl Listener {
         }
     }
 
-    /// The next, if it is there already.
+    /// The next, if it is there already; [`Heard::Closed`] again and again at the end.
     pub fn try_next(&mut self) -> Option<Heard> {
         match self.0.try_recv() {
             Ok(happening) => Some(Heard::Happening(happening)),

@@ -25,8 +25,7 @@ fn behaviour(name: &str, source: &str) -> Behaviour {
 
 /// What was said so far.
 fn all(listener: &mut Listener) -> Vec<Occurrence> {
-    let said = std::iter::from_fn(|| listener.try_next());
-    said.filter_map(|heard| match heard {
+    std::iter::from_fn(|| match listener.try_next()? {
         Heard::Happening(one) => Some(one.what.clone()),
         Heard::Missed(missed) => panic!("{missed} missed"),
         Heard::Closed => None,
