@@ -22,9 +22,11 @@ mod guardian;
 mod guide;
 mod hostile;
 mod intruders;
+mod journal;
 mod lessons;
 mod link;
 mod new;
+mod notify;
 mod pilot;
 #[path = "../fuzz/poster.rs"]
 mod poster;
