@@ -219,8 +219,8 @@ scenario("23 patrols, photographs and comes home", options({ battery = 60, limit
 	expect(sim:wait_until(function() return sim:docked() end, 500), "it has not come home")
 end)
 
-scenario("23 remembers and tells what it heard", options({ limit = 60 }), function(sim)
-	sim:run("guide_23.lua")
+scenario("24 remembers and tells what it heard", options({ limit = 60 }), function(sim)
+	sim:run("guide_24.lua")
 	sim:wait(5)
 	sim:noise(-10, 1)
 	says(sim, "told", 20)

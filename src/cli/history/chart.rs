@@ -33,8 +33,8 @@ const PALE: Ink = [108, 117, 125, 255];
 const GRID: Ink = [0, 0, 0, 22];
 const DAY: Ink = [0, 0, 0, 60];
 const LINE: Ink = [26, 105, 176, 255];
-const AREA: Ink = [26, 105, 176, 34];
-const CHARGING: Ink = [64, 165, 96, 44];
+const AREA: Ink = [26, 105, 176, 38];
+const CHARGING: Ink = [52, 160, 88, 78];
 const OFFLINE: Ink = [90, 90, 100, 38];
 const RUN: Ink = [86, 140, 196, 255];
 const GOOD: Ink = [46, 140, 78, 255];
@@ -55,7 +55,7 @@ pub(super) fn draw(story: &Story, zone: &TimeZone) -> RgbImage {
     let left = 20.0 + TEXT.size(&"x".repeat(letters)).0 + 14.0;
     let mut chart = Chart { paper, left, story };
     chart.head(zone);
-    chart.bands();
+    chart.gaps();
     chart.axis(zone, lanes.len() + 1);
     chart.level();
     chart.docks();
@@ -209,13 +209,9 @@ impl Chart<'_> {
         );
     }
 
-    /// When it charged, and when nothing was known.
-    fn bands(&mut self) {
+    /// When nothing was known.
+    fn gaps(&mut self) {
         let (top, bottom) = (HEAD, HEAD + HEIGHT);
-        for (from, to) in charging(&self.story.levels) {
-            let (from, to) = (self.x(from), self.x(to));
-            self.rectangle((from, top), (to.max(from + 1.0), bottom), CHARGING);
-        }
         for &(from, to) in &self.story.offline {
             let (from, to) = (self.x(from), self.x(to));
             self.rectangle((from, top), (to.max(from + 1.0), bottom), OFFLINE);
@@ -258,7 +254,7 @@ impl Chart<'_> {
             |one: &Level, next: &Level| next.at.duration_since(one.at).as_secs() <= APART;
         let story = self.story;
         for part in story.levels.chunk_by(together) {
-            let mut line: Vec<(f32, f32)> = part
+            let line: Vec<(f32, f32)> = part
                 .iter()
                 .map(|level| (self.x(level.at), Chart::y(level.percent)))
                 .collect();
@@ -267,12 +263,14 @@ impl Chart<'_> {
                 self.paper.dot(only, 2.0, LINE);
                 continue;
             }
-            self.paper.line(&line, 2.5, None, LINE);
-            let floor = Chart::y(0.0);
-            if let (Some(first), Some(last)) = (line.first().copied(), line.last().copied()) {
-                line.extend([(last.0, floor), (first.0, floor)]);
-                self.paper.fill(&line, AREA);
+            for (from, to, charging) in phases(part) {
+                let ink = if charging { CHARGING } else { AREA };
+                let floor = Chart::y(0.0);
+                let mut area = line[from..=to].to_vec();
+                area.extend([(line[to].0, floor), (line[from].0, floor)]);
+                self.paper.fill(&area, ink);
             }
+            self.paper.line(&line, 2.5, None, LINE);
         }
     }
 
@@ -330,21 +328,17 @@ enum Sign {
     Alarm,
 }
 
-/// From when to when it charged.
-fn charging(levels: &[Level]) -> Vec<(Timestamp, Timestamp)> {
-    let mut spans: Vec<(Timestamp, Timestamp)> = Vec::new();
-    for pair in levels.windows(2) {
-        let [one, next] = pair else { continue };
-        let apart = next.at.duration_since(one.at).as_secs() > APART;
-        if !one.charging || apart {
-            continue;
-        }
-        match spans.last_mut() {
-            Some((_, to)) if *to == one.at => *to = next.at,
-            _ => spans.push((one.at, next.at)),
+/// From which to which of these levels it charged, or did not; each begins where the one before ends.
+fn phases(levels: &[Level]) -> Vec<(usize, usize, bool)> {
+    let mut phases: Vec<(usize, usize, bool)> = Vec::new();
+    for (at, pair) in levels.windows(2).enumerate() {
+        let [one, _] = pair else { continue };
+        match phases.last_mut() {
+            Some((_, to, charging)) if *charging == one.charging => *to = at + 1,
+            _ => phases.push((at, at + 1, one.charging)),
         }
     }
-    spans
+    phases
 }
 
 #[cfg(test)]
@@ -376,15 +370,15 @@ mod tests {
     }
 
     #[test]
-    fn a_charge_is_one_span_and_a_gap_is_none() {
-        let levels: Vec<Level> = (0..10).map(|at| level(at * 60, 50.0, at > 2)).collect();
-        let spans = charging(&levels);
-        assert_eq!(spans.len(), 1);
-        assert_eq!(spans[0].1.duration_since(spans[0].0).as_secs(), 6 * 60);
+    fn phases_follow_each_other_without_a_gap() {
+        let levels: Vec<Level> = (0..10)
+            .map(|at| level(at * 60, 50.0, (3..6).contains(&at)))
+            .collect();
         assert_eq!(
-            charging(&[level(0, 50.0, true), level(900, 60.0, true)]),
-            []
+            phases(&levels),
+            [(0, 3, false), (3, 6, true), (6, 9, false)]
         );
+        assert_eq!(phases(&levels[..1]), []);
     }
 
     #[test]
@@ -427,8 +421,9 @@ mod tests {
         let at = |minute: i64| record(minute * 60, json!({})).at;
         let (mut percent, mut charging, mut failed) = (88.0_f64, true, false);
         for minute in 0..3 * 1440 {
-            let hour = minute / 60 % 24;
-            let out = (9..11).contains(&hour) || (19..21).contains(&hour);
+            // The picture begins at 16:13 in Rome.
+            let hour = (minute + 16 * 60 + 13) / 60 % 24;
+            let out = (9..11).contains(&hour) || (21..23).contains(&hour);
             let drains = if out && !charging { 0.62 } else { 0.01 };
             percent += if charging { 0.45 } else { -drains };
             percent = percent.clamp(0.0, 100.0);
