@@ -56,7 +56,7 @@ pub(super) struct HistoryArgs {
     #[arg(long, conflicts_with = "plot")]
     csv: bool,
 
-    /// Draw level, charging, docks and runs over time; the last seven days unless --since says more
+    /// Draw level, charging, docks and runs over time; without --since all of the last seven days
     #[arg(long, value_name = "FILE.png", value_parser = super::world::parse_png)]
     plot: Option<PathBuf>,
 
@@ -221,6 +221,12 @@ fn plot(
     let kinds = Kinds::Of(&["started", "ended", "dock", "link_up", "link_down", "safety"]);
     let battery = history.battery(&within).map_err(unreadable)?;
     let events = history.records(&kinds, &within).map_err(unreadable)?;
+    // A young journal has not seven days to show.
+    let first = battery.iter().chain(&events).map(|record| record.at).min();
+    let since = match (span.since, first) {
+        (None, Some(first)) => since.max(first),
+        _ => since,
+    };
     let story = story::Story::of((since, until), &battery, &events);
     if story.is_empty() {
         let why = "the journal has nothing to draw of this time";
