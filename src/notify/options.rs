@@ -131,7 +131,7 @@ impl Target {
 
     fn check(&self) -> Result<(), String> {
         let web = self.url.is_some();
-        if web == !self.command.is_empty() {
+        if web != self.command.is_empty() {
             return Err("it needs either `url` or `command`".to_owned());
         }
         for text in self.templates() {
