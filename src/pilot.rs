@@ -9,6 +9,7 @@
 
 mod core;
 mod distress;
+mod halt;
 mod hearing;
 mod lights;
 mod line;
@@ -16,6 +17,7 @@ mod lost;
 mod pulse;
 mod seats;
 mod serving;
+mod shown;
 mod silence;
 mod status;
 mod throttle;
@@ -46,6 +48,7 @@ use self::lost::{HearError, LinkLost};
 pub use self::pulse::Pulse;
 use self::seats::Seats;
 use self::silence::{Silence, Verdict};
+pub use self::shown::Shown;
 pub use self::status::{LinkState, Status};
 
 /// Requests served in a row before the robot is heard again.
@@ -96,6 +99,10 @@ pub struct Pilot {
     writer: Option<Writer>,
     seats: Seats,
     lights: Lights,
+    /// As a person beside the robot sees it.
+    shown: Shown,
+    /// A person has stopped the robot.
+    halted: bool,
     silence: Silence,
     pictures: watch::Sender<Pictures>,
     damage: Damage,
@@ -130,6 +137,8 @@ impl Pilot {
             writer: None,
             seats: Seats::new(settings.streams),
             lights: Lights::default(),
+            shown: Shown::default(),
+            halted: false,
             silence: Silence::new(Instant::now()),
             pictures,
             damage: Damage::default(),
@@ -221,7 +230,7 @@ impl Pilot {
 
     /// What is to be said if everything else dies; the writer, if there is one, knows it from now on.
     fn renew_last_words(&mut self) -> Vec<Command> {
-        let last_words = self.watchdog.last_words().commands();
+        let last_words = self.held(&self.watchdog.last_words().commands());
         if let Some(writer) = &mut self.writer {
             writer.set_last_words(last_words.clone());
         }
@@ -349,11 +358,13 @@ impl Pilot {
     /// Never waits. Without a link nothing is kept for later: the robot's next login begins with a
     /// stop.
     fn send(&mut self, commands: &[Command]) -> Result<(), LinkLost> {
+        let commands = &*self.held(commands);
         for command in commands {
             if self.simulated && self.writer.is_some() {
                 self.lights.tell(command);
             }
             self.lights.note(command);
+            self.shown.note(command);
         }
         if commands
             .iter()
@@ -427,6 +438,8 @@ impl Pilot {
             place: self.watchdog.place(),
             shed: self.watchdog.shed(),
             frames,
+            halted: self.halted,
+            shown: self.shown,
         };
         self.status
             .send_if_modified(|status| status.update(newest(status.frames)));
