@@ -11,7 +11,7 @@ use tokio::task::spawn_blocking;
 use tokio::time::{Instant, sleep};
 use tracing::{error, info, warn};
 
-use super::{Behaviour, report};
+use super::Behaviour;
 use crate::behaviour::{
     Handle, Inspector, Launch, Launcher, Patience, Prepared, Reload, RestartPolicy, Supervisor,
     Verdict,
@@ -21,7 +21,7 @@ use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
 use crate::script::Ending;
 
-/// Why the run ends, once it does.
+/// Why the behaviour is to end, once it is.
 type Stop = watch::Receiver<Option<EndReason>>;
 
 /// What every behaviour of a run has to do with.
@@ -91,6 +91,10 @@ impl Keeper {
 
     pub(super) fn name(&self) -> &str {
         &self.launch.options.name
+    }
+
+    pub(super) fn by(&self) -> BehaviourId {
+        self.by
     }
 
     /// Whether a text that cannot be loaded may be mended while the run goes on.
@@ -325,7 +329,19 @@ fn look_over(launch: &Launch, inspector: Option<Inspector>) -> Result<(), Ending
     })
 }
 
-/// Waits until the run ends.
+/// Says in the log how a behaviour ended.
+pub(super) fn report(name: &str, ending: &Ending) {
+    let reason = ending.reason;
+    let message = ending.message.as_deref().unwrap_or(reason.sentence());
+    match reason {
+        EndReason::Error | EndReason::Cpu | EndReason::Memory | EndReason::Safety => {
+            error!(behaviour = name, %reason, "{message}");
+        }
+        _ => info!(behaviour = name, %reason, "{message}"),
+    }
+}
+
+/// Waits until the behaviour is to end.
 async fn stopped(stop: &mut Stop) -> EndReason {
     let reason = stop.wait_for(Option::is_some).await;
     reason

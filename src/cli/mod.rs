@@ -3,8 +3,10 @@
 
 mod album;
 mod api;
+mod behaviour;
 mod blobs;
 mod calibrate;
+mod cast;
 mod check;
 mod colours;
 mod completions;
@@ -102,6 +104,7 @@ pub enum LogFormat {
 enum Command {
     Run(run::RunArgs),
     Status(runs::StatusArgs),
+    Behaviour(behaviour::BehaviourArgs),
     New(new::NewArgs),
     Repl(repl::ReplArgs),
     Config(config::ConfigArgs),
@@ -126,6 +129,7 @@ impl Command {
         match self {
             Command::Run(args) => Some(&args.settings),
             Command::Status(args) => Some(&args.settings),
+            Command::Behaviour(args) => Some(args.settings()),
             Command::Repl(args) => Some(&args.settings),
             Command::Config(args) => args.settings(),
             Command::Check(args) => Some(&args.settings),
@@ -142,6 +146,7 @@ impl Command {
         match self {
             Command::Run(args) => run::run(&args, console),
             Command::Status(args) => runs::run(&args),
+            Command::Behaviour(args) => behaviour::run(&args),
             Command::New(args) => new::run(&args),
             Command::Repl(args) => repl::run(&args, console),
             Command::Config(args) => config::run(&args),

@@ -39,6 +39,8 @@ impl Running {
     ) -> Running {
         let plan = Plan {
             behaviours,
+            blueprints: Vec::new(),
+            stays: false,
             settings: Settings {
                 limits: options.limits.clone(),
                 simulated: true,

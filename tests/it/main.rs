@@ -33,6 +33,7 @@ mod protocol;
 mod repl;
 mod rescue;
 mod rig;
+mod roster;
 mod run;
 mod safety;
 mod scenarios;

@@ -285,6 +285,8 @@ fn agent_that_is_told_to_reload() {
         };
         let plan = Plan {
             behaviours: vec![behaviour],
+            blueprints: Vec::new(),
+            stays: false,
             settings: Settings {
                 limits: spykee::safety::Limits::default(),
                 simulated: true,
