@@ -18,6 +18,7 @@ pub use self::effective::{Effective, Named, Origin, Setting};
 pub use self::logging::{Format, Level, Logging, Time, When};
 pub use self::schema::schema;
 use crate::files;
+use crate::http;
 use crate::link::{self, Target};
 use crate::pilot::Settings;
 use crate::robot::{Streams, float_within};
@@ -63,6 +64,8 @@ pub struct Config {
     pub colours: BTreeMap<String, Colour>,
     /// Where scripts save pictures, a folder for each.
     pub data: Option<PathBuf>,
+    /// The page in the browser and the JSON API.
+    pub live: http::Options,
     /// How logs are written.
     pub logging: Logging,
 }
@@ -166,6 +169,8 @@ impl Config {
             .chain(rescue)
             .chain(&mut config.data)
             .chain(&mut config.password_file)
+            .chain(&mut config.live.driver_password_file)
+            .chain(&mut config.live.viewer_password_file)
         {
             *path = folder.join(&path);
         }

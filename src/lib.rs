@@ -96,6 +96,7 @@
 //! | 0 | `yaml` | texts that nest too deeply are refused before they are parsed |
 //! | 0 | `clean` | text from outside, harmless for terminals, logs, XML and JSON |
 //! | 0 | `budget` | so many bytes a day, and lines that are said once a minute |
+//! | 1 | `http` | a bounded server and its guard: who may ask; knows no robot |
 //! | 1 | `robot` | the words that cross between tasks and processes |
 //! | 1 | `guardian` | the process that stops the robot when the agent cannot |
 //! | 2 | `api` | the one table of what scripts can call and read |
@@ -109,6 +110,7 @@
 //! | 6 | `config` | the YAML file, composed of each module's own options |
 //! | 7 | `lab` | a whole run in virtual time: agent, hosts and simulator on one thread |
 //! | 7 | `control` | the socket by which a run that is on can be asked |
+//! | 8 | `live` | the page in the browser, the JSON API, health and metrics |
 //! | 8 | `scenario` | worlds, behaviours and what must become true: plays `*_test.lua` files |
 //! | 9 | `cli` | one file per subcommand |
 //! | side | `sim` | the simulated robot and its world; imports floor 0 only |
@@ -128,8 +130,10 @@ pub mod config;
 pub mod control;
 pub mod files;
 pub mod guardian;
+pub mod http;
 pub mod lab;
 pub mod link;
+pub mod live;
 pub mod pilot;
 pub mod robot;
 pub mod safety;

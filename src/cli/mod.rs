@@ -23,6 +23,7 @@ mod fast;
 mod interrupt;
 mod learn;
 mod lesson;
+mod live;
 mod logging;
 mod new;
 mod params;
@@ -41,6 +42,7 @@ mod status;
 mod table;
 mod terminal;
 mod test;
+mod token;
 mod trace;
 mod waiting;
 mod world;
@@ -121,6 +123,7 @@ enum Command {
     Doctor(doctor::DoctorArgs),
     Completions(completions::CompletionsArgs),
     World(world::WorldArgs),
+    Token(token::TokenArgs),
 }
 
 impl Command {
@@ -138,6 +141,7 @@ impl Command {
             Command::Robot(args) => Some(args.settings()),
             Command::Calibrate(args) => Some(&args.aim.settings),
             Command::Doctor(args) => Some(&args.settings),
+            Command::Token(args) => Some(&args.settings),
             _ => None,
         }
     }
@@ -163,6 +167,7 @@ impl Command {
             Command::Doctor(args) => doctor::run(&args),
             Command::Completions(args) => completions::run(&args, Cli::command()),
             Command::World(args) => world::run(&args),
+            Command::Token(args) => token::run(&args),
         }
     }
 }

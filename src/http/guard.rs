@@ -8,7 +8,7 @@ use std::net::{IpAddr, SocketAddr};
 
 /// How a request is addressed.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Addressed<'a> {
+pub(super) struct Addressed<'a> {
     /// Its `Host`, if it has exactly one.
     pub host: Option<&'a str>,
     /// Its `Origin`, if it has one.
@@ -21,7 +21,7 @@ pub struct Addressed<'a> {
 
 /// Why a request is turned away.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum Reason {
+pub(super) enum Reason {
     /// Another name than ours, or none.
     #[error("this address is not ours: `live: {{ hosts: [NAME] }}` names those by which browsers may come")]
     Host,

@@ -16,7 +16,7 @@ use crate::http::Role;
 /// From the page.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
-pub enum FromPage {
+pub(super) enum FromPage {
     /// What the page shows now; nothing else is sent.
     Watch(Watch),
     /// The last frame was shown: the next, please.
@@ -54,7 +54,7 @@ pub enum FromPage {
 /// What a page shows.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub struct Watch {
+pub(super) struct Watch {
     /// The camera's frames.
     pub camera: bool,
     /// What scripts found in them.
@@ -68,7 +68,7 @@ pub struct Watch {
 /// To the page.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case")]
-pub enum ToPage<'a> {
+pub(super) enum ToPage<'a> {
     /// The first message.
     Hello(Hello),
     /// How things stand.
@@ -123,7 +123,7 @@ pub enum ToPage<'a> {
 
 /// Who looks at what.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
-pub struct Hello {
+pub(super) struct Hello {
     /// Of the program.
     pub version: &'static str,
     /// The viewer's number.
@@ -138,7 +138,7 @@ pub struct Hello {
 
 /// One thing that was found, in pixels of the frame.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Found {
+pub(super) struct Found {
     /// Left edge.
     pub x: u32,
     /// Upper edge.

@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use crate::control::{Answer, Errand, Run};
+use crate::control::{self, Answer, Errand, Run};
 use crate::robot::{DockEnd, DockPlan, Percent};
 use crate::sim::{Fault, FaultsError, Handle, Point, Pose};
 use crate::wire;
@@ -21,7 +21,7 @@ const FAR: f64 = 1000.0;
 /// One thing to do.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
-pub enum Order {
+pub(super) enum Order {
     /// Drive to the station.
     Dock,
     /// Leave it.
@@ -45,6 +45,13 @@ pub enum Order {
         /// 0..=100.
         percent: Percent,
     },
+    /// Start, stop or restart a behaviour.
+    Behaviour {
+        /// Which.
+        name: String,
+        /// What is to become of it.
+        change: Turn,
+    },
     /// Change the simulated world.
     Sim {
         /// What.
@@ -52,10 +59,32 @@ pub enum Order {
     },
 }
 
+/// What is to become of a behaviour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Turn {
+    /// It begins.
+    Start,
+    /// It ends.
+    Stop,
+    /// It ends if it runs, and begins anew from its file.
+    Restart,
+}
+
+impl From<Turn> for control::Change {
+    fn from(turn: Turn) -> control::Change {
+        match turn {
+            Turn::Start => control::Change::Start,
+            Turn::Stop => control::Change::Stop,
+            Turn::Restart => control::Change::Restart,
+        }
+    }
+}
+
 /// A light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Light {
+pub(super) enum Light {
     /// The headlight.
     Flash,
     /// The left one.
@@ -67,7 +96,7 @@ pub enum Light {
 /// A change of the simulated world, with the words of scenarios (`sim:place` and so on).
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(tag = "sim", rename_all = "snake_case", deny_unknown_fields)]
-pub enum Change {
+pub(super) enum Change {
     /// Carry the robot somewhere.
     Place {
         /// Metres.
@@ -123,10 +152,10 @@ pub enum Change {
 }
 
 /// What became of it: done or not, and in words.
-pub type Done = (bool, String);
+pub(super) type Done = (bool, String);
 
 /// Does it. Dropping the wait gives it up.
-pub async fn perform(order: Order, run: &Run, sim: Option<&Handle>) -> Done {
+pub(super) async fn perform(order: Order, run: &Run, sim: Option<&Handle>) -> Done {
     let errand = match order {
         Order::Sim { change } => {
             return match sim {
@@ -138,6 +167,7 @@ pub async fn perform(order: Order, run: &Run, sim: Option<&Handle>) -> Done {
         Order::Undock => Errand::Undock(UNDOCK),
         Order::Led { light, on } => Errand::Led { led: light.into(), on },
         Order::StopSound => Errand::StopSound,
+        Order::Behaviour { name, change } => Errand::Behaviour { name, change: change.into() },
         Order::Volume { percent } => Errand::Volume(percent),
         Order::Play { sound } => match wire::Sound::from_name(&sound) {
             Some(sound) => Errand::Play(sound),
@@ -159,7 +189,7 @@ impl From<Light> for wire::Led {
 
 fn in_words(answer: Answer) -> Done {
     match answer {
-        Answer::Done | Answer::Overview(_) | Answer::Picture(_) => (true, String::new()),
+        Answer::Done | Answer::Overview(_) | Answer::Picture(_) | Answer::Behaviours(_) => (true, String::new()),
         Answer::Docked { end, .. } => (good(end), end.name().to_owned()),
         Answer::Undocked(end) => (good(end), end.name().to_owned()),
         Answer::NoPicture => (false, "no picture came in time".to_owned()),

@@ -17,7 +17,7 @@ const RATE: Duration = Duration::from_secs(1);
 
 /// See the module.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct State {
+pub(super) struct State {
     /// `connecting`, `up` or `lost`.
     pub link: &'static str,
     /// What the watchdog is at: `offline`, `free`, `docked`, `docking`, `going_home` or `alarm`.
@@ -58,7 +58,7 @@ pub struct State {
 
 /// The battery.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
-pub struct Level {
+pub(super) struct Level {
     /// 0..=100.
     pub percent: u8,
     /// On the charger.
@@ -69,7 +69,7 @@ pub struct Level {
 
 /// The robot.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
-pub struct Robot {
+pub(super) struct Robot {
     /// What it says of itself.
     pub name: String,
     /// Such as `SPYKEE0001`.
@@ -82,7 +82,7 @@ pub struct Robot {
 
 /// A viewer.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
-pub struct Person {
+pub(super) struct Person {
     /// His number.
     pub id: u32,
     /// What the others call him.

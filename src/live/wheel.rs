@@ -80,7 +80,7 @@ pub(super) async fn hold(run: Run, mut held: watch::Receiver<bool>) {
         let mut take = Some(Instant::now());
         loop {
             tokio::select! {
-                _ = held.wait_for(|held| !held) => return Ok::<(), SeatError>(()),
+                () = until_free(&mut held) => return Ok::<(), SeatError>(()),
                 () = at(take) => {
                     take = None;
                     seat.drive(Setpoint::STOP).await?;
@@ -97,6 +97,11 @@ pub(super) async fn hold(run: Run, mut held: watch::Receiver<bool>) {
     if let Err(error) = holding.await {
         info!("STOP: {error}");
     }
+}
+
+/// Also if nobody is there any more who could let go of it here.
+async fn until_free(held: &mut watch::Receiver<bool>) {
+    let _ = held.wait_for(|held| !held).await;
 }
 
 async fn at(moment: Option<Instant>) {

@@ -13,7 +13,7 @@ const BUMPS: usize = 30;
 
 /// As a world is at first.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Place {
+pub(super) struct Place {
     /// Its name.
     pub name: String,
     /// Of the room.
@@ -50,7 +50,7 @@ pub struct Place {
 
 /// Something with corners.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Shape {
+pub(super) struct Shape {
     /// Its name, perhaps none.
     pub name: String,
     /// `#rrggbb`.
@@ -61,7 +61,7 @@ pub struct Shape {
 
 /// Something round.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Round {
+pub(super) struct Round {
     /// Its name, perhaps none; a sign's text.
     pub name: String,
     /// `#rrggbb`.
@@ -74,7 +74,7 @@ pub struct Round {
 
 /// A line of tape.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Tape {
+pub(super) struct Tape {
     /// `#rrggbb`.
     pub colour: String,
     /// Metres.
@@ -89,7 +89,7 @@ pub struct Tape {
 
 /// What moves.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub struct Map {
+pub(super) struct Map {
     /// Simulated seconds since the start.
     pub time: f64,
     /// The robot: x, y, heading.
