@@ -27,7 +27,7 @@ use crate::behaviour::{Launch, Launcher, Reload, RestartPolicy};
 use crate::link::LinkError;
 use crate::pilot::{Dial, Pulse, Settings, Status};
 use crate::robot::channel::Request;
-use crate::robot::{EndReason, Pictures, Priority};
+use crate::robot::{EndReason, Lookout, Pictures, Priority};
 use crate::script::Ending;
 
 /// How long the scripts' last words and the end of their hosts may take together.
@@ -124,6 +124,7 @@ impl Agent {
             // Each behaviour has its own.
             stop: watch::channel(None).1,
             longest_silence: flight.longest_silence(),
+            lookout: Lookout::default(),
         };
         let (company, roster) = Company::new(around, plan.blueprints);
         let agent = Agent {

@@ -144,6 +144,7 @@ impl Config {
             camera: self.camera,
             colours: self.colours.clone(),
             streams: self.streams,
+            findings: self.live.listen.is_some(),
             ..script::Options::new(name, chunk)
         }
     }

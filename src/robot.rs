@@ -3,10 +3,12 @@
 //! rule, no socket, no VM.
 
 pub mod channel;
+mod finding;
 mod quantity;
 mod streams;
 mod stroke;
 
+pub use finding::{Finding, Findings, Lookout};
 pub use quantity::{Percent, Seconds, TrackPower, float_within, whole_within};
 pub use streams::{Streams, Use};
 pub use stroke::Stroke;

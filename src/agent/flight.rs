@@ -16,7 +16,7 @@ use super::rescue;
 use crate::behaviour::{Launch, Launcher};
 use crate::link::LinkError;
 use crate::pilot::{self, Delivery, Dial, LinkState, Pilot, Pulse, Settings, Status};
-use crate::robot::Pictures;
+use crate::robot::{Lookout, Pictures};
 use crate::robot::channel::{MAX_REQUESTS, Request};
 
 /// How long the last writes and the closing of the link may take.
@@ -94,6 +94,7 @@ impl Preflight {
             frames: self.frames(),
             stop,
             longest_silence: self.longest_silence(),
+            lookout: Lookout::default(),
         };
         let standing_by = rescue::stand_by(around, launch, self.status());
         self.rescue = Some(AbortOnDropHandle::new(tokio::spawn(standing_by)));

@@ -18,7 +18,7 @@ use crate::behaviour::{
 };
 use crate::check;
 use crate::robot::channel::{Request, Role};
-use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
+use crate::robot::{BehaviourId, EndReason, Lookout, Pictures, Priority};
 use crate::script::Ending;
 
 /// Why the behaviour is to end, once it is.
@@ -35,6 +35,8 @@ pub(super) struct Surroundings {
     pub(super) stop: Stop,
     /// Of a host's life.
     pub(super) longest_silence: Duration,
+    /// Where people look on.
+    pub(super) lookout: Lookout,
 }
 
 /// A saved text that a host has loaded.
@@ -136,12 +138,14 @@ impl Keeper {
             frames,
             core,
             longest_silence,
+            lookout,
             ..
         } = self.around.clone();
         let handle = Handle::default();
         let supervisor = Supervisor::board(host, self.role, requests, frames)
             .await
-            .with_longest_silence(longest_silence);
+            .with_longest_silence(longest_silence)
+            .with_lookout(lookout);
         let mut life = pin!(supervisor.run(handle.clone(), &core));
         let (mut loading, mut successor, mut parting) = (None, None, false);
         let ending = loop {

@@ -23,7 +23,7 @@ use super::pipe::{Receiver, Sender};
 use super::process::{HostProcess, Launcher, PipeReader, PipeWriter};
 use super::quill::{Fate, Quill};
 use crate::robot::channel::{Inbox, Request, Role, Told, events};
-use crate::robot::{BehaviourId, Coming, EndReason, Pictures, Priority};
+use crate::robot::{BehaviourId, Coming, EndReason, Findings, Lookout, Pictures, Priority};
 use crate::script::{Ending, Level, LogLine, ModuleName};
 
 /// Messages that may wait for a host that does not read.
@@ -93,6 +93,7 @@ pub struct Supervisor {
     dropped: u64,
     dialogue: Option<Dialogue>,
     silence: Option<Silence>,
+    lookout: Lookout,
 }
 
 /// How long nothing may be heard of a host that runs.
@@ -283,7 +284,14 @@ impl Supervisor {
             dropped: 0,
             dialogue: None,
             silence: None,
+            lookout: Lookout::default(),
         }
+    }
+
+    /// What it finds in frames is told here.
+    #[must_use]
+    pub fn with_lookout(self, lookout: Lookout) -> Supervisor {
+        Supervisor { lookout, ..self }
     }
 
     /// Somebody types lines for the script and hears what it says.
@@ -405,6 +413,10 @@ impl Supervisor {
                 return self.pass_picture();
             }
             FromHost::Log(line) => return self.write(line),
+            FromHost::Found { frame, list } => {
+                let behaviour = self.host.name.clone();
+                return self.lookout.tell(Findings { behaviour, frame, list });
+            }
             FromHost::Evaluated(evaluated) => {
                 if let Some(dialogue) = &self.dialogue {
                     dialogue.say(Said::Evaluated(evaluated));

@@ -1,7 +1,6 @@
 //! `run --live`: the page beside a run, and the browser that shows it.
 
 use std::io::IsTerminal as _;
-use std::net::SocketAddr;
 use std::process::{Command, Stdio};
 
 use tokio::sync::watch;
@@ -15,9 +14,6 @@ use crate::live::{self, Live, LiveError, Script, Shown};
 use crate::script::ParamValue;
 use crate::sim::Handle;
 
-/// What `--live` says: nothing, or an address in place of the config's.
-pub(super) type Wanted = Option<Option<SocketAddr>>;
-
 /// What the page needs of a run before it has begun.
 pub(super) struct Ahead {
     options: Options,
@@ -26,15 +22,14 @@ pub(super) struct Ahead {
 }
 
 impl Ahead {
-    /// `None`: no page is wanted.
-    pub(super) fn of(wanted: Wanted, config: &Config, behaviours: &[Behaviour]) -> Option<Ahead> {
-        let listen = wanted?.or(config.live.listen);
+    /// Of these behaviours, as the config says.
+    pub(super) fn of(config: &Config, behaviours: &[Behaviour]) -> Ahead {
         let scripts = behaviours.iter().map(script).collect();
-        Some(Ahead {
-            options: Options { listen, ..config.live.clone() },
+        Ahead {
+            options: config.live.clone(),
             data: config.data_folder().to_owned(),
             scripts: watch::channel(scripts).1,
-        })
+        }
     }
 
     /// Serves the page, says where, and opens it in the browser of a person who sits there.

@@ -127,7 +127,10 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let mut args = args.clone();
     args.files
         .extend(args.connection.take_misplaced_behaviour());
-    let config = args.settings.config()?.clone();
+    let mut config = args.settings.config()?.clone();
+    if let Some(address) = args.live {
+        config.live.listen = Some(address.unwrap_or(config.live.address()));
+    }
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
     let Cast {
@@ -176,7 +179,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         false => dial(target, login, link),
     };
     let core = driving_core()?;
-    let page = Ahead::of(args.live, &config, &behaviours);
+    let page = args.live.map(|_| Ahead::of(&config, &behaviours));
     let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
     let plan = Plan {
         behaviours,

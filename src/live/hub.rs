@@ -13,7 +13,7 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 use super::camera::Camera;
 use super::history::History;
 use super::log::Book;
-use super::messages::ToPage;
+use super::messages::{Found, ToPage};
 use super::metrics::Metrics;
 use super::scripts::{self, Script};
 use super::state::{self, People, Person, Rate};
@@ -22,7 +22,7 @@ use super::world;
 use crate::agent::SeatError;
 use crate::control::Run;
 use crate::http::{Role, Visitor};
-use crate::robot::{Event, RobotInfo, Setpoint};
+use crate::robot::{Event, Findings, RobotInfo, Setpoint};
 use crate::sim;
 
 /// How often is looked whether anything is new.
@@ -169,7 +169,23 @@ impl Hub {
 
     /// Serves what is shared for as long as the run is on.
     pub(super) async fn serve(self: Arc<Hub>) {
-        tokio::join!(self.camera.serve(&self.run), self.listen(), self.look(), self.tell());
+        let (camera, found) = (self.camera.serve(&self.run), self.pass_on_found());
+        tokio::join!(camera, found, self.listen(), self.look(), self.tell());
+    }
+
+    async fn pass_on_found(&self) {
+        let mut findings = self.run.roster.findings();
+        loop {
+            match findings.recv().await {
+                Ok(Findings { behaviour, frame, list }) => {
+                    let marks = list.into_iter().map(Found::from).collect();
+                    // Fails if nobody looks.
+                    let _ = self.found.send(text(&ToPage::Found { behaviour, frame, marks }));
+                }
+                Err(broadcast::error::RecvError::Lagged(_)) => {}
+                Err(broadcast::error::RecvError::Closed) => return,
+            }
+        }
     }
 
     /// Hears what every behaviour hears.

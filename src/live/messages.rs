@@ -12,6 +12,7 @@ use super::scripts::Behaviour;
 use super::state::State;
 use super::world::{Map, Place};
 use crate::http::Role;
+use crate::robot::Finding;
 
 /// From the page.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
@@ -149,6 +150,12 @@ pub(super) struct Found {
     pub h: u32,
     /// What: the colour's name, the track's id.
     pub text: String,
+}
+
+impl From<Finding> for Found {
+    fn from(Finding { x, y, w, h, text }: Finding) -> Found {
+        Found { x, y, w, h, text }
+    }
 }
 
 /// The JSON Schema of all messages, for the page and for other clients.

@@ -30,7 +30,7 @@ impl Sight {
             eyes: Eyes::new(options.camera),
             watchers: Rc::default(),
             damage: Damage::default(),
-            witness: options.annotate_dir.as_ref().map(|_| Witness::default()),
+            witness: Witness::of(options),
         }
     }
 }

@@ -23,6 +23,7 @@ mod hostile;
 mod intruders;
 mod lessons;
 mod link;
+mod live;
 mod new;
 mod pilot;
 #[path = "../fuzz/poster.rs"]
