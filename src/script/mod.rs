@@ -15,6 +15,7 @@
 mod album;
 mod api;
 mod arguments;
+mod blockage;
 mod budget;
 mod complaints;
 mod declaration;
@@ -30,6 +31,7 @@ mod life;
 mod modules;
 mod motion;
 mod nearest;
+mod odometry;
 mod options;
 mod output;
 mod pace;
