@@ -27,6 +27,7 @@ use crate::behaviour::{Launch, Launcher, Reload, RestartPolicy};
 use crate::link::LinkError;
 use crate::pilot::{Dial, Pulse, Settings, Status};
 use crate::robot::channel::Request;
+pub use crate::robot::{Bus, Happening, Heard, Listener, Occurrence};
 use crate::robot::{EndReason, Lookout, Pictures, Priority};
 use crate::script::Ending;
 
@@ -75,6 +76,8 @@ pub struct Plan {
     pub rescue: Option<Launch>,
     /// End after this time.
     pub limit: Option<Duration>,
+    /// Where it says what happens; it may be another's too.
+    pub bus: Bus,
 }
 
 /// How a run went.
@@ -114,7 +117,8 @@ pub struct Agent {
 impl Agent {
     /// Also returns the newest status of robot and watchdog.
     pub fn new(plan: Plan) -> (Agent, watch::Receiver<Status>) {
-        let flight = Preflight::new(plan.settings, plan.dial, plan.core, plan.pulse);
+        let flight = Preflight::new(plan.settings, plan.dial, plan.core, plan.pulse)
+            .with_bus(plan.bus.clone());
         let status = flight.status();
         let around = Surroundings {
             launcher: plan.launcher.clone(),
@@ -125,6 +129,7 @@ impl Agent {
             stop: watch::channel(None).1,
             longest_silence: flight.longest_silence(),
             lookout: Lookout::default(),
+            bus: plan.bus,
         };
         let (company, roster) = Company::new(around, plan.blueprints);
         let agent = Agent {

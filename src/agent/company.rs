@@ -2,6 +2,8 @@
 //! [`Roster`](super::roster), loads scripts, and sees each behaviour to its end. Nothing here is on
 //! the driving core, and nothing here can move the robot.
 
+use std::time::Duration;
+
 use tokio::sync::{mpsc, watch};
 use tokio::task::{JoinSet, spawn_blocking};
 use tokio::time::{Instant, timeout};
@@ -12,7 +14,7 @@ use super::roster::{Blueprint, Member, MemberState, Order, Reply, Roster, Roster
 use super::{AgentError, Behaviour, SCRIPTS_END};
 use crate::behaviour::Prepared;
 use crate::robot::channel::Role;
-use crate::robot::{BehaviourId, EndReason, Priority};
+use crate::robot::{BehaviourId, EndReason, Occurrence, Priority};
 use crate::script::Ending;
 
 /// The most behaviours that run at a time: each is a process.
@@ -96,6 +98,7 @@ impl Company {
                 Err(ending) if !keeper.is_watched() => {
                     let name = keeper.name().to_owned();
                     report(&name, &ending);
+                    keeper.tell_ended(&ending, Duration::ZERO);
                     return Err((name, ending));
                 }
                 first => {
@@ -273,6 +276,12 @@ impl Company {
                         tracing::error!(behaviour = one.name, "cannot be started: {why}");
                         let reason = EndReason::Error;
                         let message = Some(why.clone());
+                        self.around.bus.tell(Occurrence::Ended {
+                            behaviour: one.name.clone(),
+                            reason,
+                            message: message.clone(),
+                            seconds: 0.0,
+                        });
                         self.keep_ending(&one.name, Ending { reason, message });
                         RosterError::CannotLoad(why)
                     }

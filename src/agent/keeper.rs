@@ -18,7 +18,7 @@ use crate::behaviour::{
 };
 use crate::check;
 use crate::robot::channel::{Request, Role};
-use crate::robot::{BehaviourId, EndReason, Lookout, Pictures, Priority};
+use crate::robot::{BehaviourId, Bus, EndReason, Lookout, Occurrence, Pictures, Priority};
 use crate::script::Ending;
 
 /// Why the behaviour is to end, once it is.
@@ -37,6 +37,7 @@ pub(super) struct Surroundings {
     pub(super) longest_silence: Duration,
     /// Where people look on.
     pub(super) lookout: Lookout,
+    pub(super) bus: Bus,
 }
 
 /// A saved text that a host has loaded.
@@ -115,11 +116,13 @@ impl Keeper {
         self.outdated = first.is_err();
         let mut next = first;
         loop {
+            let began = Instant::now();
             let (ending, successor) = match next {
                 Ok(host) => self.live(host).await,
                 Err(ending) => (ending, None),
             };
             report(self.name(), &ending);
+            self.tell_ended(&ending, began.elapsed());
             next = match successor {
                 Some(loaded) => Ok(self.succeed(loaded)),
                 None => match self.come_back(&ending).await {
@@ -142,10 +145,15 @@ impl Keeper {
             ..
         } = self.around.clone();
         let handle = Handle::default();
+        let bus = self.around.bus.clone();
+        bus.tell(Occurrence::Started {
+            behaviour: self.name().to_owned(),
+        });
         let supervisor = Supervisor::board(host, self.role, requests, frames)
             .await
             .with_longest_silence(longest_silence)
-            .with_lookout(lookout);
+            .with_lookout(lookout)
+            .with_bus(bus);
         let mut life = pin!(supervisor.run(handle.clone(), &core));
         let (mut loading, mut successor, mut parting) = (None, None, false);
         let ending = loop {
@@ -207,12 +215,26 @@ impl Keeper {
         }
     }
 
+    /// Says on the bus how it has ended, after running for so long.
+    pub(super) fn tell_ended(&self, ending: &Ending, ran: Duration) {
+        self.around.bus.tell(Occurrence::Ended {
+            behaviour: self.name().to_owned(),
+            reason: ending.reason,
+            message: ending.message.clone(),
+            seconds: ran.as_secs_f64(),
+        });
+    }
+
     /// For a person to hear and to read.
     async fn give_up(&self, ending: &Ending) {
         let (behaviour, reason) = (self.name(), ending.reason);
         let message = ending.message.as_deref().unwrap_or(reason.sentence());
         let of = self.limits();
         error!(behaviour, %reason, "given up, no restart is left {of}: {message}");
+        self.around.bus.tell(Occurrence::GivenUp {
+            behaviour: behaviour.to_owned(),
+            message: message.to_owned(),
+        });
         let _ = self.around.requests.send(Request::Alarm).await;
     }
 

@@ -7,7 +7,7 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
 use super::library::Library;
-use crate::robot::{EndReason, Event, Finding, Intent};
+use crate::robot::{EndReason, Event, Finding, Intent, Remark};
 use crate::script::{Ending, Evaluated, LogLine, ModuleFile, ModuleName, Options};
 
 /// A script and all it needs; no secrets.
@@ -87,6 +87,8 @@ pub enum FromHost {
     },
     /// The script wrote a line.
     Log(LogLine),
+    /// What the script has done or wants that is not the robot's.
+    Remark(Remark),
     /// What became of the line that was typed.
     Evaluated(Evaluated),
     /// The script has ended; the host exits.

@@ -22,7 +22,7 @@ use super::status::StatusLine;
 use super::trace::TraceFile;
 use super::waiting::{Tries, until_answered};
 use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
-use crate::agent::{self, Agent, AgentError, Behaviour, Outcome, Plan, RESCUE_NAME};
+use crate::agent::{self, Agent, AgentError, Behaviour, Bus, Outcome, Plan, RESCUE_NAME};
 use crate::behaviour::{Launch, Launcher, RestartPolicy, is_failure};
 use crate::config::{Config, Entry};
 use crate::control::{self, Desk};
@@ -181,6 +181,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let core = driving_core()?;
     let page = args.live.map(|_| Ahead::of(&config, &behaviours));
     let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
+    let bus = Bus::default();
     let plan = Plan {
         behaviours,
         blueprints,
@@ -192,6 +193,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         pulse: Some(pulse(sim.is_some())),
         rescue: rescue(&config, seed)?,
         limit: args.limit,
+        bus: bus.clone(),
     };
     let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle), tries);
     let outcome = runtime.block_on(async {

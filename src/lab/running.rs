@@ -54,6 +54,7 @@ impl Running {
             pulse: None,
             rescue: rescue(options),
             limit,
+            bus: options.bus.clone(),
         };
         let stop = options.stop.child_token();
         let (agent, status) = Agent::new(plan);

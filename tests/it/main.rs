@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, unreachable_pub)]
 
 mod behaviours;
+mod bus;
 mod calibrate;
 mod check;
 mod circles;

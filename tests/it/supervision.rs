@@ -303,6 +303,7 @@ fn agent_that_is_told_to_reload() {
             pulse: None,
             rescue: None,
             limit: None,
+            bus: Default::default(),
         };
         let (agent, _status) = Agent::new(plan);
         agent.run(Default::default()).await.unwrap();
