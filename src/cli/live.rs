@@ -10,6 +10,7 @@ use crate::agent::Behaviour;
 use crate::config::Config;
 use crate::control::Run;
 use crate::http::Options;
+use crate::robot::{Bus, Listener};
 use crate::live::{self, Live, LiveError, Script, Shown};
 use crate::script::ParamValue;
 use crate::sim::Handle;
@@ -19,16 +20,18 @@ pub(super) struct Ahead {
     options: Options,
     data: std::path::PathBuf,
     scripts: watch::Receiver<Vec<Script>>,
+    bus: Listener,
 }
 
 impl Ahead {
     /// Of these behaviours, as the config says.
-    pub(super) fn of(config: &Config, behaviours: &[Behaviour]) -> Ahead {
+    pub(super) fn of(config: &Config, behaviours: &[Behaviour], bus: &Bus) -> Ahead {
         let scripts = behaviours.iter().map(script).collect();
         Ahead {
             options: config.live.clone(),
             data: config.data_folder().to_owned(),
             scripts: watch::channel(scripts).1,
+            bus: bus.listen(),
         }
     }
 
@@ -42,9 +45,9 @@ impl Ahead {
         sim: Option<Handle>,
         console: &Console,
     ) -> Result<Live, Failure> {
-        let Ahead { options, data, scripts } = self;
+        let Ahead { options, data, scripts, bus } = self;
         let log = live::tap();
-        let live = Live::start(Shown { run, sim, scripts, log, data }, &options).map_err(refused)?;
+        let live = Live::start(Shown { run, sim, scripts, bus, log, data }, &options).map_err(refused)?;
         let url = live.url();
         tracing::info!("the page is at {url}");
         if console.has_status_line() {

@@ -179,9 +179,9 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         false => dial(target, login, link),
     };
     let core = driving_core()?;
-    let page = args.live.map(|_| Ahead::of(&config, &behaviours));
-    let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
     let bus = Bus::default();
+    let page = args.live.map(|_| Ahead::of(&config, &behaviours, &bus));
+    let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
     let plan = Plan {
         behaviours,
         blueprints,

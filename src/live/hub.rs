@@ -22,7 +22,7 @@ use super::world;
 use crate::agent::SeatError;
 use crate::control::Run;
 use crate::http::{Role, Visitor};
-use crate::robot::{Event, Findings, RobotInfo, Setpoint};
+use crate::robot::{Findings, Heard, Listener, Occurrence, RobotInfo, Setpoint};
 use crate::sim;
 
 /// How often is looked whether anything is new.
@@ -168,9 +168,9 @@ impl Hub {
     }
 
     /// Serves what is shared for as long as the run is on.
-    pub(super) async fn serve(self: Arc<Hub>) {
+    pub(super) async fn serve(self: Arc<Hub>, bus: Listener) {
         let (camera, found) = (self.camera.serve(&self.run), self.pass_on_found());
-        tokio::join!(camera, found, self.listen(), self.look(), self.tell());
+        tokio::join!(camera, found, self.listen(bus), self.look(), self.tell());
     }
 
     async fn pass_on_found(&self) {
@@ -188,15 +188,24 @@ impl Hub {
         }
     }
 
-    /// Hears what every behaviour hears.
-    async fn listen(&self) {
-        let Ok(mut seat) = self.run.seat("the page's ears").await else {
-            return;
-        };
-        while let Ok(event) = seat.told().await {
-            self.metrics.count(&event);
-            if let Event::Connected { info, .. } = event {
-                self.robot.send_replace(Some(info));
+    /// Hears what happens.
+    async fn listen(&self, mut bus: Listener) {
+        if let Some(crew) = self.run.aboard().await {
+            self.robot.send_if_modified(|robot| robot.is_none() && {
+                *robot = crew.robot;
+                true
+            });
+        }
+        loop {
+            match bus.next().await {
+                Heard::Happening(happening) => {
+                    self.metrics.count(&happening.what);
+                    if let Occurrence::LinkUp { robot, .. } = &happening.what {
+                        self.robot.send_replace(Some(robot.clone()));
+                    }
+                }
+                Heard::Missed(missed) => tracing::debug!("the page has missed {missed} happenings"),
+                Heard::Closed => return,
             }
         }
     }

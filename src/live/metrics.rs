@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicU64;
 
 use crate::control::Run;
 use crate::pilot::LinkState;
-use crate::robot::Event;
+use crate::robot::Occurrence;
 
 /// The watchdog's acts, by kind.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
@@ -18,10 +18,16 @@ struct Act {
     action: &'static str,
 }
 
-/// Ends of searches, by what the robot said.
+/// Dockings by how they ended.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct Dock {
     code: &'static str,
+}
+
+/// Behaviours that have ended, by reason.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct End {
+    reason: &'static str,
 }
 
 /// See the module.
@@ -41,6 +47,8 @@ pub(super) struct Metrics {
     losses: Counter,
     acts: Family<Act, Counter>,
     docks: Family<Dock, Counter>,
+    starts: Counter,
+    ends: Family<End, Counter>,
 }
 
 impl Metrics {
@@ -61,6 +69,8 @@ impl Metrics {
             losses: Counter::default(),
             acts: Family::default(),
             docks: Family::default(),
+            starts: Counter::default(),
+            ends: Family::default(),
             registry: Registry::default(),
         };
         let one = &metrics;
@@ -77,23 +87,25 @@ impl Metrics {
         registry.register("link_logins", "Logins at the robot", one.links.clone());
         registry.register("link_losses", "Lost links", one.losses.clone());
         registry.register("safety_acts", "What the watchdog did", one.acts.clone());
-        registry.register("docks", "What the robot said of its station", one.docks.clone());
+        registry.register("docks", "Dockings by how they ended", one.docks.clone());
+        registry.register("behaviour_starts", "Behaviours that were started, or started again", one.starts.clone());
+        registry.register("behaviour_ends", "Behaviours that ended, by reason", one.ends.clone());
         Metrics { registry, ..metrics }
     }
 
     /// Something has happened.
-    pub(super) fn count(&self, event: &Event) {
-        let dock = |code| {
-            self.docks.get_or_create(&Dock { code }).inc();
-        };
-        match event {
-            Event::Connected { .. } => drop(self.links.inc()),
-            Event::Disconnected { .. } => drop(self.losses.inc()),
-            Event::Docked => dock("docked"),
-            Event::Undocked => dock("undocked"),
-            Event::Charged => dock("charged"),
-            Event::BaseNotFound => dock("base_not_found"),
-            Event::Safety { action, .. } => {
+    pub(super) fn count(&self, what: &Occurrence) {
+        match what {
+            Occurrence::LinkUp { .. } => drop(self.links.inc()),
+            Occurrence::LinkDown { .. } => drop(self.losses.inc()),
+            Occurrence::Started { .. } => drop(self.starts.inc()),
+            Occurrence::Ended { reason, .. } => {
+                self.ends.get_or_create(&End { reason: reason.name() }).inc();
+            }
+            Occurrence::Dock { end, .. } => {
+                self.docks.get_or_create(&Dock { code: end.name() }).inc();
+            }
+            Occurrence::Safety { action, .. } => {
                 self.acts.get_or_create(&Act { action: action.name() }).inc();
             }
             _ => {}

@@ -18,6 +18,7 @@ use super::scripts::Script;
 use super::{api, page};
 use crate::control::Run;
 use crate::http::{self, Access, AccessError, Door, Options, Peer};
+use crate::robot::Listener;
 use crate::sim;
 
 /// What there is to see and to steer.
@@ -28,6 +29,8 @@ pub struct Shown {
     pub sim: Option<sim::Handle>,
     /// Its scripts; they may become others.
     pub scripts: watch::Receiver<Vec<Script>>,
+    /// What happens in it.
+    pub bus: Listener,
     /// Its log, if it is tapped: see [`tap`](super::tap).
     pub log: Option<tokio::sync::mpsc::Receiver<Line>>,
     /// Where its tokens are.
@@ -141,9 +144,9 @@ async fn open(shown: &Shown, options: &Options) -> Result<(Door, Arc<Access>), L
 }
 
 async fn serve(door: Door, access: Arc<Access>, shown: Shown, options: &Options) {
-    let Shown { run, sim, scripts, log, .. } = shown;
+    let Shown { run, sim, scripts, bus, log, .. } = shown;
     let hub = Hub::new(run, sim, scripts, options.viewers);
-    let _serving = AbortOnDropHandle::new(tokio::spawn(hub.clone().serve()));
+    let _serving = AbortOnDropHandle::new(tokio::spawn(hub.clone().serve(bus)));
     let keeper = hub.clone();
     let _keeping = log.map(|log| {
         AbortOnDropHandle::new(tokio::spawn(async move { keeper.book.keep(log).await }))
