@@ -48,8 +48,8 @@ use self::line::Line;
 use self::lost::{HearError, LinkLost};
 pub use self::pulse::Pulse;
 use self::seats::Seats;
-use self::silence::{Silence, Verdict};
 pub use self::shown::Shown;
+use self::silence::{Silence, Verdict};
 pub use self::status::{LinkState, Status};
 
 /// Requests served in a row before the robot is heard again.

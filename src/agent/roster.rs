@@ -192,7 +192,14 @@ impl Roster {
         lookout: Lookout,
     ) -> (Roster, mpsc::Receiver<Order>) {
         let (orders, taken) = mpsc::channel(MAX_ORDERS);
-        (Roster { orders, members, lookout }, taken)
+        (
+            Roster {
+                orders,
+                members,
+                lookout,
+            },
+            taken,
+        )
     }
 
     /// Starts a behaviour; returns when its script is loaded and begins.

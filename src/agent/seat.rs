@@ -166,7 +166,12 @@ impl Seat {
     pub async fn drive(&mut self, setpoint: Setpoint) -> Result<(), SeatError> {
         let motion = MotionId(self.next());
         let duration = None;
-        self.intend(Intent::Move { motion, setpoint, duration }).await
+        self.intend(Intent::Move {
+            motion,
+            setpoint,
+            duration,
+        })
+        .await
     }
 
     /// Shows life, which whoever drives does at least four times a second.

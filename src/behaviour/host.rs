@@ -328,7 +328,10 @@ fn found(sighting: &Sighting) -> FromHost {
         h: seen.blob.h,
         text: seen.text.clone(),
     };
-    let (frame, list) = (sighting.frame.seq, sighting.marks.iter().map(finding).collect());
+    let (frame, list) = (
+        sighting.frame.seq,
+        sighting.marks.iter().map(finding).collect(),
+    );
     FromHost::Found { frame, list }
 }
 

@@ -430,7 +430,11 @@ impl Supervisor {
             FromHost::Log(line) => return self.write(line),
             FromHost::Found { frame, list } => {
                 let behaviour = self.host.name.clone();
-                return self.lookout.tell(Findings { behaviour, frame, list });
+                return self.lookout.tell(Findings {
+                    behaviour,
+                    frame,
+                    list,
+                });
             }
             FromHost::Remark(remark) => return self.remark(remark),
             FromHost::Evaluated(evaluated) => {

@@ -10,8 +10,8 @@ use crate::agent::Behaviour;
 use crate::config::Config;
 use crate::control::Run;
 use crate::http::Options;
-use crate::robot::{Bus, Listener};
 use crate::live::{self, Live, LiveError, Script, Shown};
+use crate::robot::{Bus, Listener};
 use crate::script::ParamValue;
 use crate::sim::Handle;
 
@@ -45,9 +45,25 @@ impl Ahead {
         sim: Option<Handle>,
         console: &Console,
     ) -> Result<Live, Failure> {
-        let Ahead { options, data, scripts, bus } = self;
+        let Ahead {
+            options,
+            data,
+            scripts,
+            bus,
+        } = self;
         let log = live::tap();
-        let live = Live::start(Shown { run, sim, scripts, bus, log, data }, &options).map_err(refused)?;
+        let live = Live::start(
+            Shown {
+                run,
+                sim,
+                scripts,
+                bus,
+                log,
+                data,
+            },
+            &options,
+        )
+        .map_err(refused)?;
         let url = live.url();
         tracing::info!("the page is at {url}");
         if console.has_status_line() {
@@ -65,7 +81,9 @@ pub(super) fn script(behaviour: &Behaviour) -> Script {
         name: options.name.clone(),
         file: options.chunk.clone().into(),
         source: String::from_utf8_lossy(&behaviour.launch.source).into_owned(),
-        params: params.map(|(name, given)| (name.clone(), words(&given.value))).collect(),
+        params: params
+            .map(|(name, given)| (name.clone(), words(&given.value)))
+            .collect(),
     }
 }
 
@@ -93,9 +111,15 @@ fn open(url: &str) {
         return;
     }
     let mut command = Command::new("xdg-open");
-    command.arg(url).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    command
+        .arg(url)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
     if let Ok(mut child) = command.spawn() {
         // It may take as long as it likes; the system takes it back.
-        let _ = std::thread::Builder::new().name("browser".into()).spawn(move || child.wait());
+        let _ = std::thread::Builder::new()
+            .name("browser".into())
+            .spawn(move || child.wait());
     }
 }

@@ -5,11 +5,11 @@ use std::time::Instant;
 
 use tracing::field::{Field, Visit};
 use tracing_subscriber::EnvFilter;
-use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::field::RecordFields;
 use tracing_subscriber::fmt::FormatFields;
 use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
+use tracing_subscriber::layer::SubscriberExt as _;
 
 use super::{Console, LogFormat};
 use crate::clean;
@@ -46,7 +46,11 @@ pub(super) fn start(console: &Console, format: LogFormat, level: Level, time: Ti
         .with_ansi(console.colour());
     let started = match format {
         LogFormat::Text => tracing::subscriber::set_global_default(
-            subscriber.with_target(false).fmt_fields(Plain).finish().with(LogTap),
+            subscriber
+                .with_target(false)
+                .fmt_fields(Plain)
+                .finish()
+                .with(LogTap),
         ),
         LogFormat::Json => {
             let subscriber = subscriber.json().flatten_event(true).finish();

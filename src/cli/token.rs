@@ -61,7 +61,10 @@ pub(super) fn run(args: &TokenArgs) -> Result<Exit, Failure> {
                 Wanted::Driver => Role::Driver,
             };
             let token = keys.make(name, role).map_err(refused)?;
-            tracing::info!("this is the only time that the token is shown; its role is {}", role.name());
+            tracing::info!(
+                "this is the only time that the token is shown; its role is {}",
+                role.name()
+            );
             print(&format!("{token}\n"))?;
         }
         Action::List if keys.list().is_empty() => print("there are no tokens\n")?,
@@ -69,7 +72,10 @@ pub(super) fn run(args: &TokenArgs) -> Result<Exit, Failure> {
             let rows: Vec<Vec<String>> = (keys.list().into_iter())
                 .map(|key| vec![key.name, key.role.name().to_owned()])
                 .collect();
-            print(&aligned(&[("NAME", Side::Left), ("ROLE", Side::Left)], &rows))?;
+            print(&aligned(
+                &[("NAME", Side::Left), ("ROLE", Side::Left)],
+                &rows,
+            ))?;
         }
         Action::Revoke { name } => {
             if !keys.revoke(name).map_err(refused)? {

@@ -115,7 +115,9 @@ impl Access {
         let now = Instant::now();
         let tried = lock(&self.attempts).take(from, now);
         tried.map_err(Denied::TooMany)?;
-        let known = (password.len() <= MAX_PASSWORD).then(|| self.role_of(password)).flatten();
+        let known = (password.len() <= MAX_PASSWORD)
+            .then(|| self.role_of(password))
+            .flatten();
         let role = known.ok_or(Denied::Wrong)?;
         lock(&self.attempts).give_back(from);
         Ok((lock(&self.sessions).open(role, now), role))
@@ -151,7 +153,9 @@ impl Access {
     /// # Errors
     /// See [`Denied`]: wrong ones are counted.
     pub(super) fn of_token(&self, from: IpAddr, token: &str) -> Result<Visitor, Denied> {
-        lock(&self.attempts).take(from, Instant::now()).map_err(Denied::TooMany)?;
+        lock(&self.attempts)
+            .take(from, Instant::now())
+            .map_err(Denied::TooMany)?;
         let found = self.keyring.find(token).ok_or(Denied::Wrong)?;
         lock(&self.attempts).give_back(from);
         let (role, token) = (found.role, Some(found.name));
@@ -165,14 +169,17 @@ fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 fn password(path: &Path) -> Result<String, AccessError> {
-    let refused = |why: String| AccessError::Password { path: path.display().to_string(), why };
+    let refused = |why: String| AccessError::Password {
+        path: path.display().to_string(),
+        why,
+    };
     let read = files::read_private(path, MAX_FILE_LEN);
     let bytes = read.map_err(|error| refused(error.to_string()))?;
     let text = String::from_utf8(bytes).map_err(|_| refused("it is not UTF-8".to_owned()))?;
     match text.lines().next().unwrap_or_default() {
-        line if line.chars().count() < 8 => {
-            Err(refused("its first line is no password of at least 8 characters".to_owned()))
-        }
+        line if line.chars().count() < 8 => Err(refused(
+            "its first line is no password of at least 8 characters".to_owned(),
+        )),
         line => Ok(line.to_owned()),
     }
 }
@@ -193,14 +200,23 @@ mod tests {
             fs::set_permissions(&path, Permissions::from_mode(0o600)).unwrap();
             path.clone()
         });
-        let options = Options { driver_password_file, ..Options::default() };
+        let options = Options {
+            driver_password_file,
+            ..Options::default()
+        };
         Access::new(&options, listen.parse().unwrap(), data.path())
     }
 
     #[test]
     fn off_loopback_nobody_comes_in_without_a_password() {
-        assert!(matches!(access("0.0.0.0:1", None), Err(AccessError::Open(_))));
-        assert!(matches!(access("192.168.1.2:1", None), Err(AccessError::Open(_))));
+        assert!(matches!(
+            access("0.0.0.0:1", None),
+            Err(AccessError::Open(_))
+        ));
+        assert!(matches!(
+            access("192.168.1.2:1", None),
+            Err(AccessError::Open(_))
+        ));
         assert!(access("127.0.0.1:1", None).unwrap().is_open());
         let guarded = access("0.0.0.0:1", Some("correct horse\n")).unwrap();
         assert_eq!(guarded.of_session(None), None);
@@ -210,7 +226,10 @@ mod tests {
         assert!(guarded.of_session(Some(&session)).is_some());
         guarded.log_out(&session);
         assert_eq!(guarded.of_session(Some(&session)), None);
-        assert!(matches!(access("0.0.0.0:1", Some("short")), Err(AccessError::Password { .. })));
+        assert!(matches!(
+            access("0.0.0.0:1", Some("short")),
+            Err(AccessError::Password { .. })
+        ));
     }
 
     #[test]
@@ -226,7 +245,10 @@ mod tests {
         let wrong = || guarded.log_in(HERE, "guess");
         let denied = (0..20).map(|_| wrong().unwrap_err());
         assert_eq!(denied.filter(|denied| *denied == Denied::Wrong).count(), 5);
-        assert!(matches!(guarded.log_in(HERE, "correct horse"), Err(Denied::TooMany(_))));
+        assert!(matches!(
+            guarded.log_in(HERE, "correct horse"),
+            Err(Denied::TooMany(_))
+        ));
         assert!(guarded.of_token(HERE, "spykee_x").is_err());
     }
 }

@@ -25,7 +25,10 @@ struct Bucket {
 
 impl Bucket {
     fn new(now: Instant) -> Bucket {
-        Bucket { used: 0, since: now }
+        Bucket {
+            used: 0,
+            since: now,
+        }
     }
 
     /// Gives back what time has freed.
@@ -55,7 +58,10 @@ pub(super) struct Attempts {
 
 impl Attempts {
     pub(super) fn new(now: Instant) -> Attempts {
-        Attempts { all: Bucket::new(now), each: BTreeMap::new() }
+        Attempts {
+            all: Bucket::new(now),
+            each: BTreeMap::new(),
+        }
     }
 
     /// Takes a try.

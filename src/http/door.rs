@@ -104,7 +104,10 @@ impl Peer {
 
 impl Connected<IncomingStream<'_, Door>> for Peer {
     fn connect_info(stream: IncomingStream<'_, Door>) -> Peer {
-        Peer { address: *stream.remote_addr(), heard: stream.io().heard.clone() }
+        Peer {
+            address: *stream.remote_addr(),
+            heard: stream.io().heard.clone(),
+        }
     }
 }
 
@@ -136,7 +139,9 @@ impl Connection {
             self.stall = None;
             return Ok(());
         }
-        let stall = self.stall.get_or_insert_with(|| Box::pin(sleep_until(Instant::now() + STALL)));
+        let stall = self
+            .stall
+            .get_or_insert_with(|| Box::pin(sleep_until(Instant::now() + STALL)));
         match stall.as_mut().poll(context) {
             Poll::Ready(()) => Err(io::ErrorKind::TimedOut.into()),
             Poll::Pending => Ok(()),

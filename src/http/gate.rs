@@ -26,8 +26,14 @@ const HEADERS: [(HeaderName, &str); 6] = [
     (header::CONTENT_SECURITY_POLICY, POLICY),
     (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
     (header::REFERRER_POLICY, "no-referrer"),
-    (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
-    (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+    (
+        HeaderName::from_static("cross-origin-opener-policy"),
+        "same-origin",
+    ),
+    (
+        HeaderName::from_static("cross-origin-resource-policy"),
+        "same-origin",
+    ),
     (
         HeaderName::from_static("permissions-policy"),
         "camera=(), microphone=(), geolocation=(), gamepad=(self)",
@@ -52,12 +58,18 @@ pub async fn guarded(
     completed(response)
 }
 
-fn admit(access: &Access, peer: &Peer, request: &Request<Body>) -> Result<Option<Visitor>, Refusal> {
+fn admit(
+    access: &Access,
+    peer: &Peer,
+    request: &Request<Body>,
+) -> Result<Option<Visitor>, Refusal> {
     let headers = request.headers();
     let upgrade = headers.contains_key(header::UPGRADE);
     let addressed = Addressed {
         host: only(headers, &header::HOST),
-        origin: headers.get(header::ORIGIN).map(|origin| origin.to_str().unwrap_or_default()),
+        origin: headers
+            .get(header::ORIGIN)
+            .map(|origin| origin.to_str().unwrap_or_default()),
         site: only(headers, &HeaderName::from_static("sec-fetch-site")),
         acts: upgrade || !matches!(*request.method(), Method::GET | Method::HEAD),
     };
@@ -67,7 +79,10 @@ fn admit(access: &Access, peer: &Peer, request: &Request<Body>) -> Result<Option
     })?;
     let token = only(headers, &header::AUTHORIZATION).and_then(|text| text.strip_prefix("Bearer "));
     match token {
-        Some(token) => access.of_token(peer.address.ip(), token).map(Some).map_err(denied),
+        Some(token) => access
+            .of_token(peer.address.ip(), token)
+            .map(Some)
+            .map_err(denied),
         None => Ok(access.of_session(session(headers))),
     }
 }
@@ -81,7 +96,10 @@ fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Option<&'a str> {
 
 /// Of the cookies, ours.
 pub(super) fn session(headers: &HeaderMap) -> Option<&str> {
-    let cookies = headers.get_all(header::COOKIE).iter().filter_map(|value| value.to_str().ok());
+    let cookies = headers
+        .get_all(header::COOKIE)
+        .iter()
+        .filter_map(|value| value.to_str().ok());
     let mut pairs = cookies.flat_map(|value| value.split(';'));
     pairs.find_map(|pair| pair.trim().strip_prefix(COOKIE)?.strip_prefix('='))
 }
@@ -118,7 +136,9 @@ impl<S: Sync> FromRequestParts<S> for Visitor {
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Visitor, Refusal> {
         let somebody = parts.extensions.get::<Somebody>();
-        somebody.and_then(|Somebody(visitor)| visitor.clone()).ok_or_else(Refusal::unknown)
+        somebody
+            .and_then(|Somebody(visitor)| visitor.clone())
+            .ok_or_else(Refusal::unknown)
     }
 }
 

@@ -23,7 +23,9 @@ pub(super) struct Addressed<'a> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub(super) enum Reason {
     /// Another name than ours, or none.
-    #[error("this address is not ours: `live: {{ hosts: [NAME] }}` names those by which browsers may come")]
+    #[error(
+        "this address is not ours: `live: {{ hosts: [NAME] }}` names those by which browsers may come"
+    )]
     Host,
     /// A page of another site.
     #[error("another site's page asks for this")]
@@ -51,7 +53,9 @@ impl Names {
             return Err(Reason::Host);
         }
         let same = |origin: &str| {
-            let authority = origin.strip_prefix("http://").or(origin.strip_prefix("https://"));
+            let authority = origin
+                .strip_prefix("http://")
+                .or(origin.strip_prefix("https://"));
             authority.is_some_and(|authority| authority.eq_ignore_ascii_case(&host))
         };
         let foreign = matches!(request.site, Some("cross-site" | "same-site"));
@@ -104,23 +108,43 @@ mod tests {
 
     fn judge(listen: &str, host: &str, origin: Option<&str>) -> Result<(), Reason> {
         let host = Some(host);
-        names(listen).judge(Addressed { host, origin, site: None, acts: true })
+        names(listen).judge(Addressed {
+            host,
+            origin,
+            site: None,
+            acts: true,
+        })
     }
 
     #[test]
     fn only_our_own_names_are_answered() {
         let here = "127.0.0.1:7788";
-        for good in ["127.0.0.1:7788", "localhost:7788", "LOCALHOST:7788", "robot.example.org"] {
+        for good in [
+            "127.0.0.1:7788",
+            "localhost:7788",
+            "LOCALHOST:7788",
+            "robot.example.org",
+        ] {
             assert_eq!(judge(here, good, None), Ok(()), "{good}");
         }
         for bad in [
-            "evil.example", "evil.example:7788", "127.0.0.1:80", "localhost.evil.example:7788",
-            "127.0.0.1.evil.example:7788", "10.0.0.5:7788", "", ":", "[::1]:7788",
+            "evil.example",
+            "evil.example:7788",
+            "127.0.0.1:80",
+            "localhost.evil.example:7788",
+            "127.0.0.1.evil.example:7788",
+            "10.0.0.5:7788",
+            "",
+            ":",
+            "[::1]:7788",
         ] {
             assert_eq!(judge(here, bad, None), Err(Reason::Host), "{bad}");
         }
         assert_eq!(judge("0.0.0.0:7788", "192.168.1.7:7788", None), Ok(()));
-        assert_eq!(judge("0.0.0.0:7788", "evil.example:7788", None), Err(Reason::Host));
+        assert_eq!(
+            judge("0.0.0.0:7788", "evil.example:7788", None),
+            Err(Reason::Host)
+        );
         assert_eq!(judge("[::1]:7788", "[::1]:7788", None), Ok(()));
         let nobody = names(here).judge(Addressed::default());
         assert_eq!(nobody, Err(Reason::Host));
@@ -132,15 +156,31 @@ mod tests {
         let ask = |origin| judge(here, here, Some(origin));
         assert_eq!(ask("http://127.0.0.1:7788"), Ok(()));
         for bad in [
-            "http://evil.example", "http://localhost:7788", "http://127.0.0.1:8080", "null", "",
-            "http://127.0.0.1:7788.evil.example", "file://",
+            "http://evil.example",
+            "http://localhost:7788",
+            "http://127.0.0.1:8080",
+            "null",
+            "",
+            "http://127.0.0.1:7788.evil.example",
+            "file://",
         ] {
             assert_eq!(ask(bad), Err(Reason::Origin), "{bad}");
         }
         let (host, origin) = (Some(here), None);
-        let from = |site, acts| names(here).judge(Addressed { host, origin, site, acts });
+        let from = |site, acts| {
+            names(here).judge(Addressed {
+                host,
+                origin,
+                site,
+                acts,
+            })
+        };
         assert_eq!(from(Some("cross-site"), true), Err(Reason::Origin));
-        assert_eq!(from(Some("cross-site"), false), Ok(()), "a link may lead here");
+        assert_eq!(
+            from(Some("cross-site"), false),
+            Ok(()),
+            "a link may lead here"
+        );
         assert_eq!(from(Some("same-origin"), true), Ok(()));
         assert_eq!(from(None, true), Ok(()), "a program is no page");
     }

@@ -78,9 +78,15 @@ impl Keyring {
         let folder = data.join(FOLDER);
         let path = folder.join(FILE);
         if !path.exists() {
-            return Ok(Keyring { folder, keys: Vec::new() });
+            return Ok(Keyring {
+                folder,
+                keys: Vec::new(),
+            });
         }
-        let broken = |why: String| KeyringError::Broken { path: path.display().to_string(), why };
+        let broken = |why: String| KeyringError::Broken {
+            path: path.display().to_string(),
+            why,
+        };
         let read = files::read_private(&path, MAX_LEN);
         let bytes = read.map_err(|error| broken(error.to_string()))?;
         let keys = serde_json::from_slice(&bytes).map_err(|error| broken(error.to_string()))?;
@@ -93,7 +99,10 @@ impl Keyring {
     /// See [`KeyringError`].
     pub fn make(&mut self, name: &str, role: Role) -> Result<String, KeyringError> {
         let refused = |why: String| Err(KeyringError::Refused(why));
-        if name.is_empty() || name.chars().count() > LONGEST_NAME || name.chars().any(char::is_control) {
+        if name.is_empty()
+            || name.chars().count() > LONGEST_NAME
+            || name.chars().any(char::is_control)
+        {
             return refused(format!("a token's name has 1 to {LONGEST_NAME} characters"));
         }
         if self.keys.iter().any(|key| key.name == name) {
@@ -125,7 +134,10 @@ impl Keyring {
 
     /// What there is.
     pub fn list(&self) -> Vec<Listed> {
-        let listed = |key: &Key| Listed { name: key.name.clone(), role: key.role };
+        let listed = |key: &Key| Listed {
+            name: key.name.clone(),
+            role: key.role,
+        };
         self.keys.iter().map(listed).collect()
     }
 
@@ -136,7 +148,10 @@ impl Keyring {
         let mut found = None;
         for key in &self.keys {
             if key.digest.is(&digest) {
-                found = Some(Listed { name: key.name.clone(), role: key.role });
+                found = Some(Listed {
+                    name: key.name.clone(),
+                    role: key.role,
+                });
             }
         }
         found
@@ -149,9 +164,8 @@ impl Keyring {
     fn write(&self) -> Result<(), KeyringError> {
         let path = self.folder.join(FILE).display().to_string();
         let written = serde_json::to_vec_pretty(&self.keys).map_err(io::Error::from);
-        let written = written.and_then(|bytes| {
-            Folder::make(&self.folder)?.replace_durably(FILE, &bytes)
-        });
+        let written =
+            written.and_then(|bytes| Folder::make(&self.folder)?.replace_durably(FILE, &bytes));
         written.map_err(|source| KeyringError::Write { path, source })
     }
 }
@@ -165,15 +179,24 @@ mod tests {
     #[test]
     fn a_token_is_kept_as_a_digest_in_a_private_file() {
         let data = tempfile::tempdir().unwrap();
-        let token = Keyring::open(data.path()).unwrap().make("phone", Role::Viewer).unwrap();
+        let token = Keyring::open(data.path())
+            .unwrap()
+            .make("phone", Role::Viewer)
+            .unwrap();
         let path = data.path().join(FOLDER).join(FILE);
         let text = fs::read_to_string(&path).unwrap();
         assert!(!text.contains(&token) && text.contains("phone"), "{text}");
-        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
+        assert_eq!(
+            fs::metadata(&path).unwrap().permissions().mode() & 0o777,
+            0o600
+        );
         let mut keys = Keyring::open(data.path()).unwrap();
         assert_eq!(keys.find(&token), Some(keys.list()[0].clone()));
         assert_eq!(keys.find("spykee_"), None);
-        assert!(keys.make("phone", Role::Driver).is_err(), "a name is taken once");
+        assert!(
+            keys.make("phone", Role::Driver).is_err(),
+            "a name is taken once"
+        );
         assert!(keys.revoke("phone").unwrap() && !keys.revoke("phone").unwrap());
         assert_eq!(Keyring::open(data.path()).unwrap().find(&token), None);
     }
@@ -181,7 +204,10 @@ mod tests {
     #[test]
     fn a_file_that_others_can_read_or_that_is_broken_lets_nobody_in() {
         let data = tempfile::tempdir().unwrap();
-        Keyring::open(data.path()).unwrap().make("phone", Role::Viewer).unwrap();
+        Keyring::open(data.path())
+            .unwrap()
+            .make("phone", Role::Viewer)
+            .unwrap();
         let path = data.path().join(FOLDER).join(FILE);
         fs::set_permissions(&path, Permissions::from_mode(0o644)).unwrap();
         assert!(Keyring::open(data.path()).is_err());

@@ -64,13 +64,26 @@ async fn log_in(
     headers: HeaderMap,
     Json(Credentials { password }): Json<Credentials>,
 ) -> Result<Response, Refusal> {
-    let (session, role) = access.log_in(peer.address.ip(), &password).map_err(denied)?;
+    let (session, role) = access
+        .log_in(peer.address.ip(), &password)
+        .map_err(denied)?;
     tracing::info!(from = %peer.address.ip(), role = role.name(), "somebody logs in to the page");
-    let origin = headers.get(header::ORIGIN).and_then(|origin| origin.to_str().ok());
+    let origin = headers
+        .get(header::ORIGIN)
+        .and_then(|origin| origin.to_str().ok());
     // Behind a proxy that speaks TLS.
     let secure = origin.is_some_and(|origin| origin.starts_with("https://"));
-    let me = Me { role: Some(role), open: access.is_open(), password: access.has_passwords() };
-    Ok(with_cookie(Json(me).into_response(), &session, LIFE.as_secs(), secure))
+    let me = Me {
+        role: Some(role),
+        open: access.is_open(),
+        password: access.has_passwords(),
+    };
+    Ok(with_cookie(
+        Json(me).into_response(),
+        &session,
+        LIFE.as_secs(),
+        secure,
+    ))
 }
 
 async fn log_out(State(access): State<Arc<Access>>, headers: HeaderMap) -> Response {

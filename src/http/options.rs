@@ -52,7 +52,9 @@ impl Options {
 
 fn viewers<'de, D: Deserializer<'de>>(from: D) -> Result<u16, D::Error> {
     let number = u64::deserialize(from)?;
-    let inside = u16::try_from(number).ok().filter(|_| (1..=MOST_VIEWERS).contains(&number));
+    let inside = u16::try_from(number)
+        .ok()
+        .filter(|_| (1..=MOST_VIEWERS).contains(&number));
     inside.ok_or_else(|| {
         let expected = "a whole number of viewers from 1 to 1000";
         serde::de::Error::invalid_value(serde::de::Unexpected::Unsigned(number), &expected)

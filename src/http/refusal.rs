@@ -23,7 +23,10 @@ struct Body<'a> {
 impl Refusal {
     /// With a sentence for a person.
     pub fn new(status: StatusCode, error: impl Into<String>) -> Refusal {
-        Refusal { status, error: error.into() }
+        Refusal {
+            status,
+            error: error.into(),
+        }
     }
 
     /// Nobody is logged in.
@@ -33,7 +36,10 @@ impl Refusal {
 
     /// He may not do that.
     pub fn viewer_only() -> Refusal {
-        Refusal::new(StatusCode::FORBIDDEN, "viewers may look and stop the robot, and nothing else")
+        Refusal::new(
+            StatusCode::FORBIDDEN,
+            "viewers may look and stop the robot, and nothing else",
+        )
     }
 }
 

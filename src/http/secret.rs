@@ -39,7 +39,9 @@ impl<'de> Deserialize<'de> for Digest {
         let text = String::deserialize(from)?;
         let bytes = bytes(&text).and_then(|bytes| bytes.try_into().ok());
         let expected = "64 hexadecimal digits";
-        bytes.map(Digest).ok_or_else(|| serde::de::Error::custom(format!("expected {expected}")))
+        bytes
+            .map(Digest)
+            .ok_or_else(|| serde::de::Error::custom(format!("expected {expected}")))
     }
 }
 
@@ -55,7 +57,9 @@ fn hex(bytes: &[u8]) -> String {
 fn bytes(text: &str) -> Option<Vec<u8>> {
     let pairs = text.as_bytes().chunks(2);
     let byte = |pair: &[u8]| {
-        let digits = std::str::from_utf8(pair).ok().filter(|digits| digits.len() == 2)?;
+        let digits = std::str::from_utf8(pair)
+            .ok()
+            .filter(|digits| digits.len() == 2)?;
         u8::from_str_radix(digits, 16).ok()
     };
     pairs.map(byte).collect()

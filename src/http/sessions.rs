@@ -31,7 +31,11 @@ impl Sessions {
             self.0.remove(0);
         }
         let (digest, until) = (Digest::of(&secret), now + LIFE);
-        self.0.push(Session { digest, role, until });
+        self.0.push(Session {
+            digest,
+            role,
+            until,
+        });
         secret
     }
 
@@ -39,7 +43,10 @@ impl Sessions {
     pub(super) fn role(&mut self, secret: &str, now: Instant) -> Option<Role> {
         self.0.retain(|session| session.until > now);
         let digest = Digest::of(secret);
-        self.0.iter().find(|session| session.digest.is(&digest)).map(|session| session.role)
+        self.0
+            .iter()
+            .find(|session| session.digest.is(&digest))
+            .map(|session| session.role)
     }
 
     /// Ends it.

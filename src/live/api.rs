@@ -97,14 +97,26 @@ pub(super) fn routes(hub: Arc<Hub>) -> Router {
         .route("/api/picture", get(picture))
         .route("/api/stop", post(stop))
         .route("/api/let-go", post(let_go))
-        .route("/api/dock", post(async |hub: Shared, who: Driver| order(hub, who, Order::Dock).await))
-        .route("/api/undock", post(async |hub: Shared, who: Driver| order(hub, who, Order::Undock).await))
+        .route(
+            "/api/dock",
+            post(async |hub: Shared, who: Driver| order(hub, who, Order::Dock).await),
+        )
+        .route(
+            "/api/undock",
+            post(async |hub: Shared, who: Driver| order(hub, who, Order::Undock).await),
+        )
         .route("/api/led", post(led))
         .route("/api/play", post(play))
-        .route("/api/stop-sound", post(async |hub: Shared, who: Driver| order(hub, who, Order::StopSound).await))
+        .route(
+            "/api/stop-sound",
+            post(async |hub: Shared, who: Driver| order(hub, who, Order::StopSound).await),
+        )
         .route("/api/volume", post(volume))
         .layer(DefaultBodyLimit::max(MAX_BODY))
-        .route("/api/say", post(say).layer(DefaultBodyLimit::max(MAX_SPEECH)))
+        .route(
+            "/api/say",
+            post(say).layer(DefaultBodyLimit::max(MAX_SPEECH)),
+        )
         .with_state(hub)
 }
 
@@ -112,12 +124,18 @@ pub(super) fn routes(hub: Arc<Hub>) -> Router {
 async fn healthz(State(hub): Shared) -> Response {
     let live = hub.run.aboard().await.is_some();
     let ready = live && hub.run.status.borrow().link == LinkState::Up;
-    let status = if live { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };
+    let status = if live {
+        StatusCode::OK
+    } else {
+        StatusCode::SERVICE_UNAVAILABLE
+    };
     (status, Json(Health { live, ready })).into_response()
 }
 
 async fn metrics(State(hub): Shared, _: Visitor) -> impl IntoResponse {
-    let text = hub.metrics.text(&hub.run, hub.viewers(), hub.camera.bytes());
+    let text = hub
+        .metrics
+        .text(&hub.run, hub.viewers(), hub.camera.bytes());
     let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
     ([(header::CONTENT_TYPE, kind)], text)
 }
@@ -129,13 +147,18 @@ async fn live(
 ) -> Result<Response, Refusal> {
     let full = || Refusal::new(StatusCode::SERVICE_UNAVAILABLE, "too many look already");
     let ticket = hub.admit(&visitor).ok_or_else(full)?;
-    let upgrade = upgrade.max_message_size(viewer::MAX_MESSAGE).max_frame_size(viewer::MAX_MESSAGE);
+    let upgrade = upgrade
+        .max_message_size(viewer::MAX_MESSAGE)
+        .max_frame_size(viewer::MAX_MESSAGE);
     Ok(upgrade.on_upgrade(move |socket| viewer::serve(socket, ticket)))
 }
 
 async fn status(State(hub): Shared, _: Visitor) -> Json<state::State> {
     let (robot, mut rate) = (hub.robot(), Rate::new(Instant::now()));
-    let people = People { viewers: hub.viewers(), ..People::default() };
+    let people = People {
+        viewers: hub.viewers(),
+        ..People::default()
+    };
     Json(state::state(&hub.run, robot.as_ref(), people, &mut rate))
 }
 
@@ -167,7 +190,10 @@ async fn picture(State(hub): Shared, _: Visitor) -> Result<Response, Refusal> {
     match hub.run.perform(Errand::Picture(PICTURE)).await {
         Answer::Picture(jpeg) => Ok(([(header::CONTENT_TYPE, "image/jpeg")], jpeg).into_response()),
         Answer::Refused(why) => Err(Refusal::new(StatusCode::CONFLICT, why)),
-        _ => Err(Refusal::new(StatusCode::SERVICE_UNAVAILABLE, "no picture came in time")),
+        _ => Err(Refusal::new(
+            StatusCode::SERVICE_UNAVAILABLE,
+            "no picture came in time",
+        )),
     }
 }
 

@@ -29,7 +29,9 @@ pub(super) struct Look<'a>(&'a Camera);
 
 impl Drop for Look<'_> {
     fn drop(&mut self) {
-        self.0.viewers.send_modify(|viewers| *viewers = viewers.saturating_sub(1));
+        self.0
+            .viewers
+            .send_modify(|viewers| *viewers = viewers.saturating_sub(1));
     }
 }
 
@@ -69,7 +71,8 @@ impl Camera {
             let newest = pictures.borrow_and_update().newest.clone();
             if let Some(frame) = newest.filter(|frame| frame.seq != last) {
                 last = frame.seq;
-                self.bytes.fetch_add(frame.jpeg.len() as u64, Ordering::Relaxed);
+                self.bytes
+                    .fetch_add(frame.jpeg.len() as u64, Ordering::Relaxed);
                 self.newest.send_replace(Some(frame));
             }
         }

@@ -32,7 +32,11 @@ impl History {
         if self.0.back().is_some_and(|last| same(last) && fresh(last)) {
             return false;
         }
-        self.0.push_back(Point { at, percent, charging });
+        self.0.push_back(Point {
+            at,
+            percent,
+            charging,
+        });
         if self.0.len() > MOST {
             let mut index = 0;
             self.0.retain(|_| {
@@ -46,7 +50,10 @@ impl History {
     /// Seconds before now, percent, charging; oldest first.
     pub(super) fn points(&self, now: Instant) -> Vec<(f32, u8, bool)> {
         let ago = |at| now.saturating_duration_since(at).as_secs_f32();
-        self.0.iter().map(|point| (ago(point.at), point.percent, point.charging)).collect()
+        self.0
+            .iter()
+            .map(|point| (ago(point.at), point.percent, point.charging))
+            .collect()
     }
 }
 
@@ -56,7 +63,11 @@ mod tests {
     use crate::robot::Percent;
 
     fn battery(percent: u8) -> Battery {
-        Battery { percent: Percent::saturating(percent), charging: false, minutes_left: None }
+        Battery {
+            percent: Percent::saturating(percent),
+            charging: false,
+            minutes_left: None,
+        }
     }
 
     #[test]

@@ -130,7 +130,12 @@ impl Hub {
         folk.viewers += 1;
         let id = NUMBER.fetch_add(1, Ordering::Relaxed);
         let name = visitor.token.clone().unwrap_or_else(|| format!("#{id}"));
-        Some(Ticket { hub: self.clone(), id, role: visitor.role, name: Mutex::new(name) })
+        Some(Ticket {
+            hub: self.clone(),
+            id,
+            role: visitor.role,
+            name: Mutex::new(name),
+        })
     }
 
     pub(super) fn viewers(&self) -> usize {
@@ -177,10 +182,18 @@ impl Hub {
         let mut findings = self.run.roster.findings();
         loop {
             match findings.recv().await {
-                Ok(Findings { behaviour, frame, list }) => {
+                Ok(Findings {
+                    behaviour,
+                    frame,
+                    list,
+                }) => {
                     let marks = list.into_iter().map(Found::from).collect();
                     // Fails if nobody looks.
-                    let _ = self.found.send(text(&ToPage::Found { behaviour, frame, marks }));
+                    let _ = self.found.send(text(&ToPage::Found {
+                        behaviour,
+                        frame,
+                        marks,
+                    }));
                 }
                 Err(broadcast::error::RecvError::Lagged(_)) => {}
                 Err(broadcast::error::RecvError::Closed) => return,
@@ -191,9 +204,11 @@ impl Hub {
     /// Hears what happens.
     async fn listen(&self, mut bus: Listener) {
         if let Some(crew) = self.run.aboard().await {
-            self.robot.send_if_modified(|robot| robot.is_none() && {
-                *robot = crew.robot;
-                true
+            self.robot.send_if_modified(|robot| {
+                robot.is_none() && {
+                    *robot = crew.robot;
+                    true
+                }
             });
         }
         loop {
@@ -250,7 +265,10 @@ impl Hub {
     fn people(&self) -> People {
         let folk = self.folk();
         let driver = folk.driver.as_ref().map(|(person, _)| person.clone());
-        People { driver, viewers: folk.viewers }
+        People {
+            driver,
+            viewers: folk.viewers,
+        }
     }
 }
 
@@ -261,7 +279,10 @@ impl Ticket {
 
     /// What the others call him.
     pub(super) fn rename(&self, name: &str) {
-        let name = crate::clean::line(name).chars().take(24).collect::<String>();
+        let name = crate::clean::line(name)
+            .chars()
+            .take(24)
+            .collect::<String>();
         if !name.trim().is_empty() {
             *self.name() = name.trim().to_owned();
         }
@@ -272,7 +293,10 @@ impl Ticket {
     }
 
     fn person(&self) -> Person {
-        Person { id: self.id, name: self.name().clone() }
+        Person {
+            id: self.id,
+            name: self.name().clone(),
+        }
     }
 
     /// Takes the wheel: the task to be run that drives from now on.
@@ -318,7 +342,11 @@ impl Ticket {
 
     pub(super) fn leave_wheel(&self) {
         let mut folk = self.hub.folk();
-        if folk.driver.as_ref().is_some_and(|(person, _)| person.id == self.id) {
+        if folk
+            .driver
+            .as_ref()
+            .is_some_and(|(person, _)| person.id == self.id)
+        {
             folk.driver = None;
         }
     }
@@ -331,8 +359,10 @@ pub(super) fn text(message: &impl Serialize) -> Utf8Bytes {
 
 fn publish(to: &watch::Sender<Utf8Bytes>, message: &ToPage<'_>) {
     let text = text(message);
-    to.send_if_modified(|last| *last != text && {
-        *last = text;
-        true
+    to.send_if_modified(|last| {
+        *last != text && {
+            *last = text;
+            true
+        }
     });
 }

@@ -59,7 +59,10 @@ impl<S: Subscriber> Layer<S> for LogTap {
         };
         let mut reading = Reading::default();
         event.record(&mut reading);
-        if lines.try_send(reading.line(*event.metadata().level())).is_err() {
+        if lines
+            .try_send(reading.line(*event.metadata().level()))
+            .is_err()
+        {
             LEFT_OUT.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -75,7 +78,12 @@ struct Reading {
 
 impl Reading {
     fn line(self, level: Level) -> Line {
-        let Reading { mut text, fields, behaviour, line } = self;
+        let Reading {
+            mut text,
+            fields,
+            behaviour,
+            line,
+        } = self;
         text.push_str(&fields);
         if let Some((at, _)) = text.char_indices().nth(LONGEST) {
             text.truncate(at);
@@ -87,7 +95,13 @@ impl Reading {
             Level::DEBUG => "debug",
             Level::TRACE => "trace",
         };
-        Line { at: now(), level, behaviour, line, text }
+        Line {
+            at: now(),
+            level,
+            behaviour,
+            line,
+            text,
+        }
     }
 
     fn field(&mut self, name: &str, value: &str) {
@@ -124,7 +138,9 @@ impl Visit for Reading {
 
 /// Milliseconds since 1970, for people to read.
 pub(super) fn now() -> u64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let since = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default();
     u64::try_from(since.as_millis()).unwrap_or(u64::MAX)
 }
 
@@ -137,7 +153,10 @@ pub(super) struct Book {
 
 impl Book {
     pub(super) fn new() -> Book {
-        Book { kept: Mutex::default(), news: broadcast::Sender::new(BEHIND) }
+        Book {
+            kept: Mutex::default(),
+            news: broadcast::Sender::new(BEHIND),
+        }
     }
 
     /// Keeps what comes, for ever.
@@ -148,7 +167,13 @@ impl Book {
             if missed > 0 {
                 let text = format!("{missed} lines came too fast for the page and are left out");
                 let (level, behaviour, line) = ("warn", None, None);
-                self.write(Line { at: now(), level, behaviour, line, text });
+                self.write(Line {
+                    at: now(),
+                    level,
+                    behaviour,
+                    line,
+                    text,
+                });
             }
         }
         std::future::pending().await
@@ -177,7 +202,13 @@ mod tests {
 
     fn line(text: &str) -> Line {
         let (level, behaviour, line) = ("info", None, None);
-        Line { at: 0, level, behaviour, line, text: text.to_owned() }
+        Line {
+            at: 0,
+            level,
+            behaviour,
+            line,
+            text: text.to_owned(),
+        }
     }
 
     #[test]
@@ -201,7 +232,10 @@ mod tests {
         reading.field("line", "12");
         reading.field("legs", "3");
         let read = reading.line(Level::WARN);
-        assert_eq!((read.level, read.line, &*read.text), ("warn", Some(12), "hello legs=3"));
+        assert_eq!(
+            (read.level, read.line, &*read.text),
+            ("warn", Some(12), "hello legs=3")
+        );
         assert_eq!(read.behaviour.as_deref(), Some("patrol"));
         let mut reading = Reading::default();
         reading.field("message", &"ä".repeat(3 * LONGEST));

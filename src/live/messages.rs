@@ -175,11 +175,22 @@ mod tests {
     fn a_message_with_a_word_too_many_is_refused() {
         let read = |text: &str| serde_json::from_str::<FromPage>(text);
         assert_eq!(read("{\"type\":\"stop\"}").unwrap(), FromPage::Stop);
-        let watch = Watch { camera: true, ..Watch::default() };
-        assert_eq!(read("{\"type\":\"watch\",\"camera\":true}").unwrap(), FromPage::Watch(watch));
+        let watch = Watch {
+            camera: true,
+            ..Watch::default()
+        };
+        assert_eq!(
+            read("{\"type\":\"watch\",\"camera\":true}").unwrap(),
+            FromPage::Watch(watch)
+        );
         for wrong in [
-            "", "{}", "[]", "{\"type\":\"go\"}", "{\"type\":\"drive\",\"left\":1}",
-            "{\"type\":\"wheel\",\"take\":true,\"x\":1}", "{\"type\":\"drive\",\"left\":\"1\",\"right\":1}",
+            "",
+            "{}",
+            "[]",
+            "{\"type\":\"go\"}",
+            "{\"type\":\"drive\",\"left\":1}",
+            "{\"type\":\"wheel\",\"take\":true,\"x\":1}",
+            "{\"type\":\"drive\",\"left\":\"1\",\"right\":1}",
         ] {
             assert!(read(wrong).is_err(), "{wrong}");
         }

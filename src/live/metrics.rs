@@ -74,23 +74,59 @@ impl Metrics {
             registry: Registry::default(),
         };
         let one = &metrics;
-        registry.register("battery_percent", "Level of the battery; NaN: unknown", one.percent.clone());
-        registry.register("battery_minutes_left", "Until it is empty; NaN: unknown", one.minutes.clone());
-        registry.register("battery_charging", "1 while it charges", one.charging.clone());
-        registry.register("battery_low", "1 while the watchdog has the robot", one.low.clone());
+        registry.register(
+            "battery_percent",
+            "Level of the battery; NaN: unknown",
+            one.percent.clone(),
+        );
+        registry.register(
+            "battery_minutes_left",
+            "Until it is empty; NaN: unknown",
+            one.minutes.clone(),
+        );
+        registry.register(
+            "battery_charging",
+            "1 while it charges",
+            one.charging.clone(),
+        );
+        registry.register(
+            "battery_low",
+            "1 while the watchdog has the robot",
+            one.low.clone(),
+        );
         registry.register("docked", "1 on the station", one.docked.clone());
-        registry.register("stopped_by_person", "1 while STOP holds", one.halted.clone());
+        registry.register(
+            "stopped_by_person",
+            "1 while STOP holds",
+            one.halted.clone(),
+        );
         registry.register("link_up", "1 while the robot is connected", one.up.clone());
         registry.register("viewers", "Pages that are open", one.viewers.clone());
         registry.register("camera_frames", "Frames that have come", one.frames.clone());
-        registry.register_with_unit("camera", "Frames that have come", Unit::Bytes, one.bytes.clone());
+        registry.register_with_unit(
+            "camera",
+            "Frames that have come",
+            Unit::Bytes,
+            one.bytes.clone(),
+        );
         registry.register("link_logins", "Logins at the robot", one.links.clone());
         registry.register("link_losses", "Lost links", one.losses.clone());
         registry.register("safety_acts", "What the watchdog did", one.acts.clone());
         registry.register("docks", "Dockings by how they ended", one.docks.clone());
-        registry.register("behaviour_starts", "Behaviours that were started, or started again", one.starts.clone());
-        registry.register("behaviour_ends", "Behaviours that ended, by reason", one.ends.clone());
-        Metrics { registry, ..metrics }
+        registry.register(
+            "behaviour_starts",
+            "Behaviours that were started, or started again",
+            one.starts.clone(),
+        );
+        registry.register(
+            "behaviour_ends",
+            "Behaviours that ended, by reason",
+            one.ends.clone(),
+        );
+        Metrics {
+            registry,
+            ..metrics
+        }
     }
 
     /// Something has happened.
@@ -100,13 +136,21 @@ impl Metrics {
             Occurrence::LinkDown { .. } => drop(self.losses.inc()),
             Occurrence::Started { .. } => drop(self.starts.inc()),
             Occurrence::Ended { reason, .. } => {
-                self.ends.get_or_create(&End { reason: reason.name() }).inc();
+                self.ends
+                    .get_or_create(&End {
+                        reason: reason.name(),
+                    })
+                    .inc();
             }
             Occurrence::Dock { end, .. } => {
                 self.docks.get_or_create(&Dock { code: end.name() }).inc();
             }
             Occurrence::Safety { action, .. } => {
-                self.acts.get_or_create(&Act { action: action.name() }).inc();
+                self.acts
+                    .get_or_create(&Act {
+                        action: action.name(),
+                    })
+                    .inc();
             }
             _ => {}
         }
@@ -116,16 +160,19 @@ impl Metrics {
     pub(super) fn text(&self, run: &Run, viewers: usize, bytes: u64) -> String {
         let status = *run.status.borrow();
         let battery = status.battery;
-        self.percent.set(battery.map_or(f64::NAN, |battery| f64::from(battery.percent.get())));
+        self.percent
+            .set(battery.map_or(f64::NAN, |battery| f64::from(battery.percent.get())));
         let minutes = battery.and_then(|battery| battery.minutes_left);
         self.minutes.set(minutes.map_or(f64::NAN, f64::from));
-        self.charging.set(battery.is_some_and(|battery| battery.charging).into());
+        self.charging
+            .set(battery.is_some_and(|battery| battery.charging).into());
         self.low.set(status.low.into());
         self.docked.set(status.docked.into());
         self.halted.set(status.halted.into());
         self.up.set((status.link == LinkState::Up).into());
         self.viewers.set(viewers as i64);
-        self.frames.inc_by(status.frames.saturating_sub(self.frames.get()));
+        self.frames
+            .inc_by(status.frames.saturating_sub(self.frames.get()));
         self.bytes.inc_by(bytes.saturating_sub(self.bytes.get()));
         let mut page = String::new();
         // Writing to a text does not fail.

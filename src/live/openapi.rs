@@ -67,40 +67,116 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
         };
     }
     let mut get = |path, about, role, gives| {
-        calls.push(Call { path, about, role, takes: None, gives });
+        calls.push(Call {
+            path,
+            about,
+            role,
+            takes: None,
+            gives,
+        });
     };
-    get("/healthz", "Whether the program and the robot are there.", None, Gives::Json(shape!(Health)));
-    get("/metrics", "Figures for Prometheus.", Some("viewer"), Gives::Kind("application/openmetrics-text"));
+    get(
+        "/healthz",
+        "Whether the program and the robot are there.",
+        None,
+        Gives::Json(shape!(Health)),
+    );
+    get(
+        "/metrics",
+        "Figures for Prometheus.",
+        Some("viewer"),
+        Gives::Kind("application/openmetrics-text"),
+    );
     get("/api/me", "Who asks.", None, Gives::Json(shape!(Me)));
-    get("/api/status", "How things stand.", Some("viewer"), Gives::Json(shape!(State)));
-    get("/api/behaviours", "All behaviours.", Some("viewer"), Gives::Json(shape!(Vec<Behaviour>)));
+    get(
+        "/api/status",
+        "How things stand.",
+        Some("viewer"),
+        Gives::Json(shape!(State)),
+    );
+    get(
+        "/api/behaviours",
+        "All behaviours.",
+        Some("viewer"),
+        Gives::Json(shape!(Vec<Behaviour>)),
+    );
     get(
         "/api/behaviours/{name}/script",
         "The text of a behaviour's script.",
         Some("viewer"),
         Gives::Json(shape!(Text)),
     );
-    get("/api/picture", "A picture that the camera takes now.", Some("viewer"), Gives::Kind("image/jpeg"));
+    get(
+        "/api/picture",
+        "A picture that the camera takes now.",
+        Some("viewer"),
+        Gives::Kind("image/jpeg"),
+    );
     let mut post = |path, about, role, takes| {
         let gives = Gives::Json(shape!(Outcome));
-        calls.push(Call { path, about, role: Some(role), takes: Some(takes), gives });
+        calls.push(Call {
+            path,
+            about,
+            role: Some(role),
+            takes: Some(takes),
+            gives,
+        });
     };
-    post("/api/stop", "STOP: nothing moves the robot until it is let go.", "viewer", Body::Nothing);
-    post("/api/let-go", "The robot may move again.", "driver", Body::Nothing);
-    post("/api/dock", "Drive to the station; answered when it is there, or has given up.", "driver", Body::Nothing);
+    post(
+        "/api/stop",
+        "STOP: nothing moves the robot until it is let go.",
+        "viewer",
+        Body::Nothing,
+    );
+    post(
+        "/api/let-go",
+        "The robot may move again.",
+        "driver",
+        Body::Nothing,
+    );
+    post(
+        "/api/dock",
+        "Drive to the station; answered when it is there, or has given up.",
+        "driver",
+        Body::Nothing,
+    );
     post("/api/undock", "Leave the station.", "driver", Body::Nothing);
-    post("/api/stop-sound", "Stop the music.", "driver", Body::Nothing);
-    post("/api/say", "Speak: s16 little-endian, mono, 16 kHz, at most 30 s.", "driver", Body::Samples);
+    post(
+        "/api/stop-sound",
+        "Stop the music.",
+        "driver",
+        Body::Nothing,
+    );
+    post(
+        "/api/say",
+        "Speak: s16 little-endian, mono, 16 kHz, at most 30 s.",
+        "driver",
+        Body::Samples,
+    );
     let bodies = [
         ("/api/led", "Switch a light.", shape_of::<Lamp>(generator)),
         ("/api/play", "Play a sound.", shape_of::<Tune>(generator)),
-        ("/api/volume", "Set the volume.", shape_of::<Volume>(generator)),
-        ("/api/behaviours/{name}", "Start, stop or restart a behaviour.", shape_of::<Become>(generator)),
+        (
+            "/api/volume",
+            "Set the volume.",
+            shape_of::<Volume>(generator),
+        ),
+        (
+            "/api/behaviours/{name}",
+            "Start, stop or restart a behaviour.",
+            shape_of::<Become>(generator),
+        ),
     ];
     for (path, about, body) in bodies {
         let gives = Gives::Json(shape_of::<Outcome>(generator));
         let (role, takes) = (Some("driver"), Some(Body::Json(body)));
-        calls.push(Call { path, about, role, takes, gives });
+        calls.push(Call {
+            path,
+            about,
+            role,
+            takes,
+            gives,
+        });
     }
     calls
 }
@@ -166,7 +242,13 @@ mod tests {
     #[test]
     fn the_description_is_whole_and_names_every_call() {
         let document = document();
-        for path in ["/healthz", "/metrics", "/api/status", "/api/stop", "/api/behaviours/{name}"] {
+        for path in [
+            "/healthz",
+            "/metrics",
+            "/api/status",
+            "/api/stop",
+            "/api/behaviours/{name}",
+        ] {
             assert!(document["paths"].get(path).is_some(), "{path}");
         }
         let mut found = Vec::new();

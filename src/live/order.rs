@@ -165,9 +165,15 @@ pub(super) async fn perform(order: Order, run: &Run, sim: Option<&Handle>) -> Do
         }
         Order::Dock => Errand::Dock(DockPlan::DEFAULT),
         Order::Undock => Errand::Undock(UNDOCK),
-        Order::Led { light, on } => Errand::Led { led: light.into(), on },
+        Order::Led { light, on } => Errand::Led {
+            led: light.into(),
+            on,
+        },
         Order::StopSound => Errand::StopSound,
-        Order::Behaviour { name, change } => Errand::Behaviour { name, change: change.into() },
+        Order::Behaviour { name, change } => Errand::Behaviour {
+            name,
+            change: change.into(),
+        },
         Order::Volume { percent } => Errand::Volume(percent),
         Order::Play { sound } => match wire::Sound::from_name(&sound) {
             Some(sound) => Errand::Play(sound),
@@ -189,7 +195,9 @@ impl From<Light> for wire::Led {
 
 fn in_words(answer: Answer) -> Done {
     match answer {
-        Answer::Done | Answer::Overview(_) | Answer::Picture(_) | Answer::Behaviours(_) => (true, String::new()),
+        Answer::Done | Answer::Overview(_) | Answer::Picture(_) | Answer::Behaviours(_) => {
+            (true, String::new())
+        }
         Answer::Docked { end, .. } => (good(end), end.name().to_owned()),
         Answer::Undocked(end) => (good(end), end.name().to_owned()),
         Answer::NoPicture => (false, "no picture came in time".to_owned()),
@@ -199,7 +207,10 @@ fn in_words(answer: Answer) -> Done {
 }
 
 fn good(end: DockEnd) -> bool {
-    matches!(end, DockEnd::Done | DockEnd::AlreadyDocked | DockEnd::NotDocked)
+    matches!(
+        end,
+        DockEnd::Done | DockEnd::AlreadyDocked | DockEnd::NotDocked
+    )
 }
 
 fn told(altered: Result<(), String>) -> Done {
@@ -219,7 +230,10 @@ fn alter(change: Change, sim: &Handle) -> Result<(), String> {
         }
         Change::PlaceBall { number, x, y } => {
             within(x.abs() <= FAR && y.abs() <= FAR, "a place")?;
-            within((1..=sim.world().balls.len()).contains(&number), "the ball's number")?;
+            within(
+                (1..=sim.world().balls.len()).contains(&number),
+                "the ball's number",
+            )?;
             sim.put_ball(number - 1, Point::new(x, y));
         }
         Change::Battery { percent } => {
@@ -244,7 +258,8 @@ fn alter(change: Change, sim: &Handle) -> Result<(), String> {
 }
 
 fn within(is: bool, what: &str) -> Result<(), String> {
-    is.then_some(()).ok_or_else(|| format!("{what} is out of range"))
+    is.then_some(())
+        .ok_or_else(|| format!("{what} is out of range"))
 }
 
 /// As in the YAML of `spykee sim --faults`, which is JSON too.

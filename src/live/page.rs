@@ -6,8 +6,16 @@ use axum::routing::get;
 
 /// Path, kind, content.
 const FILES: &[(&str, &str, &str)] = &[
-    ("/", "text/html; charset=utf-8", include_str!("page/index.html")),
-    ("/style.css", "text/css; charset=utf-8", include_str!("page/style.css")),
+    (
+        "/",
+        "text/html; charset=utf-8",
+        include_str!("page/index.html"),
+    ),
+    (
+        "/style.css",
+        "text/css; charset=utf-8",
+        include_str!("page/style.css"),
+    ),
     ("/icon.svg", "image/svg+xml", include_str!("page/icon.svg")),
     ("/app.js", JS, include_str!("page/app.js")),
     ("/battery.js", JS, include_str!("page/battery.js")),
@@ -29,11 +37,16 @@ const JS: &str = "text/javascript; charset=utf-8";
 
 /// All of them.
 pub(super) fn routes() -> Router {
-    FILES.iter().fold(Router::new(), |router, &(path, kind, content)| {
-        // The next program has other files.
-        let headers = [(header::CONTENT_TYPE, kind), (header::CACHE_CONTROL, "no-cache")];
-        router.route(path, get(move || async move { (headers, content) }))
-    })
+    FILES
+        .iter()
+        .fold(Router::new(), |router, &(path, kind, content)| {
+            // The next program has other files.
+            let headers = [
+                (header::CONTENT_TYPE, kind),
+                (header::CACHE_CONTROL, "no-cache"),
+            ];
+            router.route(path, get(move || async move { (headers, content) }))
+        })
 }
 
 #[cfg(test)]
@@ -44,9 +57,15 @@ mod tests {
     fn nothing_on_the_page_comes_from_elsewhere_or_stands_in_line() {
         for (path, kind, content) in FILES {
             assert!(!content.contains("https://"), "{path}");
-            assert!(!content.contains("innerHTML") && !content.contains("eval("), "{path}");
+            assert!(
+                !content.contains("innerHTML") && !content.contains("eval("),
+                "{path}"
+            );
             if kind.starts_with("text/html") {
-                assert!(!content.contains(" style=") && !content.contains(" onclick"), "{path}");
+                assert!(
+                    !content.contains(" style=") && !content.contains(" onclick"),
+                    "{path}"
+                );
                 assert_eq!(content.matches("<script").count(), 1, "{path}");
             }
         }
@@ -56,7 +75,11 @@ mod tests {
     fn every_module_that_is_imported_is_there() {
         for (path, _, content) in FILES.iter().filter(|file| file.1 == JS) {
             for line in content.lines().filter(|line| line.starts_with("import")) {
-                let name = line.rsplit('"').nth(1).unwrap_or_default().trim_start_matches('.');
+                let name = line
+                    .rsplit('"')
+                    .nth(1)
+                    .unwrap_or_default()
+                    .trim_start_matches('.');
                 assert!(FILES.iter().any(|file| file.0 == name), "{path}: {line}");
             }
         }

@@ -70,7 +70,9 @@ pub(super) struct Text {
 /// All behaviours that are known or run.
 pub(super) fn behaviours(scripts: &[Script], members: &[Member]) -> Vec<Behaviour> {
     let members = members.iter();
-    members.map(|member| behaviour(find(scripts, &member.name), member)).collect()
+    members
+        .map(|member| behaviour(find(scripts, &member.name), member))
+        .collect()
 }
 
 pub(super) fn find<'a>(scripts: &'a [Script], name: &str) -> Option<&'a Script> {
@@ -89,7 +91,11 @@ fn behaviour(script: Option<&Script>, member: &Member) -> Behaviour {
         let text = ending.message.clone();
         let text = text.unwrap_or_else(|| ending.reason.sentence().to_owned());
         let line = file.as_deref().and_then(|file| line_of(&text, file));
-        End { reason: ending.reason.name(), text, line }
+        End {
+            reason: ending.reason.name(),
+            text,
+            line,
+        }
     });
     Behaviour {
         name: member.name.clone(),

@@ -74,26 +74,33 @@ impl Live {
         let (options, stop) = (options.clone(), CancellationToken::new());
         let (started, starting) = mpsc::sync_channel(1);
         let stopped = stop.clone();
-        let thread = std::thread::Builder::new().name("live".into()).spawn(move || {
-            let runtime = match Builder::new_current_thread().enable_all().build() {
-                Ok(runtime) => runtime,
-                Err(error) => return drop(started.send(Err(error.into()))),
-            };
-            runtime.block_on(async {
-                match open(&shown, &options).await {
-                    Ok((door, access)) => {
-                        let about = door.address().map(|address| (address, access.is_open()));
-                        let _ = started.send(about.map_err(LiveError::System));
-                        let served = serve(door, access, shown, &options);
-                        let _ = stopped.run_until_cancelled(served).await;
+        let thread = std::thread::Builder::new()
+            .name("live".into())
+            .spawn(move || {
+                let runtime = match Builder::new_current_thread().enable_all().build() {
+                    Ok(runtime) => runtime,
+                    Err(error) => return drop(started.send(Err(error.into()))),
+                };
+                runtime.block_on(async {
+                    match open(&shown, &options).await {
+                        Ok((door, access)) => {
+                            let about = door.address().map(|address| (address, access.is_open()));
+                            let _ = started.send(about.map_err(LiveError::System));
+                            let served = serve(door, access, shown, &options);
+                            let _ = stopped.run_until_cancelled(served).await;
+                        }
+                        Err(error) => drop(started.send(Err(error))),
                     }
-                    Err(error) => drop(started.send(Err(error))),
-                }
-            });
-            runtime.shutdown_background();
-        })?;
+                });
+                runtime.shutdown_background();
+            })?;
         match starting.recv() {
-            Ok(Ok((address, open))) => Ok(Live { address, open, stop, thread: Some(thread) }),
+            Ok(Ok((address, open))) => Ok(Live {
+                address,
+                open,
+                stop,
+                thread: Some(thread),
+            }),
             Ok(Err(error)) => Err(error),
             Err(_) => Err(LiveError::System(io::Error::other("its thread has ended"))),
         }
@@ -144,7 +151,14 @@ async fn open(shown: &Shown, options: &Options) -> Result<(Door, Arc<Access>), L
 }
 
 async fn serve(door: Door, access: Arc<Access>, shown: Shown, options: &Options) {
-    let Shown { run, sim, scripts, bus, log, .. } = shown;
+    let Shown {
+        run,
+        sim,
+        scripts,
+        bus,
+        log,
+        ..
+    } = shown;
     let hub = Hub::new(run, sim, scripts, options.viewers);
     let _serving = AbortOnDropHandle::new(tokio::spawn(hub.clone().serve(bus)));
     let keeper = hub.clone();

@@ -110,7 +110,11 @@ pub(super) struct Rate {
 
 impl Rate {
     pub(super) fn new(now: Instant) -> Rate {
-        Rate { since: now, frames: 0, rate: 0 }
+        Rate {
+            since: now,
+            frames: 0,
+            rate: 0,
+        }
     }
 
     fn count(&mut self, frames: u64, now: Instant) -> u32 {

@@ -67,12 +67,22 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
         world: hub.sim.is_some(),
         camera: has_camera(&hub.run),
     });
-    let writer = Writer { hub, watched, taken: frames_taken, said, sent: 0 };
+    let writer = Writer {
+        hub,
+        watched,
+        taken: frames_taken,
+        said,
+        sent: 0,
+    };
     let hello = text(&hello);
     let mut writing = AbortOnDropHandle::new(tokio::spawn(writer.run(sink, hello)));
     let mut reader = Reader {
         ticket,
-        wants: Wants { watch, taken, words },
+        wants: Wants {
+            watch,
+            taken,
+            words,
+        },
         orders: Vec::new(),
         wheel: None,
         window: (Instant::now(), 0),
@@ -124,7 +134,10 @@ impl Reader {
             FromPage::Watch(watch) => {
                 self.wants.watch.send_replace(watch);
             }
-            FromPage::Taken => self.wants.taken.send_modify(|taken| *taken = taken.wrapping_add(1)),
+            FromPage::Taken => self
+                .wants
+                .taken
+                .send_modify(|taken| *taken = taken.wrapping_add(1)),
             FromPage::Name { name } => self.ticket.rename(&name),
             FromPage::Stop => drop(self.ticket.hub().stop().await),
             FromPage::LetGo if self.ticket.role == Role::Driver => {
@@ -184,7 +197,10 @@ impl Reader {
     }
 
     fn notice(&self, key: &'static str, name: String) {
-        let _ = self.wants.words.try_send(text(&ToPage::Notice { key, name }));
+        let _ = self
+            .wants
+            .words
+            .try_send(text(&ToPage::Notice { key, name }));
     }
 }
 
@@ -210,7 +226,10 @@ impl Writer {
     /// Until something cannot be sent.
     async fn run(mut self, mut sink: Sink, hello: Utf8Bytes) {
         if self.show(&mut sink, hello).await.is_none() {
-            let frame = CloseFrame { code: close_code::POLICY, reason: "too slow".into() };
+            let frame = CloseFrame {
+                code: close_code::POLICY,
+                reason: "too slow".into(),
+            };
             let _ = timeout(SENDING, sink.send(Message::Close(Some(frame)))).await;
         }
     }
@@ -264,13 +283,19 @@ impl Writer {
     fn frames_under_way(&self) -> u32 {
         let under_way = self.sent.wrapping_sub(*self.taken.borrow());
         // One that takes more than it was sent gets no more than others.
-        if under_way > u32::MAX / 2 { 0 } else { under_way }
+        if under_way > u32::MAX / 2 {
+            0
+        } else {
+            under_way
+        }
     }
 
     fn battery(&self) -> Utf8Bytes {
         let history = self.hub.history.lock();
         let history = history.unwrap_or_else(std::sync::PoisonError::into_inner);
-        text(&ToPage::Battery { points: history.points(Instant::now()) })
+        text(&ToPage::Battery {
+            points: history.points(Instant::now()),
+        })
     }
 
     async fn turn_to(&mut self, watch: Watch, shows: &mut Shows, sink: &mut Sink) -> Option<()> {

@@ -36,11 +36,7 @@ pub(super) async fn drive(run: Run, name: String, mut wishes: watch::Receiver<Wi
     }
 }
 
-async fn steer(
-    run: &Run,
-    name: &str,
-    wishes: &mut watch::Receiver<Wish>,
-) -> Result<(), SeatError> {
+async fn steer(run: &Run, name: &str, wishes: &mut watch::Receiver<Wish>) -> Result<(), SeatError> {
     let mut seat = run.seat(name).await?;
     seat.drive(Setpoint::STOP).await?;
     let mut beat = interval(BEAT);

@@ -127,7 +127,12 @@ fn rectangle(middle: Point, length: f64, width: f64, heading: f64) -> Vec<[f64; 
         let side = middle.ahead(heading, along * length / 2.0);
         pair(side.ahead(heading + std::f64::consts::FRAC_PI_2, across * width / 2.0))
     };
-    vec![corner(1.0, 1.0), corner(-1.0, 1.0), corner(-1.0, -1.0), corner(1.0, -1.0)]
+    vec![
+        corner(1.0, 1.0),
+        corner(-1.0, 1.0),
+        corner(-1.0, -1.0),
+        corner(1.0, -1.0),
+    ]
 }
 
 /// The world as it is at first, with the way so far.
@@ -181,10 +186,18 @@ pub(super) fn place(sim: &Handle) -> Place {
         furniture: furniture.collect(),
         rugs: rugs.collect(),
         lines: lines.collect(),
-        balls: balls.map(|it| round("", it.colour, it.at.point(), it.radius)).collect(),
-        posts: posts.map(|it| round("", it.colour, it.at.point(), it.radius)).collect(),
-        walkers: walkers.map(|it| round(&it.name, it.colour, it.at.point(), it.radius)).collect(),
-        lamps: lamps.map(|it| round(&it.name, it.colour, it.at.point(), it.reach)).collect(),
+        balls: balls
+            .map(|it| round("", it.colour, it.at.point(), it.radius))
+            .collect(),
+        posts: posts
+            .map(|it| round("", it.colour, it.at.point(), it.radius))
+            .collect(),
+        walkers: walkers
+            .map(|it| round(&it.name, it.colour, it.at.point(), it.radius))
+            .collect(),
+        lamps: lamps
+            .map(|it| round(&it.name, it.colour, it.at.point(), it.reach))
+            .collect(),
         signs: signs
             .map(|it| round(&it.text, Paint([255; 3]), it.at.point(), it.side / 2.0))
             .collect(),
@@ -218,9 +231,10 @@ pub(super) fn map(sim: &Handle) -> Map {
             _ => None,
         };
         let bumps = trace.events().iter().rev();
-        let bumps = bumps.filter_map(|it| bump(&it.what, it.pose.point())).take(BUMPS);
-        let mut bumps: Vec<(f64, f64, String)> =
-            bumps.map(|([x, y], name)| (x, y, name)).collect();
+        let bumps = bumps
+            .filter_map(|it| bump(&it.what, it.pose.point()))
+            .take(BUMPS);
+        let mut bumps: Vec<(f64, f64, String)> = bumps.map(|([x, y], name)| (x, y, name)).collect();
         bumps.reverse();
         (pairs(trace.balls()), pairs(trace.walkers()), bumps)
     });

@@ -23,7 +23,10 @@ impl Shown {
         match *command {
             Command::Move { left, right } => {
                 let power = |power| TrackPower::new(power).unwrap_or_default();
-                self.tracks = Setpoint { left: power(left), right: power(right) };
+                self.tracks = Setpoint {
+                    left: power(left),
+                    right: power(right),
+                };
             }
             Command::Led { led, on } => match led {
                 Led::Flash => self.lights[0] = Some(on),
@@ -47,11 +50,23 @@ mod tests {
     #[test]
     fn what_goes_out_is_shown_and_a_sound_makes_lights_unknown() {
         let mut shown = Shown::default();
-        shown.note(&Command::Move { left: 30, right: -20 });
-        shown.note(&Command::Led { led: Led::Left, on: true });
-        assert_eq!((shown.tracks.left.get(), shown.tracks.right.get()), (30, -20));
+        shown.note(&Command::Move {
+            left: 30,
+            right: -20,
+        });
+        shown.note(&Command::Led {
+            led: Led::Left,
+            on: true,
+        });
+        assert_eq!(
+            (shown.tracks.left.get(), shown.tracks.right.get()),
+            (30, -20)
+        );
         assert_eq!(shown.lights, [None, Some(true), None]);
         shown.note(&Command::Play(Sound::Laser));
-        assert_eq!((shown.lights, shown.sound, shown.sounds), ([None; 3], Some(Sound::Laser), 1));
+        assert_eq!(
+            (shown.lights, shown.sound, shown.sounds),
+            ([None; 3], Some(Sound::Laser), 1)
+        );
     }
 }

@@ -74,12 +74,25 @@ mod tests {
         let lookout = Lookout::default();
         let mut slow = lookout.look();
         let text = "x".repeat(1000);
-        let one = Finding { x: 1, y: 2, w: 3, h: 4, text };
+        let one = Finding {
+            x: 1,
+            y: 2,
+            w: 3,
+            h: 4,
+            text,
+        };
         for frame in 0..1000 {
             let (behaviour, list) = ("a".to_owned(), vec![one.clone(); 500]);
-            lookout.tell(Findings { behaviour, frame, list });
+            lookout.tell(Findings {
+                behaviour,
+                frame,
+                list,
+            });
         }
-        assert!(matches!(slow.try_recv(), Err(broadcast::error::TryRecvError::Lagged(_))));
+        assert!(matches!(
+            slow.try_recv(),
+            Err(broadcast::error::TryRecvError::Lagged(_))
+        ));
         let next = slow.try_recv().unwrap();
         assert_eq!((next.list.len(), next.list[0].text.len()), (MOST, LONGEST));
     }

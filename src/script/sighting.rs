@@ -45,7 +45,11 @@ pub(super) struct Witness {
 impl Default for Witness {
     fn default() -> Witness {
         let (period, begun, kept) = (PERIOD, None, None);
-        Witness { period, begun, kept }
+        Witness {
+            period,
+            begun,
+            kept,
+        }
     }
 }
 
@@ -54,7 +58,10 @@ impl Witness {
     pub(super) fn of(options: &Options) -> Option<Witness> {
         let (live, kept) = (options.findings, options.annotate_dir.is_some());
         let period = if live { LIVE_PERIOD } else { PERIOD };
-        (live || kept).then(|| Witness { period, ..Witness::default() })
+        (live || kept).then(|| Witness {
+            period,
+            ..Witness::default()
+        })
     }
 
     /// Takes note of what was found in a frame. All that is asked of one frame goes together.

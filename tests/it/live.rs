@@ -22,7 +22,13 @@ const LOOK: &str = "robot.on('frame', function(f) f:find_blobs('red') end)";
 async fn live(rig: &Rig, script: &str, more: &[&str]) -> (Run, String) {
     let path = rig.file("script.lua", script);
     let path = path.to_str().unwrap().to_owned();
-    let args = ["run", &*path, "--robot", &*rig.address, "--live=127.0.0.1:0"];
+    let args = [
+        "run",
+        &*path,
+        "--robot",
+        &*rig.address,
+        "--live=127.0.0.1:0",
+    ];
     let run = rig.spykee(&[&args[..], more].concat());
     let page = address(&run).await;
     run.says("connected").await;
@@ -43,8 +49,10 @@ async fn post(address: &str, path: &str, headers: &str, body: Value) -> (u16, St
 async fn drive_by_hand(rig: &Rig, page: &mut Page) -> usize {
     let from = rig.sim.heard_count();
     page.say("{\"type\":\"wheel\",\"take\":true}").await;
-    page.until("state", |state| !state["driver"].is_null()).await;
-    page.say("{\"type\":\"drive\",\"left\":40,\"right\":40}").await;
+    page.until("state", |state| !state["driver"].is_null())
+        .await;
+    page.say("{\"type\":\"drive\",\"left\":40,\"right\":40}")
+        .await;
     rig.heard_motion(from).await
 }
 
@@ -61,7 +69,11 @@ async fn other_sites_and_other_names_for_our_address_are_turned_away() {
     let (_run, at) = live(&rig, IDLE, &[]).await;
     let (status, body) = get(&at, "/api/status").await;
     assert_eq!(status, 200, "{body}");
-    for headers in ["Host: evil.example\r\n", "Host: evil.example:80\r\n", "Host: a\r\nHost: b\r\n"] {
+    for headers in [
+        "Host: evil.example\r\n",
+        "Host: evil.example:80\r\n",
+        "Host: a\r\nHost: b\r\n",
+    ] {
         let (status, _) = ask(&at, "GET /api/status", headers, "").await;
         assert!(status == 421 || status == 400, "{headers}: {status}");
     }
@@ -73,14 +85,23 @@ async fn other_sites_and_other_names_for_our_address_are_turned_away() {
     let own = format!("Origin: http://{at}\r\n");
     assert!(Page::open(&at, &own).await.is_ok());
     let (_, page) = get(&at, "/").await;
-    assert!(page.contains("/app.js") && !page.contains("<style"), "{page}");
+    assert!(
+        page.contains("/app.js") && !page.contains("<style"),
+        "{page}"
+    );
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn off_loopback_nothing_is_served_without_a_password() {
     let rig = Rig::quiet().await;
     rig.file("script.lua", IDLE);
-    let args = ["run", "script.lua", "--robot", &rig.address, "--live=0.0.0.0:0"];
+    let args = [
+        "run",
+        "script.lua",
+        "--robot",
+        &rig.address,
+        "--live=0.0.0.0:0",
+    ];
     let mut run = rig.spykee(&args);
     assert_eq!(run.code().await, Some(2), "{}", run.text());
     assert!(run.text().contains("spykee token new"), "{}", run.text());
@@ -92,7 +113,10 @@ async fn token(rig: &Rig, name: &str, role: &str) -> String {
     let mut made = rig.spykee(&["token", "new", name, "--role", role]);
     assert_eq!(made.code().await, Some(0), "{}", made.text());
     let text = made.text();
-    text.lines().find(|line| line.starts_with("spykee_")).unwrap().to_owned()
+    text.lines()
+        .find(|line| line.starts_with("spykee_"))
+        .unwrap()
+        .to_owned()
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -100,9 +124,18 @@ async fn with_a_password_or_a_token_each_may_do_what_his_role_allows() {
     let rig = Rig::quiet().await;
     let secret = rig.file("driver.password", "correct horse\n");
     std::fs::set_permissions(&secret, std::fs::Permissions::from_mode(0o600)).unwrap();
-    rig.file("spykee.yaml", "live: { driver_password_file: driver.password }\n");
-    let viewer = format!("Authorization: Bearer {}\r\n", token(&rig, "tv", "viewer").await);
-    let driver = format!("Authorization: Bearer {}\r\n", token(&rig, "pad", "driver").await);
+    rig.file(
+        "spykee.yaml",
+        "live: { driver_password_file: driver.password }\n",
+    );
+    let viewer = format!(
+        "Authorization: Bearer {}\r\n",
+        token(&rig, "tv", "viewer").await
+    );
+    let driver = format!(
+        "Authorization: Bearer {}\r\n",
+        token(&rig, "pad", "driver").await
+    );
     let (_run, at) = live(&rig, IDLE, &["--config", "spykee.yaml"]).await;
     assert_eq!(get(&at, "/api/status").await.0, 401);
     assert_eq!(get(&at, "/metrics").await.0, 401);
@@ -113,7 +146,10 @@ async fn with_a_password_or_a_token_each_may_do_what_his_role_allows() {
     assert_eq!(post(&at, "/api/led", &viewer, light.clone()).await.0, 403);
     let from = rig.sim.heard_count();
     assert_eq!(post(&at, "/api/led", &driver, light).await.0, 200);
-    let on = Command::Led { led: Led::Left, on: true };
+    let on = Command::Led {
+        led: Led::Left,
+        on: true,
+    };
     rig.heard(from, |command| *command == on).await;
     // Whoever may look may stop.
     let from = rig.sim.heard_count();
@@ -122,15 +158,29 @@ async fn with_a_password_or_a_token_each_may_do_what_his_role_allows() {
     assert_eq!(post(&at, "/api/let-go", &viewer, json!({})).await.0, 403);
     let mut page = Page::open(&at, &viewer).await.unwrap();
     page.say("{\"type\":\"wheel\",\"take\":true}").await;
-    page.until("notice", |notice| notice["key"] == "viewer_only").await;
+    page.until("notice", |notice| notice["key"] == "viewer_only")
+        .await;
     // A session by password, until it is logged out.
-    let (status, body) = post(&at, "/api/login", "", json!({ "password": "correct horse" })).await;
+    let (status, body) = post(
+        &at,
+        "/api/login",
+        "",
+        json!({ "password": "correct horse" }),
+    )
+    .await;
     assert_eq!((status, body.contains("driver")), (200, true), "{body}");
     let mut denied = Vec::new();
     for _ in 0..8 {
-        denied.push(post(&at, "/api/login", "", json!({ "password": "guess" })).await.0);
+        denied.push(
+            post(&at, "/api/login", "", json!({ "password": "guess" }))
+                .await
+                .0,
+        );
     }
-    assert!(denied.starts_with(&[401, 401]) && denied.ends_with(&[429]), "{denied:?}");
+    assert!(
+        denied.starts_with(&[401, 401]) && denied.ends_with(&[429]),
+        "{denied:?}"
+    );
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -155,7 +205,8 @@ async fn a_setpoint_that_is_not_renewed_dies_and_the_next_one_drives_again() {
     assert!(lived < Duration::from_secs(2), "{lived:?}");
     stays_still(&rig, stopped).await;
     for _ in 0..10 {
-        page.say("{\"type\":\"drive\",\"left\":-30,\"right\":30}").await;
+        page.say("{\"type\":\"drive\",\"left\":-30,\"right\":30}")
+            .await;
         sleep(Duration::from_millis(50)).await;
     }
     let again = rig.heard_motion(stopped).await;
@@ -163,7 +214,8 @@ async fn a_setpoint_that_is_not_renewed_dies_and_the_next_one_drives_again() {
     rig.heard_stop(again).await;
     // Whoever has not the wheel moves nothing.
     let from = rig.sim.heard_count();
-    page.say("{\"type\":\"drive\",\"left\":40,\"right\":40}").await;
+    page.say("{\"type\":\"drive\",\"left\":40,\"right\":40}")
+        .await;
     stays_still(&rig, from).await;
 }
 
@@ -173,10 +225,14 @@ async fn numbers_that_are_none_move_nothing() {
     let (_run, at) = live(&rig, IDLE, &[]).await;
     let mut page = open(&at).await;
     page.say("{\"type\":\"wheel\",\"take\":true}").await;
-    page.until("state", |state| !state["driver"].is_null()).await;
+    page.until("state", |state| !state["driver"].is_null())
+        .await;
     let from = rig.sim.heard_count();
     for wrong in ["1e999", "101", "-1e9", "\"40\"", "null"] {
-        page.say(&format!("{{\"type\":\"drive\",\"left\":{wrong},\"right\":40}}")).await;
+        page.say(&format!(
+            "{{\"type\":\"drive\",\"left\":{wrong},\"right\":40}}"
+        ))
+        .await;
     }
     stays_still(&rig, from).await;
 }
@@ -203,9 +259,12 @@ async fn one_drives_and_the_others_see_who() {
     let (mut anna, mut ben) = (open(&at).await, open(&at).await);
     anna.say("{\"type\":\"name\",\"name\":\"Anna\"}").await;
     drive_by_hand(&rig, &mut anna).await;
-    ben.until("state", |state| state["driver"]["name"] == "Anna").await;
+    ben.until("state", |state| state["driver"]["name"] == "Anna")
+        .await;
     ben.say("{\"type\":\"wheel\",\"take\":true}").await;
-    let notice = ben.until("notice", |notice| notice["key"] == "wheel_taken").await;
+    let notice = ben
+        .until("notice", |notice| notice["key"] == "wheel_taken")
+        .await;
     assert_eq!(notice["name"], "Anna");
     drop(anna);
     ben.until("state", |state| state["driver"].is_null()).await;
@@ -224,7 +283,8 @@ async fn stop_holds_whatever_drives_until_somebody_lets_go() {
     let stopped = rig.heard_stop(from).await;
     stays_still(&rig, stopped).await;
     page.say("{\"type\":\"wheel\",\"take\":true}").await;
-    page.until("notice", |notice| notice["key"] == "wheel_halted").await;
+    page.until("notice", |notice| notice["key"] == "wheel_halted")
+        .await;
     // It holds without any page, too.
     drop(page);
     let from = rig.sim.heard_count();
@@ -244,12 +304,15 @@ async fn stop_beats_the_watchdog_that_sends_a_low_robot_home_also_at_the_end() {
     let cancel = |command: &Command| *command == Command::Engine(Engage::CancelDock);
     let stopped = rig.heard(0, cancel).await;
     let searches = |from| {
-        let drives = |command: &Command| moves(command) || *command == Command::Engine(Engage::Dock);
+        let drives =
+            |command: &Command| moves(command) || *command == Command::Engine(Engage::Dock);
         rig.commands(from).into_iter().find(drives)
     };
     sleep(Duration::from_secs(2)).await;
     assert_eq!(searches(stopped), None);
-    let resting = rig.sim.wait_state(|state| !state.searching && !state.moving());
+    let resting = rig
+        .sim
+        .wait_state(|state| !state.searching && !state.moving());
     timeout(PATIENCE, resting).await.expect("it rests");
     assert_eq!(post(&at, "/api/let-go", "", json!({})).await.0, 200);
     let home = rig.heard_dock(stopped).await;
@@ -278,7 +341,10 @@ async fn behaviours_are_ended_and_started_and_their_scripts_are_shown() {
     let (status, text) = get(&at, "/api/behaviours/script/script").await;
     let text: Value = serde_json::from_str(&text).unwrap();
     assert_eq!((status, text["text"].as_str()), (200, Some(DRIVE)));
-    assert_eq!(get(&at, "/api/behaviours/..%2f..%2fetc/script").await.0, 404);
+    assert_eq!(
+        get(&at, "/api/behaviours/..%2f..%2fetc/script").await.0,
+        404
+    );
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -286,11 +352,20 @@ async fn frames_findings_and_log_reach_the_page() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, &format!("log.warn('<b>hostile</b>') {LOOK}"), &[]).await;
     let mut page = open(&at).await;
-    page.say("{\"type\":\"watch\",\"camera\":true,\"found\":true,\"log\":true}").await;
-    let log = page.until("log", |log| log["lines"].to_string().contains("hostile")).await;
+    page.say("{\"type\":\"watch\",\"camera\":true,\"found\":true,\"log\":true}")
+        .await;
+    let log = page
+        .until("log", |log| log["lines"].to_string().contains("hostile"))
+        .await;
     let lines = log["lines"].as_array().unwrap();
-    let line = lines.iter().find(|line| line["text"] == "<b>hostile</b>").unwrap();
-    assert_eq!((line["behaviour"].as_str(), line["line"].as_u64()), (Some("script"), Some(1)));
+    let line = lines
+        .iter()
+        .find(|line| line["text"] == "<b>hostile</b>")
+        .unwrap();
+    assert_eq!(
+        (line["behaviour"].as_str(), line["line"].as_u64()),
+        (Some("script"), Some(1))
+    );
     let mut frames = 0;
     let seen = async {
         while frames < 5 {
@@ -302,7 +377,8 @@ async fn frames_findings_and_log_reach_the_page() {
         }
     };
     timeout(PATIENCE, seen).await.expect("frames");
-    page.until("found", |found| found["behaviour"] == "script").await;
+    page.until("found", |found| found["behaviour"] == "script")
+        .await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -314,7 +390,8 @@ async fn viewers_are_bounded_and_one_who_never_reads_is_hung_up_on() {
     rig.heard_motion(0).await;
     let from = rig.sim.heard_count();
     let mut slow = Page::open(&at, "").await.unwrap();
-    slow.say("{\"type\":\"watch\",\"camera\":true,\"log\":true}").await;
+    slow.say("{\"type\":\"watch\",\"camera\":true,\"log\":true}")
+        .await;
     let mut good = open(&at).await;
     assert_eq!(Page::open(&at, "").await.err(), Some(503));
     good.say("{\"type\":\"watch\",\"camera\":true}").await;
@@ -332,7 +409,9 @@ async fn viewers_are_bounded_and_one_who_never_reads_is_hung_up_on() {
             }
         }
     };
-    timeout(PATIENCE, alone).await.expect("the slow one is hung up on");
+    timeout(PATIENCE, alone)
+        .await
+        .expect("the slow one is hung up on");
     assert!(frames > 20, "{frames}");
     assert!(!rig.commands(from).contains(&Command::STOP));
     assert!(Page::open(&at, "").await.is_ok());
@@ -363,8 +442,13 @@ async fn nonsense_ends_its_own_connection_and_nothing_else() {
     flood.closed().await;
     let mut odd = Page::open(&at, "").await.unwrap();
     odd.say("{\"type\":\"drive\"}").await;
-    odd.until("notice", |notice| notice["key"] == "nonsense").await;
-    for bytes in [&b"\0\0\0\0"[..], b"GET / HTTP/1.1\r\n", b"POST /api/stop HTTP/9.9\r\n\r\n"] {
+    odd.until("notice", |notice| notice["key"] == "nonsense")
+        .await;
+    for bytes in [
+        &b"\0\0\0\0"[..],
+        b"GET / HTTP/1.1\r\n",
+        b"POST /api/stop HTTP/9.9\r\n\r\n",
+    ] {
         browser::send(&at, bytes).await;
     }
     good.until("state", |state| state["tracks"][0] == 30).await;

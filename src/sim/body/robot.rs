@@ -153,7 +153,10 @@ impl Robot {
         self.time += dt;
         self.drive(dt);
         self.touch();
-        let (places, balls) = (self.surroundings.places(), self.surroundings.world.balls.len());
+        let (places, balls) = (
+            self.surroundings.places(),
+            self.surroundings.world.balls.len(),
+        );
         lock(&self.trace).follow(self.time, self.chassis.pose, Movers { places, balls });
         self.battery.step(dt, self.chassis.effort());
         if self.battery.take_full() {

@@ -114,7 +114,12 @@ impl Trace {
     }
 
     /// The robot is here now.
-    pub(crate) fn follow(&mut self, at: Duration, pose: Pose, movers: Movers<impl Iterator<Item = Point>>) {
+    pub(crate) fn follow(
+        &mut self,
+        at: Duration,
+        pose: Pose,
+        movers: Movers<impl Iterator<Item = Point>>,
+    ) {
         let leapt = pose.point().distance(self.now.pose.point()) > LEAP;
         if !leapt {
             self.distance += pose.point().distance(self.now.pose.point());
@@ -124,7 +129,11 @@ impl Trace {
         self.balls.clear();
         self.walkers.clear();
         for (index, place) in places.enumerate() {
-            let kind = if index < balls { &mut self.balls } else { &mut self.walkers };
+            let kind = if index < balls {
+                &mut self.balls
+            } else {
+                &mut self.walkers
+            };
             kind.push(place);
         }
         let Some(last) = self.samples.last() else {
@@ -216,7 +225,10 @@ mod tests {
     use super::*;
 
     fn nothing() -> Movers<std::iter::Empty<Point>> {
-        Movers { places: std::iter::empty(), balls: 0 }
+        Movers {
+            places: std::iter::empty(),
+            balls: 0,
+        }
     }
 
     fn pose(x: f64) -> Pose {

@@ -28,7 +28,11 @@ pub async fn ask(address: &str, line: &str, headers: &str, body: &str) -> (u16, 
     );
     let answer = send(address, request.as_bytes()).await;
     let text = String::from_utf8_lossy(&answer).into_owned();
-    let status = text.split(' ').nth(1).and_then(|code| code.parse().ok()).unwrap_or(0);
+    let status = text
+        .split(' ')
+        .nth(1)
+        .and_then(|code| code.parse().ok())
+        .unwrap_or(0);
     let body = text.split_once("\r\n\r\n").map_or("", |(_, body)| body);
     (status, body.to_owned())
 }
@@ -38,7 +42,9 @@ pub async fn send(address: &str, bytes: &[u8]) -> Vec<u8> {
     let mut stream = TcpStream::connect(address).await.unwrap();
     let _ = stream.write_all(bytes).await;
     let mut answer = Vec::new();
-    let _ = timeout(PATIENCE, stream.read_to_end(&mut answer)).await.expect("it answers");
+    let _ = timeout(PATIENCE, stream.read_to_end(&mut answer))
+        .await
+        .expect("it answers");
     answer
 }
 
@@ -70,7 +76,10 @@ impl Page {
              Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n{headers}\r\n"
         );
         stream.write_all(request.as_bytes()).await.unwrap();
-        let mut page = Page { stream, buffer: Vec::new() };
+        let mut page = Page {
+            stream,
+            buffer: Vec::new(),
+        };
         loop {
             if let Some(end) = page.buffer.windows(4).position(|four| four == b"\r\n\r\n") {
                 let head = String::from_utf8_lossy(&page.buffer[..end]).into_owned();
@@ -84,7 +93,9 @@ impl Page {
 
     async fn read(&mut self) -> bool {
         let mut bytes = [0; 64 * 1024];
-        let read = timeout(PATIENCE, self.stream.read(&mut bytes)).await.expect("it talks");
+        let read = timeout(PATIENCE, self.stream.read(&mut bytes))
+            .await
+            .expect("it talks");
         let read = read.unwrap_or(0);
         self.buffer.extend_from_slice(&bytes[..read]);
         read > 0
@@ -136,8 +147,14 @@ impl Page {
     fn take(&mut self) -> Option<(u8, Vec<u8>)> {
         let (head, rest) = self.buffer.split_at_checked(2)?;
         let (length, skip) = match head[1] {
-            126 => (usize::from(u16::from_be_bytes(rest.get(..2)?.try_into().ok()?)), 4),
-            127 => (u64::from_be_bytes(rest.get(..8)?.try_into().ok()?) as usize, 10),
+            126 => (
+                usize::from(u16::from_be_bytes(rest.get(..2)?.try_into().ok()?)),
+                4,
+            ),
+            127 => (
+                u64::from_be_bytes(rest.get(..8)?.try_into().ok()?) as usize,
+                10,
+            ),
             length => (usize::from(length), 2),
         };
         let payload = self.buffer.get(skip..skip + length)?.to_vec();
@@ -157,7 +174,9 @@ impl Page {
                 }
             }
         };
-        timeout(PATIENCE, found).await.unwrap_or_else(|_| panic!("no {kind} as wanted"))
+        timeout(PATIENCE, found)
+            .await
+            .unwrap_or_else(|_| panic!("no {kind} as wanted"))
     }
 
     /// Waits until the other side hangs up.
