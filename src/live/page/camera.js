@@ -112,5 +112,5 @@ export function camera(connection) {
   return h("section", { class: "card camera", "aria-labelledby": "camera-title" },
     h("div", { class: "head" }, h("h2", { id: "camera-title" }, t("camera")), rate),
     stage,
-    h("div", { class: "row" }, onLabel, marksLabel, large));
+    h("div", { class: "row tools" }, onLabel, marksLabel, large));
 }

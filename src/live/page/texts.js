@@ -31,12 +31,12 @@ const TEXTS = {
 
   camera: ["Camera", "Kamera", "Telecamera"],
   camera_alt: ["What the robot's camera sees", "Was die Kamera des Roboters sieht", "Quello che vede la telecamera del robot"],
-  camera_on: ["Show the camera", "Kamera zeigen", "Mostra la telecamera"],
+  camera_on: ["Picture", "Bild", "Immagine"],
   camera_wait: ["Waiting for a picture", "Warte auf ein Bild", "Aspetto un'immagine"],
   camera_off: ["The camera is off", "Die Kamera ist aus", "La telecamera è spenta"],
   camera_never: ["The config keeps the camera off", "Die Konfiguration lässt die Kamera aus", "La configurazione tiene spenta la telecamera"],
-  found: ["Show what scripts found", "Funde der Skripte zeigen", "Mostra cosa trovano gli script"],
-  enlarge: ["Larger picture", "Größeres Bild", "Immagine più grande"],
+  found: ["Mark what scripts find", "Funde der Skripte", "Cosa trovano gli script"],
+  enlarge: ["Larger", "Größer", "Più grande"],
   fps: ["{fps} pictures a second", "{fps} Bilder je Sekunde", "{fps} immagini al secondo"],
 
   drive: ["Drive", "Fahren", "Guida"],
