@@ -42,6 +42,7 @@ use crate::wire::{Command, EngineNews};
 
 pub use self::core::DrivingCore;
 use self::distress::Distress;
+use self::halt::Halt;
 use self::lights::Lights;
 pub use self::line::Dial;
 use self::line::Line;
@@ -102,8 +103,8 @@ pub struct Pilot {
     lights: Lights,
     /// As a person beside the robot sees it.
     shown: Shown,
-    /// A person has stopped the robot.
-    halted: bool,
+    /// A person's STOP.
+    halt: Halt,
     silence: Silence,
     pictures: watch::Sender<Pictures>,
     damage: Damage,
@@ -141,7 +142,7 @@ impl Pilot {
             seats: Seats::new(settings.streams),
             lights: Lights::default(),
             shown: Shown::default(),
-            halted: false,
+            halt: Halt::default(),
             silence: Silence::new(Instant::now()),
             pictures,
             damage: Damage::default(),
@@ -452,7 +453,7 @@ impl Pilot {
             docked: self.watchdog.docked(),
             place: self.watchdog.place(),
             shed: self.watchdog.shed(),
-            halted: self.halted,
+            halted: self.halt.is_on(),
             shown: self.shown,
             frames: self.status.borrow().frames,
         };

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::hub::Hub;
 use super::order::{Done, Light, Order, Turn, perform};
 use super::scripts::{self, Behaviour, Text};
-use super::state::{self, People, Rate};
+use super::state::{self, Rate};
 use super::{messages, openapi, viewer};
 use crate::control::{Answer, Errand, MAX_SPEECH};
 use crate::http::{Driver, Refusal, Visitor};
@@ -122,7 +122,7 @@ pub(super) fn routes(hub: Arc<Hub>) -> Router {
 
 /// Says nothing that is anybody's business, so nobody has to log in for it.
 async fn healthz(State(hub): Shared) -> Response {
-    let live = hub.run.aboard().await.is_some();
+    let live = hub.is_alive();
     let ready = live && hub.run.status.borrow().link == LinkState::Up;
     let status = if live {
         StatusCode::OK
@@ -155,11 +155,12 @@ async fn live(
 
 async fn status(State(hub): Shared, _: Visitor) -> Json<state::State> {
     let (robot, mut rate) = (hub.robot(), Rate::new(Instant::now()));
-    let people = People {
-        viewers: hub.viewers(),
-        ..People::default()
-    };
-    Json(state::state(&hub.run, robot.as_ref(), people, &mut rate))
+    Json(state::state(
+        &hub.run,
+        robot.as_ref(),
+        hub.people(),
+        &mut rate,
+    ))
 }
 
 async fn behaviours(State(hub): Shared, _: Visitor) -> Json<Vec<Behaviour>> {

@@ -1,7 +1,7 @@
 //! What all viewers of a run share: what they are shown, made once for all, and who drives.
 
 use std::future::Future;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -29,6 +29,8 @@ use crate::sim;
 const LOOK: Duration = Duration::from_millis(100);
 /// How often the behaviours are told anew, for the time that they have been running.
 const BEHAVIOURS: Duration = Duration::from_secs(1);
+/// How often the pilot is asked whether it lives.
+const PULSE: Duration = Duration::from_secs(1);
 /// Findings that a viewer may be behind.
 const FOUND: usize = 32;
 
@@ -48,6 +50,8 @@ pub(super) struct Hub {
     pub(super) history: Mutex<History>,
     people: Mutex<Folk>,
     robot: watch::Sender<Option<RobotInfo>>,
+    /// The pilot answers.
+    alive: AtomicBool,
     most_viewers: usize,
     /// STOP holds: its seat is kept until this is false.
     held: watch::Sender<bool>,
@@ -111,6 +115,7 @@ impl Hub {
             history: Mutex::default(),
             people: Mutex::default(),
             robot: watch::Sender::new(None),
+            alive: AtomicBool::new(true),
             most_viewers: usize::from(most_viewers),
             held: watch::Sender::new(false),
         })
@@ -168,6 +173,21 @@ impl Hub {
         self.run.hold(false).await
     }
 
+    /// Whether the pilot answers. It is asked once a second, however often this is.
+    pub(super) fn is_alive(&self) -> bool {
+        self.alive.load(Ordering::Relaxed)
+    }
+
+    async fn feel_pulse(&self) {
+        let mut beat = interval(PULSE);
+        beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            beat.tick().await;
+            let alive = self.run.aboard().await.is_some();
+            self.alive.store(alive, Ordering::Relaxed);
+        }
+    }
+
     fn is_halted(&self) -> bool {
         *self.held.borrow() || self.run.status.borrow().halted
     }
@@ -175,7 +195,15 @@ impl Hub {
     /// Serves what is shared for as long as the run is on.
     pub(super) async fn serve(self: Arc<Hub>, bus: Listener) {
         let (camera, found) = (self.camera.serve(&self.run), self.pass_on_found());
-        tokio::join!(camera, found, self.listen(bus), self.look(), self.tell());
+        let pulse = self.feel_pulse();
+        tokio::join!(
+            camera,
+            found,
+            pulse,
+            self.listen(bus),
+            self.look(),
+            self.tell()
+        );
     }
 
     async fn pass_on_found(&self) {
@@ -262,7 +290,7 @@ impl Hub {
         }
     }
 
-    fn people(&self) -> People {
+    pub(super) fn people(&self) -> People {
         let folk = self.folk();
         let driver = folk.driver.as_ref().map(|(person, _)| person.clone());
         People {

@@ -2,6 +2,9 @@
 //! that sends a robot with a low battery home included. It holds until a person lets go, through lost
 //! links and to the last word.
 
+use std::time::Duration;
+
+use tokio::time::Instant;
 use tracing::warn;
 
 use super::Pilot;
@@ -11,23 +14,51 @@ use crate::wire::{Command, Engage};
 
 /// What is said when it begins: the tracks rest, and a search ends.
 const STOP: [Command; 2] = [Command::STOP, Command::Engine(Engage::CancelDock)];
+/// Who says STOP again and again is heard so often.
+const AGAIN: Duration = Duration::from_millis(200);
+
+/// See the module.
+#[derive(Debug, Default)]
+pub(super) struct Halt {
+    on: bool,
+    /// When it was said last.
+    said: Option<Instant>,
+}
+
+impl Halt {
+    pub(super) fn is_on(&self) -> bool {
+        self.on
+    }
+}
 
 impl Pilot {
     /// Begins it, or lets go.
     pub(super) fn halt(&mut self, on: bool) -> Result<(), LinkLost> {
-        if on {
-            if !self.halted {
+        let was = std::mem::replace(&mut self.halt.on, on);
+        match (was, on) {
+            (false, true) => {
                 warn!("stopped by a person: nothing moves the robot until a person lets go");
+                self.say_halt()
             }
-            self.halted = true;
-            return self.send(&STOP);
+            (true, true) => {
+                let lately = |at: Instant| at.elapsed() < AGAIN;
+                if self.halt.said.is_some_and(lately) {
+                    return Ok(());
+                }
+                self.say_halt()
+            }
+            (true, false) => {
+                warn!("a person lets go: the robot may move again");
+                // What the watchdog believes was never said: it begins anew, with a stop.
+                self.take(Fact::Suspended)
+            }
+            (false, false) => Ok(()),
         }
-        if std::mem::take(&mut self.halted) {
-            warn!("a person lets go: the robot may move again");
-            // What the watchdog believes was never said: it begins anew, with a stop.
-            return self.take(Fact::Suspended);
-        }
-        Ok(())
+    }
+
+    fn say_halt(&mut self) -> Result<(), LinkLost> {
+        self.halt.said = Some(Instant::now());
+        self.send(&STOP)
     }
 
     /// What of some commands may go out.
@@ -37,7 +68,7 @@ impl Pilot {
             Command::Engine(Engage::Dock | Engage::Undock) => None,
             other => Some(other.clone()),
         };
-        match self.halted {
+        match self.halt.on {
             true => commands.iter().filter_map(still).collect(),
             false => commands.to_vec(),
         }
