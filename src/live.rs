@@ -21,6 +21,7 @@ mod order;
 mod page;
 mod scripts;
 mod server;
+mod shapes;
 mod state;
 mod viewer;
 mod wheel;

@@ -8,18 +8,16 @@ use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use super::hub::Hub;
-use super::order::{Done, Light, Order, Turn, perform};
+use super::order::{Done, Order, perform};
 use super::scripts::{self, Behaviour, Text};
+use super::shapes::{Become, Health, Lamp, Outcome, Tune, Volume};
 use super::state::{self, Rate};
 use super::{messages, openapi, viewer};
 use crate::control::{Answer, Errand, MAX_SPEECH};
 use crate::http::{Driver, Refusal, Visitor};
 use crate::pilot::LinkState;
-use crate::robot::Percent;
 use tokio::time::Instant;
 
 /// Bytes of what is asked for; speech is longer.
@@ -29,58 +27,6 @@ const PICTURE: Duration = Duration::from_secs(5);
 
 type Shared = State<Arc<Hub>>;
 type Reply<T> = Result<Json<T>, Refusal>;
-
-/// Whether the program serves, and whether the robot does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
-pub(super) struct Health {
-    /// The pilot answers.
-    pub live: bool,
-    /// The robot is connected.
-    pub ready: bool,
-}
-
-/// What became of what was asked for.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
-pub(super) struct Outcome {
-    /// It was done.
-    pub ok: bool,
-    /// In words, such as how a docking ended.
-    pub text: String,
-}
-
-/// A light and whether it is to be on.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Lamp {
-    /// Which.
-    pub light: Light,
-    /// On or off.
-    pub on: bool,
-}
-
-/// A sound.
-#[derive(Debug, Clone, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Tune {
-    /// Its name, such as `laser`.
-    pub sound: String,
-}
-
-/// How loud.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Volume {
-    /// 0..=100.
-    pub percent: Percent,
-}
-
-/// What is to become of a behaviour.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Become {
-    /// This.
-    pub change: Turn,
-}
 
 /// Everything but the page itself.
 pub(super) fn routes(hub: Arc<Hub>) -> Router {

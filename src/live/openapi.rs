@@ -3,8 +3,8 @@
 use schemars::generate::{SchemaGenerator, SchemaSettings};
 use serde_json::{Map, Value, json};
 
-use super::api::{Become, Health, Lamp, Outcome, Tune, Volume};
 use super::scripts::{Behaviour, Text};
+use super::shapes::{Become, Health, Lamp, Outcome, Tune, Volume};
 use super::state::State;
 use crate::http::Me;
 

@@ -205,7 +205,7 @@ const promises = {
     await page.getByLabel("Sound", { exact: true }).selectOption("laser");
     await button(page, "Play").click();
     await until(() => witness.state.sound === "laser", "a sound");
-    await page.getByLabel("Battery level").fill("64");
+    await page.getByRole("slider", { name: "Battery level" }).fill("64");
     await until(() => witness.map.battery < 66 && witness.map.battery > 60, "another battery level");
     await page.getByLabel("x, metres").fill("2");
     await page.getByLabel("y, metres").fill("1.5");
@@ -226,7 +226,7 @@ const promises = {
     await page.getByText(/disconnected/).first().waitFor();
     await page.getByText("Free to move").waitFor();
     // A line of the log leads to the script.
-    await button(page, "Show line 1 of spin").first().click();
+    await button(page, "spin:1").first().click();
     await page.locator("dialog .marked").getByText("while true do").waitFor();
     await button(page, "Close").click();
     await button(page, "Go to the station").click();

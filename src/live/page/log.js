@@ -8,7 +8,7 @@ const LEVELS = ["error", "warn", "info", "debug", "trace"];
 const KEPT = 500;
 
 export function log(connection) {
-  const list = h("ol", { class: "lines", role: "log", "aria-live": "off", "aria-label": t("log"), tabindex: 0 });
+  const list = h("ol", { class: "lines", "aria-label": t("log"), tabindex: 0 });
   const empty = h("p", { class: "quiet" }, t("log_empty"));
   const option = (value, text) => h("option", { value }, text);
   const level = h("select", { id: "log-level", onchange: filter },
@@ -41,7 +41,7 @@ export function log(connection) {
     const { at, level: kind, behaviour: name, line: number, text } = line;
     know(name);
     const where = name && number ? h("button", {
-      type: "button", class: "link where", "aria-label": t("show_line", { line: number, name }),
+      type: "button", class: "link where", title: t("show_line", { line: number, name }),
       onclick: () => showScript(name, number),
     }, `${name}:${number}`) : name ? h("span", { class: "where" }, name) : null;
     const element = h("li", { class: kind, "data-level": kind, "data-behaviour": name ?? "" },
