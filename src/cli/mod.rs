@@ -20,12 +20,14 @@ mod embedded;
 mod examiner;
 mod failure;
 mod fast;
+mod history;
 mod interrupt;
 mod learn;
 mod lesson;
 mod live;
 mod logging;
 mod new;
+mod notify;
 mod params;
 mod picture;
 mod repl;
@@ -106,6 +108,8 @@ pub enum LogFormat {
 enum Command {
     Run(run::RunArgs),
     Status(runs::StatusArgs),
+    History(history::HistoryArgs),
+    Notify(notify::NotifyArgs),
     Behaviour(behaviour::BehaviourArgs),
     New(new::NewArgs),
     Repl(repl::ReplArgs),
@@ -132,6 +136,8 @@ impl Command {
         match self {
             Command::Run(args) => Some(&args.settings),
             Command::Status(args) => Some(&args.settings),
+            Command::History(args) => Some(&args.settings),
+            Command::Notify(args) => Some(args.settings()),
             Command::Behaviour(args) => Some(args.settings()),
             Command::Repl(args) => Some(&args.settings),
             Command::Config(args) => args.settings(),
@@ -150,6 +156,8 @@ impl Command {
         match self {
             Command::Run(args) => run::run(&args, console),
             Command::Status(args) => runs::run(&args),
+            Command::History(args) => history::run(&args),
+            Command::Notify(args) => notify::run(&args),
             Command::Behaviour(args) => behaviour::run(&args),
             Command::New(args) => new::run(&args),
             Command::Repl(args) => repl::run(&args, console),

@@ -21,12 +21,13 @@ use super::settings::SettingsArgs;
 use super::status::StatusLine;
 use super::trace::TraceFile;
 use super::waiting::{Tries, until_answered};
-use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
+use super::{ConnectionArgs, Console, Exit, Failure, Place, check, notify};
 use crate::agent::{self, Agent, AgentError, Behaviour, Bus, Outcome, Plan, RESCUE_NAME};
 use crate::behaviour::{Launch, Launcher, RestartPolicy, is_failure};
 use crate::config::{Config, Entry};
 use crate::control::{self, Desk};
 use crate::guardian::Guardian;
+use crate::journal::{self, Journal};
 use crate::lab;
 use crate::link::{self, LinkError, Target};
 use crate::pilot::{Dial, DrivingCore, Pulse, Status};
@@ -36,6 +37,8 @@ use crate::wire::Login;
 
 /// How often the status line is drawn anew.
 pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
+/// How long the journal may take at the end to write what it has.
+const JOURNAL_END: Duration = Duration::from_secs(2);
 /// The longest `--for`: a year.
 const LONGEST_RUN: f64 = 366.0 * 86_400.0;
 
@@ -195,6 +198,8 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         limit: args.limit,
         bus: bus.clone(),
     };
+    let journal = journal(&config, &bus, &about);
+    let voice = notify::start(args.settings.load()?, &bus)?;
     let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle), tries);
     let outcome = runtime.block_on(async {
         for (watched, reloads) in watches {
@@ -204,6 +209,8 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     });
     drop(core);
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
+    journal.map(|journal| journal.finish(JOURNAL_END));
+    voice.map(|voice| voice.finish(notify::END));
     // Also of a run that failed or was interrupted: then people want to see it most.
     let drawn = match (trace, &sim) {
         (Some(trace), Some(sim)) => trace.write(&sim.handle()),
@@ -228,6 +235,19 @@ fn names(behaviours: &[Behaviour]) -> String {
         .iter()
         .map(|behaviour| behaviour.launch.options.name.as_str());
     names.collect::<Vec<_>>().join(" ")
+}
+
+/// The journal of a run, if the config wants one. A run without it drives all the same.
+fn journal(config: &Config, bus: &Bus, (target, simulated): &(String, bool)) -> Option<Journal> {
+    if config.journal.record != journal::When::On {
+        return None;
+    }
+    let about = journal::About {
+        target: target.clone(),
+        simulated: *simulated,
+    };
+    let started = Journal::start(bus, config.data_folder(), config.journal, about);
+    started.map_err(|error| tracing::warn!("{error}")).ok()
 }
 
 /// The whole run in virtual time, in this process.

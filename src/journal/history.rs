@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use jiff::Timestamp;
 use rusqlite::{Connection, OpenFlags, params_from_iter};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
 
 use super::ledger::{JournalError, journal_file};
@@ -17,7 +17,8 @@ const BUSY: Duration = Duration::from_secs(5);
 /// One thing that the journal remembers. As JSON one flat object.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Record {
-    /// When.
+    /// When; in JSON as RFC 3339 in UTC.
+    #[serde(serialize_with = "rfc3339")]
     pub at: Timestamp,
     /// Counts the agents that have written; pairs the start of a run with its end.
     pub session: i64,
@@ -29,6 +30,10 @@ pub struct Record {
     pub data: Map<String, Value>,
 }
 
+fn rfc3339<S: Serializer>(at: &Timestamp, to: S) -> Result<S::Ok, S::Error> {
+    to.collect_str(at)
+}
+
 impl Record {
     /// What kind of event.
     pub fn kind(&self) -> &str {
@@ -37,7 +42,10 @@ impl Record {
 
     /// A text of the event; empty if it has none.
     pub fn text(&self, key: &str) -> &str {
-        self.data.get(key).and_then(Value::as_str).unwrap_or_default()
+        self.data
+            .get(key)
+            .and_then(Value::as_str)
+            .unwrap_or_default()
     }
 
     /// A number of the event.

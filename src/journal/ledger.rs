@@ -7,8 +7,7 @@ use std::time::Duration;
 use jiff::Timestamp;
 use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior, params};
 
-use super::options::Options;
-use super::recorder::About;
+use super::options::{About, Options};
 use super::row::{Content, Row};
 use super::schema::{self, SchemaError};
 use crate::files::Folder;
@@ -24,7 +23,9 @@ const CHECKPOINT_PAGES: u32 = 256;
 /// The log of writes is cut to this when it is empty, in bytes.
 const LOG_LEN: u32 = 1 << 20;
 /// What is forgotten in one go, so that no transaction grows large.
-const FORGOTTEN_AT_ONCE: u32 = 2000;
+const FORGOTTEN_AT_ONCE: i64 = 2000;
+/// Of a file that is too large, this part of each table goes in one go.
+const PART: i64 = 16;
 /// So many goes in one clean-up.
 const MOST_GOES: u32 = 200;
 /// So many bytes of the disk stay free: below that nothing is written.
@@ -76,6 +77,14 @@ impl JournalError {
             Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase)
         )
     }
+
+    /// The file has reached its size.
+    pub(super) fn is_full(&self) -> bool {
+        let JournalError::Sql(error) = self else {
+            return false;
+        };
+        error.sqlite_error_code() == Some(ErrorCode::DiskFull)
+    }
 }
 
 /// The journal's folder of a data folder.
@@ -99,7 +108,11 @@ pub(super) struct Ledger {
 
 impl Ledger {
     /// Opens the journal of a data folder, makes it if there is none, and begins a session.
-    pub(super) fn open(data: &Path, options: Options, about: &About) -> Result<Ledger, JournalError> {
+    pub(super) fn open(
+        data: &Path,
+        options: Options,
+        about: &About,
+    ) -> Result<Ledger, JournalError> {
         let path = folder(data);
         let failed = |source| JournalError::Io {
             path: path.display().to_string(),
@@ -117,8 +130,9 @@ impl Ledger {
         let mut connection = connect(&path).map_err(failed)??;
         schema::migrate(&mut connection)?;
         let pages = options.max_mib.saturating_mul(1 << 20) / page_size(&connection)?;
+        let most = u32::try_from(pages + pages / 4 + 256).unwrap_or(u32::MAX);
         // What a clean-up cannot keep within bounds in time, this does.
-        connection.pragma_update(None, "max_page_count", pages + pages / 8 + 64)?;
+        connection.pragma_update(None, "max_page_count", most)?;
         let began = Timestamp::now().as_millisecond();
         connection.execute(
             "INSERT INTO session (began, pid, target, simulated) VALUES (?, ?, ?, ?)",
@@ -167,7 +181,8 @@ impl Ledger {
     pub(super) fn end(&self) -> Result<(), JournalError> {
         let ended = Timestamp::now().as_millisecond();
         let update = "UPDATE session SET ended = ? WHERE id = ?";
-        self.connection.execute(update, params![ended, self.session])?;
+        self.connection
+            .execute(update, params![ended, self.session])?;
         Ok(())
     }
 
@@ -175,20 +190,23 @@ impl Ledger {
     pub(super) fn forget(&mut self) -> Result<u64, JournalError> {
         let day = 86_400_000;
         let days = i64::try_from(self.options.keep_days).unwrap_or(i64::MAX);
-        let before = Timestamp::now().as_millisecond().saturating_sub(days.saturating_mul(day));
+        let before = Timestamp::now()
+            .as_millisecond()
+            .saturating_sub(days.saturating_mul(day));
         let mut gone = 0;
         for _ in 0..MOST_GOES {
-            let went = self.forget_some("WHERE at < ?1", params![before, FORGOTTEN_AT_ONCE])?;
+            let went = self.forget_some(before, |_| FORGOTTEN_AT_ONCE)?;
             gone += went;
             if went == 0 {
                 break;
             }
         }
+        let most = self.options.max_mib.saturating_mul(1 << 20);
         for _ in 0..MOST_GOES {
-            if self.bytes()? <= self.options.max_mib.saturating_mul(1 << 20) {
+            if self.bytes()? <= most {
                 break;
             }
-            let went = self.forget_some("WHERE ?1 OR 1", params![0, FORGOTTEN_AT_ONCE])?;
+            let went = self.forget_some(i64::MAX, |rows| rows / PART + 1)?;
             gone += went;
             if went == 0 {
                 break;
@@ -203,15 +221,19 @@ impl Ledger {
         Ok(gone)
     }
 
-    /// The oldest rows of each table that a condition allows.
-    fn forget_some(&self, which: &str, values: impl rusqlite::Params + Copy) -> Result<u64, JournalError> {
+    /// The oldest rows of each table that are older than this; of so many rows at most so many.
+    fn forget_some(&self, before: i64, most: impl Fn(i64) -> i64) -> Result<u64, JournalError> {
         let mut went = 0;
         for table in ["event", "battery"] {
+            let count = format!("SELECT count(*) FROM {table}");
+            let rows = self.connection.query_row(&count, [], |row| row.get(0))?;
             let delete = format!(
                 "DELETE FROM {table} WHERE rowid IN
-                    (SELECT rowid FROM {table} {which} ORDER BY at LIMIT ?2)"
+                    (SELECT rowid FROM {table} WHERE at < ? ORDER BY at LIMIT ?)"
             );
-            went += self.connection.execute(&delete, values)?;
+            went += self
+                .connection
+                .execute(&delete, params![before, most(rows)])?;
         }
         Ok(went as u64)
     }
@@ -261,7 +283,7 @@ fn insert(transaction: &Transaction<'_>, session: i64, row: &Row) -> Result<(), 
         Content::Battery { percent, charging } => {
             let insert = "INSERT INTO battery (at, session, robot, percent, charging)
                 VALUES (?, ?, ?, ?, ?)";
-            let mut insert = transaction.prepare_cached(insert)?;
+            let mut insert = transaction.prepare(insert)?;
             insert.execute(params![at, session, robot, percent, charging])?;
         }
         Content::Event {
@@ -271,7 +293,7 @@ fn insert(transaction: &Transaction<'_>, session: i64, row: &Row) -> Result<(), 
         } => {
             let insert = "INSERT INTO event (at, session, robot, kind, behaviour, data)
                 VALUES (?, ?, ?, ?, ?, ?)";
-            let mut insert = transaction.prepare_cached(insert)?;
+            let mut insert = transaction.prepare(insert)?;
             insert.execute(params![at, session, robot, kind, behaviour, data])?;
         }
     }
@@ -306,7 +328,10 @@ mod tests {
 
     fn count(data: &Path) -> usize {
         let history = History::open(data).unwrap().unwrap();
-        history.records(&Kinds::All, &Span::default()).unwrap().len()
+        history
+            .records(&Kinds::All, &Span::default())
+            .unwrap()
+            .len()
     }
 
     #[test]
@@ -337,7 +362,12 @@ mod tests {
         symlink(&target, journal_file(data.path())).unwrap();
         Ledger::open(data.path(), Options::default(), &about()).unwrap();
         assert_eq!(target.metadata().unwrap().len(), 0);
-        assert!(journal_file(data.path()).symlink_metadata().unwrap().is_file());
+        assert!(
+            journal_file(data.path())
+                .symlink_metadata()
+                .unwrap()
+                .is_file()
+        );
     }
 
     #[test]
@@ -350,21 +380,29 @@ mod tests {
         };
         let mut ledger = Ledger::open(data.path(), options, &about()).unwrap();
         let now = Timestamp::now().as_millisecond();
-        let old: Vec<Row> = (0..50).map(|at| event(now - 11 * 86_400_000 + at, "old")).collect();
+        let old: Vec<Row> = (0..50)
+            .map(|at| event(now - 11 * 86_400_000 + at, "old"))
+            .collect();
         ledger.write(&old, 0).unwrap();
         ledger.write(&[event(now, "new")], 0).unwrap();
         assert_eq!(ledger.forget().unwrap(), 50);
         assert_eq!(count(data.path()), 1);
         let long = "x".repeat(2000);
         for round in 0..6 {
-            let rows: Vec<Row> = (0..100).map(|at| event(now + round * 100 + at, &long)).collect();
+            let rows: Vec<Row> = (0..100)
+                .map(|at| event(now + round * 100 + at, &long))
+                .collect();
             ledger.write(&rows, 0).unwrap();
             ledger.forget().unwrap();
             assert!(ledger.bytes().unwrap() <= 1 << 20);
         }
         let history = History::open(data.path()).unwrap().unwrap();
         let last = history.records(&Kinds::All, &Span::default()).unwrap();
-        assert_eq!(last.last().unwrap().at.as_millisecond(), now + 599, "the newest stays");
+        assert_eq!(
+            last.last().unwrap().at.as_millisecond(),
+            now + 599,
+            "the newest stays"
+        );
     }
 
     #[test]
@@ -384,11 +422,7 @@ mod tests {
                 Err(error) => break error,
             }
         };
-        let code = match &error {
-            JournalError::Sql(error) => error.sqlite_error_code(),
-            _ => None,
-        };
-        assert_eq!(code, Some(ErrorCode::DiskFull), "{error}");
+        assert!(error.is_full(), "{error}");
         assert_eq!(count(data.path()), written);
         ledger.forget().unwrap();
         ledger.write(&rows[..1], 50).unwrap();

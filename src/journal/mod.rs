@@ -17,6 +17,6 @@ mod wall;
 
 pub use history::{History, Kinds, Record, Span};
 pub use ledger::{JournalError, folder, journal_file};
-pub use options::Options;
-pub use recorder::{About, Journal};
+pub use options::{About, Options, When};
+pub use recorder::Journal;
 pub use wall::wall;

@@ -1,17 +1,17 @@
-//! The `journal:` section of the config.
+//! The `journal:` section of the config, and whose journal it is.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
-use crate::robot::{Use, whole_within};
+use crate::robot::whole_within;
 
 /// What is remembered, and for how long.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "JournalOptions")]
 pub struct Options {
-    /// Whether there is a journal: `auto` (a service has one, a single run has none), `on` or `off`.
-    pub record: Use,
+    /// Whether there is a journal.
+    pub record: When,
     /// What is older, in days, is forgotten: 400.
     #[serde(deserialize_with = "days")]
     #[schemars(range(min = 1, max = 36_500))]
@@ -25,11 +25,34 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Options {
         Options {
-            record: Use::Auto,
+            record: When::Auto,
             keep_days: 400,
             max_mib: 64,
         }
     }
+}
+
+/// When there is a journal.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+#[schemars(rename = "JournalWhen")]
+pub enum When {
+    /// A service has one, a single run has none.
+    #[default]
+    Auto,
+    /// Always.
+    On,
+    /// Never.
+    Off,
+}
+
+/// The agent whose journal it is.
+#[derive(Debug, Clone)]
+pub struct About {
+    /// The robot as it is reached.
+    pub target: String,
+    /// A simulated one.
+    pub simulated: bool,
 }
 
 fn days<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {

@@ -11,7 +11,7 @@ use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
 use super::ledger::{JournalError, Ledger};
-use super::options::Options;
+use super::options::{About, Options};
 use super::pending::Pending;
 use super::wall::wall;
 use crate::budget::Repeats;
@@ -21,15 +21,6 @@ use crate::robot::{Bus, Heard, Listener};
 const FORGET_EVERY: Duration = Duration::from_secs(3600);
 /// How often is said that it cannot be written.
 const SAID_EVERY: Duration = Duration::from_secs(600);
-
-/// The agent whose journal it is.
-#[derive(Debug, Clone)]
-pub struct About {
-    /// The robot as it is reached.
-    pub target: String,
-    /// A simulated one.
-    pub simulated: bool,
-}
 
 /// A journal that is being written. Dropping it asks its thread to write what it has, and to end;
 /// [`Journal::finish`] waits for that.
@@ -178,14 +169,19 @@ impl Recorder {
             }
         };
         let (rows, lost) = self.pending.rows();
-        ledger.write(rows, lost)
+        match ledger.write(rows, lost) {
+            Err(error) if error.is_full() && ledger.forget()? > 0 => ledger.write(rows, lost),
+            written => written,
+        }
     }
 
     /// A file that is no journal makes room for a new one, and is kept.
     fn set_aside(&mut self, error: &JournalError) {
         self.ledger = None;
         match Ledger::set_aside(&self.data) {
-            Ok(aside) => warn!("the journal is damaged ({error}); it is kept as {aside}, a new one begins"),
+            Ok(aside) => {
+                warn!("the journal is damaged ({error}); it is kept as {aside}, a new one begins")
+            }
             Err(why) => self.said_once(why),
         }
     }

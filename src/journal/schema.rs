@@ -50,7 +50,8 @@ pub(super) enum SchemaError {
 
 /// The steps that a file has behind it.
 pub(super) fn version(connection: &Connection) -> rusqlite::Result<usize> {
-    connection.pragma_query_value(None, "user_version", |row| row.get(0))
+    let version: u32 = connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
+    Ok(version as usize)
 }
 
 /// Brings a file, an empty one too, to this program's version: all steps that are missing, or none.
@@ -68,7 +69,7 @@ fn migrate_by(steps: &[&str], connection: &mut Connection) -> Result<(), SchemaE
     for step in &steps[found..] {
         transaction.execute_batch(step)?;
     }
-    transaction.pragma_update(None, "user_version", steps.len())?;
+    transaction.pragma_update(None, "user_version", steps.len() as u32)?;
     Ok(transaction.commit()?)
 }
 

@@ -12,6 +12,7 @@
 //! `task`, `queue` and `scheduler` decide who runs next; `slice` runs; `ending` ends; `api/` has the
 //! natives of each Lua namespace; `stdlib/` what is written in Lua.
 
+mod address;
 mod album;
 mod api;
 mod arguments;

@@ -22,10 +22,12 @@ mod guardian;
 mod guide;
 mod hostile;
 mod intruders;
+mod journal;
 mod lessons;
 mod link;
 mod live;
 mod new;
+mod notify;
 mod pilot;
 #[path = "../fuzz/poster.rs"]
 mod poster;
