@@ -28,7 +28,7 @@ use crate::link::LinkError;
 use crate::pilot::{Dial, Pulse, Settings, Status};
 use crate::robot::channel::Request;
 pub use crate::robot::{Bus, Happening, Heard, Listener, Occurrence};
-use crate::robot::{EndReason, Pictures, Priority};
+use crate::robot::{EndReason, Lookout, Pictures, Priority};
 use crate::script::Ending;
 
 /// How long the scripts' last words and the end of their hosts may take together.
@@ -128,6 +128,7 @@ impl Agent {
             // Each behaviour has its own.
             stop: watch::channel(None).1,
             longest_silence: flight.longest_silence(),
+            lookout: Lookout::default(),
             bus: plan.bus,
         };
         let (company, roster) = Company::new(around, plan.blueprints);

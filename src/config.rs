@@ -18,6 +18,7 @@ pub use self::effective::{Effective, Named, Origin, Setting};
 pub use self::logging::{Format, Level, Logging, Time, When};
 pub use self::schema::schema;
 use crate::files;
+use crate::http;
 use crate::journal;
 use crate::link::{self, Target};
 use crate::notify;
@@ -65,6 +66,8 @@ pub struct Config {
     pub colours: BTreeMap<String, Colour>,
     /// Where scripts save pictures, a folder for each.
     pub data: Option<PathBuf>,
+    /// The page in the browser and the JSON API.
+    pub live: http::Options,
     /// How logs are written.
     pub logging: Logging,
     /// What is remembered of what happens.
@@ -147,6 +150,7 @@ impl Config {
             camera: self.camera,
             colours: self.colours.clone(),
             streams: self.streams,
+            findings: self.live.listen.is_some(),
             ..script::Options::new(name, chunk)
         }
     }
@@ -175,6 +179,8 @@ impl Config {
             .chain(tokens)
             .chain(&mut config.data)
             .chain(&mut config.password_file)
+            .chain(&mut config.live.driver_password_file)
+            .chain(&mut config.live.viewer_password_file)
         {
             *path = folder.join(&path);
         }

@@ -100,6 +100,7 @@
 //! | 0 | `clean` | text from outside, harmless for terminals, logs, XML and JSON |
 //! | 0 | `budget` | so many bytes a day, and lines that are said once a minute |
 //! | 0 | `paper` | areas, lines and letters in pixels |
+//! | 1 | `http` | a bounded server and its guard: who may ask; knows no robot |
 //! | 1 | `robot` | the words that cross between tasks and processes |
 //! | 1 | `guardian` | the process that stops the robot when the agent cannot |
 //! | 2 | `api` | the one table of what scripts can call and read |
@@ -115,6 +116,7 @@
 //! | 6 | `config` | the YAML file, composed of each module's own options |
 //! | 7 | `lab` | a whole run in virtual time: agent, hosts and simulator on one thread |
 //! | 7 | `control` | the socket by which a run that is on can be asked |
+//! | 8 | `live` | the page in the browser, the JSON API, health and metrics |
 //! | 8 | `scenario` | worlds, behaviours and what must become true: plays `*_test.lua` files |
 //! | 9 | `cli` | one file per subcommand |
 //! | side | `sim` | the simulated robot and its world; imports floor 0 only |
@@ -134,9 +136,11 @@ pub mod config;
 pub mod control;
 pub mod files;
 pub mod guardian;
+pub mod http;
 pub mod journal;
 pub mod lab;
 pub mod link;
+pub mod live;
 pub mod notify;
 pub mod paper;
 pub mod pilot;

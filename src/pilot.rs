@@ -9,6 +9,7 @@
 
 mod core;
 mod distress;
+mod halt;
 mod hearing;
 mod heralding;
 mod lights;
@@ -17,6 +18,7 @@ mod lost;
 mod pulse;
 mod seats;
 mod serving;
+mod shown;
 mod silence;
 mod status;
 mod throttle;
@@ -40,12 +42,14 @@ use crate::wire::{Command, EngineNews};
 
 pub use self::core::DrivingCore;
 use self::distress::Distress;
+use self::halt::Halt;
 use self::lights::Lights;
 pub use self::line::Dial;
 use self::line::Line;
 use self::lost::{HearError, LinkLost};
 pub use self::pulse::Pulse;
 use self::seats::Seats;
+pub use self::shown::Shown;
 use self::silence::{Silence, Verdict};
 pub use self::status::{LinkState, Status};
 
@@ -97,6 +101,10 @@ pub struct Pilot {
     writer: Option<Writer>,
     seats: Seats,
     lights: Lights,
+    /// As a person beside the robot sees it.
+    shown: Shown,
+    /// A person's STOP.
+    halt: Halt,
     silence: Silence,
     pictures: watch::Sender<Pictures>,
     damage: Damage,
@@ -133,6 +141,8 @@ impl Pilot {
             writer: None,
             seats: Seats::new(settings.streams),
             lights: Lights::default(),
+            shown: Shown::default(),
+            halt: Halt::default(),
             silence: Silence::new(Instant::now()),
             pictures,
             damage: Damage::default(),
@@ -230,7 +240,7 @@ impl Pilot {
 
     /// What is to be said if everything else dies; the writer, if there is one, knows it from now on.
     fn renew_last_words(&mut self) -> Vec<Command> {
-        let last_words = self.watchdog.last_words().commands();
+        let last_words = self.held(&self.watchdog.last_words().commands());
         if let Some(writer) = &mut self.writer {
             writer.set_last_words(last_words.clone());
         }
@@ -362,11 +372,13 @@ impl Pilot {
     /// Never waits. Without a link nothing is kept for later: the robot's next login begins with a
     /// stop.
     fn send(&mut self, commands: &[Command]) -> Result<(), LinkLost> {
+        let commands = &*self.held(commands);
         for command in commands {
             if self.simulated && self.writer.is_some() {
                 self.lights.tell(command);
             }
             self.lights.note(command);
+            self.shown.note(command);
         }
         if commands
             .iter()
@@ -441,6 +453,8 @@ impl Pilot {
             docked: self.watchdog.docked(),
             place: self.watchdog.place(),
             shed: self.watchdog.shed(),
+            halted: self.halt.is_on(),
+            shown: self.shown,
             frames: self.status.borrow().frames,
         };
         self.herald_status(&newest);

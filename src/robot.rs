@@ -4,12 +4,14 @@
 
 mod bus;
 pub mod channel;
+mod finding;
 mod occurrence;
 mod quantity;
 mod streams;
 mod stroke;
 
 pub use bus::{Bus, Happening, Heard, Listener};
+pub use finding::{Finding, Findings, Lookout};
 pub use occurrence::{Occurrence, Remark, WatchdogState};
 pub use quantity::{Percent, Seconds, TrackPower, float_within, whole_within};
 pub use streams::{Streams, Use};

@@ -64,7 +64,7 @@ impl Company {
     /// Nobody runs yet. Also returns the handle.
     pub(super) fn new(around: Surroundings, blueprints: Vec<Blueprint>) -> (Company, Roster) {
         let members = watch::Sender::new(Vec::new());
-        let (roster, orders) = Roster::new(members.subscribe());
+        let (roster, orders) = Roster::new(members.subscribe(), around.lookout.clone());
         let company = Company {
             around,
             orders,

@@ -17,7 +17,7 @@ use crate::behaviour::{Launch, Launcher};
 use crate::link::LinkError;
 use crate::pilot::{self, Delivery, Dial, LinkState, Pilot, Pulse, Settings, Status};
 use crate::robot::channel::{MAX_REQUESTS, Request};
-use crate::robot::{Bus, Pictures};
+use crate::robot::{Bus, Lookout, Pictures};
 
 /// How long the last writes and the closing of the link may take.
 const LINK_END: Duration = Duration::from_millis(2500);
@@ -103,6 +103,7 @@ impl Preflight {
             frames: self.frames(),
             stop,
             longest_silence: self.longest_silence(),
+            lookout: Lookout::default(),
             bus: self.bus.clone(),
         };
         let standing_by = rescue::stand_by(around, launch, self.status());

@@ -18,7 +18,7 @@ use crate::behaviour::{
 };
 use crate::check;
 use crate::robot::channel::{Request, Role};
-use crate::robot::{BehaviourId, Bus, EndReason, Occurrence, Pictures, Priority};
+use crate::robot::{BehaviourId, Bus, EndReason, Lookout, Occurrence, Pictures, Priority};
 use crate::script::Ending;
 
 /// Why the behaviour is to end, once it is.
@@ -35,6 +35,8 @@ pub(super) struct Surroundings {
     pub(super) stop: Stop,
     /// Of a host's life.
     pub(super) longest_silence: Duration,
+    /// Where people look on.
+    pub(super) lookout: Lookout,
     pub(super) bus: Bus,
 }
 
@@ -139,6 +141,7 @@ impl Keeper {
             frames,
             core,
             longest_silence,
+            lookout,
             ..
         } = self.around.clone();
         let handle = Handle::default();
@@ -149,6 +152,7 @@ impl Keeper {
         let supervisor = Supervisor::board(host, self.role, requests, frames)
             .await
             .with_longest_silence(longest_silence)
+            .with_lookout(lookout)
             .with_bus(bus);
         let mut life = pin!(supervisor.run(handle.clone(), &core));
         let (mut loading, mut successor, mut parting) = (None, None, false);

@@ -6,11 +6,11 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::sync::{mpsc, oneshot, watch};
+use tokio::sync::{broadcast, mpsc, oneshot, watch};
 use tokio::time::{Instant, timeout};
 
 use super::Behaviour;
-use crate::robot::{BehaviourId, EndReason, Priority};
+use crate::robot::{BehaviourId, EndReason, Findings, Lookout, Priority};
 use crate::script::{Ending, suggestion};
 
 /// Orders that may wait; one that finds the queue full is refused.
@@ -183,12 +183,23 @@ pub(super) enum Order {
 pub struct Roster {
     orders: mpsc::Sender<Order>,
     members: watch::Receiver<Vec<Member>>,
+    lookout: Lookout,
 }
 
 impl Roster {
-    pub(super) fn new(members: watch::Receiver<Vec<Member>>) -> (Roster, mpsc::Receiver<Order>) {
+    pub(super) fn new(
+        members: watch::Receiver<Vec<Member>>,
+        lookout: Lookout,
+    ) -> (Roster, mpsc::Receiver<Order>) {
         let (orders, taken) = mpsc::channel(MAX_ORDERS);
-        (Roster { orders, members }, taken)
+        (
+            Roster {
+                orders,
+                members,
+                lookout,
+            },
+            taken,
+        )
     }
 
     /// Starts a behaviour; returns when its script is loaded and begins.
@@ -231,6 +242,11 @@ impl Roster {
     /// All that are known or run, in the order of the config; changes can be waited for.
     pub fn members(&self) -> watch::Receiver<Vec<Member>> {
         self.members.clone()
+    }
+
+    /// What the behaviours find in frames from now on; who is slow misses some.
+    pub fn findings(&self) -> broadcast::Receiver<Findings> {
+        self.lookout.look()
     }
 
     async fn order(&self, order: impl FnOnce(Reply) -> Order) -> Result<(), RosterError> {

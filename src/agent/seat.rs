@@ -159,6 +159,41 @@ impl Seat {
         self.intend(Intent::Stream { stream, on: false }).await
     }
 
+    /// Drives so from now on, until the next word. Whoever drives shows life: see [`Seat::alive`].
+    ///
+    /// # Errors
+    /// [`SeatError::Closed`].
+    pub async fn drive(&mut self, setpoint: Setpoint) -> Result<(), SeatError> {
+        let motion = MotionId(self.next());
+        let duration = None;
+        self.intend(Intent::Move {
+            motion,
+            setpoint,
+            duration,
+        })
+        .await
+    }
+
+    /// Shows life, which whoever drives does at least four times a second.
+    ///
+    /// # Errors
+    /// [`SeatError::Closed`].
+    pub async fn alive(&self) -> Result<(), SeatError> {
+        self.ask(Request::Alive(self.by)).await
+    }
+
+    /// What the pilot tells. Cancel-safe.
+    ///
+    /// # Errors
+    /// See [`SeatError`].
+    pub async fn told(&mut self) -> Result<Event, SeatError> {
+        match self.inbox.next().await {
+            Told::Event(event) => Ok(event),
+            Told::Kill(reason) => Err(SeatError::Ended(reason)),
+            Told::Closed => Err(SeatError::Closed),
+        }
+    }
+
     /// Asks for what has no answer.
     ///
     /// # Errors

@@ -15,8 +15,8 @@ use super::keeper::Keeper;
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
 use crate::check;
-use crate::robot::{EndReason, Frame};
-use crate::script::{Ending, Level, LogLine, Output, Script};
+use crate::robot::{EndReason, Finding, Frame};
+use crate::script::{Ending, Level, LogLine, Output, Script, Seen, Sighting};
 use crate::walls::{Room, confine};
 
 /// While a setpoint of the script is on, the agent hears from the host at least this often; a
@@ -96,6 +96,7 @@ pub(super) async fn serve(
     let Launch {
         source, options, ..
     } = *launch;
+    let findings = options.findings;
     let gallery = options
         .annotate_dir
         .clone()
@@ -122,6 +123,7 @@ pub(super) async fn serve(
                 frame_asked: false,
                 coming: Vec::new(),
                 gallery,
+                findings,
                 keeper,
                 time,
             };
@@ -150,6 +152,8 @@ struct Host {
     coming: Vec<u8>,
     /// Where a person can see what the script sees.
     gallery: Option<Gallery>,
+    /// People look on.
+    findings: bool,
     /// Where the script's store is kept.
     keeper: Option<Keeper>,
     /// In virtual time nobody waits for a sign of life.
@@ -269,10 +273,14 @@ impl Host {
 
     /// After everything else: nothing waits for pictures.
     async fn show(&mut self) -> io::Result<()> {
+        let sighting = self.script.take_sighting();
+        if let Some(sighting) = sighting.as_ref().filter(|_| self.findings) {
+            self.outbox.send(&found(sighting)).await?;
+        }
         let Some(gallery) = &mut self.gallery else {
             return Ok(());
         };
-        if let Some(sighting) = self.script.take_sighting() {
+        if let Some(sighting) = sighting {
             gallery.offer(sighting);
         }
         let Some(trouble) = gallery.trouble() else {
@@ -310,6 +318,21 @@ impl Host {
         }
         self.outbox.flush().await
     }
+}
+
+fn found(sighting: &Sighting) -> FromHost {
+    let finding = |seen: &Seen| Finding {
+        x: seen.blob.x,
+        y: seen.blob.y,
+        w: seen.blob.w,
+        h: seen.blob.h,
+        text: seen.text.clone(),
+    };
+    let (frame, list) = (
+        sighting.frame.seq,
+        sighting.marks.iter().map(finding).collect(),
+    );
+    FromHost::Found { frame, list }
 }
 
 fn unwritten(trouble: &str) -> FromHost {

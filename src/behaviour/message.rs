@@ -7,7 +7,7 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
 use super::library::Library;
-use crate::robot::{EndReason, Event, Intent, Remark};
+use crate::robot::{EndReason, Event, Finding, Intent, Remark};
 use crate::script::{Ending, Evaluated, LogLine, ModuleFile, ModuleName, Options};
 
 /// A script and all it needs; no secrets.
@@ -78,6 +78,13 @@ pub enum FromHost {
     },
     /// The file of a module, please.
     Module(ModuleName),
+    /// What the script found in a frame, for people who look on.
+    Found {
+        /// The frame's number.
+        frame: u64,
+        /// The things.
+        list: Vec<Finding>,
+    },
     /// The script wrote a line.
     Log(LogLine),
     /// What the script has done or wants that is not the robot's.

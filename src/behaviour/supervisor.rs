@@ -24,7 +24,9 @@ use super::process::{HostProcess, Launcher, PipeReader, PipeWriter};
 use super::quill::{Fate, Quill};
 use super::remarks::{self, Remarks};
 use crate::robot::channel::{Inbox, Request, Role, Told, events};
-use crate::robot::{BehaviourId, Bus, Coming, EndReason, Pictures, Priority, Remark};
+use crate::robot::{
+    BehaviourId, Bus, Coming, EndReason, Findings, Lookout, Pictures, Priority, Remark,
+};
 use crate::script::{Ending, Level, LogLine, ModuleName};
 
 /// Messages that may wait for a host that does not read.
@@ -95,6 +97,7 @@ pub struct Supervisor {
     dropped: u64,
     dialogue: Option<Dialogue>,
     silence: Option<Silence>,
+    lookout: Lookout,
     bus: Bus,
 }
 
@@ -289,6 +292,7 @@ impl Supervisor {
             dropped: 0,
             dialogue: None,
             silence: None,
+            lookout: Lookout::default(),
             bus: Bus::default(),
         }
     }
@@ -297,6 +301,12 @@ impl Supervisor {
     #[must_use]
     pub fn with_bus(self, bus: Bus) -> Supervisor {
         Supervisor { bus, ..self }
+    }
+
+    /// What it finds in frames is told here.
+    #[must_use]
+    pub fn with_lookout(self, lookout: Lookout) -> Supervisor {
+        Supervisor { lookout, ..self }
     }
 
     /// Somebody types lines for the script and hears what it says.
@@ -418,6 +428,14 @@ impl Supervisor {
                 return self.pass_picture();
             }
             FromHost::Log(line) => return self.write(line),
+            FromHost::Found { frame, list } => {
+                let behaviour = self.host.name.clone();
+                return self.lookout.tell(Findings {
+                    behaviour,
+                    frame,
+                    list,
+                });
+            }
             FromHost::Remark(remark) => return self.remark(remark),
             FromHost::Evaluated(evaluated) => {
                 if let Some(dialogue) = &self.dialogue {

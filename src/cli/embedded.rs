@@ -22,7 +22,8 @@ pub(super) struct EmbeddedSim {
 }
 
 impl EmbeddedSim {
-    /// Starts one in the built-in world or the one of a file; it knows this one login.
+    /// Starts one in the built-in world or the one of a file; it knows this one login. With `faults` a
+    /// person may begin some.
     ///
     /// # Errors
     /// A world that cannot be used; no socket, no thread.
@@ -30,11 +31,13 @@ impl EmbeddedSim {
         world: Option<&Path>,
         login: &Login,
         seed: u64,
+        faults: bool,
     ) -> Result<EmbeddedSim, Failure> {
         let world = load(world)?;
         let options = Options {
             login: login.clone(),
             seed,
+            faults: faults.then(Vec::new),
             ..Options::default()
         };
         let stop = CancellationToken::new();

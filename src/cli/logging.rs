@@ -9,11 +9,13 @@ use tracing_subscriber::field::RecordFields;
 use tracing_subscriber::fmt::FormatFields;
 use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
+use tracing_subscriber::layer::SubscriberExt as _;
 
 use super::{Console, LogFormat};
 use crate::clean;
 use crate::config::{Level, Time};
 use crate::lab;
+use crate::live::LogTap;
 
 /// Without `RUST_LOG`: our own doings from the config's level on, and what worries others.
 fn usual(level: Level) -> &'static str {
@@ -44,10 +46,15 @@ pub(super) fn start(console: &Console, format: LogFormat, level: Level, time: Ti
         .with_ansi(console.colour());
     let started = match format {
         LogFormat::Text => tracing::subscriber::set_global_default(
-            subscriber.with_target(false).fmt_fields(Plain).finish(),
+            subscriber
+                .with_target(false)
+                .fmt_fields(Plain)
+                .finish()
+                .with(LogTap),
         ),
         LogFormat::Json => {
-            tracing::subscriber::set_global_default(subscriber.json().flatten_event(true).finish())
+            let subscriber = subscriber.json().flatten_event(true).finish();
+            tracing::subscriber::set_global_default(subscriber.with(LogTap))
         }
     };
     if let (Ok(()), Some(complaint)) = (started, complaint) {

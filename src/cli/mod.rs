@@ -24,6 +24,7 @@ mod history;
 mod interrupt;
 mod learn;
 mod lesson;
+mod live;
 mod logging;
 mod new;
 mod notify;
@@ -43,6 +44,7 @@ mod status;
 mod table;
 mod terminal;
 mod test;
+mod token;
 mod trace;
 mod waiting;
 mod world;
@@ -125,6 +127,7 @@ enum Command {
     Doctor(doctor::DoctorArgs),
     Completions(completions::CompletionsArgs),
     World(world::WorldArgs),
+    Token(token::TokenArgs),
 }
 
 impl Command {
@@ -144,6 +147,7 @@ impl Command {
             Command::Robot(args) => Some(args.settings()),
             Command::Calibrate(args) => Some(&args.aim.settings),
             Command::Doctor(args) => Some(&args.settings),
+            Command::Token(args) => Some(&args.settings),
             _ => None,
         }
     }
@@ -171,6 +175,7 @@ impl Command {
             Command::Doctor(args) => doctor::run(&args),
             Command::Completions(args) => completions::run(&args, Cli::command()),
             Command::World(args) => world::run(&args),
+            Command::Token(args) => token::run(&args),
         }
     }
 }

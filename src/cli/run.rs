@@ -2,6 +2,7 @@
 
 use std::convert::Infallible;
 use std::io;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -14,6 +15,7 @@ use super::cast::{Cast, Casting};
 use super::embedded::EmbeddedSim;
 use super::fast::{EventFile, Fast};
 use super::interrupt::obey;
+use super::live::Ahead;
 use super::params::Param;
 use super::settings::SettingsArgs;
 use super::status::StatusLine;
@@ -88,6 +90,11 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "FILE", requires = "fast")]
     events: Option<PathBuf>,
 
+    /// Show it in the browser and steer it from there; prints the address [default: 127.0.0.1:7788].
+    /// The run goes on when its behaviours have ended; Ctrl-C ends it
+    #[arg(long, value_name = "IP:PORT", num_args = 0..=1, require_equals = true, conflicts_with = "fast")]
+    live: Option<Option<SocketAddr>>,
+
     /// Run without looking for mistakes first
     #[arg(long)]
     no_check: bool,
@@ -123,7 +130,10 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let mut args = args.clone();
     args.files
         .extend(args.connection.take_misplaced_behaviour());
-    let config = args.settings.config()?.clone();
+    let mut config = args.settings.config()?.clone();
+    if let Some(address) = args.live {
+        config.live.listen = Some(address.unwrap_or(config.live.address()));
+    }
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
     let Cast {
@@ -158,7 +168,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         .enable_all()
         .build();
     let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
-    let (target, sim) = reach(place, &login, seed)?;
+    let (target, sim) = reach_with(place, &login, seed, args.live.is_some())?;
     let desk = Desk::open(config.data_folder());
     let about = (target.to_string(), sim.is_some());
     let settings = config.pilot(sim.is_some(), seed);
@@ -173,10 +183,12 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     };
     let core = driving_core()?;
     let bus = Bus::default();
+    let page = args.live.map(|_| Ahead::of(&config, &behaviours, &bus));
+    let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
     let plan = Plan {
         behaviours,
         blueprints,
-        stays: false,
+        stays: args.live.is_some(),
         settings,
         dial,
         launcher,
@@ -193,7 +205,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         for (watched, reloads) in watches {
             tokio::spawn(watched.run(reloads));
         }
-        drive(plan, line, (desk, about), console).await
+        drive(plan, line, (desk, about), page, console).await
     });
     drop(core);
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
@@ -282,6 +294,7 @@ async fn drive(
     plan: Plan,
     line: StatusLine,
     (desk, (target, simulated)): (io::Result<Desk>, (String, bool)),
+    page: Option<(Ahead, Option<sim::Handle>)>,
     console: &Console,
 ) -> Result<Exit, Failure> {
     let stop = CancellationToken::new();
@@ -299,6 +312,9 @@ async fn drive(
         simulated,
         began: Instant::now(),
     };
+    let page = page.map(|(page, sim)| page.serve(run.clone(), sim, console));
+    // Ends with the run.
+    let _page = page.transpose()?;
     let showing = show(line, status, console);
     tokio::select! {
         outcome = agent.run(stop) => exit(outcome),
@@ -426,10 +442,20 @@ pub(super) fn reach(
     login: &Login,
     seed: u64,
 ) -> Result<(Target, Option<EmbeddedSim>), Failure> {
+    reach_with(place, login, seed, false)
+}
+
+/// With `faults` a person may begin some in a simulation.
+fn reach_with(
+    place: Place,
+    login: &Login,
+    seed: u64,
+    faults: bool,
+) -> Result<(Target, Option<EmbeddedSim>), Failure> {
     match place {
         Place::Robot(target) => Ok((target, None)),
         Place::Sim(world) => {
-            let sim = EmbeddedSim::start(world.as_deref(), login, seed)?;
+            let sim = EmbeddedSim::start(world.as_deref(), login, seed, faults)?;
             let address = sim.address();
             let target = Target {
                 host: address.ip().to_string(),
@@ -453,7 +479,8 @@ fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
         true => config.behaviours.clone(),
         false => args.files.iter().map(named).collect(),
     };
-    if entries.is_empty() {
+    // With a page there is always something to do: driving by hand.
+    if entries.is_empty() && args.live.is_none() {
         let failure = Failure::usage("what to run? no behaviour was named");
         return Err(failure.help("spykee run behaviours/patrol.lua --sim"));
     }

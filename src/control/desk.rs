@@ -122,7 +122,8 @@ async fn serve(stream: UnixStream, run: Run) {
 }
 
 impl Run {
-    async fn perform(&self, errand: Errand) -> Answer {
+    /// Does one thing for a person. Dropping the wait gives it up.
+    pub async fn perform(&self, errand: Errand) -> Answer {
         let errand = match errand {
             Errand::Overview => return self.overview().await,
             Errand::Stop => return self.halt().await,
@@ -172,7 +173,7 @@ impl Run {
     }
 
     async fn try_perform(&self, errand: Errand) -> Result<Answer, SeatError> {
-        let mut seat = self.seat().await?;
+        let mut seat = self.seat("a person").await?;
         let intent = match errand {
             Errand::Overview | Errand::Stop | Errand::Behaviours | Errand::Behaviour { .. } => {
                 return Ok(Answer::Done);
@@ -221,7 +222,7 @@ impl Run {
 
     /// The tracks rest at once; then the run comes to its end, so that nothing drives on.
     async fn halt(&self) -> Answer {
-        let stopped = match self.seat().await {
+        let stopped = match self.seat("a person").await {
             Ok(seat) => seat.intend(Intent::Stop).await,
             Err(error) => Err(error),
         };
@@ -249,17 +250,30 @@ impl Run {
         })
     }
 
-    async fn seat(&self) -> Result<Seat, SeatError> {
+    /// A person's seat in front of the pilot, above all behaviours; `name` is what the log calls him.
+    ///
+    /// # Errors
+    /// [`SeatError::Closed`]: the run is over.
+    pub async fn seat(&self, name: &str) -> Result<Seat, SeatError> {
         static COUNT: AtomicU16 = AtomicU16::new(0);
         let number = COUNT.fetch_add(1, Ordering::Relaxed) % PERSONS;
         let by = BehaviourId(FIRST_PERSON + number);
-        Seat::join(self.requests.clone(), by, "a person", PERSON, Role::Person).await
+        Seat::join(self.requests.clone(), by, name, PERSON, Role::Person).await
+    }
+
+    /// STOP: from now on nothing moves the robot, whoever wants it, until it is let go.
+    ///
+    /// # Errors
+    /// [`SeatError::Closed`]: the run is over, and the robot was stopped at its end.
+    pub async fn hold(&self, on: bool) -> Result<(), SeatError> {
+        let asked = self.requests.send(Request::Halt(on)).await;
+        asked.map_err(|_| SeatError::Closed)
     }
 
     async fn overview(&self) -> Answer {
-        let crew = match timeout(CREW, self.crew()).await {
-            Ok(Some(crew)) => crew,
-            _ => return Answer::Refused("the run is coming to its end".to_owned()),
+        let crew = match self.aboard().await {
+            Some(crew) => crew,
+            None => return Answer::Refused("the run is coming to its end".to_owned()),
         };
         let status = *self.status.borrow();
         Answer::Overview(Box::new(Overview {
@@ -272,6 +286,7 @@ impl Run {
             state: match status.link {
                 LinkState::Connecting => "connecting".to_owned(),
                 LinkState::Lost => "link lost, connecting anew".to_owned(),
+                LinkState::Up if status.halted => "stopped by a person".to_owned(),
                 LinkState::Up => status.safety.to_string(),
             },
             place: status.place.to_string(),
@@ -280,6 +295,11 @@ impl Run {
             battery: status.battery,
             behaviours: crew.aboard,
         }))
+    }
+
+    /// The robot and who is aboard; `None` if the pilot does not say so in time.
+    pub async fn aboard(&self) -> Option<Crew> {
+        timeout(CREW, self.crew()).await.ok().flatten()
     }
 
     async fn crew(&self) -> Option<Crew> {

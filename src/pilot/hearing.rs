@@ -54,6 +54,7 @@ impl Pilot {
         self.writer = Some(writer);
         self.guard();
         self.lights.forget();
+        self.shown.lights = Default::default();
         self.silence.begin(Instant::now());
         self.herald_link(&info, docked);
         self.info = Some(info);

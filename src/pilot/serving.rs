@@ -60,6 +60,7 @@ impl Pilot {
                 let _ = tell.send(Crew { robot, aboard });
                 Ok(())
             }
+            Request::Halt(on) => self.halt(on),
             Request::Sleep(sleep) => self.sleep(sleep),
         }
     }

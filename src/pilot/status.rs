@@ -1,5 +1,6 @@
 //! What a person wants to know at a glance.
 
+use super::shown::Shown;
 use crate::robot::Battery;
 use crate::safety::{Place, WatchdogState};
 
@@ -36,6 +37,10 @@ pub struct Status {
     pub shed: bool,
     /// Frames that have come so far, damaged ones included. Counting alone wakes nobody who waits for a change.
     pub frames: u64,
+    /// A person has stopped the robot, and nobody has let go yet.
+    pub halted: bool,
+    /// What the robot was told last.
+    pub shown: Shown,
 }
 
 impl Default for Status {
@@ -51,6 +56,8 @@ impl Default for Status {
             place: Place::Unknown,
             shed: false,
             frames: 0,
+            halted: false,
+            shown: Shown::default(),
         }
     }
 }

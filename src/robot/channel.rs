@@ -39,6 +39,8 @@ pub enum Request {
     Alarm,
     /// Who is aboard?
     Crew(oneshot::Sender<Crew>),
+    /// Let nothing move the robot, whoever wants it, the watchdog included; or let it move again.
+    Halt(bool),
     /// Stop the robot, and then this program by this function, which returns when it goes on.
     Sleep(Sleep),
 }

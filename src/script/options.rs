@@ -40,6 +40,8 @@ pub struct Options {
     pub interactive: bool,
     /// Where the host keeps marked copies of the frames that the script looked at; `None`: nowhere.
     pub annotate_dir: Option<PathBuf>,
+    /// People look on: what is found in frames is told, ten times a second at most.
+    pub findings: bool,
 }
 
 impl Options {
@@ -58,6 +60,7 @@ impl Options {
             data_dir: None,
             interactive: false,
             annotate_dir: None,
+            findings: false,
         }
     }
 

@@ -38,7 +38,7 @@ impl Sight {
             skyline: None,
             turned: None,
             damage: Damage::default(),
-            witness: options.annotate_dir.as_ref().map(|_| Witness::default()),
+            witness: Witness::of(options),
         }
     }
 }

@@ -5,11 +5,14 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
+use super::options::Options;
 use crate::robot::Frame;
 use crate::vision::Blob;
 
 /// From one frame that is put aside to the next, at least.
 const PERIOD: Duration = Duration::from_millis(500);
+/// The same where people look on.
+const LIVE_PERIOD: Duration = Duration::from_millis(100);
 /// Most marks of one frame.
 const MAX_MARKS: usize = 64;
 
@@ -31,14 +34,36 @@ pub struct Seen {
     pub text: String,
 }
 
-/// Puts a frame aside, at most two a second.
-#[derive(Debug, Default)]
+/// Puts a frame aside, so often at most.
+#[derive(Debug)]
 pub(super) struct Witness {
+    period: Duration,
     begun: Option<Instant>,
     kept: Option<Sighting>,
 }
 
+impl Default for Witness {
+    fn default() -> Witness {
+        let (period, begun, kept) = (PERIOD, None, None);
+        Witness {
+            period,
+            begun,
+            kept,
+        }
+    }
+}
+
 impl Witness {
+    /// Only where someone wants to see what the script sees.
+    pub(super) fn of(options: &Options) -> Option<Witness> {
+        let (live, kept) = (options.findings, options.annotate_dir.is_some());
+        let period = if live { LIVE_PERIOD } else { PERIOD };
+        (live || kept).then(|| Witness {
+            period,
+            ..Witness::default()
+        })
+    }
+
     /// Takes note of what was found in a frame. All that is asked of one frame goes together.
     pub(super) fn note(
         &mut self,
@@ -46,7 +71,7 @@ impl Witness {
         now: Instant,
         found: impl IntoIterator<Item = Seen>,
     ) {
-        let lately = |at: Instant| now.saturating_duration_since(at) < PERIOD;
+        let lately = |at: Instant| now.saturating_duration_since(at) < self.period;
         match &mut self.kept {
             Some(kept) if kept.frame.seq == frame.seq => {
                 let room = MAX_MARKS - kept.marks.len();

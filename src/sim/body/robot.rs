@@ -21,7 +21,7 @@ use super::power::PowerReports;
 use super::speaker::Speaker;
 use super::state::{Leds, State, Streams};
 use super::surroundings::Surroundings;
-use super::trace::{Trace, What};
+use super::trace::{Movers, Trace, What};
 use super::video::Video;
 use crate::sim::camera::Shot;
 use crate::sim::geometry::{Point, Pose, RADIUS};
@@ -153,8 +153,11 @@ impl Robot {
         self.time += dt;
         self.drive(dt);
         self.touch();
-        let balls = self.surroundings.balls();
-        lock(&self.trace).follow(self.time, self.chassis.pose, balls);
+        let (places, balls) = (
+            self.surroundings.places(),
+            self.surroundings.world.balls.len(),
+        );
+        lock(&self.trace).follow(self.time, self.chassis.pose, Movers { places, balls });
         self.battery.step(dt, self.chassis.effort());
         if self.battery.take_full() {
             self.report_engine(EngineNews::Charged);

@@ -29,11 +29,6 @@ impl Surroundings {
         self.movers.places()
     }
 
-    /// Where balls are.
-    pub(super) fn balls(&self) -> impl Iterator<Item = Point> {
-        self.places().take(self.world.balls.len())
-    }
-
     /// Puts a ball somewhere, at rest; the number is its place in the world's list.
     pub(super) fn put_ball(&mut self, index: usize, place: Point) {
         if index < self.world.balls.len() && place.x.is_finite() && place.y.is_finite() {

@@ -67,6 +67,12 @@ pub enum What {
     Note(String),
 }
 
+/// Where all that moves besides the robot is: so many balls first, then people.
+pub(crate) struct Movers<I> {
+    pub(crate) places: I,
+    pub(crate) balls: usize,
+}
+
 /// What one robot did so far.
 #[derive(Debug, Clone, Default)]
 pub struct Trace {
@@ -78,6 +84,7 @@ pub struct Trace {
     missed: usize,
     now: Sample,
     balls: Vec<Point>,
+    walkers: Vec<Point>,
     distance: f64,
 }
 
@@ -107,14 +114,28 @@ impl Trace {
     }
 
     /// The robot is here now.
-    pub(crate) fn follow(&mut self, at: Duration, pose: Pose, balls: impl Iterator<Item = Point>) {
+    pub(crate) fn follow(
+        &mut self,
+        at: Duration,
+        pose: Pose,
+        movers: Movers<impl Iterator<Item = Point>>,
+    ) {
         let leapt = pose.point().distance(self.now.pose.point()) > LEAP;
         if !leapt {
             self.distance += pose.point().distance(self.now.pose.point());
         }
         self.now = Sample { at, pose, leapt };
+        let Movers { places, balls } = movers;
         self.balls.clear();
-        self.balls.extend(balls);
+        self.walkers.clear();
+        for (index, place) in places.enumerate() {
+            let kind = if index < balls {
+                &mut self.balls
+            } else {
+                &mut self.walkers
+            };
+            kind.push(place);
+        }
         let Some(last) = self.samples.last() else {
             return;
         };
@@ -179,6 +200,11 @@ impl Trace {
         &self.balls
     }
 
+    /// Where the people are now, in the world's order.
+    pub fn walkers(&self) -> &[Point] {
+        &self.walkers
+    }
+
     /// What the robot ran into, oldest first.
     pub fn collisions(&self) -> impl Iterator<Item = &str> {
         self.events.iter().filter_map(|event| match &event.what {
@@ -198,6 +224,13 @@ impl Trace {
 mod tests {
     use super::*;
 
+    fn nothing() -> Movers<std::iter::Empty<Point>> {
+        Movers {
+            places: std::iter::empty(),
+            balls: 0,
+        }
+    }
+
     fn pose(x: f64) -> Pose {
         Pose::new(x, 1.0, 0.0)
     }
@@ -207,7 +240,7 @@ mod tests {
         let mut trace = Trace::from(pose(0.0));
         for step in 1..=200_000 {
             let at = Duration::from_millis(20) * step;
-            trace.follow(at, pose(f64::from(step) * 0.021), std::iter::empty());
+            trace.follow(at, pose(f64::from(step) * 0.021), nothing());
         }
         let samples: Vec<Sample> = trace.samples().collect();
         assert!(
@@ -230,7 +263,7 @@ mod tests {
     #[test]
     fn a_robot_that_is_put_somewhere_has_not_driven() {
         let mut trace = Trace::from(pose(0.0));
-        trace.follow(Duration::from_secs(1), pose(3.0), std::iter::empty());
+        trace.follow(Duration::from_secs(1), pose(3.0), nothing());
         assert_eq!(trace.distance(), 0.0);
         assert!(trace.samples().last().is_some_and(|sample| sample.leapt));
     }

@@ -103,19 +103,27 @@ fn floor(world: &World, canvas: &mut Canvas) {
     }
 }
 
+impl World {
+    /// The outline of what the station's beacon reaches: where a robot's own search finds it.
+    pub fn beacon_cone(&self) -> Vec<Point> {
+        let (station, obstacles) = (&self.station, self.fixed_obstacles());
+        let beacon = station.beacon();
+        let half = station.beacon_degrees.abs().min(180.0).to_radians();
+        const RAYS: i32 = 180;
+        let mut cone = vec![beacon];
+        for ray in 0..=RAYS {
+            let angle = station.heading() + half * (2.0 * f64::from(ray) / f64::from(RAYS) - 1.0);
+            let end = beacon.ahead(angle, station.beacon_range);
+            let share = obstacles.first_side(beacon, end).unwrap_or(1.0);
+            cone.push(beacon.towards(end, share));
+        }
+        cone
+    }
+}
+
 /// The station and what its beacon reaches.
 fn station(world: &World, canvas: &mut Canvas) {
-    let (station, obstacles) = (&world.station, world.fixed_obstacles());
-    let beacon = station.beacon();
-    let half = station.beacon_degrees.abs().min(180.0).to_radians();
-    const RAYS: i32 = 180;
-    let mut cone = vec![beacon];
-    for ray in 0..=RAYS {
-        let angle = station.heading() + half * (2.0 * f64::from(ray) / f64::from(RAYS) - 1.0);
-        let end = beacon.ahead(angle, station.beacon_range);
-        let share = obstacles.first_side(beacon, end).unwrap_or(1.0);
-        cone.push(beacon.towards(end, share));
-    }
+    let (station, cone) = (&world.station, world.beacon_cone());
     canvas.fill(&cone, BEACON);
     canvas.fill(&corners(&station.sides()), [200, 30, 50, 255]);
 }

@@ -81,6 +81,11 @@ impl Station {
         Pose::at(point, wrap(self.heading() + PI))
     }
 
+    /// The corners of its foot.
+    pub fn outline(&self) -> [Point; 4] {
+        self.sides().map(|side| side.from)
+    }
+
     /// The four sides of its body; the first is the front.
     pub(crate) fn sides(&self) -> [Segment; 4] {
         let middle = self.at.point().ahead(self.heading(), DEPTH / 2.0);

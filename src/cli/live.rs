@@ -1,0 +1,125 @@
+//! `run --live`: the page beside a run, and the browser that shows it.
+
+use std::io::IsTerminal as _;
+use std::process::{Command, Stdio};
+
+use tokio::sync::watch;
+
+use super::{Console, Failure};
+use crate::agent::Behaviour;
+use crate::config::Config;
+use crate::control::Run;
+use crate::http::Options;
+use crate::live::{self, Live, LiveError, Script, Shown};
+use crate::robot::{Bus, Listener};
+use crate::script::ParamValue;
+use crate::sim::Handle;
+
+/// What the page needs of a run before it has begun.
+pub(super) struct Ahead {
+    options: Options,
+    data: std::path::PathBuf,
+    scripts: watch::Receiver<Vec<Script>>,
+    bus: Listener,
+}
+
+impl Ahead {
+    /// Of these behaviours, as the config says.
+    pub(super) fn of(config: &Config, behaviours: &[Behaviour], bus: &Bus) -> Ahead {
+        let scripts = behaviours.iter().map(script).collect();
+        Ahead {
+            options: config.live.clone(),
+            data: config.data_folder().to_owned(),
+            scripts: watch::channel(scripts).1,
+            bus: bus.listen(),
+        }
+    }
+
+    /// Serves the page, says where, and opens it in the browser of a person who sits there.
+    ///
+    /// # Errors
+    /// It cannot be served.
+    pub(super) fn serve(
+        self,
+        run: Run,
+        sim: Option<Handle>,
+        console: &Console,
+    ) -> Result<Live, Failure> {
+        let Ahead {
+            options,
+            data,
+            scripts,
+            bus,
+        } = self;
+        let log = live::tap();
+        let live = Live::start(
+            Shown {
+                run,
+                sim,
+                scripts,
+                bus,
+                log,
+                data,
+            },
+            &options,
+        )
+        .map_err(refused)?;
+        let url = live.url();
+        tracing::info!("the page is at {url}");
+        if console.has_status_line() {
+            open(&url);
+        }
+        Ok(live)
+    }
+}
+
+/// A behaviour's script as the page shows it.
+pub(super) fn script(behaviour: &Behaviour) -> Script {
+    let options = &behaviour.launch.options;
+    let params = options.params.iter();
+    Script {
+        name: options.name.clone(),
+        file: options.chunk.clone().into(),
+        source: String::from_utf8_lossy(&behaviour.launch.source).into_owned(),
+        params: params
+            .map(|(name, given)| (name.clone(), words(&given.value)))
+            .collect(),
+    }
+}
+
+fn words(value: &ParamValue) -> String {
+    match value {
+        ParamValue::Boolean(on) => on.to_string(),
+        ParamValue::Number(number) => number.to_string(),
+        ParamValue::Text(text) => text.clone(),
+    }
+}
+
+fn refused(error: LiveError) -> Failure {
+    let help = match &error {
+        LiveError::Access(_) => "without --live the run needs no page",
+        LiveError::Socket { .. } => "is another run there? --live=127.0.0.1:0 takes a free port",
+        LiveError::System(_) => "without --live the run needs no page",
+    };
+    Failure::usage(error).help(help)
+}
+
+/// On a desktop. Without one, or without `xdg-open`, the address in the log is enough.
+fn open(url: &str) {
+    let desktop = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+    if !std::io::stdin().is_terminal() || !(desktop("DISPLAY") || desktop("WAYLAND_DISPLAY")) {
+        return;
+    }
+    let mut command = Command::new("xdg-open");
+    command
+        .arg(url)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    if let Ok(mut child) = command.spawn() {
+        // It may take as long as it likes; the system takes it back.
+        let _ = std::thread::Builder::new()
+            .name("browser".into())
+            .spawn(move || child.wait());
+    }
+}

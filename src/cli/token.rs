@@ -1,0 +1,98 @@
+//! `spykee token`: what programs off this machine need to ask the page's API.
+
+use clap::{Subcommand, ValueEnum};
+
+use super::settings::SettingsArgs;
+use super::table::{Side, aligned};
+use super::{Exit, Failure, print};
+use crate::http::{Keyring, KeyringError, Role};
+
+/// Make, list and revoke tokens for the page and the JSON API
+///
+/// A token is 256 random bits. It is printed once; the data folder keeps its SHA-256 digest in a private
+/// file. Programs send it as `Authorization: Bearer TOKEN`, and people can log in to the page with it.
+#[derive(Debug, Clone, clap::Args)]
+#[command(after_help = "Example: spykee token new phone --role viewer")]
+pub(super) struct TokenArgs {
+    #[command(subcommand)]
+    action: Action,
+    #[command(flatten)]
+    pub(super) settings: SettingsArgs,
+}
+
+#[derive(Debug, Clone, Subcommand)]
+enum Action {
+    /// Make a token and print it, this once
+    New {
+        /// What you call it, such as the program that uses it
+        name: String,
+        /// What it is good for
+        #[arg(long, value_enum, default_value_t = Wanted::Viewer)]
+        role: Wanted,
+    },
+    /// List the tokens by name
+    List,
+    /// Take a token away; a run that is on goes by the old ones until it is started anew
+    Revoke {
+        /// Its name
+        name: String,
+    },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Wanted {
+    /// To look, and to stop the robot
+    Viewer,
+    /// To do all that the page and the API can
+    Driver,
+}
+
+/// Does it.
+///
+/// # Errors
+/// A config or a file of tokens that cannot be used; a name that is taken or unknown.
+pub(super) fn run(args: &TokenArgs) -> Result<Exit, Failure> {
+    let data = args.settings.config()?.data_folder();
+    let mut keys = Keyring::open(data).map_err(refused)?;
+    match &args.action {
+        Action::New { name, role } => {
+            let role = match role {
+                Wanted::Viewer => Role::Viewer,
+                Wanted::Driver => Role::Driver,
+            };
+            let token = keys.make(name, role).map_err(refused)?;
+            tracing::info!(
+                "this is the only time that the token is shown; its role is {}",
+                role.name()
+            );
+            print(&format!("{token}\n"))?;
+        }
+        Action::List if keys.list().is_empty() => print("there are no tokens\n")?,
+        Action::List => {
+            let rows: Vec<Vec<String>> = (keys.list().into_iter())
+                .map(|key| vec![key.name, key.role.name().to_owned()])
+                .collect();
+            print(&aligned(
+                &[("NAME", Side::Left), ("ROLE", Side::Left)],
+                &rows,
+            ))?;
+        }
+        Action::Revoke { name } => {
+            if !keys.revoke(name).map_err(refused)? {
+                let failure = Failure::usage(format_args!("there is no token `{name}`"));
+                return Err(failure.help("spykee token list"));
+            }
+            tracing::info!("a run that is on goes by the old tokens until it is started anew");
+        }
+    }
+    Ok(Exit::Done)
+}
+
+fn refused(error: KeyringError) -> Failure {
+    let help = match &error {
+        KeyringError::Broken { .. } => "take the file away and make new tokens",
+        KeyringError::Write { .. } => "`data:` in the config says where data goes",
+        KeyringError::Refused(_) => "spykee token list",
+    };
+    Failure::usage(error).help(help)
+}

@@ -1,0 +1,28 @@
+//! HTTP for people and programs: a bounded server on one address, and a guard in front of all it
+//! serves. Knows no robot.
+//!
+//! The guard answers three questions about each request before anything else sees it. Is it meant for
+//! us (`Host`, against DNS rebinding)? Did our own page send it (`Origin`)? Who sends it (session,
+//! token, or nobody in particular, on loopback without a password)? What fails is answered here.
+
+mod access;
+mod attempts;
+mod door;
+mod gate;
+mod guard;
+mod keyring;
+mod login;
+mod options;
+mod refusal;
+mod role;
+mod secret;
+mod sessions;
+
+pub use access::{Access, AccessError};
+pub use door::{Door, Peer};
+pub use gate::{Driver, guarded};
+pub use keyring::{Keyring, KeyringError, Listed};
+pub use login::{Me, routes};
+pub use options::Options;
+pub use refusal::Refusal;
+pub use role::{Role, Visitor};

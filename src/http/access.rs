@@ -1,0 +1,254 @@
+//! Who may come in: passwords of the config, tokens of programs, sessions of browsers.
+
+use std::net::{IpAddr, SocketAddr};
+use std::path::Path;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use super::attempts::Attempts;
+use super::guard::{Addressed, Names, Reason};
+use super::keyring::{Keyring, KeyringError};
+use super::options::Options;
+use super::role::{Role, Visitor};
+use super::secret::Digest;
+use super::sessions::Sessions;
+use crate::files;
+
+/// Bytes of a password's file, and of a password.
+const MAX_FILE_LEN: u64 = 4096;
+const MAX_PASSWORD: usize = 1024;
+
+/// Why nobody can be let in.
+#[derive(Debug, thiserror::Error)]
+pub enum AccessError {
+    /// Everybody in reach of that address could drive.
+    #[error(
+        "{0} can be reached from elsewhere, and neither a password nor a token is there: \
+         `spykee token new NAME` makes one, `live: {{ driver_password_file: FILE }}` names one"
+    )]
+    Open(SocketAddr),
+    /// A password cannot be read.
+    #[error("cannot read the password file {path}: {why}")]
+    Password {
+        /// Which.
+        path: String,
+        /// Why.
+        why: String,
+    },
+    /// The tokens cannot be read.
+    #[error(transparent)]
+    Tokens(#[from] KeyringError),
+}
+
+/// Why somebody was not let in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub(super) enum Denied {
+    #[error("that is not the password")]
+    Wrong,
+    #[error("too many tries: wait {} s", .0.as_secs() + 1)]
+    TooMany(Duration),
+}
+
+/// See the module.
+#[derive(Debug)]
+pub struct Access {
+    names: Names,
+    passwords: Vec<(Digest, Role)>,
+    keyring: Keyring,
+    sessions: Mutex<Sessions>,
+    attempts: Mutex<Attempts>,
+}
+
+impl Access {
+    /// As the options and the tokens of this data folder say, for a server on this address. Waits for
+    /// the disk.
+    ///
+    /// # Errors
+    /// See [`AccessError`].
+    pub fn new(options: &Options, listen: SocketAddr, data: &Path) -> Result<Access, AccessError> {
+        let files = [
+            (&options.driver_password_file, Role::Driver),
+            (&options.viewer_password_file, Role::Viewer),
+        ];
+        let mut passwords = Vec::new();
+        for (path, role) in files {
+            if let Some(path) = path {
+                passwords.push((Digest::of(&password(path)?), role));
+            }
+        }
+        let access = Access {
+            names: Names::new(listen, &options.hosts),
+            passwords,
+            keyring: Keyring::open(data)?,
+            sessions: Mutex::default(),
+            attempts: Mutex::new(Attempts::new(Instant::now())),
+        };
+        match access.is_open() && !listen.ip().is_loopback() {
+            true => Err(AccessError::Open(listen)),
+            false => Ok(access),
+        }
+    }
+
+    /// Nobody has to say who he is: loopback, and neither a password nor a token.
+    pub fn is_open(&self) -> bool {
+        self.passwords.is_empty() && self.keyring.is_empty()
+    }
+
+    /// Whether people can log in; with tokens alone only programs can.
+    pub(super) fn has_passwords(&self) -> bool {
+        !self.passwords.is_empty()
+    }
+
+    /// # Errors
+    /// Not meant for us, or of another site's page.
+    pub(super) fn judge(&self, request: Addressed<'_>) -> Result<(), Reason> {
+        self.names.judge(request)
+    }
+
+    /// A session for who knows a password, or a token.
+    ///
+    /// # Errors
+    /// See [`Denied`].
+    pub(super) fn log_in(&self, from: IpAddr, password: &str) -> Result<(String, Role), Denied> {
+        let now = Instant::now();
+        let tried = lock(&self.attempts).take(from, now);
+        tried.map_err(Denied::TooMany)?;
+        let known = (password.len() <= MAX_PASSWORD)
+            .then(|| self.role_of(password))
+            .flatten();
+        let role = known.ok_or(Denied::Wrong)?;
+        lock(&self.attempts).give_back(from);
+        Ok((lock(&self.sessions).open(role, now), role))
+    }
+
+    /// All are compared: how long it takes tells nothing.
+    fn role_of(&self, password: &str) -> Option<Role> {
+        let digest = Digest::of(password);
+        let mut known = self.keyring.find(password).map(|token| token.role);
+        for (password, role) in &self.passwords {
+            if password.is(&digest) {
+                known = known.max(Some(*role));
+            }
+        }
+        known
+    }
+
+    pub(super) fn log_out(&self, session: &str) {
+        lock(&self.sessions).close(session);
+    }
+
+    /// Who comes with this session, or without any.
+    pub(super) fn of_session(&self, session: Option<&str>) -> Option<Visitor> {
+        let role = match self.is_open() {
+            true => Some(Role::Driver),
+            false => lock(&self.sessions).role(session?, Instant::now()),
+        };
+        role.map(|role| Visitor { role, token: None })
+    }
+
+    /// Who comes with this token.
+    ///
+    /// # Errors
+    /// See [`Denied`]: wrong ones are counted.
+    pub(super) fn of_token(&self, from: IpAddr, token: &str) -> Result<Visitor, Denied> {
+        lock(&self.attempts)
+            .take(from, Instant::now())
+            .map_err(Denied::TooMany)?;
+        let found = self.keyring.find(token).ok_or(Denied::Wrong)?;
+        lock(&self.attempts).give_back(from);
+        let (role, token) = (found.role, Some(found.name));
+        Ok(Visitor { role, token })
+    }
+}
+
+/// For as long as it takes to look something up.
+fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn password(path: &Path) -> Result<String, AccessError> {
+    let refused = |why: String| AccessError::Password {
+        path: path.display().to_string(),
+        why,
+    };
+    let read = files::read_private(path, MAX_FILE_LEN);
+    let bytes = read.map_err(|error| refused(error.to_string()))?;
+    let text = String::from_utf8(bytes).map_err(|_| refused("it is not UTF-8".to_owned()))?;
+    match text.lines().next().unwrap_or_default() {
+        line if line.chars().count() < 8 => Err(refused(
+            "its first line is no password of at least 8 characters".to_owned(),
+        )),
+        line => Ok(line.to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::{self, Permissions};
+    use std::os::unix::fs::PermissionsExt as _;
+
+    const HERE: IpAddr = IpAddr::V4(std::net::Ipv4Addr::LOCALHOST);
+
+    fn access(listen: &str, password: Option<&str>) -> Result<Access, AccessError> {
+        let data = tempfile::tempdir().unwrap();
+        let path = data.path().join("password");
+        let driver_password_file = password.map(|password| {
+            fs::write(&path, password).unwrap();
+            fs::set_permissions(&path, Permissions::from_mode(0o600)).unwrap();
+            path.clone()
+        });
+        let options = Options {
+            driver_password_file,
+            ..Options::default()
+        };
+        Access::new(&options, listen.parse().unwrap(), data.path())
+    }
+
+    #[test]
+    fn off_loopback_nobody_comes_in_without_a_password() {
+        assert!(matches!(
+            access("0.0.0.0:1", None),
+            Err(AccessError::Open(_))
+        ));
+        assert!(matches!(
+            access("192.168.1.2:1", None),
+            Err(AccessError::Open(_))
+        ));
+        assert!(access("127.0.0.1:1", None).unwrap().is_open());
+        let guarded = access("0.0.0.0:1", Some("correct horse\n")).unwrap();
+        assert_eq!(guarded.of_session(None), None);
+        assert_eq!(guarded.log_in(HERE, "correct"), Err(Denied::Wrong));
+        let (session, role) = guarded.log_in(HERE, "correct horse").unwrap();
+        assert_eq!(role, Role::Driver);
+        assert!(guarded.of_session(Some(&session)).is_some());
+        guarded.log_out(&session);
+        assert_eq!(guarded.of_session(Some(&session)), None);
+        assert!(matches!(
+            access("0.0.0.0:1", Some("short")),
+            Err(AccessError::Password { .. })
+        ));
+    }
+
+    #[test]
+    fn with_a_password_loopback_needs_it_too_for_a_proxy_comes_from_there() {
+        let guarded = access("127.0.0.1:1", Some("correct horse")).unwrap();
+        assert!(!guarded.is_open());
+        assert_eq!(guarded.of_session(None), None);
+    }
+
+    #[test]
+    fn guessing_is_slow_and_the_right_password_does_not_help_a_guesser() {
+        let guarded = access("127.0.0.1:1", Some("correct horse")).unwrap();
+        let wrong = || guarded.log_in(HERE, "guess");
+        let denied = (0..20).map(|_| wrong().unwrap_err());
+        assert_eq!(denied.filter(|denied| *denied == Denied::Wrong).count(), 5);
+        assert!(matches!(
+            guarded.log_in(HERE, "correct horse"),
+            Err(Denied::TooMany(_))
+        ));
+        assert!(guarded.of_token(HERE, "spykee_x").is_err());
+    }
+}

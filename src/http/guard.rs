@@ -1,0 +1,198 @@
+//! Is a request meant for us, and does it come from our own page? Pure.
+//!
+//! A web page elsewhere can have its own name lead to our address (DNS rebinding), and any page can
+//! send requests here. The first has a `Host` that is not ours, the second an `Origin` that is not
+//! the `Host`; browsers let no page forge either.
+
+use std::net::{IpAddr, SocketAddr};
+
+/// How a request is addressed.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Addressed<'a> {
+    /// Its `Host`, if it has exactly one.
+    pub host: Option<&'a str>,
+    /// Its `Origin`, if it has one.
+    pub origin: Option<&'a str>,
+    /// Its `Sec-Fetch-Site`, if it has one.
+    pub site: Option<&'a str>,
+    /// It asks for something to be done, or opens a WebSocket.
+    pub acts: bool,
+}
+
+/// Why a request is turned away.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub(super) enum Reason {
+    /// Another name than ours, or none.
+    #[error(
+        "this address is not ours: `live: {{ hosts: [NAME] }}` names those by which browsers may come"
+    )]
+    Host,
+    /// A page of another site.
+    #[error("another site's page asks for this")]
+    Origin,
+}
+
+/// The names by which we are reached.
+#[derive(Debug, Clone)]
+pub(super) struct Names {
+    listen: SocketAddr,
+    more: Vec<String>,
+}
+
+impl Names {
+    pub(super) fn new(listen: SocketAddr, more: &[String]) -> Names {
+        let more = more.iter().map(|name| name.to_ascii_lowercase()).collect();
+        Names { listen, more }
+    }
+
+    /// # Errors
+    /// See [`Reason`].
+    pub(super) fn judge(&self, request: Addressed<'_>) -> Result<(), Reason> {
+        let host = request.host.ok_or(Reason::Host)?.to_ascii_lowercase();
+        if !self.is_ours(&host) {
+            return Err(Reason::Host);
+        }
+        let same = |origin: &str| {
+            let authority = origin
+                .strip_prefix("http://")
+                .or(origin.strip_prefix("https://"));
+            authority.is_some_and(|authority| authority.eq_ignore_ascii_case(&host))
+        };
+        let foreign = matches!(request.site, Some("cross-site" | "same-site"));
+        match request.origin {
+            Some(origin) if !same(origin) => Err(Reason::Origin),
+            None if request.acts && foreign => Err(Reason::Origin),
+            _ => Ok(()),
+        }
+    }
+
+    /// `localhost` and addresses of this machine by number are ours: no other site has them for a name.
+    /// Of names only those that were said.
+    fn is_ours(&self, host: &str) -> bool {
+        let (name, port) = split(host);
+        if self.more.iter().any(|more| more == host || more == name) {
+            return true;
+        }
+        if !port.is_none_or(|port| port == self.listen.port().to_string()) {
+            return false;
+        }
+        let bare = name.trim_start_matches('[').trim_end_matches(']');
+        match bare.parse::<IpAddr>() {
+            Ok(address) if self.listen.ip().is_unspecified() => !address.is_unspecified(),
+            Ok(address) => address == self.listen.ip(),
+            Err(_) => name == "localhost" && reaches_loopback(self.listen.ip()),
+        }
+    }
+}
+
+fn reaches_loopback(ip: IpAddr) -> bool {
+    ip.is_loopback() || ip.is_unspecified()
+}
+
+/// Name and port; an IPv6 address stands in brackets.
+fn split(host: &str) -> (&str, Option<&str>) {
+    match host.rsplit_once(':') {
+        Some((name, port)) if !port.contains(']') => (name, Some(port)),
+        _ => (host, None),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn names(listen: &str) -> Names {
+        Names::new(listen.parse().unwrap(), &["Robot.Example.org".to_owned()])
+    }
+
+    fn judge(listen: &str, host: &str, origin: Option<&str>) -> Result<(), Reason> {
+        let host = Some(host);
+        names(listen).judge(Addressed {
+            host,
+            origin,
+            site: None,
+            acts: true,
+        })
+    }
+
+    #[test]
+    fn only_our_own_names_are_answered() {
+        let here = "127.0.0.1:7788";
+        for good in [
+            "127.0.0.1:7788",
+            "localhost:7788",
+            "LOCALHOST:7788",
+            "robot.example.org",
+        ] {
+            assert_eq!(judge(here, good, None), Ok(()), "{good}");
+        }
+        for bad in [
+            "evil.example",
+            "evil.example:7788",
+            "127.0.0.1:80",
+            "localhost.evil.example:7788",
+            "127.0.0.1.evil.example:7788",
+            "10.0.0.5:7788",
+            "",
+            ":",
+            "[::1]:7788",
+        ] {
+            assert_eq!(judge(here, bad, None), Err(Reason::Host), "{bad}");
+        }
+        assert_eq!(judge("0.0.0.0:7788", "192.168.1.7:7788", None), Ok(()));
+        assert_eq!(
+            judge("0.0.0.0:7788", "evil.example:7788", None),
+            Err(Reason::Host)
+        );
+        assert_eq!(judge("[::1]:7788", "[::1]:7788", None), Ok(()));
+        let nobody = names(here).judge(Addressed::default());
+        assert_eq!(nobody, Err(Reason::Host));
+    }
+
+    #[test]
+    fn another_sites_page_is_turned_away() {
+        let here = "127.0.0.1:7788";
+        let ask = |origin| judge(here, here, Some(origin));
+        assert_eq!(ask("http://127.0.0.1:7788"), Ok(()));
+        for bad in [
+            "http://evil.example",
+            "http://localhost:7788",
+            "http://127.0.0.1:8080",
+            "null",
+            "",
+            "http://127.0.0.1:7788.evil.example",
+            "file://",
+        ] {
+            assert_eq!(ask(bad), Err(Reason::Origin), "{bad}");
+        }
+        let (host, origin) = (Some(here), None);
+        let from = |site, acts| {
+            names(here).judge(Addressed {
+                host,
+                origin,
+                site,
+                acts,
+            })
+        };
+        assert_eq!(from(Some("cross-site"), true), Err(Reason::Origin));
+        assert_eq!(
+            from(Some("cross-site"), false),
+            Ok(()),
+            "a link may lead here"
+        );
+        assert_eq!(from(Some("same-origin"), true), Ok(()));
+        assert_eq!(from(None, true), Ok(()), "a program is no page");
+    }
+
+    proptest! {
+        #[test]
+        fn no_header_makes_it_panic_and_no_stranger_is_let_in(host in "\\PC{0,40}", origin in "\\PC{0,40}") {
+            let verdict = judge("127.0.0.1:7788", &host, Some(&origin));
+            let known = host.to_ascii_lowercase();
+            let ours = known.starts_with("127.0.0.1") || known.starts_with("localhost")
+                || known.starts_with("robot.example.org");
+            prop_assert!(ours || verdict.is_err());
+        }
+    }
+}

@@ -1,0 +1,62 @@
+//! What the config may say of the page and the API.
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Deserializer, Serialize};
+
+/// Where the page is unless somebody says something else.
+const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 7788);
+/// Viewers at a time, unless the config says something else.
+const VIEWERS: u16 = 32;
+const MOST_VIEWERS: u64 = 1000;
+
+/// `live:` of the config.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Options {
+    /// Where the page and the API are served, `IP:PORT`. Off loopback a password or a token is needed.
+    #[schemars(with = "Option<String>")]
+    pub listen: Option<SocketAddr>,
+    /// Names by which browsers reach it besides that address, such as that of a proxy in front of it.
+    pub hosts: Vec<String>,
+    /// The first line of this file is the password of those who may look and drive.
+    pub driver_password_file: Option<PathBuf>,
+    /// The first line of this file is the password of those who may only look.
+    pub viewer_password_file: Option<PathBuf>,
+    /// Viewers at a time, 1..=1000.
+    #[serde(deserialize_with = "viewers")]
+    #[schemars(range(min = 1, max = 1000))]
+    pub viewers: u16,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options {
+            listen: None,
+            hosts: Vec::new(),
+            driver_password_file: None,
+            viewer_password_file: None,
+            viewers: VIEWERS,
+        }
+    }
+}
+
+impl Options {
+    /// Where it listens, once it is wanted at all.
+    pub fn address(&self) -> SocketAddr {
+        self.listen.unwrap_or(LISTEN)
+    }
+}
+
+fn viewers<'de, D: Deserializer<'de>>(from: D) -> Result<u16, D::Error> {
+    let number = u64::deserialize(from)?;
+    let inside = u16::try_from(number)
+        .ok()
+        .filter(|_| (1..=MOST_VIEWERS).contains(&number));
+    inside.ok_or_else(|| {
+        let expected = "a whole number of viewers from 1 to 1000";
+        serde::de::Error::invalid_value(serde::de::Unexpected::Unsigned(number), &expected)
+    })
+}

@@ -1,0 +1,50 @@
+//! What is answered to a request that is not served: a status and one sentence, as JSON.
+
+use axum::Json;
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+/// Why a request is not served.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{error}")]
+pub struct Refusal {
+    status: StatusCode,
+    error: String,
+}
+
+/// As it is sent.
+#[derive(Debug, Serialize, JsonSchema)]
+struct Body<'a> {
+    error: &'a str,
+}
+
+impl Refusal {
+    /// With a sentence for a person.
+    pub fn new(status: StatusCode, error: impl Into<String>) -> Refusal {
+        Refusal {
+            status,
+            error: error.into(),
+        }
+    }
+
+    /// Nobody is logged in.
+    pub fn unknown() -> Refusal {
+        Refusal::new(StatusCode::UNAUTHORIZED, "log in first, or send a token")
+    }
+
+    /// He may not do that.
+    pub fn viewer_only() -> Refusal {
+        Refusal::new(
+            StatusCode::FORBIDDEN,
+            "viewers may look and stop the robot, and nothing else",
+        )
+    }
+}
+
+impl IntoResponse for Refusal {
+    fn into_response(self) -> Response {
+        (self.status, Json(Body { error: &self.error })).into_response()
+    }
+}

@@ -1,0 +1,196 @@
+//! What programs ask by HTTP: health, figures, and what `spykee status`, `behaviour` and `robot` do.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::extract::{DefaultBodyLimit, Path, State, WebSocketUpgrade};
+use axum::http::{StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post};
+use axum::{Json, Router};
+
+use super::hub::Hub;
+use super::order::{Done, Order, perform};
+use super::scripts::{self, Behaviour, Text};
+use super::shapes::{Become, Health, Lamp, Outcome, Tune, Volume};
+use super::state::{self, Rate};
+use super::{messages, openapi, viewer};
+use crate::control::{Answer, Errand, MAX_SPEECH};
+use crate::http::{Driver, Refusal, Visitor};
+use crate::pilot::LinkState;
+use tokio::time::Instant;
+
+/// Bytes of what is asked for; speech is longer.
+const MAX_BODY: usize = 16 * 1024;
+/// How long a picture may take.
+const PICTURE: Duration = Duration::from_secs(5);
+
+type Shared = State<Arc<Hub>>;
+type Reply<T> = Result<Json<T>, Refusal>;
+
+/// Everything but the page itself.
+pub(super) fn routes(hub: Arc<Hub>) -> Router {
+    Router::new()
+        .route("/healthz", get(healthz))
+        .route("/metrics", get(metrics))
+        .route("/live", get(live))
+        .route("/api/openapi.json", get(async || Json(openapi::document())))
+        .route("/api/messages.json", get(async || Json(messages::schema())))
+        .route("/api/status", get(status))
+        .route("/api/behaviours", get(behaviours))
+        .route("/api/behaviours/{name}", post(change))
+        .route("/api/behaviours/{name}/script", get(script))
+        .route("/api/picture", get(picture))
+        .route("/api/stop", post(stop))
+        .route("/api/let-go", post(let_go))
+        .route(
+            "/api/dock",
+            post(async |hub: Shared, who: Driver| order(hub, who, Order::Dock).await),
+        )
+        .route(
+            "/api/undock",
+            post(async |hub: Shared, who: Driver| order(hub, who, Order::Undock).await),
+        )
+        .route("/api/led", post(led))
+        .route("/api/play", post(play))
+        .route(
+            "/api/stop-sound",
+            post(async |hub: Shared, who: Driver| order(hub, who, Order::StopSound).await),
+        )
+        .route("/api/volume", post(volume))
+        .layer(DefaultBodyLimit::max(MAX_BODY))
+        .route(
+            "/api/say",
+            post(say).layer(DefaultBodyLimit::max(MAX_SPEECH)),
+        )
+        .with_state(hub)
+}
+
+/// Says nothing that is anybody's business, so nobody has to log in for it.
+async fn healthz(State(hub): Shared) -> Response {
+    let live = hub.is_alive();
+    let ready = live && hub.run.status.borrow().link == LinkState::Up;
+    let status = if live {
+        StatusCode::OK
+    } else {
+        StatusCode::SERVICE_UNAVAILABLE
+    };
+    (status, Json(Health { live, ready })).into_response()
+}
+
+async fn metrics(State(hub): Shared, _: Visitor) -> impl IntoResponse {
+    let text = hub
+        .metrics
+        .text(&hub.run, hub.viewers(), hub.camera.bytes());
+    let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+    ([(header::CONTENT_TYPE, kind)], text)
+}
+
+async fn live(
+    State(hub): Shared,
+    visitor: Visitor,
+    upgrade: WebSocketUpgrade,
+) -> Result<Response, Refusal> {
+    let full = || Refusal::new(StatusCode::SERVICE_UNAVAILABLE, "too many look already");
+    let ticket = hub.admit(&visitor).ok_or_else(full)?;
+    let upgrade = upgrade
+        .max_message_size(viewer::MAX_MESSAGE)
+        .max_frame_size(viewer::MAX_MESSAGE);
+    Ok(upgrade.on_upgrade(move |socket| viewer::serve(socket, ticket)))
+}
+
+async fn status(State(hub): Shared, _: Visitor) -> Json<state::State> {
+    let (robot, mut rate) = (hub.robot(), Rate::new(Instant::now()));
+    Json(state::state(
+        &hub.run,
+        robot.as_ref(),
+        hub.people(),
+        &mut rate,
+    ))
+}
+
+async fn behaviours(State(hub): Shared, _: Visitor) -> Json<Vec<Behaviour>> {
+    let members = hub.run.roster.members();
+    let list = scripts::behaviours(&hub.scripts.borrow(), &members.borrow());
+    Json(list)
+}
+
+async fn change(
+    hub: Shared,
+    who: Driver,
+    Path(name): Path<String>,
+    Json(Become { change }): Json<Become>,
+) -> Reply<Outcome> {
+    order(hub, who, Order::Behaviour { name, change }).await
+}
+
+async fn script(State(hub): Shared, _: Visitor, Path(name): Path<String>) -> Reply<Text> {
+    let found = scripts::find(&hub.scripts.borrow(), &name).cloned();
+    let unknown = || Refusal::new(StatusCode::NOT_FOUND, "no script of that name is known");
+    let script = found.ok_or_else(unknown)?;
+    let read = tokio::task::spawn_blocking(move || scripts::text(&script)).await;
+    let broken = |_| Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, "it cannot be read");
+    read.map(Json).map_err(broken)
+}
+
+async fn picture(State(hub): Shared, _: Visitor) -> Result<Response, Refusal> {
+    match hub.run.perform(Errand::Picture(PICTURE)).await {
+        Answer::Picture(jpeg) => Ok(([(header::CONTENT_TYPE, "image/jpeg")], jpeg).into_response()),
+        Answer::Refused(why) => Err(Refusal::new(StatusCode::CONFLICT, why)),
+        _ => Err(Refusal::new(
+            StatusCode::SERVICE_UNAVAILABLE,
+            "no picture came in time",
+        )),
+    }
+}
+
+/// Anybody who may look may stop the robot.
+async fn stop(State(hub): Shared, _: Visitor) -> Reply<Outcome> {
+    held(hub.stop().await.is_ok())
+}
+
+async fn let_go(State(hub): Shared, _: Driver) -> Reply<Outcome> {
+    held(hub.let_go().await.is_ok())
+}
+
+fn held(ok: bool) -> Reply<Outcome> {
+    let text = if ok { "" } else { "the run is over" };
+    outcome((ok, text.to_owned()))
+}
+
+async fn led(hub: Shared, who: Driver, Json(Lamp { light, on }): Json<Lamp>) -> Reply<Outcome> {
+    order(hub, who, Order::Led { light, on }).await
+}
+
+async fn play(hub: Shared, who: Driver, Json(Tune { sound }): Json<Tune>) -> Reply<Outcome> {
+    order(hub, who, Order::Play { sound }).await
+}
+
+async fn volume(
+    hub: Shared,
+    who: Driver,
+    Json(Volume { percent }): Json<Volume>,
+) -> Reply<Outcome> {
+    order(hub, who, Order::Volume { percent }).await
+}
+
+/// s16 little-endian, mono, 16 kHz.
+async fn say(State(hub): Shared, _: Driver, samples: bytes::Bytes) -> Reply<Outcome> {
+    match hub.run.perform(Errand::Say(samples.to_vec())).await {
+        Answer::Done => outcome((true, String::new())),
+        Answer::Refused(why) => outcome((false, why)),
+        _ => outcome((false, "the robot is out of reach".to_owned())),
+    }
+}
+
+async fn order(State(hub): Shared, _: Driver, order: Order) -> Reply<Outcome> {
+    outcome(perform(order, &hub.run, hub.sim.as_ref()).await)
+}
+
+/// What is not done is a conflict with how things stand.
+fn outcome((ok, text): Done) -> Reply<Outcome> {
+    match ok {
+        true => Ok(Json(Outcome { ok, text })),
+        false => Err(Refusal::new(StatusCode::CONFLICT, text)),
+    }
+}

@@ -1,0 +1,86 @@
+//! The battery's level so far, for its plot: bounded, coarser the longer ago.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use crate::robot::Battery;
+
+/// Points that are kept; then every other one of the older half is forgotten.
+const MOST: usize = 600;
+/// A level that does not change is noted so often.
+const EVERY: Duration = Duration::from_secs(30);
+
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    at: Instant,
+    percent: u8,
+    charging: bool,
+}
+
+/// See the module.
+#[derive(Debug, Default)]
+pub(super) struct History(VecDeque<Point>);
+
+impl History {
+    /// Takes a level down if it is new, or the last one is old; whether it was.
+    pub(super) fn note(&mut self, battery: Battery, at: Instant) -> bool {
+        let (percent, charging) = (battery.percent.get(), battery.charging);
+        let same = |last: &Point| (last.percent, last.charging) == (percent, charging);
+        let fresh = |last: &Point| at.saturating_duration_since(last.at) < EVERY;
+        if self.0.back().is_some_and(|last| same(last) && fresh(last)) {
+            return false;
+        }
+        self.0.push_back(Point {
+            at,
+            percent,
+            charging,
+        });
+        if self.0.len() > MOST {
+            let mut index = 0;
+            self.0.retain(|_| {
+                index += 1;
+                index > MOST / 2 || index % 2 == 1
+            });
+        }
+        true
+    }
+
+    /// Seconds before now, percent, charging; oldest first.
+    pub(super) fn points(&self, now: Instant) -> Vec<(f32, u8, bool)> {
+        let ago = |at| now.saturating_duration_since(at).as_secs_f32();
+        self.0
+            .iter()
+            .map(|point| (ago(point.at), point.percent, point.charging))
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::Percent;
+
+    fn battery(percent: u8) -> Battery {
+        Battery {
+            percent: Percent::saturating(percent),
+            charging: false,
+            minutes_left: None,
+        }
+    }
+
+    #[test]
+    fn a_month_fits_and_the_newest_and_the_oldest_are_there() {
+        let (mut history, start) = (History::default(), Instant::now());
+        for hour in 0..24 * 30 {
+            let at = start + Duration::from_secs(3600) * hour;
+            assert!(history.note(battery((hour % 100) as u8), at));
+            assert!(!history.note(battery((hour % 100) as u8), at));
+        }
+        let points = history.points(start + Duration::from_secs(3600) * 24 * 30);
+        assert!(points.len() <= MOST, "{}", points.len());
+        assert!(points[0].0 > points[1].0);
+        assert_eq!(points.last().map(|last| last.0), Some(3600.0));
+    }
+}

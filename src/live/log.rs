@@ -1,0 +1,244 @@
+//! The program's log for people at the page: tapped where it is written, kept for a while in bounded
+//! memory. Who writes never waits for it: what does not fit is left out and counted.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, OnceLock, PoisonError};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use schemars::JsonSchema;
+use serde::Serialize;
+use tokio::sync::{broadcast, mpsc};
+use tracing::field::{Field, Visit};
+use tracing::{Event, Level, Subscriber};
+use tracing_subscriber::Layer;
+use tracing_subscriber::layer::Context;
+
+/// Lines that may wait to be kept.
+const MAX_WAITING: usize = 512;
+/// Lines that are kept for whoever comes later.
+const KEPT: usize = 400;
+/// Lines that a viewer may be behind.
+const BEHIND: usize = 256;
+/// Characters of a line.
+const LONGEST: usize = 2000;
+
+/// Where lines go, once somebody wants them. The program has one log.
+static TAP: OnceLock<mpsc::Sender<Line>> = OnceLock::new();
+static LEFT_OUT: AtomicU64 = AtomicU64::new(0);
+
+/// A line of the log.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Line {
+    /// Milliseconds since 1970.
+    pub at: u64,
+    /// `error`, `warn`, `info`, `debug` or `trace`.
+    pub level: &'static str,
+    /// Which behaviour's, if it is one's.
+    pub behaviour: Option<String>,
+    /// The line of its script.
+    pub line: Option<u64>,
+    /// What it says.
+    pub text: String,
+}
+
+/// A layer that taps the log.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct LogTap;
+
+/// The lines from now on. Once in the program's life: `None` afterwards.
+pub fn tap() -> Option<mpsc::Receiver<Line>> {
+    let (lines, received) = mpsc::channel(MAX_WAITING);
+    TAP.set(lines).ok().map(|()| received)
+}
+
+impl<S: Subscriber> Layer<S> for LogTap {
+    fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
+        let Some(lines) = TAP.get() else {
+            return;
+        };
+        let mut reading = Reading::default();
+        event.record(&mut reading);
+        if lines
+            .try_send(reading.line(*event.metadata().level()))
+            .is_err()
+        {
+            LEFT_OUT.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+#[derive(Default)]
+struct Reading {
+    text: String,
+    fields: String,
+    behaviour: Option<String>,
+    line: Option<u64>,
+}
+
+impl Reading {
+    fn line(self, level: Level) -> Line {
+        let Reading {
+            mut text,
+            fields,
+            behaviour,
+            line,
+        } = self;
+        text.push_str(&fields);
+        if let Some((at, _)) = text.char_indices().nth(LONGEST) {
+            text.truncate(at);
+        }
+        let level = match level {
+            Level::ERROR => "error",
+            Level::WARN => "warn",
+            Level::INFO => "info",
+            Level::DEBUG => "debug",
+            Level::TRACE => "trace",
+        };
+        Line {
+            at: now(),
+            level,
+            behaviour,
+            line,
+            text,
+        }
+    }
+
+    fn field(&mut self, name: &str, value: &str) {
+        match name {
+            "message" => self.text = value.to_owned(),
+            "behaviour" => self.behaviour = Some(value.to_owned()),
+            "line" => self.line = value.parse().ok(),
+            // Bounded before it is all put together.
+            _ if self.fields.len() < LONGEST => {
+                self.fields.push_str(&format!(" {name}={value}"));
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Visit for Reading {
+    fn record_u64(&mut self, field: &Field, value: u64) {
+        match field.name() {
+            "line" => self.line = Some(value),
+            name => self.field(name, &value.to_string()),
+        }
+    }
+
+    fn record_str(&mut self, field: &Field, value: &str) {
+        self.field(field.name(), value);
+    }
+
+    fn record_debug(&mut self, field: &Field, value: &dyn std::fmt::Debug) {
+        let text = format!("{value:?}");
+        self.field(field.name(), &text);
+    }
+}
+
+/// Milliseconds since 1970, for people to read.
+pub(super) fn now() -> u64 {
+    let since = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default();
+    u64::try_from(since.as_millis()).unwrap_or(u64::MAX)
+}
+
+/// The lines that are kept.
+#[derive(Debug)]
+pub(super) struct Book {
+    kept: Mutex<VecDeque<Line>>,
+    news: broadcast::Sender<Line>,
+}
+
+impl Book {
+    pub(super) fn new() -> Book {
+        Book {
+            kept: Mutex::default(),
+            news: broadcast::Sender::new(BEHIND),
+        }
+    }
+
+    /// Keeps what comes, for ever.
+    pub(super) async fn keep(&self, mut lines: mpsc::Receiver<Line>) {
+        while let Some(line) = lines.recv().await {
+            self.write(line);
+            let missed = LEFT_OUT.swap(0, Ordering::Relaxed);
+            if missed > 0 {
+                let text = format!("{missed} lines came too fast for the page and are left out");
+                let (level, behaviour, line) = ("warn", None, None);
+                self.write(Line {
+                    at: now(),
+                    level,
+                    behaviour,
+                    line,
+                    text,
+                });
+            }
+        }
+        std::future::pending().await
+    }
+
+    fn write(&self, line: Line) {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        if kept.len() == KEPT {
+            kept.pop_front();
+        }
+        kept.push_back(line.clone());
+        // Fails if nobody looks. Under the lock, so that nobody sees a line twice or never.
+        let _ = self.news.send(line);
+    }
+
+    /// What there was, and what comes.
+    pub(super) fn read(&self) -> (Vec<Line>, broadcast::Receiver<Line>) {
+        let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        (kept.iter().cloned().collect(), self.news.subscribe())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(text: &str) -> Line {
+        let (level, behaviour, line) = ("info", None, None);
+        Line {
+            at: 0,
+            level,
+            behaviour,
+            line,
+            text: text.to_owned(),
+        }
+    }
+
+    #[test]
+    fn the_newest_lines_are_kept_and_who_is_slow_is_told_how_many_he_missed() {
+        let book = Book::new();
+        let (none, mut slow) = book.read();
+        assert!(none.is_empty());
+        (0..KEPT + 7).for_each(|number| book.write(line(&number.to_string())));
+        let (kept, _) = book.read();
+        assert_eq!((kept.len(), &*kept[0].text), (KEPT, "7"));
+        let lagged = slow.try_recv().unwrap_err();
+        let missed = (KEPT + 7 - BEHIND) as u64;
+        assert_eq!(lagged, broadcast::error::TryRecvError::Lagged(missed));
+    }
+
+    #[test]
+    fn a_line_is_read_with_behaviour_place_and_fields_and_is_bounded() {
+        let mut reading = Reading::default();
+        reading.field("message", "hello");
+        reading.field("behaviour", "patrol");
+        reading.field("line", "12");
+        reading.field("legs", "3");
+        let read = reading.line(Level::WARN);
+        assert_eq!(
+            (read.level, read.line, &*read.text),
+            ("warn", Some(12), "hello legs=3")
+        );
+        assert_eq!(read.behaviour.as_deref(), Some("patrol"));
+        let mut reading = Reading::default();
+        reading.field("message", &"ä".repeat(3 * LONGEST));
+        assert_eq!(reading.line(Level::INFO).text.chars().count(), LONGEST);
+    }
+}

@@ -1,0 +1,182 @@
+//! Figures for Prometheus, in its text format.
+
+use prometheus_client::encoding::{EncodeLabelSet, text};
+use prometheus_client::metrics::counter::Counter;
+use prometheus_client::metrics::family::Family;
+use prometheus_client::metrics::gauge::Gauge;
+use prometheus_client::registry::{Registry, Unit};
+
+use std::sync::atomic::AtomicU64;
+
+use crate::control::Run;
+use crate::pilot::LinkState;
+use crate::robot::Occurrence;
+
+/// The watchdog's acts, by kind.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Act {
+    action: &'static str,
+}
+
+/// Dockings by how they ended.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct Dock {
+    code: &'static str,
+}
+
+/// Behaviours that have ended, by reason.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
+struct End {
+    reason: &'static str,
+}
+
+/// See the module.
+pub(super) struct Metrics {
+    registry: Registry,
+    percent: Gauge<f64, AtomicU64>,
+    minutes: Gauge<f64, AtomicU64>,
+    charging: Gauge,
+    low: Gauge,
+    docked: Gauge,
+    halted: Gauge,
+    up: Gauge,
+    viewers: Gauge,
+    frames: Counter,
+    bytes: Counter,
+    links: Counter,
+    losses: Counter,
+    acts: Family<Act, Counter>,
+    docks: Family<Dock, Counter>,
+    starts: Counter,
+    ends: Family<End, Counter>,
+}
+
+impl Metrics {
+    pub(super) fn new() -> Metrics {
+        let mut registry = Registry::with_prefix("spykee");
+        let metrics = Metrics {
+            percent: Gauge::default(),
+            minutes: Gauge::default(),
+            charging: Gauge::default(),
+            low: Gauge::default(),
+            docked: Gauge::default(),
+            halted: Gauge::default(),
+            up: Gauge::default(),
+            viewers: Gauge::default(),
+            frames: Counter::default(),
+            bytes: Counter::default(),
+            links: Counter::default(),
+            losses: Counter::default(),
+            acts: Family::default(),
+            docks: Family::default(),
+            starts: Counter::default(),
+            ends: Family::default(),
+            registry: Registry::default(),
+        };
+        let one = &metrics;
+        registry.register(
+            "battery_percent",
+            "Level of the battery; NaN: unknown",
+            one.percent.clone(),
+        );
+        registry.register(
+            "battery_minutes_left",
+            "Until it is empty; NaN: unknown",
+            one.minutes.clone(),
+        );
+        registry.register(
+            "battery_charging",
+            "1 while it charges",
+            one.charging.clone(),
+        );
+        registry.register(
+            "battery_low",
+            "1 while the watchdog has the robot",
+            one.low.clone(),
+        );
+        registry.register("docked", "1 on the station", one.docked.clone());
+        registry.register(
+            "stopped_by_person",
+            "1 while STOP holds",
+            one.halted.clone(),
+        );
+        registry.register("link_up", "1 while the robot is connected", one.up.clone());
+        registry.register("viewers", "Pages that are open", one.viewers.clone());
+        registry.register("camera_frames", "Frames that have come", one.frames.clone());
+        registry.register_with_unit(
+            "camera",
+            "Frames that have come",
+            Unit::Bytes,
+            one.bytes.clone(),
+        );
+        registry.register("link_logins", "Logins at the robot", one.links.clone());
+        registry.register("link_losses", "Lost links", one.losses.clone());
+        registry.register("safety_acts", "What the watchdog did", one.acts.clone());
+        registry.register("docks", "Dockings by how they ended", one.docks.clone());
+        registry.register(
+            "behaviour_starts",
+            "Behaviours that were started, or started again",
+            one.starts.clone(),
+        );
+        registry.register(
+            "behaviour_ends",
+            "Behaviours that ended, by reason",
+            one.ends.clone(),
+        );
+        Metrics {
+            registry,
+            ..metrics
+        }
+    }
+
+    /// Something has happened.
+    pub(super) fn count(&self, what: &Occurrence) {
+        match what {
+            Occurrence::LinkUp { .. } => drop(self.links.inc()),
+            Occurrence::LinkDown { .. } => drop(self.losses.inc()),
+            Occurrence::Started { .. } => drop(self.starts.inc()),
+            Occurrence::Ended { reason, .. } => {
+                self.ends
+                    .get_or_create(&End {
+                        reason: reason.name(),
+                    })
+                    .inc();
+            }
+            Occurrence::Dock { end, .. } => {
+                self.docks.get_or_create(&Dock { code: end.name() }).inc();
+            }
+            Occurrence::Safety { action, .. } => {
+                self.acts
+                    .get_or_create(&Act {
+                        action: action.name(),
+                    })
+                    .inc();
+            }
+            _ => {}
+        }
+    }
+
+    /// The text, as things stand.
+    pub(super) fn text(&self, run: &Run, viewers: usize, bytes: u64) -> String {
+        let status = *run.status.borrow();
+        let battery = status.battery;
+        self.percent
+            .set(battery.map_or(f64::NAN, |battery| f64::from(battery.percent.get())));
+        let minutes = battery.and_then(|battery| battery.minutes_left);
+        self.minutes.set(minutes.map_or(f64::NAN, f64::from));
+        self.charging
+            .set(battery.is_some_and(|battery| battery.charging).into());
+        self.low.set(status.low.into());
+        self.docked.set(status.docked.into());
+        self.halted.set(status.halted.into());
+        self.up.set((status.link == LinkState::Up).into());
+        self.viewers.set(viewers as i64);
+        self.frames
+            .inc_by(status.frames.saturating_sub(self.frames.get()));
+        self.bytes.inc_by(bytes.saturating_sub(self.bytes.get()));
+        let mut page = String::new();
+        // Writing to a text does not fail.
+        let _ = text::encode(&mut page, &self.registry);
+        page
+    }
+}

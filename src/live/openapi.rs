@@ -1,0 +1,262 @@
+//! The API's description for programs (OpenAPI 3.1), its shapes from the Rust types.
+
+use schemars::generate::{SchemaGenerator, SchemaSettings};
+use serde_json::{Map, Value, json};
+
+use super::scripts::{Behaviour, Text};
+use super::shapes::{Become, Health, Lamp, Outcome, Tune, Volume};
+use super::state::State;
+use crate::http::Me;
+
+/// What a call takes.
+enum Body {
+    Nothing,
+    Json(Value),
+    Samples,
+}
+
+/// What it gives.
+enum Gives {
+    Json(Value),
+    Kind(&'static str),
+}
+
+struct Call {
+    path: &'static str,
+    about: &'static str,
+    /// Who may: nobody in particular, `viewer` or `driver`.
+    role: Option<&'static str>,
+    /// `None`: GET.
+    takes: Option<Body>,
+    gives: Gives,
+}
+
+/// The whole document.
+pub(super) fn document() -> Value {
+    let settings = SchemaSettings::draft2020_12().with(|settings| {
+        settings.definitions_path = "/components/schemas".into();
+        settings.meta_schema = None;
+    });
+    let mut generator = settings.into_generator();
+    let mut paths = Map::new();
+    for call in calls(&mut generator) {
+        let method = if call.takes.is_some() { "post" } else { "get" };
+        let entry = paths.entry(call.path).or_insert_with(|| json!({}));
+        entry[method] = operation(call);
+    }
+    json!({
+        "openapi": "3.1.0",
+        "info": {
+            "title": "spykee", "version": env!("CARGO_PKG_VERSION"),
+            "description": "What a run of spykee shows and does. Off loopback, or with a password, a \
+                            token is needed: `spykee token new NAME`.",
+        },
+        "paths": paths,
+        "components": {
+            "schemas": generator.take_definitions(true),
+            "securitySchemes": { "token": { "type": "http", "scheme": "bearer" } },
+        },
+    })
+}
+
+fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
+    let mut calls = Vec::new();
+    macro_rules! shape {
+        ($kind:ty) => {
+            Value::from(generator.subschema_for::<$kind>())
+        };
+    }
+    let mut get = |path, about, role, gives| {
+        calls.push(Call {
+            path,
+            about,
+            role,
+            takes: None,
+            gives,
+        });
+    };
+    get(
+        "/healthz",
+        "Whether the program and the robot are there.",
+        None,
+        Gives::Json(shape!(Health)),
+    );
+    get(
+        "/metrics",
+        "Figures for Prometheus.",
+        Some("viewer"),
+        Gives::Kind("application/openmetrics-text"),
+    );
+    get("/api/me", "Who asks.", None, Gives::Json(shape!(Me)));
+    get(
+        "/api/status",
+        "How things stand.",
+        Some("viewer"),
+        Gives::Json(shape!(State)),
+    );
+    get(
+        "/api/behaviours",
+        "All behaviours.",
+        Some("viewer"),
+        Gives::Json(shape!(Vec<Behaviour>)),
+    );
+    get(
+        "/api/behaviours/{name}/script",
+        "The text of a behaviour's script.",
+        Some("viewer"),
+        Gives::Json(shape!(Text)),
+    );
+    get(
+        "/api/picture",
+        "A picture that the camera takes now.",
+        Some("viewer"),
+        Gives::Kind("image/jpeg"),
+    );
+    let mut post = |path, about, role, takes| {
+        let gives = Gives::Json(shape!(Outcome));
+        calls.push(Call {
+            path,
+            about,
+            role: Some(role),
+            takes: Some(takes),
+            gives,
+        });
+    };
+    post(
+        "/api/stop",
+        "STOP: nothing moves the robot until it is let go.",
+        "viewer",
+        Body::Nothing,
+    );
+    post(
+        "/api/let-go",
+        "The robot may move again.",
+        "driver",
+        Body::Nothing,
+    );
+    post(
+        "/api/dock",
+        "Drive to the station; answered when it is there, or has given up.",
+        "driver",
+        Body::Nothing,
+    );
+    post("/api/undock", "Leave the station.", "driver", Body::Nothing);
+    post(
+        "/api/stop-sound",
+        "Stop the music.",
+        "driver",
+        Body::Nothing,
+    );
+    post(
+        "/api/say",
+        "Speak: s16 little-endian, mono, 16 kHz, at most 30 s.",
+        "driver",
+        Body::Samples,
+    );
+    let bodies = [
+        ("/api/led", "Switch a light.", shape_of::<Lamp>(generator)),
+        ("/api/play", "Play a sound.", shape_of::<Tune>(generator)),
+        (
+            "/api/volume",
+            "Set the volume.",
+            shape_of::<Volume>(generator),
+        ),
+        (
+            "/api/behaviours/{name}",
+            "Start, stop or restart a behaviour.",
+            shape_of::<Become>(generator),
+        ),
+    ];
+    for (path, about, body) in bodies {
+        let gives = Gives::Json(shape_of::<Outcome>(generator));
+        let (role, takes) = (Some("driver"), Some(Body::Json(body)));
+        calls.push(Call {
+            path,
+            about,
+            role,
+            takes,
+            gives,
+        });
+    }
+    calls
+}
+
+fn shape_of<T: schemars::JsonSchema>(generator: &mut SchemaGenerator) -> Value {
+    Value::from(generator.subschema_for::<T>())
+}
+
+fn operation(call: Call) -> Value {
+    let content = match call.gives {
+        Gives::Json(schema) => json!({ "application/json": { "schema": schema } }),
+        Gives::Kind(kind) => json!({ kind: {} }),
+    };
+    let failure = json!({
+        "description": "Why not.",
+        "content": { "application/json": { "schema": {
+            "type": "object", "properties": { "error": { "type": "string" } }, "required": ["error"],
+        } } },
+    });
+    let mut operation = json!({
+        "summary": call.about,
+        "responses": { "200": { "description": "Done.", "content": content }, "default": failure },
+    });
+    if let Some(role) = call.role {
+        operation["description"] = format!("For a {role}.").into();
+        operation["security"] = json!([{ "token": [] }]);
+    }
+    if call.path.contains("{name}") {
+        operation["parameters"] = json!([
+            { "name": "name", "in": "path", "required": true, "schema": { "type": "string" } },
+        ]);
+    }
+    match call.takes {
+        Some(Body::Json(schema)) => {
+            let content = json!({ "application/json": { "schema": schema } });
+            operation["requestBody"] = json!({ "required": true, "content": content });
+        }
+        Some(Body::Samples) => {
+            let content = json!({ "application/octet-stream": {} });
+            operation["requestBody"] = json!({ "required": true, "content": content });
+        }
+        Some(Body::Nothing) | None => {}
+    }
+    operation
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// All references that a value has.
+    fn references(value: &Value, found: &mut Vec<String>) {
+        match value {
+            Value::Object(map) => map.iter().for_each(|(key, value)| match value.as_str() {
+                Some(path) if key == "$ref" => found.push(path.to_owned()),
+                _ => references(value, found),
+            }),
+            Value::Array(list) => list.iter().for_each(|value| references(value, found)),
+            _ => {}
+        }
+    }
+
+    #[test]
+    fn the_description_is_whole_and_names_every_call() {
+        let document = document();
+        for path in [
+            "/healthz",
+            "/metrics",
+            "/api/status",
+            "/api/stop",
+            "/api/behaviours/{name}",
+        ] {
+            assert!(document["paths"].get(path).is_some(), "{path}");
+        }
+        let mut found = Vec::new();
+        references(&document, &mut found);
+        assert!(!found.is_empty());
+        for path in found {
+            let place = path.trim_start_matches('#');
+            assert!(document.pointer(place).is_some(), "{path} leads nowhere");
+        }
+    }
+}

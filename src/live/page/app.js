@@ -1,0 +1,179 @@
+// The page: who looks, what is shown, and STOP, which is always there.
+
+import { battery } from "./battery.js";
+import { behaviours } from "./behaviours.js";
+import { camera } from "./camera.js";
+import { Connection } from "./connection.js";
+import { clock, h, remember, remembered, say } from "./dom.js";
+import { drive } from "./drive.js";
+import { log } from "./log.js";
+import { logIn, logOut, me } from "./login.js";
+import { map } from "./map.js";
+import { robot } from "./robot.js";
+import { simulation } from "./simulation.js";
+import { language, languages, t } from "./texts.js";
+
+const NOTICE = 6000;
+
+function theme() {
+  const chosen = remembered("theme", "auto");
+  document.documentElement.dataset.theme = chosen;
+  document.dispatchEvent(new Event("theme"));
+}
+
+function choice(id, key, options, value, changed) {
+  const select = h("select", { id, onchange: () => changed(select.value) },
+    ...options.map(([name, text]) => h("option", { value: name, selected: name === value }, text)));
+  return h("span", { class: "field" }, h("label", { for: id }, t(key)), select);
+}
+
+function build(app, visitor) {
+  const connection = new Connection();
+  const title = h("h1", {}, "spykee");
+  const state = h("p", { class: "state", role: "status" }, t("connecting"));
+  const detail = h("p", { class: "quiet detail" });
+  const banner = h("p", { class: "banner", role: "alert", hidden: true });
+  const notice = h("p", { class: "notice", role: "status" });
+  let fading = null;
+  let halted = false;
+  let you = null;
+
+  function note(text) {
+    say(notice, text);
+    notice.classList.toggle("on", text !== "");
+    clearTimeout(fading);
+    fading = setTimeout(() => notice.classList.remove("on"), NOTICE);
+  }
+
+  async function order(what) {
+    const answer = await connection.order(what);
+    if (!answer.ok) {
+      note(t("failed", { text: answer.text }));
+    }
+    return answer;
+  }
+
+  const halt = () => connection.send({ type: "stop" });
+  const stop = h("button", { type: "button", class: "stop", title: t("stop_help"), onclick: halt }, t("stop"));
+  const letGo = h("button", {
+    type: "button", class: "let-go driver-only", hidden: true, onclick: () => connection.send({ type: "let_go" }),
+  }, t("let_go"));
+  // Before anything else hears it, wherever the keyboard is.
+  window.addEventListener("keydown", (event) => event.key === "Escape" && halt(), true);
+
+  const name = h("input", {
+    id: "name", maxlength: 24, autocomplete: "nickname", value: remembered("name", ""),
+    onchange: () => {
+      remember("name", name.value);
+      connection.send({ type: "name", name: name.value });
+    },
+  });
+
+  const parts = {
+    camera: camera(connection), drive: drive(connection, order, note), map: map(connection, order),
+    battery: battery(connection), robot: robot(connection, order), behaviours: behaviours(connection, order),
+    simulation: simulation(connection, order), log: log(connection),
+  };
+  app.replaceChildren(
+    h("header", { class: "top" },
+      h("img", { src: "/icon.svg", alt: "", width: 36, height: 36 }),
+      h("div", { class: "who" }, title, detail),
+      h("div", { class: "how" }, state),
+      h("div", { class: "halt" }, letGo, stop)),
+    banner,
+    h("main", { class: "grid" },
+      h("div", { class: "column" }, parts.camera, parts.log),
+      h("div", { class: "column" }, parts.map, parts.behaviours, parts.simulation),
+      h("div", { class: "column" }, parts.drive, parts.battery, parts.robot)),
+    notice,
+    h("footer", { class: "row" },
+      h("span", { class: "field" }, h("label", { for: "name" }, t("name")), name),
+      choice("language", "language", languages, language, (value) => {
+        remember("language", value);
+        location.reload();
+      }),
+      choice("theme", "theme", ["auto", "light", "dark"].map((one) => [one, t(`theme_${one}`)]), remembered("theme", "auto"), (value) => {
+        remember("theme", value);
+        theme();
+      }),
+      visitor.open ? null : h("button", { type: "button", onclick: logOut }, t("logout"))));
+
+  connection.on("open", () => {
+    banner.hidden = true;
+    document.body.classList.remove("lost");
+    if (name.value) {
+      connection.send({ type: "name", name: name.value });
+    }
+  });
+  connection.on("hello", (hello) => {
+    you = hello.you;
+    document.body.classList.toggle("viewer", hello.role === "viewer");
+    document.body.classList.toggle("real", !hello.world);
+    connection.watch({ map: hello.world, log: true });
+  });
+  connection.on("state", (now) => {
+    say(title, now.robot?.name ?? "spykee");
+    document.title = `${now.robot?.name ?? "spykee"} · ${now.battery ? `${now.battery.percent} %` : ""}`;
+    say(state, words(now));
+    state.className = `state ${now.halted ? "bad" : kind(now)}`;
+    const facts = [
+      now.link === "up" ? t(`place_${now.place}`) : null,
+      now.simulated ? t("simulated") : now.target,
+      t("running", { time: clock(now.running) }),
+      now.viewers > 1 ? t("viewers", { count: now.viewers }) : null,
+      visitor.role === "viewer" ? t("role_viewer") : null,
+    ];
+    say(detail, facts.filter((one) => one).join(" · "));
+    if (halted !== now.halted || now.halted) {
+      banner.hidden = !now.halted;
+      say(banner, now.halted ? `${t("halted")}${now.low ? ` ${t("halted_low")}` : ""}` : "");
+      letGo.hidden = !now.halted;
+      document.body.classList.toggle("halted", now.halted);
+    }
+    halted = now.halted;
+  });
+  connection.on("notice", ({ key, name: other }) => note(t(key, { name: other })));
+  connection.on("lost", async () => {
+    document.body.classList.add("lost");
+    banner.hidden = false;
+    say(banner, t("server_lost"));
+    const still = await me().catch(() => null);
+    if (still && still.role === null) {
+      location.reload();
+    }
+  });
+
+  function words(now) {
+    if (now.halted) {
+      return t("stop");
+    }
+    if (now.link !== "up") {
+      return t(now.link);
+    }
+    if (now.driver) {
+      return now.driver.id === you ? t("driving_you") : t("driving", { name: now.driver.name });
+    }
+    return t(now.safety);
+  }
+
+  connection.dial();
+}
+
+function kind(now) {
+  if (now.link !== "up" || now.safety === "alarm") {
+    return "bad";
+  }
+  return now.low ? "warn" : "good";
+}
+
+async function begin() {
+  theme();
+  const app = document.getElementById("app");
+  let visitor = await me();
+  if (visitor.role === null) {
+    visitor = await logIn(app);
+  }
+  build(app, visitor);
+}
+
+begin();

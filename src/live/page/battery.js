@@ -1,0 +1,70 @@
+// The battery: level, what is left, and a plot.
+
+import { h, s, say } from "./dom.js";
+import { t } from "./texts.js";
+
+const WIDTH = 320;
+const HEIGHT = 96;
+/** The plot shows so many seconds at least. */
+const SPAN = 600;
+
+export function battery(connection) {
+  const percent = h("span", { class: "figure" }, "–");
+  const words = h("span", { class: "quiet" }, t("battery_unknown"));
+  const area = s("path", { class: "area" });
+  const line = s("path", { class: "line" });
+  const low = s("line", { class: "mark", x1: 0, x2: WIDTH, y1: HEIGHT * 0.8, y2: HEIGHT * 0.8 });
+  const plot = s("svg", {
+    class: "plot", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: "none", role: "img",
+  }, low, area, line);
+  const span = h("span", { class: "quiet" });
+  let points = [];
+
+  function draw() {
+    const now = Date.now() / 1000;
+    points = points.filter((point, index) => index > points.length - 900);
+    const first = Math.max(SPAN, now - (points[0]?.at ?? now));
+    const x = (at) => (WIDTH * (1 - (now - at) / first)).toFixed(1);
+    const y = (level) => (HEIGHT * (1 - level / 100)).toFixed(1);
+    const last = points.at(-1);
+    if (!last) {
+      return;
+    }
+    const steps = points.map((point) => `${x(point.at)} ${y(point.percent)}`);
+    steps.push(`${WIDTH} ${y(last.percent)}`);
+    line.setAttribute("d", `M${steps.join("L")}`);
+    area.setAttribute("d", `M${x(points[0].at)} ${HEIGHT}L${steps.join("L")}L${WIDTH} ${HEIGHT}Z`);
+    const minutes = Math.round(first / 60);
+    plot.setAttribute("aria-label", t("battery_plot", { minutes, percent: last.percent }));
+    say(span, `−${minutes} min`);
+  }
+
+  connection.on("battery", (message) => {
+    const now = Date.now() / 1000;
+    points = message.points.map(([ago, level, charging]) => ({ at: now - ago, percent: level, charging }));
+    draw();
+  });
+  connection.on("state", ({ battery: level, low: isLow }) => {
+    card.classList.toggle("low", isLow);
+    if (!level) {
+      return;
+    }
+    say(percent, `${level.percent} %`);
+    const left = level.minutes_left === null ? "" : t("minutes_left", { minutes: level.minutes_left });
+    say(words, level.charging ? t("charging") : left);
+    const last = points.at(-1);
+    const now = Date.now() / 1000;
+    if (!last || last.percent !== level.percent || now - last.at > 15) {
+      points.push({ at: now, percent: level.percent, charging: level.charging });
+    }
+    draw();
+  });
+
+  const card = h("section", { class: "card battery", "aria-labelledby": "battery-title" },
+    h("h2", { id: "battery-title" }, t("battery")),
+    h("p", { class: "reading" }, percent, words),
+    h("div", { class: "graph" },
+      h("span", { class: "axis" }, h("span", {}, "100"), h("span", {}, "0")), plot),
+    h("p", { class: "scale" }, span, h("span", { class: "quiet" }, "0")));
+  return card;
+}

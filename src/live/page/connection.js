@@ -1,0 +1,104 @@
+// The WebSocket: dials again when it is lost, checks what comes, and passes it on by its kind.
+
+import { mistake } from "./schema.js";
+
+const FIRST_PAUSE = 300;
+const LONGEST_PAUSE = 5000;
+
+/** What arrives is given to those who listen for its kind; `frame`, `open` and `lost` are kinds too. */
+export class Connection {
+  #listeners = new Map();
+  #socket = null;
+  #pause = FIRST_PAUSE;
+  #schema = null;
+  #answers = new Map();
+  #number = 0;
+  #watch = {};
+
+  constructor() {
+    fetch("/api/messages.json")
+      .then((answer) => answer.json())
+      .then((schema) => { this.#schema = schema.to_page; })
+      .catch(() => {});
+  }
+
+  on(kind, listener) {
+    this.#listeners.set(kind, [...(this.#listeners.get(kind) ?? []), listener]);
+  }
+
+  #tell(kind, value) {
+    for (const listener of this.#listeners.get(kind) ?? []) {
+      listener(value);
+    }
+  }
+
+  dial() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = new WebSocket(`${scheme}://${location.host}/live`);
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => {
+      this.#pause = FIRST_PAUSE;
+      this.send({ type: "watch", ...this.#watch });
+      this.#tell("open");
+    };
+    socket.onmessage = ({ data }) => this.#take(data);
+    socket.onclose = () => {
+      this.#socket = null;
+      for (const answer of this.#answers.values()) {
+        answer({ ok: false, text: "" });
+      }
+      this.#answers.clear();
+      this.#tell("lost");
+      setTimeout(() => this.dial(), this.#pause);
+      this.#pause = Math.min(LONGEST_PAUSE, this.#pause * 2);
+    };
+    this.#socket = socket;
+  }
+
+  #take(data) {
+    if (data instanceof ArrayBuffer) {
+      const head = new DataView(data);
+      const frame = { number: head.getUint32(0), age: head.getUint32(4), jpeg: data.slice(8) };
+      return this.#tell("frame", frame);
+    }
+    const message = JSON.parse(data);
+    const wrong = this.#schema ? mistake(this.#schema, message) : "";
+    if (wrong) {
+      console.error(`a message is not what it should be: ${wrong}`, message);
+      return;
+    }
+    if (message.type === "answer") {
+      this.#answers.get(message.id)?.(message);
+      this.#answers.delete(message.id);
+    }
+    this.#tell(message.type, message);
+  }
+
+  /** Says something; whether somebody is there. */
+  send(message) {
+    if (this.#socket?.readyState !== WebSocket.OPEN) {
+      return false;
+    }
+    this.#socket.send(JSON.stringify(message));
+    return true;
+  }
+
+  /** From now on the page shows this too, or no longer. */
+  watch(change) {
+    this.#watch = { ...this.#watch, ...change };
+    this.send({ type: "watch", ...this.#watch });
+  }
+
+  /** Asks for something to be done; its answer has `ok` and `text`. */
+  order(order) {
+    this.#number += 1;
+    const id = this.#number;
+    return new Promise((resolve) => {
+      this.#answers.set(id, resolve);
+      if (!this.send({ type: "order", id, order })) {
+        this.#answers.delete(id);
+        resolve({ ok: false, text: "" });
+      }
+    });
+  }
+}

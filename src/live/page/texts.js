@@ -1,0 +1,181 @@
+// All texts of the page: English, German, Italian. Another language is one more column.
+
+import { remembered } from "./dom.js";
+
+const LANGUAGES = ["en", "de", "it"];
+
+const TEXTS = {
+  stop: ["STOP", "STOPP", "STOP"],
+  stop_help: ["Stop the robot at once (Escape)", "Den Roboter sofort anhalten (Escape)", "Ferma subito il robot (Esc)"],
+  let_go: ["Let it move again", "Wieder fahren lassen", "Lascialo ripartire"],
+  halted: ["Stopped. Nothing moves the robot until somebody lets it.", "Angehalten. Nichts bewegt den Roboter, bis ihn jemand wieder lässt.", "Fermo. Niente muove il robot finché qualcuno non lo lascia ripartire."],
+  halted_low: ["The battery is low: it does not go home while it is stopped.", "Der Akku ist schwach: angehalten fährt er nicht heim.", "La batteria è scarica: da fermo non torna alla base."],
+
+  connecting: ["Connecting to the robot", "Verbinde mit dem Roboter", "Mi collego al robot"],
+  lost: ["Link lost, connecting again", "Verbindung verloren, verbinde neu", "Collegamento perso, riprovo"],
+  server_lost: ["The program does not answer. Is it still running?", "Das Programm antwortet nicht. Läuft es noch?", "Il programma non risponde. È ancora in funzione?"],
+  offline: ["Not connected", "Nicht verbunden", "Non collegato"],
+  free: ["Free to move", "Fahrbereit", "Libero di muoversi"],
+  docked: ["On its station", "Auf der Station", "Sulla base"],
+  docking: ["Looking for its station", "Sucht seine Station", "Cerca la base"],
+  going_home: ["Battery low, going home", "Akku schwach, fährt heim", "Batteria scarica, torna alla base"],
+  alarm: ["Battery low, ALARM: it needs help", "Akku schwach, ALARM: es braucht Hilfe", "Batteria scarica, ALLARME: serve aiuto"],
+  driving_you: ["You are driving", "Du fährst", "Stai guidando tu"],
+  driving: ["{name} is driving", "{name} fährt", "Guida {name}"],
+  place_charging: ["on its station, charging", "auf der Station, lädt", "sulla base, in carica"],
+  place_contact: ["on its station, not charging", "auf der Station, lädt nicht", "sulla base, non in carica"],
+  place_off: ["off its station", "unterwegs", "lontano dalla base"],
+  place_unknown: ["place unknown", "Ort unbekannt", "posizione ignota"],
+  simulated: ["simulated", "simuliert", "simulato"],
+  viewers: ["{count} watching", "{count} sehen zu", "{count} a guardare"],
+
+  camera: ["Camera", "Kamera", "Telecamera"],
+  camera_alt: ["What the robot's camera sees", "Was die Kamera des Roboters sieht", "Quello che vede la telecamera del robot"],
+  camera_on: ["Picture", "Bild", "Immagine"],
+  camera_wait: ["Waiting for a picture", "Warte auf ein Bild", "Aspetto un'immagine"],
+  camera_off: ["The camera is off", "Die Kamera ist aus", "La telecamera è spenta"],
+  camera_never: ["The config keeps the camera off", "Die Konfiguration lässt die Kamera aus", "La configurazione tiene spenta la telecamera"],
+  found: ["Mark what scripts find", "Funde der Skripte", "Cosa trovano gli script"],
+  enlarge: ["Larger", "Größer", "Più grande"],
+  fps: ["{fps} pictures a second", "{fps} Bilder je Sekunde", "{fps} immagini al secondo"],
+
+  drive: ["Drive", "Fahren", "Guida"],
+  wheel_take: ["Take the wheel", "Ans Steuer", "Prendi il volante"],
+  wheel_leave: ["Leave the wheel", "Steuer abgeben", "Lascia il volante"],
+  wheel_hint: ["Arrow keys or W A S D, the pad, or a gamepad. Let go and it stops.", "Pfeiltasten oder W A S D, das Feld oder ein Gamepad. Loslassen hält an.", "Frecce o W A S D, il riquadro o un gamepad. Lasciando si ferma."],
+  wheel_taken: ["{name} has the wheel", "{name} ist am Steuer", "Il volante è di {name}"],
+  wheel_halted: ["It is stopped: let it move again first", "Angehalten: erst wieder fahren lassen", "È fermo: prima lascialo ripartire"],
+  wheel_lost: ["You do not have the wheel any more", "Du bist nicht mehr am Steuer", "Non hai più il volante"],
+  pad: ["Drive pad: hold and move", "Fahrfeld: halten und ziehen", "Riquadro di guida: tieni premuto e muovi"],
+  forward: ["Forward", "Vorwärts", "Avanti"],
+  backward: ["Backward", "Rückwärts", "Indietro"],
+  left: ["Left", "Links", "Sinistra"],
+  right: ["Right", "Rechts", "Destra"],
+  power: ["Power", "Kraft", "Potenza"],
+  dock: ["Go to the station", "Zur Station", "Vai alla base"],
+  undock: ["Leave the station", "Station verlassen", "Lascia la base"],
+  dock_done: ["It is on its station", "Er ist auf der Station", "È sulla base"],
+  undock_done: ["It has left its station", "Er hat die Station verlassen", "Ha lasciato la base"],
+  failed: ["Not done: {text}", "Nicht getan: {text}", "Non fatto: {text}"],
+  viewer_only: ["You may look and stop the robot, and nothing else", "Du darfst zusehen und anhalten, sonst nichts", "Puoi guardare e fermare il robot, nient'altro"],
+  nonsense: ["The page and the program do not understand each other: load the page again", "Seite und Programm verstehen sich nicht: Seite neu laden", "La pagina e il programma non si capiscono: ricarica la pagina"],
+
+  battery: ["Battery", "Akku", "Batteria"],
+  charging: ["charging", "lädt", "in carica"],
+  minutes_left: ["about {minutes} minutes left", "noch etwa {minutes} Minuten", "ancora circa {minutes} minuti"],
+  battery_unknown: ["not known yet", "noch unbekannt", "non ancora nota"],
+  battery_plot: ["Battery level over the last {minutes} minutes, now {percent} percent", "Akkustand der letzten {minutes} Minuten, jetzt {percent} Prozent", "Livello della batteria negli ultimi {minutes} minuti, ora {percent} per cento"],
+
+  robot: ["Robot", "Roboter", "Robot"],
+  robot_alt: ["The robot from above: {lights}; tracks {left} and {right} percent", "Der Roboter von oben: {lights}; Ketten {left} und {right} Prozent", "Il robot dall'alto: {lights}; cingoli {left} e {right} per cento"],
+  lights_none: ["no light known to be on", "kein Licht an", "nessuna luce accesa"],
+  light_flash: ["Headlight", "Scheinwerfer", "Faro"],
+  light_left: ["Left light", "Linkes Licht", "Luce sinistra"],
+  light_right: ["Right light", "Rechtes Licht", "Luce destra"],
+  tracks: ["Tracks", "Ketten", "Cingoli"],
+  sound: ["Sound", "Klang", "Suono"],
+  play: ["Play", "Abspielen", "Riproduci"],
+  volume: ["Volume", "Lautstärke", "Volume"],
+
+  behaviours: ["Behaviours", "Verhalten", "Comportamenti"],
+  no_behaviours: ["No behaviour is known to this run.", "Dieser Lauf kennt kein Verhalten.", "Questa esecuzione non conosce comportamenti."],
+  state_idle: ["not running", "läuft nicht", "fermo"],
+  state_loading: ["loading", "wird geladen", "in caricamento"],
+  state_running: ["running", "läuft", "in funzione"],
+  state_ending: ["ending", "endet", "in chiusura"],
+  start: ["Start", "Starten", "Avvia"],
+  end: ["End", "Beenden", "Termina"],
+  restart: ["Restart", "Neu starten", "Riavvia"],
+  of: ["{action} {name}", "{name}: {action}", "{action} {name}"],
+  ended: ["Last ended: {reason}", "Zuletzt beendet: {reason}", "Ultima fine: {reason}"],
+  parameters: ["Parameters", "Parameter", "Parametri"],
+  priority: ["priority {number}", "Priorität {number}", "priorità {number}"],
+  show_script: ["Script", "Skript", "Script"],
+  show_line: ["Show line {line} of {name}", "Zeile {line} von {name} zeigen", "Mostra la riga {line} di {name}"],
+  close: ["Close", "Schließen", "Chiudi"],
+  script_changed: ["The file has changed since the behaviour was started: lines may be elsewhere.", "Die Datei hat sich seit dem Start geändert: Zeilen können woanders stehen.", "Il file è cambiato dopo l'avvio: le righe possono essere altrove."],
+  script_gone: ["The script cannot be read", "Das Skript ist nicht lesbar", "Lo script non si può leggere"],
+
+  log: ["Log", "Protokoll", "Registro"],
+  level: ["Level", "Stufe", "Livello"],
+  level_error: ["errors", "Fehler", "errori"],
+  level_warn: ["and warnings", "und Warnungen", "e avvisi"],
+  level_info: ["and news", "und Meldungen", "e notizie"],
+  level_debug: ["all", "alles", "tutto"],
+  behaviour: ["Behaviour", "Verhalten", "Comportamento"],
+  all: ["all", "alle", "tutti"],
+  log_missed: ["{count} lines were not shown: too many at once", "{count} Zeilen fehlen: zu viele auf einmal", "{count} righe mancano: troppe insieme"],
+  log_empty: ["Nothing yet.", "Noch nichts.", "Ancora niente."],
+
+  map: ["Map", "Karte", "Mappa"],
+  map_alt: ["Map of {name}: the robot is at {x}, {y} metres, {collisions} collisions so far", "Karte von {name}: Roboter bei {x}, {y} Metern, bisher {collisions} Zusammenstöße", "Mappa di {name}: il robot è a {x}, {y} metri, {collisions} urti finora"],
+  map_hint: ["Drag the robot or a ball. The pale cone is where the station's infrared beacon reaches: there the robot's own search finds it.", "Roboter oder Ball ziehen. Der blasse Kegel ist die Reichweite des Infrarot-Leuchtfeuers der Station: dort findet die eigene Suche des Roboters sie.", "Trascina il robot o una palla. Il cono chiaro è la portata del faro infrarosso della base: lì la ricerca del robot la trova."],
+  simulation: ["Simulation", "Simulation", "Simulazione"],
+  sim_time: ["Simulated time", "Simulierte Zeit", "Tempo simulato"],
+  sim_battery: ["Battery level", "Akkustand", "Livello batteria"],
+  sim_light: ["Light", "Licht", "Luce"],
+  sim_noise: ["Make a noise", "Ein Geräusch machen", "Fai un rumore"],
+  sim_hide: ["Station cannot be found", "Station nicht zu finden", "Base introvabile"],
+  sim_charger: ["Station has no current", "Station ohne Strom", "Base senza corrente"],
+  sim_fault: ["Fault", "Störung", "Guasto"],
+  sim_begin: ["Begin", "Beginnen", "Inizia"],
+  sim_clear: ["End all faults", "Alle Störungen beenden", "Fine di tutti i guasti"],
+  sim_place: ["Put the robot", "Roboter setzen", "Metti il robot"],
+  sim_place_ball: ["Put ball {number}", "Ball {number} setzen", "Metti la palla {number}"],
+  sim_what: ["What", "Was", "Cosa"],
+  sim_put: ["Put there", "Dorthin setzen", "Metti lì"],
+  degrees: ["Heading, degrees", "Richtung, Grad", "Direzione, gradi"],
+  metres_x: ["x, metres", "x, Meter", "x, metri"],
+  metres_y: ["y, metres", "y, Meter", "y, metri"],
+
+  fault_delay: ["slow network", "langsames Netz", "rete lenta"],
+  fault_drop: ["connection closed", "Verbindung geschlossen", "connessione chiusa"],
+  fault_half_open: ["connection dead without a word", "Verbindung stumm tot", "connessione muta"],
+  fault_reboot: ["robot reboots", "Roboter startet neu", "il robot si riavvia"],
+  fault_take_over: ["somebody else takes the robot", "jemand anderer nimmt den Roboter", "qualcun altro prende il robot"],
+  fault_truncated_frames: ["pictures cut short", "abgeschnittene Bilder", "immagini troncate"],
+  fault_flipped_frames: ["damaged pictures", "beschädigte Bilder", "immagini rovinate"],
+  fault_no_power: ["no battery reports", "keine Akkumeldungen", "nessun dato della batteria"],
+  fault_power_jumps: ["battery level jumps", "Akkustand springt", "livello che salta"],
+  fault_dock_lost: ["slides off its station", "rutscht von der Station", "scivola via dalla base"],
+
+  login: ["Log in", "Anmelden", "Accedi"],
+  logout: ["Log out", "Abmelden", "Esci"],
+  password: ["Password or token", "Passwort oder Token", "Password o token"],
+  login_hint: ["Ask whoever runs the robot.", "Frage, wer den Roboter betreibt.", "Chiedi a chi gestisce il robot."],
+  name: ["Your name", "Dein Name", "Il tuo nome"],
+  language: ["Language", "Sprache", "Lingua"],
+  theme: ["Colours", "Farben", "Colori"],
+  theme_auto: ["as the system", "wie das System", "come il sistema"],
+  theme_light: ["light", "hell", "chiari"],
+  theme_dark: ["dark", "dunkel", "scuri"],
+  role_viewer: ["You may look", "Du darfst zusehen", "Puoi guardare"],
+  running: ["running for {time}", "läuft seit {time}", "in funzione da {time}"],
+};
+
+/** The language's place in the table: the one that was chosen, or else the browser's. */
+function column() {
+  const wanted = [remembered("language", ""), ...navigator.languages];
+  for (const language of wanted) {
+    const found = LANGUAGES.indexOf(language.slice(0, 2).toLowerCase());
+    if (found >= 0) {
+      return found;
+    }
+  }
+  return 0;
+}
+
+const COLUMN = column();
+document.documentElement.lang = LANGUAGES[COLUMN];
+
+/** The language that is shown. */
+export const language = LANGUAGES[COLUMN];
+
+/** Languages by their own names. */
+export const languages = [["en", "English"], ["de", "Deutsch"], ["it", "Italiano"]];
+
+/** The text of a key; `{name}` is replaced. A key without a text shows itself. */
+export function t(key, values = {}) {
+  const text = TEXTS[key]?.[COLUMN] ?? key;
+  return text.replace(/\{(\w+)\}/g, (whole, name) => String(values[name] ?? whole));
+}

@@ -1,0 +1,145 @@
+//! The behaviours of a run as people at the page see them, with the texts of their scripts.
+
+use std::path::{Path, PathBuf};
+
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::agent::{Member, MemberState};
+use crate::files;
+
+/// Bytes of a script that are shown.
+const MAX_LEN: u64 = 256 * 1024;
+
+/// A script of the run.
+#[derive(Debug, Clone)]
+pub struct Script {
+    /// The behaviour's name.
+    pub name: String,
+    /// Its file.
+    pub file: PathBuf,
+    /// Its text when it was started.
+    pub source: String,
+    /// The values of its parameters that were given.
+    pub params: Vec<(String, String)>,
+}
+
+/// A behaviour.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Behaviour {
+    /// Its name.
+    pub name: String,
+    /// Its script's file, if that is known.
+    pub file: Option<String>,
+    /// Who wins when several want to drive.
+    pub priority: i16,
+    /// `idle`, `loading`, `running` or `ending`.
+    pub state: &'static str,
+    /// Seconds that it has been running.
+    pub running: Option<u64>,
+    /// The values of its parameters that were given.
+    pub params: Vec<(String, String)>,
+    /// How it ended for the last time.
+    pub ending: Option<End>,
+}
+
+/// How a behaviour ended.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct End {
+    /// `done`, `error`, `cpu`, `memory`, `cancelled`, `safety`, `reload` or `shutdown`.
+    pub reason: &'static str,
+    /// In words.
+    pub text: String,
+    /// The line of its script, if the words name one.
+    pub line: Option<u64>,
+}
+
+/// A script's text.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Text {
+    /// The behaviour's name.
+    pub name: String,
+    /// Its file.
+    pub file: String,
+    /// Its text.
+    pub text: String,
+    /// The file has changed since the behaviour was started: lines may be elsewhere.
+    pub changed: bool,
+}
+
+/// All behaviours that are known or run.
+pub(super) fn behaviours(scripts: &[Script], members: &[Member]) -> Vec<Behaviour> {
+    let members = members.iter();
+    members
+        .map(|member| behaviour(find(scripts, &member.name), member))
+        .collect()
+}
+
+pub(super) fn find<'a>(scripts: &'a [Script], name: &str) -> Option<&'a Script> {
+    scripts.iter().find(|script| script.name == name)
+}
+
+fn behaviour(script: Option<&Script>, member: &Member) -> Behaviour {
+    let (state, running) = match member.state {
+        MemberState::Idle => ("idle", None),
+        MemberState::Loading => ("loading", None),
+        MemberState::Running { since, .. } => ("running", Some(since.elapsed().as_secs())),
+        MemberState::Ending => ("ending", None),
+    };
+    let file = script.map(|script| script.file.display().to_string());
+    let ending = member.ending.as_ref().map(|ending| {
+        let text = ending.message.clone();
+        let text = text.unwrap_or_else(|| ending.reason.sentence().to_owned());
+        let line = file.as_deref().and_then(|file| line_of(&text, file));
+        End {
+            reason: ending.reason.name(),
+            text,
+            line,
+        }
+    });
+    Behaviour {
+        name: member.name.clone(),
+        file,
+        priority: member.priority.0,
+        state,
+        running,
+        params: script.map_or_else(Vec::new, |script| script.params.clone()),
+        ending,
+    }
+}
+
+/// Of `FILE:12: ...`.
+fn line_of(text: &str, file: &str) -> Option<u64> {
+    let rest = text.split_once(file)?.1.strip_prefix(':')?;
+    let digits: String = rest.chars().take_while(char::is_ascii_digit).collect();
+    digits.parse().ok()
+}
+
+/// The text as it is in its file now, or else as it was started. Waits for the disk.
+pub(super) fn text(script: &Script) -> Text {
+    let now = read(&script.file);
+    let changed = now.as_ref().is_some_and(|now| *now != script.source);
+    Text {
+        name: script.name.clone(),
+        file: script.file.display().to_string(),
+        text: now.unwrap_or_else(|| script.source.clone()),
+        changed,
+    }
+}
+
+fn read(path: &Path) -> Option<String> {
+    files::read_text(path, MAX_LEN).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_leads_to_its_line() {
+        let text = "a/b.lua:12: attempt to index nil";
+        assert_eq!(line_of(text, "a/b.lua"), Some(12));
+        assert_eq!(line_of(text, "c.lua"), None);
+        assert_eq!(line_of("a/b.lua: unreadable", "a/b.lua"), None);
+    }
+}

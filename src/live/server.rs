@@ -1,0 +1,176 @@
+//! The page's thread: its runtime, its server, and what it is served from.
+
+use std::io;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::sync::{Arc, mpsc};
+use std::thread::JoinHandle;
+
+use axum::middleware;
+use tokio::runtime::Builder;
+use tokio::sync::watch;
+use tokio_util::sync::CancellationToken;
+use tokio_util::task::AbortOnDropHandle;
+
+use super::hub::Hub;
+use super::log::Line;
+use super::scripts::Script;
+use super::{api, page};
+use crate::control::Run;
+use crate::http::{self, Access, AccessError, Door, Options, Peer};
+use crate::robot::Listener;
+use crate::sim;
+
+/// What there is to see and to steer.
+pub struct Shown {
+    /// The run.
+    pub run: Run,
+    /// Its simulated robot, if it has one.
+    pub sim: Option<sim::Handle>,
+    /// Its scripts; they may become others.
+    pub scripts: watch::Receiver<Vec<Script>>,
+    /// What happens in it.
+    pub bus: Listener,
+    /// Its log, if it is tapped: see [`tap`](super::tap).
+    pub log: Option<tokio::sync::mpsc::Receiver<Line>>,
+    /// Where its tokens are.
+    pub data: PathBuf,
+}
+
+/// Why there is no page.
+#[derive(Debug, thiserror::Error)]
+pub enum LiveError {
+    /// Nobody could be let in, or everybody.
+    #[error(transparent)]
+    Access(#[from] AccessError),
+    /// No socket.
+    #[error("the page cannot be served at {address}: {source}")]
+    Socket {
+        /// Where.
+        address: SocketAddr,
+        /// The system's words.
+        source: io::Error,
+    },
+    /// No thread, or no runtime.
+    #[error("the page cannot be served: {0}")]
+    System(#[from] io::Error),
+}
+
+/// A page that is served. Dropping it ends it: who drives by hand drives no more.
+#[derive(Debug)]
+pub struct Live {
+    address: SocketAddr,
+    open: bool,
+    stop: CancellationToken,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Live {
+    /// Serves it from now on, on a thread of its own. Waits until the socket is there.
+    ///
+    /// # Errors
+    /// See [`LiveError`].
+    pub fn start(shown: Shown, options: &Options) -> Result<Live, LiveError> {
+        let (options, stop) = (options.clone(), CancellationToken::new());
+        let (started, starting) = mpsc::sync_channel(1);
+        let stopped = stop.clone();
+        let thread = std::thread::Builder::new()
+            .name("live".into())
+            .spawn(move || {
+                let runtime = match Builder::new_current_thread().enable_all().build() {
+                    Ok(runtime) => runtime,
+                    Err(error) => return drop(started.send(Err(error.into()))),
+                };
+                runtime.block_on(async {
+                    match open(&shown, &options).await {
+                        Ok((door, access)) => {
+                            let about = door.address().map(|address| (address, access.is_open()));
+                            let _ = started.send(about.map_err(LiveError::System));
+                            let served = serve(door, access, shown, &options);
+                            let _ = stopped.run_until_cancelled(served).await;
+                        }
+                        Err(error) => drop(started.send(Err(error))),
+                    }
+                });
+                runtime.shutdown_background();
+            })?;
+        match starting.recv() {
+            Ok(Ok((address, open))) => Ok(Live {
+                address,
+                open,
+                stop,
+                thread: Some(thread),
+            }),
+            Ok(Err(error)) => Err(error),
+            Err(_) => Err(LiveError::System(io::Error::other("its thread has ended"))),
+        }
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Nobody has to log in.
+    pub fn is_open(&self) -> bool {
+        self.open
+    }
+
+    /// What to type into a browser on this machine.
+    pub fn url(&self) -> String {
+        let mut address = self.address;
+        if address.ip().is_unspecified() {
+            let loopback = match address {
+                SocketAddr::V4(_) => std::net::Ipv4Addr::LOCALHOST.into(),
+                SocketAddr::V6(_) => std::net::Ipv6Addr::LOCALHOST.into(),
+            };
+            address.set_ip(loopback);
+        }
+        format!("http://{address}/")
+    }
+}
+
+impl Drop for Live {
+    fn drop(&mut self) {
+        self.stop.cancel();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+async fn open(shown: &Shown, options: &Options) -> Result<(Door, Arc<Access>), LiveError> {
+    let address = options.address();
+    // Before the socket: who may not come in must not be able to knock.
+    Access::new(options, address, &shown.data)?;
+    let door = Door::open(address, options.viewers).await;
+    let door = door.map_err(|source| LiveError::Socket { address, source })?;
+    // With the port that it has, which matters to `Host`.
+    let access = Access::new(options, door.address()?, &shown.data)?;
+    Ok((door, Arc::new(access)))
+}
+
+async fn serve(door: Door, access: Arc<Access>, shown: Shown, options: &Options) {
+    let Shown {
+        run,
+        sim,
+        scripts,
+        bus,
+        log,
+        ..
+    } = shown;
+    let hub = Hub::new(run, sim, scripts, options.viewers);
+    let _serving = AbortOnDropHandle::new(tokio::spawn(hub.clone().serve(bus)));
+    let keeper = hub.clone();
+    let _keeping = log.map(|log| {
+        AbortOnDropHandle::new(tokio::spawn(async move { keeper.book.keep(log).await }))
+    });
+    let router = page::routes()
+        .merge(http::routes(access.clone()))
+        .merge(api::routes(hub))
+        .layer(middleware::from_fn_with_state(access, http::guarded));
+    let service = router.into_make_service_with_connect_info::<Peer>();
+    if let Err(error) = axum::serve(door, service).await {
+        tracing::error!("the page is not served any more: {error}");
+    }
+}

@@ -1,0 +1,205 @@
+//! How things stand, as the page is told: words are keys of the page's table of texts.
+
+use std::time::Duration;
+
+use schemars::JsonSchema;
+use serde::Serialize;
+use tokio::time::Instant;
+
+use crate::control::Run;
+use crate::pilot::{LinkState, Status};
+use crate::robot::{RobotInfo, Use};
+use crate::safety::{Place, WatchdogState};
+use crate::wire::Stream;
+
+/// Over how long frames are counted.
+const RATE: Duration = Duration::from_secs(1);
+
+/// See the module.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct State {
+    /// `connecting`, `up` or `lost`.
+    pub link: &'static str,
+    /// What the watchdog is at: `offline`, `free`, `docked`, `docking`, `going_home` or `alarm`.
+    pub safety: &'static str,
+    /// Where the robot is: `charging`, `contact`, `off` or `unknown`.
+    pub place: &'static str,
+    /// On the station, as far as is known.
+    pub docked: bool,
+    /// The battery is low and the watchdog has the robot.
+    pub low: bool,
+    /// STOP: a person has stopped the robot, and nobody has let go.
+    pub halted: bool,
+    /// The battery, if it is known.
+    pub battery: Option<Level>,
+    /// The power of the left and the right track, percent.
+    pub tracks: [i8; 2],
+    /// The headlight, the left and the right light; null: unknown.
+    pub lights: [Option<bool>; 3],
+    /// The last sound that it was told to play.
+    pub sound: Option<&'static str>,
+    /// How many there were.
+    pub sounds: u32,
+    /// Frames a second.
+    pub fps: u32,
+    /// The robot, if it was ever there.
+    pub robot: Option<Robot>,
+    /// The robot as the run was told to reach it.
+    pub target: String,
+    /// In the run's own program.
+    pub simulated: bool,
+    /// Whole seconds since the run began.
+    pub running: u64,
+    /// Who drives by hand.
+    pub driver: Option<Person>,
+    /// How many look.
+    pub viewers: usize,
+}
+
+/// The battery.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Level {
+    /// 0..=100.
+    pub percent: u8,
+    /// On the charger.
+    pub charging: bool,
+    /// Until it is empty, if it goes on as of late.
+    pub minutes_left: Option<f32>,
+}
+
+/// The robot.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
+pub(super) struct Robot {
+    /// What it says of itself.
+    pub name: String,
+    /// Such as `SPYKEE0001`.
+    pub uid: String,
+    /// Such as `1.0.22`.
+    pub firmware: String,
+    /// Where it is.
+    pub address: String,
+}
+
+/// A viewer.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
+pub(super) struct Person {
+    /// His number.
+    pub id: u32,
+    /// What the others call him.
+    pub name: String,
+}
+
+impl From<&RobotInfo> for Robot {
+    fn from(info: &RobotInfo) -> Robot {
+        Robot {
+            name: info.name.clone(),
+            uid: info.uid.clone(),
+            firmware: info.firmware.clone(),
+            address: info.address.clone(),
+        }
+    }
+}
+
+/// Frames a second.
+#[derive(Debug)]
+pub(super) struct Rate {
+    since: Instant,
+    frames: u64,
+    rate: u32,
+}
+
+impl Rate {
+    pub(super) fn new(now: Instant) -> Rate {
+        Rate {
+            since: now,
+            frames: 0,
+            rate: 0,
+        }
+    }
+
+    fn count(&mut self, frames: u64, now: Instant) -> u32 {
+        let passed = now.saturating_duration_since(self.since);
+        if passed >= RATE {
+            let new = frames.saturating_sub(self.frames);
+            self.rate = (new as f64 / passed.as_secs_f64()).round() as u32;
+            (self.since, self.frames) = (now, frames);
+        }
+        self.rate
+    }
+}
+
+/// Who looks and who drives.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(super) struct People {
+    pub(super) driver: Option<Person>,
+    pub(super) viewers: usize,
+}
+
+/// As it is now.
+pub(super) fn state(
+    run: &Run,
+    robot: Option<&RobotInfo>,
+    people: People,
+    rate: &mut Rate,
+) -> State {
+    let (status, now) = (*run.status.borrow(), Instant::now());
+    let percent = |power: i8| (f32::from(power) / 0.9).round() as i8;
+    let tracks = status.shown.tracks;
+    State {
+        link: link(status),
+        safety: safety(status.safety),
+        place: place(status.place),
+        docked: status.docked,
+        low: status.low,
+        halted: status.halted,
+        battery: status.battery.map(|battery| Level {
+            percent: battery.percent.get(),
+            charging: battery.charging,
+            minutes_left: battery.minutes_left.map(f32::round),
+        }),
+        tracks: [percent(tracks.left.get()), percent(tracks.right.get())],
+        lights: status.shown.lights,
+        sound: status.shown.sound.map(|sound| sound.name()),
+        sounds: status.shown.sounds,
+        fps: rate.count(status.frames, now),
+        robot: robot.map(Robot::from),
+        target: run.target.clone(),
+        simulated: run.simulated,
+        running: run.began.elapsed().as_secs(),
+        driver: people.driver,
+        viewers: people.viewers,
+    }
+}
+
+/// Whether the config lets the camera be on.
+pub(super) fn has_camera(run: &Run) -> bool {
+    run.streams.usage(Stream::Video) != Use::Off
+}
+
+fn link(status: Status) -> &'static str {
+    match status.link {
+        LinkState::Connecting => "connecting",
+        LinkState::Up => "up",
+        LinkState::Lost => "lost",
+    }
+}
+
+fn safety(state: WatchdogState) -> &'static str {
+    match state {
+        WatchdogState::Offline => "offline",
+        WatchdogState::Free => "free",
+        WatchdogState::Docked => "docked",
+        WatchdogState::Docking => "docking",
+        WatchdogState::LowGoingHome => "going_home",
+        WatchdogState::Alarm => "alarm",
+    }
+}
+
+fn place(place: Place) -> &'static str {
+    match place {
+        Place::Charging => "charging",
+        Place::ContactSaid => "contact",
+        Place::Left(_) => "off",
+        Place::Unknown => "unknown",
+    }
+}

@@ -1,0 +1,390 @@
+//! One page that is open: a task reads what it says and does it at once; another sends what it shows.
+//!
+//! A viewer who is slow gets fewer frames, for the next is sent when the last was taken; other messages
+//! are those that are newest when there is room. If one cannot be sent for [`SENDING`], or nothing is
+//! heard for [`SILENCE`], the connection is closed.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
+use bytes::{BufMut as _, Bytes, BytesMut};
+use futures_util::stream::SplitSink;
+use futures_util::{SinkExt as _, StreamExt as _};
+use tokio::sync::{broadcast, mpsc, watch};
+use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
+use tokio_util::task::AbortOnDropHandle;
+
+use super::hub::{Hub, NoWheel, Ticket, text};
+use super::log::Line;
+use super::messages::{FromPage, Hello, ToPage, Watch};
+use super::order::{Order, perform};
+use super::state::has_camera;
+use super::world;
+use crate::http::Role;
+use crate::robot::{Frame, Setpoint};
+
+/// The longest message of a page.
+pub(super) const MAX_MESSAGE: usize = 16 * 1024;
+/// How long one message may take to be sent.
+const SENDING: Duration = Duration::from_secs(10);
+/// How long a page may say nothing, not even that it lives.
+const SILENCE: Duration = Duration::from_secs(20);
+/// How often it is asked whether it lives.
+const PING: Duration = Duration::from_secs(5);
+/// Messages of a page in a second; an honest one sends twenty.
+const MOST_MESSAGES: u32 = 200;
+/// Orders that are under way at a time.
+const MOST_ORDERS: usize = 8;
+/// Words that may wait for this viewer alone.
+const MAX_WAITING: usize = 64;
+/// Frames that are on their way to a page.
+const FRAMES: u32 = 2;
+/// Lines of the log in one message.
+const MOST_LINES: usize = 100;
+
+type Sink = SplitSink<WebSocket, Message>;
+
+/// What the reader tells the writer.
+struct Wants {
+    watch: watch::Sender<Watch>,
+    /// Frames that were taken.
+    taken: watch::Sender<u32>,
+    words: mpsc::Sender<Utf8Bytes>,
+}
+
+/// Serves a page until it is closed.
+pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
+    let (sink, mut stream) = socket.split();
+    let (watch, watched) = watch::channel(Watch::default());
+    let (taken, frames_taken) = watch::channel(0);
+    let (words, said) = mpsc::channel(MAX_WAITING);
+    let hub = ticket.hub().clone();
+    let hello = ToPage::Hello(Hello {
+        version: env!("CARGO_PKG_VERSION"),
+        you: ticket.id,
+        role: ticket.role,
+        world: hub.sim.is_some(),
+        camera: has_camera(&hub.run),
+    });
+    let writer = Writer {
+        hub,
+        watched,
+        taken: frames_taken,
+        said,
+        sent: 0,
+    };
+    let hello = text(&hello);
+    let mut writing = AbortOnDropHandle::new(tokio::spawn(writer.run(sink, hello)));
+    let mut reader = Reader {
+        ticket,
+        wants: Wants {
+            watch,
+            taken,
+            words,
+        },
+        orders: Vec::new(),
+        wheel: None,
+        window: (Instant::now(), 0),
+    };
+    loop {
+        let message = tokio::select! {
+            biased;
+            message = timeout(SILENCE, stream.next()) => message,
+            _ = &mut writing => return,
+        };
+        match message {
+            Ok(Some(Ok(Message::Text(said)))) if reader.is_patient() => reader.hear(&said).await,
+            Ok(Some(Ok(Message::Ping(_) | Message::Pong(_)))) if reader.is_patient() => {}
+            // Closed, broken, silent, too fast, or binary.
+            _ => return,
+        }
+    }
+}
+
+/// What a page says. Dropping it leaves the wheel.
+struct Reader {
+    ticket: Ticket,
+    wants: Wants,
+    orders: Vec<AbortOnDropHandle<()>>,
+    wheel: Option<AbortOnDropHandle<()>>,
+    /// Since when messages are counted, and how many there were.
+    window: (Instant, u32),
+}
+
+impl Reader {
+    /// Counts a message; false: there are too many.
+    fn is_patient(&mut self) -> bool {
+        if self.window.0.elapsed() >= Duration::from_secs(1) {
+            self.window = (Instant::now(), 0);
+        }
+        self.window.1 += 1;
+        self.window.1 <= MOST_MESSAGES
+    }
+
+    async fn hear(&mut self, said: &str) {
+        let message = match serde_json::from_str(said) {
+            Ok(message) => message,
+            Err(error) => {
+                tracing::debug!("a page talks nonsense: {error}");
+                return self.notice("nonsense", String::new());
+            }
+        };
+        match message {
+            FromPage::Watch(watch) => {
+                self.wants.watch.send_replace(watch);
+            }
+            FromPage::Taken => self
+                .wants
+                .taken
+                .send_modify(|taken| *taken = taken.wrapping_add(1)),
+            FromPage::Name { name } => self.ticket.rename(&name),
+            FromPage::Stop => drop(self.ticket.hub().stop().await),
+            FromPage::LetGo if self.ticket.role == Role::Driver => {
+                let _ = self.ticket.hub().let_go().await;
+            }
+            FromPage::LetGo => self.notice("viewer_only", String::new()),
+            FromPage::Wheel { take: true } => self.take_wheel(),
+            FromPage::Wheel { take: false } => self.leave_wheel(),
+            FromPage::Drive { left, right } => self.drive(left, right),
+            FromPage::Order { id, order } => self.order(id, order),
+        }
+    }
+
+    fn take_wheel(&mut self) {
+        match self.ticket.take_wheel() {
+            Ok(Some(driving)) => {
+                self.wheel = Some(AbortOnDropHandle::new(tokio::spawn(driving)));
+            }
+            Ok(None) => {}
+            Err(NoWheel::Viewer) => self.notice("viewer_only", String::new()),
+            Err(NoWheel::Halted) => self.notice("wheel_halted", String::new()),
+            Err(NoWheel::Taken(name)) => self.notice("wheel_taken", name),
+        }
+    }
+
+    fn leave_wheel(&mut self) {
+        self.ticket.leave_wheel();
+        self.wheel = None;
+    }
+
+    /// A page that does not have the wheel, or says numbers that are none, moves nothing.
+    fn drive(&mut self, left: f64, right: f64) {
+        let setpoint = Setpoint::from_percent(left, right).unwrap_or(Setpoint::STOP);
+        if !self.ticket.wish(setpoint) {
+            self.wheel = None;
+        }
+    }
+
+    fn order(&mut self, id: u32, order: Order) {
+        self.orders.retain(|order| !order.is_finished());
+        let words = self.wants.words.clone();
+        let answer = move |(ok, said): (bool, String)| {
+            // A page that does not read its answers loses them.
+            let _ = words.try_send(text(&ToPage::Answer { id, ok, text: said }));
+        };
+        if self.ticket.role != Role::Driver {
+            return answer((false, "viewers may look and stop the robot".to_owned()));
+        }
+        if self.orders.len() >= MOST_ORDERS {
+            return answer((false, "too much is asked for at once".to_owned()));
+        }
+        let hub = self.ticket.hub().clone();
+        let doing = tokio::spawn(async move {
+            answer(perform(order, &hub.run, hub.sim.as_ref()).await);
+        });
+        self.orders.push(AbortOnDropHandle::new(doing));
+    }
+
+    fn notice(&self, key: &'static str, name: String) {
+        let _ = self
+            .wants
+            .words
+            .try_send(text(&ToPage::Notice { key, name }));
+    }
+}
+
+/// What a page is shown.
+struct Writer {
+    hub: Arc<Hub>,
+    watched: watch::Receiver<Watch>,
+    taken: watch::Receiver<u32>,
+    said: mpsc::Receiver<Utf8Bytes>,
+    /// Frames.
+    sent: u32,
+}
+
+/// What the page shows beside what all pages do.
+#[derive(Default)]
+struct Shows {
+    map: Option<watch::Receiver<Utf8Bytes>>,
+    log: Option<broadcast::Receiver<Line>>,
+    found: Option<broadcast::Receiver<Utf8Bytes>>,
+}
+
+impl Writer {
+    /// Until something cannot be sent.
+    async fn run(mut self, mut sink: Sink, hello: Utf8Bytes) {
+        if self.show(&mut sink, hello).await.is_none() {
+            let frame = CloseFrame {
+                code: close_code::POLICY,
+                reason: "too slow".into(),
+            };
+            let _ = timeout(SENDING, sink.send(Message::Close(Some(frame)))).await;
+        }
+    }
+
+    async fn show(&mut self, sink: &mut Sink, hello: Utf8Bytes) -> Option<()> {
+        send(sink, Message::Text(hello)).await?;
+        send(sink, Message::Text(self.battery())).await?;
+        let hub = self.hub.clone();
+        let (mut state, mut behaviours) = (hub.state.subscribe(), hub.behaviours.subscribe());
+        state.mark_changed();
+        behaviours.mark_changed();
+        let (mut frames, mut look, mut shows) = (hub.camera.frames(), None, Shows::default());
+        let mut ping = interval(PING);
+        ping.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            let watch = *self.watched.borrow();
+            let ready = watch.camera && self.frames_under_way() < FRAMES;
+            tokio::select! {
+                Some(words) = self.said.recv() => send(sink, Message::Text(words)).await?,
+                changed = self.watched.changed() => {
+                    changed.ok()?;
+                    let watch = *self.watched.borrow_and_update();
+                    look = watch.camera.then(|| look.take().unwrap_or_else(|| hub.camera.look()));
+                    self.turn_to(watch, &mut shows, sink).await?;
+                }
+                changed = self.taken.changed() => changed.ok()?,
+                Ok(()) = state.changed() => {
+                    let text = state.borrow_and_update().clone();
+                    send_text(sink, text).await?;
+                }
+                Ok(()) = behaviours.changed() => {
+                    let text = behaviours.borrow_and_update().clone();
+                    send_text(sink, text).await?;
+                }
+                Ok(()) = frames.changed(), if ready => {
+                    let frame = frames.borrow_and_update().clone();
+                    if let Some(frame) = frame {
+                        self.sent = self.sent.wrapping_add(1);
+                        send(sink, Message::Binary(packed(&frame))).await?;
+                    }
+                }
+                text = newest(&mut shows.map) => send_text(sink, text).await?,
+                lines = lines(&mut shows.log) => send_text(sink, lines).await?,
+                found = next_found(&mut shows.found) => send_text(sink, found).await?,
+                _ = ping.tick() => send(sink, Message::Ping(Bytes::new())).await?,
+            }
+        }
+    }
+
+    /// That were sent and not taken yet.
+    fn frames_under_way(&self) -> u32 {
+        let under_way = self.sent.wrapping_sub(*self.taken.borrow());
+        // One that takes more than it was sent gets no more than others.
+        if under_way > u32::MAX / 2 {
+            0
+        } else {
+            under_way
+        }
+    }
+
+    fn battery(&self) -> Utf8Bytes {
+        let history = self.hub.history.lock();
+        let history = history.unwrap_or_else(std::sync::PoisonError::into_inner);
+        text(&ToPage::Battery {
+            points: history.points(Instant::now()),
+        })
+    }
+
+    async fn turn_to(&mut self, watch: Watch, shows: &mut Shows, sink: &mut Sink) -> Option<()> {
+        match (&self.hub.sim, watch.map) {
+            (Some(sim), true) if shows.map.is_none() => {
+                send_text(sink, text(&ToPage::World(&world::place(sim)))).await?;
+                shows.map = Some(self.hub.map.subscribe());
+            }
+            (_, false) => shows.map = None,
+            _ => {}
+        }
+        match watch.log {
+            true if shows.log.is_none() => {
+                let (lines, news) = self.hub.book.read();
+                send_text(sink, text(&ToPage::Log { lines, missed: 0 })).await?;
+                shows.log = Some(news);
+            }
+            true => {}
+            false => shows.log = None,
+        }
+        match watch.found {
+            true if shows.found.is_none() => shows.found = Some(self.hub.found.subscribe()),
+            true => {}
+            false => shows.found = None,
+        }
+        Some(())
+    }
+}
+
+/// Number and age before the JPEG as it came.
+fn packed(frame: &Frame) -> Bytes {
+    let mut packed = BytesMut::with_capacity(8 + frame.jpeg.len());
+    packed.put_u32(frame.seq as u32);
+    packed.put_u32(u32::try_from(frame.at.elapsed().as_millis()).unwrap_or(u32::MAX));
+    packed.put_slice(&frame.jpeg);
+    packed.freeze()
+}
+
+async fn newest(map: &mut Option<watch::Receiver<Utf8Bytes>>) -> Utf8Bytes {
+    if let Some(map) = map
+        && map.changed().await.is_ok()
+    {
+        return map.borrow_and_update().clone();
+    }
+    std::future::pending().await
+}
+
+async fn next_found(found: &mut Option<broadcast::Receiver<Utf8Bytes>>) -> Utf8Bytes {
+    loop {
+        match found {
+            Some(news) => match news.recv().await {
+                Ok(text) => return text,
+                Err(broadcast::error::RecvError::Lagged(_)) => {}
+                Err(broadcast::error::RecvError::Closed) => *found = None,
+            },
+            None => std::future::pending().await,
+        }
+    }
+}
+
+/// Those that have come, in one message.
+async fn lines(log: &mut Option<broadcast::Receiver<Line>>) -> Utf8Bytes {
+    let Some(news) = log else {
+        return std::future::pending().await;
+    };
+    let (mut lines, mut missed) = (Vec::new(), 0);
+    match news.recv().await {
+        Ok(line) => lines.push(line),
+        Err(broadcast::error::RecvError::Lagged(count)) => missed += count,
+        Err(broadcast::error::RecvError::Closed) => return std::future::pending().await,
+    }
+    while lines.len() < MOST_LINES {
+        match news.try_recv() {
+            Ok(line) => lines.push(line),
+            Err(broadcast::error::TryRecvError::Lagged(count)) => missed += count,
+            Err(_) => break,
+        }
+    }
+    text(&ToPage::Log { lines, missed })
+}
+
+async fn send_text(sink: &mut Sink, text: Utf8Bytes) -> Option<()> {
+    match text.is_empty() {
+        true => Some(()),
+        false => send(sink, Message::Text(text)).await,
+    }
+}
+
+/// `None`: the page is gone, or too slow.
+async fn send(sink: &mut Sink, message: Message) -> Option<()> {
+    timeout(SENDING, sink.send(message)).await.ok()?.ok()
+}

@@ -1,0 +1,253 @@
+//! The simulated world for the page's map: what stands there, once; what moves, again and again.
+//! Metres; x to the right, y upwards; radians, counterclockwise from x.
+
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::sim::{Handle, Paint, Point, Pose, RADIUS, What};
+
+/// Places of the way that are sent to who begins to look.
+const WAY: usize = 600;
+/// Collisions that are marked: the newest.
+const BUMPS: usize = 30;
+
+/// As a world is at first.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Place {
+    /// Its name.
+    pub name: String,
+    /// Of the room.
+    pub width: f64,
+    /// Of the room.
+    pub depth: f64,
+    /// Of the robot, seen from above.
+    pub radius: f64,
+    /// Corners of inner walls.
+    pub walls: Vec<Vec<[f64; 2]>>,
+    /// Boxes on the floor.
+    pub furniture: Vec<Shape>,
+    /// Carpets.
+    pub rugs: Vec<Shape>,
+    /// Lines of tape.
+    pub lines: Vec<Tape>,
+    /// Balls, in the order of their numbers.
+    pub balls: Vec<Round>,
+    /// Posts.
+    pub posts: Vec<Round>,
+    /// People.
+    pub walkers: Vec<Round>,
+    /// Lamps.
+    pub lamps: Vec<Round>,
+    /// Signs with QR codes.
+    pub signs: Vec<Round>,
+    /// Corners of the charging station.
+    pub station: Vec<[f64; 2]>,
+    /// The outline of what its beacon reaches.
+    pub beacon: Vec<[f64; 2]>,
+    /// The way so far.
+    pub way: Vec<[f64; 2]>,
+}
+
+/// Something with corners.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Shape {
+    /// Its name, perhaps none.
+    pub name: String,
+    /// `#rrggbb`.
+    pub colour: String,
+    /// Its corners.
+    pub corners: Vec<[f64; 2]>,
+}
+
+/// Something round.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Round {
+    /// Its name, perhaps none; a sign's text.
+    pub name: String,
+    /// `#rrggbb`.
+    pub colour: String,
+    /// Its middle.
+    pub at: [f64; 2],
+    /// Its radius; of a lamp how far it reaches.
+    pub radius: f64,
+}
+
+/// A line of tape.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Tape {
+    /// `#rrggbb`.
+    pub colour: String,
+    /// Metres.
+    pub width: f64,
+    /// It is a ring.
+    pub closed: bool,
+    /// Its corners.
+    pub through: Vec<[f64; 2]>,
+    /// The radius by which they are rounded.
+    pub rounding: f64,
+}
+
+/// What moves.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Map {
+    /// Simulated seconds since the start.
+    pub time: f64,
+    /// The robot: x, y, heading.
+    pub robot: [f64; 3],
+    /// It runs into something.
+    pub blocked: bool,
+    /// It searches its station.
+    pub searching: bool,
+    /// The battery's true level, percent.
+    pub battery: f64,
+    /// Metres driven.
+    pub distance: f64,
+    /// How often it ran into something.
+    pub collisions: u64,
+    /// Where the balls are.
+    pub balls: Vec<[f64; 2]>,
+    /// Where the people are.
+    pub walkers: Vec<[f64; 2]>,
+    /// Where it ran into what, the newest last.
+    pub bumps: Vec<(f64, f64, String)>,
+}
+
+fn pair(point: Point) -> [f64; 2] {
+    let millimetres = |metres: f64| (metres * 1000.0).round() / 1000.0;
+    [millimetres(point.x), millimetres(point.y)]
+}
+
+fn colour(paint: Paint) -> String {
+    let Paint([red, green, blue]) = paint;
+    format!("#{red:02x}{green:02x}{blue:02x}")
+}
+
+fn rectangle(middle: Point, length: f64, width: f64, heading: f64) -> Vec<[f64; 2]> {
+    let corner = |along: f64, across: f64| {
+        let side = middle.ahead(heading, along * length / 2.0);
+        pair(side.ahead(heading + std::f64::consts::FRAC_PI_2, across * width / 2.0))
+    };
+    vec![
+        corner(1.0, 1.0),
+        corner(-1.0, 1.0),
+        corner(-1.0, -1.0),
+        corner(1.0, -1.0),
+    ]
+}
+
+/// The world as it is at first, with the way so far.
+pub(super) fn place(sim: &Handle) -> Place {
+    let world = sim.world();
+    let round = |name: &str, paint, at: Point, radius| Round {
+        name: name.to_owned(),
+        colour: colour(paint),
+        at: pair(at),
+        radius,
+    };
+    let walls = world.walls.iter().map(|wall| {
+        let (from, to) = (wall.from.point(), wall.to.point());
+        let middle = Point::new((from.x + to.x) / 2.0, (from.y + to.y) / 2.0);
+        let length = from.distance(to) + wall.thickness;
+        rectangle(middle, length, wall.thickness, from.direction_of(to))
+    });
+    let furniture = world.furniture.iter().map(|item| Shape {
+        name: item.name.clone(),
+        colour: colour(item.colour),
+        corners: rectangle(
+            item.at.point(),
+            item.length,
+            item.width,
+            item.heading_degrees.to_radians(),
+        ),
+    });
+    let rugs = world.rugs.iter().map(|rug| Shape {
+        name: String::new(),
+        colour: colour(rug.colour),
+        corners: rectangle(rug.at.point(), rug.width, rug.depth, 0.0),
+    });
+    let lines = world.lines.iter().map(|line| Tape {
+        colour: colour(line.colour),
+        width: line.width,
+        closed: line.closed,
+        through: line.through.iter().map(|spot| pair(spot.point())).collect(),
+        rounding: line.rounding,
+    });
+    let balls = world.balls.iter();
+    let posts = world.posts.iter();
+    let walkers = world.walkers.iter();
+    let lamps = world.lamps.iter();
+    let signs = world.signs.iter();
+    Place {
+        name: world.name.clone(),
+        width: world.room.width,
+        depth: world.room.depth,
+        radius: RADIUS,
+        walls: walls.collect(),
+        furniture: furniture.collect(),
+        rugs: rugs.collect(),
+        lines: lines.collect(),
+        balls: balls
+            .map(|it| round("", it.colour, it.at.point(), it.radius))
+            .collect(),
+        posts: posts
+            .map(|it| round("", it.colour, it.at.point(), it.radius))
+            .collect(),
+        walkers: walkers
+            .map(|it| round(&it.name, it.colour, it.at.point(), it.radius))
+            .collect(),
+        lamps: lamps
+            .map(|it| round(&it.name, it.colour, it.at.point(), it.reach))
+            .collect(),
+        signs: signs
+            .map(|it| round(&it.text, Paint([255; 3]), it.at.point(), it.side / 2.0))
+            .collect(),
+        station: world.station.outline().into_iter().map(pair).collect(),
+        beacon: world.beacon_cone().into_iter().map(pair).collect(),
+        way: way(sim),
+    }
+}
+
+/// Evenly thinned out, with the newest place.
+fn way(sim: &Handle) -> Vec<[f64; 2]> {
+    sim.look_back(|trace| {
+        let places: Vec<Point> = trace.samples().map(|sample| sample.pose.point()).collect();
+        let step = places.len().div_ceil(WAY).max(1);
+        let kept = places.iter().rev().step_by(step).map(|place| pair(*place));
+        let mut way: Vec<[f64; 2]> = kept.collect();
+        way.reverse();
+        way
+    })
+}
+
+/// What moves, as it is now.
+pub(super) fn map(sim: &Handle) -> Map {
+    let state = sim.state();
+    let Pose { x, y, heading } = state.pose;
+    let [x, y] = pair(Point::new(x, y));
+    let (balls, walkers, bumps) = sim.look_back(|trace| {
+        let pairs = |points: &[Point]| points.iter().copied().map(pair).collect::<Vec<_>>();
+        let bump = |what: &What, at: Point| match what {
+            What::Collision(name) => Some((pair(at), name.clone())),
+            _ => None,
+        };
+        let bumps = trace.events().iter().rev();
+        let bumps = bumps
+            .filter_map(|it| bump(&it.what, it.pose.point()))
+            .take(BUMPS);
+        let mut bumps: Vec<(f64, f64, String)> = bumps.map(|([x, y], name)| (x, y, name)).collect();
+        bumps.reverse();
+        (pairs(trace.balls()), pairs(trace.walkers()), bumps)
+    });
+    Map {
+        time: (state.time.as_secs_f64() * 10.0).round() / 10.0,
+        robot: [x, y, (heading * 1000.0).round() / 1000.0],
+        blocked: state.blocked,
+        searching: state.searching,
+        battery: (state.battery * 10.0).round() / 10.0,
+        distance: (state.distance * 100.0).round() / 100.0,
+        collisions: state.collisions,
+        balls,
+        walkers,
+        bumps,
+    }
+}

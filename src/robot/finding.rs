@@ -1,0 +1,99 @@
+//! What scripts find in the camera's frames, for people who look on. Nobody waits for it: who is slow
+//! misses some.
+
+use serde::{Deserialize, Serialize};
+use tokio::sync::broadcast;
+
+/// Things of one frame, and letters of each.
+const MOST: usize = 64;
+const LONGEST: usize = 40;
+/// Frames that who looks on may be behind.
+const BEHIND: usize = 32;
+
+/// One thing, in pixels of the frame.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Finding {
+    /// Left edge.
+    pub x: u32,
+    /// Upper edge.
+    pub y: u32,
+    /// Width.
+    pub w: u32,
+    /// Height.
+    pub h: u32,
+    /// What: the colour's name, the track's id.
+    pub text: String,
+}
+
+/// What one behaviour found in one frame.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Findings {
+    /// Whose they are.
+    pub behaviour: String,
+    /// The frame's number.
+    pub frame: u64,
+    /// The things.
+    pub list: Vec<Finding>,
+}
+
+/// Where they go. Cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Lookout(broadcast::Sender<Findings>);
+
+impl Default for Lookout {
+    fn default() -> Lookout {
+        Lookout(broadcast::Sender::new(BEHIND))
+    }
+}
+
+impl Lookout {
+    /// Tells whoever looks on; a host that has been broken may say anything, but not much of it.
+    pub fn tell(&self, mut found: Findings) {
+        found.list.truncate(MOST);
+        for one in &mut found.list {
+            if let Some((at, _)) = one.text.char_indices().nth(LONGEST) {
+                one.text.truncate(at);
+            }
+        }
+        // Fails if nobody looks on.
+        let _ = self.0.send(found);
+    }
+
+    /// What is found from now on.
+    pub fn look(&self) -> broadcast::Receiver<Findings> {
+        self.0.subscribe()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_host_that_says_too_much_is_cut_short_and_who_is_slow_holds_nobody_up() {
+        let lookout = Lookout::default();
+        let mut slow = lookout.look();
+        let text = "x".repeat(1000);
+        let one = Finding {
+            x: 1,
+            y: 2,
+            w: 3,
+            h: 4,
+            text,
+        };
+        for frame in 0..1000 {
+            let (behaviour, list) = ("a".to_owned(), vec![one.clone(); 500]);
+            lookout.tell(Findings {
+                behaviour,
+                frame,
+                list,
+            });
+        }
+        assert!(matches!(
+            slow.try_recv(),
+            Err(broadcast::error::TryRecvError::Lagged(_))
+        ));
+        let next = slow.try_recv().unwrap();
+        assert_eq!((next.list.len(), next.list[0].text.len()), (MOST, LONGEST));
+    }
+}

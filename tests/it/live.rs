@@ -1,0 +1,496 @@
+//! The page and the API of a run, as a browser meets them, and what the robot hears.
+
+mod browser;
+
+use std::os::unix::fs::PermissionsExt as _;
+use std::time::Duration;
+
+use proptest::prelude::*;
+use rustix::process::Signal;
+use serde_json::{Value, json};
+use spykee::wire::{Command, Engage, Led};
+use tokio::time::{sleep, timeout};
+
+use self::browser::{Heard, Page, address, ask, get};
+use crate::rig::{PATIENCE, Rig, Run, moves};
+
+const IDLE: &str = "task.wait(600)";
+const DRIVE: &str = "while true do robot.move(30, 30, 0.5) end";
+const LOOK: &str = "robot.on('frame', function(f) f:find_blobs('red') end)";
+
+/// A run with a page, and where that is.
+async fn live(rig: &Rig, script: &str, more: &[&str]) -> (Run, String) {
+    let path = rig.file("script.lua", script);
+    let path = path.to_str().unwrap().to_owned();
+    let args = [
+        "run",
+        &*path,
+        "--robot",
+        &*rig.address,
+        "--live=127.0.0.1:0",
+    ];
+    let run = rig.spykee(&[&args[..], more].concat());
+    let page = address(&run).await;
+    run.says("connected").await;
+    (run, page)
+}
+
+async fn open(address: &str) -> Page {
+    let mut page = Page::open(address, "").await.unwrap();
+    page.until("state", |state| state["link"] == "up").await;
+    page
+}
+
+async fn post(address: &str, path: &str, headers: &str, body: Value) -> (u16, String) {
+    ask(address, &format!("POST {path}"), headers, &body.to_string()).await
+}
+
+/// Takes the wheel and drives until the robot has heard it; where in its journal that is.
+async fn drive_by_hand(rig: &Rig, page: &mut Page) -> usize {
+    let from = rig.sim.heard_count();
+    page.say("{\"type\":\"wheel\",\"take\":true}").await;
+    page.until("state", |state| !state["driver"].is_null())
+        .await;
+    page.say("{\"type\":\"drive\",\"left\":40,\"right\":40}")
+        .await;
+    rig.heard_motion(from).await
+}
+
+/// From here on nothing moves the robot, for as long as a setpoint would live several times over.
+async fn stays_still(rig: &Rig, from: usize) {
+    sleep(Duration::from_millis(1200)).await;
+    let moved = rig.commands(from).into_iter().find(moves);
+    assert_eq!(moved, None, "it moves again");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn other_sites_and_other_names_for_our_address_are_turned_away() {
+    let rig = Rig::quiet().await;
+    let (_run, at) = live(&rig, IDLE, &[]).await;
+    let (status, body) = get(&at, "/api/status").await;
+    assert_eq!(status, 200, "{body}");
+    for headers in [
+        "Host: evil.example\r\n",
+        "Host: evil.example:80\r\n",
+        "Host: a\r\nHost: b\r\n",
+    ] {
+        let (status, _) = ask(&at, "GET /api/status", headers, "").await;
+        assert!(status == 421 || status == 400, "{headers}: {status}");
+    }
+    let evil = "Origin: http://evil.example\r\n";
+    assert_eq!(post(&at, "/api/stop", evil, json!({})).await.0, 403);
+    assert_eq!(Page::open(&at, evil).await.err(), Some(403));
+    let cross = "Sec-Fetch-Site: cross-site\r\n";
+    assert_eq!(post(&at, "/api/stop", cross, json!({})).await.0, 403);
+    let own = format!("Origin: http://{at}\r\n");
+    assert!(Page::open(&at, &own).await.is_ok());
+    let (_, page) = get(&at, "/").await;
+    assert!(
+        page.contains("/app.js") && !page.contains("<style"),
+        "{page}"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn off_loopback_nothing_is_served_without_a_password() {
+    let rig = Rig::quiet().await;
+    rig.file("script.lua", IDLE);
+    let args = [
+        "run",
+        "script.lua",
+        "--robot",
+        &rig.address,
+        "--live=0.0.0.0:0",
+    ];
+    let mut run = rig.spykee(&args);
+    assert_eq!(run.code().await, Some(2), "{}", run.text());
+    assert!(run.text().contains("spykee token new"), "{}", run.text());
+    assert!(!rig.commands(0).iter().any(moves));
+}
+
+/// A token of this role.
+async fn token(rig: &Rig, name: &str, role: &str) -> String {
+    let mut made = rig.spykee(&["token", "new", name, "--role", role]);
+    assert_eq!(made.code().await, Some(0), "{}", made.text());
+    let text = made.text();
+    text.lines()
+        .find(|line| line.starts_with("spykee_"))
+        .unwrap()
+        .to_owned()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn with_a_password_or_a_token_each_may_do_what_his_role_allows() {
+    let rig = Rig::quiet().await;
+    let secret = rig.file("driver.password", "correct horse\n");
+    std::fs::set_permissions(&secret, std::fs::Permissions::from_mode(0o600)).unwrap();
+    rig.file(
+        "spykee.yaml",
+        "live: { driver_password_file: driver.password }\n",
+    );
+    let viewer = format!(
+        "Authorization: Bearer {}\r\n",
+        token(&rig, "tv", "viewer").await
+    );
+    let driver = format!(
+        "Authorization: Bearer {}\r\n",
+        token(&rig, "pad", "driver").await
+    );
+    let (_run, at) = live(&rig, IDLE, &["--config", "spykee.yaml"]).await;
+    assert_eq!(get(&at, "/api/status").await.0, 401);
+    assert_eq!(get(&at, "/metrics").await.0, 401);
+    assert_eq!(get(&at, "/healthz").await.0, 200);
+    assert_eq!(Page::open(&at, "").await.err(), Some(401));
+    assert_eq!(ask(&at, "GET /api/status", &viewer, "").await.0, 200);
+    let light = json!({ "light": "left", "on": true });
+    assert_eq!(post(&at, "/api/led", &viewer, light.clone()).await.0, 403);
+    let from = rig.sim.heard_count();
+    assert_eq!(post(&at, "/api/led", &driver, light).await.0, 200);
+    let on = Command::Led {
+        led: Led::Left,
+        on: true,
+    };
+    rig.heard(from, |command| *command == on).await;
+    // Whoever may look may stop.
+    let from = rig.sim.heard_count();
+    assert_eq!(post(&at, "/api/stop", &viewer, json!({})).await.0, 200);
+    rig.heard_stop(from).await;
+    assert_eq!(post(&at, "/api/let-go", &viewer, json!({})).await.0, 403);
+    let mut page = Page::open(&at, &viewer).await.unwrap();
+    page.say("{\"type\":\"wheel\",\"take\":true}").await;
+    page.until("notice", |notice| notice["key"] == "viewer_only")
+        .await;
+    // A session by password, until it is logged out.
+    let (status, body) = post(
+        &at,
+        "/api/login",
+        "",
+        json!({ "password": "correct horse" }),
+    )
+    .await;
+    assert_eq!((status, body.contains("driver")), (200, true), "{body}");
+    let mut denied = Vec::new();
+    for _ in 0..8 {
+        denied.push(
+            post(&at, "/api/login", "", json!({ "password": "guess" }))
+                .await
+                .0,
+        );
+    }
+    assert!(
+        denied.starts_with(&[401, 401]) && denied.ends_with(&[429]),
+        "{denied:?}"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_page_that_is_gone_drives_no_more() {
+    let rig = Rig::quiet().await;
+    let (_run, at) = live(&rig, IDLE, &[]).await;
+    let mut page = open(&at).await;
+    let moving = drive_by_hand(&rig, &mut page).await;
+    drop(page);
+    let stopped = rig.heard_stop(moving).await;
+    stays_still(&rig, stopped).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_setpoint_that_is_not_renewed_dies_and_the_next_one_drives_again() {
+    let rig = Rig::quiet().await;
+    let (_run, at) = live(&rig, IDLE, &[]).await;
+    let mut page = open(&at).await;
+    let moving = drive_by_hand(&rig, &mut page).await;
+    let stopped = rig.heard_stop(moving).await;
+    let lived = rig.at(stopped).0 - rig.at(moving).0;
+    assert!(lived < Duration::from_secs(2), "{lived:?}");
+    stays_still(&rig, stopped).await;
+    for _ in 0..10 {
+        page.say("{\"type\":\"drive\",\"left\":-30,\"right\":30}")
+            .await;
+        sleep(Duration::from_millis(50)).await;
+    }
+    let again = rig.heard_motion(stopped).await;
+    page.say("{\"type\":\"wheel\",\"take\":false}").await;
+    rig.heard_stop(again).await;
+    // Whoever has not the wheel moves nothing.
+    let from = rig.sim.heard_count();
+    page.say("{\"type\":\"drive\",\"left\":40,\"right\":40}")
+        .await;
+    stays_still(&rig, from).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn numbers_that_are_none_move_nothing() {
+    let rig = Rig::quiet().await;
+    let (_run, at) = live(&rig, IDLE, &[]).await;
+    let mut page = open(&at).await;
+    page.say("{\"type\":\"wheel\",\"take\":true}").await;
+    page.until("state", |state| !state["driver"].is_null())
+        .await;
+    let from = rig.sim.heard_count();
+    for wrong in ["1e999", "101", "-1e9", "\"40\"", "null"] {
+        page.say(&format!(
+            "{{\"type\":\"drive\",\"left\":{wrong},\"right\":40}}"
+        ))
+        .await;
+    }
+    stays_still(&rig, from).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_robot_stops_when_the_program_that_serves_the_page_hangs_or_is_killed() {
+    for signal in [Signal::STOP, Signal::KILL] {
+        let rig = Rig::quiet().await;
+        let (run, at) = live(&rig, IDLE, &[]).await;
+        let mut page = open(&at).await;
+        let moving = drive_by_hand(&rig, &mut page).await;
+        run.signal(signal);
+        rig.heard_stop(moving).await;
+        if signal == Signal::STOP {
+            run.signal(Signal::CONT);
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn one_drives_and_the_others_see_who() {
+    let rig = Rig::quiet().await;
+    let (_run, at) = live(&rig, IDLE, &[]).await;
+    let (mut anna, mut ben) = (open(&at).await, open(&at).await);
+    anna.say("{\"type\":\"name\",\"name\":\"Anna\"}").await;
+    drive_by_hand(&rig, &mut anna).await;
+    ben.until("state", |state| state["driver"]["name"] == "Anna")
+        .await;
+    ben.say("{\"type\":\"wheel\",\"take\":true}").await;
+    let notice = ben
+        .until("notice", |notice| notice["key"] == "wheel_taken")
+        .await;
+    assert_eq!(notice["name"], "Anna");
+    drop(anna);
+    ben.until("state", |state| state["driver"].is_null()).await;
+    drive_by_hand(&rig, &mut ben).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn stop_holds_whatever_drives_until_somebody_lets_go() {
+    let rig = Rig::quiet().await;
+    let (_run, at) = live(&rig, DRIVE, &[]).await;
+    let mut page = open(&at).await;
+    rig.heard_motion(0).await;
+    let from = rig.sim.heard_count();
+    page.say("{\"type\":\"stop\"}").await;
+    page.until("state", |state| state["halted"] == true).await;
+    let stopped = rig.heard_stop(from).await;
+    stays_still(&rig, stopped).await;
+    page.say("{\"type\":\"wheel\",\"take\":true}").await;
+    page.until("notice", |notice| notice["key"] == "wheel_halted")
+        .await;
+    // It holds without any page, too.
+    drop(page);
+    let from = rig.sim.heard_count();
+    stays_still(&rig, from).await;
+    assert_eq!(post(&at, "/api/let-go", "", json!({})).await.0, 200);
+    rig.heard_motion(from).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn stop_beats_the_watchdog_that_sends_a_low_robot_home_also_at_the_end() {
+    let rig = Rig::quiet().await;
+    rig.sim.hide_station(true);
+    let (mut run, at) = live(&rig, IDLE, &[]).await;
+    rig.sim.set_battery(12.0);
+    rig.heard_dock(0).await;
+    assert_eq!(post(&at, "/api/stop", "", json!({})).await.0, 200);
+    let cancel = |command: &Command| *command == Command::Engine(Engage::CancelDock);
+    let stopped = rig.heard(0, cancel).await;
+    let searches = |from| {
+        let drives =
+            |command: &Command| moves(command) || *command == Command::Engine(Engage::Dock);
+        rig.commands(from).into_iter().find(drives)
+    };
+    sleep(Duration::from_secs(2)).await;
+    assert_eq!(searches(stopped), None);
+    let resting = rig
+        .sim
+        .wait_state(|state| !state.searching && !state.moving());
+    timeout(PATIENCE, resting).await.expect("it rests");
+    assert_eq!(post(&at, "/api/let-go", "", json!({})).await.0, 200);
+    let home = rig.heard_dock(stopped).await;
+    assert_eq!(post(&at, "/api/stop", "", json!({})).await.0, 200);
+    let stopped = rig.heard(home, cancel).await;
+    run.signal(Signal::INT);
+    assert_eq!(run.code().await, Some(5), "{}", run.text());
+    assert_eq!(searches(stopped), None);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn behaviours_are_ended_and_started_and_their_scripts_are_shown() {
+    let rig = Rig::quiet().await;
+    let (_run, at) = live(&rig, DRIVE, &[]).await;
+    let mut page = open(&at).await;
+    let state = |wanted: &'static str| move |said: &Value| said["list"][0]["state"] == wanted;
+    page.until("behaviours", state("running")).await;
+    page.say("{\"type\":\"order\",\"id\":7,\"order\":{\"do\":\"behaviour\",\"name\":\"script\",\"change\":\"stop\"}}").await;
+    let answer = page.until("answer", |answer| answer["id"] == 7).await;
+    assert_eq!(answer["ok"], true, "{answer}");
+    page.until("behaviours", state("idle")).await;
+    let from = rig.sim.heard_count();
+    let body = json!({ "change": "start" });
+    assert_eq!(post(&at, "/api/behaviours/script", "", body).await.0, 200);
+    rig.heard_motion(from).await;
+    let (status, text) = get(&at, "/api/behaviours/script/script").await;
+    let text: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!((status, text["text"].as_str()), (200, Some(DRIVE)));
+    assert_eq!(
+        get(&at, "/api/behaviours/..%2f..%2fetc/script").await.0,
+        404
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn frames_findings_and_log_reach_the_page() {
+    let rig = Rig::quiet().await;
+    let (_run, at) = live(&rig, &format!("log.warn('<b>hostile</b>') {LOOK}"), &[]).await;
+    let mut page = open(&at).await;
+    page.say("{\"type\":\"watch\",\"camera\":true,\"found\":true,\"log\":true}")
+        .await;
+    let log = page
+        .until("log", |log| log["lines"].to_string().contains("hostile"))
+        .await;
+    let lines = log["lines"].as_array().unwrap();
+    let line = lines
+        .iter()
+        .find(|line| line["text"] == "<b>hostile</b>")
+        .unwrap();
+    assert_eq!(
+        (line["behaviour"].as_str(), line["line"].as_u64()),
+        (Some("script"), Some(1))
+    );
+    let mut frames = 0;
+    let seen = async {
+        while frames < 5 {
+            if let Heard::Frame(frame) = page.hear().await {
+                spykee::vision::validate_markers(&frame[8..]).unwrap();
+                page.say("{\"type\":\"taken\"}").await;
+                frames += 1;
+            }
+        }
+    };
+    timeout(PATIENCE, seen).await.expect("frames");
+    page.until("found", |found| found["behaviour"] == "script")
+        .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn viewers_are_bounded_and_one_who_never_reads_is_hung_up_on() {
+    let rig = Rig::quiet().await;
+    rig.file("spykee.yaml", "live: { viewers: 2 }\n");
+    let drive = "robot.move(30, 30) task.wait(600)";
+    let (_run, at) = live(&rig, drive, &["--config", "spykee.yaml"]).await;
+    rig.heard_motion(0).await;
+    let from = rig.sim.heard_count();
+    let mut slow = Page::open(&at, "").await.unwrap();
+    slow.say("{\"type\":\"watch\",\"camera\":true,\"log\":true}")
+        .await;
+    let mut good = open(&at).await;
+    assert_eq!(Page::open(&at, "").await.err(), Some(503));
+    good.say("{\"type\":\"watch\",\"camera\":true}").await;
+    let mut frames = 0;
+    let alone = async {
+        loop {
+            match good.hear().await {
+                Heard::Frame(_) => {
+                    frames += 1;
+                    good.say("{\"type\":\"taken\"}").await;
+                }
+                Heard::Text(state) if state["viewers"] == 1 => return,
+                Heard::Text(_) => {}
+                Heard::Closed => panic!("the good one is closed"),
+            }
+        }
+    };
+    timeout(PATIENCE, alone)
+        .await
+        .expect("the slow one is hung up on");
+    assert!(frames > 20, "{frames}");
+    assert!(!rig.commands(from).contains(&Command::STOP));
+    assert!(Page::open(&at, "").await.is_ok());
+    drop(slow);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn nonsense_ends_its_own_connection_and_nothing_else() {
+    let rig = Rig::quiet().await;
+    let (_run, at) = live(&rig, "robot.move(30, 30) task.wait(600)", &[]).await;
+    rig.heard_motion(0).await;
+    let from = rig.sim.heard_count();
+    let mut good = open(&at).await;
+    for (head, payload) in [
+        (0x82, vec![0; 100]),
+        (0x81, vec![b'x'; 100_000]),
+        (0x81, vec![0xff; 10]),
+        (0xf1, b"{}".to_vec()),
+    ] {
+        let mut bad = Page::open(&at, "").await.unwrap();
+        bad.frame(head, &payload).await;
+        bad.closed().await;
+    }
+    let mut flood = Page::open(&at, "").await.unwrap();
+    for _ in 0..1000 {
+        flood.say("{\"type\":\"taken\"}").await;
+    }
+    flood.closed().await;
+    let mut odd = Page::open(&at, "").await.unwrap();
+    odd.say("{\"type\":\"drive\"}").await;
+    odd.until("notice", |notice| notice["key"] == "nonsense")
+        .await;
+    for bytes in [
+        &b"\0\0\0\0"[..],
+        b"GET / HTTP/1.1\r\n",
+        b"POST /api/stop HTTP/9.9\r\n\r\n",
+    ] {
+        browser::send(&at, bytes).await;
+    }
+    good.until("state", |state| state["tracks"][0] == 30).await;
+    assert!(!rig.commands(from).contains(&Command::STOP));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn figures_and_the_description_of_the_api_are_there() {
+    let rig = Rig::quiet().await;
+    let (_run, at) = live(&rig, IDLE, &[]).await;
+    let (status, figures) = get(&at, "/metrics").await;
+    assert_eq!(status, 200);
+    for line in ["spykee_battery_percent 90", "spykee_link_up 1", "# EOF"] {
+        assert!(figures.contains(line), "{line}: {figures}");
+    }
+    let (_, document) = get(&at, "/api/openapi.json").await;
+    let document: Value = serde_json::from_str(&document).unwrap();
+    assert_eq!(document["openapi"], "3.1.0");
+    let (_, health) = get(&at, "/healthz").await;
+    assert_eq!(health, "{\"live\":true,\"ready\":true}");
+    let (status, jpeg) = get(&at, "/api/picture").await;
+    assert!(status == 200 && jpeg.len() > 1000, "{status}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(8))]
+    #[test]
+    fn no_bytes_on_the_websocket_hurt_the_run(
+        frames in prop::collection::vec((any::<u8>(), prop::collection::vec(any::<u8>(), 0..300)), 1..20)
+    ) {
+        let runtime = tokio::runtime::Runtime::new().unwrap();
+        runtime.block_on(async {
+            let rig = Rig::quiet().await;
+            let (mut run, at) = live(&rig, IDLE, &[]).await;
+            let mut page = Page::open(&at, "").await.unwrap();
+            for (head, payload) in &frames {
+                page.frame(*head, payload).await;
+            }
+            drop(page);
+            assert!(run.lives());
+            assert_eq!(get(&at, "/healthz").await.0, 200);
+            assert!(!rig.commands(0).iter().any(moves));
+        });
+    }
+}

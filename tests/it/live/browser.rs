@@ -1,0 +1,187 @@
+//! What a browser does, byte by byte: requests and a WebSocket. Not from the server's own library.
+
+use serde_json::Value;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::TcpStream;
+use tokio::time::timeout;
+
+use crate::rig::{PATIENCE, Run};
+
+/// Where a run's page is.
+pub async fn address(run: &Run) -> String {
+    const SAID: &str = "the page is at http://";
+    run.says(SAID).await;
+    let text = run.text();
+    let rest = text.split_once(SAID).unwrap().1;
+    rest.split('/').next().unwrap().to_owned()
+}
+
+/// Status and body of a request, with `Host` unless other headers say one.
+pub async fn ask(address: &str, line: &str, headers: &str, body: &str) -> (u16, String) {
+    let host = match headers.to_ascii_lowercase().contains("host:") {
+        true => String::new(),
+        false => format!("Host: {address}\r\n"),
+    };
+    let request = format!(
+        "{line} HTTP/1.1\r\n{host}{headers}Content-Type: application/json\r\nContent-Length: {}\r\n\r\n{body}",
+        body.len()
+    );
+    let answer = send(address, request.as_bytes()).await;
+    let text = String::from_utf8_lossy(&answer).into_owned();
+    let status = text
+        .split(' ')
+        .nth(1)
+        .and_then(|code| code.parse().ok())
+        .unwrap_or(0);
+    let body = text.split_once("\r\n\r\n").map_or("", |(_, body)| body);
+    (status, body.to_owned())
+}
+
+/// All that is answered to some bytes.
+pub async fn send(address: &str, bytes: &[u8]) -> Vec<u8> {
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    let _ = stream.write_all(bytes).await;
+    let mut answer = Vec::new();
+    let _ = timeout(PATIENCE, stream.read_to_end(&mut answer))
+        .await
+        .expect("it answers");
+    answer
+}
+
+pub async fn get(address: &str, path: &str) -> (u16, String) {
+    ask(address, &format!("GET {path}"), "", "").await
+}
+
+/// An open page.
+pub struct Page {
+    stream: TcpStream,
+    buffer: Vec<u8>,
+}
+
+/// What a page hears.
+#[derive(Debug)]
+pub enum Heard {
+    Text(Value),
+    /// A frame of the camera.
+    Frame(Vec<u8>),
+    Closed,
+}
+
+impl Page {
+    /// Opens it; the status if it is refused.
+    pub async fn open(address: &str, headers: &str) -> Result<Page, u16> {
+        let mut stream = TcpStream::connect(address).await.unwrap();
+        let request = format!(
+            "GET /live HTTP/1.1\r\nHost: {address}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
+             Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n{headers}\r\n"
+        );
+        stream.write_all(request.as_bytes()).await.unwrap();
+        let mut page = Page {
+            stream,
+            buffer: Vec::new(),
+        };
+        loop {
+            if let Some(end) = page.buffer.windows(4).position(|four| four == b"\r\n\r\n") {
+                let head = String::from_utf8_lossy(&page.buffer[..end]).into_owned();
+                page.buffer.drain(..end + 4);
+                let status: u16 = head.split(' ').nth(1).unwrap().parse().unwrap();
+                return if status == 101 { Ok(page) } else { Err(status) };
+            }
+            assert!(page.read().await, "no answer: {:?}", page.buffer);
+        }
+    }
+
+    async fn read(&mut self) -> bool {
+        let mut bytes = [0; 64 * 1024];
+        let read = timeout(PATIENCE, self.stream.read(&mut bytes))
+            .await
+            .expect("it talks");
+        let read = read.unwrap_or(0);
+        self.buffer.extend_from_slice(&bytes[..read]);
+        read > 0
+    }
+
+    /// Says something; the mask is zeros, which is allowed.
+    pub async fn say(&mut self, message: &str) {
+        self.frame(0x81, message.as_bytes()).await;
+    }
+
+    pub async fn frame(&mut self, head: u8, payload: &[u8]) {
+        let mut frame = vec![head];
+        match u16::try_from(payload.len()) {
+            Ok(length) if length < 126 => frame.push(0x80 | length as u8),
+            Ok(length) => {
+                frame.push(0x80 | 126);
+                frame.extend(length.to_be_bytes());
+            }
+            Err(_) => {
+                frame.push(0x80 | 127);
+                frame.extend((payload.len() as u64).to_be_bytes());
+            }
+        }
+        frame.extend([0; 4]);
+        frame.extend(payload);
+        let _ = self.stream.write_all(&frame).await;
+    }
+
+    /// The next message; answers pings meanwhile.
+    pub async fn hear(&mut self) -> Heard {
+        loop {
+            if let Some((kind, payload)) = self.take() {
+                match kind {
+                    1 => return Heard::Text(serde_json::from_slice(&payload).unwrap()),
+                    2 => return Heard::Frame(payload),
+                    8 => return Heard::Closed,
+                    9 => self.frame(0x8a, &payload).await,
+                    _ => {}
+                }
+                continue;
+            }
+            if !self.read().await {
+                return Heard::Closed;
+            }
+        }
+    }
+
+    /// One frame of the protocol, if it is whole.
+    fn take(&mut self) -> Option<(u8, Vec<u8>)> {
+        let (head, rest) = self.buffer.split_at_checked(2)?;
+        let (length, skip) = match head[1] {
+            126 => (
+                usize::from(u16::from_be_bytes(rest.get(..2)?.try_into().ok()?)),
+                4,
+            ),
+            127 => (
+                u64::from_be_bytes(rest.get(..8)?.try_into().ok()?) as usize,
+                10,
+            ),
+            length => (usize::from(length), 2),
+        };
+        let payload = self.buffer.get(skip..skip + length)?.to_vec();
+        let kind = head[0] & 0x0f;
+        self.buffer.drain(..skip + length);
+        Some((kind, payload))
+    }
+
+    /// Waits for a message of this kind that is as wanted.
+    pub async fn until(&mut self, kind: &str, wanted: impl Fn(&Value) -> bool) -> Value {
+        let found = async {
+            loop {
+                match self.hear().await {
+                    Heard::Text(value) if value["type"] == kind && wanted(&value) => return value,
+                    Heard::Closed => panic!("closed while waiting for {kind}"),
+                    _ => {}
+                }
+            }
+        };
+        timeout(PATIENCE, found)
+            .await
+            .unwrap_or_else(|_| panic!("no {kind} as wanted"))
+    }
+
+    /// Waits until the other side hangs up.
+    pub async fn closed(&mut self) {
+        let closed = async { while !matches!(self.hear().await, Heard::Closed) {} };
+        timeout(PATIENCE, closed).await.expect("it is closed");
+    }
+}
