@@ -23,6 +23,7 @@ mod motion;
 mod picture;
 mod qrcode;
 mod tracker;
+mod vectors;
 
 pub use blobs::{Blob, BlobFinder, BlobOptions, Camera};
 pub use colour::learn::{LearnRefusal, Learned, learn};
