@@ -1,8 +1,8 @@
 //! From the bytes of a JPEG to planes of samples.
 //!
 //! Own code, because a decoder that gives the planes as they are, reuses its buffers and reports
-//! data that ends early is what a frame's time depends on: three quarters of a frame's time goes
-//! into decoding (`scripts/bench-vision`), and the `image` crate, which is still used for what
+//! data that ends early is what a frame's time depends on: most of a frame's time goes into
+//! decoding (`scripts/bench-vision`), and the `image` crate, which is still used for what
 //! cameras do not send, shows half a picture without an error.
 
 #[cfg(target_arch = "x86_64")]
