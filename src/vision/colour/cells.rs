@@ -11,7 +11,7 @@ use crate::vision::vectors::Vectors;
 
 /// The lowest level of the cells that do not touch the border, less 8.
 const LOWEST: u8 = 64;
-/// Levels of a cell; [`LiveSpans`](super::avx2::LiveSpans) counts on it.
+/// Levels of a cell; `LiveSpans` counts on it.
 const LEVELS: u8 = 8;
 
 /// Searches to leave out after one in vain.

@@ -69,7 +69,8 @@ mod tests {
         assert_eq!(spans.groups(9).collect::<Vec<_>>(), [0, 1, 4]);
         let found: Vec<_> = spans.ranges(144).collect();
         assert_eq!(found, [0..32, 64..80]);
-        assert_eq!(Spans::ALL.ranges(1280).collect::<Vec<_>>(), [0..1280]);
+        let mut whole = Spans::ALL.ranges(1280);
+        assert_eq!((whole.next(), whole.next()), (Some(0..1280), None));
         assert_eq!(Spans::NONE.ranges(1280).count(), 0);
     }
 }
