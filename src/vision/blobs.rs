@@ -7,9 +7,11 @@ use serde::{Deserialize, Serialize};
 
 use self::moments::Moments;
 use self::regions::{Region, Regions};
+use crate::vision::colour::labeller::Labeller;
 use crate::vision::colour::palette::Palette;
 use crate::vision::picture::image::{Image, Roi};
 use crate::vision::picture::size::Size;
+use crate::vision::picture::spans::Spans;
 
 /// Most blobs that are merged with each other: merging compares each with each.
 const MAX_MERGED: usize = 512;
@@ -155,15 +157,17 @@ impl BlobFinder {
         options: &BlobOptions,
         camera: Camera,
     ) -> &[Blob] {
-        let label_row = |y, x, row: &mut [u8]| palette.label_row(image, y, x, row);
+        let mut labeller = Labeller::new(palette, image);
+        let label_row = |y, x, row: &mut [u8]| labeller.label_row(y, x, row);
         self.find_labelled(image.size(), label_row, options, camera)
     }
 
-    /// As [`BlobFinder::find`], of whatever labels `label_row(y, x, row)` writes for columns `x..`; 0 is background.
+    /// As [`BlobFinder::find`], of whatever labels `label_row(y, x, row)` writes for columns `x..`; 0 is background,
+    /// and so is all that lies outside the spans that it returns.
     pub(crate) fn find_labelled(
         &mut self,
         size: Size,
-        mut label_row: impl FnMut(u32, u32, &mut [u8]),
+        mut label_row: impl FnMut(u32, u32, &mut [u8]) -> Spans,
         options: &BlobOptions,
         camera: Camera,
     ) -> &[Blob] {

@@ -6,7 +6,7 @@
 //! [`BlobFinder`] makes [`Blob`]s of the pixels that match. [`Eyes`] does all of it for one frame
 //! after the other, decodes each once and keeps its buffers.
 //!
-//! Three quarters of the time goes into decoding (`scripts/bench-vision`), so whatever is asked of
+//! Most of the time goes into decoding (`scripts/bench-vision`), so whatever is asked of
 //! a frame beyond that is cheap: brightness, sharpness and motion read the decoded luma as it
 //! is, and colours are looked up without ever making red, green and blue.
 
@@ -26,6 +26,7 @@ mod qrcode;
 mod standstill;
 mod tracker;
 mod turn;
+mod vectors;
 
 pub use blobs::{Blob, BlobFinder, BlobOptions, Camera};
 pub use colour::learn::{LearnRefusal, Learned, learn};

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::blobs::{Blob, BlobFinder, BlobOptions, Camera};
 use crate::vision::picture::image::Image;
 use crate::vision::picture::size::Size;
+use crate::vision::picture::spans::Spans;
 
 /// Surroundings of a half-size pixel: this many on each side.
 const REACH: usize = 7;
@@ -214,6 +215,7 @@ impl MotionDetector {
             for (label, x) in row.iter_mut().zip(x as usize..) {
                 *label = moved[y * w + (x / 2).min(w - 1)];
             }
+            Spans::ALL
         };
         let options = BlobOptions {
             merge: true,

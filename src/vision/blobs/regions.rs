@@ -7,6 +7,7 @@
 
 use super::moments::Moments;
 use crate::vision::picture::image::Roi;
+use crate::vision::picture::spans::Spans;
 
 /// Pixels of one label that touch each other, and their sums.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,8 +44,9 @@ pub(crate) struct Regions {
 }
 
 impl Regions {
-    /// Goes over the window row by row. `label_row(y, row)` fills the labels of row `y`; 0 is background.
-    pub(crate) fn scan(&mut self, window: Roi, mut label_row: impl FnMut(u32, &mut [u8])) {
+    /// Goes over the window row by row. `label_row(y, row)` fills the labels of row `y` and tells where there
+    /// may be any; 0 is background, and so is the rest.
+    pub(crate) fn scan(&mut self, window: Roi, mut label_row: impl FnMut(u32, &mut [u8]) -> Spans) {
         self.runs.clear();
         self.rows.clear();
         self.regions.clear();
@@ -52,9 +54,12 @@ impl Regions {
         self.rows.push(0);
         let mut above = 0;
         for y in window.y..window.y + window.h {
-            label_row(y, &mut self.row);
+            let spans = label_row(y, &mut self.row);
             let first = self.runs.len();
-            cut(&self.row, window.x, &mut self.runs);
+            for span in spans.ranges(self.row.len()) {
+                let x = window.x + span.start as u32;
+                cut(&self.row[span], x, &mut self.runs);
+            }
             self.join(above, first, y);
             self.rows.push(self.runs.len());
             above = first;
@@ -265,7 +270,8 @@ mod tests {
         };
         let width = mask.width() as usize;
         regions.scan(window, |y, row| {
-            row.copy_from_slice(&mask.as_raw()[y as usize * width..][..width])
+            row.copy_from_slice(&mask.as_raw()[y as usize * width..][..width]);
+            Spans::ALL
         });
     }
 

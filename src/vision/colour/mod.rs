@@ -2,6 +2,10 @@
 //!
 //! [`Colour::contains`] is the exact arithmetic; [`super::Palette`] is its fast form.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+mod cells;
+pub(crate) mod labeller;
 pub(crate) mod learn;
 pub(crate) mod palette;
 #[cfg(test)]

@@ -6,7 +6,8 @@
 //! a picture touches few cache lines, and pairs that no colour has share one row.
 
 use super::Colour;
-use crate::vision::picture::image::Image;
+use super::cells::Cells;
+use crate::vision::picture::image::{Image, Plane};
 use crate::vision::picture::space::{hsv_of, lab_of_linear, linear, rgb_of_ycc};
 
 /// Bits of Cb and of Cr that are told apart.
@@ -19,11 +20,11 @@ const LEVELS: usize = 64;
 pub const MAX_COLOURS: usize = 32;
 
 /// For each level of brightness 0, or 1 + the index of the first colour that has it.
-type Row = [u8; LEVELS];
+pub(super) type Row = [u8; LEVELS];
 
 /// The row of a pair that no picture had yet, and that of all pairs that no colour has.
 const UNKNOWN: u16 = 0;
-const NOTHING: u16 = 1;
+pub(super) const NOTHING: u16 = 1;
 
 /// A list of colours, ready for whole pictures.
 #[derive(Debug, Clone)]
@@ -36,10 +37,10 @@ pub struct Palette {
     /// For each pair of Cb and Cr, which row is its own.
     index: Box<[u16; PAIRS]>,
     rows: Vec<Row>,
-    /// 0 for each pair whose row is known to be [`NOTHING`], else 1. Small enough for the nearest cache.
-    lively: Box<[u8; PAIRS]>,
-    /// The pairs of a row of pixels.
-    pairs: Vec<u16>,
+    /// Which parts of the plane of Cb and Cr are known to have no colour.
+    pub(super) cells: Cells,
+    /// Numbers of rows, for a row of pixels.
+    pub(super) numbers: Vec<u16>,
 }
 
 impl Palette {
@@ -61,8 +62,8 @@ impl Palette {
             linear,
             index,
             rows: vec![[0; LEVELS]; 2],
-            lively: Box::new([1; PAIRS]),
-            pairs: Vec::new(),
+            cells: Cells::default(),
+            numbers: Vec::new(),
         }
     }
 
@@ -79,101 +80,50 @@ impl Palette {
     /// Index of the first colour that has the pixel of column `x`, row `y`; nothing outside the picture.
     pub fn colour_at(&mut self, image: &Image, x: u32, y: u32) -> Option<usize> {
         image.pixel(x, y)?;
-        let mut label = [0];
-        self.label_row(image, y, x, &mut label);
-        label[0].checked_sub(1).map(usize::from)
+        let at = |plane: &Plane| plane.row(y)[(x >> plane.across) as usize];
+        let [luma, cb, cr] = &image.planes;
+        let (cb, cr) = if image.grey {
+            (128, 128)
+        } else {
+            (at(cb), at(cr))
+        };
+        let row = self.row_number(pair_of(cb, cr));
+        let label = self.row(row)[level(at(luma))];
+        label.checked_sub(1).map(usize::from)
     }
 
-    /// Labels the pixels of row `y` from column `x` on: 0, or 1 + the index of the first colour that has the pixel.
-    pub(crate) fn label_row(&mut self, image: &Image, y: u32, x: u32, labels: &mut [u8]) {
-        let luma = &image.luma_row(y)[x as usize..];
-        if image.grey {
-            let row = self.row(pair_of(128, 128));
-            labels
-                .iter_mut()
-                .zip(luma)
-                .for_each(|(label, luma)| *label = row[level(*luma)]);
-            return;
-        }
-        let [_, cb, cr] = &image.planes;
-        let (cbs, crs) = (cb.row(y), cr.row(y));
-        match (cb.across, cr.across) {
-            (0, 0) => self.label_groups::<1>(luma, &cbs[x as usize..], &crs[x as usize..], labels),
-            (1, 1) if x.is_multiple_of(2) => {
-                let from = x as usize / 2;
-                self.label_groups::<2>(luma, &cbs[from..], &crs[from..], labels);
-            }
-            shifts => {
-                for ((label, luma), x) in labels.iter_mut().zip(luma).zip(x..) {
-                    let (cb, cr) = (cbs[(x >> shifts.0) as usize], crs[(x >> shifts.1) as usize]);
-                    *label = self.row(pair_of(cb, cr))[level(*luma)];
-                }
+    /// Whether no pixel with this Cb and Cr has a label. Takes its time for a pair that was not met.
+    pub(super) fn settle(&mut self, pair: u16) -> bool {
+        let index = usize::from(pair) % PAIRS;
+        if self.index[index] == UNKNOWN {
+            let labels = |level| self.label_of(index, level);
+            if (0..LEVELS).all(|level| labels(level) == 0) {
+                self.index[index] = NOTHING;
             }
         }
+        self.index[index] == NOTHING
     }
 
-    /// Labels pixels of which `N` share Cb and Cr; the last ones may be fewer. Most pixels have no
-    /// colour of interest, so eight pairs at a time are asked whether any of them may have one.
-    fn label_groups<const N: usize>(
-        &mut self,
-        luma: &[u8],
-        cbs: &[u8],
-        crs: &[u8],
-        labels: &mut [u8],
-    ) {
-        let mut pairs = std::mem::take(&mut self.pairs);
-        pairs.clear();
-        let chroma = cbs.iter().zip(crs).take(labels.len().div_ceil(N));
-        pairs.extend(chroma.map(|(cb, cr)| pair_of(*cb, *cr)));
-        let (whole, rest) = pairs.as_chunks::<8>();
-        let (first, last) = labels.split_at_mut((whole.len() * 8 * N).min(labels.len()));
-        for ((labels, luma), pairs) in first.chunks_mut(8 * N).zip(luma.chunks(8 * N)).zip(whole) {
-            let lively = pairs
-                .iter()
-                .fold(0, |any, pair| any | self.lively[usize::from(*pair) % PAIRS]);
-            if lively == 0 {
-                labels.fill(0);
-            } else {
-                self.label_lively::<N>(pairs, luma, labels);
-            }
-        }
-        self.label_lively::<N>(rest, &luma[first.len()..], last);
-        self.pairs = pairs;
-    }
-
-    fn label_lively<const N: usize>(&mut self, pairs: &[u16], luma: &[u8], labels: &mut [u8]) {
-        for ((labels, luma), pair) in labels.chunks_mut(N).zip(luma.chunks(N)).zip(pairs) {
-            let row = self.row(*pair);
-            labels
-                .iter_mut()
-                .zip(luma)
-                .for_each(|(label, luma)| *label = row[level(*luma)]);
-        }
-    }
-
+    /// Which row holds the labels of pixels with this Cb and Cr.
     #[inline(always)]
-    fn row(&mut self, pair: u16) -> &Row {
-        let row = match self.index[usize::from(pair) % PAIRS] {
+    pub(super) fn row_number(&mut self, pair: u16) -> u16 {
+        match self.index[usize::from(pair) % PAIRS] {
             UNKNOWN => self.meet(pair.into()),
             row => row,
-        };
-        &self.rows[usize::from(row)]
+        }
+    }
+
+    /// The labels of a row, by [`level`].
+    #[inline(always)]
+    pub(super) fn row(&self, number: u16) -> &Row {
+        &self.rows[usize::from(number)]
     }
 
     /// Works out the row of a pair that is met for the first time.
     #[cold]
     fn meet(&mut self, pair: usize) -> u16 {
-        let chroma = |value: usize| (value * 2) as f64 + 0.5;
-        let (cb, cr) = (
-            chroma(pair >> CHROMA_BITS),
-            chroma(pair & ((1 << CHROMA_BITS) - 1)),
-        );
-        // Spread over the whole range, so that black and white are met exactly.
-        let luma = |level: usize| level as f64 * 255.0 / (LEVELS - 1) as f64;
-        let labels: Row =
-            std::array::from_fn(|level| self.label(rgb_of_ycc([luma(level), cb, cr])));
+        let labels: Row = std::array::from_fn(|level| self.label_of(pair, level));
         let row = if labels == self.rows[usize::from(NOTHING)] {
-            self.lively[pair] = 0;
             NOTHING
         } else {
             self.rows.push(labels);
@@ -182,6 +132,18 @@ impl Palette {
         };
         self.index[pair] = row;
         row
+    }
+
+    /// The label of a pair at a level of brightness.
+    fn label_of(&self, pair: usize, level: usize) -> u8 {
+        let chroma = |value: usize| (value * 2) as f64 + 0.5;
+        let (cb, cr) = (
+            chroma(pair >> CHROMA_BITS),
+            chroma(pair & ((1 << CHROMA_BITS) - 1)),
+        );
+        // Spread over the whole range, so that black and white are met exactly.
+        let luma = level as f64 * 255.0 / (LEVELS - 1) as f64;
+        self.label(rgb_of_ycc([luma, cb, cr]))
     }
 
     fn label(&self, rgb: [f64; 3]) -> u8 {
@@ -204,13 +166,15 @@ fn first(colours: &[Colour]) -> &[Colour] {
     &colours[..colours.len().min(MAX_COLOURS)]
 }
 
+/// The pair of a Cb and a Cr.
 #[inline(always)]
-fn pair_of(cb: u8, cr: u8) -> u16 {
+pub(super) fn pair_of(cb: u8, cr: u8) -> u16 {
     u16::from(cb >> (8 - CHROMA_BITS)) << CHROMA_BITS | u16::from(cr >> (8 - CHROMA_BITS))
 }
 
+/// Which of a [`Row`]'s labels is that of a pixel.
 #[inline(always)]
-fn level(luma: u8) -> usize {
+pub(super) fn level(luma: u8) -> usize {
     usize::from(luma) * LEVELS / 256
 }
 
@@ -221,14 +185,10 @@ mod tests {
     use proptest::prelude::*;
 
     fn label(palette: &mut Palette, rgb: [u8; 3]) -> u8 {
-        let mut labels = [9];
-        palette.label_row(
-            &Image::from_rgb(&RgbImage::from_pixel(1, 1, Rgb(rgb))),
-            0,
-            0,
-            &mut labels,
-        );
-        labels[0]
+        let image = Image::from_rgb(&RgbImage::from_pixel(1, 1, Rgb(rgb)));
+        palette
+            .colour_at(&image, 0, 0)
+            .map_or(0, |index| index as u8 + 1)
     }
 
     #[test]
@@ -268,40 +228,12 @@ mod tests {
             let image = Image::from_rgb(&picture);
             let mut differ = 0;
             for y in 0..64 {
-                let mut labels = [0; 64];
-                palette.label_row(&image, y, 0, &mut labels);
-                for (label, x) in labels.into_iter().zip(0..) {
-                    differ += u32::from((label != 0) != colour.contains(picture.get_pixel(x, y).0));
+                for x in 0..64 {
+                    let found = palette.colour_at(&image, x, y).is_some();
+                    differ += u32::from(found != colour.contains(picture.get_pixel(x, y).0));
                 }
             }
             prop_assert!(differ <= 4096 * 3 / 100, "{differ} of 4096 pixels differ");
-        }
-
-        /// Whatever the sharing of Cb and Cr and the first column, a row is labelled pixel by pixel.
-        #[test]
-        fn rows_are_labelled_alike_in_every_layout(
-            across in 0u32..=2, down in 0u32..=2, x in 0u32..7, width in 7u32..30, grey in any::<bool>(),
-            noise in proptest::collection::vec(any::<u8>(), 3 * 32 * 4),
-        ) {
-            let mut image = Image { size: crate::vision::Size { width, height: 4 }, grey, ..Image::default() };
-            for (index, plane) in image.planes.iter_mut().enumerate() {
-                plane.shape((32, 4), if index == 0 { (0, 0) } else { (across, down) });
-                plane.samples.copy_from_slice(&noise[index * 128..][..128]);
-            }
-            let colours = ["red", "green", "blue"].map(|name| Colour::named(name).unwrap());
-            let mut palette = Palette::compile(&colours, false);
-            for y in 0..4 {
-                let mut labels = vec![9; (width - x) as usize];
-                palette.label_row(&image, y, x, &mut labels);
-                for (label, x) in labels.into_iter().zip(x..) {
-                    let at = |plane: usize| {
-                        let plane = &image.planes[plane];
-                        plane.samples[(y >> plane.down) as usize * 32 + (x >> plane.across) as usize]
-                    };
-                    let (cb, cr) = if grey { (128, 128) } else { (at(1), at(2)) };
-                    prop_assert_eq!(label, palette.row(pair_of(cb, cr))[level(at(0))]);
-                }
-            }
         }
     }
 }

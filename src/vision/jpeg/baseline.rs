@@ -6,15 +6,18 @@
 //! [`DecodeError::Unsupported`]: the decoder of the `image` crate takes it.
 
 use super::bits::Scan;
+use super::block::Waiting;
 use super::headers::{Component, DecodeError, Headers, damaged};
 use super::mcu::{ComponentDecoder, decode_scan};
 use crate::vision::picture::image::{Image, Plane};
+use crate::vision::vectors::Vectors;
 
 /// Tables and buffers that live from frame to frame.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Baseline {
     pub(super) headers: Headers,
     pub(super) scan: Scan,
+    pub(super) vectors: Vectors,
 }
 
 impl Baseline {
@@ -30,7 +33,8 @@ impl Baseline {
             return Err(DecodeError::Unsupported);
         }
         let (mcus, components) = self.shape(image, [0; 3])?;
-        decode_scan(&self.scan, self.headers.restart_interval, mcus, components)
+        let interval = self.headers.restart_interval;
+        decode_scan(self.vectors, &self.scan, interval, mcus, components)
     }
 
     /// Reads all that stands before the data; returns where that begins.
@@ -79,7 +83,7 @@ impl Baseline {
         predictors: [i32; 3],
     ) -> Result<[ComponentDecoder<'a>; 3], DecodeError> {
         let quantisers = &self.headers.quantisers;
-        let missing = |component: &Component| quantisers[component.quantiser].is_none();
+        let missing = |component: &Component| !quantisers[component.quantiser].present;
         if self.headers.components.iter().any(missing) {
             return Err(damaged("a quantisation table is missing"));
         }
@@ -90,10 +94,11 @@ impl Baseline {
             ComponentDecoder {
                 h: component.h as usize,
                 v: component.v as usize,
-                quantiser: quantisers[component.quantiser].unwrap_or([0; 64]),
+                quantiser: &quantisers[component.quantiser].scaled,
                 dc_table: &self.headers.dc_tables[component.dc_table],
                 ac_table: &self.headers.ac_tables[component.ac_table],
                 predictor: predictors.next().unwrap_or_default(),
+                waiting: Waiting::default(),
                 plane,
             }
         }))

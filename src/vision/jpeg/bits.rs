@@ -129,17 +129,24 @@ pub(crate) struct Cursor {
 }
 
 impl Bits<'_> {
-    /// Makes sure that 32 bits can be looked at.
+    /// Makes sure that `LEAST` bits can be looked at, 56 at most.
     #[inline(always)]
-    pub(crate) fn refill(&mut self) {
-        let Cursor { at, buffer, count } = &mut self.cursor;
-        if *count < 32 {
-            let next = self.bytes.get(*at..).and_then(<[u8]>::first_chunk::<8>);
-            let word = next.map_or(0, |bytes| u64::from_be_bytes(*bytes));
-            *buffer |= word >> *count;
-            *at += (63 - *count) as usize / 8;
-            *count |= 56;
+    pub(crate) fn refill<const LEAST: u32>(&mut self) {
+        if self.cursor.count < LEAST {
+            self.refill_always();
         }
+    }
+
+    /// Makes sure that 56 bits can be looked at.
+    #[inline(always)]
+    pub(crate) fn refill_always(&mut self) {
+        let Cursor { at, buffer, count } = &mut self.cursor;
+        let next = self.bytes.get(*at..).and_then(<[u8]>::first_chunk::<8>);
+        let word = next.map_or(0, |bytes| u64::from_be_bytes(*bytes));
+        // Bits of a byte that was taken in part are there already, and the same.
+        *buffer |= word >> *count;
+        *at += (63 - *count) as usize / 8;
+        *count |= 56;
     }
 
     /// The next bits, 1 to 32, without taking them; [`Bits::refill`] must have come before.
@@ -191,7 +198,7 @@ mod tests {
             for (index, part) in parts.iter().enumerate() {
                 let mut bits = scan.bits(index);
                 for byte in part {
-                    bits.refill();
+                    bits.refill::<32>();
                     prop_assert_eq!(bits.peek(8), usize::from(*byte));
                     bits.skip(8);
                 }
@@ -206,7 +213,7 @@ mod tests {
         scan.load(&[0x12, 0xFF, 0xD9]).unwrap();
         let mut bits = scan.bits(0);
         for _ in 0..1000 {
-            bits.refill();
+            bits.refill::<32>();
             bits.skip(31);
         }
         assert_eq!(bits.left(), 8 - 31_000);

@@ -110,6 +110,7 @@ fn short(error: image::ImageError) -> FrameError {
 mod tests {
     use super::super::baseline::Baseline;
     use super::*;
+    use crate::vision::vectors::Vectors;
     use image::codecs::jpeg::JpegEncoder;
     use image::{Rgb, RgbImage};
     use proptest::prelude::*;
@@ -160,8 +161,16 @@ mod tests {
         decoder.decode(jpeg).map(Image::to_rgb)
     }
 
+    /// A decoder without the vector instructions of this processor.
+    fn plain() -> Decoder {
+        let mut decoder = Decoder::default();
+        decoder.baseline.use_vectors(Vectors::Plain);
+        decoder
+    }
+
     proptest! {
-        /// However a frame is cut, damaged or followed by another one, looking ahead changes no result.
+        /// However a frame is cut, damaged or followed by another one, looking ahead changes no result, and
+        /// neither do vector instructions.
         #[test]
         fn a_frame_looked_at_ahead_is_the_same_frame(
             file in 0..FILES.len(),
@@ -182,6 +191,7 @@ mod tests {
                 prop_assert_eq!(Ok(ahead.image().to_rgb()), before.clone());
             }
             let fresh = told(&mut Decoder::default(), &jpeg);
+            prop_assert_eq!(told(&mut plain(), &jpeg), fresh.clone());
             let mut elsewhere = ahead.clone();
             prop_assert_eq!(told(&mut ahead, &jpeg), fresh);
             prop_assert_eq!(told(&mut elsewhere, FILES[other]), before);

@@ -3,6 +3,7 @@
 use super::frame::{FrameError, Segment, Segments};
 use super::huffman::{STANDARD_TABLES, Table};
 use super::idct;
+use super::steps::AcTable;
 use crate::vision::picture::size::Size;
 
 /// Why a frame was not decoded here.
@@ -36,12 +37,42 @@ pub(super) struct Component {
     pub(super) ac_table: usize,
 }
 
+/// A quantisation table in its [`scaled`](idct::scaled) form.
+#[derive(Debug, Clone)]
+pub(super) struct Quantiser {
+    /// As it stood in the frame.
+    source: [u16; 64],
+    pub(super) scaled: [i32; 64],
+    /// Whether this frame has brought it.
+    pub(super) present: bool,
+}
+
+impl Default for Quantiser {
+    fn default() -> Self {
+        Quantiser {
+            source: [0; 64],
+            scaled: [0; 64],
+            present: false,
+        }
+    }
+}
+
+impl Quantiser {
+    fn load(&mut self, source: [u16; 64]) {
+        self.present = true;
+        if self.source != source {
+            self.scaled = idct::scaled(&source);
+            self.source = source;
+        }
+    }
+}
+
 /// Tables live from frame to frame: a table that has not changed is not built again.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Headers {
-    pub(super) quantisers: [Option<[i32; 64]>; 4],
+    pub(super) quantisers: [Quantiser; 4],
     pub(super) dc_tables: [Table; 4],
-    pub(super) ac_tables: [Table; 4],
+    pub(super) ac_tables: [AcTable; 4],
     /// Which of the tables this frame has brought: DC, AC.
     present: [[bool; 4]; 2],
     pub(super) components: Vec<Component>,
@@ -75,7 +106,9 @@ impl Headers {
     }
 
     fn forget(&mut self) {
-        self.quantisers = [None; 4];
+        for quantiser in &mut self.quantisers {
+            quantiser.present = false;
+        }
         self.present = Default::default();
         self.components.clear();
         self.size = None;
@@ -141,7 +174,7 @@ impl Headers {
                     rest[at].into()
                 }
             };
-            self.quantisers[index] = Some(idct::scaled(&std::array::from_fn(value)));
+            self.quantisers[index].load(std::array::from_fn(value));
             body = &rest[len..];
         }
         Ok(())
@@ -157,12 +190,11 @@ impl Headers {
             if class > 1 || index > 3 || rest.len() < len {
                 return Err(damaged("a Huffman table is cut short"));
             }
-            let tables = if class == 0 {
-                &mut self.dc_tables
-            } else {
-                &mut self.ac_tables
+            let makes_sense = match class {
+                0 => self.dc_tables[index].load(counts, &rest[..len]),
+                _ => self.ac_tables[index].load(counts, &rest[..len]),
             };
-            if !tables[index].load(counts, &rest[..len]) {
+            if !makes_sense {
                 return Err(damaged("a Huffman table contradicts itself"));
             }
             self.present[class][index] = true;

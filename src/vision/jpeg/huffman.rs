@@ -22,18 +22,26 @@ pub(crate) struct Table {
 }
 
 /// What the next bits mean: bits 0..8 how many are taken, 8..16 run or symbol, 16..32 the value.
-/// A value of 0 means that only the symbol is known; 0 bits taken, that the code is longer.
+/// With [`Entry::SYMBOL_ONLY`] the value still has to be read; 0 bits taken: the code is longer.
 #[derive(Debug, Clone, Copy, Default)]
 struct Entry(u32);
 
 impl Entry {
+    const SYMBOL_ONLY: u32 = 0x80;
+
     fn new(taken: u32, middle: u8, value: i32) -> Entry {
         Entry(taken | u32::from(middle) << 8 | (value as u32) << 16)
     }
 
+    /// Whether code and value are known.
+    #[inline(always)]
+    fn is_whole(self) -> bool {
+        self.0 & 0xFF != 0 && self.0 & Entry::SYMBOL_ONLY == 0
+    }
+
     #[inline(always)]
     fn taken(self) -> u32 {
-        self.0 & 0xFF
+        self.0 & (Entry::SYMBOL_ONLY - 1)
     }
 
     #[inline(always)]
@@ -45,6 +53,16 @@ impl Entry {
     fn value(self) -> i32 {
         self.0 as i32 >> 16
     }
+}
+
+/// A code and the value that follows it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Coded {
+    /// Bits of both.
+    pub(crate) taken: u32,
+    pub(crate) run: u8,
+    /// 0 if there is none.
+    pub(crate) value: i32,
 }
 
 impl Default for Table {
@@ -60,11 +78,16 @@ impl Default for Table {
 }
 
 impl Table {
+    /// Whether this is the table that stands so in a frame.
+    pub(crate) fn is(&self, counts: &[u8; 16], symbols: &[u8]) -> bool {
+        self.source.get(..16) == Some(counts) && &self.source[16..] == symbols
+    }
+
     /// Takes a table as it stands in a frame: 16 counts, one for each length, and the symbols in
     /// the order of their codes. Says whether it makes sense. Does nothing when it is the table of
     /// the frame before.
     pub(crate) fn load(&mut self, counts: &[u8; 16], symbols: &[u8]) -> bool {
-        if self.source.get(..16) == Some(counts) && &self.source[16..] == symbols {
+        if self.is(counts, symbols) {
             return true;
         }
         self.source.clear();
@@ -98,18 +121,31 @@ impl Table {
     }
 
     fn entry(&self, bits: u32) -> Entry {
-        let Some((symbol, length)) = self.code(bits << (16 - QUICK), 1) else {
-            return Entry::default();
-        };
+        if let Some(coded) = self.coded(bits << (16 - QUICK), QUICK) {
+            return Entry::new(coded.taken, coded.run, coded.value);
+        }
+        match self.code(bits << (16 - QUICK), 1) {
+            Some((symbol, length)) if length <= QUICK => {
+                Entry::new(length | Entry::SYMBOL_ONLY, symbol, 0)
+            }
+            _ => Entry::default(),
+        }
+    }
+
+    /// What the top ones of 16 bits mean, of which only so many are known; nothing when that takes more
+    /// of them, or the code does not exist.
+    pub(crate) fn coded(&self, bits: u32, known: u32) -> Option<Coded> {
+        let (symbol, length) = self.code(bits, 1)?;
         let (run, size) = (symbol >> 4, u32::from(symbol & 15));
-        if length > QUICK {
-            return Entry::default();
+        let taken = length + size;
+        if taken > known {
+            return None;
         }
-        if size == 0 || length + size > QUICK {
-            return Entry::new(length, symbol, 0);
-        }
-        let plain = bits >> (QUICK - length - size) & ((1 << size) - 1);
-        Entry::new(length + size, run, signed(plain, size))
+        let value = match size {
+            0 => 0,
+            _ => signed(bits >> (16 - taken) & ((1 << size) - 1), size),
+        };
+        Some(Coded { taken, run, value })
     }
 
     /// Symbol and length of the code at the top of 16 bits, when it has at least `shortest` bits.
@@ -123,15 +159,19 @@ impl Table {
     /// that does not exist.
     #[inline(always)]
     pub(crate) fn next(&self, bits: &mut Bits<'_>) -> Option<(u32, i32)> {
-        bits.refill();
+        bits.refill::<32>();
         let entry = self.quick[bits.peek(QUICK)];
-        if entry.value() != 0 {
+        if entry.is_whole() {
             bits.skip(entry.taken());
             return Some((entry.middle(), entry.value()));
         }
-        self.next_slowly(entry, bits)
+        let mut copy = *bits;
+        let found = self.next_slowly(entry, &mut copy);
+        *bits = copy;
+        found
     }
 
+    #[cold]
     fn next_slowly(&self, entry: Entry, bits: &mut Bits<'_>) -> Option<(u32, i32)> {
         let (symbol, length) = if entry.taken() > 0 {
             (entry.middle(), entry.taken())

@@ -3,7 +3,7 @@
 use super::baseline::Baseline;
 use super::bits::Cursor;
 use super::headers::{DecodeError, damaged};
-use super::mcu::{MAX_BLOCK_BITS, decode_interval, decode_mcu};
+use super::mcu::{decode_ahead, decode_interval};
 use crate::vision::picture::image::Image;
 
 /// The decoder of baseline frames, with the frame whose end has not come yet.
@@ -28,6 +28,12 @@ struct Progress {
 }
 
 impl Incremental {
+    /// Decodes with these instructions from now on.
+    #[cfg(test)]
+    pub(super) fn use_vectors(&mut self, vectors: crate::vision::vectors::Vectors) {
+        self.baseline.vectors = vectors;
+    }
+
     /// Decodes a whole frame of which nothing was decoded before; see [`Baseline::decode`].
     pub(super) fn decode(
         &mut self,
@@ -73,13 +79,10 @@ impl Incremental {
         }
         progress.taken += baseline.scan.take(&jpeg[progress.taken..]);
         let ((across, down), mut components) = baseline.shape(image, progress.predictors)?;
-        let blocks: usize = components.iter().map(|part| part.h * part.v).sum();
-        let mut bits = baseline.scan.bits_from(progress.cursor);
-        while progress.mcu < across * down && bits.left() > (blocks * MAX_BLOCK_BITS) as i64 {
-            decode_mcu(&mut bits, &mut components, progress.mcu, across)?;
-            progress.mcu += 1;
-        }
-        progress.cursor = bits.cursor();
+        let bits = baseline.scan.bits_from(progress.cursor);
+        let rest = progress.mcu..across * down;
+        (progress.cursor, progress.mcu) =
+            decode_ahead(baseline.vectors, bits, rest, across, &mut components)?;
         progress.predictors = components.each_ref().map(|part| part.predictor);
         Ok(progress)
     }
@@ -112,6 +115,6 @@ impl Incremental {
         let ((across, down), mut components) = baseline.shape(image, progress.predictors)?;
         let bits = baseline.scan.bits_from(progress.cursor);
         let rest = progress.mcu..across * down;
-        decode_interval(bits, rest, across, &mut components)
+        decode_interval(baseline.vectors, bits, rest, across, &mut components)
     }
 }

@@ -1,0 +1,159 @@
+//! Cells of the plane of Cb and Cr of which it is known that no pixel in them has a label, so that most pixels of
+//! a row are passed over thirty-two at a time.
+//!
+//! There are 16 by 16 cells of 8 by 8 levels around grey; those at the border go on to the end of the plane. A
+//! cell counts as live until it is [`settled`](Cells::settle) that it is not.
+
+#[cfg(target_arch = "x86_64")]
+use super::avx2::LiveSpans;
+use crate::vision::picture::spans::Spans;
+use crate::vision::vectors::Vectors;
+
+/// The lowest level of the cells that do not touch the border, less 8.
+const LOWEST: u8 = 64;
+/// Levels of a cell; `LiveSpans` counts on it.
+const LEVELS: u8 = 8;
+
+/// Searches to leave out after one in vain.
+const PAUSE: u8 = 15;
+
+/// Cells of one palette.
+#[derive(Debug, Clone)]
+pub(super) struct Cells {
+    /// By cell of Cb, one bit for each cell of Cr, the lower eight and the upper eight: whether it is live.
+    live: [[u8; 16]; 2],
+    /// Likewise whether that is settled.
+    settled: [u16; 16],
+    /// Searches for unsettled cells that are left out.
+    pause: u8,
+}
+
+impl Default for Cells {
+    fn default() -> Self {
+        Cells {
+            live: [[0xFF; 16]; 2],
+            settled: [0; 16],
+            pause: 0,
+        }
+    }
+}
+
+/// One of the cells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Cell {
+    cb: u8,
+    cr: u8,
+}
+
+fn index(level: u8) -> u8 {
+    level.saturating_sub(LOWEST).min(127) / LEVELS
+}
+
+impl Cell {
+    /// The cell of a Cb and a Cr; nothing at the border, where cells are too large to be settled.
+    pub(super) fn of(cb: u8, cr: u8) -> Option<Cell> {
+        let inner = |index: u8| (1..15).contains(&index);
+        let (cb, cr) = (index(cb), index(cr));
+        (inner(cb) && inner(cr)).then_some(Cell { cb, cr })
+    }
+
+    /// All its levels of Cb and Cr.
+    pub(super) fn levels(self) -> impl Iterator<Item = (u8, u8)> {
+        let of = |index: u8| (0..LEVELS).map(move |level| LOWEST + index * LEVELS + level);
+        of(self.cb).flat_map(move |cb| of(self.cr).map(move |cr| (cb, cr)))
+    }
+}
+
+impl Cells {
+    /// Whether it is known of a cell if it is live.
+    pub(super) fn is_settled(&self, cell: Cell) -> bool {
+        self.settled[usize::from(cell.cb)] >> cell.cr & 1 != 0
+    }
+
+    /// Takes it for known that a cell is live, or not.
+    pub(super) fn settle(&mut self, cell: Cell, live: bool) {
+        self.settled[usize::from(cell.cb)] |= 1 << cell.cr;
+        if !live {
+            self.live[usize::from(cell.cr / 8)][usize::from(cell.cb)] &= !(1 << (cell.cr % 8));
+        }
+    }
+
+    /// Says that a search for unsettled cells found none, which is likely to be so again.
+    pub(super) fn pause(&mut self) {
+        self.pause = PAUSE;
+    }
+
+    /// Whether to leave a search out.
+    pub(super) fn is_pausing(&mut self) -> bool {
+        let pausing = self.pause > 0;
+        self.pause = self.pause.saturating_sub(1);
+        pausing
+    }
+
+    /// In which groups of a row there are live cells, when one Cb and Cr stands for `N` pixels, 1 or 2. Without
+    /// vector instructions this takes as long as asking each pixel: then it is all of them.
+    pub(super) fn spans<const N: usize>(&self, vectors: Vectors, cbs: &[u8], crs: &[u8]) -> Spans {
+        match vectors {
+            Vectors::Plain => Spans::ALL,
+            #[cfg(target_arch = "x86_64")]
+            Vectors::Avx2(v3) => v3.vectorize(LiveSpans::<N> {
+                v3,
+                lowest: LOWEST,
+                live: &self.live,
+                cbs,
+                crs,
+            }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_cells_levels_are_its_own_and_the_border_has_none() {
+        let cell = Cell::of(131, 100).unwrap();
+        assert_eq!(cell.levels().count(), 64);
+        assert!(cell.levels().all(|(cb, cr)| Cell::of(cb, cr) == Some(cell)));
+        for border in [0, 71, 184, 255] {
+            assert_eq!(Cell::of(border, 128), None);
+            assert_eq!(Cell::of(128, border), None);
+        }
+    }
+
+    proptest! {
+        /// A group is passed over only if each of its cells is settled as not live, and all such are.
+        #[test]
+        fn exactly_the_groups_without_live_cells_are_passed_over(
+            settled in proptest::collection::vec((72u8..184, 72u8..184, any::<bool>()), 0..300),
+            chroma in proptest::collection::vec((60u8..200, 60u8..200), 1..200),
+        ) {
+            let mut cells = Cells::default();
+            for (cb, cr, live) in settled {
+                let cell = Cell::of(cb, cr).unwrap();
+                cells.settle(cell, live);
+                prop_assert!(cells.is_settled(cell));
+            }
+            let dead = |&(cb, cr): &(u8, u8)| Cell::of(cb, cr).is_some_and(|cell| {
+                cells.live[usize::from(cell.cr / 8)][usize::from(cell.cb)] >> (cell.cr % 8) & 1 == 0
+            });
+            let (cbs, crs): (Vec<u8>, Vec<u8>) = chroma.iter().copied().unzip();
+            if matches!(Vectors::default(), Vectors::Plain) {
+                return Ok(());
+            }
+            let whole = chroma.len() / 32 * 32;
+            let (single, double) = (
+                cells.spans::<1>(Vectors::default(), &cbs, &crs),
+                cells.spans::<2>(Vectors::default(), &cbs, &crs),
+            );
+            for (spans, size) in [(single, 16), (double, 8)] {
+                let groups = chroma[..whole].chunks(size).enumerate();
+                let expected = groups.filter(|(_, chroma)| !chroma.iter().all(dead));
+                let expected: Vec<usize> = expected.map(|(group, _)| group).collect();
+                prop_assert_eq!(spans.groups(whole / size).collect::<Vec<_>>(), expected);
+            }
+        }
+    }
+}

@@ -1,0 +1,194 @@
+//! Labels the rows of a picture by a palette, and passes over what has no colour of interest: most of it.
+
+use super::cells::Cell;
+use super::palette::{NOTHING, Palette, level, pair_of};
+use crate::vision::picture::image::Image;
+use crate::vision::picture::spans::Spans;
+use crate::vision::vectors::Vectors;
+
+/// Most cells that are settled for one picture: each may take as long as a tenth of a picture's decoding.
+const MAX_SETTLED: u32 = 4;
+
+/// A palette on its way through one picture.
+pub(crate) struct Labeller<'a> {
+    palette: &'a mut Palette,
+    image: &'a Image,
+    vectors: Vectors,
+    /// Rows of Cb and of Cr and the first column of pixels for which `spans` holds: rows of pixels share them.
+    known: Option<(u32, u32, u32)>,
+    spans: Spans,
+    settled: u32,
+}
+
+impl<'a> Labeller<'a> {
+    /// Starts with a picture, with the best instructions that there are.
+    pub(crate) fn new(palette: &'a mut Palette, image: &'a Image) -> Labeller<'a> {
+        Labeller {
+            palette,
+            image,
+            vectors: Vectors::default(),
+            known: None,
+            spans: Spans::NONE,
+            settled: 0,
+        }
+    }
+
+    /// Labels the pixels of row `y` from column `x` on: 0, or 1 + the index of the first colour that has the pixel.
+    /// Outside the spans that it returns no pixel has a colour, and nothing is written.
+    pub(crate) fn label_row(&mut self, y: u32, x: u32, labels: &mut [u8]) -> Spans {
+        let image = self.image;
+        let luma = &image.luma_row(y)[x as usize..];
+        if image.grey {
+            let row = self.palette.row_number(pair_of(128, 128));
+            let row = self.palette.row(row);
+            for (label, luma) in labels.iter_mut().zip(luma) {
+                *label = row[level(*luma)];
+            }
+            return Spans::ALL;
+        }
+        let [_, cb, cr] = &image.planes;
+        let (cbs, crs) = (cb.row(y), cr.row(y));
+        let key = (y >> cb.down, y >> cr.down, x);
+        match (cb.across, cr.across) {
+            (0, 0) => self.label::<1>(key, luma, &cbs[x as usize..], &crs[x as usize..], labels),
+            (1, 1) if x.is_multiple_of(2) => {
+                let from = x as usize / 2;
+                self.label::<2>(key, luma, &cbs[from..], &crs[from..], labels)
+            }
+            shifts => {
+                for ((label, luma), x) in labels.iter_mut().zip(luma).zip(x..) {
+                    let (cb, cr) = (cbs[(x >> shifts.0) as usize], crs[(x >> shifts.1) as usize]);
+                    let row = self.palette.row_number(pair_of(cb, cr));
+                    *label = self.palette.row(row)[level(*luma)];
+                }
+                Spans::ALL
+            }
+        }
+    }
+
+    /// Labels pixels of which `N` share Cb and Cr; the last ones may be fewer.
+    fn label<const N: usize>(
+        &mut self,
+        key: (u32, u32, u32),
+        luma: &[u8],
+        cbs: &[u8],
+        crs: &[u8],
+        labels: &mut [u8],
+    ) -> Spans {
+        let count = labels.len().div_ceil(N);
+        let (cbs, crs) = (&cbs[..count], &crs[..count]);
+        if self.known != Some(key) {
+            self.spans = self.find_spans::<N>(cbs, crs);
+            self.known = Some(key);
+        }
+        for span in self.spans.ranges(labels.len()) {
+            let numbers = &self.palette.numbers[span.start / N..span.end.div_ceil(N)];
+            let (labels, last_labels) = labels[span.clone()].as_chunks_mut::<N>();
+            let (luma, last_luma) = luma[span].as_chunks::<N>();
+            for ((labels, luma), number) in labels.iter_mut().zip(luma).zip(numbers) {
+                let row = self.palette.row(*number);
+                *labels = luma.map(|luma| row[level(luma)]);
+            }
+            for (label, luma) in last_labels.iter_mut().zip(last_luma) {
+                *label = self.palette.row(numbers[numbers.len() - 1])[level(*luma)];
+            }
+        }
+        self.spans
+    }
+
+    /// Where there may be labels: first by cells, then pair by pair, whose rows' numbers are kept.
+    fn find_spans<const N: usize>(&mut self, cbs: &[u8], crs: &[u8]) -> Spans {
+        let coarse = self.palette.cells.spans::<N>(self.vectors, cbs, crs);
+        let (mut spans, group) = (Spans::NONE, Spans::GROUP / N);
+        let mut numbers = std::mem::take(&mut self.palette.numbers);
+        numbers.resize(cbs.len(), NOTHING);
+        for index in coarse.groups(cbs.len().div_ceil(group)) {
+            let part = index * group..cbs.len().min((index + 1) * group);
+            let (cbs, crs) = (&cbs[part.clone()], &crs[part.clone()]);
+            let mut any = false;
+            for (number, (cb, cr)) in numbers[part].iter_mut().zip(cbs.iter().zip(crs)) {
+                *number = self.palette.row_number(pair_of(*cb, *cr));
+                any |= *number != NOTHING;
+            }
+            if any {
+                spans.add(index);
+            } else {
+                self.learn(cbs, crs);
+            }
+        }
+        self.palette.numbers = numbers;
+        spans
+    }
+
+    /// Settles the cell of one of these, which have no labels, so that it is passed over from now on.
+    #[cold]
+    fn learn(&mut self, cbs: &[u8], crs: &[u8]) {
+        if matches!(self.vectors, Vectors::Plain)
+            || self.settled == MAX_SETTLED
+            || self.palette.cells.is_pausing()
+        {
+            return;
+        }
+        let cells = cbs
+            .iter()
+            .zip(crs)
+            .filter_map(|(cb, cr)| Cell::of(*cb, *cr));
+        let mut unknown = cells.filter(|cell| !self.palette.cells.is_settled(*cell));
+        let unknown = unknown.next();
+        if let Some(cell) = unknown {
+            self.settled += 1;
+            let live = cell
+                .levels()
+                .any(|(cb, cr)| !self.palette.settle(pair_of(cb, cr)));
+            self.palette.cells.settle(cell, live);
+        } else {
+            self.palette.cells.pause();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vision::Colour;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Whatever the sharing of Cb and Cr, the first column and the instructions, a row is labelled pixel by
+        /// pixel.
+        #[test]
+        fn rows_are_labelled_alike_in_every_layout(
+            across in 0u32..=2, down in 0u32..=2, x in 0u32..7, width in 7u32..130, grey in any::<bool>(),
+            near_grey in any::<bool>(),
+            noise in proptest::collection::vec(any::<u8>(), 3 * 136 * 4),
+        ) {
+            let mut image = Image { size: crate::vision::Size { width, height: 4 }, grey, ..Image::default() };
+            for (index, plane) in image.planes.iter_mut().enumerate() {
+                plane.shape((136, 4), if index == 0 { (0, 0) } else { (across, down) });
+                plane.samples.copy_from_slice(&noise[index * 544..][..544]);
+                if near_grey && index > 0 {
+                    plane.samples.iter_mut().for_each(|value| *value = 116 + *value % 24);
+                }
+            }
+            let colours = ["red", "green", "blue"].map(|name| Colour::named(name).unwrap());
+            for vectors in [Vectors::Plain, Vectors::default()] {
+                let mut palette = Palette::compile(&colours, false);
+                let mut plain = palette.clone();
+                // Again and again, until all cells are settled.
+                for y in (0..32).map(|row| row % 4) {
+                    let mut labeller = Labeller { vectors, ..Labeller::new(&mut palette, &image) };
+                    let mut found = vec![9; (width - x) as usize];
+                    let spans = labeller.label_row(y, x, &mut found);
+                    let mut labels = vec![0; found.len()];
+                    for span in spans.ranges(found.len()) {
+                        labels[span.clone()].copy_from_slice(&found[span]);
+                    }
+                    for (label, x) in labels.into_iter().zip(x..) {
+                        let expected = plain.colour_at(&image, x, y).map_or(0, |index| index as u8 + 1);
+                        prop_assert_eq!(label, expected);
+                    }
+                }
+            }
+        }
+    }
+}

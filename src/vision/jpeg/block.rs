@@ -1,0 +1,216 @@
+//! Decodes single blocks: from bits to coefficients, and those of two blocks at a time to samples.
+
+use super::bits::Bits;
+use super::huffman::Table;
+use super::idct;
+use super::machine::{Coefficients, Machine};
+use super::steps::{AcTable, STEP_BITS, Step};
+use crate::vision::picture::image::Plane;
+
+/// Where to put the coefficient of each place in a frame's zigzag order. Places beyond the block, which a step
+/// names for values that it does not have, share one that is never read.
+const PLACES: [u8; 128] = {
+    let mut places = [64; 128];
+    let mut index = 0;
+    while index < 64 {
+        places[index] = idct::ZIGZAG[index];
+        index += 1;
+    }
+    places
+};
+
+/// Blocks that wait for their transform, which takes two at a time.
+#[derive(Debug, Clone)]
+pub(super) struct Waiting {
+    /// Zeros, but for the blocks that wait and places that are never read.
+    blocks: [Coefficients; 2],
+    /// Where the first one belongs, if it waits.
+    first: Option<usize>,
+}
+
+impl Default for Waiting {
+    fn default() -> Self {
+        Waiting {
+            blocks: [Coefficients::ZERO; 2],
+            first: None,
+        }
+    }
+}
+
+impl Waiting {
+    /// Where the next block's coefficients go.
+    #[inline(always)]
+    pub(super) fn next(&mut self) -> &mut Coefficients {
+        &mut self.blocks[usize::from(self.first.is_some())]
+    }
+
+    /// Makes samples of the [`next`](Waiting::next) block, now or later.
+    #[inline(always)]
+    pub(super) fn put<M: Machine>(&mut self, machine: M, plane: &mut Plane, at: usize) {
+        match self.first.take() {
+            None => self.first = Some(at),
+            Some(first) => {
+                let (samples, stride) = (&mut plane.samples, plane.stride);
+                machine.transform_two(&self.blocks, samples, [first, at], stride);
+                self.blocks = [Coefficients::ZERO; 2];
+            }
+        }
+    }
+
+    /// Makes samples of a block that still waits.
+    #[inline(always)]
+    pub(super) fn finish<M: Machine>(&mut self, machine: M, plane: &mut Plane) {
+        if let Some(first) = self.first {
+            // Both into the same place: there is no second one.
+            self.blocks[1] = self.blocks[0];
+            self.put(machine, plane, first);
+        }
+    }
+}
+
+/// Reads a block's coefficients, multiplied by their quantisers, into zeros; whether there are AC
+/// coefficients. Nothing when the data makes no sense.
+#[inline(always)]
+pub(super) fn decode_block(
+    bits: &mut Bits<'_>,
+    (dc_table, ac_table): (&Table, &AcTable),
+    quantiser: &[i32; 64],
+    predictor: &mut i32,
+    Coefficients(coefficients): &mut Coefficients,
+) -> Option<bool> {
+    // Most blocks have fewer bits than this brings, so the question below has nearly always the same answer.
+    bits.refill_always();
+    let (run, difference) = dc_table.next(bits)?;
+    if run != 0 {
+        return None;
+    }
+    *predictor = predictor.wrapping_add(difference);
+    coefficients[0] = idct::dequantised(*predictor, quantiser[0]);
+    let mut put = |place: usize, value: i32| {
+        let coefficient = idct::dequantised(value, quantiser[place & 63]);
+        coefficients[usize::from(PLACES[place & 127])] = coefficient;
+    };
+    let mut index = 1;
+    loop {
+        bits.refill::<{ STEP_BITS + 2 }>();
+        let step = ac_table.step(bits.peek(STEP_BITS));
+        // What goes beyond the block is put where nobody reads it, so this needs no question.
+        put(step.first_place(index), step.first_value());
+        put(step.second_place(index), step.second_value());
+        let next = step.next(index);
+        if next < 64 {
+            bits.skip(step.taken());
+            index = next;
+            continue;
+        }
+        if Step::ends(next) {
+            bits.skip(step.taken());
+            return Some(next != FIRST_IS_END);
+        }
+        let (run, value) = ac_table.codes.next(bits)?;
+        index += run as usize;
+        match (run, value) {
+            (0, 0) => return Some(index > 1),
+            (15, 0) => {}
+            (_, 0) => return None,
+            _ if index > 63 => return None,
+            _ => put(index, value),
+        }
+        index += 1;
+        if index > 63 {
+            return Some(true);
+        }
+    }
+}
+
+/// Where a block ends that has no AC coefficients, for [`Step::ends`].
+const FIRST_IS_END: usize = 129;
+
+#[cfg(test)]
+mod tests {
+    use super::super::bits::Scan;
+    use super::super::huffman::STANDARD_TABLES;
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The standard's tables of luma: DC, AC.
+    fn tables() -> (Table, AcTable) {
+        let (mut dc, mut ac) = (Table::default(), AcTable::default());
+        let mut rest = &STANDARD_TABLES[4..];
+        for is_ac in [false, true] {
+            let counts = rest[1..].first_chunk::<16>().unwrap();
+            let len: usize = counts.iter().copied().map(usize::from).sum();
+            let symbols = &rest[17..][..len];
+            assert!(match is_ac {
+                false => dc.load(counts, symbols),
+                true => ac.load(counts, symbols),
+            });
+            rest = &rest[17 + len..];
+        }
+        (dc, ac)
+    }
+
+    /// Code by code, as the standard has it (T.81 F.2.2).
+    fn one_by_one(
+        bits: &mut Bits<'_>,
+        (dc, ac): (&Table, &AcTable),
+        quantiser: &[i32; 64],
+        predictor: &mut i32,
+    ) -> Option<[i16; 64]> {
+        let mut coefficients = [0; 64];
+        let (0, difference) = dc.next(bits)? else {
+            return None;
+        };
+        *predictor = predictor.wrapping_add(difference);
+        coefficients[0] = idct::dequantised(*predictor, quantiser[0]);
+        let mut index = 1;
+        while index < 64 {
+            let (run, value) = ac.codes.next(bits)?;
+            index += run as usize;
+            match (run, value) {
+                (0, 0) => break,
+                (15, 0) => {}
+                (_, 0) => return None,
+                _ => {
+                    let place = usize::from(*idct::ZIGZAG.get(index)?);
+                    coefficients[place] = idct::dequantised(value, quantiser[index]);
+                }
+            }
+            index += 1;
+        }
+        Some(coefficients)
+    }
+
+    proptest! {
+        /// Whatever the bits: the same coefficients, the same errors, and as many bits taken.
+        #[test]
+        fn steps_of_several_codes_are_those_codes_one_by_one(
+            bytes in proptest::collection::vec(
+                // Small values have short codes, which go several to a step.
+                prop_oneof![any::<u8>(), Just(0u8), Just(0b0010_0100), Just(0b1010_0101)], 1..200,
+            ),
+        ) {
+            let (dc, ac) = tables();
+            let quantiser = std::array::from_fn(|index| 300 + 40 * index as i32);
+            let mut scan = Scan::default();
+            let stuffed = bytes.iter().flat_map(|&byte| match byte {
+                0xFF => vec![0xFF, 0],
+                _ => vec![byte],
+            });
+            scan.load(&stuffed.chain([0xFF, 0xD9]).collect::<Vec<_>>()).unwrap();
+            let (mut bits, mut other) = (scan.bits(0), scan.bits(0));
+            let (mut predictor, mut other_predictor) = (0, 0);
+            while bits.left() > 0 {
+                let mut found = Coefficients::ZERO;
+                let any = decode_block(&mut bits, (&dc, &ac), &quantiser, &mut predictor, &mut found);
+                let expected = one_by_one(&mut other, (&dc, &ac), &quantiser, &mut other_predictor);
+                prop_assert_eq!(any.is_some(), expected.is_some());
+                let (Some(any), Some(expected)) = (any, expected) else { break };
+                prop_assert_eq!(&found.0[..64], &expected);
+                prop_assert!(any || expected[1..].iter().all(|value| *value == 0));
+                prop_assert_eq!(bits.left(), other.left());
+                prop_assert_eq!(predictor, other_predictor);
+            }
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! A table of codes for AC coefficients that knows up to two values and the block's end in one look-up.
+
+use super::huffman::{Coded, Table};
+
+/// Bits that are looked up at once. More of them hold more values, and more of the nearest cache.
+pub(super) const STEP_BITS: u32 = 10;
+
+/// What a [`Step`] adds for what it does not have: such a place is beyond every block.
+const NOWHERE: u32 = 64;
+/// What a [`Step`] adds when the block ends with it.
+const END: u32 = 128;
+
+/// What the next bits mean: bits 0..8 how many are taken; 8..16 and 16..24 how far behind the current place
+/// the two values stand, or [`NOWHERE`]; 24..32 how far to go on; 32..48 and 48..64 the values.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Step(u64);
+
+impl Step {
+    /// One code alone, or the next bits are no values: see [`Step::goes_on`].
+    const UNKNOWN: Step = Step::new(0, [NOWHERE; 2], NOWHERE, [0; 2]);
+
+    const fn new(taken: u32, ahead: [u32; 2], go_on: u32, values: [i32; 2]) -> Step {
+        let low = taken | ahead[0] << 8 | ahead[1] << 16 | go_on << 24;
+        let high = values[0] as u16 as u32 | (values[1] as u16 as u32) << 16;
+        Step(low as u64 | (high as u64) << 32)
+    }
+
+    #[inline(always)]
+    pub(super) fn taken(self) -> u32 {
+        self.0 as u32 & 0xFF
+    }
+
+    /// Where the first value stands, below 128; from 64 on, there is none.
+    #[inline(always)]
+    pub(super) fn first_place(self, index: usize) -> usize {
+        index + (self.0 as usize >> 8 & 0xFF)
+    }
+
+    /// As [`Step::first_place`] of the second value.
+    #[inline(always)]
+    pub(super) fn second_place(self, index: usize) -> usize {
+        index + (self.0 as usize >> 16 & 0xFF)
+    }
+
+    #[inline(always)]
+    pub(super) fn first_value(self) -> i32 {
+        (self.0 >> 32) as i16 as i32
+    }
+
+    #[inline(always)]
+    pub(super) fn second_value(self) -> i32 {
+        (self.0 >> 48) as i16 as i32
+    }
+
+    /// The next place if it is below 64; for [`Step::ends`] otherwise.
+    #[inline(always)]
+    pub(super) fn next(self, index: usize) -> usize {
+        index + (self.0 as u32 >> 24) as usize
+    }
+
+    /// Whether the block ends there, with all that this step has. Everything else from 64 on must be read
+    /// code by code: it goes over the block's end, or is not in the table.
+    #[inline(always)]
+    pub(super) fn ends(next: usize) -> bool {
+        (END as usize..END as usize + 64).contains(&next)
+    }
+}
+
+/// The codes of AC coefficients, ready for use.
+#[derive(Debug, Clone)]
+pub(super) struct AcTable {
+    /// One by one.
+    pub(super) codes: Table,
+    steps: Box<[Step; 1 << STEP_BITS]>,
+}
+
+impl Default for AcTable {
+    fn default() -> Self {
+        AcTable {
+            codes: Table::default(),
+            steps: Box::new([Step::UNKNOWN; 1 << STEP_BITS]),
+        }
+    }
+}
+
+impl AcTable {
+    /// As [`Table::load`].
+    pub(super) fn load(&mut self, counts: &[u8; 16], symbols: &[u8]) -> bool {
+        if self.codes.is(counts, symbols) {
+            return true;
+        }
+        let makes_sense = self.codes.load(counts, symbols);
+        if makes_sense {
+            for bits in 0..1 << STEP_BITS {
+                self.steps[bits as usize] = step(&self.codes, bits << (16 - STEP_BITS));
+            }
+        }
+        makes_sense
+    }
+
+    /// What the next [`STEP_BITS`] bits mean.
+    #[inline(always)]
+    pub(super) fn step(&self, bits: usize) -> Step {
+        self.steps[bits % (1 << STEP_BITS)]
+    }
+}
+
+/// What a code stands for.
+enum Meaning {
+    Value(Coded),
+    End(u32),
+}
+
+/// What the top [`STEP_BITS`] of 16 bits mean.
+fn step(codes: &Table, bits: u32) -> Step {
+    let meaning = |taken: u32| {
+        let coded = codes.coded(bits << taken & 0xFFFF, STEP_BITS - taken)?;
+        match (coded.run, coded.value) {
+            (0, 0) => Some(Meaning::End(coded.taken)),
+            // Sixteen zeros, or nothing that may be: rare, so left out.
+            (_, 0) => None,
+            _ => Some(Meaning::Value(coded)),
+        }
+    };
+    let first = match meaning(0) {
+        Some(Meaning::Value(first)) => first,
+        Some(Meaning::End(taken)) => return Step::new(taken, [NOWHERE; 2], END, [0; 2]),
+        None => return Step::UNKNOWN,
+    };
+    let near = u32::from(first.run);
+    let alone = |taken, end| Step::new(taken, [near, NOWHERE], near + 1 + end, [first.value, 0]);
+    let second = match meaning(first.taken) {
+        Some(Meaning::Value(second)) => second,
+        Some(Meaning::End(taken)) => return alone(first.taken + taken, END),
+        None => return alone(first.taken, 0),
+    };
+    let far = near + 1 + u32::from(second.run);
+    let both = first.taken + second.taken;
+    let (taken, end) = match meaning(both) {
+        Some(Meaning::End(taken)) => (both + taken, END),
+        _ => (both, 0),
+    };
+    let values = [first.value, second.value];
+    Step::new(taken, [near, far], far + 1 + end, values)
+}
