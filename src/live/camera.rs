@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use tokio::sync::watch;
-use tokio::time::timeout;
+use tokio::time::{sleep, timeout};
 
 use crate::agent::SeatError;
 use crate::control::Run;
@@ -85,8 +85,11 @@ impl Camera {
             let Err(error) = watch_on(run, &mut viewers).await else {
                 continue;
             };
-            tracing::debug!("the page cannot have the camera: {error}");
-            return;
+            tracing::debug!("the page cannot have the camera just now: {error}");
+            if run.requests.is_closed() {
+                return;
+            }
+            sleep(LINGER).await;
         }
     }
 }

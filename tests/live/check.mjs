@@ -213,6 +213,7 @@ const promises = {
     await until(() => Math.hypot(witness.map.robot[0] - 2, witness.map.robot[1] - 1.5) < 0.05, "a robot that was carried");
     // By dragging, too.
     const map = page.getByRole("img", { name: /^Map of/ });
+    await page.evaluate(() => scrollTo(0, 0));
     const box = await map.boundingBox();
     const scale = box.width / (witness.world.width + 0.5);
     const at = (x, y) => [box.x + (x + 0.25) * scale, box.y + (witness.world.depth - y + 0.25) * scale];
