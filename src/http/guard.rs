@@ -73,7 +73,7 @@ impl Names {
         if self.more.iter().any(|more| more == host || more == name) {
             return true;
         }
-        if !port.is_none_or(|port| port == self.listen.port().to_string()) {
+        if port.is_some_and(|port| port != self.listen.port().to_string()) {
             return false;
         }
         let bare = name.trim_start_matches('[').trim_end_matches(']');
