@@ -116,7 +116,11 @@ fn all_there_is() -> Vec<String> {
         .filter(|end| *end != DockEnd::NotDocked)
         .collect();
     let mut all = [ends("dock", &of_docking), ends("undock", &of_undocking)].concat();
-    all.extend(MotionEnd::ALL.iter().map(|end| format!("motion {end:?}")));
+    // That a robot is held, its script sees; the watchdog never says so.
+    let of_motion = MotionEnd::ALL
+        .iter()
+        .filter(|end| **end != MotionEnd::Blocked);
+    all.extend(of_motion.map(|end| format!("motion {end:?}")));
     all.extend(
         SafetyAction::ALL
             .iter()
