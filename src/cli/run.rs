@@ -22,6 +22,7 @@ use super::waiting::{Tries, until_answered};
 use super::{ConnectionArgs, Console, Exit, Failure, Place, check, notify};
 use crate::agent::{self, Agent, AgentError, Behaviour, Bus, Outcome, Plan, RESCUE_NAME};
 use crate::behaviour::{Launch, Launcher, RestartPolicy, is_failure};
+use crate::clock::{Clock, Date, Zone};
 use crate::config::{Config, Entry};
 use crate::control::{self, Desk};
 use crate::guardian::Guardian;
@@ -36,7 +37,7 @@ use crate::wire::Login;
 /// How often the status line is drawn anew.
 pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
 /// How long the journal may take at the end to write what it has.
-const JOURNAL_END: Duration = Duration::from_secs(2);
+pub(super) const JOURNAL_END: Duration = Duration::from_secs(2);
 /// The longest `--for`: a year.
 const LONGEST_RUN: f64 = 366.0 * 86_400.0;
 
@@ -84,6 +85,11 @@ pub(super) struct RunArgs {
     #[arg(long)]
     fast: bool,
 
+    /// With --sim: the date and time at the beginning, in the config's time zone; with --fast, unless
+    /// given, 2026-01-01 09:00 in universal time
+    #[arg(long, value_name = "DATE")]
+    date: Option<Date>,
+
     /// With --fast: write all that happens to this file, one JSON object a line
     #[arg(long, value_name = "FILE", requires = "fast")]
     events: Option<PathBuf>,
@@ -106,7 +112,8 @@ fn restart_words() -> impl TypedValueParser<Value = RestartPolicy> {
         .try_map(|word| word.parse::<RestartPolicy>().map_err(std::io::Error::other))
 }
 
-fn parse_seconds(text: &str) -> Result<Duration, String> {
+/// A number of seconds, up to a year.
+pub(super) fn parse_seconds(text: &str) -> Result<Duration, String> {
     let seconds = text
         .parse()
         .ok()
@@ -137,6 +144,12 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     }
     let place = place(&args.connection, &config)?;
     let trace = trace_file(&args, matches!(place, Place::Sim(_)))?;
+    if args.date.is_some() && matches!(place, Place::Robot(_)) {
+        let what = "--date goes with --sim only: a real robot lives today";
+        return Err(
+            Failure::usage(what).help("spykee run FILE.lua --sim --date \"2026-03-29 01:30\"")
+        );
+    }
     let login = args.connection.login.login(args.settings.load()?)?;
     if console.is_json() {
         tracing::info!(seed, "starting");
@@ -226,7 +239,11 @@ fn names(behaviours: &[Behaviour]) -> String {
 }
 
 /// The journal of a run, if the config wants one. A run without it drives all the same.
-fn journal(config: &Config, bus: &Bus, (target, simulated): &(String, bool)) -> Option<Journal> {
+pub(super) fn journal(
+    config: &Config,
+    bus: &Bus,
+    (target, simulated): &(String, bool),
+) -> Option<Journal> {
     if config.journal.record != journal::When::On {
         return None;
     }
@@ -263,6 +280,9 @@ fn fast(
         link: config.link.clone(),
         streams: config.streams,
         events: events.as_ref().map(EventFile::recorder),
+        date: args
+            .date
+            .map(|date| date.at(&config.time_zone.clone().unwrap_or_else(Zone::utc))),
         ..lab::Options::default()
     };
     let names = names(&behaviours);
@@ -308,7 +328,7 @@ async fn drive(
 }
 
 /// A run without a desk drives all the same.
-async fn serve(desk: io::Result<Desk>, run: control::Run) -> Infallible {
+pub(super) async fn serve(desk: io::Result<Desk>, run: control::Run) -> Infallible {
     let served = match desk {
         Ok(desk) => desk.serve(run).await,
         Err(error) => Err(error),
@@ -393,7 +413,8 @@ fn unreachable(error: LinkError) -> Failure {
     ))
 }
 
-async fn show(
+/// Shows how things stand, on a terminal or in a file.
+pub(super) async fn show(
     mut line: StatusLine,
     status: watch::Receiver<Status>,
     console: &Console,
@@ -457,6 +478,13 @@ fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
         let failure = Failure::usage("what to run? no behaviour was named");
         return Err(failure.help("spykee run behaviours/patrol.lua --sim"));
     }
+    // A fast run is the same on every computer.
+    let fast = config.time_zone.clone().unwrap_or_else(Zone::utc);
+    let zone = if args.fast { fast } else { config.zone() };
+    let clock = match args.date {
+        Some(date) if !args.fast => Clock::set_to(date.at(&zone)),
+        _ => Clock::default(),
+    };
     Casting {
         config,
         file: args.settings.file(),
@@ -466,6 +494,8 @@ fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
         checked: !args.no_check,
         watch: args.watch,
         seed,
+        clock,
+        zone,
     }
     .cast(&entries)
 }
