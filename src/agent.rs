@@ -1,9 +1,11 @@
 //! Wiring and lifetimes of a run: load the scripts, connect, run them side by side, and bring
 //! everything to an end within two seconds, whoever asks for it and whatever hangs.
 
+mod aboard;
 mod company;
 mod flight;
 mod keeper;
+mod loading;
 mod rescue;
 mod roster;
 mod seat;
@@ -131,7 +133,7 @@ impl Agent {
             lookout: Lookout::default(),
             bus: plan.bus,
         };
-        let (company, roster) = Company::new(around, plan.blueprints);
+        let (company, roster) = Company::new(around, status.clone(), plan.blueprints);
         let agent = Agent {
             behaviours: plan.behaviours,
             company,

@@ -6,6 +6,7 @@ mod effective;
 mod logging;
 mod place;
 mod schema;
+mod service;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,10 +14,12 @@ use std::path::{Path, PathBuf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
-pub use self::behaviours::Entry;
+pub use self::behaviours::{Entry, Start};
 pub use self::effective::{Effective, Named, Origin, Setting};
 pub use self::logging::{Format, Level, Logging, Time, When};
 pub use self::schema::schema;
+pub use self::service::{Idle, Service};
+use crate::clock::{Span, Zone};
 use crate::files;
 use crate::http;
 use crate::journal;
@@ -26,6 +29,7 @@ use crate::pilot::Settings;
 use crate::robot::{Streams, float_within};
 use crate::safety;
 use crate::script::{self, Calibration};
+use crate::timetable::{Quiet, Rule, Timetable};
 use crate::vision::{Camera, Colour};
 use crate::yaml;
 
@@ -33,7 +37,7 @@ use crate::yaml;
 const DATA_FOLDER: &str = "spykee-data";
 
 /// What the file may say; everything has a default.
-#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
     /// The robot's address, `HOST` or `HOST:PORT`.
@@ -47,6 +51,21 @@ pub struct Config {
     #[serde(deserialize_with = "behaviours::entries", skip_serializing)]
     #[schemars(with = "Vec<schema::Behaviour>")]
     pub behaviours: Vec<Entry>,
+    /// When `spykee serve` starts which behaviour.
+    pub schedule: Vec<Rule>,
+    /// Whose clock is meant, such as `Europe/Rome`; the computer's unless given.
+    #[schemars(with = "Option<String>")]
+    pub time_zone: Option<Zone>,
+    /// Hours such as `22:00-07:00` in which scripts make no sound and put the headlight not on.
+    #[schemars(with = "Option<String>")]
+    pub quiet: Option<Quiet>,
+    /// The alarm, too, is quiet in these hours.
+    pub quiet_alarm: bool,
+    /// A start of the timetable that was missed by less than this is made up for: 10m.
+    #[schemars(with = "String")]
+    pub catch_up: Span,
+    /// What `spykee serve` does while nothing runs, and as whom.
+    pub service: Service,
     /// The safety rules' numbers.
     pub watchdog: safety::Limits,
     /// The link's times.
@@ -74,6 +93,35 @@ pub struct Config {
     pub journal: journal::Options,
     /// Who is told of what happens, by webhooks and commands.
     pub notify: notify::Options,
+}
+
+impl Default for Config {
+    fn default() -> Config {
+        Config {
+            robot: None,
+            user: None,
+            password_file: None,
+            behaviours: Vec::new(),
+            schedule: Vec::new(),
+            time_zone: None,
+            quiet: None,
+            quiet_alarm: true,
+            catch_up: Span::minutes(10),
+            service: Service::default(),
+            watchdog: safety::Limits::default(),
+            link: link::Options::default(),
+            streams: Streams::default(),
+            limits: script::Limits::default(),
+            calibration: Calibration::default(),
+            camera: Camera::default(),
+            colours: BTreeMap::new(),
+            data: None,
+            logging: Logging::default(),
+            journal: journal::Options::default(),
+            notify: notify::Options::default(),
+            live: http::Options::default(),
+        }
+    }
 }
 
 /// The camera's numbers, checked where they stand: the eyes know no config.
@@ -125,6 +173,21 @@ impl Config {
         self.data.as_deref().unwrap_or(Path::new(DATA_FOLDER))
     }
 
+    /// Whose clock counts.
+    pub fn zone(&self) -> Zone {
+        self.time_zone.clone().unwrap_or_else(Zone::system)
+    }
+
+    /// When `spykee serve` starts what.
+    pub fn timetable(&self) -> Timetable {
+        Timetable {
+            rules: self.schedule.clone(),
+            zone: self.zone(),
+            quiet: self.quiet,
+            catch_up: self.catch_up,
+        }
+    }
+
     /// What the pilot of a run goes by.
     pub fn pilot(&self, simulated: bool, seed: u64) -> Settings {
         Settings {
@@ -151,6 +214,7 @@ impl Config {
             colours: self.colours.clone(),
             streams: self.streams,
             findings: self.live.listen.is_some(),
+            time_zone: self.zone().name().to_owned(),
             ..script::Options::new(name, chunk)
         }
     }
@@ -288,6 +352,8 @@ mod tests {
             "limits:\n  frame_bytes: -1\n",
             "limits:\n  callback_budget_ms: 0.5\n",
             "limits:\n  noise_dbfs: .nan\n",
+            "schedule:\n- { run: patrol, at: \"0 25 * * *\" }\n",
+            "service:\n  idle_after: soon\n",
         ] {
             let text = error(wrong);
             assert!(

@@ -99,8 +99,10 @@
 //! | 0 | `yaml` | texts that nest too deeply are refused before they are parsed |
 //! | 0 | `clean` | text from outside, harmless for terminals, logs, XML and JSON |
 //! | 0 | `budget` | so many bytes a day, and lines that are said once a minute |
+//! | 0 | `clock` | the time of day, time zones, lengths of time as people write them |
 //! | 0 | `paper` | areas, lines and letters in pixels |
 //! | 1 | `http` | a bounded server and its guard: who may ask; knows no robot |
+//! | 1 | `timetable` | when behaviours are started, and when it is to be quiet: pure rules |
 //! | 1 | `robot` | the words that cross between tasks and processes |
 //! | 1 | `guardian` | the process that stops the robot when the agent cannot |
 //! | 2 | `api` | the one table of what scripts can call and read |
@@ -117,6 +119,7 @@
 //! | 7 | `lab` | a whole run in virtual time: agent, hosts and simulator on one thread |
 //! | 7 | `control` | the socket by which a run that is on can be asked |
 //! | 8 | `live` | the page in the browser, the JSON API, health and metrics |
+//! | 8 | `service` | an agent that stays for good: timetable, idle robot, the system's manager |
 //! | 8 | `scenario` | worlds, behaviours and what must become true: plays `*_test.lua` files |
 //! | 9 | `cli` | one file per subcommand |
 //! | side | `sim` | the simulated robot and its world; imports floor 0 only |
@@ -132,6 +135,7 @@ pub mod budget;
 pub mod check;
 pub mod clean;
 pub mod cli;
+pub mod clock;
 pub mod config;
 pub mod control;
 pub mod files;
@@ -148,7 +152,9 @@ pub mod robot;
 pub mod safety;
 pub mod scenario;
 pub mod script;
+pub mod service;
 pub mod sim;
+pub mod timetable;
 pub mod vision;
 pub mod walls;
 pub mod wire;

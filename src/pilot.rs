@@ -12,6 +12,7 @@ mod distress;
 mod halt;
 mod hearing;
 mod heralding;
+mod hush;
 mod lights;
 mod line;
 mod lost;
@@ -43,6 +44,7 @@ use crate::wire::{Command, EngineNews};
 pub use self::core::DrivingCore;
 use self::distress::Distress;
 use self::halt::Halt;
+use self::hush::Hush;
 use self::lights::Lights;
 pub use self::line::Dial;
 use self::line::Line;
@@ -67,6 +69,8 @@ pub const DELIVERY: Duration = Duration::from_secs(2);
 
 /// How often is said that the robot says what nobody knows, one of each kind.
 const UNKNOWN_EVERY: Duration = Duration::from_secs(60);
+/// How often the same reason for which the robot cannot be reached is said.
+const FAILED_EVERY: Duration = Duration::from_secs(600);
 /// How often the same news of the robot's station is said.
 const ENGINE_EVERY: Duration = Duration::from_secs(1);
 
@@ -125,6 +129,12 @@ pub struct Pilot {
     moving: bool,
     /// When they were last told that it makes a sound.
     sounding: Option<Instant>,
+    /// Quiet hours.
+    hush: Hush,
+    /// Nobody dials until somebody wants the robot.
+    released: bool,
+    /// Why tries to connect have failed, and when each was said.
+    failed: Repeats<String>,
     /// In real time only.
     pulse: Option<Pulse>,
     /// Where it says what has happened.
@@ -157,6 +167,9 @@ impl Pilot {
             alarm_due: false,
             moving: false,
             sounding: None,
+            hush: Hush::default(),
+            released: false,
+            failed: Repeats::new(FAILED_EVERY),
             pulse: None,
             bus: Bus::default(),
         };
@@ -233,6 +246,7 @@ impl Pilot {
     /// Leaves with the writer and the line what is to be said if everything else dies.
     fn deposit(&mut self, line: &mut Line) {
         line.set_last_words(self.renew_last_words());
+        line.rest(self.released);
         if let Some(writer) = &self.writer {
             tell_guardian(&mut self.pulse, writer);
         }
@@ -346,7 +360,10 @@ impl Pilot {
 
     /// Does what the watchdog wants: first all commands in one write, then the rest.
     fn perform(&mut self, acts: Vec<Act>) -> Result<(), LinkLost> {
-        let commands: Vec<Command> = acts.iter().filter_map(Act::command).collect();
+        let commands = acts.iter().filter_map(Act::command);
+        let commands: Vec<Command> = commands
+            .filter(|command| self.hush.allows_alarm(command))
+            .collect();
         let mut done = self.send(&commands);
         for act in acts {
             match act {
@@ -407,7 +424,10 @@ impl Pilot {
         };
         writer.say_last_words();
         line.hang_up(Some(writer));
-        warn!("disconnected: {lost}; connecting anew");
+        match self.released {
+            true => info!("disconnected: {lost}; the robot is free for others"),
+            false => warn!("disconnected: {lost}; connecting anew"),
+        }
         let acts = self.watchdog.take(Fact::LinkDown, Instant::now());
         // Without a link nothing is sent, so nothing can fail.
         let _ = self.perform(acts);
@@ -441,6 +461,7 @@ impl Pilot {
         self.herald_dock();
         let link = match (&self.writer, &self.info) {
             (Some(_), _) => LinkState::Up,
+            (None, _) if self.released => LinkState::Released,
             (None, Some(_)) => LinkState::Lost,
             (None, None) => LinkState::Connecting,
         };

@@ -5,14 +5,17 @@
 use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
-use tokio::task::{JoinSet, spawn_blocking};
+use tokio::task::JoinSet;
 use tokio::time::{Instant, timeout};
-use tracing::warn;
+use tracing::{error, warn};
 
+use super::aboard::{Aboard, Stop, tell};
 use super::keeper::{Keeper, Surroundings, report};
+use super::loading::load;
 use super::roster::{Blueprint, Member, MemberState, Order, Reply, Roster, RosterError};
 use super::{AgentError, Behaviour, SCRIPTS_END};
 use crate::behaviour::Prepared;
+use crate::pilot::{LinkState, Status};
 use crate::robot::channel::Role;
 use crate::robot::{BehaviourId, EndReason, Occurrence, Priority};
 use crate::script::Ending;
@@ -22,29 +25,11 @@ const MOST: usize = 32;
 /// Behaviours are numbered from 0 to below this; persons and the rescue behaviour are above.
 const NUMBERS: u16 = 0xF000;
 
-/// Tells one behaviour to end, and why.
-type Stop = watch::Sender<Option<EndReason>>;
-
 /// A behaviour with its first host, or why there is none.
 type Kept = (Keeper, Result<Prepared, Ending>);
 
 /// What came of loading a script.
-type Loaded = (BehaviourId, Result<(Keeper, Prepared), String>);
-
-/// A behaviour from the order to start it to its end.
-struct Aboard {
-    by: BehaviourId,
-    name: String,
-    stop: Stop,
-    /// `None`: it is being loaded.
-    since: Option<Instant>,
-    /// Who waits for its beginning.
-    started: Vec<Reply>,
-    /// Who waits for its end.
-    ended: Vec<Reply>,
-    /// It is started again when it has ended.
-    again: Option<Reply>,
-}
+type Loaded = (BehaviourId, Result<(Keeper, Prepared), RosterError>);
 
 /// See the module.
 pub(super) struct Company {
@@ -57,12 +42,17 @@ pub(super) struct Company {
     /// How each ended for the last time, by name, in the order in which they ended.
     endings: Vec<(String, Ending)>,
     members: watch::Sender<Vec<Member>>,
+    status: watch::Receiver<Status>,
     last: u16,
 }
 
 impl Company {
     /// Nobody runs yet. Also returns the handle.
-    pub(super) fn new(around: Surroundings, blueprints: Vec<Blueprint>) -> (Company, Roster) {
+    pub(super) fn new(
+        around: Surroundings,
+        status: watch::Receiver<Status>,
+        blueprints: Vec<Blueprint>,
+    ) -> (Company, Roster) {
         let members = watch::Sender::new(Vec::new());
         let (roster, orders) = Roster::new(members.subscribe(), around.lookout.clone());
         let company = Company {
@@ -74,6 +64,7 @@ impl Company {
             loading: JoinSet::new(),
             endings: Vec::new(),
             members,
+            status,
             last: NUMBERS - 1,
         };
         company.publish();
@@ -123,11 +114,13 @@ impl Company {
         self.aboard.is_empty()
     }
 
-    /// Takes orders while there is no robot: nothing can be started. Cancel-safe; never returns.
+    /// Takes orders until the run has noticed that the robot is there: nothing can be started before.
+    /// Cancel-safe; never returns.
     pub(super) async fn wait_for_robot(&mut self) -> std::convert::Infallible {
         while let Some(order) = self.orders.recv().await {
+            let offline = self.status.borrow().link != LinkState::Up;
             match order {
-                Order::Start(name, reply) | Order::Restart(name, reply) => {
+                Order::Start(name, reply) | Order::Restart(name, reply) if offline => {
                     let refusal = match self.blueprint(&name) {
                         Some(_) => RosterError::Offline,
                         None => self.unknown(&name),
@@ -235,29 +228,16 @@ impl Company {
             return refuse(reply, RosterError::Full(MOST));
         }
         let (by, stop) = (self.number(), Stop::new(None));
-        let around = self.around(&stop);
-        self.loading.spawn(async move {
-            let made = spawn_blocking(move || blueprint.make()).await;
-            let loaded = match made {
-                Ok(Ok(behaviour)) => {
-                    let keeper = Keeper::new(around, by, Role::Behaviour, behaviour);
-                    match keeper.prepare().await {
-                        Ok(host) => Ok((keeper, host)),
-                        Err(ending) => Err(words(&ending)),
-                    }
-                }
-                Ok(Err(why)) => Err(why),
-                Err(_) => Err("internal error: it could not be made".to_owned()),
-            };
-            (by, loaded)
-        });
+        let (around, status) = (self.around(&stop), self.status.clone());
+        self.loading
+            .spawn(async move { (by, load(around, by, blueprint, status).await) });
         self.board(by, name.to_owned(), stop);
         if let Some(one) = self.aboard.last_mut() {
             one.started.push(reply);
         }
     }
 
-    fn loaded(&mut self, by: BehaviourId, loaded: Result<(Keeper, Prepared), String>) {
+    fn loaded(&mut self, by: BehaviourId, loaded: Result<(Keeper, Prepared), RosterError>) {
         let Some(at) = self.aboard.iter().position(|one| one.by == by) else {
             return;
         };
@@ -273,17 +253,19 @@ impl Company {
                 let one = self.aboard.remove(at);
                 let refusal = match loaded {
                     Err(why) => {
-                        tracing::error!(behaviour = one.name, "cannot be started: {why}");
-                        let reason = EndReason::Error;
-                        let message = Some(why.clone());
-                        self.around.bus.tell(Occurrence::Ended {
-                            behaviour: one.name.clone(),
-                            reason,
-                            message: message.clone(),
-                            seconds: 0.0,
-                        });
-                        self.keep_ending(&one.name, Ending { reason, message });
-                        RosterError::CannotLoad(why)
+                        error!(behaviour = one.name, "cannot be started: {why}");
+                        if let RosterError::CannotLoad(why) = &why {
+                            let reason = EndReason::Error;
+                            let message = Some(why.clone());
+                            self.around.bus.tell(Occurrence::Ended {
+                                behaviour: one.name.clone(),
+                                reason,
+                                message: message.clone(),
+                                seconds: 0.0,
+                            });
+                            self.keep_ending(&one.name, Ending { reason, message });
+                        }
+                        why
                     }
                     Ok(_) => RosterError::StoppedFirst(one.name.clone()),
                 };
@@ -332,15 +314,7 @@ impl Company {
     }
 
     fn board(&mut self, by: BehaviourId, name: String, stop: Stop) {
-        self.aboard.push(Aboard {
-            by,
-            name,
-            stop,
-            since: None,
-            started: Vec::new(),
-            ended: Vec::new(),
-            again: None,
-        });
+        self.aboard.push(Aboard::new(by, name, stop));
     }
 
     /// A number that nobody has who is aboard.
@@ -396,11 +370,7 @@ impl Company {
 
     fn member(&self, name: &str, priority: Priority) -> Member {
         let aboard = self.aboard.iter().find(|one| one.name == name);
-        let state = aboard.map_or(MemberState::Idle, |one| match one.since {
-            _ if one.stop.borrow().is_some() => MemberState::Ending,
-            Some(since) => MemberState::Running { by: one.by, since },
-            None => MemberState::Loading,
-        });
+        let state = aboard.map_or(MemberState::Idle, Aboard::state);
         let ending = self.endings.iter().find(|(of, _)| of == name);
         Member {
             name: name.to_owned(),
@@ -411,16 +381,6 @@ impl Company {
     }
 }
 
-/// The first reason stays.
-fn tell(stop: &Stop, reason: EndReason) {
-    stop.send_if_modified(|stop| stop.is_none() && stop.replace(reason).is_none());
-}
-
 fn refuse(reply: Reply, why: RosterError) {
     let _ = reply.send(Err(why));
-}
-
-fn words(ending: &Ending) -> String {
-    let words = ending.message.as_deref();
-    words.unwrap_or(ending.reason.sentence()).to_owned()
 }

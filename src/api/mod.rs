@@ -7,6 +7,7 @@
 
 mod bounds;
 mod choices;
+mod clock;
 mod events;
 mod frame;
 mod keeping;
@@ -40,11 +41,12 @@ pub use terms::{
 
 /// The namespaces that are there without `require`, and the functions that are in none.
 pub fn namespaces() -> impl Iterator<Item = &'static Namespace> {
-    const ALL: [&Namespace; 11] = [
+    const ALL: [&Namespace; 12] = [
         &robot::ROBOT,
         &task::TASKS,
         &vision::VISION,
         &log::LOG,
+        &clock::CLOCK,
         &script::SCRIPT,
         &keeping::PARAMS,
         &keeping::STORE,
@@ -63,7 +65,7 @@ pub fn modules() -> impl Iterator<Item = &'static Namespace> {
 
 /// Every kind of table and object that calls give and take.
 pub fn objects() -> impl Iterator<Item = &'static Object> {
-    const ALL: [&Object; 28] = [
+    const ALL: [&Object; 29] = [
         &frame::FRAME,
         &frame::BLOB,
         &frame::TRACK,
@@ -78,6 +80,7 @@ pub fn objects() -> impl Iterator<Item = &'static Object> {
         &tables::INFO,
         &tables::DOCK_INFO,
         &tables::USAGE,
+        &clock::DATE,
         &frame::LINE,
         &frame::QR_CODE,
         &frame::CORNER,

@@ -192,6 +192,13 @@ pub(super) const SIM: Object = strict(
         .waiting(),
         call("sim:time", &[], &[number("seconds", "").unit("s")], "Virtual seconds since the start.", "print(sim:time())").pure(),
         call("sim:seed", &[], &[whole("seed", "")], "The seed that it is played with.", "print(sim:seed())").pure(),
+        call(
+            "sim:clock",
+            &[short_text("date", 40, "in the config's time zone")],
+            &[],
+            "Sets the clock on the wall, which goes on from there. It begins at 09:00 of 2026-01-01 in universal time.",
+            "sim:clock(\"2026-03-29 01:30\")",
+        ),
         call("sim:pose", &[], &[object("pose", &POSE, "")], "Where the robot really is.", "print(sim:pose().x)").pure(),
         call(
             "sim:place",

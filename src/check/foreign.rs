@@ -46,7 +46,10 @@ const MEANT: [(&str, &str); 32] = [
         "this",
         "only functions declared with a colon have self; there is no this",
     ),
-    ("os", "scripts have no os; task.now() is the time"),
+    (
+        "os",
+        "scripts have no os; clock.date() is the time of day, task.now() counts seconds",
+    ),
     (
         "io",
         "scripts have no files; print, log and frame:save(name) write",

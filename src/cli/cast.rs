@@ -14,6 +14,7 @@ use super::params::{self, Param};
 use super::source::read_source;
 use crate::agent::{Behaviour, Blueprint};
 use crate::behaviour::{self, Launch, Library, Reload, RestartPolicy, Watched};
+use crate::clock::{Clock, Zone};
 use crate::config::{Config, Entry};
 use crate::script::{self, GivenParam};
 
@@ -37,6 +38,10 @@ pub(super) struct Casting<'a> {
     pub(super) watch: bool,
     /// Of the first; each has its own.
     pub(super) seed: u64,
+    /// The time of day that scripts are told.
+    pub(super) clock: Clock,
+    /// And in which zone.
+    pub(super) zone: Zone,
 }
 
 /// The behaviours of a command.
@@ -92,6 +97,8 @@ impl Casting<'_> {
             params: params(entry, self.file),
             annotate_dir: marked_folder(self.annotate, &name, &data)?,
             data_dir: Some(data),
+            clock: self.clock.offset_millis(),
+            time_zone: self.zone.name().to_owned(),
             ..self
                 .config
                 .script(name, entry.file.display().to_string(), seed)

@@ -101,6 +101,9 @@ impl LoginArgs {
         if let Some(password) = secret::of_environment()? {
             return Ok(password);
         }
+        if let Some(password) = secret::of_credential()? {
+            return Ok(password);
+        }
         let Some(path) = &settings.config.password_file else {
             return Ok(DEFAULT_LOGIN.to_owned());
         };

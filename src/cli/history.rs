@@ -115,7 +115,7 @@ const PLOTTED: jiff::SignedDuration = jiff::SignedDuration::from_hours(7 * 24);
 pub(super) fn run(args: &HistoryArgs) -> Result<Exit, Failure> {
     let config = args.settings.config()?;
     let data = config.data_folder();
-    let (zone, now) = (TimeZone::system(), Timestamp::now());
+    let (zone, now) = (config.zone().time_zone().clone(), Timestamp::now());
     let resolve = |moment: &Option<moment::Moment>| {
         let moment = moment.as_ref().map(|moment| moment.resolve(now, &zone));
         moment.transpose().map_err(Failure::usage)

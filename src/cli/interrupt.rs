@@ -97,6 +97,18 @@ pub(super) fn obey(
     hear(core, requests, stop, &[], None)
 }
 
+/// As [`obey`], of a service: SIGHUP is heard by the caller.
+///
+/// # Errors
+/// If the system does not let us hear them.
+pub(super) fn obey_as_service(
+    core: &Handle,
+    requests: mpsc::Sender<Request>,
+    stop: CancellationToken,
+) -> Result<(), Failure> {
+    hear(core, requests, stop, &[libc::SIGHUP], None)
+}
+
 /// As [`obey`], while a person edits lines: an interruption is heard by the caller, and while this
 /// program is stopped the terminal has its usual settings.
 ///

@@ -1,4 +1,4 @@
-//! `run --live`: the page beside a run, and the browser that shows it.
+//! The page beside a run or a service, and the browser that shows it.
 
 use std::io::IsTerminal as _;
 use std::process::{Command, Stdio};
@@ -24,13 +24,12 @@ pub(super) struct Ahead {
 }
 
 impl Ahead {
-    /// Of these behaviours, as the config says.
-    pub(super) fn of(config: &Config, behaviours: &[Behaviour], bus: &Bus) -> Ahead {
-        let scripts = behaviours.iter().map(script).collect();
+    /// Of these scripts, as the config says.
+    pub(super) fn of(config: &Config, scripts: watch::Receiver<Vec<Script>>, bus: &Bus) -> Ahead {
         Ahead {
             options: config.live.clone(),
             data: config.data_folder().to_owned(),
-            scripts: watch::channel(scripts).1,
+            scripts,
             bus: bus.listen(),
         }
     }

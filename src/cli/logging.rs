@@ -3,6 +3,7 @@
 use std::fmt;
 use std::time::Instant;
 
+use jiff::tz::TimeZone;
 use tracing::field::{Field, Visit};
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::field::RecordFields;
@@ -69,6 +70,7 @@ pub(super) fn start(console: &Console, format: LogFormat, level: Level, time: Ti
 struct Clock {
     started: Instant,
     time: Time,
+    zone: TimeZone,
 }
 
 impl Clock {
@@ -79,7 +81,15 @@ impl Clock {
             (time, _) => time,
         };
         let started = Instant::now();
-        Clock { started, time }
+        let zone = match time {
+            Time::Local => TimeZone::system(),
+            _ => TimeZone::UTC,
+        };
+        Clock {
+            started,
+            time,
+            zone,
+        }
     }
 }
 
@@ -89,8 +99,8 @@ impl FormatTime for Clock {
         match run {
             Some(time) => write!(writer, "+{:.3}s", time.as_secs_f64()),
             None if self.time == Time::Local => {
-                let now = chrono::Local::now();
-                write!(writer, "{}", now.format("%Y-%m-%dT%H:%M:%S%.3f%:z"))
+                let now = jiff::Timestamp::now().to_zoned(self.zone.clone());
+                write!(writer, "{}", now.strftime("%Y-%m-%dT%H:%M:%S%.3f%:z"))
             }
             None => SystemTime.format_time(writer),
         }

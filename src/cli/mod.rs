@@ -30,13 +30,17 @@ mod new;
 mod notify;
 mod params;
 mod picture;
+mod privileges;
 mod repl;
 mod robot;
 mod run;
 mod running;
 mod runs;
+mod schedule;
 mod screen;
 mod secret;
+mod serve;
+mod service;
 mod settings;
 mod sim;
 mod source;
@@ -107,6 +111,9 @@ pub enum LogFormat {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(run::RunArgs),
+    Serve(serve::ServeArgs),
+    Schedule(schedule::ScheduleArgs),
+    Service(service::ServiceArgs),
     Status(runs::StatusArgs),
     History(history::HistoryArgs),
     Notify(notify::NotifyArgs),
@@ -135,6 +142,8 @@ impl Command {
     fn settings(&self) -> Option<&SettingsArgs> {
         match self {
             Command::Run(args) => Some(&args.settings),
+            Command::Serve(args) => Some(&args.settings),
+            Command::Schedule(args) => Some(&args.settings),
             Command::Status(args) => Some(&args.settings),
             Command::History(args) => Some(&args.settings),
             Command::Notify(args) => Some(args.settings()),
@@ -155,6 +164,9 @@ impl Command {
     fn run(self, console: &Console) -> Result<Exit, Failure> {
         match self {
             Command::Run(args) => run::run(&args, console),
+            Command::Serve(args) => serve::run(&args, console),
+            Command::Schedule(args) => schedule::run(&args),
+            Command::Service(args) => service::run(&args),
             Command::Status(args) => runs::run(&args),
             Command::History(args) => history::run(&args),
             Command::Notify(args) => notify::run(&args),

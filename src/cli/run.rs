@@ -24,6 +24,7 @@ use super::waiting::{Tries, until_answered};
 use super::{ConnectionArgs, Console, Exit, Failure, Place, check, notify};
 use crate::agent::{self, Agent, AgentError, Behaviour, Bus, Outcome, Plan, RESCUE_NAME};
 use crate::behaviour::{Launch, Launcher, RestartPolicy, is_failure};
+use crate::clock::{Clock, Date, Zone};
 use crate::config::{Config, Entry};
 use crate::control::{self, Desk};
 use crate::guardian::Guardian;
@@ -38,7 +39,7 @@ use crate::wire::Login;
 /// How often the status line is drawn anew.
 pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
 /// How long the journal may take at the end to write what it has.
-const JOURNAL_END: Duration = Duration::from_secs(2);
+pub(super) const JOURNAL_END: Duration = Duration::from_secs(2);
 /// The longest `--for`: a year.
 const LONGEST_RUN: f64 = 366.0 * 86_400.0;
 
@@ -86,6 +87,11 @@ pub(super) struct RunArgs {
     #[arg(long)]
     fast: bool,
 
+    /// With --sim: the date and time at the beginning, in the config's time zone; with --fast, unless
+    /// given, 2026-01-01 09:00 in universal time
+    #[arg(long, value_name = "DATE")]
+    date: Option<Date>,
+
     /// With --fast: write all that happens to this file, one JSON object a line
     #[arg(long, value_name = "FILE", requires = "fast")]
     events: Option<PathBuf>,
@@ -113,7 +119,8 @@ fn restart_words() -> impl TypedValueParser<Value = RestartPolicy> {
         .try_map(|word| word.parse::<RestartPolicy>().map_err(std::io::Error::other))
 }
 
-fn parse_seconds(text: &str) -> Result<Duration, String> {
+/// A number of seconds, up to a year.
+pub(super) fn parse_seconds(text: &str) -> Result<Duration, String> {
     let seconds = text
         .parse()
         .ok()
@@ -147,6 +154,12 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     }
     let place = place(&args.connection, &config)?;
     let trace = trace_file(&args, matches!(place, Place::Sim(_)))?;
+    if args.date.is_some() && matches!(place, Place::Robot(_)) {
+        let what = "--date goes with --sim only: a real robot lives today";
+        return Err(
+            Failure::usage(what).help("spykee run FILE.lua --sim --date \"2026-03-29 01:30\"")
+        );
+    }
     let login = args.connection.login.login(args.settings.load()?)?;
     if console.is_json() {
         tracing::info!(seed, "starting");
@@ -183,7 +196,10 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     };
     let core = driving_core()?;
     let bus = Bus::default();
-    let page = args.live.map(|_| Ahead::of(&config, &behaviours, &bus));
+    let page = args.live.map(|_| {
+        let scripts = behaviours.iter().map(super::live::script).collect();
+        Ahead::of(&config, watch::channel(scripts).1, &bus)
+    });
     let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
     let plan = Plan {
         behaviours,
@@ -198,7 +214,10 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         limit: args.limit,
         bus: bus.clone(),
     };
-    let journal = journal(&config, &bus, &about);
+    let journal = match config.journal.record {
+        journal::When::On => journal(&config, &bus, &about),
+        _ => None,
+    };
     let voice = notify::start(args.settings.load()?, &bus)?;
     let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle), tries);
     let outcome = runtime.block_on(async {
@@ -237,11 +256,12 @@ fn names(behaviours: &[Behaviour]) -> String {
     names.collect::<Vec<_>>().join(" ")
 }
 
-/// The journal of a run, if the config wants one. A run without it drives all the same.
-fn journal(config: &Config, bus: &Bus, (target, simulated): &(String, bool)) -> Option<Journal> {
-    if config.journal.record != journal::When::On {
-        return None;
-    }
+/// A journal. What runs without one drives all the same.
+pub(super) fn journal(
+    config: &Config,
+    bus: &Bus,
+    (target, simulated): &(String, bool),
+) -> Option<Journal> {
     let about = journal::About {
         target: target.clone(),
         simulated: *simulated,
@@ -275,6 +295,9 @@ fn fast(
         link: config.link.clone(),
         streams: config.streams,
         events: events.as_ref().map(EventFile::recorder),
+        date: args
+            .date
+            .map(|date| date.at(&config.time_zone.clone().unwrap_or_else(Zone::utc))),
         ..lab::Options::default()
     };
     let names = names(&behaviours);
@@ -324,7 +347,7 @@ async fn drive(
 }
 
 /// A run without a desk drives all the same.
-async fn serve(desk: io::Result<Desk>, run: control::Run) -> Infallible {
+pub(super) async fn serve(desk: io::Result<Desk>, run: control::Run) -> Infallible {
     let served = match desk {
         Ok(desk) => desk.serve(run).await,
         Err(error) => Err(error),
@@ -409,7 +432,8 @@ fn unreachable(error: LinkError) -> Failure {
     ))
 }
 
-async fn show(
+/// Shows how things stand, on a terminal or in a file.
+pub(super) async fn show(
     mut line: StatusLine,
     status: watch::Receiver<Status>,
     console: &Console,
@@ -446,7 +470,7 @@ pub(super) fn reach(
 }
 
 /// With `faults` a person may begin some in a simulation.
-fn reach_with(
+pub(super) fn reach_with(
     place: Place,
     login: &Login,
     seed: u64,
@@ -484,6 +508,13 @@ fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
         let failure = Failure::usage("what to run? no behaviour was named");
         return Err(failure.help("spykee run behaviours/patrol.lua --sim"));
     }
+    // A fast run is the same on every computer.
+    let fast = config.time_zone.clone().unwrap_or_else(Zone::utc);
+    let zone = if args.fast { fast } else { config.zone() };
+    let clock = match args.date {
+        Some(date) if !args.fast => Clock::set_to(date.at(&zone)),
+        _ => Clock::default(),
+    };
     Casting {
         config,
         file: args.settings.file(),
@@ -493,6 +524,8 @@ fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
         checked: !args.no_check,
         watch: args.watch,
         seed,
+        clock,
+        zone,
     }
     .cast(&entries)
 }

@@ -101,6 +101,22 @@ pub(super) fn of_environment() -> Result<Option<String>, Failure> {
     text.map_err(|_| Failure::usage(format_args!("{VARIABLE} is not UTF-8")))
 }
 
+/// What the system's manager has handed over: the credential `password` of a service's unit.
+///
+/// # Errors
+/// It cannot be read, or its first line is empty.
+pub(super) fn of_credential() -> Result<Option<String>, Failure> {
+    let folder = std::env::var_os("CREDENTIALS_DIRECTORY");
+    let path = folder.map(|folder| Path::new(&folder).join("password"));
+    match path.filter(|path| path.exists()) {
+        Some(path) => {
+            let text = files::read(&path, MAX_FILE_LEN).map_err(|error| cannot(&path, &error))?;
+            first_line(&path, text).map(Some)
+        }
+        None => Ok(None),
+    }
+}
+
 /// The first line of a file that the command line or the environment names: the person who starts this
 /// program has chosen it, so it may also be a pipe.
 ///

@@ -44,6 +44,14 @@ impl SettingsArgs {
         effective.file.as_ref().map(|(path, _)| path.as_path())
     }
 
+    /// The same, to be read anew.
+    pub(super) fn anew(&self) -> SettingsArgs {
+        SettingsArgs {
+            config: self.config.clone(),
+            read: OnceCell::new(),
+        }
+    }
+
     /// Says in the log which file counts.
     pub(super) fn announce(&self) {
         if let Some(path) = self.file() {

@@ -16,6 +16,9 @@ const RATE_PERIOD: Duration = Duration::from_secs(1);
 /// In a file, how often the state is told even if nothing has changed.
 const PLAIN_PERIOD: Duration = Duration::from_secs(60);
 
+/// The state of a robot that nobody uses.
+const RELEASED: &str = "let go of, free for others";
+
 /// Remembers what was shown.
 pub(super) struct StatusLine {
     behaviours: String,
@@ -90,6 +93,7 @@ impl StatusLine {
             (LinkState::Connecting, tries) => {
                 format!("waiting for the robot, tries so far: {tries}")
             }
+            (LinkState::Released, _) => RELEASED.to_owned(),
             (LinkState::Lost, _) => "link lost, connecting anew".to_owned(),
             (LinkState::Up, _) => status.safety.to_string(),
         }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+use schemars::JsonSchema;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{DeserializeSeed, Error, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
@@ -27,9 +28,22 @@ pub struct Entry {
     /// What is done when it fails; `never` unless given.
     #[serde(default)]
     pub restart: RestartPolicy,
+    /// When `spykee serve` starts it; unless given, always, or when asked if the timetable has it.
+    #[serde(default)]
+    pub start: Option<Start>,
     /// Values of its parameters, by name.
     #[serde(default)]
     pub params: BTreeMap<String, ParamValue>,
+}
+
+/// When `spykee serve` starts a behaviour, besides its timetable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Start {
+    /// As soon as the robot is there.
+    Always,
+    /// When a person asks for it, or the timetable.
+    Asked,
 }
 
 impl Entry {
@@ -40,6 +54,7 @@ impl Entry {
             name: None,
             priority: Priority::default(),
             restart: RestartPolicy::default(),
+            start: None,
             params: BTreeMap::new(),
         }
     }
@@ -169,6 +184,7 @@ mod tests {
                       name: bumper\n  \
                       priority: 10\n  \
                       restart: { policy: on-failure, max_restarts: 3 }\n  \
+                      start: asked\n  \
                       params: { speed: 40, loud: true, colour: red }\n";
         let read = parse(text).unwrap();
         assert_eq!(read[0], Entry::of("patrol.lua".into()));
@@ -188,6 +204,7 @@ mod tests {
             name: Some("bumper".into()),
             priority: Priority(10),
             restart: RestartPolicy::OnFailure(restarts),
+            start: Some(Start::Asked),
             params: params.map(|(name, value)| (name.to_owned(), value)).into(),
         };
         assert_eq!(read[1], bumper);

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde_json::Value;
 
-use super::Config;
+use super::{Config, Start};
 
 /// The shape of one entry of `behaviours:`, as editors see it; [`super::Entry`] reads it.
 #[derive(JsonSchema)]
@@ -22,6 +22,9 @@ pub(super) struct Behaviour {
     priority: Option<i32>,
     /// What is done when it fails: `never`, `on-failure`, or a table with `policy` and its numbers.
     restart: Option<Value>,
+    /// When `spykee serve` starts it: `always`, or when `asked`; unless given, always, or when asked if
+    /// the timetable has it.
+    start: Option<Start>,
     /// Values of its parameters, by name: true, false, a number or a text.
     params: Option<BTreeMap<String, Value>>,
 }

@@ -30,6 +30,8 @@ const ASKING: Duration = Duration::from_secs(2);
 const ANSWERING: Duration = Duration::from_secs(5);
 /// How long the pilot may take to say who is aboard.
 const CREW: Duration = Duration::from_secs(1);
+/// How long a robot that was let go of may take to let us in again.
+const REACH: Duration = Duration::from_millis(3500);
 /// The pause after a connection that the system could not give.
 const PAUSE: Duration = Duration::from_millis(200);
 /// The number of the first person; behaviours are numbered from 0, and the last number is the rescue
@@ -131,7 +133,7 @@ impl Run {
             Errand::Behaviour { name, change } => return self.change(&name, change).await,
             other => other,
         };
-        if self.status.borrow().link != LinkState::Up {
+        if !self.reach().await {
             return Answer::Offline;
         }
         match self.allowed(&errand) {
@@ -141,6 +143,17 @@ impl Run {
                 Err(error) => Answer::Refused(error.to_string()),
             },
         }
+    }
+
+    /// Whether the robot is there; one that was let go of is dialled for.
+    async fn reach(&self) -> bool {
+        let mut status = self.status.clone();
+        if status.borrow().link == LinkState::Released {
+            let _ = self.requests.send(Request::Release(false)).await;
+            let up = status.wait_for(|status| status.link == LinkState::Up);
+            let _ = timeout(REACH, up).await;
+        }
+        self.status.borrow().link == LinkState::Up
     }
 
     /// What is dropped without an answer further down is refused in words here.
@@ -287,6 +300,7 @@ impl Run {
                 LinkState::Connecting => "connecting".to_owned(),
                 LinkState::Lost => "link lost, connecting anew".to_owned(),
                 LinkState::Up if status.halted => "stopped by a person".to_owned(),
+                LinkState::Released => "let go of, free for others".to_owned(),
                 LinkState::Up => status.safety.to_string(),
             },
             place: status.place.to_string(),

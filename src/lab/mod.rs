@@ -41,8 +41,9 @@ use std::time::Duration;
 use tokio::runtime::{Builder, LocalOptions};
 use tokio::time::Instant;
 
-use crate::agent::Behaviour;
+use crate::agent::{Behaviour, Plan};
 use crate::behaviour::STACK;
+use crate::clock;
 use crate::script;
 use crate::sim::{self, World};
 
@@ -89,6 +90,7 @@ fn live<T>(world: World, options: Options, work: impl AsyncFnOnce(&Lab) -> T) ->
         .build_local(LocalOptions::default())?;
     runtime.block_on(async {
         let began = recorder::begin();
+        clock::begin_virtual(options.date);
         let sim_options = sim::Options {
             seed: options.seed,
             unacknowledged: Some(options.link.dead_after),
@@ -129,6 +131,12 @@ impl Lab {
     /// one after the other: they find the robot as the last one left it.
     pub fn start(&self, behaviours: Vec<Behaviour>, limit: Option<Duration>) -> Running {
         Running::start(self.sim.clone(), &self.options, behaviours, limit)
+    }
+
+    /// What an agent on the robot of this laboratory needs, for who composes one by himself, such as a
+    /// service: it is run within the laboratory.
+    pub fn plan(&self, behaviours: Vec<Behaviour>) -> Plan {
+        running::plan(self.sim.clone(), &self.options, behaviours)
     }
 
     fn record_end(&self) {

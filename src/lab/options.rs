@@ -24,6 +24,8 @@ pub struct Options {
     pub streams: Streams,
     /// Ends every run of this laboratory when cancelled, from whatever thread.
     pub stop: CancellationToken,
+    /// What the clock on the wall shows at the beginning: 2026-01-01 09:00 in universal time unless given.
+    pub date: Option<jiff::Timestamp>,
     /// Is given all that happens.
     pub events: Option<Recorder>,
     /// Where its agents say what happens.

@@ -38,23 +38,8 @@ impl Running {
         limit: Option<Duration>,
     ) -> Running {
         let plan = Plan {
-            behaviours,
-            blueprints: Vec::new(),
-            stays: false,
-            settings: Settings {
-                limits: options.limits.clone(),
-                simulated: true,
-                seed: options.seed,
-                link: options.link.clone(),
-                streams: options.streams,
-            },
-            dial: dial(sim, options.sim.login.clone(), options.link.clone()),
-            launcher: Launcher::in_this_thread(),
-            core: runtime::Handle::current(),
-            pulse: None,
-            rescue: rescue(options),
             limit,
-            bus: options.bus.clone(),
+            ..plan(sim, options, behaviours)
         };
         let stop = options.stop.child_token();
         let (agent, status) = Agent::new(plan);
@@ -97,6 +82,29 @@ impl Running {
 impl Drop for Running {
     fn drop(&mut self) {
         self.agent.abort();
+    }
+}
+
+/// An agent on this robot.
+pub(super) fn plan(sim: Handle, options: &Options, behaviours: Vec<Behaviour>) -> Plan {
+    Plan {
+        behaviours,
+        blueprints: Vec::new(),
+        stays: false,
+        settings: Settings {
+            limits: options.limits.clone(),
+            simulated: true,
+            seed: options.seed,
+            link: options.link.clone(),
+            streams: options.streams,
+        },
+        dial: dial(sim, options.sim.login.clone(), options.link.clone()),
+        launcher: Launcher::in_this_thread(),
+        core: runtime::Handle::current(),
+        pulse: None,
+        rescue: rescue(options),
+        limit: None,
+        bus: options.bus.clone(),
     }
 }
 

@@ -181,6 +181,7 @@ fn link(status: Status) -> &'static str {
         LinkState::Connecting => "connecting",
         LinkState::Up => "up",
         LinkState::Lost => "lost",
+        LinkState::Released => "released",
     }
 }
 

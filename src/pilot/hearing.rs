@@ -5,9 +5,10 @@ use bytes::Bytes;
 use tokio::time::Instant;
 use tracing::{debug, info, warn};
 
-use super::Pilot;
 use super::line::{Greeting, News};
 use super::lost::{HearError, LinkLost};
+use super::{FAILED_EVERY, Pilot};
+use crate::budget::Repeats;
 use crate::robot::{Coming, Event, Frame, Pictures, RobotInfo};
 use crate::safety::Fact;
 use crate::vision::validate_markers;
@@ -22,7 +23,7 @@ impl Pilot {
             News::Coming(beginning) => self.coming(beginning),
             News::Lost(error) => return Err(LinkLost::from(error).into()),
             News::Failed(error) if self.info.is_none() => return Err(HearError::First(error)),
-            News::Failed(error) => warn!("still not connected: {error}"),
+            News::Failed(error) => self.say_failed(&error.to_string()),
         }
         Ok(())
     }
@@ -58,6 +59,7 @@ impl Pilot {
         self.silence.begin(Instant::now());
         self.herald_link(&info, docked);
         self.info = Some(info);
+        self.failed = Repeats::new(FAILED_EVERY);
         let mut lost = self.take(Fact::LinkUp { docked, power });
         self.herald_battery();
         self.seats.welcome_all(&self.welcome());
@@ -165,6 +167,15 @@ impl Pilot {
         self.pictures
             .send_modify(|pictures| pictures.coming = Some(Coming { seq, jpeg }));
         self.seats.show_all();
+    }
+
+    /// A robot may be away for weeks.
+    fn say_failed(&mut self, error: &str) {
+        match self.failed.note(error.to_owned(), Instant::now()) {
+            Some(0) => warn!("still not connected: {error}"),
+            Some(repeated) => warn!(repeated, "still not connected: {error}"),
+            None => debug!("still not connected: {error}"),
+        }
     }
 
     /// A broken robot, or one that only claims to be one, may say the same a thousand times a second.

@@ -63,6 +63,7 @@ pub(super) struct Line {
     backoff: Backoff,
     rng: StdRng,
     last_words: Vec<Command>,
+    resting: bool,
 }
 
 impl Line {
@@ -80,6 +81,19 @@ impl Line {
             backoff: Backoff::new(options),
             rng: StdRng::seed_from_u64(seed),
             last_words,
+            resting: false,
+        }
+    }
+
+    /// While it rests nobody is dialled; an open link is not closed by that.
+    pub(super) fn rest(&mut self, rest: bool) {
+        if rest == self.resting {
+            return;
+        }
+        self.resting = rest;
+        if matches!(self.state, State::Dialling(_) | State::Pausing(_)) {
+            self.backoff.reset();
+            self.state = State::Pausing(Box::pin(sleep(Duration::ZERO)));
         }
     }
 
@@ -97,6 +111,7 @@ impl Line {
                     self.redial();
                     continue;
                 }
+                State::Pausing(_) if self.resting => std::future::pending().await,
                 State::Pausing(pause) => pause.await,
                 State::Dialling(dialling) => {
                     let result = dialling.await;

@@ -1,9 +1,11 @@
 //! The heartbeat of the driving core. The guardian hears it; and a beat that comes far too late tells
 //! that this program was stopped or the whole machine was asleep, so that nothing old may be repeated.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use rustix::time::{ClockId, clock_gettime};
+use tokio::sync::Notify;
 use tokio::time::Instant;
 
 use crate::guardian::{BEAT, Guardian};
@@ -15,6 +17,8 @@ const SLEPT: Duration = Duration::from_secs(1);
 #[derive(Debug)]
 pub struct Pulse {
     guardian: Option<Guardian>,
+    /// Told of each beat.
+    heard: Option<Arc<Notify>>,
     due: Instant,
     /// When the pilot was last seen awake, by a clock that goes on while the machine sleeps; `None`
     /// before the first beat, since a run may take its time to begin.
@@ -26,9 +30,17 @@ impl Pulse {
     pub fn new(guardian: Option<Guardian>) -> Pulse {
         Pulse {
             guardian,
+            heard: None,
             due: Instant::now(),
             awake: None,
         }
+    }
+
+    /// Each beat is told here too, for whoever watches over the driving core.
+    #[must_use]
+    pub fn heard_by(mut self, heard: Arc<Notify>) -> Pulse {
+        self.heard = Some(heard);
+        self
     }
 
     /// The process that stops the robot when this one cannot.
@@ -47,6 +59,9 @@ impl Pulse {
             self.due = now + BEAT;
             if let Some(guardian) = &mut self.guardian {
                 guardian.beat();
+            }
+            if let Some(heard) = &self.heard {
+                heard.notify_one();
             }
         }
         self.see_awake(boot_time())

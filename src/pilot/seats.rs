@@ -120,6 +120,11 @@ impl Seats {
         }
     }
 
+    /// What a behaviour is there for; `None` if it is not aboard.
+    pub(super) fn role(&self, by: BehaviourId) -> Option<Role> {
+        self.seats.get(&by).map(|seat| seat.role)
+    }
+
     /// A behaviour's priority; `None` if it is not aboard.
     pub(super) fn priority(&self, by: BehaviourId) -> Option<Priority> {
         self.seats.get(&by).map(|seat| seat.priority)

@@ -8,8 +8,9 @@ use tokio::time::Instant;
 
 use super::Pilot;
 use super::distress::Distress;
+use super::hush::Hush;
 use super::lost::LinkLost;
-use crate::robot::channel::{Crew, Request, Role};
+use crate::robot::channel::{Crew, Quiet, Request, Role};
 use crate::robot::{BehaviourId, CallId, DockEnd, Event, Intent, Priority};
 use crate::safety::{ALARM, Ask, Fact};
 use crate::wire::{Command, Engage, Stream};
@@ -61,6 +62,8 @@ impl Pilot {
                 Ok(())
             }
             Request::Halt(on) => self.halt(on),
+            Request::Release(release) => self.release(release),
+            Request::Quiet(quiet) => self.hush(quiet),
             Request::Sleep(sleep) => self.sleep(sleep),
         }
     }
@@ -141,7 +144,36 @@ impl Pilot {
     /// Whether a behaviour may have lights and sounds as things stand.
     fn allows(&self, by: BehaviourId, command: &Command) -> bool {
         let distress = Distress::of(&self.watchdog);
-        self.seats.allows(by, command, distress)
+        let role = self.seats.role(by).unwrap_or_default();
+        self.hush.allows(role, command) && self.seats.allows(by, command, distress)
+    }
+
+    /// Quiet hours begin or end.
+    fn hush(&mut self, quiet: Quiet) -> Result<(), LinkLost> {
+        let hush = Hush::new(quiet);
+        if std::mem::replace(&mut self.hush, hush) == hush {
+            return Ok(());
+        }
+        let noise = hush.beginning(self.watchdog.alarm_sounds());
+        if let Some(writer) = self.writer.as_mut().filter(|_| !noise.is_empty()) {
+            writer.drop_audio();
+        }
+        self.settle()?;
+        self.send(noise)
+    }
+
+    /// Lets go of the link, or dials again: see [`Request::Release`].
+    fn release(&mut self, release: bool) -> Result<(), LinkLost> {
+        let away = self.watchdog.low().is_some() && !self.watchdog.docked();
+        let busy = away || !self.seats.aboard().is_empty();
+        if release && (busy || self.writer.is_none()) {
+            return Ok(());
+        }
+        let before = std::mem::replace(&mut self.released, release);
+        match release && !before {
+            true => Err(LinkLost::because("let go of, nothing runs")),
+            false => Ok(()),
+        }
     }
 
     /// A behaviour that lets go of the tracks may take them again at once, and what waits below it
@@ -169,7 +201,11 @@ impl Pilot {
         }
         self.alarm_due = false;
         self.settle()?;
-        self.send(&ALARM)
+        let alarm: Vec<Command> = ALARM
+            .into_iter()
+            .filter(|command| self.hush.allows_alarm(command))
+            .collect();
+        self.send(&alarm)
     }
 
     fn say(&mut self, by: BehaviourId, samples: Bytes) -> Result<(), LinkLost> {

@@ -14,6 +14,8 @@ pub enum LinkState {
     Up,
     /// Was up; connecting anew.
     Lost,
+    /// Let go of, so that somebody else can log in.
+    Released,
 }
 
 /// The newest state of robot and watchdog.

@@ -41,8 +41,25 @@ pub enum Request {
     Crew(oneshot::Sender<Crew>),
     /// Let nothing move the robot, whoever wants it, the watchdog included; or let it move again.
     Halt(bool),
+    /// Let go of the link, so that somebody else can log in, or dial again. A robot that runs a
+    /// behaviour, or whose battery is low off its station, is not let go of.
+    Release(bool),
+    /// What must not be heard or seen from now on.
+    Quiet(Quiet),
     /// Stop the robot, and then this program by this function, which returns when it goes on.
     Sleep(Sleep),
+}
+
+/// Who must make no sound and show no bright light.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Quiet {
+    /// Nobody: it is day.
+    #[default]
+    Off,
+    /// Scripts.
+    Scripts,
+    /// Scripts, and the alarm neither.
+    WithAlarm,
 }
 
 /// What a behaviour is there for.

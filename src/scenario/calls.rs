@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use super::arguments::Arguments;
 use super::stage::PlayStage;
+use crate::clock::{self, Date};
 use crate::sim::{Fault, FaultsError, Point, Pose, What};
 
 impl PlayStage {
@@ -31,6 +32,11 @@ impl PlayStage {
             }
             "sim:break_charger" => {
                 self.sim.set_charging_broken(given.is_true(0));
+                Ok(Value::Null)
+            }
+            "sim:clock" => {
+                let date: Date = given.text(0).unwrap_or_default().parse()?;
+                clock::begin_virtual(Some(date.at(&self.cast.zone())));
                 Ok(Value::Null)
             }
             "sim:fault" => self.begin_fault(given),

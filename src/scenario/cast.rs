@@ -7,6 +7,7 @@ use serde_json::Value;
 use crate::agent::Behaviour;
 use crate::behaviour::{Launch, Library, read_source};
 use crate::check::{self, Finding};
+use crate::clock::Zone;
 use crate::config::{Config, Entry};
 use crate::script;
 
@@ -72,6 +73,11 @@ impl Cast {
         Ok(entry)
     }
 
+    /// Whose clock counts: the same on every computer.
+    pub(super) fn zone(&self) -> Zone {
+        self.config.time_zone.clone().unwrap_or_else(Zone::utc)
+    }
+
     fn behaviour(&self, entry: &Entry, seed: u64) -> Result<Behaviour, String> {
         let file = &entry.file;
         let named = is_script(file) && file.canonicalize().map_or(true, |file| is_script(&file));
@@ -88,6 +94,7 @@ impl Cast {
         let options = script::Options {
             params: entry.given(&self.origin),
             data_dir: Some(self.data.join(&name)),
+            time_zone: self.zone().name().to_owned(),
             ..self.config.script(name, chunk, seed)
         };
         refuse_mistakes(&source, &options)?;

@@ -153,6 +153,7 @@ impl Book {
             streams: config.streams,
             stop: setting.stop.clone(),
             events: Some(chronicle.recorder()),
+            date: None,
             bus: Bus::default(),
         };
         let cast = Cast {

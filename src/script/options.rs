@@ -32,6 +32,10 @@ pub struct Options {
     pub colours: BTreeMap<String, Colour>,
     /// When the robot's streams are on.
     pub streams: Streams,
+    /// Whose time of day `clock.date()` tells, such as `Europe/Rome`.
+    pub time_zone: String,
+    /// How far the time of day is ahead of the computer's, in milliseconds.
+    pub clock: i64,
     /// Values for what the script declares with `params.declare`, by name.
     pub params: BTreeMap<String, GivenParam>,
     /// Where `frame:save` writes; `None`: nowhere, it answers `io`.
@@ -56,6 +60,8 @@ impl Options {
             camera: Camera::default(),
             colours: BTreeMap::new(),
             streams: Streams::default(),
+            time_zone: "UTC".to_owned(),
+            clock: 0,
             params: BTreeMap::new(),
             data_dir: None,
             interactive: false,

@@ -101,12 +101,17 @@ impl Rig {
 
     /// The binary with any arguments; works in the test's folder.
     pub fn spykee(&self, args: &[&str]) -> Run {
-        Run::start(args, self.folder.path(), Stdio::null())
+        Run::start(args, self.folder.path(), Stdio::null(), &[])
+    }
+
+    /// The same, with variables in its environment.
+    pub fn spykee_with(&self, args: &[&str], environment: &[(&str, &str)]) -> Run {
+        Run::start(args, self.folder.path(), Stdio::null(), environment)
     }
 
     /// The same, with a pipe to type into.
     pub fn spykee_with_pipe(&self, args: &[&str]) -> (Run, ChildStdin) {
-        let mut run = Run::start(args, self.folder.path(), Stdio::piped());
+        let mut run = Run::start(args, self.folder.path(), Stdio::piped(), &[]);
         let pipe = run.child.stdin.take().unwrap();
         (run, pipe)
     }
@@ -215,12 +220,13 @@ pub struct Run {
 }
 
 impl Run {
-    fn start(args: &[&str], folder: &Path, input: Stdio) -> Run {
+    fn start(args: &[&str], folder: &Path, input: Stdio, environment: &[(&str, &str)]) -> Run {
         let mut process = Process::new(env!("CARGO_BIN_EXE_spykee"));
         for variable in ["RUST_LOG", "NO_COLOR", "SPYKEE_PASSWORD", "RUST_BACKTRACE"] {
             process.env_remove(variable);
         }
         process.args(args).current_dir(folder);
+        process.envs(environment.iter().copied());
         process
             .stdin(input)
             .stdout(Stdio::piped())

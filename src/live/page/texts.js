@@ -12,6 +12,7 @@ const TEXTS = {
   halted_low: ["The battery is low: it does not go home while it is stopped.", "Der Akku ist schwach: angehalten fährt er nicht heim.", "La batteria è scarica: da fermo non torna alla base."],
 
   connecting: ["Connecting to the robot", "Verbinde mit dem Roboter", "Mi collego al robot"],
+  released: ["Let go of, free for others", "Losgelassen, frei für andere", "Lasciato libero per altri"],
   lost: ["Link lost, connecting again", "Verbindung verloren, verbinde neu", "Collegamento perso, riprovo"],
   server_lost: ["The program does not answer. Is it still running?", "Das Programm antwortet nicht. Läuft es noch?", "Il programma non risponde. È ancora in funzione?"],
   offline: ["Not connected", "Nicht verbunden", "Non collegato"],

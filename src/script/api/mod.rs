@@ -6,6 +6,7 @@
 
 mod answer;
 mod builder;
+mod clock;
 mod colours;
 mod convert;
 mod dock;
@@ -189,6 +190,7 @@ pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: Surroundings) ->
     let mut tables = vec![
         ("script", script::namespace(&builder)?),
         ("log", builder.namespace("log", &[log::CALLS])?),
+        ("clock", builder.namespace("clock", &[clock::CALLS])?),
         ("task", tasks::namespace(&builder)?),
     ];
     if let Surroundings::Robot = surroundings {

@@ -1,0 +1,54 @@
+//! A behaviour of the company, from the order to start it to its end.
+
+use tokio::sync::watch;
+use tokio::time::Instant;
+
+use super::roster::{MemberState, Reply};
+use crate::robot::{BehaviourId, EndReason};
+
+/// Tells one behaviour to end, and why.
+pub(super) type Stop = watch::Sender<Option<EndReason>>;
+
+/// A behaviour from the order to start it to its end.
+pub(super) struct Aboard {
+    pub(super) by: BehaviourId,
+    pub(super) name: String,
+    pub(super) stop: Stop,
+    /// `None`: it is being loaded.
+    pub(super) since: Option<Instant>,
+    /// Who waits for its beginning.
+    pub(super) started: Vec<Reply>,
+    /// Who waits for its end.
+    pub(super) ended: Vec<Reply>,
+    /// It is started again when it has ended.
+    pub(super) again: Option<Reply>,
+}
+
+impl Aboard {
+    /// One whose script is being loaded.
+    pub(super) fn new(by: BehaviourId, name: String, stop: Stop) -> Aboard {
+        Aboard {
+            by,
+            name,
+            stop,
+            since: None,
+            started: Vec::new(),
+            ended: Vec::new(),
+            again: None,
+        }
+    }
+
+    /// What it does.
+    pub(super) fn state(&self) -> MemberState {
+        match self.since {
+            _ if self.stop.borrow().is_some() => MemberState::Ending,
+            Some(since) => MemberState::Running { by: self.by, since },
+            None => MemberState::Loading,
+        }
+    }
+}
+
+/// The first reason stays.
+pub(super) fn tell(stop: &Stop, reason: EndReason) {
+    stop.send_if_modified(|stop| stop.is_none() && stop.replace(reason).is_none());
+}

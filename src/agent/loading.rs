@@ -1,0 +1,46 @@
+//! From a blueprint to a behaviour that is loaded and can begin.
+
+use std::time::Duration;
+
+use tokio::sync::watch;
+use tokio::task::spawn_blocking;
+use tokio::time::timeout;
+
+use super::keeper::{Keeper, Surroundings};
+use super::roster::{Blueprint, RosterError};
+use crate::behaviour::Prepared;
+use crate::pilot::{LinkState, Status};
+use crate::robot::BehaviourId;
+use crate::robot::channel::Role;
+use crate::script::Ending;
+
+/// How long a behaviour that is loaded waits for the robot.
+const REACH: Duration = Duration::from_millis(3500);
+
+/// Makes a behaviour and has a host load it. One that was told to end meanwhile does not run.
+pub(super) async fn load(
+    around: Surroundings,
+    by: BehaviourId,
+    blueprint: Blueprint,
+    mut status: watch::Receiver<Status>,
+) -> Result<(Keeper, Prepared), RosterError> {
+    let made = spawn_blocking(move || blueprint.make()).await;
+    let made = made.map_err(|_| "internal error: it could not be made".to_owned());
+    let behaviour = made
+        .and_then(|made| made)
+        .map_err(RosterError::CannotLoad)?;
+    let keeper = Keeper::new(around, by, Role::Behaviour, behaviour);
+    let prepared = keeper.prepare().await;
+    let host = prepared.map_err(|ending| RosterError::CannotLoad(words(&ending)))?;
+    // A robot that was let go of is dialled for meanwhile.
+    let up = status.wait_for(|status| status.link == LinkState::Up);
+    match timeout(REACH, up).await {
+        Ok(Ok(_)) => Ok((keeper, host)),
+        _ => Err(RosterError::Offline),
+    }
+}
+
+fn words(ending: &Ending) -> String {
+    let words = ending.message.as_deref();
+    words.unwrap_or(ending.reason.sentence()).to_owned()
+}

@@ -1,0 +1,54 @@
+//! `clock.*`: the time of day.
+
+use super::bounds::Bounds;
+use super::terms::{
+    Function, Namespace, Object, Place, bounded, call, number, object, table, text, whole,
+};
+
+/// From the year 1 to the year 9999.
+const INSTANT: Bounds = Bounds::Between(-62_135_000_000.0, 253_402_000_000.0);
+
+pub(super) const DATE: Object = table(
+    "Date",
+    "A date and a time of day.",
+    &[
+        whole("year", ""),
+        whole("month", "1 to 12"),
+        whole("day", "1 to 31"),
+        whole("hour", "0 to 23"),
+        whole("minute", "0 to 59"),
+        whole("second", "0 to 59"),
+        text("weekday", "such as `monday`"),
+        text("zone", "whose clock shows it, such as `Europe/Rome`"),
+        whole("offset", "how far that is ahead of universal time").unit("s"),
+        text("text", "such as `2026-03-29 01:30:00`"),
+    ],
+);
+
+const FUNCTIONS: &[Function] = &[
+    call(
+        "clock.now",
+        &[],
+        &[number("seconds", "since the beginning of 1970 in universal time").unit("s")],
+        "The time of day, as a number; in virtual time that of the simulation.",
+        "store.set(\"patrolled\", clock.now())",
+    )
+    .pure(),
+    call(
+        "clock.date",
+        &[bounded("seconds", INSTANT, "as of `clock.now`; now unless given").unit("s").optional()],
+        &[object("date", &DATE, "")],
+        "The date and the time of day, in the time zone of the config (`time_zone:`).",
+        "local date = clock.date()\nif date.hour >= 22 then\n\tprint(\"good night, it is\", date.text)\nend",
+    )
+    .pure(),
+];
+
+pub(super) const CLOCK: Namespace = Namespace {
+    name: "clock",
+    about: "the time of day",
+    place: Place::Everywhere,
+    functions: FUNCTIONS,
+    constants: &[],
+    example: "",
+};

@@ -1,0 +1,71 @@
+//! A service that was started as root goes on as somebody else.
+
+use std::ffi::CString;
+use std::os::unix::fs::{DirBuilderExt as _, chown};
+use std::path::Path;
+
+use nix::unistd::{Gid, Uid, User, initgroups, setgid, setuid};
+
+use super::Failure;
+
+/// Leaves root for this user, for good; `root` itself means to stay. Does nothing for others. The data
+/// folder is made for the user if it is not there.
+///
+/// # Errors
+/// Nobody was named, there is no such user, or the system does not let us.
+pub(super) fn leave_root(user: Option<&str>, data: &Path) -> Result<(), Failure> {
+    if !Uid::effective().is_root() {
+        return Ok(());
+    }
+    let Some(name) = user else {
+        let failure = Failure::usage("a service does not go on as root, and no user is named");
+        return Err(failure.help(
+            "`service: { user: NAME }` in the config names one; `user: root` means it; \
+             `spykee service install` makes a unit with a user of its own",
+        ));
+    };
+    if name == "root" {
+        tracing::warn!("the service goes on as root, as its config says");
+        return Ok(());
+    }
+    let found = User::from_name(name).ok().flatten();
+    let user = found.ok_or_else(|| {
+        let failure = Failure::usage(format_args!("no user of this computer is called `{name}`"));
+        failure.help("`service: { user: ... }` in the config names one that there is")
+    })?;
+    give_folder(data, &user).map_err(|error| {
+        let data = data.display();
+        Failure::usage(format_args!("cannot make {data} for `{name}`: {error}"))
+    })?;
+    become_user(&user)
+        .map_err(|why| Failure::usage(format_args!("cannot go on as `{name}`: {why}")))?;
+    tracing::info!("started as root, goes on as {name}");
+    Ok(())
+}
+
+/// One that is there stays as it is.
+fn give_folder(data: &Path, user: &User) -> std::io::Result<()> {
+    if data.exists() {
+        return Ok(());
+    }
+    std::fs::DirBuilder::new()
+        .recursive(true)
+        .mode(0o700)
+        .create(data)?;
+    chown(data, Some(user.uid.as_raw()), Some(user.gid.as_raw()))
+}
+
+fn become_user(user: &User) -> Result<(), String> {
+    let words = |error: nix::Error| error.to_string();
+    let name = CString::new(user.name.as_str()).map_err(|error| error.to_string())?;
+    initgroups(&name, user.gid).map_err(words)?;
+    setgid(user.gid).map_err(words)?;
+    setuid(user.uid).map_err(words)?;
+    if Uid::effective() != user.uid
+        || Gid::effective() != user.gid
+        || setuid(Uid::from_raw(0)).is_ok()
+    {
+        return Err("the system has not let go of root".to_owned());
+    }
+    Ok(())
+}

@@ -1,0 +1,108 @@
+//! `spykee schedule`: what the timetable will do, and what it will not and why.
+
+use jiff::Timestamp;
+use serde_json::{Value, json};
+
+use super::serve::or_now;
+use super::settings::SettingsArgs;
+use super::table::{Side, aligned};
+use super::{Exit, Failure, print};
+use crate::clock::{self, Date, Zone};
+use crate::timetable::{Outlook, Reason, outlook};
+
+const HEAD: [(&str, Side); 4] = [
+    ("WHEN", Side::Left),
+    ("BEHAVIOUR", Side::Left),
+    ("UNTIL", Side::Left),
+    ("", Side::Left),
+];
+
+/// Say what the timetable of the config will do, and what it will not and why
+///
+/// Goes by the config alone: whether the robot is there, and what a person starts meanwhile, nobody can
+/// foresee.
+#[derive(Debug, Clone, clap::Args)]
+#[command(after_help = "Example: spykee schedule --next 20 --from \"2026-03-28 12:00\"")]
+pub(super) struct ScheduleArgs {
+    /// So many starts
+    #[arg(long, value_name = "COUNT", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    next: u16,
+
+    /// From this date on instead of now, in the config's time zone
+    #[arg(long, value_name = "DATE")]
+    from: Option<Date>,
+
+    /// Print a JSON list
+    #[arg(long)]
+    json: bool,
+
+    #[command(flatten)]
+    pub(super) settings: SettingsArgs,
+}
+
+/// Says it.
+///
+/// # Errors
+/// A config that cannot be used.
+pub(super) fn run(args: &ScheduleArgs) -> Result<Exit, Failure> {
+    let config = args.settings.config()?;
+    let table = config.timetable();
+    let names = config
+        .behaviours
+        .iter()
+        .filter_map(|entry| entry.name().ok());
+    let names: Vec<String> = names.collect();
+    let now = or_now(args.from, config);
+    let starts = outlook(&table, &names, now, usize::from(args.next));
+    if args.json {
+        let starts = starts.iter().map(|one| object(one, &table.zone)).collect();
+        print(&format!("{}\n", Value::Array(starts)))?;
+        return Ok(Exit::Done);
+    }
+    if !clock::is_plausible(now) {
+        tracing::warn!("the clock of this computer is not set: a service waits until it is");
+    }
+    if starts.is_empty() {
+        print("the config has no `schedule:`\n")?;
+        return Ok(Exit::Done);
+    }
+    let rows: Vec<Vec<String>> = starts.iter().map(|one| row(one, &table.zone)).collect();
+    print(&aligned(&HEAD, &rows))?;
+    print(&format!("times of {}\n", table.zone))?;
+    Ok(Exit::Done)
+}
+
+fn row(one: &Outlook, zone: &Zone) -> Vec<String> {
+    let day = zone.time(one.at).date();
+    let until = one.until.map(|until| {
+        let until = zone.time(until);
+        match until.date() == day {
+            true => until.strftime("%H:%M").to_string(),
+            false => clock::words(&until),
+        }
+    });
+    let notes: Vec<&str> = one.reasons.iter().map(|reason| words(*reason)).collect();
+    vec![
+        clock::words(&zone.time(one.at)),
+        one.run.clone(),
+        until.unwrap_or_else(|| "it ends".to_owned()),
+        notes.join("; "),
+    ]
+}
+
+fn words(reason: Reason) -> &'static str {
+    match reason {
+        Reason::Quiet => "quiet hours: no sounds, no headlight",
+        Reason::Overlap => "will not start: it still runs then",
+        Reason::Unknown => "will not start: no behaviour of the config is called so",
+    }
+}
+
+fn object(one: &Outlook, zone: &Zone) -> Value {
+    let time = |at: Timestamp| zone.time(at).strftime("%Y-%m-%dT%H:%M:%S%:z").to_string();
+    let has = |reason| one.reasons.contains(&reason);
+    json!({
+        "at": time(one.at), "run": one.run, "until": one.until.map(time), "starts": one.happens(),
+        "quiet": has(Reason::Quiet), "overlap": has(Reason::Overlap), "unknown": has(Reason::Unknown),
+    })
+}

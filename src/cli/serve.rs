@@ -1,0 +1,273 @@
+//! `spykee serve`: a robot that is looked after for good, by timetable and when asked.
+
+mod fast;
+mod order;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use jiff::Timestamp;
+use tokio::sync::{Notify, mpsc, watch};
+use tokio::time::Instant;
+use tokio_util::sync::CancellationToken;
+
+use self::order::{Order, Reader};
+use super::embedded::EmbeddedSim;
+use super::interrupt::{listen, obey_as_service};
+use super::live::Ahead;
+use super::privileges::leave_root;
+use super::run::{self, driving_core, parse_seconds, place, pulse, reach_with, rescue, show};
+use super::settings::SettingsArgs;
+use super::status::StatusLine;
+use super::waiting::{Tries, until_answered};
+use super::{ConnectionArgs, Console, Exit, Failure, Place, notify};
+use crate::agent::{Agent, AgentError, Bus, Outcome, Plan};
+use crate::behaviour::Launcher;
+use crate::clock::{Clock, Date, Zone};
+use crate::config::Config;
+use crate::control::{self, Desk};
+use crate::journal::When;
+use crate::link::Target;
+use crate::live::Script;
+use crate::service::{Herald, RecordFile, Service, View};
+use crate::sim::Handle;
+use crate::timetable::Record;
+
+/// Look after a robot for good: behaviours by timetable, always, or when asked
+///
+/// Waits for a robot that is not there, or that somebody else uses. Behaviours of the config run from the
+/// beginning, unless the timetable has them or `start: asked` says otherwise; `spykee behaviour start`
+/// starts any. An idle robot is sent to its station. SIGHUP reads the config anew; what did not change
+/// goes on. SIGTERM ends it in order; what the timetable had under way goes on with the next start.
+#[derive(Debug, Clone, clap::Args)]
+#[command(
+    after_help = "Examples:\n  spykee serve --config /etc/spykee/spykee.yaml\n  \
+                        spykee serve --sim --date \"2026-03-29 01:59\"\n\n\
+                        `spykee schedule` says what the timetable will do, `spykee service` makes a unit for \
+                        systemd."
+)]
+pub(super) struct ServeArgs {
+    #[command(flatten)]
+    pub(super) settings: SettingsArgs,
+
+    /// With --sim: the date and time at the beginning, in the config's time zone
+    #[arg(long, value_name = "DATE")]
+    date: Option<Date>,
+
+    /// Of math.random and of the simulator's noise; without it a new one each time
+    #[arg(long, value_name = "NUMBER")]
+    seed: Option<u64>,
+
+    /// With --sim: in virtual time, as fast as it goes, for as long as --for says. The same seed gives the
+    /// same days; nothing is kept of what the timetable has under way
+    #[arg(long, requires = "limit")]
+    fast: bool,
+
+    /// End after so many seconds
+    #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
+    limit: Option<Duration>,
+
+    /// With --fast: write all that happens to this file, one JSON object a line
+    #[arg(long, value_name = "FILE", requires = "fast")]
+    events: Option<PathBuf>,
+
+    /// Start without looking for mistakes in the scripts first
+    #[arg(long)]
+    no_check: bool,
+
+    #[command(flatten)]
+    connection: ConnectionArgs,
+}
+
+/// Serves until a signal ends it.
+///
+/// # Errors
+/// Whatever keeps it from beginning: files, config; the password that the robot refuses.
+pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> {
+    let config = args.settings.config()?.clone();
+    let place = place(&args.connection, &config)?;
+    let login = args.connection.login.login(args.settings.load()?)?;
+    let simulated = matches!(place, Place::Sim(_));
+    let clock = clock(args, &config, simulated)?;
+    if !simulated || config.service.user.is_some() {
+        leave_root(config.service.user.as_deref(), config.data_folder())?;
+    }
+    args.settings.announce();
+    let seed = args.seed.unwrap_or_else(rand::random);
+    let reader = Reader {
+        settings: args.settings.clone(),
+        checked: !args.no_check,
+        seed,
+        console: console.clone(),
+        clock,
+        zone: if args.fast {
+            Zone::utc()
+        } else {
+            Zone::system()
+        },
+    };
+    let order = reader.order(&config)?;
+    if args.fast {
+        return fast::serve(args, place, login, (&config, order), (seed, console));
+    }
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build();
+    let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
+    let faults = config.live.listen.is_some();
+    let (target, sim) = reach_with(place, &login, seed, faults)?;
+    let desk = Desk::open(config.data_folder());
+    let record = RecordFile::open(config.data_folder());
+    let launcher = Launcher::this_executable().map_err(|error| {
+        Failure::usage(format_args!("cannot find this program's own file: {error}"))
+    })?;
+    let (core, bus) = (driving_core()?, Bus::default());
+    let (tries, beats) = (Tries::default(), Arc::new(Notify::new()));
+    let plan = Plan {
+        behaviours: Vec::new(),
+        blueprints: order.duties.blueprints.clone(),
+        stays: true,
+        settings: config.pilot(simulated, seed),
+        dial: until_answered(
+            target.clone(),
+            login,
+            config.link.clone(),
+            seed,
+            tries.clone(),
+        ),
+        launcher,
+        core: core.handle().clone(),
+        pulse: Some(pulse(simulated).heard_by(beats.clone())),
+        rescue: rescue(&config, seed)?,
+        limit: args.limit,
+        bus: bus.clone(),
+    };
+    let journal = match config.journal.record {
+        When::Off => None,
+        _ => run::journal(&config, &bus, &(target.to_string(), simulated)),
+    };
+    let (scripts, shown) = watch::channel(order.scripts.clone());
+    let page = config.live.listen.map(|_| Ahead::of(&config, shown, &bus));
+    let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
+    let voice = notify::start(args.settings.load()?, &bus)?;
+    let line = StatusLine::new(
+        "serves".to_owned(),
+        sim.as_ref().map(EmbeddedSim::handle),
+        tries,
+    );
+    let outcome = runtime.block_on(serve(
+        Means {
+            plan,
+            clock,
+            record,
+            desk,
+            target,
+            beats,
+        },
+        (reader, config, order),
+        (page, scripts),
+        line,
+        console,
+    ));
+    drop(core);
+    runtime.shutdown_timeout(super::RUNTIME_LIMIT);
+    journal.map(|journal| journal.finish(run::JOURNAL_END));
+    voice.map(|voice| voice.finish(notify::END));
+    drop(sim);
+    exit(outcome?)
+}
+
+/// What it takes to serve.
+struct Means {
+    plan: Plan,
+    clock: Clock,
+    record: (Record, Option<RecordFile>),
+    desk: std::io::Result<Desk>,
+    target: Target,
+    /// Of the driving core.
+    beats: Arc<Notify>,
+}
+
+async fn serve(
+    means: Means,
+    (reader, config, order): (Reader, Config, Order),
+    (page, scripts): (Option<(Ahead, Option<Handle>)>, watch::Sender<Vec<Script>>),
+    line: StatusLine,
+    console: &Console,
+) -> Result<Result<Outcome, AgentError>, Failure> {
+    let Means { plan, desk, .. } = means;
+    let stop = CancellationToken::new();
+    let (core, settings) = (plan.core.clone(), plan.settings.clone());
+    let bus = plan.bus.clone();
+    let (agent, status) = Agent::new(plan);
+    let hangup = listen(libc::SIGHUP)?;
+    obey_as_service(&core, agent.requests(), stop.clone())?;
+    let asked = control::Run {
+        requests: agent.requests(),
+        roster: agent.roster(),
+        status: status.clone(),
+        pictures: agent.pictures(),
+        stop: stop.clone(),
+        streams: settings.streams,
+        target: means.target.to_string(),
+        simulated: settings.simulated,
+        began: Instant::now(),
+    };
+    let (reload, reloads) = mpsc::channel(1);
+    let page = page.map(|(page, sim)| page.serve(asked.clone(), sim, console));
+    let _page = page.transpose()?;
+    let herald = Herald::of_environment();
+    let service = Service {
+        agent,
+        status: status.clone(),
+        clock: means.clock,
+        duties: order.duties.clone(),
+        record: means.record,
+        herald: herald.clone(),
+        bus,
+        view: View::channel().0,
+        reloads,
+    };
+    let showing = async {
+        match console.has_status_line() {
+            true => show(line, status, console).await,
+            // A file of weeks has the log alone.
+            false => std::future::pending().await,
+        }
+    };
+    Ok(tokio::select! {
+        outcome = service.run(stop) => outcome,
+        never = showing => match never {},
+        never = run::serve(desk, asked) => match never {},
+        never = herald.pass_on(means.beats) => match never {},
+        never = reader.obey(hangup, reload, scripts, (config, order)) => match never {},
+    })
+}
+
+fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
+    match outcome {
+        Ok(outcome) if outcome.safety => Ok(Exit::Safety),
+        Ok(_) => Ok(Exit::Done),
+        Err(AgentError::Link(error)) => Err(error.into()),
+        Err(error @ AgentError::Broken(_)) => Err(Failure::new(Exit::Script, error)),
+    }
+}
+
+/// The computer's, unless a simulation says something else.
+fn clock(args: &ServeArgs, config: &Config, simulated: bool) -> Result<Clock, Failure> {
+    match args.date {
+        None => Ok(Clock::default()),
+        Some(_) if args.fast && simulated => Ok(Clock::default()),
+        Some(date) if simulated => Ok(Clock::set_to(date.at(&config.zone()))),
+        Some(_) => Err(Failure::usage(
+            "--date goes with --sim only: a real robot lives today",
+        )),
+    }
+}
+
+/// The date that a simulation begins with, for what is foreseen.
+#[must_use]
+pub(super) fn or_now(date: Option<Date>, config: &Config) -> Timestamp {
+    date.map_or_else(|| Clock::default().now(), |date| date.at(&config.zone()))
+}

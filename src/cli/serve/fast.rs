@@ -1,0 +1,107 @@
+//! `serve --sim --fast`: days and weeks of a service in a laboratory, in virtual time.
+
+use super::order::Order;
+use super::{ServeArgs, exit};
+use crate::agent::Agent;
+use crate::cli::embedded;
+use crate::cli::fast::EventFile;
+use crate::cli::interrupt::EndingSignals;
+use crate::cli::{Console, Exit, Failure, Place};
+use crate::clock::{Clock, Zone};
+use crate::config::Config;
+use crate::lab::{self, Lab};
+use crate::service::{Herald, Service, View};
+use crate::sim;
+use crate::timetable::Record;
+use crate::wire::Login;
+
+/// Serves until the time is over; the first signal ends it.
+///
+/// # Errors
+/// A real robot, a world that cannot be used, no thread.
+pub(super) fn serve(
+    args: &ServeArgs,
+    place: Place,
+    login: Login,
+    (config, order): (&Config, Order),
+    (seed, console): (u64, &Console),
+) -> Result<Exit, Failure> {
+    let Place::Sim(world) = place else {
+        let why = "--fast goes with --sim only: a real robot's time cannot be hurried";
+        return Err(Failure::usage(why).help("spykee serve --sim --fast --for 86400"));
+    };
+    let zone = config.time_zone.clone().unwrap_or_else(Zone::utc);
+    let events = args.events.as_deref().map(EventFile::create).transpose()?;
+    let options = lab::Options {
+        seed,
+        sim: sim::Options {
+            login,
+            ..sim::Options::default()
+        },
+        limits: config.watchdog.clone(),
+        link: config.link.clone(),
+        streams: config.streams,
+        events: events.as_ref().map(EventFile::recorder),
+        date: args.date.map(|date| date.at(&zone)),
+        ..lab::Options::default()
+    };
+    let stop = options.stop.clone();
+    let world = embedded::load(world.as_deref())?;
+    end_at_a_signal(stop.clone())?;
+    let (limit, last) = (args.limit, console.clone());
+    crate::script::when_stuck(STUCK, move |file| {
+        let words = format!("error: {}", crate::script::stuck(file));
+        last.end(Some(&words), crate::cli::CONSOLE_LIMIT);
+        std::process::exit(Exit::Script as i32)
+    });
+    let outcome = lab::run(world, options, async |lab: &Lab| {
+        let mut plan = lab.plan(Vec::new());
+        (plan.stays, plan.limit) = (true, limit);
+        plan.blueprints = order.duties.blueprints.clone();
+        let bus = plan.bus.clone();
+        let (agent, status) = Agent::new(plan);
+        let (_none, reloads) = tokio::sync::mpsc::channel(1);
+        let service = Service {
+            agent,
+            status,
+            clock: Clock::default(),
+            duties: order.duties,
+            record: (Record::default(), None),
+            herald: Herald::default(),
+            bus,
+            view: View::channel().0,
+            reloads,
+        };
+        service.run(stop).await
+    });
+    let outcome = outcome
+        .map_err(|error| Failure::usage(format_args!("cannot start the simulation: {error}")))?;
+    events.map_or(Ok(()), EventFile::finish)?;
+    exit(outcome)
+}
+
+/// A script that cannot be interrupted for so long ends the program.
+const STUCK: std::time::Duration = std::time::Duration::from_secs(5);
+
+/// A thread hears signals, in real time.
+fn end_at_a_signal(stop: tokio_util::sync::CancellationToken) -> Result<(), Failure> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build();
+    let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
+    let mut signals = {
+        let _heard_by = runtime.enter();
+        EndingSignals::but(&[])?
+    };
+    let hear = move || {
+        runtime.block_on(async {
+            signals.next().await;
+            stop.cancel();
+        });
+    };
+    std::thread::Builder::new()
+        .name("signals".into())
+        .spawn(hear)
+        .map(|_| ())
+        .map_err(|error| Failure::usage(format_args!("no thread: {error}")))
+}

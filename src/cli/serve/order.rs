@@ -1,0 +1,209 @@
+//! What a service is to do, made of its config: at the beginning, and anew at each SIGHUP.
+
+use std::collections::BTreeMap;
+use std::convert::Infallible;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+
+use tokio::signal::unix::Signal;
+use tokio::sync::{mpsc, watch};
+
+use crate::agent::Behaviour;
+use crate::cli::cast::{Cast, Casting};
+use crate::cli::settings::SettingsArgs;
+use crate::cli::{Console, Failure, check, live};
+use crate::clock::{Clock, Zone};
+use crate::config::{Config, Entry, Idle, Service, Start};
+use crate::live::Script;
+use crate::service::{Duties, IdlePolicy, Reload};
+use crate::timetable::Timetable;
+
+/// Duties, and from what they were made.
+#[derive(Clone)]
+pub(super) struct Order {
+    pub(super) duties: Duties,
+    /// Of each behaviour with all that it is started with.
+    prints: BTreeMap<String, u64>,
+    /// The behaviours as a page shows them.
+    pub(super) scripts: Vec<Script>,
+}
+
+/// Makes duties from the config, at the beginning and anew.
+#[derive(Clone)]
+pub(super) struct Reader {
+    pub(super) settings: SettingsArgs,
+    /// Scripts are looked over first.
+    pub(super) checked: bool,
+    pub(super) seed: u64,
+    pub(super) console: Console,
+    pub(super) clock: Clock,
+    /// Whose clock counts if the config does not say it.
+    pub(super) zone: Zone,
+}
+
+impl Reader {
+    /// # Errors
+    /// A script that cannot be read or has a mistake, a timetable that names what is not there.
+    pub(super) fn order(&self, config: &Config) -> Result<Order, Failure> {
+        let casting = Casting {
+            config,
+            file: self.settings.file(),
+            params: &[],
+            annotate: None,
+            restart: None,
+            checked: self.checked,
+            watch: false,
+            seed: self.seed,
+            clock: self.clock,
+            zone: self.zone(config),
+        };
+        let Cast {
+            behaviours,
+            blueprints,
+            ..
+        } = casting.cast(&config.behaviours)?;
+        if self.checked {
+            check::before_run(&behaviours, &self.console)?;
+        }
+        let names: Vec<String> = blueprints.iter().map(|one| one.name().to_owned()).collect();
+        let table = Timetable {
+            zone: self.zone(config),
+            ..config.timetable()
+        };
+        if let Some(unknown) = table.unknown(&names).first() {
+            let what =
+                format_args!("the timetable runs `{unknown}`, and no behaviour is called so");
+            let known = match names.is_empty() {
+                true => "the config names no behaviours".to_owned(),
+                false => format!("there are {}", names.join(", ")),
+            };
+            return Err(Failure::usage(what).help(known));
+        }
+        let scheduled = |name: &String| table.rules.iter().any(|rule| rule.run == *name);
+        let always = |(entry, name): &(&Entry, &String)| match entry.start {
+            Some(start) => start == Start::Always,
+            None => !scheduled(name),
+        };
+        let always = config.behaviours.iter().zip(&names).filter(always);
+        let always = always.map(|(_, name)| name.clone()).collect();
+        let prints = names.iter().cloned().zip(behaviours.iter().map(print));
+        let prints = prints.collect();
+        let scripts = behaviours.iter().map(live::script).collect();
+        Ok(Order {
+            duties: Duties {
+                blueprints,
+                always,
+                table,
+                quiet_alarm: config.quiet_alarm,
+                idle: IdlePolicy {
+                    release: config.service.idle == Idle::Release,
+                    after: config.service.idle_after.get(),
+                    dock: config.service.dock,
+                },
+            },
+            prints,
+            scripts,
+        })
+    }
+
+    /// Reads the config anew at each SIGHUP; one that cannot be used changes nothing. Never returns.
+    pub(super) async fn obey(
+        self,
+        mut hangup: Signal,
+        reload: mpsc::Sender<Reload>,
+        shown: watch::Sender<Vec<Script>>,
+        mut now: (Config, Order),
+    ) -> Infallible {
+        while hangup.recv().await.is_some() {
+            tracing::info!("SIGHUP: the settings are read anew");
+            let reader = self.clone();
+            let read = tokio::task::spawn_blocking(move || reader.read_anew()).await;
+            match read {
+                Ok(Ok(new)) => {
+                    say_what_waits(&now.0, &new.0);
+                    let before = std::mem::replace(&mut now, new);
+                    let prints = &now.1.prints;
+                    let changed = prints
+                        .iter()
+                        .filter(|(name, print)| before.1.prints.get(*name) != Some(*print));
+                    let changed = changed.map(|(name, _)| name.clone()).collect();
+                    shown.send_replace(now.1.scripts.clone());
+                    let duties = now.1.duties.clone();
+                    let _ = reload.send(Reload { duties, changed }).await;
+                }
+                Ok(Err(failure)) => tracing::error!(
+                    "the new settings are refused, the old ones stay: {}",
+                    failure.what
+                ),
+                Err(error) => tracing::error!("the new settings could not be read: {error}"),
+            }
+        }
+        std::future::pending().await
+    }
+
+    fn zone(&self, config: &Config) -> Zone {
+        config
+            .time_zone
+            .clone()
+            .unwrap_or_else(|| self.zone.clone())
+    }
+
+    fn read_anew(&self) -> Result<(Config, Order), Failure> {
+        let reader = Reader {
+            settings: self.settings.anew(),
+            ..self.clone()
+        };
+        let config = reader.settings.config()?.clone();
+        let order = reader.order(&config)?;
+        Ok((config, order))
+    }
+}
+
+/// Two behaviours of one print are started alike.
+fn print(behaviour: &Behaviour) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    behaviour.launch.source.hash(&mut hasher);
+    let rest = (
+        &behaviour.launch.options,
+        behaviour.priority,
+        behaviour.restart,
+    );
+    format!("{rest:?}").hash(&mut hasher);
+    hasher.finish()
+}
+
+/// What a running service cannot change.
+fn say_what_waits(old: &Config, new: &Config) {
+    const WAITS: [&str; 12] = [
+        "robot",
+        "user",
+        "password_file",
+        "watchdog",
+        "link",
+        "streams",
+        "data",
+        "logging",
+        "journal",
+        "notify",
+        "live",
+        "service",
+    ];
+    let tree = |config: &Config| {
+        let mut config = config.clone();
+        config.service = Service {
+            user: config.service.user,
+            ..Default::default()
+        };
+        serde_yaml::to_value(config).unwrap_or_default()
+    };
+    let (old, new) = (tree(old), tree(new));
+    let waits = WAITS
+        .into_iter()
+        .filter(|key| old.get(*key) != new.get(*key));
+    let waits: Vec<&str> = waits.collect();
+    if !waits.is_empty() {
+        tracing::warn!(
+            "counts from the next start of the service on: {}",
+            waits.join(", ")
+        );
+    }
+}

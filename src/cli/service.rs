@@ -1,0 +1,138 @@
+//! `spykee service`: the unit by which systemd starts `spykee serve`.
+
+use std::io::Write as _;
+use std::os::unix::fs::OpenOptionsExt as _;
+use std::path::{Path, PathBuf};
+
+use clap::Subcommand;
+
+use super::{Exit, Failure, print};
+use crate::service::{Unit, unit};
+
+/// Make a systemd unit for `spykee serve`, with few rights and a user of its own
+///
+/// The unit's program, config and password file must lie outside of people's homes, which it does not
+/// see: /usr/local/bin/spykee, /etc/spykee/spykee.yaml. What it keeps is in /var/lib/spykee, so the config
+/// should not name another `data:`.
+#[derive(Debug, Clone, clap::Args)]
+#[command(
+    subcommand_required = true,
+    arg_required_else_help = true,
+    after_help = "Examples:\n  spykee service print\n  sudo spykee service install --password-file /etc/spykee/password"
+)]
+pub(super) struct ServiceArgs {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Clone, Subcommand)]
+enum Action {
+    /// Print the unit
+    Print(UnitArgs),
+    /// Write the unit where systemd finds it, and say what to do next
+    Install {
+        #[command(flatten)]
+        unit: UnitArgs,
+        /// The unit's file
+        #[arg(
+            long,
+            value_name = "FILE",
+            default_value = "/etc/systemd/system/spykee.service"
+        )]
+        to: PathBuf,
+        /// Replace a file that is there
+        #[arg(long)]
+        force: bool,
+    },
+}
+
+#[derive(Debug, Clone, clap::Args)]
+struct UnitArgs {
+    /// The service's config
+    #[arg(long, value_name = "FILE", default_value = "/etc/spykee/spykee.yaml")]
+    config: PathBuf,
+
+    /// A file with the robot's password in its first line, which systemd hands to the service alone; it may
+    /// be root's (chmod 600)
+    #[arg(long, value_name = "FILE")]
+    password_file: Option<PathBuf>,
+
+    /// The program; without it this one
+    #[arg(long, value_name = "FILE")]
+    program: Option<PathBuf>,
+}
+
+/// Prints or writes it.
+///
+/// # Errors
+/// Paths that are not whole, a file that is there or cannot be written.
+pub(super) fn run(args: &ServiceArgs) -> Result<Exit, Failure> {
+    match &args.action {
+        Action::Print(unit) => print(&unit.text()?)?,
+        Action::Install { unit, to, force } => install(&unit.text()?, &unit.config, to, *force)?,
+    }
+    Ok(Exit::Done)
+}
+
+impl UnitArgs {
+    fn text(&self) -> Result<String, Failure> {
+        let program = match &self.program {
+            Some(program) => program.clone(),
+            None => std::env::current_exe().map_err(Failure::usage)?,
+        };
+        for path in [&program, &self.config]
+            .into_iter()
+            .chain(&self.password_file)
+        {
+            if !path.is_absolute() {
+                let what = format_args!("a unit needs whole paths, and {} is none", path.display());
+                return Err(Failure::usage(what).help("a path that begins with /"));
+            }
+        }
+        if ["/home", "/root", "/run/user"]
+            .iter()
+            .any(|home| program.starts_with(home))
+        {
+            tracing::warn!(
+                "the unit does not see people's homes, and {} is in one: copy it, \
+                 `sudo install {} /usr/local/bin/`, and say --program /usr/local/bin/spykee",
+                program.display(),
+                program.display()
+            );
+        }
+        Ok(unit(&Unit {
+            program: &program,
+            config: &self.config,
+            password: self.password_file.as_deref(),
+        }))
+    }
+}
+
+fn install(text: &str, config: &Path, to: &Path, force: bool) -> Result<(), Failure> {
+    let mut options = std::fs::OpenOptions::new();
+    options.write(true).mode(0o644);
+    match force {
+        true => options.create(true).truncate(true),
+        false => options.create_new(true),
+    };
+    let written = options
+        .open(to)
+        .and_then(|mut file| file.write_all(text.as_bytes()));
+    written.map_err(|error| {
+        let failure = Failure::usage(format_args!("cannot write {}: {error}", to.display()));
+        match error.kind() {
+            std::io::ErrorKind::AlreadyExists => failure.help("--force replaces it"),
+            std::io::ErrorKind::PermissionDenied => failure.help("sudo spykee service install"),
+            _ => failure,
+        }
+    })?;
+    let name = to.file_name().unwrap_or_default().to_string_lossy();
+    let config = match config.exists() {
+        true => String::new(),
+        false => format!("write its config, {}, and then\n", config.display()),
+    };
+    print(&format!(
+        "wrote {}\n{config}sudo systemctl daemon-reload\nsudo systemctl enable --now {name}\n",
+        to.display()
+    ))
+}

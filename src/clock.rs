@@ -1,0 +1,151 @@
+//! The time of day. The one place where this program asks what time it is on the wall; all else goes by
+//! `tokio::time`. In a laboratory the time on the wall is virtual too: it begins at a date and goes on
+//! with the runtime's clock.
+
+mod span;
+mod zone;
+
+use std::cell::Cell;
+use std::str::FromStr;
+
+use jiff::civil::DateTime;
+use jiff::{SignedDuration, Timestamp, Zoned};
+use tokio::time::Instant;
+
+pub use span::Span;
+pub use zone::Zone;
+
+/// Before this the clock of a computer is not set: no version of this program is older.
+const PLAUSIBLE: i64 = 1_767_225_600; // 2026-01-01T00:00:00Z
+/// When virtual time begins unless somebody says something else: a Thursday morning.
+const VIRTUAL: i64 = 1_767_258_000; // 2026-01-01T09:00:00Z
+
+thread_local! {
+    /// The date on this thread's wall, and when it was that.
+    static WALL: Cell<Option<(Timestamp, Instant)>> = const { Cell::new(None) };
+}
+
+/// Tells the time of day. Cheap to copy.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Clock {
+    offset: SignedDuration,
+}
+
+impl Clock {
+    /// One that shows this now, and goes on from there as the computer's clock does.
+    pub fn set_to(date: Timestamp) -> Clock {
+        Clock {
+            offset: date.duration_since(Timestamp::now()),
+        }
+    }
+
+    /// One that is so many milliseconds ahead of the computer's.
+    pub fn ahead(millis: i64) -> Clock {
+        Clock {
+            offset: SignedDuration::from_millis(millis),
+        }
+    }
+
+    /// How far it is ahead of the computer's, in milliseconds.
+    pub fn offset_millis(self) -> i64 {
+        i64::try_from(self.offset.as_millis()).unwrap_or(0)
+    }
+
+    /// What time it is; in a laboratory the virtual time.
+    pub fn now(self) -> Timestamp {
+        let virtually = WALL.get().map(|(date, at)| {
+            let passed = SignedDuration::try_from(at.elapsed()).unwrap_or(SignedDuration::MAX);
+            date.saturating_add(passed)
+        });
+        let time = virtually.unwrap_or_else(|| Timestamp::now().saturating_add(self.offset));
+        time.unwrap_or(Timestamp::MAX)
+    }
+}
+
+/// From now on the time on this thread is virtual, and it is this date; `None`: the usual one. For
+/// laboratories.
+pub fn begin_virtual(date: Option<Timestamp>) {
+    let usual = || Timestamp::from_second(VIRTUAL).unwrap_or(Timestamp::UNIX_EPOCH);
+    WALL.set(Some((date.unwrap_or_else(usual), Instant::now())));
+}
+
+/// Whether a clock that shows this has been set at all: a computer without a battery for its clock
+/// begins in the past.
+pub fn is_plausible(now: Timestamp) -> bool {
+    now.as_second() >= PLAUSIBLE
+}
+
+/// A date as people write it, such as `2026-03-29 01:30`, without a zone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Date(DateTime);
+
+impl Date {
+    /// The instant in this zone; of one that does not exist there, or twice, the next or the first.
+    pub fn at(self, zone: &Zone) -> Timestamp {
+        let zoned = zone.time_zone().to_ambiguous_zoned(self.0).compatible();
+        zoned.map_or(Timestamp::MAX, |zoned| zoned.timestamp())
+    }
+}
+
+impl FromStr for Date {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Date, String> {
+        let date = text.trim().parse().map(Date);
+        date.map_err(|_| format!("`{text}` is no date such as \"2026-03-29 01:30\""))
+    }
+}
+
+/// As people read it: `Sun 2026-03-29 01:30`.
+pub fn words(time: &Zoned) -> String {
+    time.strftime("%a %Y-%m-%d %H:%M").to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_date_is_an_instant_of_its_zone_across_changes_of_the_clock() {
+        let rome: Zone = "Europe/Rome".parse().unwrap();
+        let at = |text: &str| text.parse::<Date>().unwrap().at(&rome).to_string();
+        assert_eq!(at("2026-01-05 09:00"), "2026-01-05T08:00:00Z");
+        assert_eq!(
+            at("2026-03-29 02:30"),
+            "2026-03-29T01:30:00Z",
+            "does not exist"
+        );
+        assert_eq!(
+            at("2026-10-25 02:30"),
+            "2026-10-25T00:30:00Z",
+            "the first of two"
+        );
+        assert!("2026-13-01 09:00".parse::<Date>().is_err());
+    }
+
+    #[test]
+    fn a_clock_that_was_set_goes_on_from_there() {
+        let date = Timestamp::from_second(VIRTUAL).unwrap();
+        let clock = Clock::set_to(date);
+        let passed = clock.now().duration_since(date);
+        assert!(passed >= SignedDuration::ZERO && passed < SignedDuration::from_secs(60));
+        let other = Clock::ahead(clock.offset_millis());
+        assert!(other.now().duration_since(clock.now()).abs() < SignedDuration::from_secs(60));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn virtual_time_goes_with_the_runtime() {
+        begin_virtual(None);
+        let began = Clock::default().now();
+        assert_eq!(began.to_string(), "2026-01-01T09:00:00Z");
+        tokio::time::sleep(std::time::Duration::from_secs(86_400)).await;
+        assert_eq!(Clock::default().now().to_string(), "2026-01-02T09:00:00Z");
+        WALL.set(None);
+    }
+
+    #[test]
+    fn a_clock_at_its_beginning_is_not_plausible() {
+        assert!(!is_plausible(Timestamp::UNIX_EPOCH));
+        assert!(is_plausible(Timestamp::from_second(PLAUSIBLE).unwrap()));
+    }
+}

@@ -1,0 +1,143 @@
+//! A length of time as people write it: `90s`, `30m`, `1h30m`, `7d`, or a number of seconds.
+
+use std::fmt;
+use std::str::FromStr;
+use std::time::Duration;
+
+use serde::de::{Error, Unexpected, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// The longest: a year.
+const LONGEST: u64 = 366 * 86_400;
+const UNITS: [(char, u64); 4] = [('d', 86_400), ('h', 3_600), ('m', 60), ('s', 1)];
+
+/// A length of time in whole seconds, at most a year.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Span(u64);
+
+impl Span {
+    /// Of so many minutes.
+    pub const fn minutes(minutes: u64) -> Span {
+        Span(minutes * 60)
+    }
+
+    /// As the rest of the program counts.
+    pub fn get(self) -> Duration {
+        Duration::from_secs(self.0)
+    }
+}
+
+impl FromStr for Span {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Span, String> {
+        let wrong = || format!("`{text}` is no length of time such as 90s, 30m, 1h30m or 7d");
+        let (mut total, mut digits, mut units) = (0u64, String::new(), UNITS.as_slice());
+        for c in text.trim().chars() {
+            if c.is_ascii_digit() {
+                digits.push(c);
+                continue;
+            }
+            let at = units.iter().position(|(unit, _)| *unit == c);
+            let (at, count) = at.zip(digits.parse::<u64>().ok()).ok_or_else(wrong)?;
+            total = count
+                .checked_mul(units[at].1)
+                .and_then(|seconds| total.checked_add(seconds))
+                .ok_or_else(wrong)?;
+            units = &units[at + 1..];
+            digits.clear();
+        }
+        if !digits.is_empty() || text.trim().is_empty() || total > LONGEST {
+            return Err(wrong());
+        }
+        Ok(Span(total))
+    }
+}
+
+impl fmt::Display for Span {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0 == 0 {
+            return f.write_str("0s");
+        }
+        let mut rest = self.0;
+        for (unit, seconds) in UNITS {
+            if rest >= seconds {
+                write!(f, "{}{unit}", rest / seconds)?;
+                rest %= seconds;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Serialize for Span {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Span {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Span, D::Error> {
+        struct Word;
+        impl Visitor<'_> for Word {
+            type Value = Span;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a length of time such as 90s, 30m, 1h30m or 7d, at most 366d")
+            }
+
+            fn visit_str<E: Error>(self, text: &str) -> Result<Span, E> {
+                text.parse()
+                    .map_err(|why| E::custom(format_args!("{why}, expected such a one")))
+            }
+
+            fn visit_u64<E: Error>(self, seconds: u64) -> Result<Span, E> {
+                let known = Some(seconds)
+                    .filter(|seconds| *seconds <= LONGEST)
+                    .map(Span);
+                known.ok_or_else(|| E::invalid_value(Unexpected::Unsigned(seconds), &self))
+            }
+        }
+        from.deserialize_any(Word)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn what_people_write_is_read() {
+        let seconds = |text: &str| text.parse::<Span>().map(|span| span.0);
+        assert_eq!(seconds("90s"), Ok(90));
+        assert_eq!(seconds("1h30m"), Ok(5400));
+        assert_eq!(seconds("7d"), Ok(604_800));
+        for wrong in [
+            "",
+            "30",
+            "m",
+            "30m1h",
+            "1m1m",
+            "-5m",
+            "367d",
+            "9".repeat(30).as_str(),
+        ] {
+            assert!(seconds(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(serde_yaml::from_str::<Span>("45").unwrap().0, 45);
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_written_is_read_back(seconds in 0..=LONGEST) {
+            let span = Span(seconds);
+            prop_assert_eq!(span.to_string().parse(), Ok(span));
+        }
+
+        #[test]
+        fn no_text_makes_it_panic(text in ".{0,40}") {
+            let _ = text.parse::<Span>();
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! A time zone by its name, such as `Europe/Rome`. The rules come along with the program: they are the
+//! same in a confined process and on a computer without any.
+
+use std::fmt;
+use std::str::FromStr;
+
+use jiff::Timestamp;
+use jiff::tz::{TimeZone, TimeZoneDatabase};
+use jiff::{Zoned, tz};
+use serde::de::{Error, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// See the module.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Zone {
+    name: String,
+    rules: TimeZone,
+}
+
+impl Zone {
+    /// Universal time.
+    pub fn utc() -> Zone {
+        Zone {
+            name: "UTC".to_owned(),
+            rules: TimeZone::UTC,
+        }
+    }
+
+    /// The computer's, if it has one with a name that we know; universal time otherwise.
+    pub fn system() -> Zone {
+        let system = TimeZone::system();
+        let named = system.iana_name().and_then(|name| name.parse().ok());
+        named.unwrap_or_else(Zone::utc)
+    }
+
+    /// Such as `Europe/Rome`.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The instant as it is here.
+    pub fn time(&self, instant: Timestamp) -> Zoned {
+        instant.to_zoned(self.rules.clone())
+    }
+
+    /// Its rules.
+    pub fn time_zone(&self) -> &tz::TimeZone {
+        &self.rules
+    }
+}
+
+impl FromStr for Zone {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Zone, String> {
+        if name.eq_ignore_ascii_case("utc") {
+            return Ok(Zone::utc());
+        }
+        let rules = TimeZoneDatabase::bundled().get(name);
+        let rules = rules.map_err(|_| format!("no time zone is called `{name}`"))?;
+        let name = rules.iana_name().unwrap_or(name).to_owned();
+        Ok(Zone { name, rules })
+    }
+}
+
+impl fmt::Display for Zone {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.name)
+    }
+}
+
+impl Serialize for Zone {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(&self.name)
+    }
+}
+
+impl<'de> Deserialize<'de> for Zone {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Zone, D::Error> {
+        struct Word;
+        impl Visitor<'_> for Word {
+            type Value = Zone;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("the name of a time zone, such as Europe/Rome")
+            }
+
+            fn visit_str<E: Error>(self, name: &str) -> Result<Zone, E> {
+                name.parse().map_err(|why| {
+                    E::custom(format_args!(
+                        "{why}, expected one such as Europe/Rome or UTC"
+                    ))
+                })
+            }
+        }
+        from.deserialize_str(Word)
+    }
+}

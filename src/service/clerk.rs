@@ -1,0 +1,405 @@
+//! Sees to it that what the timetable and the idle robot want is done: asks the state machines whenever
+//! something has changed, and gives the orders.
+
+use std::collections::BTreeSet;
+use std::convert::Infallible;
+use std::time::Duration;
+
+use tokio::sync::{mpsc, watch};
+use tokio::task::JoinSet;
+use tokio::time::{Instant, sleep};
+use tokio_util::sync::CancellationToken;
+use tracing::{error, info, warn};
+
+use super::idle::{self, IdleRobot, Wish};
+use super::record::is_news;
+use super::{Duties, Listeners, Reload, View, words};
+use crate::agent::{Docked, Member, MemberState, Occurrence, Roster, RosterError, Seat, SeatError};
+use crate::clock::{self, Clock};
+use crate::pilot::{LinkState, Status};
+use crate::robot::channel::{Quiet, Request, Role};
+use crate::robot::{BehaviourId, DockPlan, Priority};
+use crate::timetable::{Act, Facts, Planner, Record, Told};
+
+/// The seat from which an idle robot is sent home; behind the persons', before the rescue behaviour's.
+const ME: BehaviourId = BehaviourId(0xFFFD);
+/// Behind everybody.
+const LAST: Priority = Priority(i16::MIN);
+/// The longest pause between two looks.
+const LONGEST: Duration = Duration::from_secs(15);
+
+/// What was ordered, and how that went.
+#[derive(Debug)]
+enum Outcome {
+    /// A start.
+    Started(String, Result<(), RosterError>),
+    /// A stop or a restart.
+    Changed(String, Result<(), RosterError>),
+    /// An idle robot was sent home.
+    Home(Result<Docked, SeatError>),
+}
+
+/// See the module.
+pub(super) struct Clerk {
+    roster: Roster,
+    members: watch::Receiver<Vec<Member>>,
+    requests: mpsc::Sender<Request>,
+    status: watch::Receiver<Status>,
+    clock: Clock,
+    planner: Planner,
+    duties: Duties,
+    idle: IdleRobot,
+    orders: JoinSet<Outcome>,
+    /// Given and not answered yet, by name.
+    ordered: BTreeSet<String>,
+    /// Those that run or are about to, when it was looked last.
+    running: BTreeSet<String>,
+    /// Those that run always and were not started yet.
+    waiting: BTreeSet<String>,
+    /// The way home of an idle robot.
+    way_home: Option<tokio::task::AbortHandle>,
+    quiet: Quiet,
+    kept: Option<Record>,
+    listeners: Listeners,
+    said: String,
+    implausible: bool,
+}
+
+impl Clerk {
+    pub(super) fn new(
+        roster: Roster,
+        requests: mpsc::Sender<Request>,
+        status: watch::Receiver<Status>,
+        clock: Clock,
+        planner: Planner,
+        duties: Duties,
+        listeners: Listeners,
+    ) -> Clerk {
+        Clerk {
+            members: roster.members(),
+            roster,
+            requests,
+            status,
+            clock,
+            planner,
+            idle: IdleRobot::new(duties.idle),
+            waiting: duties.always.iter().cloned().collect(),
+            duties,
+            orders: JoinSet::new(),
+            ordered: BTreeSet::new(),
+            running: BTreeSet::new(),
+            way_home: None,
+            quiet: Quiet::Off,
+            kept: None,
+            listeners,
+            said: String::new(),
+            implausible: false,
+        }
+    }
+
+    /// Works until it is dropped. After `stop` nothing is done any more: what runs then is under way for
+    /// the next service.
+    pub(super) async fn work(
+        mut self,
+        mut reloads: mpsc::Receiver<Reload>,
+        stop: CancellationToken,
+    ) -> Infallible {
+        self.listeners.herald.ready();
+        loop {
+            let pause = self.step();
+            tokio::select! {
+                biased;
+                () = stop.cancelled() => std::future::pending().await,
+                Some(done) = self.orders.join_next() => {
+                    // One that was called off says nothing.
+                    if let Ok(outcome) = done {
+                        self.done(outcome);
+                    }
+                }
+                Some(reload) = reloads.recv() => self.reload(reload).await,
+                Ok(()) = self.members.changed() => {}
+                Ok(()) = self.status.changed() => {}
+                () = sleep(pause) => {}
+            }
+        }
+    }
+
+    /// Looks at how things stand, and gives the orders that follow. How long to wait for the next look.
+    fn step(&mut self) -> Duration {
+        let (now, at) = (self.clock.now(), Instant::now());
+        let status = *self.status.borrow_and_update();
+        let running = self.see_members();
+        let up = status.link == LinkState::Up;
+        self.begin_always(up);
+        self.follow_quiet(now);
+        let names: Vec<String> = running.iter().cloned().collect();
+        let acts = self.planner.poll(Facts {
+            now,
+            at,
+            ready: up,
+            running: &names,
+        });
+        for act in acts {
+            self.act(act);
+        }
+        self.complain_of_clock(now);
+        let facts = idle::Facts {
+            now: at,
+            busy: !running.is_empty() || !self.ordered.is_empty() || self.planner.is_due(),
+            link: status.link,
+            docked: status.docked,
+            low: status.low,
+        };
+        if let Some(wish) = self.idle.poll(facts) {
+            self.grant(wish);
+        }
+        self.keep_record();
+        self.say(&status, now);
+        let idle = self.idle.next_deadline().filter(|next| *next > at);
+        let idle = idle.map_or(LONGEST, |next| next - at);
+        self.planner.pause(now, at).min(idle).min(LONGEST)
+    }
+
+    /// The planner hears of each that has ended.
+    fn see_members(&mut self) -> BTreeSet<String> {
+        let members = self.members.borrow_and_update();
+        let running = members.iter().filter(|one| one.state != MemberState::Idle);
+        let running: BTreeSet<String> = running.map(|one| one.name.clone()).collect();
+        drop(members);
+        for name in self.running.difference(&running) {
+            if !self.ordered.contains(name) {
+                self.planner.ended(name);
+            }
+        }
+        self.running = running.clone();
+        running
+    }
+
+    /// As soon as the robot is there.
+    fn begin_always(&mut self, up: bool) {
+        let waiting = self.waiting.difference(&self.ordered).cloned();
+        let waiting: Vec<String> = waiting.filter(|_| up).collect();
+        for name in waiting {
+            self.start(name);
+        }
+    }
+
+    fn follow_quiet(&mut self, now: jiff::Timestamp) {
+        let quiet = self.duties.quiet(now);
+        if quiet == self.quiet {
+            return;
+        }
+        // A pilot that has no room for it now is asked at the next look.
+        if self.requests.try_send(Request::Quiet(quiet)).is_ok() {
+            self.quiet = quiet;
+            words::tell_quiet(quiet);
+        }
+    }
+
+    fn act(&mut self, act: Act) {
+        match act {
+            Act::Start {
+                run,
+                planned,
+                resumed,
+                ..
+            } => {
+                let planned = clock::words(&self.duties.table.zone.time(planned));
+                match resumed {
+                    true => info!(behaviour = run, "goes on: it was under way, from {planned}"),
+                    false => info!(
+                        behaviour = run,
+                        "starts by the timetable, planned for {planned}"
+                    ),
+                }
+                self.start(run);
+            }
+            Act::End { run } => {
+                info!(behaviour = run, "its time is over");
+                self.ordered.insert(run.clone());
+                let roster = self.roster.clone();
+                self.orders.spawn(async move {
+                    let stopped = roster.stop(&run).await;
+                    Outcome::Changed(run, stopped)
+                });
+            }
+            Act::Tell(told) => self.tell(&told),
+        }
+    }
+
+    fn tell(&self, told: &Told) {
+        if let Some((run, reason)) = words::tell(told, &self.duties.table.zone) {
+            self.tell_missed(run, reason.to_owned());
+        }
+    }
+
+    fn tell_missed(&self, run: &str, reason: String) {
+        self.listeners.bus.tell(Occurrence::StartMissed {
+            behaviour: run.to_owned(),
+            reason,
+        });
+    }
+
+    fn complain_of_clock(&mut self, now: jiff::Timestamp) {
+        let implausible = !clock::is_plausible(now) && !self.duties.table.rules.is_empty();
+        if implausible != self.implausible {
+            self.implausible = implausible;
+            match implausible {
+                true => warn!("the clock is not set ({now}): the timetable waits until it is"),
+                false => info!("the clock is set: the timetable begins"),
+            }
+        }
+    }
+
+    fn start(&mut self, run: String) {
+        self.ordered.insert(run.clone());
+        let roster = self.roster.clone();
+        self.orders.spawn(async move {
+            let started = roster.start(&run).await;
+            Outcome::Started(run, started)
+        });
+    }
+
+    fn grant(&mut self, wish: Wish) {
+        match wish {
+            Wish::Take => self.ask(Request::Release(false)),
+            Wish::Release => self.ask(Request::Release(true)),
+            Wish::LeaveBe => {
+                if let Some(way) = self.way_home.take() {
+                    way.abort();
+                }
+            }
+            Wish::Dock => {
+                info!("nothing runs and the robot is off its station: it is sent there");
+                let requests = self.requests.clone();
+                let way = self
+                    .orders
+                    .spawn(async move { Outcome::Home(send_home(requests).await) });
+                self.way_home = Some(way);
+            }
+        }
+    }
+
+    /// One that finds no room is wished anew when the link has changed.
+    fn ask(&self, request: Request) {
+        if self.requests.try_send(request).is_err() {
+            warn!("the pilot has too much to do");
+        }
+    }
+
+    fn done(&mut self, outcome: Outcome) {
+        match outcome {
+            Outcome::Started(run, started) => {
+                self.ordered.remove(&run);
+                let later = matches!(started, Err(RosterError::Offline | RosterError::Busy));
+                if later && self.waiting.contains(&run) {
+                    return;
+                }
+                self.waiting.remove(&run);
+                if let Err(why) = started {
+                    error!(behaviour = run, "was not started: {why}");
+                    self.tell_missed(&run, why.to_string());
+                    if !matches!(why, RosterError::RunsAlready(_)) {
+                        self.planner.ended(&run);
+                    }
+                }
+            }
+            Outcome::Changed(run, changed) => {
+                self.ordered.remove(&run);
+                match changed {
+                    Ok(()) | Err(RosterError::DoesNotRun(_)) => {}
+                    Err(why) => error!(behaviour = run, "{why}"),
+                }
+                if !self
+                    .roster
+                    .members()
+                    .borrow()
+                    .iter()
+                    .any(|one| one.name == run && one.state != MemberState::Idle)
+                {
+                    self.planner.ended(&run);
+                }
+            }
+            Outcome::Home(ended) => {
+                if !self.idle.is_docking() {
+                    return;
+                }
+                self.way_home = None;
+                let done = words::tell_home(&ended);
+                self.idle.docked(done, Instant::now());
+            }
+        }
+    }
+
+    /// What did not change goes on.
+    async fn reload(&mut self, reload: Reload) {
+        let Reload { duties, changed } = reload;
+        if let Err(why) = self.roster.define(duties.blueprints.clone()).await {
+            return error!("the new settings are not taken: {why}");
+        }
+        let known: BTreeSet<&str> = duties.blueprints.iter().map(|one| one.name()).collect();
+        for run in self.running.clone() {
+            let gone = !known.contains(run.as_str());
+            if !gone && !changed.contains(&run) {
+                continue;
+            }
+            self.ordered.insert(run.clone());
+            let roster = self.roster.clone();
+            self.orders.spawn(async move {
+                let done = match gone {
+                    true => roster.stop(&run).await,
+                    false => roster.restart(&run).await,
+                };
+                Outcome::Changed(run, done)
+            });
+        }
+        let before = std::mem::replace(&mut self.duties, duties);
+        let always = &self.duties.always;
+        self.waiting.retain(|name| always.contains(name));
+        let new = always.iter().filter(|name| !before.always.contains(name));
+        let new = new.filter(|name| !self.running.contains(*name)).cloned();
+        self.waiting.extend(new);
+        self.planner.replace(self.duties.table.clone());
+        self.idle.replace(self.duties.idle);
+        info!("the new settings count");
+    }
+
+    /// Written when something begins or ends, not with each look.
+    fn keep_record(&mut self) {
+        let Some(file) = &self.listeners.file else {
+            return;
+        };
+        let record = self.planner.record();
+        if is_news(self.kept.as_ref(), &record) {
+            file.keep(record.clone());
+            self.kept = Some(record);
+        }
+    }
+
+    /// What the system's manager shows.
+    fn say(&mut self, status: &Status, now: jiff::Timestamp) {
+        let next = self.planner.next_start();
+        let next = next.filter(|_| clock::is_plausible(now));
+        let view = View {
+            next: next.map(|(at, run)| (at, run.to_owned())),
+            quiet: self.quiet != Quiet::Off,
+        };
+        self.listeners.view.send_if_modified(|shown| {
+            let news = *shown != view;
+            shown.clone_from(&view);
+            news
+        });
+        let running = self.running.iter().map(String::as_str);
+        let text = words::status(status, running, next, &self.duties.table.zone);
+        if text != self.said {
+            self.listeners.herald.status(text.clone());
+            self.said = text;
+        }
+    }
+}
+
+/// Gives way to everybody. Dropping it is giving up.
+async fn send_home(requests: mpsc::Sender<Request>) -> Result<Docked, SeatError> {
+    let seat = Seat::join(requests, ME, "an idle robot", LAST, Role::Person).await;
+    seat?.dock(DockPlan::DEFAULT).await
+}

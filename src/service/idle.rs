@@ -1,0 +1,219 @@
+//! What becomes of a robot while nothing runs: it is sent to its station, and perhaps let go of. A state
+//! machine: facts and the time go in, a wish comes out.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use super::IdlePolicy;
+use crate::pilot::LinkState;
+
+/// After a docking that has failed: the first pause, doubled each time, and the longest.
+const PAUSE: Duration = Duration::from_secs(300);
+const LONGEST_PAUSE: Duration = Duration::from_secs(3600);
+
+/// How things stand.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Facts {
+    pub(super) now: Instant,
+    /// A behaviour runs, is about to, or is due.
+    pub(super) busy: bool,
+    pub(super) link: LinkState,
+    /// On its station, as far as is known.
+    pub(super) docked: bool,
+    /// The watchdog has the robot.
+    pub(super) low: bool,
+}
+
+/// What is to be done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Wish {
+    /// Send it to its station.
+    Dock,
+    /// Leave it: something wants to run.
+    LeaveBe,
+    /// Let go of the link.
+    Release,
+    /// Dial again.
+    Take,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct IdleRobot {
+    policy: IdlePolicy,
+    /// Since when nothing runs and the robot is there.
+    since: Option<Instant>,
+    docking: bool,
+    failures: u32,
+    /// No docking before.
+    next: Option<Instant>,
+    asked: Option<LinkState>,
+}
+
+impl IdleRobot {
+    pub(super) fn new(policy: IdlePolicy) -> IdleRobot {
+        IdleRobot {
+            policy,
+            since: None,
+            docking: false,
+            failures: 0,
+            next: None,
+            asked: None,
+        }
+    }
+
+    pub(super) fn replace(&mut self, policy: IdlePolicy) {
+        self.policy = policy;
+    }
+
+    /// It is under way to its station by our wish.
+    pub(super) fn is_docking(&self) -> bool {
+        self.docking
+    }
+
+    /// How the docking has ended.
+    pub(super) fn docked(&mut self, done: bool, now: Instant) {
+        self.docking = false;
+        if done {
+            (self.failures, self.next) = (0, None);
+            return;
+        }
+        let pause = PAUSE.saturating_mul(2u32.saturating_pow(self.failures));
+        self.next = Some(now + pause.min(LONGEST_PAUSE));
+        self.failures += 1;
+    }
+
+    /// What is to be done now.
+    pub(super) fn poll(&mut self, facts: Facts) -> Option<Wish> {
+        if self.asked.is_some_and(|link| link != facts.link) {
+            self.asked = None;
+        }
+        if facts.busy {
+            self.since = None;
+            (self.failures, self.next) = (0, None);
+            if std::mem::take(&mut self.docking) {
+                return Some(Wish::LeaveBe);
+            }
+            return self.once(facts.link, LinkState::Released, Wish::Take);
+        }
+        if facts.link == LinkState::Released && !self.policy.release {
+            return self.once(facts.link, LinkState::Released, Wish::Take);
+        }
+        if facts.link != LinkState::Up {
+            self.since = None;
+            return None;
+        }
+        let since = *self.since.get_or_insert(facts.now);
+        if facts.now < since + self.policy.after || self.docking || facts.low {
+            return None;
+        }
+        if facts.docked {
+            let release = self.policy.release;
+            return release
+                .then(|| self.once(facts.link, LinkState::Up, Wish::Release))
+                .flatten();
+        }
+        if !self.policy.dock || self.next.is_some_and(|next| facts.now < next) {
+            return None;
+        }
+        self.docking = true;
+        Some(Wish::Dock)
+    }
+
+    /// When to ask again, if nothing happens.
+    pub(super) fn next_deadline(&self) -> Option<Instant> {
+        let idle = self.since.map(|since| since + self.policy.after);
+        idle.max(self.next)
+    }
+
+    /// Wished once for as long as the link stays as it is.
+    fn once(&mut self, link: LinkState, of: LinkState, wish: Wish) -> Option<Wish> {
+        if link != of || self.asked == Some(of) {
+            return None;
+        }
+        self.asked = Some(of);
+        Some(wish)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MINUTE: Duration = Duration::from_secs(60);
+
+    fn idle(release: bool) -> (IdleRobot, Facts) {
+        let policy = IdlePolicy {
+            release,
+            after: MINUTE,
+            dock: true,
+        };
+        let facts = Facts {
+            now: Instant::now(),
+            busy: false,
+            link: LinkState::Up,
+            docked: false,
+            low: false,
+        };
+        (IdleRobot::new(policy), facts)
+    }
+
+    #[test]
+    fn an_idle_robot_is_sent_home_after_a_while_and_let_go_of_there() {
+        let (mut idle, mut facts) = idle(true);
+        assert_eq!(idle.poll(facts), None);
+        facts.now += MINUTE;
+        assert_eq!(idle.poll(facts), Some(Wish::Dock));
+        assert_eq!(idle.poll(facts), None, "it is under way");
+        idle.docked(true, facts.now);
+        facts.docked = true;
+        assert_eq!(idle.poll(facts), Some(Wish::Release));
+        assert_eq!(idle.poll(facts), None, "said once");
+        facts.link = LinkState::Released;
+        facts.now += 1000 * MINUTE;
+        assert_eq!(idle.poll(facts), None);
+        facts.busy = true;
+        assert_eq!(idle.poll(facts), Some(Wish::Take));
+        assert_eq!(idle.poll(facts), None);
+    }
+
+    #[test]
+    fn who_keeps_the_link_lets_nobody_in() {
+        let (mut idle, mut facts) = idle(false);
+        facts.docked = true;
+        for _ in 0..10 {
+            assert_eq!(idle.poll(facts), None);
+            facts.now += MINUTE;
+        }
+    }
+
+    #[test]
+    fn a_start_calls_the_docking_off_and_a_low_robot_is_the_watchdogs() {
+        let (mut idle, mut facts) = idle(false);
+        idle.poll(facts);
+        facts.now += MINUTE;
+        assert_eq!(idle.poll(facts), Some(Wish::Dock));
+        facts.busy = true;
+        assert_eq!(idle.poll(facts), Some(Wish::LeaveBe));
+        (facts.busy, facts.low) = (false, true);
+        idle.poll(facts);
+        facts.now += 10 * MINUTE;
+        assert_eq!(idle.poll(facts), None);
+    }
+
+    #[test]
+    fn a_station_that_is_not_found_is_looked_for_more_and_more_rarely() {
+        let (mut idle, mut facts) = idle(false);
+        idle.poll(facts);
+        let (begin, mut tries) = (facts.now, Vec::new());
+        while facts.now < begin + 300 * MINUTE {
+            facts.now += MINUTE;
+            if idle.poll(facts) == Some(Wish::Dock) {
+                tries.push((facts.now - begin).as_secs() / 60);
+                idle.docked(false, facts.now);
+            }
+        }
+        assert_eq!(tries, [1, 6, 16, 36, 76, 136, 196, 256]);
+    }
+}

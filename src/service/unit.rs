@@ -1,0 +1,64 @@
+//! The systemd unit of the service.
+
+use std::path::Path;
+
+/// What differs from house to house.
+#[derive(Debug, Clone)]
+pub struct Unit<'a> {
+    /// The program.
+    pub program: &'a Path,
+    /// Its config.
+    pub config: &'a Path,
+    /// A file with the robot's password, which the manager hands over; none: the robot's usual one.
+    pub password: Option<&'a Path>,
+}
+
+/// The text of the unit.
+pub fn unit(unit: &Unit<'_>) -> String {
+    let (program, config) = (escaped(unit.program), escaped(unit.config));
+    let password = unit.password.map_or_else(String::new, |path| {
+        format!("LoadCredential=password:{}\n", escaped(path))
+    });
+    TEMPLATE
+        .replace("@PROGRAM@", &program)
+        .replace("@CONFIG@", &config)
+        .replace("@PASSWORD@\n", &password)
+}
+
+/// As a word of a unit's line.
+fn escaped(path: &Path) -> String {
+    let text = path.display().to_string().replace('%', "%%");
+    match text.contains([' ', '"', '\\', '\'']) {
+        true => format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"")),
+        false => text,
+    }
+}
+
+const TEMPLATE: &str = include_str!("spykee.service");
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_unit_names_program_config_and_password_and_nothing_else_is_left_open() {
+        let of = Unit {
+            program: Path::new("/opt/my robot/spykee"),
+            config: Path::new("/etc/spykee/100%.yaml"),
+            password: Some(Path::new("/etc/spykee/password")),
+        };
+        let text = unit(&of);
+        assert!(
+            text.contains(
+                "ExecStart=\"/opt/my robot/spykee\" serve --config /etc/spykee/100%%.yaml"
+            )
+        );
+        assert!(text.contains("LoadCredential=password:/etc/spykee/password\n"));
+        assert!(!text.contains("@PROGRAM@") && !text.contains("@CONFIG@"));
+        let without = unit(&Unit {
+            password: None,
+            ..of
+        });
+        assert!(!without.contains("LoadCredential") && !without.contains("@PASSWORD@"));
+    }
+}

@@ -1,0 +1,97 @@
+//! What a service says of itself, for people.
+
+use jiff::Timestamp;
+use tracing::{info, warn};
+
+use crate::agent::{Docked, SeatError};
+use crate::clock::{self, Zone};
+use crate::pilot::{LinkState, Status};
+use crate::robot::DockEnd;
+use crate::robot::channel::Quiet;
+use crate::timetable::Told;
+
+/// Says in the log what the timetable has to tell. A start that did not happen: whose, and why.
+pub(super) fn tell<'a>(told: &'a Told, zone: &Zone) -> Option<(&'a str, &'static str)> {
+    let time = |at: &Timestamp| clock::words(&zone.time(*at));
+    match told {
+        Told::Missed {
+            run,
+            planned,
+            count,
+        } => {
+            let planned = time(planned);
+            warn!(
+                behaviour = run,
+                count,
+                "a start was missed: the service did not run, or the clock was not set; the last one \
+                 was planned for {planned}"
+            );
+            Some((run.as_str(), "the service did not run then"))
+        }
+        Told::NoRobot { run, planned } => {
+            let planned = time(planned);
+            warn!(
+                behaviour = run,
+                "a start was missed: no robot was there; it was planned for {planned}"
+            );
+            Some((run.as_str(), "no robot was there"))
+        }
+        Told::Overlap { run, planned } => {
+            let planned = time(planned);
+            warn!(behaviour = run, "not started at {planned}: it still runs");
+            Some((run.as_str(), "it still runs"))
+        }
+        Told::ClockSet { seconds } => {
+            info!("the clock was set by {seconds} s");
+            None
+        }
+    }
+}
+
+/// Says in the log what is quiet from now on.
+pub(super) fn tell_quiet(quiet: Quiet) {
+    match quiet {
+        Quiet::Off => info!("quiet hours are over"),
+        Quiet::Scripts => info!("quiet hours: no sounds and no headlight but the alarm's"),
+        Quiet::WithAlarm => info!("quiet hours: no sounds, no headlight, no alarm"),
+    }
+}
+
+/// Says in the log how an idle robot came home, and whether it did.
+pub(super) fn tell_home(ended: &Result<Docked, SeatError>) -> bool {
+    let why = match ended {
+        Ok(Docked {
+            end: DockEnd::Done | DockEnd::AlreadyDocked,
+            ..
+        }) => {
+            info!("the idle robot is on its station");
+            return true;
+        }
+        Ok(docked) => docked.end.to_string(),
+        Err(why) => why.to_string(),
+    };
+    warn!("the idle robot is not on its station: {why}");
+    false
+}
+
+/// What the system's manager shows: the robot, what runs, and what comes next.
+pub(super) fn status<'a>(
+    status: &Status,
+    running: impl Iterator<Item = &'a str>,
+    next: Option<(Timestamp, &str)>,
+    zone: &Zone,
+) -> String {
+    let robot = match status.link {
+        LinkState::Connecting => "waiting for the robot".to_owned(),
+        LinkState::Lost => "link lost, connecting anew".to_owned(),
+        LinkState::Released => "let go of, free for others".to_owned(),
+        LinkState::Up => status.safety.to_string(),
+    };
+    let running: Vec<&str> = running.collect();
+    let running = match running.is_empty() {
+        true => "nothing runs".to_owned(),
+        false => running.join(", "),
+    };
+    let next = next.map(|(at, run)| format!("; next {run} {}", clock::words(&zone.time(at))));
+    format!("{robot}; {running}{}", next.unwrap_or_default())
+}

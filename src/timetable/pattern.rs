@@ -1,0 +1,248 @@
+//! A pattern of times, such as `0 9,21 * * *`: minute, hour, day of the month, month, day of the week.
+
+use std::fmt;
+use std::str::FromStr;
+
+use croner::Cron;
+use croner::parser::{CronParser, Seconds, Year};
+use jiff::Timestamp;
+use jiff::civil::DateTime;
+use jiff::tz::{AmbiguousOffset, TimeZone};
+use serde::de::{Error, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use crate::clock::Zone;
+
+/// Times of the clock on the wall that are looked at before the search is given up: the clock is never
+/// put back so far that more of them come twice.
+const MOST_TRIES: u32 = 4 * 60;
+/// The longest pattern.
+const MAX_LEN: usize = 200;
+
+/// See the module.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pattern {
+    text: String,
+    cron: Cron,
+    /// It names no hours.
+    intervals: bool,
+}
+
+impl Pattern {
+    /// The first time after this instant; `None`: there is none.
+    pub fn next_after(&self, after: Timestamp, zone: &Zone) -> Option<Timestamp> {
+        if self.intervals {
+            let next = self.cron.find_next_occurrence(&zone.time(after), false);
+            return next.ok().map(|next| next.timestamp());
+        }
+        let mut at = zone.time(after).datetime();
+        for _ in 0..MOST_TRIES {
+            at = self.next_on_the_wall(at)?;
+            let instant = first_instant(at, zone.time_zone())?;
+            if instant > after {
+                return Some(instant);
+            }
+        }
+        None
+    }
+
+    /// As if the clock were never changed.
+    fn next_on_the_wall(&self, after: DateTime) -> Option<DateTime> {
+        let after = after.to_zoned(TimeZone::UTC).ok()?;
+        let next = self.cron.find_next_occurrence(&after, false).ok()?;
+        Some(next.datetime())
+    }
+}
+
+/// When the clock first shows this, or first shows something later because this is left out.
+fn first_instant(at: DateTime, zone: &TimeZone) -> Option<Timestamp> {
+    let ambiguous = zone.to_ambiguous_zoned(at);
+    match ambiguous.offset() {
+        AmbiguousOffset::Unambiguous { .. } | AmbiguousOffset::Fold { .. } => {
+            ambiguous.earlier().ok().map(|zoned| zoned.timestamp())
+        }
+        AmbiguousOffset::Gap { .. } => {
+            let before = ambiguous.earlier().ok()?.timestamp();
+            let change = zone.following(before).next()?;
+            Some(change.timestamp())
+        }
+    }
+}
+
+impl FromStr for Pattern {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Pattern, String> {
+        let wrong = |why: &str| format!("`{text}` is no pattern of times: {why}");
+        if text.len() > MAX_LEN {
+            return Err("a pattern of times is at most 200 letters long".to_owned());
+        }
+        let parser = CronParser::builder()
+            .seconds(Seconds::Disallowed)
+            .year(Year::Disallowed)
+            .build();
+        let parsed = parser.parse(text);
+        let cron = parsed.map_err(|error| wrong(error.to_string().trim_end_matches('.')))?;
+        let hours = text.split_whitespace().nth(1);
+        let nickname = text.trim().starts_with('@');
+        let hourly = text.trim().eq_ignore_ascii_case("@hourly");
+        let counts = |field: &str| field.contains(['*', '/', '?']);
+        let pattern = Pattern {
+            text: text.trim().to_owned(),
+            cron,
+            intervals: hourly || (!nickname && hours.is_some_and(counts)),
+        };
+        // A day that no year has, such as the 30th of February.
+        let begin = jiff::civil::date(2024, 1, 1).at(0, 0, 0, 0);
+        match pattern.next_on_the_wall(begin) {
+            Some(_) => Ok(pattern),
+            None => Err(wrong("no day is like that")),
+        }
+    }
+}
+
+impl fmt::Display for Pattern {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
+
+impl Serialize for Pattern {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(&self.text)
+    }
+}
+
+impl<'de> Deserialize<'de> for Pattern {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Pattern, D::Error> {
+        struct Word;
+        impl Visitor<'_> for Word {
+            type Value = Pattern;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(
+                    "minute, hour, day, month and weekday, such as \"0 9,21 * * *\" for nine and \
+                     twenty-one o'clock",
+                )
+            }
+
+            fn visit_str<E: Error>(self, text: &str) -> Result<Pattern, E> {
+                text.parse().map_err(|why| {
+                    E::custom(format_args!(
+                        "{why}, expected minute, hour, day, month and weekday"
+                    ))
+                })
+            }
+        }
+        from.deserialize_str(Word)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rome() -> Zone {
+        "Europe/Rome".parse().unwrap()
+    }
+
+    /// Of this many times after a date, as the wall shows them.
+    fn times(pattern: &str, from: &str, count: usize) -> Vec<String> {
+        let (pattern, zone): (Pattern, Zone) = (pattern.parse().unwrap(), rome());
+        let mut at = from.parse::<crate::clock::Date>().unwrap().at(&zone);
+        let next = |at: &mut Timestamp| {
+            *at = pattern.next_after(*at, &zone).unwrap();
+            zone.time(*at).strftime("%d %H:%M %:z").to_string()
+        };
+        (0..count).map(|_| next(&mut at)).collect()
+    }
+
+    #[test]
+    fn nine_oclock_is_nine_oclock_on_both_sides_of_a_change() {
+        let spring = times("0 9,21 * * *", "2026-03-28 12:00", 3);
+        assert_eq!(
+            spring,
+            ["28 21:00 +01:00", "29 09:00 +02:00", "29 21:00 +02:00"]
+        );
+        let autumn = times("0 9,21 * * *", "2026-10-24 12:00", 3);
+        assert_eq!(
+            autumn,
+            ["24 21:00 +02:00", "25 09:00 +01:00", "25 21:00 +01:00"]
+        );
+    }
+
+    #[test]
+    fn what_falls_into_the_hour_that_is_left_out_begins_after_the_change_and_once() {
+        let expected = ["28 02:30 +01:00", "29 03:00 +02:00", "30 02:30 +02:00"];
+        assert_eq!(times("30 2 * * *", "2026-03-28 01:00", 3), expected);
+        let several = times("0,30 2,14 * * *", "2026-03-29 01:00", 3);
+        assert_eq!(
+            several,
+            ["29 03:00 +02:00", "29 14:00 +02:00", "29 14:30 +02:00"]
+        );
+    }
+
+    #[test]
+    fn a_time_that_comes_twice_counts_the_first_time() {
+        let expected = ["24 02:30 +02:00", "25 02:30 +02:00", "26 02:30 +01:00"];
+        assert_eq!(times("30 2 * * *", "2026-10-24 01:00", 3), expected);
+        let several = times("0,30 2,14 * * *", "2026-10-25 01:00", 3);
+        assert_eq!(
+            several,
+            ["25 02:00 +02:00", "25 02:30 +02:00", "25 14:00 +01:00"]
+        );
+    }
+
+    #[test]
+    fn intervals_go_on_through_both_changes() {
+        let spring = times("*/30 * * * *", "2026-03-29 01:10", 3);
+        assert_eq!(
+            spring,
+            ["29 01:30 +01:00", "29 03:00 +02:00", "29 03:30 +02:00"]
+        );
+        let autumn = times("*/30 * * * *", "2026-10-25 02:10", 4);
+        let expected = [
+            "25 02:30 +02:00",
+            "25 02:00 +01:00",
+            "25 02:30 +01:00",
+            "25 03:00 +01:00",
+        ];
+        assert_eq!(autumn, expected);
+    }
+
+    #[test]
+    fn a_year_of_nine_and_twenty_one_has_two_starts_every_day() {
+        let (pattern, zone): (Pattern, Zone) = ("0 9,21 * * *".parse().unwrap(), rome());
+        let begin: crate::clock::Date = "2026-01-01 00:00".parse().unwrap();
+        let (mut at, mut starts) = (begin.at(&zone), 0);
+        while let Some(next) = pattern.next_after(at, &zone) {
+            let time = zone.time(next);
+            if time.year() > 2026 {
+                break;
+            }
+            assert!(
+                [9, 21].contains(&time.hour()) && time.minute() == 0,
+                "{time}"
+            );
+            (at, starts) = (next, starts + 1);
+        }
+        assert_eq!(starts, 2 * 365);
+    }
+
+    #[test]
+    fn what_is_no_pattern_is_refused_in_words() {
+        for wrong in [
+            "",
+            "9:00",
+            "0 9 * *",
+            "0 25 * * *",
+            "0 0 30 2 *",
+            "* * * * * *",
+            "x x x x x",
+        ] {
+            let error = wrong.parse::<Pattern>().unwrap_err();
+            assert!(error.contains("no pattern of times"), "{wrong}: {error}");
+        }
+        assert!("@daily".parse::<Pattern>().is_ok());
+    }
+}

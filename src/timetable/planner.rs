@@ -1,0 +1,408 @@
+//! Decides what is started and ended. A state machine: it is told the time of day and how things stand,
+//! and says what is to be done; it never waits and never asks a clock.
+
+use std::time::Duration;
+
+use jiff::{SignedDuration, Timestamp};
+use serde::{Deserialize, Serialize};
+use tokio::time::Instant;
+
+use super::Timetable;
+use crate::clock::is_plausible;
+
+/// A start this late is still in time: the service looks at the clock several times a minute.
+const GRACE: Duration = Duration::from_secs(60);
+/// The clock was set if it has gone so much more, or less, than time has passed.
+const SET: SignedDuration = SignedDuration::from_secs(30);
+/// A clock that was put back by less repeats no start; put back by more, the day begins anew from there.
+const BACK: SignedDuration = SignedDuration::from_hours(1);
+/// Starts of one rule that are looked at when the clock has leapt; the rest was missed anyway.
+const MOST_MISSED: usize = 1000;
+
+/// How things stand.
+#[derive(Debug, Clone, Copy)]
+pub struct Facts<'a> {
+    /// The time of day.
+    pub now: Timestamp,
+    /// The time that passes, whatever the clock shows.
+    pub at: Instant,
+    /// There is a robot that could drive.
+    pub ready: bool,
+    /// The behaviours that run, whoever started them.
+    pub running: &'a [String],
+}
+
+/// What is to be done.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Act {
+    /// Start a behaviour. How that went is told by [`Planner::ended`], if it failed.
+    Start {
+        /// Which.
+        run: String,
+        /// When that was planned.
+        planned: Timestamp,
+        /// It will be ended after this.
+        lasts: Option<Duration>,
+        /// It was under way when the program ended.
+        resumed: bool,
+    },
+    /// End a behaviour: its time is over.
+    End {
+        /// Which.
+        run: String,
+    },
+    /// Tell a person.
+    Tell(Told),
+}
+
+/// What a person should know.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Told {
+    /// A start was missed: the program did not run then.
+    Missed {
+        /// Which behaviour.
+        run: String,
+        /// The newest that was missed.
+        planned: Timestamp,
+        /// How many.
+        count: usize,
+    },
+    /// A start was missed: there was no robot until it was too late.
+    NoRobot {
+        /// Which behaviour.
+        run: String,
+        /// When that was planned.
+        planned: Timestamp,
+    },
+    /// A start is refused: the behaviour still runs.
+    Overlap {
+        /// Which behaviour.
+        run: String,
+        /// When that was planned.
+        planned: Timestamp,
+    },
+    /// The clock was set, by so many seconds.
+    ClockSet {
+        /// Negative: back.
+        seconds: i64,
+    },
+}
+
+/// What a program that starts must know of the one before.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Record {
+    /// Starts up to here are dealt with; seconds since 1970.
+    pub looked: Option<i64>,
+    /// What was started and has not ended.
+    pub under_way: Vec<UnderWay>,
+}
+
+/// A run that the timetable has started.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct UnderWay {
+    /// Which behaviour.
+    pub run: String,
+    /// When that was planned; seconds since 1970.
+    pub planned: i64,
+    /// When it is to be ended; seconds since 1970.
+    pub until: Option<i64>,
+}
+
+/// A start whose time has come.
+#[derive(Debug, Clone)]
+struct Due {
+    run: String,
+    planned: Timestamp,
+    lasts: Option<Duration>,
+    resumed: bool,
+}
+
+/// One that the timetable has started.
+#[derive(Debug, Clone)]
+struct Started {
+    run: String,
+    planned: Timestamp,
+    /// When it is ended.
+    until: Option<(Instant, Timestamp)>,
+    ending: bool,
+}
+
+/// See the module.
+#[derive(Debug, Clone)]
+pub struct Planner {
+    table: Timetable,
+    record: Record,
+    /// What the clock showed last, and when.
+    seen: Option<(Timestamp, Instant)>,
+    /// Starts up to here are dealt with.
+    looked: Option<Timestamp>,
+    /// The next start of each rule.
+    next: Vec<Option<Timestamp>>,
+    due: Vec<Due>,
+    started: Vec<Started>,
+}
+
+impl Planner {
+    /// Goes on where the record ends.
+    pub fn new(table: Timetable, record: Record) -> Planner {
+        Planner {
+            table,
+            record,
+            seen: None,
+            looked: None,
+            next: Vec::new(),
+            due: Vec::new(),
+            started: Vec::new(),
+        }
+    }
+
+    /// Another timetable from now on. What was started goes on as it was to.
+    pub fn replace(&mut self, table: Timetable) {
+        self.due
+            .retain(|due| table.rules.iter().any(|rule| rule.run == due.run));
+        self.table = table;
+        if let Some(looked) = self.looked {
+            self.plan_from(looked);
+        }
+    }
+
+    /// The timetable.
+    pub fn table(&self) -> &Timetable {
+        &self.table
+    }
+
+    /// Whether a start waits for the robot.
+    pub fn is_due(&self) -> bool {
+        !self.due.is_empty()
+    }
+
+    /// The next start after what the clock showed last, and the behaviour.
+    pub fn next_start(&self) -> Option<(Timestamp, &str)> {
+        let next = self.next.iter().zip(&self.table.rules);
+        let next = next.filter_map(|(at, rule)| Some(((*at)?, rule.run.as_str())));
+        next.min()
+    }
+
+    /// A behaviour has ended, or could not be started.
+    pub fn ended(&mut self, run: &str) {
+        self.started.retain(|one| one.run != run);
+    }
+
+    /// What the next program must know.
+    pub fn record(&self) -> Record {
+        let waiting = self.due.iter().filter(|due| due.resumed);
+        let waiting = waiting.map(|due| (&due.run, due.planned, due.lasts));
+        let waiting = waiting.map(|(run, planned, lasts)| UnderWay {
+            run: run.clone(),
+            planned: planned.as_second(),
+            until: lasts
+                .zip(self.looked)
+                .map(|(lasts, now)| now.as_second().saturating_add_unsigned(lasts.as_secs())),
+        });
+        let started = self.started.iter().filter(|one| !one.ending);
+        let started = started.map(|one| UnderWay {
+            run: one.run.clone(),
+            planned: one.planned.as_second(),
+            until: one.until.map(|(_, until)| until.as_second()),
+        });
+        Record {
+            looked: match self.looked {
+                Some(now) => Some(now.as_second()),
+                None => self.record.looked,
+            },
+            under_way: match self.looked {
+                Some(_) => started.chain(waiting).collect(),
+                None => self.record.under_way.clone(),
+            },
+        }
+    }
+
+    /// When to ask again at the latest, unless something happens.
+    pub fn pause(&self, now: Timestamp, at: Instant) -> Duration {
+        let next = self.next_start().map(|(next, _)| next.duration_since(now));
+        let next = next.map(|next| next.unsigned_abs());
+        let ends = self.started.iter().filter_map(|one| one.until);
+        let ends = ends.map(|(until, _)| until.saturating_duration_since(at));
+        let soonest = ends.chain(next).min().unwrap_or(GRACE);
+        // A clock may be set meanwhile.
+        soonest.clamp(Duration::from_millis(100), GRACE / 4)
+    }
+
+    /// What is to be done now.
+    pub fn poll(&mut self, facts: Facts<'_>) -> Vec<Act> {
+        if !is_plausible(facts.now) {
+            return Vec::new();
+        }
+        let mut acts = Vec::new();
+        let moves = self.see_clock(facts, &mut acts);
+        if moves {
+            self.collect(facts.now, &mut acts);
+            self.looked = Some(facts.now);
+        }
+        self.end_over(facts.at, &mut acts);
+        self.start_due(facts, &mut acts);
+        acts
+    }
+
+    /// Whether the clock shows a time that was not dealt with yet.
+    fn see_clock(&mut self, facts: Facts<'_>, acts: &mut Vec<Act>) -> bool {
+        let seen = self.seen.replace((facts.now, facts.at));
+        let (Some((before, at)), Some(looked)) = (seen, self.looked) else {
+            self.begin(facts.now);
+            return true;
+        };
+        let passed = SignedDuration::try_from(facts.at.saturating_duration_since(at));
+        let leap = facts.now.duration_since(before) - passed.unwrap_or_default();
+        if leap.abs() > SET {
+            let seconds = leap.as_secs();
+            acts.push(Act::Tell(Told::ClockSet { seconds }));
+        }
+        if looked.duration_since(facts.now) > BACK {
+            self.plan_from(facts.now);
+            return true;
+        }
+        facts.now >= looked
+    }
+
+    /// The first look at a clock.
+    fn begin(&mut self, now: Timestamp) {
+        let earliest = now
+            .checked_sub(self.table.catch_up.get())
+            .unwrap_or(Timestamp::MIN);
+        let looked = self
+            .record
+            .looked
+            .and_then(|at| Timestamp::from_second(at).ok());
+        let from = looked.map_or(earliest, |looked| looked.min(now));
+        self.plan_from(from);
+        for one in std::mem::take(&mut self.record.under_way) {
+            let Ok(planned) = Timestamp::from_second(one.planned) else {
+                continue;
+            };
+            let left = one.until.map(|until| until - now.as_second());
+            let lasts = match left.map(u64::try_from) {
+                Some(Ok(left)) if left > 0 => Some(Duration::from_secs(left)),
+                Some(_) => continue,
+                None => None,
+            };
+            self.due.push(Due {
+                run: one.run,
+                planned,
+                lasts,
+                resumed: true,
+            });
+        }
+    }
+
+    fn plan_from(&mut self, from: Timestamp) {
+        let table = &self.table;
+        let next = table
+            .rules
+            .iter()
+            .map(|rule| rule.at.next_after(from, &table.zone));
+        self.next = next.collect();
+    }
+
+    /// Takes the starts whose time has come; those that are too late are told.
+    fn collect(&mut self, now: Timestamp, acts: &mut Vec<Act>) {
+        for (rule, next) in self.table.rules.iter().zip(&mut self.next) {
+            let recent = now.checked_sub(self.table.catch_up.get()).unwrap_or(now);
+            let (mut missed, mut newest) = (0, None);
+            while let Some(planned) = next.filter(|next| *next <= now) {
+                if missed == MOST_MISSED && planned < recent {
+                    *next = rule.at.next_after(recent, &self.table.zone);
+                    missed += 1;
+                    continue;
+                }
+                *next = rule.at.next_after(planned, &self.table.zone);
+                missed += usize::from(newest.is_some());
+                newest = Some(planned);
+            }
+            let Some(planned) = newest else { continue };
+            let run = rule.run.clone();
+            let late = now.duration_since(planned);
+            let late_too = late > allowed(&self.table);
+            let count = missed + usize::from(late_too);
+            if count > 0 {
+                let (run, planned) = (run.clone(), planned);
+                let told = Told::Missed {
+                    run,
+                    planned,
+                    count,
+                };
+                acts.push(Act::Tell(told));
+            }
+            if !late_too {
+                self.due.push(Due {
+                    run,
+                    planned,
+                    lasts: rule.lasts.map(|lasts| lasts.get()),
+                    resumed: false,
+                });
+            }
+        }
+    }
+
+    fn end_over(&mut self, at: Instant, acts: &mut Vec<Act>) {
+        for one in &mut self.started {
+            if !one.ending && one.until.is_some_and(|(until, _)| until <= at) {
+                one.ending = true;
+                let run = one.run.clone();
+                acts.push(Act::End { run });
+            }
+        }
+    }
+
+    fn start_due(&mut self, facts: Facts<'_>, acts: &mut Vec<Act>) {
+        for due in std::mem::take(&mut self.due) {
+            let Due { run, planned, .. } = due.clone();
+            let busy = facts.running.contains(&run);
+            let busy = busy || self.started.iter().any(|one| one.run == run);
+            if busy {
+                if !due.resumed {
+                    acts.push(Act::Tell(Told::Overlap { run, planned }));
+                }
+            } else if facts.ready {
+                acts.push(self.start(due, facts));
+            } else if !due.resumed && facts.now.duration_since(planned) > allowed(&self.table) {
+                acts.push(Act::Tell(Told::NoRobot { run, planned }));
+            } else {
+                self.due.push(due);
+            }
+        }
+    }
+
+    fn start(&mut self, due: Due, facts: Facts<'_>) -> Act {
+        let Due {
+            run,
+            planned,
+            lasts,
+            resumed,
+        } = due;
+        let until = lasts.map(|lasts| {
+            let shown = facts.now.checked_add(lasts).unwrap_or(Timestamp::MAX);
+            (facts.at + lasts, shown)
+        });
+        self.started.push(Started {
+            run: run.clone(),
+            planned,
+            until,
+            ending: false,
+        });
+        Act::Start {
+            run,
+            planned,
+            lasts,
+            resumed,
+        }
+    }
+}
+
+/// How late a start may be.
+fn allowed(table: &Timetable) -> SignedDuration {
+    let allowed = table.catch_up.get().max(GRACE);
+    SignedDuration::try_from(allowed).unwrap_or(SignedDuration::MAX)
+}
+
+#[cfg(test)]
+mod tests;

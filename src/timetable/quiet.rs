@@ -1,0 +1,110 @@
+//! Hours in which the robot makes no sound and shows no bright light.
+
+use std::fmt;
+use std::str::FromStr;
+
+use jiff::civil::Time;
+use jiff::{Timestamp, Unit};
+use serde::de::{Error, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use crate::clock::Zone;
+
+/// From one time of day to another, on the next day if that is earlier.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Quiet {
+    from: Time,
+    to: Time,
+}
+
+impl Quiet {
+    /// Whether it is to be quiet at this instant.
+    pub fn covers(&self, instant: Timestamp, zone: &Zone) -> bool {
+        let time = zone.time(instant).time();
+        match self.from <= self.to {
+            true => (self.from..self.to).contains(&time),
+            false => time >= self.from || time < self.to,
+        }
+    }
+}
+
+impl FromStr for Quiet {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Quiet, String> {
+        let wrong = || format!("`{text}` are no hours such as 22:00-07:00");
+        let (from, to) = text.split_once('-').ok_or_else(wrong)?;
+        let time = |text: &str| {
+            let time: Option<Time> = text.trim().parse().ok();
+            time.filter(|time| time.round(Unit::Minute).ok() == Some(*time))
+        };
+        match (time(from), time(to)) {
+            (Some(from), Some(to)) if from != to => Ok(Quiet { from, to }),
+            _ => Err(wrong()),
+        }
+    }
+}
+
+impl fmt::Display for Quiet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let words = |time: Time| time.strftime("%H:%M").to_string();
+        write!(f, "{}-{}", words(self.from), words(self.to))
+    }
+}
+
+impl Serialize for Quiet {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Quiet {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Quiet, D::Error> {
+        struct Word;
+        impl Visitor<'_> for Word {
+            type Value = Quiet;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("hours such as 22:00-07:00")
+            }
+
+            fn visit_str<E: Error>(self, text: &str) -> Result<Quiet, E> {
+                text.parse()
+                    .map_err(|why| E::custom(format_args!("{why}, expected two times of day")))
+            }
+        }
+        from.deserialize_str(Word)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clock::Date;
+
+    #[test]
+    fn a_night_begins_in_the_evening_and_ends_in_the_morning() {
+        let (quiet, zone): (Quiet, Zone) = (
+            "22:00-07:00".parse().unwrap(),
+            "Europe/Rome".parse().unwrap(),
+        );
+        let at = |time: &str| {
+            let date: Date = format!("2026-03-29 {time}").parse().unwrap();
+            quiet.covers(date.at(&zone), &zone)
+        };
+        assert!(at("22:00") && at("23:59") && at("00:00") && at("06:59"));
+        assert!(!at("21:59") && !at("07:00") && !at("12:00"));
+        let noon: Quiet = "12:00 - 14:30".parse().unwrap();
+        assert_eq!(noon.to_string(), "12:00-14:30");
+        for wrong in [
+            "22:00",
+            "22-7",
+            "22:00-22:00",
+            "25:00-07:00",
+            "a-b",
+            "22:00-07:00:30",
+        ] {
+            assert!(wrong.parse::<Quiet>().is_err(), "{wrong}");
+        }
+    }
+}

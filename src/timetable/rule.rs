@@ -1,0 +1,35 @@
+//! The timetable as the config has it.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Pattern, Quiet};
+use crate::clock::{Span, Zone};
+
+/// One line of the timetable.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Rule {
+    /// The behaviour, by its name.
+    pub run: String,
+    /// When it is started: minute, hour, day of the month, month, day of the week.
+    #[schemars(with = "String")]
+    pub at: Pattern,
+    /// How long it runs, such as `30m`; until it ends by itself unless given.
+    #[serde(rename = "for", default, skip_serializing_if = "Option::is_none")]
+    #[schemars(with = "Option<String>")]
+    pub lasts: Option<Span>,
+}
+
+/// All lines, and what holds for them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Timetable {
+    /// In the order of the config.
+    pub rules: Vec<Rule>,
+    /// Whose clock is meant.
+    pub zone: Zone,
+    /// When it is to be quiet.
+    pub quiet: Option<Quiet>,
+    /// A start that was missed by less than this is made up for.
+    pub catch_up: Span,
+}
