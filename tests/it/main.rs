@@ -17,6 +17,7 @@ mod fast;
 mod faults;
 mod floors;
 mod frames;
+mod genuine;
 mod guardian;
 mod guide;
 mod hostile;
