@@ -10,7 +10,7 @@ use tokio::runtime::Builder;
 use tokio_util::sync::CancellationToken;
 
 use super::Failure;
-use crate::sim::{Handle, Options, Server, World};
+use crate::sim::{Firmware, Handle, Options, Server, World};
 use crate::wire::Login;
 
 /// A running simulator; ends when dropped.
@@ -30,11 +30,13 @@ impl EmbeddedSim {
         world: Option<&Path>,
         login: &Login,
         seed: u64,
+        firmware: Firmware,
     ) -> Result<EmbeddedSim, Failure> {
         let world = load(world)?;
         let options = Options {
             login: login.clone(),
             seed,
+            firmware,
             ..Options::default()
         };
         let stop = CancellationToken::new();

@@ -18,6 +18,7 @@ mod embedded;
 mod examiner;
 mod failure;
 mod fast;
+mod firmware;
 mod interrupt;
 mod learn;
 mod lesson;

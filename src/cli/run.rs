@@ -16,6 +16,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::embedded::EmbeddedSim;
 use super::fast::{EventFile, Fast};
+use super::firmware::FirmwareArgs;
 use super::interrupt::obey;
 use super::params::{self, Param};
 use super::settings::SettingsArgs;
@@ -34,7 +35,7 @@ use crate::link::{self, LinkError, Target};
 use crate::pilot::{Dial, DrivingCore, Pulse, Status};
 use crate::robot::EndReason;
 use crate::script::{self, GivenParam};
-use crate::sim;
+use crate::sim::{self, Firmware};
 use crate::wire::Login;
 
 /// How often the status line is drawn anew.
@@ -99,6 +100,9 @@ pub(super) struct RunArgs {
     params: Vec<Param>,
 
     #[command(flatten)]
+    firmware: FirmwareArgs,
+
+    #[command(flatten)]
     connection: ConnectionArgs,
 }
 
@@ -134,7 +138,9 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         check::before_run(&behaviours, console)?;
     }
     let place = place(&args.connection, &config)?;
-    let trace = trace_file(&args, matches!(place, Place::Sim(_)))?;
+    let simulated = matches!(place, Place::Sim(_));
+    let trace = trace_file(&args, simulated)?;
+    args.firmware.refuse_unless(simulated)?;
     let login = args.connection.login.login(args.settings.load()?)?;
     if console.is_json() {
         tracing::info!(seed, "starting");
@@ -156,7 +162,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         .enable_all()
         .build();
     let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
-    let (target, sim) = reach(place, &login, seed)?;
+    let (target, sim) = reach_with(place, &login, seed, args.firmware.load()?)?;
     let desk = Desk::open(config.data_folder());
     let about = (target.to_string(), sim.is_some());
     let settings = config.pilot(sim.is_some(), seed);
@@ -234,6 +240,7 @@ fn fast(
         seed,
         sim: sim::Options {
             login,
+            firmware: args.firmware.load()?,
             ..sim::Options::default()
         },
         limits: config.watchdog.clone(),
@@ -402,10 +409,20 @@ pub(super) fn reach(
     login: &Login,
     seed: u64,
 ) -> Result<(Target, Option<EmbeddedSim>), Failure> {
+    reach_with(place, login, seed, Firmware::default())
+}
+
+/// As [`reach`]; a simulated robot has this firmware.
+fn reach_with(
+    place: Place,
+    login: &Login,
+    seed: u64,
+    firmware: Firmware,
+) -> Result<(Target, Option<EmbeddedSim>), Failure> {
     match place {
         Place::Robot(target) => Ok((target, None)),
         Place::Sim(world) => {
-            let sim = EmbeddedSim::start(world.as_deref(), login, seed)?;
+            let sim = EmbeddedSim::start(world.as_deref(), login, seed, firmware)?;
             let address = sim.address();
             let target = Target {
                 host: address.ip().to_string(),

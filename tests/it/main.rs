@@ -15,6 +15,7 @@ mod explore;
 mod eyes;
 mod fast;
 mod faults;
+mod firmware;
 mod floors;
 mod frames;
 mod genuine;
