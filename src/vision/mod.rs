@@ -12,6 +12,8 @@
 
 mod aslant;
 mod blobs;
+mod calibration;
+mod camera;
 mod colour;
 mod damage;
 mod drawing;
@@ -24,7 +26,9 @@ mod picture;
 mod qrcode;
 mod tracker;
 
-pub use blobs::{Blob, BlobFinder, BlobOptions, Camera};
+pub use blobs::{Blob, BlobFinder, BlobOptions};
+pub use calibration::{Board, Calibrated, CalibrationError, Sighting, calibrate, find_chessboard};
+pub use camera::{Camera, Direction};
 pub use colour::learn::{LearnRefusal, Learned, learn};
 pub use colour::palette::{MAX_COLOURS, Palette};
 pub use colour::{Colour, ColourError, Span};

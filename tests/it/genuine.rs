@@ -116,3 +116,98 @@ async fn one_address_answers_broadcasts_to_its_network_too() {
     }
     panic!("not answered");
 }
+
+/// The segments of a JPEG up to its pixels: marker and content.
+fn segments(jpeg: &[u8]) -> Vec<(u8, &[u8])> {
+    let (mut at, mut found) = (2, Vec::new());
+    while let Some([0xFF, marker, high, low]) = jpeg.get(at..at + 4) {
+        let end = at + 2 + (usize::from(*high) << 8 | usize::from(*low));
+        found.push((*marker, &jpeg[at + 4..end]));
+        if *marker == 0xDA {
+            break;
+        }
+        at = end;
+    }
+    found
+}
+
+/// Annex K of the JPEG standard, in the order of a file: what quality 50 means.
+const LUMA_50: [u8; 12] = [16, 11, 12, 14, 12, 10, 16, 14, 13, 14, 18, 17];
+
+#[tokio::test(start_paused = true)]
+async fn frames_are_compressed_as_genuine_ones_are() {
+    let (_handle, mut client) = robot(spykee::sim::World::default_world()).await;
+    client.send(&[VIDEO_ON, TURN_LEFT_90].concat()).await;
+    for _ in 0..60 {
+        let message = client.next_of_kind(2).await;
+        let jpeg = &message[5..];
+        assert!((3_500..8_000).contains(&jpeg.len()), "{} bytes", jpeg.len());
+        let segments = segments(jpeg);
+        let of = |wanted: u8| {
+            segments
+                .iter()
+                .find(|(marker, _)| *marker == wanted)
+                .unwrap()
+                .1
+        };
+        assert_eq!(of(0xE0)[..7], *b"JFIF\0\x01\x01");
+        assert_eq!(of(0xDB)[1..13], LUMA_50);
+        // 8 bits, 240 rows, 320 columns, three components: 4:2:0.
+        let frame = [8, 0, 240, 1, 64, 3, 1, 0x22, 0, 2, 0x11, 1, 3, 0x11, 1];
+        assert_eq!(*of(0xC0), frame);
+        assert_eq!(of(0xDA)[..7], [3, 1, 0x00, 2, 0x11, 3, 0x11]);
+    }
+}
+
+#[test]
+fn bearings_are_right_within_a_degree_all_over_the_picture() {
+    let camera = spykee::vision::Camera::default();
+    let mut eyes = spykee::vision::Eyes::new(camera);
+    let red = spykee::vision::Colour::named("red").unwrap();
+    let mut seen = 0;
+    for step in 0..72 {
+        let degrees = -23.4 + 0.65 * f64::from(step);
+        for (away, radius) in [(0.9, 0.05), (2.0, 0.1)] {
+            let world = format!(
+                "room: {{ width: 8, depth: 8 }}\nstation: {{ at: [0, 4], heading_degrees: 0 }}\n\
+                 start: {{ at: [4, 4], heading_degrees: 0 }}\ncamera: {{ noise: 0.25 }}\n\
+                 balls: [{{ at: [{}, {}], colour: red, radius: {radius} }}]\n",
+                4.1 + away * degrees.to_radians().cos(),
+                4.0 + away * degrees.to_radians().sin(),
+            );
+            let world = spykee::sim::World::from_yaml(&world, "bearings").unwrap();
+            let mut robot = spykee::sim::Robot::new(world, spykee::sim::Firmware::default(), 1);
+            robot.begin_session();
+            robot.obey(&spykee::wire::Command::Stream {
+                stream: spykee::wire::Stream::Video,
+                on: true,
+            });
+            let jpeg = loop {
+                robot.step(Duration::from_millis(20));
+                let mut reports = robot.take_reports().into_iter();
+                let frame = reports.find_map(|report| match report {
+                    spykee::wire::Report::Video(jpeg) => Some(jpeg),
+                    _ => None,
+                });
+                if let Some(jpeg) = frame {
+                    break jpeg;
+                }
+            };
+            let options = spykee::vision::BlobOptions::default();
+            let key = (step * 2) as u64 + u64::from(away > 1.0);
+            let blobs = eyes
+                .find_blobs(key, &jpeg, &[red.clone()], &options)
+                .unwrap();
+            // At the border only a part of it is seen.
+            if let Some(ball) = blobs.first().filter(|ball| !ball.edge) {
+                let off = ball.bearing.to_degrees() - degrees;
+                assert!(
+                    off.abs() < 1.0,
+                    "at {degrees} degrees, {away} m: {off} degrees off"
+                );
+                seen += 1;
+            }
+        }
+    }
+    assert!(seen > 110, "{seen}");
+}

@@ -23,6 +23,7 @@ mod guardian;
 mod guide;
 mod hostile;
 mod intruders;
+mod lens;
 mod lessons;
 mod link;
 mod new;
