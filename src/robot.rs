@@ -383,6 +383,8 @@ named! {
         Safety = "safety",
         /// The robot stands on its station.
         Docked = "docked",
+        /// The pictures say that the robot did not move.
+        Blocked = "blocked",
         /// There is no link.
         Disconnected = "disconnected",
         /// Stopped by the behaviour itself.

@@ -60,7 +60,7 @@ pub fn modules() -> impl Iterator<Item = &'static Namespace> {
 
 /// Every kind of table and object that calls give and take.
 pub fn objects() -> impl Iterator<Item = &'static Object> {
-    const ALL: [&Object; 27] = [
+    const ALL: [&Object; 28] = [
         &frame::FRAME,
         &frame::BLOB,
         &frame::TRACK,
@@ -71,6 +71,7 @@ pub fn objects() -> impl Iterator<Item = &'static Object> {
         &task::TASK,
         &robot::LISTENER,
         &tables::BATTERY,
+        &tables::POSE_ESTIMATE,
         &tables::INFO,
         &tables::DOCK_INFO,
         &tables::USAGE,

@@ -4,7 +4,7 @@ use super::bounds::{Bounds, SECONDS};
 use super::choices::{DOCK_CODE, LIGHT, MOTION_CODE, QUEUE, SOUND, STREAM};
 use super::events::EVENT;
 use super::frame::FRAME;
-use super::tables::{BATTERY, DOCK_INFO, INFO};
+use super::tables::{BATTERY, DOCK_INFO, INFO, POSE_ESTIMATE};
 use super::task::TASK;
 use super::terms::{
     Function, Namespace, Object, Place, Type, Value, boolean, bounded, call, choice, count, object,
@@ -69,7 +69,7 @@ const FUNCTIONS: &[Function] = &[
             SECONDS_OF_MOTION,
         ],
         ENDED_IF_TIMED,
-        "Sets the power of both tracks.",
+        "Sets the power of both tracks; with seconds, `blocked` as with `robot.forward`.",
         "robot.move(40, 40, 2) -- two seconds straight on\nrobot.move(20, -20) -- turns to the right until told otherwise\ntask.wait(1)\nrobot.stop()",
     )
     .waiting(),
@@ -92,7 +92,7 @@ const FUNCTIONS: &[Function] = &[
             bounded("speed", WAY_SPEED, "half of full speed without it").unit("m/s").optional(),
         ],
         ENDED,
-        "Drives straight for a distance, and waits until that is done.",
+        "Drives straight for a distance, and waits until that is done. With the camera on it ends early as `blocked` when the pictures show that the robot is held.",
         "local ok, code = robot.forward(0.5)\nprint(ok, code)",
     )
     .waiting(),
@@ -103,7 +103,7 @@ const FUNCTIONS: &[Function] = &[
             bounded("speed", WAY_SPEED, "half of full speed without it").unit("rad/s").optional(),
         ],
         ENDED,
-        "Turns on the spot, and waits until that is done.",
+        "Turns on the spot, and waits until that is done; `blocked` as with `robot.forward`.",
         "robot.turn(math.rad(90)) -- a quarter to the left",
     )
     .waiting(),
@@ -113,6 +113,21 @@ const FUNCTIONS: &[Function] = &[
         &[],
         "Stops the tracks; always works.",
         "robot.move(30, 30)\ntask.wait(1)\nrobot.stop()",
+    ),
+    call(
+        "robot.pose",
+        &[],
+        &[object("pose", &POSE_ESTIMATE, "since `robot.reset_pose()`, or since the script began")],
+        "Estimates where the robot is: from what the script made its tracks do, with turns as the camera sees them while it is on. What others make it do is not known: then the errors grow.",
+        "robot.reset_pose()\nrobot.forward(0.5)\nlocal pose = robot.pose()\nprint(pose.x, pose.y, math.deg(pose.heading), pose.error)",
+    )
+    .pure(),
+    call(
+        "robot.reset_pose",
+        &[],
+        &[],
+        "Makes the robot's place the new zero of `robot.pose()`, and its direction the new x.",
+        "robot.reset_pose()",
     ),
     call(
         "robot.led",

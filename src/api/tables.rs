@@ -19,6 +19,26 @@ pub(super) const BATTERY: Object = table(
     ],
 );
 
+pub(super) const POSE_ESTIMATE: Object = table(
+    "PoseEstimate",
+    "Where the robot is, by what its tracks did and its camera saw.",
+    &[
+        number("x", "ahead of where it began").unit("m"),
+        number("y", "to the left of it").unit("m"),
+        number(
+            "heading",
+            "turned to the left since; more than a full turn counts on",
+        )
+        .unit("rad"),
+        number("error", "how far the place may be off").unit("m"),
+        number(
+            "heading_error",
+            "how far the heading may be off, at most pi",
+        )
+        .unit("rad"),
+    ],
+);
+
 pub(super) const INFO: Object = table(
     "Info",
     "Which robot it is.",

@@ -10,6 +10,8 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 use tracing_subscriber::fmt::MakeWriter;
+use tracing_subscriber::fmt::format::Writer;
+use tracing_subscriber::fmt::time::{FormatTime as _, SystemTime};
 
 use super::LogFormat;
 use super::screen::{Features, Screen};
@@ -188,8 +190,19 @@ impl Console {
 fn said(format: LogFormat, level: &str, text: &str) -> String {
     match format {
         LogFormat::Text => text.to_owned(),
-        LogFormat::Json => serde_json::json!({ "level": level, "message": text }).to_string(),
+        LogFormat::Json => serde_json::json!({
+            "timestamp": now(), "level": level, "message": text, "target": "spykee",
+        })
+        .to_string(),
     }
+}
+
+/// The time as the other lines of a JSON log have it.
+fn now() -> String {
+    let mut text = String::new();
+    // Writing into a string cannot fail.
+    let _ = SystemTime.format_time(&mut Writer::new(&mut text));
+    text
 }
 
 /// The writing thread's side.

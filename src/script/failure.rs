@@ -5,6 +5,7 @@ use std::fmt;
 use mlua::prelude::LuaError;
 use serde::{Deserialize, Serialize};
 
+use super::address::without_addresses;
 use crate::robot::EndReason;
 
 /// The longest error text that is passed on, in characters.
@@ -160,8 +161,10 @@ fn has_place(message: &str) -> bool {
 }
 
 /// At most `longest` characters, without control characters other than line feed and tab, so that
-/// a script cannot write to the terminal what it likes.
+/// a script cannot write to the terminal what it likes, and without addresses, so that the same run
+/// says the same.
 pub(crate) fn printable(text: &str, longest: usize) -> String {
+    let text = without_addresses(text);
     let safe = |c: &char| !c.is_control() || matches!(c, '\n' | '\t');
     let mut kept: String = text.chars().filter(safe).take(longest + 1).collect();
     if let Some((cut, _)) = kept.char_indices().nth(longest) {

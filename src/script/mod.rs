@@ -12,9 +12,11 @@
 //! `task`, `queue` and `scheduler` decide who runs next; `slice` runs; `ending` ends; `api/` has the
 //! natives of each Lua namespace; `stdlib/` what is written in Lua.
 
+mod address;
 mod album;
 mod api;
 mod arguments;
+mod blockage;
 mod budget;
 mod complaints;
 mod declaration;
@@ -30,6 +32,7 @@ mod life;
 mod modules;
 mod motion;
 mod nearest;
+mod odometry;
 mod options;
 mod output;
 mod pace;

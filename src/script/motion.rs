@@ -1,5 +1,7 @@
 //! The one setpoint that a script has on, as far as it knows, and to whom it belongs.
 
+use tokio::time::Instant;
+
 use crate::robot::{MotionId, Setpoint};
 
 use super::ids::{SubscriptionId, TaskId};
@@ -20,6 +22,7 @@ struct Current {
     owner: Owner,
     setpoint: Setpoint,
     timed: bool,
+    since: Instant,
 }
 
 /// See the module.
@@ -31,7 +34,13 @@ pub(super) struct Motion {
 
 impl Motion {
     /// A new setpoint takes the place of the one before.
-    pub(super) fn set(&mut self, owner: Owner, setpoint: Setpoint, timed: bool) -> MotionId {
+    pub(super) fn set(
+        &mut self,
+        owner: Owner,
+        setpoint: Setpoint,
+        timed: bool,
+        now: Instant,
+    ) -> MotionId {
         self.last += 1;
         let motion = MotionId(self.last);
         self.current = Some(Current {
@@ -39,6 +48,7 @@ impl Motion {
             owner,
             setpoint,
             timed,
+            since: now,
         });
         motion
     }
@@ -72,6 +82,17 @@ impl Motion {
     /// The current setpoint.
     pub(super) fn current(&self) -> Option<MotionId> {
         self.current.map(|current| current.motion)
+    }
+
+    /// What the tracks should do now.
+    pub(super) fn setpoint(&self) -> Option<Setpoint> {
+        self.current.map(|current| current.setpoint)
+    }
+
+    /// The motion with a time that is on, and since when.
+    pub(super) fn timed(&self) -> Option<(MotionId, Setpoint, Instant)> {
+        let current = self.current.filter(|current| current.timed)?;
+        Some((current.motion, current.setpoint, current.since))
     }
 
     /// Whether a track turns.

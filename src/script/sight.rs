@@ -3,10 +3,12 @@
 use std::cell::Cell;
 use std::rc::Rc;
 
+use tokio::time::Instant;
+
 use super::held::HeldFrame;
 use super::options::Options;
 use super::sighting::Witness;
-use crate::vision::{Damage, Eyes};
+use crate::vision::{Damage, Eyes, Skyline};
 
 /// See the module.
 pub(super) struct Sight {
@@ -16,6 +18,10 @@ pub(super) struct Sight {
     pub(super) eyes: Eyes,
     /// Trackers and motion detectors that live.
     pub(super) watchers: Rc<Cell<u32>>,
+    /// Of the last frame that was looked at while the robot turned.
+    pub(super) skyline: Option<Skyline>,
+    /// When the last frame came during which the tracks turned the robot.
+    pub(super) turned: Option<Instant>,
     /// Frames that were no pictures.
     pub(super) damage: Damage,
     /// Only where someone wants to see what the script sees.
@@ -29,6 +35,8 @@ impl Sight {
             held_bytes: Rc::default(),
             eyes: Eyes::new(options.camera),
             watchers: Rc::default(),
+            skyline: None,
+            turned: None,
             damage: Damage::default(),
             witness: options.annotate_dir.as_ref().map(|_| Witness::default()),
         }

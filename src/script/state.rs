@@ -7,6 +7,7 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::album::Album;
+use super::blockage::{Blockage, Going};
 use super::complaints::{Complaints, Telling};
 use super::events::{EventName, Loan, Payload, Subscriptions};
 use super::group::Group;
@@ -14,6 +15,7 @@ use super::held::HeldFrame;
 use super::life::{Exit, Life};
 use super::modules::Modules;
 use super::motion::{Motion, Owner};
+use super::odometry::{Driver, Odometry, drive_of};
 use super::options::Options;
 use super::output::{Level, LogLine, Outbox};
 use super::queue::Tasks;
@@ -25,8 +27,8 @@ use super::store::Store;
 use super::streams::{Demand, WantedStreams};
 use super::task::{Answer, GroupId, Kind, SubscriptionId, Wait};
 use super::way_back::way_back;
-use crate::robot::{Battery, Event, Frame, Intent, RobotInfo};
-use crate::vision::{FrameError, validate_markers};
+use crate::robot::{Battery, Event, Frame, Intent, MotionEnd, MotionId, RobotInfo};
+use crate::vision::{FrameError, Skyline, validate_markers};
 use crate::wire::Stream;
 
 /// After so long without a loud sound the next one is another noise.
@@ -35,6 +37,13 @@ const QUIET: Duration = Duration::from_secs(1);
 const MOTOR: Duration = Duration::from_secs(1);
 /// A sound may be heard for so long after it has begun.
 const SOUND: Duration = Duration::from_secs(5);
+
+/// A turn from one frame to the next that is looked for in the pictures, radians.
+const LEAST_TURN: f64 = 0.02;
+/// Pictures are late, and so is the end of a turn in them.
+const ROLLING_OUT: Duration = Duration::from_millis(500);
+/// A turn is looked for so far from what is expected, at least; radians.
+const LEAST_REACH: f64 = 0.15;
 
 /// What the script knows of the robot, from the events it was told.
 #[derive(Debug, Default)]
@@ -114,6 +123,8 @@ pub(super) struct State {
     pub(super) subscriptions: Subscriptions,
     pub(super) known: Known,
     pub(super) motion: Motion,
+    pub(super) odometry: Odometry,
+    blockage: Blockage,
     pub(super) streams: WantedStreams,
     pub(super) sight: Sight,
     pub(super) album: Album,
@@ -144,6 +155,7 @@ impl State {
         let album = Album::new(options.data_dir.clone(), &options.limits);
         let modules = Modules::new(&options.chunk);
         let sight = Sight::new(&options);
+        let odometry = Odometry::new(now, options.calibration);
         State {
             options,
             complaints: Complaints::default(),
@@ -155,6 +167,8 @@ impl State {
             subscriptions: BTreeMap::new(),
             known: Known::default(),
             motion: Motion::default(),
+            odometry,
+            blockage: Blockage::default(),
             streams: WantedStreams::default(),
             sight,
             album,
@@ -178,6 +192,7 @@ impl State {
     /// The time never runs backwards.
     pub(super) fn tick(&mut self, now: Instant) {
         self.now = self.now.max(now);
+        self.odometry.advance(self.now, self.driver());
         if self.motion.is_on() || self.known.moving {
             self.moved = Some(self.now);
         }
@@ -254,7 +269,65 @@ impl State {
         };
         let held = Rc::new(HeldFrame::new(frame, size, &self.sight.held_bytes));
         self.sight.newest = Some(Rc::clone(&held));
+        self.look_where_it_goes(&held);
         self.publish(EventName::Frame, Payload::Frame(held));
+    }
+
+    /// What drives the robot, as far as the script knows.
+    fn driver(&self) -> Driver {
+        match self.motion.setpoint() {
+            Some(setpoint) if !setpoint.is_stop() => {
+                Driver::Script(drive_of(setpoint, self.options.calibration))
+            }
+            _ if self.known.moving => Driver::Other,
+            _ => Driver::Nobody,
+        }
+    }
+
+    /// While the script drives for a time, its pictures tell whether the robot turns, and whether it moves.
+    fn look_where_it_goes(&mut self, held: &HeldFrame) {
+        let at = held.frame().at;
+        self.odometry.mark(at);
+        let calibration = self.options.calibration;
+        let going = self.motion.timed().map(|(motion, setpoint, since)| Going {
+            motion,
+            since,
+            drive: drive_of(setpoint, calibration),
+            odometer: self.odometry.odometer(),
+        });
+        let turn = self.odometry.last_turn().filter(|turn| {
+            let turns = turn.abs() > LEAST_TURN;
+            self.sight.turned = if turns { Some(at) } else { self.sight.turned };
+            let lately = |turned: Instant| at.saturating_duration_since(turned) < ROLLING_OUT;
+            self.sight.turned.is_some_and(lately)
+        });
+        if going.is_none() && turn.is_none() {
+            return self.sight.skyline = None;
+        }
+        let camera = self.options.camera;
+        let Ok(image) = self.sight.eyes.look(held.frame().seq, &held.frame().jpeg) else {
+            return;
+        };
+        let skyline = Skyline::of(image, camera);
+        let held_since = going.and_then(|going| self.blockage.look(image, at, camera, going));
+        if let (Some(turn), Some(before)) = (turn, &self.sight.skyline) {
+            let reach = (turn.abs() * 0.6).max(LEAST_REACH);
+            if let Some(seen) = skyline.turned_since(before, turn, reach) {
+                self.odometry.correct_turn(seen);
+            }
+        }
+        self.sight.skyline = Some(skyline);
+        if let (Some(since), Some(going)) = (held_since, going) {
+            self.end_blocked(going.motion, since);
+        }
+    }
+
+    /// A motion leads nowhere: the tracks rest, and whoever waits for its end is told why.
+    fn end_blocked(&mut self, motion: MotionId, since: Instant) {
+        self.odometry.rewind(since);
+        self.motion.ended(motion);
+        self.outbox.send(Intent::Release { motion });
+        self.answer(Wait::Motion(motion), || Answer::Motion(MotionEnd::Blocked));
     }
 
     /// Takes note of what the script was told about a frame.

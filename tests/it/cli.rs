@@ -294,7 +294,9 @@ fn json_logs_are_one_object_a_line_errors_included() {
     for line in text(&output.stderr).lines() {
         let value: serde_json::Value = serde_json::from_str(line).unwrap();
         levels.push(value["level"].as_str().unwrap().to_owned());
-        assert!(value["message"].is_string(), "{line}");
+        for key in ["timestamp", "level", "message", "target"] {
+            assert!(value[key].is_string(), "{key}: {line}");
+        }
     }
     assert_eq!(levels, ["ERROR"]);
 }

@@ -45,6 +45,7 @@ mod slow_reader;
 mod slow_system;
 mod soak;
 mod stdlib;
+mod stuck;
 mod supervision;
 mod terminal;
 mod tools;

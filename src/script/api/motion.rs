@@ -1,10 +1,11 @@
-//! `robot.move`, `robot.drive`, `robot.forward`, `robot.turn`, `robot.stop`.
+//! `robot.move`, `robot.drive`, `robot.forward`, `robot.turn`, `robot.stop`; where that leads:
+//! `robot.pose`, `robot.reset_pose`.
 
 use std::time::Duration;
 
 use super::super::options::Calibration;
 use super::super::task::{Cancel, Wait};
-use super::{Answered, Call, Natives};
+use super::{Answered, Call, Natives, of_row};
 use crate::api::LONGEST_DRIVE;
 use crate::robot::{Intent, MotionEnd, Setpoint};
 
@@ -14,6 +15,11 @@ pub(super) const CALLS: &Natives = &[
     ("robot.forward", forward),
     ("robot.turn", turn),
     ("robot.stop", stop),
+    ("robot.pose", pose),
+    ("robot.reset_pose", |call| {
+        call.state.odometry.reset();
+        call.reply(())
+    }),
 ];
 
 /// Speed of `forward` and `turn` unless they say, as a part of full speed.
@@ -118,7 +124,10 @@ fn go(call: &mut Call<'_>, setpoint: Option<Setpoint>, time: Option<Duration>) -
         call.may_wait()?;
     }
     call.make_room(0)?;
-    let motion = call.state.motion.set(owner, setpoint, time.is_some());
+    let motion = {
+        let now = call.state.now;
+        call.state.motion.set(owner, setpoint, time.is_some(), now)
+    };
     call.state.outbox.send(Intent::Move {
         motion,
         setpoint,
@@ -149,6 +158,18 @@ fn stop(call: &mut Call<'_>) -> Answered {
     let _ = call.state.motion.release_any();
     call.state.outbox.send_stop();
     call.reply(())
+}
+
+/// `robot.pose()`
+fn pose(call: &mut Call<'_>) -> Answered {
+    let pose = call.state.odometry.pose();
+    let table = call.lua.create_table_with_capacity(0, 5)?;
+    table.raw_set("x", pose.x)?;
+    table.raw_set("y", pose.y)?;
+    table.raw_set("heading", pose.heading)?;
+    table.raw_set("error", pose.error)?;
+    table.raw_set("heading_error", pose.heading_error)?;
+    call.reply(of_row("PoseEstimate", table))
 }
 
 #[cfg(test)]

@@ -1,0 +1,360 @@
+//! Tells by two pictures whether the camera stood still although its robot should have moved.
+//!
+//! Driving forwards, the floor and what stands on it must come nearer; turning, all must move sideways. So a tile of the picture is a *witness* if it would look different after the
+//! expected movement. If nearly all witnesses look the same, the camera stood still; people who walk
+//! through the view hide some of them. Without enough witnesses (a plain wall, the dark) nothing is said.
+//! A small shift to the side of all tiles alike is allowed: a robot that pushes against a wall may turn a little.
+
+use std::time::Duration;
+
+use super::camera::Camera;
+use crate::vision::picture::image::Image;
+use crate::vision::picture::size::Size;
+
+/// Side of a tile of the half-size picture.
+const TILE: usize = 8;
+/// The lens above the floor, metres.
+pub(super) const LENS_HEIGHT: f64 = 0.2;
+/// A tile is asked only if the expected movement shifts it by so many half-size pixels at least.
+const LEAST_SHIFT: f64 = 2.0;
+/// A tile is a witness if the expected movement changes its pixels by so much on average, of 255.
+const WITNESS: f64 = 8.0;
+/// A witness stands still if it has changed by less than this share of what was expected.
+const STILL: f64 = 0.45;
+/// Fewer witnesses than this prove nothing.
+const FEWEST_WITNESSES: u32 = 8;
+/// The camera stood still if at least this share of the witnesses did, and moved if at most this share did.
+const STANDS: f64 = 0.7;
+const MOVES: f64 = 0.4;
+/// Shifts of the whole half-size picture to the side that still count as standing, pixels.
+const SWAYS: [isize; 5] = [0, 1, -1, 2, -2];
+/// A turn is looked for only if it is expected to shift the picture by more than this, half-size pixels.
+const LEAST_TURN: f64 = 8.0;
+
+/// The movement that the tracks should make.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drive {
+    /// Metres per second, negative backwards.
+    pub forward: f64,
+    /// Radians per second, left positive.
+    pub turn: f64,
+}
+
+/// What two pictures say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// The camera stood still.
+    Stands,
+    /// It moved.
+    Moves,
+    /// The pictures do not tell.
+    Unknown,
+}
+
+/// A picture's luma at half its width and height.
+#[derive(Debug, Clone, Default)]
+pub struct Glance {
+    w: usize,
+    h: usize,
+    luma: Vec<u8>,
+}
+
+impl Glance {
+    /// Of a picture; reuses the memory of `self`.
+    pub fn take(&mut self, image: &Image) {
+        let Size { width, height } = image.size();
+        (self.w, self.h) = (width as usize / 2, height as usize / 2);
+        image.halve_luma(&mut self.luma);
+    }
+
+    /// Columns and rows.
+    pub(super) fn size(&self) -> (usize, usize) {
+        (self.w, self.h)
+    }
+
+    /// The pixels of a row within the picture.
+    pub(super) fn row(&self, y: usize) -> &[u8] {
+        &self.luma[y * self.w..][..self.w]
+    }
+
+    /// Pixels of a tile, rows first; only for tiles within the picture.
+    fn tile(&self, left: usize, top: usize) -> impl Iterator<Item = i32> + Clone {
+        let rows = (top..top + TILE).map(move |y| &self.luma[y * self.w + left..][..TILE]);
+        rows.flatten().map(|value| i32::from(*value))
+    }
+
+    /// The tile that is shifted by so many pixels, if all of it is in the picture.
+    fn shifted(
+        &self,
+        (left, top): (usize, usize),
+        (right, down): (isize, isize),
+    ) -> Option<impl Iterator<Item = i32> + Clone> {
+        let left = left.checked_add_signed(right)?;
+        let top = top.checked_add_signed(down)?;
+        (left + TILE <= self.w && top + TILE <= self.h).then(|| self.tile(left, top))
+    }
+}
+
+/// Whether the camera stood still between two pictures taken `apart` from each other, while the robot
+/// should have made this movement.
+pub fn compare(
+    before: &Glance,
+    now: &Glance,
+    camera: Camera,
+    drive: Drive,
+    apart: Duration,
+) -> Verdict {
+    if (before.w, before.h) != (now.w, now.h) || now.w < TILE || now.h < TILE {
+        return Verdict::Unknown;
+    }
+    let expected = Expected::new(now, camera, drive, apart.as_secs_f64());
+    let tops = (0..=now.h - TILE).step_by(TILE);
+    let tiles = tops.flat_map(|top| {
+        (0..=now.w - TILE)
+            .step_by(TILE)
+            .map(move |left| (left, top))
+    });
+    let witnesses: Vec<Witness> = tiles
+        .filter_map(|place| Witness::at(before, place, expected.shift(place)?))
+        .collect();
+    let count = witnesses.len() as u32;
+    if count < FEWEST_WITNESSES {
+        return Verdict::Unknown;
+    }
+    let still = |sway| {
+        let standing = |one: &&Witness| one.stands(before, now, sway);
+        f64::from(witnesses.iter().filter(standing).count() as u32) / f64::from(count)
+    };
+    let most = SWAYS.into_iter().map(still).fold(0.0, f64::max);
+    if most >= STANDS {
+        Verdict::Stands
+    } else if most <= MOVES {
+        Verdict::Moves
+    } else {
+        Verdict::Unknown
+    }
+}
+
+/// A tile that would look different after the expected movement.
+struct Witness {
+    place: (usize, usize),
+    /// By how much, on average.
+    change: f64,
+}
+
+impl Witness {
+    fn at(before: &Glance, place: (usize, usize), shift: (isize, isize)) -> Option<Witness> {
+        // What is here now was elsewhere before.
+        let there = before.shifted(place, (-shift.0, -shift.1))?;
+        let change = difference(before.tile(place.0, place.1), there);
+        (change >= WITNESS).then_some(Witness { place, change })
+    }
+
+    fn stands(&self, before: &Glance, now: &Glance, sway: isize) -> bool {
+        let (left, top) = self.place;
+        before
+            .shifted(self.place, (-sway, 0))
+            .is_some_and(|there| difference(now.tile(left, top), there) < STILL * self.change)
+    }
+}
+
+/// The mean difference of two tiles, whatever their brightness.
+fn difference(
+    one: impl Iterator<Item = i32> + Clone,
+    other: impl Iterator<Item = i32> + Clone,
+) -> f64 {
+    const PIXELS: i32 = (TILE * TILE) as i32;
+    let pairs = one.zip(other).map(|(one, other)| one - other);
+    let mean = pairs.clone().sum::<i32>() / PIXELS;
+    let sum: i32 = pairs.map(|difference| (difference - mean).abs()).sum();
+    f64::from(sum) / f64::from(PIXELS)
+}
+
+/// Where things move in the picture if the robot does what it should.
+struct Expected {
+    centre: (f64, f64),
+    focal: f64,
+    /// Metres ahead.
+    way: f64,
+    /// Radians to the left.
+    turn: f64,
+}
+
+impl Expected {
+    fn new(glance: &Glance, camera: Camera, drive: Drive, seconds: f64) -> Expected {
+        let centre = (glance.w as f64 / 2.0, glance.h as f64 / 2.0);
+        let focal = centre.0 / (camera.hfov / 2.0).tan();
+        let turn = drive.turn * seconds;
+        Expected {
+            centre,
+            focal,
+            way: drive.forward * seconds,
+            // A small turn is no better than a sway.
+            turn: if (turn * focal).abs() > LEAST_TURN {
+                turn
+            } else {
+                0.0
+            },
+        }
+    }
+
+    /// Half-size pixels to the right and down; `None` where they are too few to be seen.
+    fn shift(&self, (left, top): (usize, usize)) -> Option<(isize, isize)> {
+        let x = (left + TILE / 2) as f64 - self.centre.0;
+        let y = (top + TILE / 2) as f64 - self.centre.1;
+        // What is seen below the height of the lens is on the floor or nearer; above it may be far away.
+        let ahead = if y > 1.0 {
+            let depth = self.focal * LENS_HEIGHT / y;
+            self.way / (depth - self.way).max(0.05)
+        } else {
+            0.0
+        };
+        let aside = self.focal * self.turn * (1.0 + (x / self.focal).powi(2));
+        let (right, down) = (x * ahead + aside, y * ahead);
+        // What is further is out of the picture anyway.
+        let pixels = |shift: f64| shift.round().clamp(-1e6, 1e6) as isize;
+        (right.hypot(down) >= LEAST_SHIFT).then(|| (pixels(right), pixels(down)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{Rgb, RgbImage};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const DRIVE: Drive = Drive {
+        forward: 0.2,
+        turn: 0.0,
+    };
+    const TURN: Drive = Drive {
+        forward: 0.0,
+        turn: 0.8,
+    };
+    const APART: Duration = Duration::from_millis(400);
+
+    /// A value that looks like noise, the same for the same place.
+    fn speckle(x: i64, y: i64) -> u8 {
+        let mixed = (x.wrapping_mul(0x9E37_79B9) ^ y.wrapping_mul(0x85EB_CA6B)) as u64;
+        let mixed = (mixed ^ (mixed >> 15)).wrapping_mul(0x2C1B_3C6D);
+        (40 + (mixed >> 13) % 160) as u8
+    }
+
+    /// What a camera sees so far along a corridor with a speckled floor; `aside` turns it, in pixels.
+    fn corridor(way: f64, aside: i64, noise: i64, walker: Option<u32>) -> Glance {
+        let focal = Camera::default().focal_length(320);
+        let picture = RgbImage::from_fn(320, 240, |column, row| {
+            let (x, y) = (f64::from(column) - 160.0, f64::from(row) - 120.0);
+            let value = if walker.is_some_and(|left| (left..left + 90).contains(&column)) {
+                speckle(
+                    i64::from(column) / 9 + 7 * way.mul_add(100.0, 3.0) as i64,
+                    i64::from(row) / 9,
+                )
+            } else if y > 4.0 {
+                let depth = focal * LENS_HEIGHT / y;
+                let across = x * depth / focal;
+                speckle(
+                    ((depth + way) * 25.0) as i64,
+                    (across * 25.0).floor() as i64 + aside / 4,
+                )
+            } else {
+                150
+            };
+            let grain = i64::from(speckle(i64::from(column) + noise, i64::from(row))) % 7 - 3;
+            Rgb([(i64::from(value) + grain).clamp(0, 255) as u8; 3])
+        });
+        glance(&picture)
+    }
+
+    fn glance(picture: &RgbImage) -> Glance {
+        let mut glance = Glance::default();
+        glance.take(&Image::from_rgb(picture));
+        glance
+    }
+
+    fn verdict(before: &Glance, now: &Glance, drive: Drive) -> Verdict {
+        compare(before, now, Camera::default(), drive, APART)
+    }
+
+    #[test]
+    fn a_robot_that_drives_moves_and_one_that_is_held_stands() {
+        let before = corridor(0.0, 0, 1, None);
+        assert_eq!(
+            verdict(&before, &corridor(0.08, 0, 2, None), DRIVE),
+            Verdict::Moves
+        );
+        assert_eq!(
+            verdict(&before, &corridor(0.0, 0, 3, None), DRIVE),
+            Verdict::Stands
+        );
+        let back = Drive {
+            forward: -0.2,
+            ..DRIVE
+        };
+        assert_eq!(
+            verdict(&before, &corridor(-0.08, 0, 4, None), back),
+            Verdict::Moves
+        );
+        assert_eq!(
+            verdict(&before, &corridor(0.0, 0, 5, None), back),
+            Verdict::Stands
+        );
+    }
+
+    #[test]
+    fn a_plain_wall_and_the_dark_say_nothing() {
+        for grey in [0, 90, 255] {
+            let plain = glance(&RgbImage::from_pixel(320, 240, Rgb([grey; 3])));
+            assert_eq!(verdict(&plain, &plain, DRIVE), Verdict::Unknown);
+            assert_eq!(verdict(&plain, &plain, TURN), Verdict::Unknown);
+        }
+    }
+
+    #[test]
+    fn a_walker_before_a_held_robot_is_no_movement_of_the_robot() {
+        let before = corridor(0.0, 0, 1, Some(40));
+        assert_eq!(
+            verdict(&before, &corridor(0.0, 0, 2, Some(70)), DRIVE),
+            Verdict::Stands
+        );
+    }
+
+    #[test]
+    fn a_robot_that_should_turn_and_does_not_stands() {
+        let stripes = |by: u32| {
+            glance(&RgbImage::from_fn(320, 240, |x, _| {
+                Rgb([speckle(i64::from((x + 1000 - by) / 12), 3); 3])
+            }))
+        };
+        let before = stripes(0);
+        assert_eq!(verdict(&before, &stripes(0), TURN), Verdict::Stands);
+        assert_eq!(verdict(&before, &stripes(88), TURN), Verdict::Moves);
+        assert_eq!(verdict(&before, &stripes(44), TURN), Verdict::Moves);
+    }
+
+    #[test]
+    fn pictures_of_other_sizes_are_not_compared() {
+        for side in [0, 1, 2, 15, 16, 17] {
+            let small = glance(&RgbImage::from_pixel(side, side, Rgb([9; 3])));
+            assert_eq!(verdict(&small, &small, DRIVE), Verdict::Unknown);
+            assert_eq!(
+                verdict(&small, &corridor(0.0, 0, 1, None), DRIVE),
+                Verdict::Unknown
+            );
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_picture_and_any_drive_is_answered(
+            pixels in proptest::collection::vec(any::<u8>(), 40 * 30), w in 1u32..40, h in 1u32..30,
+            forward in -1e9f64..1e9, turn in -1e9f64..1e9, millis in 0u64..1_000_000,
+        ) {
+            let picture = RgbImage::from_fn(w, h, |x, y| Rgb([pixels[(y * 40 + x) as usize]; 3]));
+            let one = glance(&picture);
+            let apart = Duration::from_millis(millis);
+            compare(&one, &one, Camera::default(), Drive { forward, turn }, apart);
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! How far the camera has turned between two pictures, by what stands on the horizon.
+
+use super::camera::Camera;
+use crate::vision::picture::image::Image;
+
+/// Angle between two neighbouring places of a skyline, radians.
+const STEP: f64 = std::f64::consts::PI / 720.0;
+/// The band of rows that is looked at, as shares of the height: above the horizon, where the floor is not.
+const BAND: (f64, f64) = (0.36, 0.5);
+/// Places that two skylines must share, as a share of all.
+const OVERLAP: f64 = 0.4;
+/// The brightness along the horizon must vary by so much, of 255, to tell anything.
+const TEXTURE: f64 = 6.0;
+/// The best fit must be so much better than the mean of all.
+const DISTINCT: f64 = 0.4;
+
+/// The brightness along the horizon, from the left to the right, at equal angles.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Skyline {
+    places: Vec<f64>,
+}
+
+impl Skyline {
+    /// Of a picture.
+    pub fn of(image: &Image, camera: Camera) -> Skyline {
+        let size = image.size();
+        let rows = |share: f64| (f64::from(size.height) * share) as u32;
+        let (top, bottom) = (rows(BAND.0), rows(BAND.1));
+        if top >= bottom || size.width < 2 {
+            return Skyline::default();
+        }
+        let mut columns = vec![0u32; size.width as usize];
+        for y in top..bottom {
+            let row = image.luma_row(y);
+            columns
+                .iter_mut()
+                .zip(row)
+                .for_each(|(sum, value)| *sum += u32::from(*value));
+        }
+        let rows = f64::from(bottom - top);
+        let mean = |column: usize| f64::from(columns[column]) / rows;
+        let last = columns.len() - 1;
+        let bearing = |column: usize| camera.bearing(column as f64, size.width);
+        let half = (bearing(0) / STEP) as i32;
+        let (mut places, mut column) = (Vec::new(), 0);
+        for place in -half..=half {
+            let wanted = -f64::from(place) * STEP;
+            while column + 1 < last && bearing(column + 1) > wanted {
+                column += 1;
+            }
+            let (left, right) = (bearing(column), bearing(column + 1));
+            let part = ((left - wanted) / (left - right)).clamp(0.0, 1.0);
+            places.push(mean(column) * (1.0 - part) + mean(column + 1) * part);
+        }
+        Skyline { places }
+    }
+
+    /// How far the camera has turned since `before`, in radians, left positive, if the skylines tell;
+    /// looked for within `reach` of what is expected.
+    pub fn turned_since(&self, before: &Skyline, expected: f64, reach: f64) -> Option<f64> {
+        let count = self.places.len();
+        if count != before.places.len() || deviation(&self.places) < TEXTURE {
+            return None;
+        }
+        let most = (count as f64 * (1.0 - OVERLAP)) as isize;
+        let place = |angle: f64| ((angle / STEP).round() as isize).clamp(-most, most);
+        let (first, last) = (place(expected - reach), place(expected + reach));
+        let costs: Vec<f64> = (first..=last).map(|by| self.unlike(before, by)).collect();
+        let (best, least) = costs
+            .iter()
+            .copied()
+            .enumerate()
+            .min_by(|one, other| one.1.total_cmp(&other.1))?;
+        let mean = costs.iter().sum::<f64>() / costs.len() as f64;
+        // Near the best fit the square of the difference is a parabola. At the border of what was looked at the best fit may be beyond.
+        let square = |index: usize| costs.get(index).map(|cost| cost * cost);
+        let (left, right) = (square(best.checked_sub(1)?)?, square(best + 1)?);
+        let bend = left + right - 2.0 * least * least;
+        if least > DISTINCT * mean || bend <= 0.0 {
+            return None;
+        }
+        let part = (0.5 * (left - right) / bend).clamp(-0.5, 0.5);
+        Some((first as f64 + best as f64 + part) * STEP)
+    }
+
+    /// How unlike the skylines are if the camera has turned to the left by so many places: then everything
+    /// is so many places further to the right.
+    fn unlike(&self, before: &Skyline, by: isize) -> f64 {
+        let count = self.places.len() as isize;
+        let (from, to) = (by.max(0), count + by.min(0));
+        let differences = (from..to)
+            .map(|place| self.places[place as usize] - before.places[(place - by) as usize]);
+        deviation_of(differences)
+    }
+}
+
+fn deviation(values: &[f64]) -> f64 {
+    deviation_of(values.iter().copied())
+}
+
+/// The standard deviation: a change of the light of all does not count.
+fn deviation_of(values: impl Iterator<Item = f64>) -> f64 {
+    let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
+    for value in values {
+        count += 1.0;
+        sum += value;
+        squares += value * value;
+    }
+    let count = f64::max(count, 1.0);
+    let mean: f64 = sum / count;
+    f64::sqrt((squares / count - mean * mean).max(0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{Rgb, RgbImage};
+
+    use super::*;
+
+    /// What a camera sees that is turned to the left by so many radians, in a round room.
+    fn room(turned: f64, light: f64) -> Skyline {
+        let camera = Camera::default();
+        let picture = RgbImage::from_fn(320, 240, |x, _| {
+            let angle = turned + camera.bearing(f64::from(x), 320);
+            let value = 120.0
+                + 50.0 * (angle * 3.0).sin()
+                + 40.0 * (angle * 7.3).sin()
+                + 20.0 * (angle * 17.0).cos();
+            Rgb([(value * light).clamp(0.0, 255.0) as u8; 3])
+        });
+        Skyline::of(&Image::from_rgb(&picture), camera)
+    }
+
+    #[test]
+    fn turns_are_seen_to_a_fifth_of_a_degree() {
+        for turned in [-0.3, -0.1, -0.01, 0.0, 0.02, 0.15, 0.35] {
+            let seen = room(1.0 + turned, 0.9).turned_since(&room(1.0, 1.0), turned * 0.7, 0.25);
+            let seen = seen.unwrap();
+            assert!(
+                (seen - turned).abs() < 0.2_f64.to_radians() + 0.01 * turned.abs(),
+                "{turned}: {seen}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_is_out_of_reach_or_plain_is_not_told() {
+        assert_eq!(
+            room(1.3, 1.0).turned_since(&room(1.0, 1.0), 0.0, 0.05),
+            None
+        );
+        let plain = Skyline::of(
+            &Image::from_rgb(&RgbImage::from_pixel(320, 240, Rgb([70; 3]))),
+            Camera::default(),
+        );
+        assert_eq!(plain.turned_since(&plain, 0.0, 0.3), None);
+        assert_eq!(plain.turned_since(&room(1.0, 1.0), 0.0, 0.3), None);
+        for side in [0, 1, 2, 3, 9] {
+            let tiny = Skyline::of(
+                &Image::from_rgb(&RgbImage::from_pixel(side, side, Rgb([70; 3]))),
+                Camera::default(),
+            );
+            assert_eq!(tiny.turned_since(&tiny, 0.1, 0.3), None);
+        }
+    }
+}

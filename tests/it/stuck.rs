@@ -1,0 +1,114 @@
+//! A robot that is held notices it by its pictures, and knows where it is.
+
+use std::f64::consts::TAU;
+use std::time::Duration;
+
+use spykee::lab::{self, Event, EventKind, Lab, Recorder};
+use spykee::sim::{Point, Pose, World};
+use tokio::time::timeout;
+
+use crate::fast::behaviour;
+
+/// Runs a script from this pose until it ends; what it logged, and where the robot is then.
+fn play(world: &str, pose: Pose, source: &str, seed: u64) -> (Vec<String>, Pose) {
+    let (recorder, events) = Recorder::keeping();
+    let options = lab::Options {
+        seed,
+        events: Some(recorder),
+        ..lab::Options::default()
+    };
+    let world = World::ready(world).unwrap_or_else(|| World::from_yaml(world, "test").unwrap());
+    let end = lab::run(world, options, async |lab: &Lab| {
+        lab.sim().place(pose);
+        lab.sim().set_battery(90.0);
+        let run = lab.start(vec![behaviour("drives", source, 0, seed)], None);
+        timeout(Duration::from_secs(120), run.outcome())
+            .await
+            .unwrap()
+            .unwrap();
+        lab.sim().state().pose
+    });
+    let is_line = |event: &&Event| event.kind == EventKind::Log;
+    let events = events.lock().unwrap();
+    (
+        events
+            .iter()
+            .filter(is_line)
+            .map(|event| event.text.clone())
+            .collect(),
+        end.unwrap(),
+    )
+}
+
+fn at(x: f64, y: f64, degrees: f64) -> Pose {
+    Pose::at(Point { x, y }, degrees.to_radians())
+}
+
+const AHEAD: &str = "
+robot.stream('video', true)
+robot.wait_frame(5)
+local ok, code = robot.forward(3, 0.25)
+print(ok, code)
+";
+
+#[test]
+fn a_robot_before_a_wall_is_blocked_and_one_with_room_is_not() {
+    for seed in 1..=3 {
+        let (told, end) = play("yard", at(1.5, 1.5, 0.0), AHEAD, seed);
+        assert_eq!(told, ["false blocked"], "seed {seed}: {end:?}");
+        assert!(end.x > 3.8, "it stopped before the wall: {end:?}");
+        let (told, _) = play("hall", at(1.0, 1.5, 90.0), AHEAD, seed);
+        assert_eq!(told, ["true done"], "seed {seed}");
+    }
+}
+
+#[test]
+fn without_the_camera_nothing_is_said() {
+    let blind = "print(robot.forward(3, 0.25))";
+    assert_eq!(play("yard", at(1.5, 1.5, 0.0), blind, 1).0, ["true done"]);
+}
+
+const TURNS: &str = "
+robot.stream('video', true)
+robot.wait_frame(5)
+robot.reset_pose()
+for _ = 1, 4 do robot.forward(0.3, 0.2) robot.turn(math.rad(100)) end
+task.wait(0.5)
+local pose = robot.pose()
+print(math.deg(pose.heading), pose.x, pose.y, pose.error, math.deg(pose.heading_error))
+";
+
+/// A living room whose floor makes the tracks slip.
+fn slippery() -> String {
+    let yaml = World::ready_yaml("living_room").unwrap();
+    format!("{yaml}\ntracks: {{ unequal: 0.0, slip: 0.25 }}\n")
+}
+
+#[test]
+fn the_pose_is_right_within_its_error_also_where_tracks_slip() {
+    for seed in 1..=3 {
+        let start = at(1.8, 2.4, 10.0);
+        let (told, end) = play(&slippery(), start, TURNS, seed);
+        let numbers: Vec<f64> = told[0]
+            .split(' ')
+            .map(|word| word.parse().unwrap())
+            .collect();
+        let [degrees, x, y, error, heading_error] = numbers[..] else {
+            panic!("{told:?}");
+        };
+        let turned = (end.heading - start.heading - degrees.to_radians()).rem_euclid(TAU);
+        let off = turned.min(TAU - turned).to_degrees();
+        assert!(
+            off < heading_error && heading_error < 60.0,
+            "seed {seed}: off by {off} degrees, said at most {heading_error}"
+        );
+        let (sin, cos) = start.heading.sin_cos();
+        let (dx, dy) = (end.x - start.x, end.y - start.y);
+        let there = (dx * cos + dy * sin, dy * cos - dx * sin);
+        let far = (there.0 - x).hypot(there.1 - y);
+        assert!(
+            far < error,
+            "seed {seed}: off by {far} m, said at most {error}"
+        );
+    }
+}
