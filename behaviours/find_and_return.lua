@@ -14,7 +14,7 @@ local settings = params.declare({
 local TURNING = 0.7 -- rad/s
 local LOST = 1.5 -- seconds out of sight
 local HELD = 5 -- seconds without coming nearer
-local ROOM = 0.6 -- metres that must be free before the camera
+local ROOM = 0.8 -- metres that must be free before the camera
 
 -- The thing and the frame that shows it.
 local function see()
