@@ -15,8 +15,11 @@ const MOST: usize = 60;
 const SHARED: usize = 3;
 const POSE: usize = 6;
 const MOST_ROUNDS: usize = 100;
-/// The field of view must be this sure, radians of standard deviation: half a degree.
-const SURE: f64 = 0.009;
+/// The focal length must be this sure: its standard deviation as a share of it.
+const SURE: f64 = 0.02;
+/// What lenses are there for, radians, and how much they bend.
+const FIELDS_OF_VIEW: std::ops::RangeInclusive<f64> = 0.1..=3.0;
+const MOST_BENT: f64 = 2.0;
 /// Corners this far from where they ought to be, in the mean, are not those of one flat board: pixels
 /// for each pixel of width.
 const WORST: f64 = 0.01;
@@ -110,17 +113,22 @@ pub fn calibrate(
             rows,
         });
     }
-    let uncertainty = problem.deviation(&state, cost).map(|sigma| {
-        // Of the logarithm of the focal length, to the angle.
-        sigma * width * focal / (focal * focal + width * width / 4.0)
-    });
-    match uncertainty {
-        Some(uncertainty) if uncertainty < SURE && camera.is_one_to_one() => Ok(Calibrated {
+    let sigma = problem
+        .deviation(&state, cost)
+        .filter(|sigma| *sigma < SURE);
+    let bends = camera
+        .distortion
+        .iter()
+        .any(|factor| factor.abs() > MOST_BENT);
+    let possible = FIELDS_OF_VIEW.contains(&hfov) && !bends && camera.is_one_to_one();
+    match sigma.filter(|_| possible) {
+        Some(sigma) => Ok(Calibrated {
             camera,
-            uncertainty,
+            // Of the logarithm of the focal length, to the angle.
+            uncertainty: sigma * width * focal / (focal * focal + width * width / 4.0),
             errors,
         }),
-        _ => Err(CalibrationError::Alike),
+        None => Err(CalibrationError::Alike),
     }
 }
 
