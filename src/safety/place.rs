@@ -71,16 +71,11 @@ pub struct Whereabouts {
     charge_due: Option<Instant>,
     /// CHARGE_STOP was sent; the robot's word is awaited until then.
     leaving: Option<Instant>,
-    /// The robot has said then that it left.
-    left: Option<Instant>,
 }
 
 impl Whereabouts {
     /// The longest time that the robot's word is awaited after CHARGE_STOP.
     pub const LONGEST_LEAVING: Duration = Duration::from_secs(60);
-    /// A POWER may be so old: one that charges is not believed so soon after the robot's word that it
-    /// has left.
-    pub const LATE_POWER: Duration = Duration::from_secs(5);
 
     /// Nothing has been said yet.
     pub fn new(charge_timeout: Duration) -> Whereabouts {
@@ -90,7 +85,6 @@ impl Whereabouts {
             contact: false,
             charge_due: None,
             leaving: None,
-            left: None,
         }
     }
 
@@ -133,7 +127,7 @@ impl Whereabouts {
 
     /// ENGINE 2: on the station. Said again in time it changes nothing.
     pub fn docked(&mut self, now: Instant) {
-        (self.contact, self.leaving, self.left) = (true, None, None);
+        (self.contact, self.leaving) = (true, None);
         let late = self.charge_due.is_some_and(|due| due <= now);
         if late || !self.on_station() {
             self.place = Place::ContactSaid;
@@ -142,19 +136,13 @@ impl Whereabouts {
     }
 
     /// ENGINE 1: has left the station.
-    pub fn undocked(&mut self, now: Instant) {
-        (self.leaving, self.left) = (None, Some(now));
+    pub fn undocked(&mut self) {
+        self.leaving = None;
         self.leave(Word::Engine);
     }
 
     /// A battery level came.
     pub fn power(&mut self, charging: bool, now: Instant) {
-        let old = self
-            .left
-            .is_some_and(|left| now < left + Whereabouts::LATE_POWER);
-        if charging && old {
-            return;
-        }
         if charging {
             (self.place, self.charge_due) = (Place::Charging, None);
         } else if self.place == Place::Charging {
@@ -254,23 +242,8 @@ mod tests {
         assert_eq!(place.place(), Place::Charging, "said late");
         place.power(false, now);
         assert_eq!(place.place(), Place::ContactSaid, "full, or no current");
-        place.undocked(now);
+        place.undocked();
         assert_eq!(place.place(), Place::Left(Word::Engine));
-    }
-
-    #[test]
-    fn a_level_from_before_it_left_does_not_put_it_back() {
-        let (mut place, now) = on_contact();
-        place.power(true, now);
-        place.undocked(now);
-        place.power(true, now + 4 * SECOND);
-        assert_eq!(place.place(), Place::Left(Word::Engine));
-        place.power(true, now + 6 * SECOND);
-        assert_eq!(place.place(), Place::Charging);
-        place.undocked(now + 7 * SECOND);
-        place.docked(now + 8 * SECOND);
-        place.power(true, now + 9 * SECOND);
-        assert_eq!(place.place(), Place::Charging, "its own word is newer");
     }
 
     #[test]
@@ -325,7 +298,7 @@ mod tests {
             if docked {
                 place.docked(now);
             } else {
-                place.undocked(now);
+                place.undocked();
             }
             assert!(!place.is_leaving());
             place.poll(false, now + 60 * SECOND);

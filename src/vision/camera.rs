@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Size;
 
-/// Farther from the middle than this, in focal lengths, no lens shows anything: 85 degrees.
-const FARTHEST: f64 = 11.4;
+/// Farther from the middle than this, in focal lengths, no lens shows anything.
+const FARTHEST: f64 = 100.0;
 /// Steps towards the place that a lens bends to another: four are usual.
 const MOST_STEPS: usize = 12;
 /// Such a step, in focal lengths, is the last.

@@ -129,7 +129,7 @@ mod tests {
 
     /// What a camera sees that is turned to the left by so many radians, in a round room.
     fn room(turned: f64, light: f64) -> Skyline {
-        let camera = Camera::default();
+        let camera = Camera::pinhole(60.0_f64.to_radians());
         let picture = RgbImage::from_fn(320, 240, |x, _| {
             let angle = turned + camera.bearing(f64::from(x), 102.0, SIZE);
             let value = 120.0

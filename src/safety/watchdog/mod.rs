@@ -395,7 +395,7 @@ impl Watchdog {
             false => self.trail.lose(),
         }
         self.way = None;
-        self.whereabouts.undocked(now);
+        self.whereabouts.undocked();
         self.guard.undocked();
         self.guard.excuse_silence(now);
         if let Some(leaving) = self.leaving.take() {
