@@ -1,7 +1,8 @@
 -- guard: watches while the robot stands still. When something moves in front of it, or it becomes
--- loud, it keeps a photograph, sounds the alarm and writes a line. It never drives, so it runs beside a
--- patrol, and looks away while anything moves the robot: that patrol, the watchdog, a person. A lamp that
--- is switched on is no intruder. Without a microphone it watches, without a camera it listens.
+-- loud, it keeps a photograph, sounds the alarm, writes a line, and tells whoever the config's `notify:`
+-- names. It never drives, so it runs beside a patrol, and looks away while anything moves the robot: that
+-- patrol, the watchdog, a person. A lamp that is switched on is no intruder. Without a microphone it
+-- watches, without a camera it listens.
 
 local settings = params.declare({
 	pause = { default = 30, min = 1, max = 3600, unit = "s", doc = "at least so long between two alarms" },
@@ -27,6 +28,8 @@ local function intruder(what, frame)
 		path, why = frame:save(`alarm{alarms % 100}.jpg`)
 	end
 	log.warn(`alarm {alarms}: {what}`, { picture = path or why or "none" })
+	journal.add("intruder", { what = what, alarm = alarms })
+	notify.send(what, { picture = path })
 end
 
 robot.on("frame", function(frame)

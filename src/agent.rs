@@ -1,9 +1,11 @@
 //! Wiring and lifetimes of a run: load the scripts, connect, run them side by side, and bring
 //! everything to an end within two seconds, whoever asks for it and whatever hangs.
 
+mod company;
 mod flight;
 mod keeper;
 mod rescue;
+mod roster;
 mod seat;
 mod talk;
 
@@ -11,21 +13,22 @@ use std::time::Duration;
 
 use tokio::runtime;
 use tokio::sync::{mpsc, watch};
-use tokio::task::JoinSet;
-use tokio::time::{sleep, timeout};
+use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
-use tracing::{error, info, warn};
 
+use self::company::Company;
 pub use self::flight::{Flight, Preflight};
-use self::keeper::{Keeper, Surroundings};
+use self::keeper::Surroundings;
 pub use self::rescue::{RESCUE_NAME, rescue};
+pub use self::roster::{Blueprint, Member, MemberState, Roster, RosterError};
 pub use self::seat::{Docked, Seat, SeatError};
 pub use self::talk::{Talk, TalkError};
-use crate::behaviour::{Launch, Launcher, Prepared, Reload, RestartPolicy};
+use crate::behaviour::{Launch, Launcher, Reload, RestartPolicy};
 use crate::link::LinkError;
 use crate::pilot::{Dial, Pulse, Settings, Status};
-use crate::robot::channel::{Request, Role};
-use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
+use crate::robot::channel::Request;
+pub use crate::robot::{Bus, Happening, Heard, Listener, Occurrence};
+use crate::robot::{EndReason, Pictures, Priority};
 use crate::script::Ending;
 
 /// How long the scripts' last words and the end of their hosts may take together.
@@ -51,8 +54,13 @@ pub struct Behaviour {
 
 /// Everything a run needs.
 pub struct Plan {
-    /// At least one.
+    /// Those that run from the beginning.
     pub behaviours: Vec<Behaviour>,
+    /// What else can be started, and from what those of the beginning are made when they are started
+    /// anew; without one, from the text that they had.
+    pub blueprints: Vec<Blueprint>,
+    /// Goes on when no behaviour runs.
+    pub stays: bool,
     /// The pilot's numbers.
     pub settings: Settings,
     /// How to reach the robot.
@@ -68,6 +76,8 @@ pub struct Plan {
     pub rescue: Option<Launch>,
     /// End after this time.
     pub limit: Option<Duration>,
+    /// Where it says what happens; it may be another's too.
+    pub bus: Bus,
 }
 
 /// How a run went.
@@ -95,22 +105,40 @@ pub enum AgentError {
 /// A run that has not begun.
 pub struct Agent {
     behaviours: Vec<Behaviour>,
+    company: Company,
+    roster: Roster,
     launcher: Launcher,
     rescue: Option<Launch>,
     limit: Option<Duration>,
+    stays: bool,
     flight: Preflight,
 }
 
 impl Agent {
     /// Also returns the newest status of robot and watchdog.
     pub fn new(plan: Plan) -> (Agent, watch::Receiver<Status>) {
-        let flight = Preflight::new(plan.settings, plan.dial, plan.core, plan.pulse);
+        let flight = Preflight::new(plan.settings, plan.dial, plan.core, plan.pulse)
+            .with_bus(plan.bus.clone());
         let status = flight.status();
+        let around = Surroundings {
+            launcher: plan.launcher.clone(),
+            core: flight.core().clone(),
+            requests: flight.requests(),
+            frames: flight.frames(),
+            // Each behaviour has its own.
+            stop: watch::channel(None).1,
+            longest_silence: flight.longest_silence(),
+            bus: plan.bus,
+        };
+        let (company, roster) = Company::new(around, plan.blueprints);
         let agent = Agent {
             behaviours: plan.behaviours,
+            company,
+            roster,
             launcher: plan.launcher,
             rescue: plan.rescue,
             limit: plan.limit,
+            stays: plan.stays,
             flight,
         };
         (agent, status)
@@ -126,42 +154,52 @@ impl Agent {
         self.flight.frames()
     }
 
-    /// Runs until every behaviour has ended, the time is over, or `stop` is cancelled. Scripts that
-    /// cannot be loaded and are not watched end the run before the robot is connected to.
+    /// Where behaviours are started and stopped while it runs.
+    pub fn roster(&self) -> Roster {
+        self.roster.clone()
+    }
+
+    /// Runs until every behaviour has ended (unless the plan says that it stays), the time is over, or
+    /// `stop` is cancelled. Scripts that cannot be loaded and are not watched end the run before the
+    /// robot is connected to.
     ///
     /// # Errors
     /// See [`AgentError`].
     pub async fn run(self, stop: CancellationToken) -> Result<Outcome, AgentError> {
         let Agent {
             behaviours,
+            mut company,
             launcher,
             rescue,
             limit,
+            stays,
             mut flight,
+            ..
         } = self;
-        let ended = watch::Sender::new(None);
-        let around = Surroundings {
-            launcher: launcher.clone(),
-            core: flight.core().clone(),
-            requests: flight.requests(),
-            frames: flight.frames(),
-            stop: ended.subscribe(),
-            longest_silence: flight.longest_silence(),
-        };
         if let Some(launch) = rescue {
             flight.stand_by(launcher, launch);
         }
-        let prepared = match prepare(around, behaviours).await {
+        let prepared = match company.prepare(behaviours).await {
             Ok(prepared) => prepared,
-            Err(refused) => return Ok(refused),
+            Err(refused) => return Ok(Outcome::refused(refused)),
         };
         let mut run = Run {
             flight: flight.launch(&stop),
-            scripts: JoinSet::new(),
-            endings: Vec::new(),
-            ended,
+            company,
+            stays,
         };
-        match run.live(prepared, limit, &stop).await {
+        let lived = tokio::select! {
+            biased;
+            () = stop.cancelled() => Ok(EndReason::Shutdown),
+            up = run.reach() => match up {
+                Ok(()) => {
+                    run.company.begin(prepared);
+                    run.live(limit, &stop).await
+                }
+                Err(error) => Err(error),
+            },
+        };
+        match lived {
             Ok(reason) => run.end(reason, stop.is_cancelled()).await,
             Err(error) => {
                 run.abandon().await;
@@ -171,119 +209,76 @@ impl Agent {
     }
 }
 
-/// A behaviour with its first host, or why there is none.
-type Kept = (Keeper, Result<Prepared, Ending>);
-
-/// Loads all scripts; the first that cannot be, and that nobody can mend while the run goes on, ends
-/// it.
-async fn prepare(around: Surroundings, behaviours: Vec<Behaviour>) -> Result<Vec<Kept>, Outcome> {
-    let mut prepared = Vec::new();
-    for (number, behaviour) in behaviours.into_iter().enumerate() {
-        let by = BehaviourId(u16::try_from(number).unwrap_or(u16::MAX));
-        let keeper = Keeper::new(around.clone(), by, Role::Behaviour, behaviour);
-        match keeper.prepare().await {
-            Err(ending) if !keeper.is_watched() => return Err(refused(keeper.name(), ending)),
-            first => prepared.push((keeper, first)),
+impl Outcome {
+    /// Of a script that cannot be loaded.
+    fn refused(ending: (String, Ending)) -> Outcome {
+        Outcome {
+            endings: vec![ending],
+            safety: false,
+            interrupted: false,
         }
-    }
-    Ok(prepared)
-}
-
-fn refused(name: &str, ending: Ending) -> Outcome {
-    report(name, &ending);
-    Outcome {
-        endings: vec![(name.to_owned(), ending)],
-        safety: false,
-        interrupted: false,
     }
 }
 
 /// A run under way.
 struct Run {
     flight: Flight,
-    scripts: JoinSet<(String, Ending)>,
-    endings: Vec<(String, Ending)>,
-    /// Tells the behaviours why the run ends.
-    ended: watch::Sender<Option<EndReason>>,
+    company: Company,
+    stays: bool,
 }
 
 impl Run {
+    /// Waits for the first connection.
+    async fn reach(&mut self) -> Result<(), AgentError> {
+        tokio::select! {
+            biased;
+            up = self.flight.up() => up,
+            never = self.company.wait_for_robot() => match never {},
+        }
+    }
+
     /// From the first connection to the reason to end.
     async fn live(
         &mut self,
-        prepared: Vec<Kept>,
         limit: Option<Duration>,
         stop: &CancellationToken,
     ) -> Result<EndReason, AgentError> {
-        tokio::select! {
-            biased;
-            () = stop.cancelled() => return Ok(EndReason::Shutdown),
-            up = self.flight.up() => up?,
-        }
-        for (keeper, first) in prepared {
-            self.scripts.spawn(keeper.keep(first));
-        }
-        let home = self.flight.stay();
-        tokio::select! {
-            biased;
-            () = stop.cancelled() => Ok(EndReason::Shutdown),
-            error = self.flight.lost() => Err(error),
-            () = over(limit) => Ok(EndReason::Shutdown),
-            ended = run_out(&mut self.scripts, &mut self.endings, home) => ended,
+        let over = over(limit);
+        tokio::pin!(over);
+        loop {
+            let alone = self.company.is_empty() && !self.stays;
+            let home = self.flight.stay();
+            tokio::select! {
+                biased;
+                () = stop.cancelled() => return Ok(EndReason::Shutdown),
+                error = self.flight.lost() => return Err(error),
+                () = &mut over => return Ok(EndReason::Shutdown),
+                stayed = home, if alone => return Ok(match stayed {
+                    true => EndReason::Safety,
+                    false => EndReason::Done,
+                }),
+                turn = self.company.turn() => turn?,
+            }
         }
     }
 
     /// First the tracks, then the scripts' last words, then the link.
-    async fn end(mut self, reason: EndReason, interrupted: bool) -> Result<Outcome, AgentError> {
+    async fn end(self, reason: EndReason, interrupted: bool) -> Result<Outcome, AgentError> {
         self.flight.part();
-        self.ended.send_replace(Some(reason));
-        let scripts = async {
-            while let Some(Ok(ended)) = self.scripts.join_next().await {
-                self.endings.push(ended);
-            }
-        };
-        if timeout(SCRIPTS_END, scripts).await.is_err() {
-            warn!("scripts that did not end in time were left behind");
-        }
+        let endings = self.company.end(reason).await;
         let safety = reason == EndReason::Safety || self.flight.status().low;
         self.flight.end().await;
         Ok(Outcome {
-            endings: self.endings,
+            endings,
             safety,
             interrupted,
         })
     }
 
     /// Something of ours is broken: the pilot is dropped, and its writer's drop stops the tracks.
-    async fn abandon(mut self) {
+    async fn abandon(self) {
         drop(self.flight);
-        self.scripts.shutdown().await;
-    }
-}
-
-/// Waits until every behaviour has ended, and then until a robot with a low battery is home.
-async fn run_out(
-    scripts: &mut JoinSet<(String, Ending)>,
-    endings: &mut Vec<(String, Ending)>,
-    home: impl Future<Output = bool>,
-) -> Result<EndReason, AgentError> {
-    while let Some(ended) = scripts.join_next().await {
-        endings.push(ended.map_err(|_| AgentError::Broken("a supervisor"))?);
-    }
-    Ok(match home.await {
-        true => EndReason::Safety,
-        false => EndReason::Done,
-    })
-}
-
-fn report(name: &str, ending: &Ending) {
-    let reason = ending.reason;
-    let message = ending.message.as_deref().unwrap_or(reason.sentence());
-    match reason {
-        EndReason::Error | EndReason::Cpu | EndReason::Memory | EndReason::Safety => {
-            error!(behaviour = name, %reason, "{message}");
-        }
-        _ => info!(behaviour = name, %reason, "{message}"),
+        self.company.abandon().await;
     }
 }
 

@@ -18,7 +18,9 @@ pub use self::effective::{Effective, Named, Origin, Setting};
 pub use self::logging::{Format, Level, Logging, Time, When};
 pub use self::schema::schema;
 use crate::files;
+use crate::journal;
 use crate::link::{self, Target};
+use crate::notify;
 use crate::pilot::Settings;
 use crate::robot::{Streams, float_within};
 use crate::safety;
@@ -65,6 +67,10 @@ pub struct Config {
     pub data: Option<PathBuf>,
     /// How logs are written.
     pub logging: Logging,
+    /// What is remembered of what happens.
+    pub journal: journal::Options,
+    /// Who is told of what happens, by webhooks and commands.
+    pub notify: notify::Options,
 }
 
 /// The camera's numbers, checked where they stand: the eyes know no config. A field of view that is
@@ -180,8 +186,11 @@ impl Config {
             safety::Rescue::File(path) => Some(path),
             safety::Rescue::Builtin | safety::Rescue::Off => None,
         };
+        let targets = config.notify.targets.values_mut();
+        let tokens = targets.filter_map(|target| target.token_file.as_mut());
         for path in paths
             .chain(rescue)
+            .chain(tokens)
             .chain(&mut config.data)
             .chain(&mut config.password_file)
         {
@@ -209,6 +218,7 @@ impl Config {
         let config: Config =
             serde_yaml::from_str(text).map_err(|error| invalid(in_words(&error.to_string())))?;
         config.watchdog.check().map_err(invalid)?;
+        config.notify.check().map_err(invalid)?;
         Ok(config)
     }
 }

@@ -13,4 +13,4 @@ mod pipe;
 
 pub use client::{AskError, Client, runs};
 pub use desk::{Desk, Run};
-pub use errand::{Answer, Errand, MAX_SPEECH, Overview};
+pub use errand::{Answer, Change, Errand, Listed, MAX_SPEECH, Overview};

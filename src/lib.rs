@@ -62,6 +62,9 @@
 //! - **A fault**: its variant of `sim::Trouble` (`sim/faults/fault.rs`), its name and keys in YAML
 //!   (`sim/faults/entry.rs`), its effect on bytes (`sim/faults/mangle.rs`, `sim/faults/lane.rs`) or
 //!   on the robot (`sim/server/site.rs`), and its row in `tests/it/faults/table.rs`.
+//! - **Something that happens and that people want to know**: its variant of `Occurrence`
+//!   (`robot/occurrence.rs`), told on the agent's `Bus` where it happens; the words for it in
+//!   `cli/history/view.rs`. Journal, notifications and everybody else who listens have it then.
 //! - **A lesson**: a folder in `behaviours/lessons/` with `README.md`, `starter.lua`,
 //!   `solution.lua` and `check.lua`, its line in `cli/lesson/catalogue.rs`, its row in
 //!   `behaviours/lessons/README.md`.
@@ -96,11 +99,14 @@
 //! | 0 | `yaml` | texts that nest too deeply are refused before they are parsed |
 //! | 0 | `clean` | text from outside, harmless for terminals, logs, XML and JSON |
 //! | 0 | `budget` | so many bytes a day, and lines that are said once a minute |
+//! | 0 | `paper` | areas, lines and letters in pixels |
 //! | 1 | `robot` | the words that cross between tasks and processes |
 //! | 1 | `guardian` | the process that stops the robot when the agent cannot |
 //! | 2 | `api` | the one table of what scripts can call and read |
 //! | 2 | `safety` | watchdog, arbiter, docking: pure rules |
 //! | 2 | `link` | connect, log in, reconnect, discover |
+//! | 2 | `journal` | what has happened, in a SQLite file |
+//! | 2 | `notify` | what people are told of it, by webhooks and commands |
 //! | 3 | `script` | the VM: sandbox, tasks, the natives behind the API |
 //! | 3 | `pilot` | the task that owns the socket |
 //! | 4 | `check` | what is wrong in a script, before it runs and when it failed |
@@ -128,8 +134,11 @@ pub mod config;
 pub mod control;
 pub mod files;
 pub mod guardian;
+pub mod journal;
 pub mod lab;
 pub mod link;
+pub mod notify;
+pub mod paper;
 pub mod pilot;
 pub mod robot;
 pub mod safety;

@@ -10,6 +10,7 @@
 mod core;
 mod distress;
 mod hearing;
+mod heralding;
 mod lights;
 mod line;
 mod lost;
@@ -32,7 +33,7 @@ use crate::budget::Repeats;
 pub use crate::link::Delivery;
 use crate::link::{LinkError, Writer, farewell};
 use crate::robot::channel::{MAX_REQUESTS, Request, Sleep};
-use crate::robot::{Event, Pictures, RobotInfo, Streams};
+use crate::robot::{Bus, Event, Pictures, RobotInfo, Streams};
 use crate::safety::{Act, Fact, Limits, Watchdog};
 use crate::vision::Damage;
 use crate::wire::{Command, EngineNews};
@@ -118,6 +119,8 @@ pub struct Pilot {
     sounding: Option<Instant>,
     /// In real time only.
     pulse: Option<Pulse>,
+    /// Where it says what has happened.
+    bus: Bus,
 }
 
 impl Pilot {
@@ -145,6 +148,7 @@ impl Pilot {
             moving: false,
             sounding: None,
             pulse: None,
+            bus: Bus::default(),
         };
         (pilot, shown, newest_status)
     }
@@ -152,6 +156,11 @@ impl Pilot {
     /// In real time: beats for a guardian, and notices when the program was asleep.
     pub fn set_pulse(&mut self, pulse: Option<Pulse>) {
         self.pulse = pulse;
+    }
+
+    /// Says on this bus what happens.
+    pub fn set_bus(&mut self, bus: Bus) {
+        self.bus = bus;
     }
 
     /// Connects, serves and reconnects until told to close. Then says whether what the robot was told
@@ -332,11 +341,15 @@ impl Pilot {
         for act in acts {
             match act {
                 Act::Send(_) => {}
-                Act::Tell(by, event) => self.seats.tell(by, event),
+                Act::Tell(by, event) => {
+                    self.herald_answer(by, &event);
+                    self.seats.tell(by, event);
+                }
                 Act::Announce(event) => {
                     if let Event::Safety { action, reason } = &event {
                         warn!(%action, "watchdog: {reason}");
                     }
+                    self.herald_announcement(&event);
                     self.seats.tell_all(&event);
                 }
                 Act::Kill(by, reason) => self.seats.kill(by, reason),
@@ -388,6 +401,7 @@ impl Pilot {
         let _ = self.perform(acts);
         self.release_guard();
         let reason = lost.to_string();
+        self.herald_loss(&reason);
         self.seats.tell_all(&Event::Disconnected { reason });
     }
 
@@ -411,13 +425,14 @@ impl Pilot {
         }
     }
 
-    fn publish(&self) {
+    fn publish(&mut self) {
+        self.herald_dock();
         let link = match (&self.writer, &self.info) {
             (Some(_), _) => LinkState::Up,
             (None, Some(_)) => LinkState::Lost,
             (None, None) => LinkState::Connecting,
         };
-        let newest = |frames| Status {
+        let newest = Status {
             link,
             safety: self.watchdog.state(),
             battery: self.watchdog.battery(),
@@ -426,10 +441,10 @@ impl Pilot {
             docked: self.watchdog.docked(),
             place: self.watchdog.place(),
             shed: self.watchdog.shed(),
-            frames,
+            frames: self.status.borrow().frames,
         };
-        self.status
-            .send_if_modified(|status| status.update(newest(status.frames)));
+        self.herald_status(&newest);
+        self.status.send_if_modified(|status| status.update(newest));
     }
 
     /// The last words, streams off, and closed when that has arrived.

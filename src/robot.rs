@@ -2,11 +2,15 @@
 //! is told ([`Event`], [`Frame`]), how things end, and the quantities they speak of. Data only: no
 //! rule, no socket, no VM.
 
+mod bus;
 pub mod channel;
+mod occurrence;
 mod quantity;
 mod streams;
 mod stroke;
 
+pub use bus::{Bus, Happening, Heard, Listener};
+pub use occurrence::{Occurrence, Remark, WatchdogState};
 pub use quantity::{Percent, Seconds, TrackPower, float_within, whole_within};
 pub use streams::{Streams, Use};
 pub use stroke::Stroke;
@@ -351,7 +355,7 @@ macro_rules! named {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
         pub enum $name {
-            $($(#[$variant_doc])* #[doc = concat!(" (`", $text, "`)")] $variant,)+
+            $($(#[$variant_doc])* #[doc = concat!(" (`", $text, "`)")] #[serde(rename = $text)] $variant,)+
         }
 
         impl $name {

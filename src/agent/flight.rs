@@ -16,8 +16,8 @@ use super::rescue;
 use crate::behaviour::{Launch, Launcher};
 use crate::link::LinkError;
 use crate::pilot::{self, Delivery, Dial, LinkState, Pilot, Pulse, Settings, Status};
-use crate::robot::Pictures;
 use crate::robot::channel::{MAX_REQUESTS, Request};
+use crate::robot::{Bus, Pictures};
 
 /// How long the last writes and the closing of the link may take.
 const LINK_END: Duration = Duration::from_millis(2500);
@@ -32,6 +32,7 @@ pub struct Preflight {
     frames: watch::Receiver<Pictures>,
     status: watch::Receiver<Status>,
     rescue: Option<AbortOnDropHandle<()>>,
+    bus: Bus,
 }
 
 impl Preflight {
@@ -54,7 +55,15 @@ impl Preflight {
             frames,
             status,
             rescue: None,
+            bus: Bus::default(),
         }
+    }
+
+    /// What happens is said on this bus.
+    #[must_use]
+    pub fn with_bus(mut self, bus: Bus) -> Preflight {
+        self.pilot.set_bus(bus.clone());
+        Preflight { bus, ..self }
     }
 
     /// Where the pilot is asked.
@@ -94,6 +103,7 @@ impl Preflight {
             frames: self.frames(),
             stop,
             longest_silence: self.longest_silence(),
+            bus: self.bus.clone(),
         };
         let standing_by = rescue::stand_by(around, launch, self.status());
         self.rescue = Some(AbortOnDropHandle::new(tokio::spawn(standing_by)));

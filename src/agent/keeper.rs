@@ -11,17 +11,17 @@ use tokio::task::spawn_blocking;
 use tokio::time::{Instant, sleep};
 use tracing::{error, info, warn};
 
-use super::{Behaviour, report};
+use super::Behaviour;
 use crate::behaviour::{
     Handle, Inspector, Launch, Launcher, Patience, Prepared, Reload, RestartPolicy, Supervisor,
     Verdict,
 };
 use crate::check;
 use crate::robot::channel::{Request, Role};
-use crate::robot::{BehaviourId, EndReason, Pictures, Priority};
+use crate::robot::{BehaviourId, Bus, EndReason, Occurrence, Pictures, Priority};
 use crate::script::Ending;
 
-/// Why the run ends, once it does.
+/// Why the behaviour is to end, once it is.
 type Stop = watch::Receiver<Option<EndReason>>;
 
 /// What every behaviour of a run has to do with.
@@ -35,6 +35,7 @@ pub(super) struct Surroundings {
     pub(super) stop: Stop,
     /// Of a host's life.
     pub(super) longest_silence: Duration,
+    pub(super) bus: Bus,
 }
 
 /// A saved text that a host has loaded.
@@ -93,6 +94,10 @@ impl Keeper {
         &self.launch.options.name
     }
 
+    pub(super) fn by(&self) -> BehaviourId {
+        self.by
+    }
+
     /// Whether a text that cannot be loaded may be mended while the run goes on.
     pub(super) fn is_watched(&self) -> bool {
         self.reloads.is_some()
@@ -109,11 +114,13 @@ impl Keeper {
         self.outdated = first.is_err();
         let mut next = first;
         loop {
+            let began = Instant::now();
             let (ending, successor) = match next {
                 Ok(host) => self.live(host).await,
                 Err(ending) => (ending, None),
             };
             report(self.name(), &ending);
+            self.tell_ended(&ending, began.elapsed());
             next = match successor {
                 Some(loaded) => Ok(self.succeed(loaded)),
                 None => match self.come_back(&ending).await {
@@ -135,9 +142,14 @@ impl Keeper {
             ..
         } = self.around.clone();
         let handle = Handle::default();
+        let bus = self.around.bus.clone();
+        bus.tell(Occurrence::Started {
+            behaviour: self.name().to_owned(),
+        });
         let supervisor = Supervisor::board(host, self.role, requests, frames)
             .await
-            .with_longest_silence(longest_silence);
+            .with_longest_silence(longest_silence)
+            .with_bus(bus);
         let mut life = pin!(supervisor.run(handle.clone(), &core));
         let (mut loading, mut successor, mut parting) = (None, None, false);
         let ending = loop {
@@ -199,12 +211,26 @@ impl Keeper {
         }
     }
 
+    /// Says on the bus how it has ended, after running for so long.
+    pub(super) fn tell_ended(&self, ending: &Ending, ran: Duration) {
+        self.around.bus.tell(Occurrence::Ended {
+            behaviour: self.name().to_owned(),
+            reason: ending.reason,
+            message: ending.message.clone(),
+            seconds: ran.as_secs_f64(),
+        });
+    }
+
     /// For a person to hear and to read.
     async fn give_up(&self, ending: &Ending) {
         let (behaviour, reason) = (self.name(), ending.reason);
         let message = ending.message.as_deref().unwrap_or(reason.sentence());
         let of = self.limits();
         error!(behaviour, %reason, "given up, no restart is left {of}: {message}");
+        self.around.bus.tell(Occurrence::GivenUp {
+            behaviour: behaviour.to_owned(),
+            message: message.to_owned(),
+        });
         let _ = self.around.requests.send(Request::Alarm).await;
     }
 
@@ -325,7 +351,19 @@ fn look_over(launch: &Launch, inspector: Option<Inspector>) -> Result<(), Ending
     })
 }
 
-/// Waits until the run ends.
+/// Says in the log how a behaviour ended.
+pub(super) fn report(name: &str, ending: &Ending) {
+    let reason = ending.reason;
+    let message = ending.message.as_deref().unwrap_or(reason.sentence());
+    match reason {
+        EndReason::Error | EndReason::Cpu | EndReason::Memory | EndReason::Safety => {
+            error!(behaviour = name, %reason, "{message}");
+        }
+        _ => info!(behaviour = name, %reason, "{message}"),
+    }
+}
+
+/// Waits until the behaviour is to end.
 async fn stopped(stop: &mut Stop) -> EndReason {
     let reason = stop.wait_for(Option::is_some).await;
     reason

@@ -20,6 +20,7 @@ mod scenario;
 mod script;
 mod tables;
 mod task;
+mod telling;
 mod terms;
 #[cfg(test)]
 mod tests;
@@ -39,7 +40,7 @@ pub use terms::{
 
 /// The namespaces that are there without `require`, and the functions that are in none.
 pub fn namespaces() -> impl Iterator<Item = &'static Namespace> {
-    const ALL: [&Namespace; 9] = [
+    const ALL: [&Namespace; 11] = [
         &robot::ROBOT,
         &task::TASKS,
         &vision::VISION,
@@ -47,6 +48,8 @@ pub fn namespaces() -> impl Iterator<Item = &'static Namespace> {
         &script::SCRIPT,
         &keeping::PARAMS,
         &keeping::STORE,
+        &telling::JOURNAL,
+        &telling::NOTIFY,
         &keeping::GLOBALS,
         &scenario::SCENARIO,
     ];

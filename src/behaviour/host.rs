@@ -297,6 +297,7 @@ impl Host {
             let message = match output {
                 Output::Intent(intent) => FromHost::Intent(intent),
                 Output::Log(line) => FromHost::Log(line),
+                Output::Remark(remark) => FromHost::Remark(remark),
                 Output::Evaluated(evaluated) => FromHost::Evaluated(evaluated),
                 Output::Module(name) => FromHost::Module(name),
             };

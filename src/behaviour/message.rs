@@ -7,7 +7,7 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
 use super::library::Library;
-use crate::robot::{EndReason, Event, Intent};
+use crate::robot::{EndReason, Event, Intent, Remark};
 use crate::script::{Ending, Evaluated, LogLine, ModuleFile, ModuleName, Options};
 
 /// A script and all it needs; no secrets.
@@ -80,6 +80,8 @@ pub enum FromHost {
     Module(ModuleName),
     /// The script wrote a line.
     Log(LogLine),
+    /// What the script has done or wants that is not the robot's.
+    Remark(Remark),
     /// What became of the line that was typed.
     Evaluated(Evaluated),
     /// The script has ended; the host exits.

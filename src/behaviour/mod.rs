@@ -15,6 +15,7 @@ mod pipe;
 mod policy;
 mod process;
 mod quill;
+mod remarks;
 mod supervisor;
 mod watch;
 

@@ -22,8 +22,9 @@ use super::name::judge_name;
 use super::pipe::{Receiver, Sender};
 use super::process::{HostProcess, Launcher, PipeReader, PipeWriter};
 use super::quill::{Fate, Quill};
+use super::remarks::{self, Remarks};
 use crate::robot::channel::{Inbox, Request, Role, Told, events};
-use crate::robot::{BehaviourId, Coming, EndReason, Pictures, Priority};
+use crate::robot::{BehaviourId, Bus, Coming, EndReason, Pictures, Priority, Remark};
 use crate::script::{Ending, Level, LogLine, ModuleName};
 
 /// Messages that may wait for a host that does not read.
@@ -54,6 +55,7 @@ pub struct Prepared {
     /// In virtual time nobody waits for a sign of life.
     in_real_time: bool,
     quill: Quill,
+    remarks: Remarks,
 }
 
 /// Tells a running behaviour to end.
@@ -93,6 +95,7 @@ pub struct Supervisor {
     dropped: u64,
     dialogue: Option<Dialogue>,
     silence: Option<Silence>,
+    bus: Bus,
 }
 
 /// How long nothing may be heard of a host that runs.
@@ -143,6 +146,8 @@ impl Prepared {
         };
         judge_name(&name).map_err(|error| ending(EndReason::Error, &error.to_string()))?;
         let quill = Quill::new(launch.options.limits.log_bytes_a_day);
+        let folder = launch.options.data_dir.clone();
+        let remarks = Remarks::new(name.clone(), folder, &launch.options.limits);
         let started = launcher.start(&launch.options.folders(), core);
         let (process, reader, writer) = started.map_err(broken)?;
         let (from_host, to_host, pump) = connect(reader, writer, core);
@@ -162,6 +167,7 @@ impl Prepared {
             pump,
             in_real_time: !launcher.is_in_this_thread(),
             quill,
+            remarks,
         };
         let _ = prepared.to_host.try_send(ToHost::Load(Box::new(launch)));
         match timeout(LOAD_TIME, prepared.from_host.next()).await {
@@ -283,7 +289,14 @@ impl Supervisor {
             dropped: 0,
             dialogue: None,
             silence: None,
+            bus: Bus::default(),
         }
+    }
+
+    /// What its script has done or wants that is not the robot's is told on this bus.
+    #[must_use]
+    pub fn with_bus(self, bus: Bus) -> Supervisor {
+        Supervisor { bus, ..self }
     }
 
     /// Somebody types lines for the script and hears what it says.
@@ -405,6 +418,7 @@ impl Supervisor {
                 return self.pass_picture();
             }
             FromHost::Log(line) => return self.write(line),
+            FromHost::Remark(remark) => return self.remark(remark),
             FromHost::Evaluated(evaluated) => {
                 if let Some(dialogue) = &self.dialogue {
                     dialogue.say(Said::Evaluated(evaluated));
@@ -432,6 +446,19 @@ impl Supervisor {
                 "it logs too much: lines are left out, which is said at most once a minute"
             ),
             (Fate::Silent, _) => {}
+        }
+    }
+
+    fn remark(&mut self, remark: Remark) {
+        match self.host.remarks.judge(remark, Instant::now()) {
+            remarks::Fate::Told(what) => self.bus.tell(what),
+            remarks::Fate::LeftOut(before) => warn!(
+                behaviour = %self.host.name,
+                before,
+                "it tells too much: an entry, a message or a picture is not told, which is said at \
+                 most once a minute"
+            ),
+            remarks::Fate::Silent => {}
         }
     }
 

@@ -3,8 +3,8 @@
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
+use super::cast::params;
 use super::examiner::Examiner;
-use super::run::params;
 use super::settings::SettingsArgs;
 use super::source::read_source;
 use super::{Console, Exit, Failure, print, print_coloured};

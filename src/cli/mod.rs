@@ -3,8 +3,10 @@
 
 mod album;
 mod api;
+mod behaviour;
 mod blobs;
 mod calibrate;
+mod cast;
 mod check;
 mod colours;
 mod completions;
@@ -18,12 +20,17 @@ mod embedded;
 mod examiner;
 mod failure;
 mod fast;
+<<<<<<< HEAD
 mod firmware;
+=======
+mod history;
+>>>>>>> main
 mod interrupt;
 mod learn;
 mod lesson;
 mod logging;
 mod new;
+mod notify;
 mod params;
 mod picture;
 mod repl;
@@ -103,6 +110,9 @@ pub enum LogFormat {
 enum Command {
     Run(run::RunArgs),
     Status(runs::StatusArgs),
+    History(history::HistoryArgs),
+    Notify(notify::NotifyArgs),
+    Behaviour(behaviour::BehaviourArgs),
     New(new::NewArgs),
     Repl(repl::ReplArgs),
     Config(config::ConfigArgs),
@@ -127,6 +137,9 @@ impl Command {
         match self {
             Command::Run(args) => Some(&args.settings),
             Command::Status(args) => Some(&args.settings),
+            Command::History(args) => Some(&args.settings),
+            Command::Notify(args) => Some(args.settings()),
+            Command::Behaviour(args) => Some(args.settings()),
             Command::Repl(args) => Some(&args.settings),
             Command::Config(args) => args.settings(),
             Command::Check(args) => Some(&args.settings),
@@ -143,6 +156,9 @@ impl Command {
         match self {
             Command::Run(args) => run::run(&args, console),
             Command::Status(args) => runs::run(&args),
+            Command::History(args) => history::run(&args),
+            Command::Notify(args) => notify::run(&args),
+            Command::Behaviour(args) => behaviour::run(&args),
             Command::New(args) => new::run(&args),
             Command::Repl(args) => repl::run(&args, console),
             Command::Config(args) => config::run(&args),

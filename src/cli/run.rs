@@ -1,45 +1,48 @@
 //! `spykee run`: behaviours on a robot, or on a simulated one inside this program.
 
-use std::collections::BTreeMap;
 use std::convert::Infallible;
-use std::fmt::Display;
-use std::fs::DirBuilder;
 use std::io;
-use std::os::unix::fs::DirBuilderExt as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use tokio::sync::{mpsc, watch};
+use tokio::sync::watch;
 use tokio::time::{Instant, MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
 
+use super::cast::{Cast, Casting};
 use super::embedded::EmbeddedSim;
 use super::fast::{EventFile, Fast};
 use super::firmware::FirmwareArgs;
 use super::interrupt::obey;
-use super::params::{self, Param};
+use super::params::Param;
 use super::settings::SettingsArgs;
-use super::source::read_source;
 use super::status::StatusLine;
 use super::trace::TraceFile;
 use super::waiting::{Tries, until_answered};
-use super::{ConnectionArgs, Console, Exit, Failure, Place, check};
-use crate::agent::{self, Agent, AgentError, Behaviour, Outcome, Plan, RESCUE_NAME};
-use crate::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy, Watched, is_failure};
+use super::{ConnectionArgs, Console, Exit, Failure, Place, check, notify};
+use crate::agent::{self, Agent, AgentError, Behaviour, Bus, Outcome, Plan, RESCUE_NAME};
+use crate::behaviour::{Launch, Launcher, RestartPolicy, is_failure};
 use crate::config::{Config, Entry};
 use crate::control::{self, Desk};
 use crate::guardian::Guardian;
+use crate::journal::{self, Journal};
 use crate::lab;
 use crate::link::{self, LinkError, Target};
 use crate::pilot::{Dial, DrivingCore, Pulse, Status};
 use crate::robot::EndReason;
+<<<<<<< HEAD
 use crate::script::{self, GivenParam};
 use crate::sim::{self, Firmware};
+=======
+use crate::sim;
+>>>>>>> main
 use crate::wire::Login;
 
 /// How often the status line is drawn anew.
 pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
+/// How long the journal may take at the end to write what it has.
+const JOURNAL_END: Duration = Duration::from_secs(2);
 /// The longest `--for`: a year.
 const LONGEST_RUN: f64 = 366.0 * 86_400.0;
 
@@ -132,7 +135,11 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let config = args.settings.config()?.clone();
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
-    let (behaviours, watches) = behaviours(&args, &config, seed)?;
+    let Cast {
+        behaviours,
+        blueprints,
+        watches,
+    } = cast(&args, &config, seed)?;
     // Under watch the keeper looks: a mistake does not end the run there.
     if !args.no_check && !args.watch {
         check::before_run(&behaviours, console)?;
@@ -176,8 +183,11 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         false => dial(target, login, link),
     };
     let core = driving_core()?;
+    let bus = Bus::default();
     let plan = Plan {
         behaviours,
+        blueprints,
+        stays: false,
         settings,
         dial,
         launcher,
@@ -185,7 +195,10 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         pulse: Some(pulse(sim.is_some())),
         rescue: rescue(&config, seed)?,
         limit: args.limit,
+        bus: bus.clone(),
     };
+    let journal = journal(&config, &bus, &about);
+    let voice = notify::start(args.settings.load()?, &bus)?;
     let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle), tries);
     let outcome = runtime.block_on(async {
         for (watched, reloads) in watches {
@@ -195,6 +208,8 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     });
     drop(core);
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
+    journal.map(|journal| journal.finish(JOURNAL_END));
+    voice.map(|voice| voice.finish(notify::END));
     // Also of a run that failed or was interrupted: then people want to see it most.
     let drawn = match (trace, &sim) {
         (Some(trace), Some(sim)) => trace.write(&sim.handle()),
@@ -219,6 +234,19 @@ fn names(behaviours: &[Behaviour]) -> String {
         .iter()
         .map(|behaviour| behaviour.launch.options.name.as_str());
     names.collect::<Vec<_>>().join(" ")
+}
+
+/// The journal of a run, if the config wants one. A run without it drives all the same.
+fn journal(config: &Config, bus: &Bus, (target, simulated): &(String, bool)) -> Option<Journal> {
+    if config.journal.record != journal::When::On {
+        return None;
+    }
+    let about = journal::About {
+        target: target.clone(),
+        simulated: *simulated,
+    };
+    let started = Journal::start(bus, config.data_folder(), config.journal, about);
+    started.map_err(|error| tracing::warn!("{error}")).ok()
 }
 
 /// The whole run in virtual time, in this process.
@@ -274,6 +302,7 @@ async fn drive(
     obey(&core, agent.requests(), stop.clone())?;
     let run = control::Run {
         requests: agent.requests(),
+        roster: agent.roster(),
         status: status.clone(),
         pictures: agent.pictures(),
         stop: stop.clone(),
@@ -440,14 +469,7 @@ pub(super) fn dial(target: Target, login: Login, options: link::Options) -> Dial
     })
 }
 
-/// A behaviour's file under watch, and who is told.
-type Watch = (Watched, mpsc::Sender<Reload>);
-
-fn behaviours(
-    args: &RunArgs,
-    config: &Config,
-    seed: u64,
-) -> Result<(Vec<Behaviour>, Vec<Watch>), Failure> {
+fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
     let named = |file: &PathBuf| Entry::of(file.clone());
     let entries: Vec<Entry> = match args.files.is_empty() {
         true => config.behaviours.clone(),
@@ -457,99 +479,15 @@ fn behaviours(
         let failure = Failure::usage("what to run? no behaviour was named");
         return Err(failure.help("spykee run behaviours/patrol.lua --sim"));
     }
-    let (mut names, mut watches, mut behaviours) = (Vec::new(), Vec::new(), Vec::new());
-    for (entry, seed) in entries.iter().zip(seed..) {
-        // Before the file is read, so that no save is missed.
-        let watched = args.watch.then(|| Watched::new(entry.file.clone()));
-        let mut behaviour = behaviour(entry, args, config, seed, &mut names)?;
-        if let Some(watched) = watched {
-            let (reloads, received) = mpsc::channel(1);
-            behaviour.reloads = Some(received);
-            let watched = watched.with_modules(behaviour.launch.library.clone());
-            watches.push((watched, reloads));
-        }
-        behaviours.push(behaviour);
+    Casting {
+        config,
+        file: args.settings.file(),
+        params: &args.params,
+        annotate: args.annotate.as_deref(),
+        restart: args.restart,
+        checked: !args.no_check,
+        watch: args.watch,
+        seed,
     }
-    let options = behaviours.iter_mut().map(|one| &mut one.launch.options);
-    params::give(&args.params, options.collect())?;
-    Ok((behaviours, watches))
-}
-
-fn behaviour(
-    entry: &Entry,
-    args: &RunArgs,
-    config: &Config,
-    seed: u64,
-    names: &mut Vec<String>,
-) -> Result<Behaviour, Failure> {
-    let source = read_source(&entry.file)?;
-    let name = unique(entry.name().map_err(Failure::usage)?, names);
-    let data = config.data_folder().join(&name);
-    let data = std::path::absolute(data).map_err(Failure::usage)?;
-    let options = script::Options {
-        params: params(entry, args.settings.file()),
-        annotate_dir: marked_folder(args.annotate.as_deref(), &name, &data)?,
-        data_dir: Some(data),
-        ..config.script(name, entry.file.display().to_string(), seed)
-    };
-    let folder = entry.file.parent().unwrap_or(Path::new(""));
-    let library = Library::new(folder.to_owned());
-    Ok(Behaviour {
-        priority: entry.priority,
-        launch: Launch {
-            source,
-            options,
-            library,
-        },
-        restart: args.restart.unwrap_or(entry.restart),
-        checked: args.watch && !args.no_check,
-        reloads: None,
-    })
-}
-
-/// What the config says for what the script declares.
-pub(super) fn params(entry: &Entry, config: Option<&Path>) -> BTreeMap<String, GivenParam> {
-    entry.given(&config.map_or_else(String::new, |config| config.display().to_string()))
-}
-
-/// The private folder for a behaviour's marked frames, made here so that a wrong one is told before
-/// the robot moves.
-fn marked_folder(
-    annotate: Option<&Path>,
-    name: &str,
-    data: &Path,
-) -> Result<Option<PathBuf>, Failure> {
-    let Some(folder) = annotate else {
-        return Ok(None);
-    };
-    let folder = std::path::absolute(folder.join(name)).map_err(Failure::usage)?;
-    let refused = |why: &dyn Display| {
-        let what = format_args!(
-            "--annotate cannot keep frames in {}: {why}",
-            folder.display()
-        );
-        Failure::usage(what).help("name a folder that is only for marked frames")
-    };
-    if folder == data {
-        return Err(refused(&"the behaviour's own pictures are there"));
-    }
-    let made = DirBuilder::new()
-        .recursive(true)
-        .mode(0o700)
-        .create(&folder);
-    made.map_err(|error| refused(&error))?;
-    Ok(Some(folder))
-}
-
-/// Two behaviours of one name would share a data folder.
-fn unique(name: String, names: &mut Vec<String>) -> String {
-    let mut candidate = name.clone();
-    for number in 2.. {
-        if !names.contains(&candidate) {
-            break;
-        }
-        candidate = format!("{name}-{number}");
-    }
-    names.push(candidate.clone());
-    candidate
+    .cast(&entries)
 }

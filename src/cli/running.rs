@@ -22,15 +22,26 @@ pub(super) fn run_on(
     settings: &SettingsArgs,
     connection: &ConnectionArgs,
 ) -> Result<Option<Client>, Failure> {
-    if connection.sim.is_some() {
-        return Ok(None);
+    match connection.sim {
+        Some(_) => Ok(None),
+        None => run_of(settings, connection.robot.as_ref()),
     }
+}
+
+/// The run that has this robot; without one, the config's, or else the only run.
+///
+/// # Errors
+/// As [`run_on`].
+pub(super) fn run_of(
+    settings: &SettingsArgs,
+    robot: Option<&Target>,
+) -> Result<Option<Client>, Failure> {
     let config = settings.config()?;
     let (mut runs, silent) = block_on(control::runs(config.data_folder()))?;
     if silent > 0 {
         tracing::warn!("a run does not answer: is it stopped by Ctrl-Z, or of another version?");
     }
-    if let Some(target) = connection.robot.as_ref().or(config.robot.as_ref()) {
+    if let Some(target) = robot.or(config.robot.as_ref()) {
         runs.retain(|run| has(run, target));
     } else if runs.len() > 1 {
         let robots: Vec<&str> = runs.iter().map(|run| &*run.overview.target).collect();

@@ -83,7 +83,8 @@ pub(super) fn words(battery: Battery) -> String {
     format!("{}{charging}{left}", battery.percent)
 }
 
-fn clock(time: Duration) -> String {
+/// Hours, minutes and seconds.
+pub(super) fn clock(time: Duration) -> String {
     let seconds = time.as_secs();
     let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
     format!("{hours}:{minutes:02}:{:02}", seconds % 60)

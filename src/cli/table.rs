@@ -43,6 +43,18 @@ fn line(row: &[String], columns: &[(usize, Side)]) -> String {
     format!("{}\n", cells.join("  ").trim_end())
 }
 
+/// Quoted where need be, and never read as a formula: the text may be anybody's.
+pub(super) fn csv_cell(text: &str) -> String {
+    let mut text = clean::text(text, false).replace(['\n', '\r', '\t'], " ");
+    if text.starts_with(['=', '+', '-', '@']) {
+        text.insert(0, '\'');
+    }
+    if text.contains([',', '"', ';']) {
+        text = format!("\"{}\"", text.replace('"', "\"\""));
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -63,5 +75,17 @@ mod tests {
                         a.jpg              7  yes\n\
                         [2Jlong .jpg      12\n";
         assert_eq!(aligned(&head, &rows), expected);
+    }
+
+    #[test]
+    fn a_cell_of_a_spreadsheet_is_one_cell_and_no_formula() {
+        for (text, cell) in [
+            ("Ada", "Ada"),
+            ("a, b", "\"a, b\""),
+            ("it \"drives\"\naway", "\"it \"\"drives\"\" away\""),
+            ("=HYPERLINK(1)", "'=HYPERLINK(1)"),
+        ] {
+            assert_eq!(csv_cell(text), cell);
+        }
     }
 }

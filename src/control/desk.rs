@@ -12,10 +12,10 @@ use tokio::time::{Instant, sleep, timeout};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info};
 
-use super::errand::{Answer, Errand, MAX_SPEECH, Overview};
+use super::errand::{Answer, Change, Errand, Listed, MAX_SPEECH, Overview};
 use super::folder::{Bound, Folder};
 use super::pipe::Pipe;
-use crate::agent::{Docked, Seat, SeatError};
+use crate::agent::{Docked, Member, MemberState, Roster, Seat, SeatError};
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::{Crew, Request, Role};
 use crate::robot::{BehaviourId, Intent, Pictures, Priority, Streams, Use};
@@ -45,6 +45,8 @@ const PERSON: Priority = Priority(i16::MAX);
 pub struct Run {
     /// Where its pilot is asked.
     pub requests: mpsc::Sender<Request>,
+    /// Where its behaviours are started and stopped.
+    pub roster: Roster,
     /// The newest status.
     pub status: watch::Receiver<Status>,
     /// What the camera shows.
@@ -107,7 +109,7 @@ async fn serve(stream: UnixStream, run: Run) {
         Ok(Err(error)) => return debug!("a client talks nonsense: {error}"),
         Err(_) => return debug!("a client asks nothing"),
     };
-    if errand != Errand::Overview {
+    if !matches!(errand, Errand::Overview | Errand::Behaviours) {
         info!("a person asks from outside: {}", words(&errand));
     }
     let answer = tokio::select! {
@@ -121,12 +123,13 @@ async fn serve(stream: UnixStream, run: Run) {
 
 impl Run {
     async fn perform(&self, errand: Errand) -> Answer {
-        if errand == Errand::Overview {
-            return self.overview().await;
-        }
-        if errand == Errand::Stop {
-            return self.halt().await;
-        }
+        let errand = match errand {
+            Errand::Overview => return self.overview().await,
+            Errand::Stop => return self.halt().await,
+            Errand::Behaviours => return self.behaviours(),
+            Errand::Behaviour { name, change } => return self.change(&name, change).await,
+            other => other,
+        };
         if self.status.borrow().link != LinkState::Up {
             return Answer::Offline;
         }
@@ -171,7 +174,9 @@ impl Run {
     async fn try_perform(&self, errand: Errand) -> Result<Answer, SeatError> {
         let mut seat = self.seat().await?;
         let intent = match errand {
-            Errand::Overview | Errand::Stop => return Ok(Answer::Done),
+            Errand::Overview | Errand::Stop | Errand::Behaviours | Errand::Behaviour { .. } => {
+                return Ok(Answer::Done);
+            }
             Errand::Dock(plan) => {
                 let Docked {
                     end,
@@ -194,6 +199,24 @@ impl Run {
         };
         seat.intend(intent).await?;
         Ok(Answer::Done)
+    }
+
+    fn behaviours(&self) -> Answer {
+        let members = self.roster.members();
+        let members = members.borrow();
+        Answer::Behaviours(members.iter().map(listed).collect())
+    }
+
+    async fn change(&self, name: &str, change: Change) -> Answer {
+        let changed = match change {
+            Change::Start => self.roster.start(name).await,
+            Change::Stop => self.roster.stop(name).await,
+            Change::Restart => self.roster.restart(name).await,
+        };
+        match changed {
+            Ok(()) => Answer::Done,
+            Err(error) => Answer::Refused(error.to_string()),
+        }
     }
 
     /// The tracks rest at once; then the run comes to its end, so that nothing drives on.
@@ -266,6 +289,27 @@ impl Run {
     }
 }
 
+fn listed(member: &Member) -> Listed {
+    let (state, running) = match member.state {
+        MemberState::Idle => ("idle", None),
+        MemberState::Loading => ("loading", None),
+        MemberState::Running { since, .. } => ("running", Some(since.elapsed())),
+        MemberState::Ending => ("ending", None),
+    };
+    let ending = member.ending.as_ref().map(|ending| {
+        let words = ending.message.as_deref();
+        let words = words.unwrap_or(ending.reason.sentence());
+        (ending.reason, words.to_owned())
+    });
+    Listed {
+        name: member.name.clone(),
+        priority: member.priority,
+        state: state.to_owned(),
+        running,
+        ending,
+    }
+}
+
 /// For the log.
 fn words(errand: &Errand) -> String {
     match errand {
@@ -280,5 +324,15 @@ fn words(errand: &Errand) -> String {
         Errand::Volume(percent) => format!("volume {percent}"),
         Errand::Say(_) => "talk".to_owned(),
         Errand::Picture(_) => "a picture".to_owned(),
+        Errand::Behaviours => "which behaviours there are".to_owned(),
+        Errand::Behaviour { name, change } => format!("{} behaviour {name:?}", verb(*change)),
+    }
+}
+
+fn verb(change: Change) -> &'static str {
+    match change {
+        Change::Start => "start",
+        Change::Stop => "stop",
+        Change::Restart => "restart",
     }
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use crate::robot::channel::Aboard;
-use crate::robot::{Battery, DockEnd, DockPlan, Percent, RobotInfo};
+use crate::robot::{Battery, DockEnd, DockPlan, EndReason, Percent, Priority, RobotInfo};
 use crate::wire::{Led, Sound};
 
 /// The most speech in one errand: half a minute, s16, mono, 16 kHz.
@@ -39,6 +39,26 @@ pub enum Errand {
     Say(Vec<u8>),
     /// A picture that the camera takes from now on, waited for as long as this.
     Picture(Duration),
+    /// Which behaviours there are, and how it is with each.
+    Behaviours,
+    /// Start or end a behaviour.
+    Behaviour {
+        /// Which.
+        name: String,
+        /// What is to become of it.
+        change: Change,
+    },
+}
+
+/// What is to become of a behaviour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Change {
+    /// It begins.
+    Start,
+    /// It ends.
+    Stop,
+    /// It ends if it runs, and begins anew from its file.
+    Restart,
 }
 
 /// What becomes of an [`Errand`].
@@ -63,6 +83,8 @@ pub enum Answer {
     Picture(Vec<u8>),
     /// No picture came in time.
     NoPicture,
+    /// All behaviours that are known or run.
+    Behaviours(Vec<Listed>),
     /// The robot is out of reach just now; the run is connecting anew.
     Offline,
     /// It is not done, for this reason.
@@ -96,4 +118,19 @@ pub struct Overview {
     pub battery: Option<Battery>,
     /// The behaviours that run now.
     pub behaviours: Vec<Aboard>,
+}
+
+/// A behaviour of a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Listed {
+    /// What it is called.
+    pub name: String,
+    /// Who wins when several want to drive.
+    pub priority: Priority,
+    /// `idle`, `loading`, `running` or `ending`.
+    pub state: String,
+    /// How long it has been running.
+    pub running: Option<Duration>,
+    /// How it ended for the last time in this run.
+    pub ending: Option<(EndReason, String)>,
 }

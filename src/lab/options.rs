@@ -4,7 +4,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::recorder::Recorder;
 use crate::link;
-use crate::robot::Streams;
+use crate::robot::{Bus, Streams};
 use crate::safety::Limits;
 use crate::sim;
 
@@ -26,4 +26,6 @@ pub struct Options {
     pub stop: CancellationToken,
     /// Is given all that happens.
     pub events: Option<Recorder>,
+    /// Where its agents say what happens.
+    pub bus: Bus,
 }

@@ -39,6 +39,8 @@ impl Running {
     ) -> Running {
         let plan = Plan {
             behaviours,
+            blueprints: Vec::new(),
+            stays: false,
             settings: Settings {
                 limits: options.limits.clone(),
                 simulated: true,
@@ -52,6 +54,7 @@ impl Running {
             pulse: None,
             rescue: rescue(options),
             limit,
+            bus: options.bus.clone(),
         };
         let stop = options.stop.child_token();
         let (agent, status) = Agent::new(plan);

@@ -55,8 +55,10 @@ impl Pilot {
         self.guard();
         self.lights.forget();
         self.silence.begin(Instant::now());
+        self.herald_link(&info, docked);
         self.info = Some(info);
         let mut lost = self.take(Fact::LinkUp { docked, power });
+        self.herald_battery();
         self.seats.welcome_all(&self.welcome());
         for report in early {
             lost = lost.and(self.report(report));
@@ -110,6 +112,7 @@ impl Pilot {
         if let (Some(before), Some(battery)) = (before, self.watchdog.battery()) {
             if battery.is_news_after(&before) {
                 self.seats.tell_all(&Event::Battery(battery));
+                self.herald_battery();
             }
             if battery.charging != before.charging {
                 let on = battery.charging;

@@ -125,6 +125,11 @@ impl Seats {
         self.seats.get(&by).map(|seat| seat.priority)
     }
 
+    /// A behaviour's name; `None` if it is not aboard.
+    pub(super) fn name(&self, by: BehaviourId) -> Option<&str> {
+        self.seats.get(&by).map(|seat| seat.name.as_str())
+    }
+
     /// The behaviours aboard, persons left out.
     pub(super) fn aboard(&self) -> Vec<Aboard> {
         let behaviours = self.seats.values();

@@ -42,4 +42,6 @@ pub use recovery::{Means, Next, Recovery, Try};
 pub use rescue::{Rescue, UnknownRescue};
 pub use tracks::Tracks;
 pub use trail::Trail;
-pub use watchdog::{ALARM, Watchdog, WatchdogState};
+pub use watchdog::{ALARM, DockReport, Watchdog};
+
+pub use crate::robot::WatchdogState;

@@ -172,7 +172,7 @@ impl Book {
                         .fetch(&name);
                     script.deliver_module(&name, file, Instant::now());
                 }
-                Output::Intent(_) | Output::Evaluated(_) => {}
+                Output::Intent(_) | Output::Evaluated(_) | Output::Remark(_) => {}
             }
         }
     }

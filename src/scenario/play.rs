@@ -22,7 +22,7 @@ use super::stage::{Order, PlayStage};
 use crate::agent::{AgentError, Outcome};
 use crate::config::Config;
 use crate::lab::{self, Lab};
-use crate::robot::EndReason;
+use crate::robot::{Bus, EndReason};
 use crate::script::{Place, Script};
 use crate::sim::{self, Pose};
 
@@ -156,6 +156,7 @@ impl Book {
             streams: config.streams,
             stop: setting.stop.clone(),
             events: Some(chronicle.recorder()),
+            bus: Bus::default(),
         };
         let cast = Cast {
             config: config.clone(),

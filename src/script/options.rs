@@ -102,6 +102,12 @@ pub struct Limits {
     /// What it may log in a day, in bytes: 64 MiB. What is left out is counted.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub log_bytes_a_day: u64,
+    /// What `journal.add` may add in a day, in bytes, with the pictures' names: 4 MiB.
+    #[serde(deserialize_with = "ranges::disk_bytes")]
+    pub journal_bytes_a_day: u64,
+    /// Messages that `notify.send` may send in a day, a 24th of them at once: 120.
+    #[serde(deserialize_with = "ranges::notices_a_day")]
+    pub notices_a_day: u64,
     /// So many bytes of the disk stay free: below that nothing of a script is written: 64 MiB.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub free_bytes: u64,
@@ -118,6 +124,8 @@ impl Default for Limits {
             picture_bytes_a_day: 256 * MIB,
             store_bytes_a_day: 256 * MIB,
             log_bytes_a_day: 64 * MIB,
+            journal_bytes_a_day: 4 * MIB,
+            notices_a_day: 120,
             free_bytes: 64 * MIB,
         }
     }
@@ -164,6 +172,10 @@ mod ranges {
 
     pub(super) fn disk_bytes<'de, D: Deserializer<'de>>(from: D) -> Read<'de, u64, D> {
         whole_within(from, "a whole number of bytes, 0 to 2^50", 0..=(1 << 50))
+    }
+
+    pub(super) fn notices_a_day<'de, D: Deserializer<'de>>(from: D) -> Read<'de, u64, D> {
+        whole_within(from, "a whole number of messages, 0 to 10000", 0..=10_000)
     }
 
     pub(super) fn noise_dbfs<'de, D: Deserializer<'de>>(from: D) -> Read<'de, f64, D> {

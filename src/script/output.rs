@@ -7,7 +7,7 @@ use tokio::time::Instant;
 
 use super::failure::printable;
 use super::modules::ModuleName;
-use crate::robot::Intent;
+use crate::robot::{Intent, Remark};
 
 /// Intents that may wait to be taken.
 const MAX_INTENTS: usize = 256;
@@ -27,6 +27,8 @@ pub enum Output {
     Intent(Intent),
     /// A line for the log.
     Log(LogLine),
+    /// What it has done or wants that is not the robot's.
+    Remark(Remark),
     /// What became of the line that a person typed.
     Evaluated(Evaluated),
     /// The file of this module is wanted: see [`Script::deliver_module`](super::Script::deliver_module).
@@ -148,6 +150,11 @@ impl Outbox {
         }
     }
 
+    /// For those who want to know; the caller has bounded it.
+    pub(super) fn remark(&mut self, remark: Remark) {
+        self.waiting.push(Output::Remark(remark));
+    }
+
     /// Tells what became of a person's line.
     pub(super) fn answer(&mut self, evaluated: Evaluated) {
         self.waiting.push(Output::Evaluated(evaluated));
@@ -186,7 +193,11 @@ impl Outbox {
         let mut index = 0;
         self.waiting.retain(|output| {
             index += 1;
-            index <= mark.0 || matches!(output, Output::Log(_))
+            let happened = matches!(
+                output,
+                Output::Log(_) | Output::Remark(Remark::Picture { .. })
+            );
+            index <= mark.0 || happened
         });
     }
 

@@ -19,6 +19,7 @@ use super::odometry::{Driver, Odometry, drive_of};
 use super::options::Options;
 use super::output::{Level, LogLine, Outbox};
 use super::queue::Tasks;
+use super::shares::Shares;
 use super::sight::Sight;
 use super::sighting::{Seen, Sighting};
 use super::sound::Loudness;
@@ -129,6 +130,7 @@ pub(super) struct State {
     pub(super) sight: Sight,
     pub(super) album: Album,
     pub(super) store: Store,
+    pub(super) shares: Shares,
     pub(super) modules: Modules,
     /// Whom a script asks that drives no robot.
     pub(super) stage: Option<Rc<dyn Stage>>,
@@ -153,6 +155,7 @@ pub(super) struct State {
 impl State {
     pub(super) fn new(options: Options, now: Instant) -> State {
         let album = Album::new(options.data_dir.clone(), &options.limits);
+        let shares = Shares::new(&options.limits);
         let modules = Modules::new(&options.chunk);
         let sight = Sight::new(&options);
         let odometry = Odometry::new(now, options.calibration);
@@ -173,6 +176,7 @@ impl State {
             sight,
             album,
             store: Store::default(),
+            shares,
             modules,
             stage: None,
             params: Declared::default(),

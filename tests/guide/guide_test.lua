@@ -219,6 +219,13 @@ scenario("23 patrols, photographs and comes home", options({ battery = 60, limit
 	expect(sim:wait_until(function() return sim:docked() end, 500), "it has not come home")
 end)
 
+scenario("24 remembers and tells what it heard", options({ limit = 60 }), function(sim)
+	sim:run("guide_24.lua")
+	sim:wait(5)
+	sim:noise(-10, 1)
+	says(sim, "told", 20)
+end)
+
 -- A robot often begins on its station: what drives leaves it first.
 for _, number in { "02", "06", "07", "08", "09", "10", "11", "18" } do
 	scenario(`{number} leaves the station first`, { world = "playpen", battery = 90, fps = 5, limit = 120 }, function(sim)

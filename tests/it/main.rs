@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, unreachable_pub)]
 
 mod behaviours;
+mod bus;
 mod calibrate;
 mod check;
 mod circles;
@@ -23,10 +24,12 @@ mod guardian;
 mod guide;
 mod hostile;
 mod intruders;
+mod journal;
 mod lens;
 mod lessons;
 mod link;
 mod new;
+mod notify;
 mod pilot;
 #[path = "../fuzz/poster.rs"]
 mod poster;
@@ -36,6 +39,7 @@ mod protocol;
 mod repl;
 mod rescue;
 mod rig;
+mod roster;
 mod run;
 mod safety;
 mod scenarios;

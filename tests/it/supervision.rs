@@ -285,6 +285,8 @@ fn agent_that_is_told_to_reload() {
         };
         let plan = Plan {
             behaviours: vec![behaviour],
+            blueprints: Vec::new(),
+            stays: false,
             settings: Settings {
                 limits: spykee::safety::Limits::default(),
                 simulated: true,
@@ -301,6 +303,7 @@ fn agent_that_is_told_to_reload() {
             pulse: None,
             rescue: None,
             limit: None,
+            bus: Default::default(),
         };
         let (agent, _status) = Agent::new(plan);
         agent.run(Default::default()).await.unwrap();

@@ -14,6 +14,7 @@ use super::likeness::{Pair, pairs};
 use super::marks::Marks;
 use super::{Console, Exit, Failure, LessonParser, Side, aligned, print};
 use crate::clean;
+use crate::cli::table::csv_cell;
 use crate::cli::test::crew::parse_timeout;
 
 #[derive(Debug, Clone, clap::Args)]
@@ -264,34 +265,5 @@ impl Class {
             "learners": self.learners.iter().map(learner).collect::<Vec<Value>>(),
             "same_text": self.alike.iter().map(pair).collect::<Vec<Value>>(),
         })
-    }
-}
-
-/// Quoted where need be, and never read as a formula: the text is a learner's.
-fn csv_cell(text: &str) -> String {
-    let mut text = clean::text(text, false).replace(['\n', '\r', '\t'], " ");
-    if text.starts_with(['=', '+', '-', '@']) {
-        text.insert(0, '\'');
-    }
-    if text.contains([',', '"', ';']) {
-        text = format!("\"{}\"", text.replace('"', "\"\""));
-    }
-    text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_cell_of_a_spreadsheet_is_one_cell_and_no_formula() {
-        for (text, cell) in [
-            ("Ada", "Ada"),
-            ("a, b", "\"a, b\""),
-            ("it \"drives\"\naway", "\"it \"\"drives\"\" away\""),
-            ("=HYPERLINK(1)", "'=HYPERLINK(1)"),
-        ] {
-            assert_eq!(csv_cell(text), cell);
-        }
     }
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::{Caller, Watchdog};
+use super::{Caller, DockReport, Watchdog};
 use crate::robot::{DockEnd, DockPlan, Event, MotionEnd, Priority, SafetyAction, Setpoint};
 use crate::safety::{Act, Approach, Docking, LowCause, Order, Recovery, Retry};
 use crate::wire::{Command, Engage};
@@ -168,6 +168,9 @@ impl Watchdog {
         let Some(outcome) = homing.docking.outcome() else {
             return;
         };
+        let first = homing.callers.first().map(|caller| caller.by);
+        let by = first.filter(|_| !homing.forced);
+        self.docked_last = Some(DockReport { by, outcome });
         for caller in homing.callers {
             self.answer_dock(caller, outcome.end, outcome.attempts, outcome.took);
         }

@@ -21,43 +21,13 @@ use self::distress::Alarm;
 use self::homing::Homing;
 use super::{
     Act, Activity, Arbiter, BatteryChange, BatteryGuard, Charging, Drain, Ended, Fact, Leases,
-    Limits, LowCause, Place, Recovery, Tracks, Trail, Whereabouts,
+    Limits, LowCause, Outcome, Place, Recovery, Tracks, Trail, Whereabouts,
 };
 use crate::robot::{
     Battery, BehaviourId, CallId, DockEnd, Event, MotionEnd, Priority, SafetyAction, Setpoint,
-    Stroke,
+    Stroke, WatchdogState,
 };
 use crate::wire::{Command, Engage, EngineNews, Power};
-
-/// What a person wants to know at a glance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum WatchdogState {
-    /// No link.
-    Offline,
-    /// Free to move.
-    Free,
-    /// On the station.
-    Docked,
-    /// A behaviour sends the robot home.
-    Docking,
-    /// Low battery: on its way home, or waiting for the next try.
-    LowGoingHome,
-    /// Low battery and docking has failed: sounds the alarm, and tries again after growing pauses.
-    Alarm,
-}
-
-impl std::fmt::Display for WatchdogState {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            WatchdogState::Offline => "offline",
-            WatchdogState::Free => "free",
-            WatchdogState::Docked => "docked",
-            WatchdogState::Docking => "docking",
-            WatchdogState::LowGoingHome => "battery low, going home",
-            WatchdogState::Alarm => "battery low, ALARM",
-        })
-    }
-}
 
 /// A behaviour that waits for a docking or an undocking.
 #[derive(Debug, Clone, Copy)]
@@ -72,6 +42,15 @@ struct Caller {
 struct Leaving {
     caller: Caller,
     until: Instant,
+}
+
+/// A docking that is over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DockReport {
+    /// Who asked for it first; `None`: the watchdog itself.
+    pub by: Option<BehaviourId>,
+    /// How it went.
+    pub outcome: Outcome,
 }
 
 /// The pure safety rules. See the module.
@@ -109,6 +88,8 @@ pub struct Watchdog {
     /// When the time was last looked at.
     ticked: Instant,
     acts: Vec<Act>,
+    /// The last docking that is over and that nobody has been told of.
+    docked_last: Option<DockReport>,
 }
 
 impl Watchdog {
@@ -138,7 +119,13 @@ impl Watchdog {
             unheard_motion: None,
             ticked: now,
             acts: Vec::new(),
+            docked_last: None,
         }
+    }
+
+    /// The docking that has come to its end since this was asked last, if one has.
+    pub fn take_dock_report(&mut self) -> Option<DockReport> {
+        self.docked_last.take()
     }
 
     /// Takes a fact in and returns what is to be done now.

@@ -13,6 +13,7 @@ use super::super::events::EventName;
 use super::super::held::HeldFrame;
 use super::super::output::Level;
 use super::{Answered, Builder, Call, Natives, events};
+use crate::robot::Remark;
 
 pub(super) const CALLS: &Natives = &[("robot.frame", newest), ("robot.wait_frame", wait_frame)];
 
@@ -97,6 +98,7 @@ fn save(call: &mut Call<'_>) -> Answered {
             if let Some(gone) = saved.gone {
                 call.state.log(Level::Info, &gone);
             }
+            call.state.outbox.remark(Remark::Picture { name });
             call.reply(saved.path.to_string_lossy().into_owned())
         }
         Err(NotSaved::Quota(words)) => {

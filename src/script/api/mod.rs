@@ -23,6 +23,7 @@ mod script;
 mod stage;
 mod store;
 mod tasks;
+mod telling;
 mod vision;
 
 use std::cell::RefCell;
@@ -197,6 +198,11 @@ pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: Surroundings) ->
             ("vision", builder.namespace("vision", &[vision::CALLS])?),
             ("params", params::namespace(&builder)?),
             ("store", builder.namespace("store", &[store::CALLS])?),
+            (
+                "journal",
+                builder.namespace("journal", &[telling::JOURNAL])?,
+            ),
+            ("notify", builder.namespace("notify", &[telling::NOTIFY])?),
         ]);
     }
     for (name, table) in tables {

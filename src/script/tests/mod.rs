@@ -14,6 +14,7 @@ mod stage;
 mod stdlib;
 mod store;
 mod tasks;
+mod telling;
 mod typed;
 mod vision;
 
@@ -24,7 +25,7 @@ use tokio::time::Instant;
 use super::{
     Ending, Evaluated, Explain, Level, LogLine, ModuleFile, ModuleName, Options, Output, Script,
 };
-use crate::robot::{EndReason, Event, Intent, MotionEnd, RobotInfo};
+use crate::robot::{EndReason, Event, Intent, MotionEnd, Remark, RobotInfo};
 
 /// A script and what it has sent.
 struct Rig {
@@ -36,6 +37,8 @@ struct Rig {
     modules: Vec<ModuleName>,
     /// What became of typed lines.
     answers: Vec<Evaluated>,
+    /// What it told that is not the robot's.
+    remarks: Vec<Remark>,
 }
 
 impl Rig {
@@ -63,6 +66,7 @@ impl Rig {
             log: Vec::new(),
             modules: Vec::new(),
             answers: Vec::new(),
+            remarks: Vec::new(),
         }
     }
 
@@ -84,6 +88,7 @@ impl Rig {
                 Output::Log(line) => self.log.push(line),
                 Output::Module(name) => self.modules.push(name),
                 Output::Evaluated(answer) => self.answers.push(answer),
+                Output::Remark(remark) => self.remarks.push(remark),
             }
         }
     }

@@ -1,0 +1,426 @@
+//! The behaviours that run side by side in one agent. It takes the orders of the
+//! [`Roster`](super::roster), loads scripts, and sees each behaviour to its end. Nothing here is on
+//! the driving core, and nothing here can move the robot.
+
+use std::time::Duration;
+
+use tokio::sync::{mpsc, watch};
+use tokio::task::{JoinSet, spawn_blocking};
+use tokio::time::{Instant, timeout};
+use tracing::warn;
+
+use super::keeper::{Keeper, Surroundings, report};
+use super::roster::{Blueprint, Member, MemberState, Order, Reply, Roster, RosterError};
+use super::{AgentError, Behaviour, SCRIPTS_END};
+use crate::behaviour::Prepared;
+use crate::robot::channel::Role;
+use crate::robot::{BehaviourId, EndReason, Occurrence, Priority};
+use crate::script::Ending;
+
+/// The most behaviours that run at a time: each is a process.
+const MOST: usize = 32;
+/// Behaviours are numbered from 0 to below this; persons and the rescue behaviour are above.
+const NUMBERS: u16 = 0xF000;
+
+/// Tells one behaviour to end, and why.
+type Stop = watch::Sender<Option<EndReason>>;
+
+/// A behaviour with its first host, or why there is none.
+type Kept = (Keeper, Result<Prepared, Ending>);
+
+/// What came of loading a script.
+type Loaded = (BehaviourId, Result<(Keeper, Prepared), String>);
+
+/// A behaviour from the order to start it to its end.
+struct Aboard {
+    by: BehaviourId,
+    name: String,
+    stop: Stop,
+    /// `None`: it is being loaded.
+    since: Option<Instant>,
+    /// Who waits for its beginning.
+    started: Vec<Reply>,
+    /// Who waits for its end.
+    ended: Vec<Reply>,
+    /// It is started again when it has ended.
+    again: Option<Reply>,
+}
+
+/// See the module.
+pub(super) struct Company {
+    around: Surroundings,
+    orders: mpsc::Receiver<Order>,
+    blueprints: Vec<Blueprint>,
+    aboard: Vec<Aboard>,
+    running: JoinSet<(BehaviourId, String, Ending)>,
+    loading: JoinSet<Loaded>,
+    /// How each ended for the last time, by name, in the order in which they ended.
+    endings: Vec<(String, Ending)>,
+    members: watch::Sender<Vec<Member>>,
+    last: u16,
+}
+
+impl Company {
+    /// Nobody runs yet. Also returns the handle.
+    pub(super) fn new(around: Surroundings, blueprints: Vec<Blueprint>) -> (Company, Roster) {
+        let members = watch::Sender::new(Vec::new());
+        let (roster, orders) = Roster::new(members.subscribe());
+        let company = Company {
+            around,
+            orders,
+            blueprints,
+            aboard: Vec::new(),
+            running: JoinSet::new(),
+            loading: JoinSet::new(),
+            endings: Vec::new(),
+            members,
+            last: NUMBERS - 1,
+        };
+        company.publish();
+        (company, roster)
+    }
+
+    /// Loads all scripts; the first that cannot be, and that nobody can mend while the run goes on, is
+    /// returned with its ending.
+    pub(super) async fn prepare(
+        &mut self,
+        behaviours: Vec<Behaviour>,
+    ) -> Result<Vec<Kept>, (String, Ending)> {
+        let mut prepared = Vec::new();
+        for behaviour in behaviours {
+            let name = &behaviour.launch.options.name;
+            if !self.blueprints.iter().any(|known| known.name() == name) {
+                self.blueprints.push(Blueprint::of(&behaviour));
+            }
+            let (by, stop) = (self.number(), Stop::new(None));
+            let keeper = self.keeper(by, &stop, behaviour);
+            match keeper.prepare().await {
+                Err(ending) if !keeper.is_watched() => {
+                    let name = keeper.name().to_owned();
+                    report(&name, &ending);
+                    keeper.tell_ended(&ending, Duration::ZERO);
+                    return Err((name, ending));
+                }
+                first => {
+                    self.board(by, keeper.name().to_owned(), stop);
+                    prepared.push((keeper, first));
+                }
+            }
+        }
+        Ok(prepared)
+    }
+
+    /// Lets those that are prepared begin.
+    pub(super) fn begin(&mut self, prepared: Vec<Kept>) {
+        for (keeper, first) in prepared {
+            self.run(keeper, first);
+        }
+        self.publish();
+    }
+
+    /// Nobody runs or is about to.
+    pub(super) fn is_empty(&self) -> bool {
+        self.aboard.is_empty()
+    }
+
+    /// Takes orders while there is no robot: nothing can be started. Cancel-safe; never returns.
+    pub(super) async fn wait_for_robot(&mut self) -> std::convert::Infallible {
+        while let Some(order) = self.orders.recv().await {
+            match order {
+                Order::Start(name, reply) | Order::Restart(name, reply) => {
+                    let refusal = match self.blueprint(&name) {
+                        Some(_) => RosterError::Offline,
+                        None => self.unknown(&name),
+                    };
+                    let _ = reply.send(Err(refusal));
+                }
+                order => self.obey(order),
+            }
+        }
+        std::future::pending().await
+    }
+
+    /// Does the next thing there is to do: an order, a script that is loaded, one that has ended.
+    /// Cancel-safe.
+    ///
+    /// # Errors
+    /// A task of ours panicked.
+    pub(super) async fn turn(&mut self) -> Result<(), AgentError> {
+        tokio::select! {
+            biased;
+            Some(ended) = self.running.join_next() => {
+                let (by, name, ending) = ended.map_err(|_| AgentError::Broken("a supervisor"))?;
+                self.over(by, name, ending);
+            }
+            Some(loaded) = self.loading.join_next() => {
+                let (by, loaded) = loaded.map_err(|_| AgentError::Broken("a supervisor"))?;
+                self.loaded(by, loaded);
+            }
+            Some(order) = self.orders.recv() => self.obey(order),
+            else => std::future::pending().await,
+        }
+        Ok(())
+    }
+
+    /// All come to their end for this reason, in bounded time; how each has ended for the last time.
+    pub(super) async fn end(mut self, reason: EndReason) -> Vec<(String, Ending)> {
+        self.orders.close();
+        for one in &mut self.aboard {
+            one.again = None;
+            tell(&one.stop, reason);
+        }
+        let scripts = async {
+            while let Some(Ok((by, name, ending))) = self.running.join_next().await {
+                self.over(by, name, ending);
+            }
+        };
+        if timeout(SCRIPTS_END, scripts).await.is_err() {
+            warn!("scripts that did not end in time were left behind");
+        }
+        self.endings
+    }
+
+    /// Something of ours is broken: all hosts are ended at once.
+    pub(super) async fn abandon(mut self) {
+        self.loading.shutdown().await;
+        self.running.shutdown().await;
+    }
+
+    fn obey(&mut self, order: Order) {
+        match order {
+            Order::Start(name, reply) => match self.find(&name) {
+                Some(_) => refuse(reply, RosterError::RunsAlready(name)),
+                None => self.start(&name, reply),
+            },
+            Order::Stop(name, reason, reply) => match self.find(&name) {
+                Some(one) => {
+                    tell(&one.stop, reason);
+                    if let Some(again) = one.again.take() {
+                        refuse(again, RosterError::StoppedFirst(name));
+                    }
+                    one.ended.push(reply);
+                }
+                None => {
+                    let why = match self.blueprint(&name) {
+                        Some(_) => RosterError::DoesNotRun(name),
+                        None => self.unknown(&name),
+                    };
+                    refuse(reply, why);
+                }
+            },
+            Order::Restart(name, reply) => match self.find(&name) {
+                Some(one) => {
+                    tell(&one.stop, EndReason::Reload);
+                    if let Some(earlier) = one.again.replace(reply) {
+                        refuse(earlier, RosterError::Busy);
+                    }
+                }
+                None => self.start(&name, reply),
+            },
+            Order::Define(blueprints, reply) => {
+                self.blueprints = blueprints;
+                let _ = reply.send(Ok(()));
+            }
+        }
+        self.publish();
+    }
+
+    /// Loads the script of a behaviour that does not run.
+    fn start(&mut self, name: &str, reply: Reply) {
+        let Some(blueprint) = self.blueprint(name).cloned() else {
+            let unknown = self.unknown(name);
+            return refuse(reply, unknown);
+        };
+        if self.aboard.len() >= MOST {
+            return refuse(reply, RosterError::Full(MOST));
+        }
+        let (by, stop) = (self.number(), Stop::new(None));
+        let around = self.around(&stop);
+        self.loading.spawn(async move {
+            let made = spawn_blocking(move || blueprint.make()).await;
+            let loaded = match made {
+                Ok(Ok(behaviour)) => {
+                    let keeper = Keeper::new(around, by, Role::Behaviour, behaviour);
+                    match keeper.prepare().await {
+                        Ok(host) => Ok((keeper, host)),
+                        Err(ending) => Err(words(&ending)),
+                    }
+                }
+                Ok(Err(why)) => Err(why),
+                Err(_) => Err("internal error: it could not be made".to_owned()),
+            };
+            (by, loaded)
+        });
+        self.board(by, name.to_owned(), stop);
+        if let Some(one) = self.aboard.last_mut() {
+            one.started.push(reply);
+        }
+    }
+
+    fn loaded(&mut self, by: BehaviourId, loaded: Result<(Keeper, Prepared), String>) {
+        let Some(at) = self.aboard.iter().position(|one| one.by == by) else {
+            return;
+        };
+        let stopped = *self.aboard[at].stop.borrow();
+        match (loaded, stopped) {
+            (Ok((keeper, host)), None) => {
+                for reply in self.aboard[at].started.drain(..) {
+                    let _ = reply.send(Ok(()));
+                }
+                self.run(keeper, Ok(host));
+            }
+            (loaded, _) => {
+                let one = self.aboard.remove(at);
+                let refusal = match loaded {
+                    Err(why) => {
+                        tracing::error!(behaviour = one.name, "cannot be started: {why}");
+                        let reason = EndReason::Error;
+                        let message = Some(why.clone());
+                        self.around.bus.tell(Occurrence::Ended {
+                            behaviour: one.name.clone(),
+                            reason,
+                            message: message.clone(),
+                            seconds: 0.0,
+                        });
+                        self.keep_ending(&one.name, Ending { reason, message });
+                        RosterError::CannotLoad(why)
+                    }
+                    Ok(_) => RosterError::StoppedFirst(one.name.clone()),
+                };
+                for reply in one.started {
+                    refuse(reply, refusal.clone());
+                }
+                self.close(one.name, one.ended, one.again);
+            }
+        }
+        self.publish();
+    }
+
+    fn run(&mut self, keeper: Keeper, first: Result<Prepared, Ending>) {
+        let by = keeper.by();
+        if let Some(one) = self.aboard.iter_mut().find(|one| one.by == by) {
+            one.since = Some(Instant::now());
+        }
+        self.running.spawn(async move {
+            let (name, ending) = keeper.keep(first).await;
+            (by, name, ending)
+        });
+    }
+
+    fn over(&mut self, by: BehaviourId, name: String, ending: Ending) {
+        self.keep_ending(&name, ending);
+        if let Some(at) = self.aboard.iter().position(|one| one.by == by) {
+            let one = self.aboard.remove(at);
+            self.close(one.name, one.ended, one.again);
+        }
+        self.publish();
+    }
+
+    fn close(&mut self, name: String, ended: Vec<Reply>, again: Option<Reply>) {
+        for reply in ended {
+            let _ = reply.send(Ok(()));
+        }
+        if let Some(reply) = again {
+            self.start(&name, reply);
+        }
+    }
+
+    /// Bounded by the number of names.
+    fn keep_ending(&mut self, name: &str, ending: Ending) {
+        self.endings.retain(|(of, _)| of != name);
+        self.endings.push((name.to_owned(), ending));
+    }
+
+    fn board(&mut self, by: BehaviourId, name: String, stop: Stop) {
+        self.aboard.push(Aboard {
+            by,
+            name,
+            stop,
+            since: None,
+            started: Vec::new(),
+            ended: Vec::new(),
+            again: None,
+        });
+    }
+
+    /// A number that nobody has who is aboard.
+    fn number(&mut self) -> BehaviourId {
+        loop {
+            self.last = (self.last + 1) % NUMBERS;
+            let by = BehaviourId(self.last);
+            if !self.aboard.iter().any(|one| one.by == by) {
+                return by;
+            }
+        }
+    }
+
+    fn keeper(&self, by: BehaviourId, stop: &Stop, behaviour: Behaviour) -> Keeper {
+        Keeper::new(self.around(stop), by, Role::Behaviour, behaviour)
+    }
+
+    fn around(&self, stop: &Stop) -> Surroundings {
+        Surroundings {
+            stop: stop.subscribe(),
+            ..self.around.clone()
+        }
+    }
+
+    fn find(&mut self, name: &str) -> Option<&mut Aboard> {
+        self.aboard.iter_mut().find(|one| one.name == name)
+    }
+
+    fn blueprint(&self, name: &str) -> Option<&Blueprint> {
+        self.blueprints.iter().find(|known| known.name() == name)
+    }
+
+    fn unknown(&self, name: &str) -> RosterError {
+        RosterError::unknown(name, self.blueprints.iter().map(Blueprint::name))
+    }
+
+    /// Those of the config first, then those that still run though the config has them no more.
+    fn publish(&self) {
+        let known = self
+            .blueprints
+            .iter()
+            .map(|one| (one.name(), one.priority()));
+        let mut members: Vec<Member> = known
+            .map(|(name, priority)| self.member(name, priority))
+            .collect();
+        for one in &self.aboard {
+            if self.blueprint(&one.name).is_none() {
+                members.push(self.member(&one.name, Default::default()));
+            }
+        }
+        self.members.send_replace(members);
+    }
+
+    fn member(&self, name: &str, priority: Priority) -> Member {
+        let aboard = self.aboard.iter().find(|one| one.name == name);
+        let state = aboard.map_or(MemberState::Idle, |one| match one.since {
+            _ if one.stop.borrow().is_some() => MemberState::Ending,
+            Some(since) => MemberState::Running { by: one.by, since },
+            None => MemberState::Loading,
+        });
+        let ending = self.endings.iter().find(|(of, _)| of == name);
+        Member {
+            name: name.to_owned(),
+            priority,
+            state,
+            ending: ending.map(|(_, ending)| ending.clone()),
+        }
+    }
+}
+
+/// The first reason stays.
+fn tell(stop: &Stop, reason: EndReason) {
+    stop.send_if_modified(|stop| stop.is_none() && stop.replace(reason).is_none());
+}
+
+fn refuse(reply: Reply, why: RosterError) {
+    let _ = reply.send(Err(why));
+}
+
+fn words(ending: &Ending) -> String {
+    let words = ending.message.as_deref();
+    words.unwrap_or(ending.reason.sentence()).to_owned()
+}

@@ -1,0 +1,261 @@
+//! The behaviours of a running agent by name: which there are, which run, and the handle by which
+//! they are started, stopped and restarted at any time. The handle is for whoever asks (a person's
+//! tool, a timetable, a page); the [`Company`](super::company) does it.
+
+use std::fmt;
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::sync::{mpsc, oneshot, watch};
+use tokio::time::{Instant, timeout};
+
+use super::Behaviour;
+use crate::robot::{BehaviourId, EndReason, Priority};
+use crate::script::{Ending, suggestion};
+
+/// Orders that may wait; one that finds the queue full is refused.
+const MAX_ORDERS: usize = 32;
+/// The longest that an order may take: a script's farewell, and the loading of the next one.
+const ANSWER: Duration = Duration::from_secs(10);
+
+/// What a behaviour of this name is made of, each time that it starts: its file is read anew then.
+#[derive(Clone)]
+pub struct Blueprint {
+    name: String,
+    priority: Priority,
+    make: Arc<dyn Fn() -> Result<Behaviour, String> + Send + Sync>,
+}
+
+impl Blueprint {
+    /// `make` may wait for the disk: it is called off the driving core. What it fails with is for a
+    /// person.
+    pub fn new(
+        name: impl Into<String>,
+        priority: Priority,
+        make: impl Fn() -> Result<Behaviour, String> + Send + Sync + 'static,
+    ) -> Blueprint {
+        Blueprint {
+            name: name.into(),
+            priority,
+            make: Arc::new(make),
+        }
+    }
+
+    /// Of a behaviour that is there already: the same text each time.
+    pub(super) fn of(behaviour: &Behaviour) -> Blueprint {
+        let Behaviour {
+            priority,
+            launch,
+            checked,
+            restart,
+            ..
+        } = behaviour;
+        let (priority, launch, checked, restart) = (*priority, launch.clone(), *checked, *restart);
+        Blueprint::new(launch.options.name.clone(), priority, move || {
+            Ok(Behaviour {
+                priority,
+                launch: launch.clone(),
+                checked,
+                restart,
+                reloads: None,
+            })
+        })
+    }
+
+    /// What it is called.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    pub(super) fn priority(&self) -> Priority {
+        self.priority
+    }
+
+    pub(super) fn make(&self) -> Result<Behaviour, String> {
+        (self.make)()
+    }
+}
+
+impl fmt::Debug for Blueprint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Blueprint").field(&self.name).finish()
+    }
+}
+
+/// A behaviour that is known, and how it is with it.
+#[derive(Debug, Clone)]
+pub struct Member {
+    /// What it is called.
+    pub name: String,
+    /// Who wins when several want to drive.
+    pub priority: Priority,
+    /// What it does.
+    pub state: MemberState,
+    /// How it ended for the last time in this agent, if it ever did.
+    pub ending: Option<Ending>,
+}
+
+/// What a behaviour does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MemberState {
+    /// It does not run.
+    Idle,
+    /// Its script is being loaded.
+    Loading,
+    /// It runs, or waits for the pause before its restart.
+    Running {
+        /// Its number, which no other behaviour has that runs.
+        by: BehaviourId,
+        /// Since when.
+        since: Instant,
+    },
+    /// It has been told to end.
+    Ending,
+}
+
+/// Why an order is not obeyed.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum RosterError {
+    /// Nobody of this name.
+    #[error("no behaviour is called `{name}`{near}")]
+    Unknown {
+        /// The name.
+        name: String,
+        /// What may have been meant, such as `; did you mean ...?`.
+        near: String,
+    },
+    /// To start what runs.
+    #[error("`{0}` runs already")]
+    RunsAlready(String),
+    /// To stop what does not run.
+    #[error("`{0}` does not run")]
+    DoesNotRun(String),
+    /// Its script cannot be loaded; the words are for its author.
+    #[error("{0}")]
+    CannotLoad(String),
+    /// It was stopped before it had begun.
+    #[error("`{0}` was stopped before it had begun")]
+    StoppedFirst(String),
+    /// So many run that there is no room for another.
+    #[error("{0} behaviours run already, and that is the most")]
+    Full(usize),
+    /// There is no robot that it could drive.
+    #[error("the robot is not connected")]
+    Offline,
+    /// The agent has too much to do.
+    #[error("too much is asked for at once, try again")]
+    Busy,
+    /// The agent is coming to its end.
+    #[error("the run is coming to its end")]
+    Closed,
+}
+
+impl RosterError {
+    pub(super) fn unknown<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> RosterError {
+        let names: Vec<&str> = names.collect();
+        let near = match suggestion(name, names.iter().copied()) {
+            near if !near.is_empty() => near,
+            _ if names.is_empty() => "; there are none".to_owned(),
+            _ => format!("; there are {}", names.join(", ")),
+        };
+        let name = name.to_owned();
+        RosterError::Unknown { name, near }
+    }
+}
+
+/// Where an order's outcome goes.
+pub(super) type Reply = oneshot::Sender<Result<(), RosterError>>;
+
+/// What is asked of the company.
+pub(super) enum Order {
+    /// Start the behaviour.
+    Start(String, Reply),
+    /// End it, for this reason.
+    Stop(String, EndReason, Reply),
+    /// End it if it runs, and start it.
+    Restart(String, Reply),
+    /// From now on these are known, in place of those before. What runs goes on.
+    Define(Vec<Blueprint>, Reply),
+}
+
+/// The handle: cheap to clone, for any thread.
+#[derive(Debug, Clone)]
+pub struct Roster {
+    orders: mpsc::Sender<Order>,
+    members: watch::Receiver<Vec<Member>>,
+}
+
+impl Roster {
+    pub(super) fn new(members: watch::Receiver<Vec<Member>>) -> (Roster, mpsc::Receiver<Order>) {
+        let (orders, taken) = mpsc::channel(MAX_ORDERS);
+        (Roster { orders, members }, taken)
+    }
+
+    /// Starts a behaviour; returns when its script is loaded and begins.
+    ///
+    /// # Errors
+    /// See [`RosterError`].
+    pub async fn start(&self, name: &str) -> Result<(), RosterError> {
+        self.order(|reply| Order::Start(name.to_owned(), reply))
+            .await
+    }
+
+    /// Ends a behaviour; returns when it has ended, its last words said. It is not restarted.
+    ///
+    /// # Errors
+    /// See [`RosterError`].
+    pub async fn stop(&self, name: &str) -> Result<(), RosterError> {
+        let reason = EndReason::Cancelled;
+        self.order(|reply| Order::Stop(name.to_owned(), reason, reply))
+            .await
+    }
+
+    /// Ends a behaviour if it runs, and starts it from its file as that is now. A text that cannot be
+    /// loaded leaves it ended.
+    ///
+    /// # Errors
+    /// See [`RosterError`].
+    pub async fn restart(&self, name: &str) -> Result<(), RosterError> {
+        self.order(|reply| Order::Restart(name.to_owned(), reply))
+            .await
+    }
+
+    /// Replaces what is known; what runs goes on.
+    ///
+    /// # Errors
+    /// See [`RosterError`].
+    pub async fn define(&self, blueprints: Vec<Blueprint>) -> Result<(), RosterError> {
+        self.order(|reply| Order::Define(blueprints, reply)).await
+    }
+
+    /// All that are known or run, in the order of the config; changes can be waited for.
+    pub fn members(&self) -> watch::Receiver<Vec<Member>> {
+        self.members.clone()
+    }
+
+    async fn order(&self, order: impl FnOnce(Reply) -> Order) -> Result<(), RosterError> {
+        let (reply, answer) = oneshot::channel();
+        self.orders
+            .try_send(order(reply))
+            .map_err(|error| match error {
+                mpsc::error::TrySendError::Full(_) => RosterError::Busy,
+                mpsc::error::TrySendError::Closed(_) => RosterError::Closed,
+            })?;
+        match timeout(ANSWER, answer).await {
+            Ok(Ok(answer)) => answer,
+            Ok(Err(_)) => Err(RosterError::Closed),
+            Err(_) => Err(RosterError::Busy),
+        }
+    }
+}
+
+impl fmt::Debug for Order {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Order::Start(name, _) => write!(f, "Start({name})"),
+            Order::Stop(name, reason, _) => write!(f, "Stop({name}, {reason})"),
+            Order::Restart(name, _) => write!(f, "Restart({name})"),
+            Order::Define(blueprints, _) => write!(f, "Define({blueprints:?})"),
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! `journal.*` and `notify.*`.
+
+use super::terms::{
+    Function, Namespace, Place, Type, Value, boolean, call, short_text, text, value,
+};
+
+/// The longest kind of an entry, in bytes.
+const KIND: usize = 40;
+/// The longest message, in bytes.
+const MESSAGE: usize = 1000;
+
+const ADD: &[Value] = &[
+    short_text("kind", KIND, "one word: letters, digits, - and _"),
+    value(
+        "fields",
+        Type::Fields,
+        "named values: texts, numbers, true, false, or tables of these; 4096 bytes at most",
+    )
+    .optional(),
+];
+
+const MORE: &[Value] = &[text("picture", "what frame:save gave").optional()];
+
+const JOURNALLED: &[Function] = &[call(
+    "journal.add",
+    ADD,
+    &[boolean(
+        "kept",
+        "false: the day's share of this script is used up",
+    )],
+    "Has the journal remember something, which `spykee history` shows.",
+    "journal.add(\"moved\", { energy = 3.5, where = \"door\" })",
+)];
+
+const NOTIFIED: &[Function] = &[call(
+    "notify.send",
+    &[
+        short_text("text", MESSAGE, "what people are told"),
+        value("options", Type::Options(MORE), "").optional(),
+    ],
+    &[boolean(
+        "sent",
+        "false: the day's share of this script is used up",
+    )],
+    "Tells people, wherever the config's `notify:` says; does not wait for it.",
+    "notify.send(\"somebody is at the door\")",
+)];
+
+pub(super) const JOURNAL: Namespace = Namespace {
+    name: "journal",
+    about: "what is remembered for people",
+    place: Place::Behaviour,
+    functions: JOURNALLED,
+    constants: &[],
+    example: "",
+};
+
+pub(super) const NOTIFY: Namespace = Namespace {
+    name: "notify",
+    about: "messages to people who are elsewhere",
+    place: Place::Behaviour,
+    functions: NOTIFIED,
+    constants: &[],
+    example: "",
+};

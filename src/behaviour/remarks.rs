@@ -1,0 +1,186 @@
+//! What of a host's remarks reaches the bus. An honest host bounds its script's entries, messages and
+//! pictures itself; this holds also for one that has been broken: so much a day, short texts, and
+//! files of its own data folder only.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use serde_json::Value;
+use tokio::time::Instant;
+
+use crate::budget::{Budget, Repeats};
+use crate::clean;
+use crate::robot::{Occurrence, Remark};
+use crate::script::{self, Limits, MAX_ENTRY, MAX_KIND, MAX_NOTICE};
+
+/// How often is said that remarks were left out.
+const SAID_EVERY: Duration = Duration::from_secs(60);
+/// What an entry costs besides its text.
+const OVERHEAD: usize = 100;
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct Remarks {
+    behaviour: String,
+    folder: Option<PathBuf>,
+    bytes: Budget,
+    notices: Budget,
+    said: Repeats<()>,
+}
+
+/// What becomes of a remark.
+#[derive(Debug, PartialEq)]
+pub(super) enum Fate {
+    /// It is told.
+    Told(Occurrence),
+    /// It is not, which is to be said: so many before it were not either.
+    LeftOut(u64),
+    /// It is not, and has been said lately.
+    Silent,
+}
+
+impl Remarks {
+    /// Of a behaviour that keeps its pictures in this folder.
+    pub(super) fn new(behaviour: String, folder: Option<PathBuf>, limits: &Limits) -> Remarks {
+        Remarks {
+            behaviour,
+            folder,
+            bytes: Budget::new(limits.journal_bytes_a_day),
+            notices: Budget::new(limits.notices_a_day),
+            said: Repeats::new(SAID_EVERY),
+        }
+    }
+
+    pub(super) fn judge(&mut self, remark: Remark, now: Instant) -> Fate {
+        match self.occurrence(remark, now) {
+            Some(what) => Fate::Told(what),
+            None => self.said.note((), now).map_or(Fate::Silent, Fate::LeftOut),
+        }
+    }
+
+    /// `None`: no honest host says so, or too much was said today.
+    fn occurrence(&mut self, remark: Remark, now: Instant) -> Option<Occurrence> {
+        let behaviour = self.behaviour.clone();
+        match remark {
+            Remark::Picture { name } => {
+                let path = self.file(&name)?;
+                let has_room = self.bytes.take((OVERHEAD + name.len()) as u64, now);
+                has_room.then_some(Occurrence::Picture { behaviour, path })
+            }
+            Remark::Entry { kind, json } => {
+                let length = kind.len() + json.len();
+                if kind.len() > MAX_KIND || json.len() > MAX_ENTRY {
+                    return None;
+                }
+                let data = serde_json::from_str(&json).ok().filter(Value::is_object)?;
+                let has_room = self.bytes.take((OVERHEAD + length) as u64, now);
+                let kind = clean::line(&kind);
+                has_room.then_some(Occurrence::Entry {
+                    behaviour,
+                    kind,
+                    data,
+                })
+            }
+            Remark::Notify { text, picture } => {
+                let picture = match picture {
+                    Some(name) => Some(self.file(&name)?),
+                    None => None,
+                };
+                let has_room = text.len() <= MAX_NOTICE && self.notices.take(1, now);
+                let text = clean::text(&text, false);
+                has_room.then_some(Occurrence::Notify {
+                    behaviour,
+                    text,
+                    picture,
+                })
+            }
+        }
+    }
+
+    /// A file of its own folder.
+    fn file(&self, name: &str) -> Option<PathBuf> {
+        let folder = self.folder.as_ref()?;
+        (script::picture_name(name).as_deref() == Some(name)).then(|| folder.join(name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn remarks() -> Remarks {
+        let limits = Limits {
+            journal_bytes_a_day: 24 * 1000,
+            notices_a_day: 48,
+            ..Limits::default()
+        };
+        Remarks::new("one".to_owned(), Some("data/one".into()), &limits)
+    }
+
+    fn picture(name: &str) -> Remark {
+        let name = name.to_owned();
+        Remark::Picture { name }
+    }
+
+    fn entry(kind: &str, json: &str) -> Remark {
+        let (kind, json) = (kind.to_owned(), json.to_owned());
+        Remark::Entry { kind, json }
+    }
+
+    fn notice(picture: Option<&str>) -> Remark {
+        let (text, picture) = ("hello".to_owned(), picture.map(str::to_owned));
+        Remark::Notify { text, picture }
+    }
+
+    #[test]
+    fn a_broken_host_cannot_name_files_of_others() {
+        let now = Instant::now();
+        let mut remarks = remarks();
+        let told = |fate| matches!(fate, Fate::Told(_));
+        for name in [
+            "../two/1.jpg",
+            "/etc/passwd",
+            "a/b.jpg",
+            "",
+            ".x.jpg",
+            "passwd",
+        ] {
+            assert!(!told(remarks.judge(picture(name), now)), "{name}");
+            assert!(!told(remarks.judge(notice(Some(name)), now)), "{name}");
+        }
+        let Fate::Told(Occurrence::Picture { path, .. }) = remarks.judge(picture("1.jpg"), now)
+        else {
+            panic!("left out");
+        };
+        assert_eq!(path, PathBuf::from("data/one/1.jpg"));
+    }
+
+    #[test]
+    fn what_is_no_object_or_too_long_is_left_out() {
+        let now = Instant::now();
+        let long = format!("{{\"a\":\"{}\"}}", "x".repeat(MAX_ENTRY));
+        for json in ["", "1", "[1]", "{\"a\":", long.as_str()] {
+            let fate = remarks().judge(entry("moved", json), now);
+            assert!(matches!(fate, Fate::LeftOut(0)), "{fate:?}");
+        }
+        let kind = "k".repeat(MAX_KIND + 1);
+        assert!(matches!(
+            remarks().judge(entry(&kind, "{}"), now),
+            Fate::LeftOut(_)
+        ));
+    }
+
+    #[test]
+    fn a_flood_is_cut_to_the_days_budget_and_said_once_a_minute() {
+        let (mut remarks, now) = (remarks(), Instant::now());
+        let fates: Vec<_> = (0..1000)
+            .map(|_| remarks.judge(notice(None), now))
+            .collect();
+        let told = fates.iter().filter(|fate| matches!(fate, Fate::Told(_)));
+        assert_eq!(told.count(), 2);
+        let said = fates.iter().filter(|fate| matches!(fate, Fate::LeftOut(_)));
+        assert_eq!(said.count(), 1);
+        let entries = (0..1000).map(|_| remarks.judge(entry("moved", "{}"), now));
+        assert!(entries.filter(|fate| matches!(fate, Fate::Told(_))).count() < 10);
+    }
+}

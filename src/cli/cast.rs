@@ -1,0 +1,180 @@
+//! What a command runs: behaviours from files and the config's entries, each with its blueprint, by
+//! which it can be started anew while the agent runs.
+
+use std::collections::BTreeMap;
+use std::fmt::Display;
+use std::fs::DirBuilder;
+use std::os::unix::fs::DirBuilderExt as _;
+use std::path::{Path, PathBuf};
+
+use tokio::sync::mpsc;
+
+use super::Failure;
+use super::params::{self, Param};
+use super::source::read_source;
+use crate::agent::{Behaviour, Blueprint};
+use crate::behaviour::{self, Launch, Library, Reload, RestartPolicy, Watched};
+use crate::config::{Config, Entry};
+use crate::script::{self, GivenParam};
+
+/// A behaviour's file under watch, and who is told.
+pub(super) type Watch = (Watched, mpsc::Sender<Reload>);
+
+/// How the behaviours of a command are made.
+pub(super) struct Casting<'a> {
+    pub(super) config: &'a Config,
+    /// As messages call it.
+    pub(super) file: Option<&'a Path>,
+    /// What the command line says of their parameters.
+    pub(super) params: &'a [Param],
+    /// Where copies of the frames that they look at are kept.
+    pub(super) annotate: Option<&'a Path>,
+    /// In place of what each entry says.
+    pub(super) restart: Option<RestartPolicy>,
+    /// A text that comes later is looked over before it is loaded.
+    pub(super) checked: bool,
+    /// Each is loaded anew when its file is saved.
+    pub(super) watch: bool,
+    /// Of the first; each has its own.
+    pub(super) seed: u64,
+}
+
+/// The behaviours of a command.
+pub(super) struct Cast {
+    pub(super) behaviours: Vec<Behaviour>,
+    pub(super) blueprints: Vec<Blueprint>,
+    pub(super) watches: Vec<Watch>,
+}
+
+impl Casting<'_> {
+    /// Reads the scripts of these entries.
+    ///
+    /// # Errors
+    /// A script that cannot be read, a name that is none, a parameter that nobody declares.
+    pub(super) fn cast(&self, entries: &[Entry]) -> Result<Cast, Failure> {
+        let (mut names, mut watches, mut behaviours) = (Vec::new(), Vec::new(), Vec::new());
+        for (entry, seed) in entries.iter().zip(self.seed..) {
+            // Before the file is read, so that no save is missed.
+            let watched = self.watch.then(|| Watched::new(entry.file.clone()));
+            let mut behaviour = self.behaviour(entry, seed, &mut names)?;
+            if let Some(watched) = watched {
+                let (reloads, received) = mpsc::channel(1);
+                behaviour.reloads = Some(received);
+                let watched = watched.with_modules(behaviour.launch.library.clone());
+                watches.push((watched, reloads));
+            }
+            behaviours.push(behaviour);
+        }
+        let options = behaviours.iter_mut().map(|one| &mut one.launch.options);
+        params::give(self.params, options.collect())?;
+        let blueprints = behaviours.iter().zip(entries);
+        let blueprints = blueprints
+            .map(|(behaviour, entry)| blueprint(behaviour, entry.file.clone(), self.checked))
+            .collect();
+        Ok(Cast {
+            behaviours,
+            blueprints,
+            watches,
+        })
+    }
+
+    fn behaviour(
+        &self,
+        entry: &Entry,
+        seed: u64,
+        names: &mut Vec<String>,
+    ) -> Result<Behaviour, Failure> {
+        let source = read_source(&entry.file)?;
+        let name = unique(entry.name().map_err(Failure::usage)?, names);
+        let data = self.config.data_folder().join(&name);
+        let data = std::path::absolute(data).map_err(Failure::usage)?;
+        let options = script::Options {
+            params: params(entry, self.file),
+            annotate_dir: marked_folder(self.annotate, &name, &data)?,
+            data_dir: Some(data),
+            ..self
+                .config
+                .script(name, entry.file.display().to_string(), seed)
+        };
+        let folder = entry.file.parent().unwrap_or(Path::new(""));
+        let library = Library::new(folder.to_owned());
+        Ok(Behaviour {
+            priority: entry.priority,
+            launch: Launch {
+                source,
+                options,
+                library,
+            },
+            restart: self.restart.unwrap_or(entry.restart),
+            checked: self.watch && self.checked,
+            reloads: None,
+        })
+    }
+}
+
+/// The same behaviour with its file as that is when it starts.
+fn blueprint(behaviour: &Behaviour, file: PathBuf, checked: bool) -> Blueprint {
+    let (priority, restart) = (behaviour.priority, behaviour.restart);
+    let launch = behaviour.launch.clone();
+    Blueprint::new(launch.options.name.clone(), priority, move || {
+        let source = behaviour::read_source(&file)
+            .map_err(|error| format!("cannot read {}: {error}", file.display()))?;
+        Ok(Behaviour {
+            priority,
+            launch: Launch {
+                source,
+                ..launch.clone()
+            },
+            checked,
+            restart,
+            reloads: None,
+        })
+    })
+}
+
+/// What the config says for what the script declares.
+pub(super) fn params(entry: &Entry, config: Option<&Path>) -> BTreeMap<String, GivenParam> {
+    entry.given(&config.map_or_else(String::new, |config| config.display().to_string()))
+}
+
+/// The private folder for a behaviour's marked frames, made here so that a wrong one is told before
+/// the robot moves.
+fn marked_folder(
+    annotate: Option<&Path>,
+    name: &str,
+    data: &Path,
+) -> Result<Option<PathBuf>, Failure> {
+    let Some(folder) = annotate else {
+        return Ok(None);
+    };
+    let folder = std::path::absolute(folder.join(name)).map_err(Failure::usage)?;
+    let refused = |why: &dyn Display| {
+        let what = format_args!(
+            "--annotate cannot keep frames in {}: {why}",
+            folder.display()
+        );
+        Failure::usage(what).help("name a folder that is only for marked frames")
+    };
+    if folder == data {
+        return Err(refused(&"the behaviour's own pictures are there"));
+    }
+    let made = DirBuilder::new()
+        .recursive(true)
+        .mode(0o700)
+        .create(&folder);
+    made.map_err(|error| refused(&error))?;
+    Ok(Some(folder))
+}
+
+/// Two behaviours of one name would share a data folder.
+fn unique(name: String, names: &mut Vec<String>) -> String {
+    let mut candidate = name.clone();
+    for number in 2.. {
+        if !names.contains(&candidate) {
+            break;
+        }
+        candidate = format!("{name}-{number}");
+    }
+    names.push(candidate.clone());
+    candidate
+}

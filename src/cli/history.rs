@@ -1,0 +1,236 @@
+//! `spykee history`: what the journal remembers, as a table, as data, or as a picture.
+
+mod chart;
+mod moment;
+mod scale;
+mod story;
+mod view;
+
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+use jiff::Timestamp;
+use jiff::tz::TimeZone;
+
+use self::view::View;
+use super::settings::SettingsArgs;
+use super::{Exit, Failure, print};
+use crate::journal::{History, Kinds, Record, Span};
+
+/// Tell what has happened: links, battery, docks, alarms, runs, pictures, entries of scripts
+///
+/// A service keeps a journal, and `spykee run` does with `journal: { record: on }` in the config. Times
+/// are local.
+#[derive(Debug, Clone, clap::Args)]
+#[command(
+    after_help = "Examples:\n  spykee history --since 1d\n  spykee history docks --since 2026-11-01 \
+                        --csv > docks.csv\n  spykee history --plot battery.png --since 7d"
+)]
+pub(super) struct HistoryArgs {
+    /// What to tell
+    #[arg(value_enum, default_value_t = Topic::All)]
+    topic: Topic,
+
+    /// From then on: so long ago (30m, 12h, 7d), a day (2026-11-01), or a day and a time of day
+    /// (2026-11-01T21:30)
+    #[arg(long, value_name = "WHEN", value_parser = moment::parse)]
+    since: Option<moment::Moment>,
+
+    /// Until then
+    #[arg(long, value_name = "WHEN", value_parser = moment::parse)]
+    until: Option<moment::Moment>,
+
+    /// Of this robot alone
+    #[arg(long, value_name = "UID")]
+    robot: Option<String>,
+
+    /// The newest so many; without --since 1000 of them are told
+    #[arg(long, value_name = "NUMBER")]
+    newest: Option<u32>,
+
+    /// Print a JSON list
+    #[arg(long, conflicts_with_all = ["csv", "plot"])]
+    json: bool,
+
+    /// Print a table for spreadsheets
+    #[arg(long, conflicts_with = "plot")]
+    csv: bool,
+
+    /// Draw level, charging, docks and runs over time; the last seven days unless --since says more
+    #[arg(long, value_name = "FILE.png", value_parser = super::world::parse_png)]
+    plot: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub(super) settings: SettingsArgs,
+}
+
+/// What is told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Topic {
+    /// All but the battery's level
+    All,
+    /// The battery's level, each minute and at each change
+    Battery,
+    /// When the robot was in reach
+    Link,
+    /// Dockings and undockings: how they ended, tries, time
+    Docks,
+    /// What the watchdog did, behaviours that were given up, starts that were missed
+    Alarms,
+    /// Behaviours: from when to when, and how they ended
+    Runs,
+    /// Pictures and where they are
+    Pictures,
+    /// What scripts added with journal.add
+    Entries,
+    /// What scripts sent with notify.send
+    Messages,
+}
+
+impl Topic {
+    fn kinds(self) -> Kinds {
+        Kinds::Of(match self {
+            Topic::All => return Kinds::All,
+            Topic::Battery => &["battery"],
+            Topic::Link => &["link_up", "link_down"],
+            Topic::Docks => &["dock", "undock"],
+            Topic::Alarms => &["safety", "given_up", "start_missed", "lost"],
+            Topic::Runs => &["started", "ended"],
+            Topic::Pictures => &["picture"],
+            Topic::Entries => &["entry"],
+            Topic::Messages => &["notify"],
+        })
+    }
+}
+
+/// Without limits so many are told.
+const USUAL: u32 = 1000;
+/// What a plot shows unless it is told more.
+const PLOTTED: jiff::SignedDuration = jiff::SignedDuration::from_hours(7 * 24);
+
+/// Tells it.
+///
+/// # Errors
+/// No journal, or one that cannot be read; a picture that cannot be written.
+pub(super) fn run(args: &HistoryArgs) -> Result<Exit, Failure> {
+    let config = args.settings.config()?;
+    let data = config.data_folder();
+    let (zone, now) = (TimeZone::system(), Timestamp::now());
+    let resolve = |moment: &Option<moment::Moment>| {
+        let moment = moment.as_ref().map(|moment| moment.resolve(now, &zone));
+        moment.transpose().map_err(Failure::usage)
+    };
+    let span = Span {
+        since: resolve(&args.since)?,
+        until: resolve(&args.until)?,
+        robot: args.robot.clone(),
+        newest: args.newest,
+    };
+    let history = open(data)?;
+    match &args.plot {
+        Some(path) => plot(&history, span, now, zone, path),
+        None => list(args, &history, span, &zone),
+    }
+}
+
+fn open(data: &Path) -> Result<History, Failure> {
+    let data_shown = data.display();
+    match History::open(data) {
+        Ok(Some(history)) => Ok(history),
+        Ok(None) => Err(
+            Failure::usage(format_args!("there is no journal in {data_shown}")).help(
+                "`journal: { record: on }` in the config has `spykee run` keep one; with --config \
+                 another config's data folder is looked into",
+            ),
+        ),
+        Err(error) => Err(Failure::usage(format_args!(
+            "cannot read the journal in {data_shown}: {error}"
+        ))),
+    }
+}
+
+fn list(
+    args: &HistoryArgs,
+    history: &History,
+    mut span: Span,
+    zone: &TimeZone,
+) -> Result<Exit, Failure> {
+    let limited = span.newest.is_some() || span.since.is_some();
+    if !limited {
+        span.newest = Some(USUAL);
+    }
+    let records = match args.topic {
+        Topic::Battery => history.battery(&span),
+        topic => history.records(&topic.kinds(), &span),
+    };
+    let records = records.map_err(unreadable)?;
+    if !limited && records.len() == USUAL as usize {
+        tracing::warn!("these are the newest {USUAL}; --since tells more");
+    }
+    if args.json {
+        let text = serde_json::to_string(&records).map_err(Failure::usage)?;
+        print(&format!("{text}\n"))?;
+        return Ok(Exit::Done);
+    }
+    let view = view(args.topic, &records, zone);
+    if args.csv {
+        print(&view.csv())?;
+    } else if view.is_empty() {
+        print("nothing of this kind is in the journal\n")?;
+    } else {
+        print(&view.table())?;
+    }
+    Ok(Exit::Done)
+}
+
+fn view(topic: Topic, records: &[Record], zone: &TimeZone) -> View {
+    match topic {
+        Topic::All => view::all(records, zone),
+        Topic::Battery => view::battery(records, zone),
+        Topic::Link => view::link(records, zone),
+        Topic::Docks => view::docks(records, zone),
+        Topic::Alarms => view::all(records, zone),
+        Topic::Runs => view::runs(&story::runs(records), zone),
+        Topic::Pictures => view::pictures(records, zone),
+        Topic::Entries => view::entries(records, zone),
+        Topic::Messages => view::messages(records, zone),
+    }
+}
+
+fn plot(
+    history: &History,
+    span: Span,
+    now: Timestamp,
+    zone: TimeZone,
+    path: &Path,
+) -> Result<Exit, Failure> {
+    let until = span.until.unwrap_or(now);
+    let since = match span.since {
+        Some(since) => since,
+        None => until.checked_sub(PLOTTED).map_err(Failure::usage)?,
+    };
+    if since >= until {
+        return Err(Failure::usage("--since is not before --until"));
+    }
+    let within = Span {
+        since: Some(since),
+        until: Some(until),
+        newest: None,
+        ..span
+    };
+    let kinds = Kinds::Of(&["started", "ended", "dock", "link_up", "link_down", "safety"]);
+    let battery = history.battery(&within).map_err(unreadable)?;
+    let events = history.records(&kinds, &within).map_err(unreadable)?;
+    let story = story::Story::of((since, until), &battery, &events);
+    if story.is_empty() {
+        let why = "the journal has nothing to draw of this time";
+        return Err(Failure::usage(why).help("--since and --until choose another"));
+    }
+    super::world::save(&chart::draw(&story, &zone), path)?;
+    print(&format!("The picture is in {}.\n", path.display()))?;
+    Ok(Exit::Done)
+}
+
+fn unreadable(error: crate::journal::JournalError) -> Failure {
+    Failure::usage(format_args!("cannot read the journal: {error}"))
+}

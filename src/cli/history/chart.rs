@@ -1,0 +1,502 @@
+//! The picture of a story: the battery's level over time, when it charged, dockings and alarms, and a
+//! lane for each behaviour that ran.
+
+use image::RgbImage;
+use jiff::Timestamp;
+use jiff::tz::TimeZone;
+
+use super::scale::ticks;
+use super::story::{Level, Mark, Run, Story};
+use crate::clean;
+use crate::paper::{Ink, Paper, Script};
+
+const WIDTH: u32 = 1280;
+/// Above the level.
+const HEAD: f32 = 104.0;
+/// Of the level.
+const HEIGHT: f32 = 300.0;
+/// Of the time axis.
+const AXIS: f32 = 34.0;
+/// Of a lane.
+const LANE: f32 = 30.0;
+const RIGHT: f32 = 36.0;
+const FOOT: f32 = 28.0;
+/// Behaviours with a lane of their own: those that ran longest.
+const MOST_LANES: usize = 10;
+/// A longer name is cut, in letters.
+const LONGEST_NAME: usize = 18;
+/// Levels further apart, in seconds, are not joined: nothing is known in between.
+const APART: i64 = 200;
+
+const DARK: Ink = [33, 37, 41, 255];
+const PALE: Ink = [108, 117, 125, 255];
+const GRID: Ink = [0, 0, 0, 22];
+const DAY: Ink = [0, 0, 0, 60];
+const LINE: Ink = [26, 105, 176, 255];
+const AREA: Ink = [26, 105, 176, 38];
+const CHARGING: Ink = [52, 160, 88, 78];
+const OFFLINE: Ink = [90, 90, 100, 38];
+const RUN: Ink = [86, 140, 196, 255];
+const GOOD: Ink = [46, 140, 78, 255];
+const BAD: Ink = [200, 52, 62, 255];
+const STRIPE: Ink = [0, 0, 0, 9];
+const TEXT: Script = Script::small(DARK);
+const NOTE: Script = Script::small(PALE);
+
+/// Draws it.
+pub(super) fn draw(story: &Story, zone: &TimeZone) -> RgbImage {
+    let lanes = lanes(&story.runs, story);
+    let height = HEAD + HEIGHT + AXIS + LANE * (lanes.len() + 1) as f32 + FOOT;
+    let Some(paper) = Paper::new(WIDTH, height as u32) else {
+        return RgbImage::default();
+    };
+    let longest = lanes.iter().map(|lane| lane.name.chars().count()).max();
+    let letters = longest.unwrap_or(0).max("docking".len());
+    let left = 20.0 + TEXT.size(&"x".repeat(letters)).0 + 14.0;
+    let mut chart = Chart { paper, left, story };
+    chart.head(zone);
+    chart.gaps();
+    chart.axis(zone, lanes.len() + 1);
+    chart.level();
+    chart.docks();
+    for (number, lane) in lanes.iter().enumerate() {
+        chart.lane(number + 1, lane);
+    }
+    chart.paper.finish()
+}
+
+/// A behaviour and its runs.
+struct Lane<'a> {
+    name: String,
+    runs: Vec<&'a Run>,
+}
+
+/// Of those behaviours that ran longest, by name.
+fn lanes<'a>(runs: &'a [Run], story: &Story) -> Vec<Lane<'a>> {
+    let mut names: Vec<&str> = runs.iter().map(|run| run.behaviour.as_str()).collect();
+    names.sort_unstable();
+    names.dedup();
+    let of =
+        |name: &str| -> Vec<&'a Run> { runs.iter().filter(|run| run.behaviour == name).collect() };
+    let time = |name: &str| -> i64 {
+        let long = |run: &Run| {
+            let (began, ended) = bounds(run, story);
+            ended.duration_since(began).as_secs()
+        };
+        of(name).into_iter().map(long).sum()
+    };
+    names.sort_by_key(|name| std::cmp::Reverse(time(name)));
+    names.truncate(MOST_LANES);
+    names.sort_unstable();
+    let lane = |name: &str| Lane {
+        name: clean::line(name).chars().take(LONGEST_NAME).collect(),
+        runs: of(name),
+    };
+    names.into_iter().map(lane).collect()
+}
+
+/// As far as they are within the picture. A run that was cut off ends with it.
+fn bounds(run: &Run, story: &Story) -> (Timestamp, Timestamp) {
+    let began = run
+        .began
+        .unwrap_or(story.since)
+        .clamp(story.since, story.until);
+    let ended = run.ended.unwrap_or(story.until).clamp(began, story.until);
+    (began, ended)
+}
+
+struct Chart<'a> {
+    paper: Paper,
+    left: f32,
+    story: &'a Story,
+}
+
+impl Chart<'_> {
+    fn right(&self) -> f32 {
+        WIDTH as f32 - RIGHT
+    }
+
+    fn x(&self, at: Timestamp) -> f32 {
+        let all = self.story.until.duration_since(self.story.since);
+        let part = at.duration_since(self.story.since);
+        let share = part.as_secs_f64() / all.as_secs_f64().max(1e-3);
+        self.left + (self.right() - self.left) * share.clamp(0.0, 1.0) as f32
+    }
+
+    fn y(percent: f64) -> f32 {
+        HEAD + HEIGHT * (1.0 - percent.clamp(0.0, 100.0) as f32 / 100.0)
+    }
+
+    /// The top of a lane; the first is that of the dockings.
+    fn lane_top(number: usize) -> f32 {
+        HEAD + HEIGHT + AXIS + LANE * number as f32
+    }
+
+    fn rectangle(&mut self, (left, top): (f32, f32), (right, bottom): (f32, f32), ink: Ink) {
+        let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
+        self.paper.fill(&corners, ink);
+    }
+
+    fn head(&mut self, zone: &TimeZone) {
+        let title = Script {
+            large: true,
+            bold: true,
+            ..TEXT
+        };
+        let of = match self.story.robots.as_slice() {
+            [] => String::new(),
+            [one] => format!(" of {}", clean::line(one)),
+            several => format!(" of {} robots", several.len()),
+        };
+        self.paper
+            .write((20.0, 18.0), &format!("Battery{of}"), title);
+        let local = |at: Timestamp| {
+            let at = at.to_zoned(zone.clone());
+            at.strftime("%a %-d %b %Y, %H:%M").to_string()
+        };
+        let times = format!("{} to {}", local(self.story.since), local(self.story.until));
+        self.paper.write((20.0, 44.0), &times, NOTE);
+        self.legend();
+    }
+
+    /// Along the right edge of the head.
+    fn legend(&mut self) {
+        let entries: [(&str, Sign); 8] = [
+            ("level", Sign::Line),
+            ("charging", Sign::Area(CHARGING)),
+            ("no link", Sign::Area(OFFLINE)),
+            ("docked", Sign::Dot(GOOD)),
+            ("not docked", Sign::Dot(BAD)),
+            ("alarm", Sign::Alarm),
+            ("run", Sign::Area(RUN)),
+            ("failed", Sign::Area(BAD)),
+        ];
+        let (gap, sign) = (22.0, 20.0);
+        let long: f32 = entries
+            .iter()
+            .map(|(text, _)| sign + NOTE.size(text).0 + gap)
+            .sum();
+        let mut x = self.right() - long + gap;
+        let y = 72.0;
+        for (text, kind) in entries {
+            self.sign(kind, (x + 6.0, y + 8.0));
+            self.paper.write((x + sign, y), text, NOTE);
+            x += sign + NOTE.size(text).0 + gap;
+        }
+    }
+
+    fn sign(&mut self, sign: Sign, (x, y): (f32, f32)) {
+        match sign {
+            Sign::Line => self
+                .paper
+                .line(&[(x - 7.0, y), (x + 7.0, y)], 3.0, None, LINE),
+            Sign::Area(ink) => self.rectangle((x - 6.0, y - 6.0), (x + 6.0, y + 6.0), ink),
+            Sign::Dot(ink) => self.paper.dot((x, y), 5.0, ink),
+            Sign::Alarm => self.triangle((x, y)),
+        }
+    }
+
+    fn triangle(&mut self, (x, y): (f32, f32)) {
+        let corners = [(x, y - 7.0), (x + 7.0, y + 6.0), (x - 7.0, y + 6.0)];
+        self.paper.fill(&corners, BAD);
+        self.paper.write(
+            (x - 5.0, y - 7.0),
+            "!",
+            Script {
+                bold: true,
+                ..Script::small([255, 255, 255, 255])
+            },
+        );
+    }
+
+    /// When nothing was known.
+    fn gaps(&mut self) {
+        let (top, bottom) = (HEAD, HEAD + HEIGHT);
+        for &(from, to) in &self.story.offline {
+            let (from, to) = (self.x(from), self.x(to));
+            self.rectangle((from, top), (to.max(from + 1.0), bottom), OFFLINE);
+        }
+    }
+
+    fn axis(&mut self, zone: &TimeZone, lanes: usize) {
+        for percent in [0, 25, 50, 75, 100] {
+            let y = Chart::y(f64::from(percent));
+            let ink = if percent == 0 { DAY } else { GRID };
+            self.paper
+                .line(&[(self.left, y), (self.right(), y)], 1.0, None, ink);
+            let label = format!("{percent} %");
+            let (width, height) = NOTE.size(&label);
+            self.paper
+                .write((self.left - 10.0 - width, y - height / 2.0), &label, NOTE);
+        }
+        for lane in (0..lanes).step_by(2) {
+            let top = Chart::lane_top(lane);
+            self.rectangle((self.left, top), (self.right(), top + LANE), STRIPE);
+        }
+        let bottom = Chart::lane_top(lanes);
+        for tick in ticks(self.story.since, self.story.until, zone, 12) {
+            let x = self.x(tick.at);
+            let ink = if tick.strong { DAY } else { GRID };
+            self.paper
+                .line(&[(x, HEAD), (x, HEAD + HEIGHT)], 1.0, None, ink);
+            self.paper
+                .line(&[(x, HEAD + HEIGHT + AXIS), (x, bottom)], 1.0, None, ink);
+            let script = if tick.strong { TEXT } else { NOTE };
+            let width = script.size(&tick.label).0;
+            let most = WIDTH as f32 - width - 4.0;
+            let place = ((x - width / 2.0).clamp(4.0, most), HEAD + HEIGHT + 8.0);
+            self.paper.write(place, &tick.label, script);
+        }
+    }
+
+    fn level(&mut self) {
+        let together =
+            |one: &Level, next: &Level| next.at.duration_since(one.at).as_secs() <= APART;
+        let story = self.story;
+        for part in story.levels.chunk_by(together) {
+            let line: Vec<(f32, f32)> = part
+                .iter()
+                .map(|level| (self.x(level.at), Chart::y(level.percent)))
+                .collect();
+            if let [only] = line.as_slice() {
+                let only = *only;
+                self.paper.dot(only, 2.0, LINE);
+                continue;
+            }
+            for (from, to, charging) in phases(part) {
+                let ink = if charging { CHARGING } else { AREA };
+                let floor = Chart::y(0.0);
+                let mut area = line[from..=to].to_vec();
+                area.extend([(line[to].0, floor), (line[from].0, floor)]);
+                self.paper.fill(&area, ink);
+            }
+            self.paper.line(&line, 2.5, None, LINE);
+        }
+    }
+
+    fn name(&mut self, number: usize, name: &str) {
+        let (width, height) = TEXT.size(name);
+        let y = Chart::lane_top(number) + (LANE - height) / 2.0;
+        self.paper.write((self.left - 10.0 - width, y), name, TEXT);
+    }
+
+    fn docks(&mut self) {
+        self.name(0, "docking");
+        let y = Chart::lane_top(0) + LANE / 2.0;
+        let story = self.story;
+        // What went wrong lies on top.
+        let rank = |mark: &&Mark| (!mark.good, mark.alarm);
+        let mut marks: Vec<&Mark> = story.marks.iter().collect();
+        marks.sort_by_key(rank);
+        for mark in marks {
+            let x = self.x(mark.at);
+            match mark {
+                Mark { alarm: true, .. } => self.triangle((x, y)),
+                Mark { good: true, .. } => self.dot((x, y), GOOD),
+                Mark { good: false, .. } => self.dot((x, y), BAD),
+            }
+        }
+    }
+
+    /// With a white edge, so that one beside the other is still seen.
+    fn dot(&mut self, place: (f32, f32), ink: Ink) {
+        self.paper.dot(place, 6.5, [255, 255, 255, 255]);
+        self.paper.dot(place, 5.0, ink);
+    }
+
+    fn lane(&mut self, number: usize, lane: &Lane<'_>) {
+        self.name(number, &lane.name);
+        let top = Chart::lane_top(number);
+        for run in &lane.runs {
+            let (began, ended) = bounds(run, self.story);
+            let (from, to) = (self.x(began), self.x(ended));
+            let to = to.max(from + 2.0);
+            self.rectangle((from, top + 8.0), (to, top + LANE - 8.0), RUN);
+            if run.failed() {
+                self.rectangle((to - 4.0, top + 5.0), (to, top + LANE - 5.0), BAD);
+            }
+        }
+    }
+}
+
+/// A sign of the legend.
+#[derive(Debug, Clone, Copy)]
+enum Sign {
+    Line,
+    Area(Ink),
+    Dot(Ink),
+    Alarm,
+}
+
+/// From which to which of these levels it charged, or did not; each begins where the one before ends.
+fn phases(levels: &[Level]) -> Vec<(usize, usize, bool)> {
+    let mut phases: Vec<(usize, usize, bool)> = Vec::new();
+    for (at, pair) in levels.windows(2).enumerate() {
+        let [one, _] = pair else { continue };
+        match phases.last_mut() {
+            Some((_, to, charging)) if *charging == one.charging => *to = at + 1,
+            _ => phases.push((at, at + 1, one.charging)),
+        }
+    }
+    phases
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::story::tests::record;
+    use super::*;
+    use serde_json::json;
+
+    fn story(levels: Vec<Level>, runs: Vec<Run>) -> Story {
+        let at = |seconds| record(seconds, json!({})).at;
+        Story {
+            since: at(0),
+            until: at(86_400),
+            robots: vec!["SPYKEE0001".to_owned()],
+            levels,
+            marks: Vec::new(),
+            runs,
+            offline: Vec::new(),
+        }
+    }
+
+    fn level(seconds: i64, percent: f64, charging: bool) -> Level {
+        let at = record(seconds, json!({})).at;
+        Level {
+            at,
+            percent,
+            charging,
+        }
+    }
+
+    #[test]
+    fn phases_follow_each_other_without_a_gap() {
+        let levels: Vec<Level> = (0..10)
+            .map(|at| level(at * 60, 50.0, (3..6).contains(&at)))
+            .collect();
+        assert_eq!(
+            phases(&levels),
+            [(0, 3, false), (3, 6, true), (6, 9, false)]
+        );
+        assert_eq!(phases(&levels[..1]), []);
+    }
+
+    #[test]
+    fn the_level_is_drawn_where_it_belongs_and_gaps_are_left_open() {
+        let levels = (0..720).map(|minute| level(minute * 60, 80.0, false));
+        let picture = draw(&story(levels.collect(), Vec::new()), &TimeZone::UTC);
+        let blue = |x: u32, y: u32| {
+            let pixel = picture.get_pixel(x, y).0;
+            pixel[2] > 150 && pixel[0] < 100
+        };
+        let y = Chart::y(80.0) as u32;
+        let left = 200;
+        assert!(blue(left, y), "{:?}", picture.get_pixel(left, y));
+        assert!(
+            !blue(left, y + 20) && !blue(1000, y),
+            "half of the day is not known"
+        );
+    }
+
+    #[test]
+    fn nothing_and_very_much_can_be_drawn_too() {
+        draw(&story(Vec::new(), Vec::new()), &TimeZone::UTC);
+        let run = |number: i64| Run {
+            behaviour: format!("behaviour-with-a-long-name-{number}\u{1b}[2J"),
+            began: Some(record(number * 60, json!({})).at),
+            ended: None,
+            reason: "error".to_owned(),
+            message: String::new(),
+        };
+        let picture = draw(
+            &story(Vec::new(), (0..500).map(run).collect()),
+            &TimeZone::UTC,
+        );
+        assert!(picture.height() < 1000);
+    }
+
+    /// Three days as a patrol has them: twice a day out, home when low, once not at the first try.
+    fn example() -> Story {
+        let (mut levels, mut marks, mut runs) = (Vec::new(), Vec::new(), Vec::new());
+        let at = |minute: i64| record(minute * 60, json!({})).at;
+        let (mut percent, mut charging, mut failed) = (88.0_f64, true, false);
+        for minute in 0..3 * 1440 {
+            // The picture begins at 16:13 in Rome.
+            let hour = (minute + 16 * 60 + 13) / 60 % 24;
+            let out = (9..11).contains(&hour) || (21..23).contains(&hour);
+            let drains = if out && !charging { 0.62 } else { 0.01 };
+            percent += if charging { 0.45 } else { -drains };
+            percent = percent.clamp(0.0, 100.0);
+            if out && charging && percent > 70.0 {
+                charging = false;
+                let began = Some(at(minute));
+                let mut run = |behaviour: &str, until: i64, reason: &str| {
+                    runs.push(Run {
+                        behaviour: behaviour.to_owned(),
+                        began,
+                        ended: Some(at(until)),
+                        reason: reason.to_owned(),
+                        message: String::new(),
+                    });
+                };
+                run("patrol", minute + 110, "done");
+                run(
+                    "guard",
+                    minute + 118,
+                    if minute > 2000 && minute < 2600 {
+                        "error"
+                    } else {
+                        "done"
+                    },
+                );
+            }
+            let home = !charging && (percent < 22.0 || !out);
+            if home && minute > 1500 && !failed {
+                failed = true;
+                let mark = |at, good, alarm| Mark { at, good, alarm };
+                marks.extend([
+                    mark(at(minute), false, false),
+                    mark(at(minute + 12), false, true),
+                ]);
+                charging = false;
+                percent -= 3.0;
+                marks.push(mark(at(minute + 24), true, false));
+            } else if home {
+                charging = true;
+                marks.push(Mark {
+                    at: at(minute),
+                    good: true,
+                    alarm: false,
+                });
+            }
+            let away = (1750..1840).contains(&minute);
+            if !away {
+                levels.push(Level {
+                    at: at(minute),
+                    percent: percent.round(),
+                    charging,
+                });
+            }
+        }
+        Story {
+            since: at(0),
+            until: at(3 * 1440),
+            robots: vec!["SPYKEE0001".to_owned()],
+            levels,
+            marks,
+            runs,
+            offline: vec![(at(1750), at(1840))],
+        }
+    }
+
+    #[test]
+    #[ignore = "writes the picture of the guide; scripts/pictures runs it"]
+    fn the_picture_of_the_guide() {
+        let zone = TimeZone::get("Europe/Rome").unwrap();
+        let path = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/behaviours/pictures/history.png"
+        );
+        draw(&example(), &zone).save(path).unwrap();
+    }
+}

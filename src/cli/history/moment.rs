@@ -1,0 +1,119 @@
+//! `--since` and `--until`: so long ago, a day, or a day and a time of day.
+
+use jiff::civil::DateTime;
+use jiff::tz::TimeZone;
+use jiff::{SignedDuration, Timestamp};
+
+/// A moment as people write it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Moment {
+    /// So long before now.
+    Ago(SignedDuration),
+    /// Local time.
+    At(DateTime),
+}
+
+const EXPECTED: &str = "expected so long ago, such as 30m, 12h, 7d or 2w, or a day such as 2026-11-01, or \
+                        2026-11-01T21:30";
+
+/// Reads one.
+///
+/// # Errors
+/// What was expected.
+pub(super) fn parse(text: &str) -> Result<Moment, String> {
+    let text = text.trim();
+    let at = || text.parse::<DateTime>().ok().map(Moment::At);
+    let moment = ago(text).map(Moment::Ago).or_else(at);
+    moment.ok_or_else(|| EXPECTED.to_owned())
+}
+
+/// A number and its unit.
+fn ago(text: &str) -> Option<SignedDuration> {
+    let unit = text.chars().next_back()?;
+    let number: f64 = text[..text.len() - unit.len_utf8()].parse().ok()?;
+    let seconds = match unit {
+        's' => 1.0,
+        'm' => 60.0,
+        'h' => 3600.0,
+        'd' => 86_400.0,
+        'w' => 7.0 * 86_400.0,
+        _ => return None,
+    };
+    let long = number * seconds;
+    // A century, whatever the unit.
+    (0.0..=36_525.0 * 86_400.0)
+        .contains(&long)
+        .then(|| SignedDuration::from_millis((long * 1000.0) as i64))
+}
+
+impl Moment {
+    /// When that is, seen from now in this time zone.
+    ///
+    /// # Errors
+    /// A time that no calendar has.
+    pub(super) fn resolve(&self, now: Timestamp, zone: &TimeZone) -> Result<Timestamp, String> {
+        let resolved = match self {
+            Moment::Ago(ago) => now.checked_sub(*ago),
+            Moment::At(time) => zone
+                .to_ambiguous_zoned(*time)
+                .compatible()
+                .map(|at| at.timestamp()),
+        };
+        resolved.map_err(|error| format!("there is no such time: {error}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn resolved(text: &str) -> String {
+        let now = "2026-11-22T12:00:00Z".parse().unwrap();
+        let zone = TimeZone::get("Europe/Rome").unwrap();
+        let at = parse(text).unwrap().resolve(now, &zone).unwrap();
+        at.to_string()
+    }
+
+    #[test]
+    fn people_write_it_in_several_ways() {
+        assert_eq!(resolved("90m"), "2026-11-22T10:30:00Z");
+        assert_eq!(resolved("7d"), "2026-11-15T12:00:00Z");
+        assert_eq!(resolved("0.5h"), "2026-11-22T11:30:00Z");
+        assert_eq!(resolved("2026-11-01"), "2026-10-31T23:00:00Z");
+        assert_eq!(resolved("2026-11-01T21:30"), "2026-11-01T20:30:00Z");
+        assert_eq!(resolved("2026-11-01 21:30"), "2026-11-01T20:30:00Z");
+    }
+
+    #[test]
+    fn the_hour_that_the_clock_skips_is_taken_as_the_next() {
+        assert_eq!(resolved("2026-03-29T02:30"), "2026-03-29T01:30:00Z");
+    }
+
+    #[test]
+    fn what_is_no_moment_is_refused_with_what_was_expected() {
+        for text in [
+            "",
+            "yesterday",
+            "7",
+            "-1d",
+            "7x",
+            "2026-13-01",
+            "nand",
+            "infd",
+            "1e9w",
+        ] {
+            let error = parse(text).unwrap_err();
+            assert!(error.contains("7d"), "{text}: {error}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_makes_it_panic(text in "\\PC{0,30}") {
+            if let Ok(moment) = parse(&text) {
+                let _ = moment.resolve(Timestamp::now(), &TimeZone::UTC);
+            }
+        }
+    }
+}

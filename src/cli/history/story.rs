@@ -1,0 +1,233 @@
+//! What the journal's records make together: runs with beginning and end, spans without a link.
+
+use std::collections::BTreeMap;
+
+use jiff::Timestamp;
+
+use crate::journal::Record;
+
+/// A behaviour from its start to its end.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Run {
+    pub(super) behaviour: String,
+    pub(super) began: Option<Timestamp>,
+    /// `None`: it runs, or was cut off with its agent.
+    pub(super) ended: Option<Timestamp>,
+    /// Why it ended; empty if it is not known.
+    pub(super) reason: String,
+    pub(super) message: String,
+}
+
+impl Run {
+    /// It failed.
+    pub(super) fn failed(&self) -> bool {
+        matches!(self.reason.as_str(), "error" | "cpu" | "memory")
+    }
+}
+
+/// The runs of `started` and `ended` records, in the order in which they began.
+pub(super) fn runs(records: &[Record]) -> Vec<Run> {
+    let mut runs: Vec<Run> = Vec::new();
+    let mut open: BTreeMap<(i64, String), usize> = BTreeMap::new();
+    for record in records {
+        let behaviour = record.text("behaviour").to_owned();
+        let key = (record.session, behaviour.clone());
+        match record.kind() {
+            "started" => {
+                open.insert(key, runs.len());
+                runs.push(Run {
+                    behaviour,
+                    began: Some(record.at),
+                    ended: None,
+                    reason: String::new(),
+                    message: String::new(),
+                });
+            }
+            "ended" => {
+                let at = open.remove(&key).unwrap_or_else(|| {
+                    runs.push(Run {
+                        behaviour,
+                        began: None,
+                        ended: None,
+                        reason: String::new(),
+                        message: String::new(),
+                    });
+                    runs.len() - 1
+                });
+                let run = &mut runs[at];
+                run.ended = Some(record.at);
+                run.reason = record.text("reason").to_owned();
+                run.message = record.text("message").to_owned();
+            }
+            _ => {}
+        }
+    }
+    runs
+}
+
+/// A level of the battery.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Level {
+    pub(super) at: Timestamp,
+    pub(super) percent: f64,
+    pub(super) charging: bool,
+}
+
+/// A docking or an alarm.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Mark {
+    pub(super) at: Timestamp,
+    /// It ended well.
+    pub(super) good: bool,
+    /// The watchdog's alarm.
+    pub(super) alarm: bool,
+}
+
+/// What a chart shows.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Story {
+    pub(super) since: Timestamp,
+    pub(super) until: Timestamp,
+    /// Of whom; several if there are.
+    pub(super) robots: Vec<String>,
+    pub(super) levels: Vec<Level>,
+    pub(super) marks: Vec<Mark>,
+    pub(super) runs: Vec<Run>,
+    /// From when to when there was no link, though there had been one.
+    pub(super) offline: Vec<(Timestamp, Timestamp)>,
+}
+
+impl Story {
+    pub(super) fn of(
+        (since, until): (Timestamp, Timestamp),
+        battery: &[Record],
+        events: &[Record],
+    ) -> Story {
+        let mut robots: Vec<String> = battery.iter().filter_map(|one| one.robot.clone()).collect();
+        robots.sort();
+        robots.dedup();
+        let level = |one: &Record| Level {
+            at: one.at,
+            percent: one.number("percent").unwrap_or(0.0),
+            charging: one.is("charging"),
+        };
+        Story {
+            since,
+            until,
+            robots,
+            levels: battery.iter().map(level).collect(),
+            marks: events.iter().filter_map(mark).collect(),
+            runs: runs(events),
+            offline: offline(events, until),
+        }
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.levels.is_empty() && self.marks.is_empty() && self.runs.is_empty()
+    }
+}
+
+fn mark(record: &Record) -> Option<Mark> {
+    let at = record.at;
+    match record.kind() {
+        "dock" => {
+            let good = matches!(record.text("end"), "done" | "already_docked");
+            let given_up = matches!(
+                record.text("end"),
+                "cancelled" | "preempted" | "disconnected"
+            );
+            (!given_up).then_some(Mark {
+                at,
+                good,
+                alarm: false,
+            })
+        }
+        "safety" if record.text("action") == "alarm" => Some(Mark {
+            at,
+            good: false,
+            alarm: true,
+        }),
+        _ => None,
+    }
+}
+
+fn offline(events: &[Record], until: Timestamp) -> Vec<(Timestamp, Timestamp)> {
+    let (mut spans, mut since) = (Vec::new(), None);
+    for record in events {
+        match record.kind() {
+            "link_down" => since = since.or(Some(record.at)),
+            "link_up" => spans.extend(since.take().map(|since| (since, record.at))),
+            _ => {}
+        }
+    }
+    spans.extend(since.map(|since| (since, until)));
+    spans
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use serde_json::json;
+
+    pub(in crate::cli::history) fn record(seconds: i64, data: serde_json::Value) -> Record {
+        Record {
+            at: Timestamp::from_second(1_790_000_000 + seconds).unwrap(),
+            session: 1,
+            robot: Some("SPYKEE0001".to_owned()),
+            data: data.as_object().unwrap().clone(),
+        }
+    }
+
+    #[test]
+    fn starts_and_ends_make_runs_and_what_was_cut_off_has_no_end() {
+        let records = [
+            record(0, json!({"event": "started", "behaviour": "patrol"})),
+            record(1, json!({"event": "started", "behaviour": "guard"})),
+            record(
+                5,
+                json!({"event": "ended", "behaviour": "guard", "reason": "error", "message": "guard.lua:3: no"}),
+            ),
+            record(6, json!({"event": "started", "behaviour": "guard"})),
+            record(
+                9,
+                json!({"event": "ended", "behaviour": "patrol", "reason": "done"}),
+            ),
+        ];
+        let runs = runs(&records);
+        let told: Vec<_> = runs
+            .iter()
+            .map(|run| {
+                (
+                    run.behaviour.as_str(),
+                    run.reason.as_str(),
+                    run.ended.is_some(),
+                )
+            })
+            .collect();
+        let expected = [
+            ("patrol", "done", true),
+            ("guard", "error", true),
+            ("guard", "", false),
+        ];
+        assert_eq!(told, expected);
+        assert!(runs[1].failed() && !runs[0].failed());
+        assert_eq!(
+            super::runs(&records[2..3])[0].began,
+            None,
+            "it began before"
+        );
+    }
+
+    #[test]
+    fn spans_without_a_link_end_with_the_next_or_with_the_picture() {
+        let down = |at| record(at, json!({"event": "link_down", "reason": "gone"}));
+        let up = |at| record(at, json!({"event": "link_up"}));
+        let until = record(100, json!({})).at;
+        let spans = offline(&[up(0), down(10), down(11), up(20), down(90)], until);
+        let lengths: Vec<i64> = spans
+            .iter()
+            .map(|(from, to)| to.duration_since(*from).as_secs())
+            .collect();
+        assert_eq!(lengths, [10, 10]);
+    }
+}

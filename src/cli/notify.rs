@@ -1,0 +1,194 @@
+//! `spykee notify`, and the notifications of a run: whom the config names, with their secrets.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use jiff::Timestamp;
+
+use super::settings::SettingsArgs;
+use super::{Exit, Failure, print, secret};
+use crate::agent::Bus;
+use crate::config::{Effective, Named};
+use crate::notify::{Delivery, Notice, Notifier, Options, Rule, Target, deliver};
+
+/// How long the targets may take at the end of a run.
+pub(super) const END: Duration = Duration::from_secs(3);
+
+/// Try the targets that people are told by: webhooks and commands of the config
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct NotifyArgs {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Debug, Clone, clap::Subcommand)]
+enum Action {
+    /// Send a message to a target, or to all, and tell what came of it
+    ///
+    /// Nothing is queued and no rule or rate applies. The exit code is 4 if a target was not reached.
+    #[command(after_help = "Example: spykee notify test phone --picture spykee-data/guard/1.jpg")]
+    Test {
+        /// Names of targets in the config's `notify: { targets: ... }`
+        #[arg(value_name = "TARGET")]
+        targets: Vec<String>,
+
+        /// What it says
+        #[arg(long, default_value = "a test of spykee's notifications")]
+        text: String,
+
+        /// A JPEG that goes with it
+        #[arg(long, value_name = "FILE.jpg")]
+        picture: Option<PathBuf>,
+
+        #[command(flatten)]
+        settings: SettingsArgs,
+    },
+}
+
+impl NotifyArgs {
+    pub(super) fn settings(&self) -> &SettingsArgs {
+        match &self.action {
+            Action::Test { settings, .. } => settings,
+        }
+    }
+}
+
+/// Sends it.
+///
+/// # Errors
+/// No such target, or secrets that cannot be read.
+pub(super) fn run(args: &NotifyArgs) -> Result<Exit, Failure> {
+    let Action::Test {
+        targets,
+        text,
+        picture,
+        settings,
+    } = &args.action;
+    let settings = settings.load()?;
+    let options = &settings.config.notify;
+    let chosen = chosen(options, targets)?;
+    let tokens = tokens(settings, options)?;
+    let notice = Notice {
+        rule: Rule::Test,
+        text: text.clone(),
+        robot: "spykee".to_owned(),
+        at: Timestamp::now().as_millisecond(),
+        picture: picture.as_deref().map(absolute).transpose()?,
+    };
+    let mut exit = Exit::Done;
+    for (name, target) in chosen {
+        let token = tokens.get(name).map_or("", String::as_str);
+        let outcome = match deliver(target, token, &notice) {
+            Delivery::Done => "told".to_owned(),
+            Delivery::Later(why) | Delivery::Refused(why) => {
+                exit = Exit::Check;
+                format!("not told: {why}")
+            }
+        };
+        print(&format!("{name}: {outcome}\n"))?;
+    }
+    Ok(exit)
+}
+
+/// With a folder, in which it is read.
+fn absolute(path: &Path) -> Result<PathBuf, Failure> {
+    path.canonicalize().map_err(|error| {
+        Failure::usage(format_args!(
+            "cannot read the picture {}: {error}",
+            path.display()
+        ))
+    })
+}
+
+fn chosen<'a>(
+    options: &'a Options,
+    names: &[String],
+) -> Result<Vec<(&'a String, &'a Target)>, Failure> {
+    if options.targets.is_empty() {
+        return Err(Failure::usage("the config names nobody to tell").help(
+            "notify: { targets: { phone: { url: \"https://ntfy.sh/your-topic\" } } }; \
+             behaviours/README.md has more",
+        ));
+    }
+    if names.is_empty() {
+        return Ok(options.targets.iter().collect());
+    }
+    let find = |name: &String| {
+        options.targets.get_key_value(name).ok_or_else(|| {
+            let known: Vec<&str> = options.targets.keys().map(String::as_str).collect();
+            Failure::usage(format_args!("there is no target {name}"))
+                .help(format!("the config has {}", known.join(", ")))
+        })
+    };
+    names.iter().map(find).collect()
+}
+
+/// The notifications of a run, if the config wants any.
+///
+/// # Errors
+/// Secrets that cannot be read, or a config that was found and not named and wants too much.
+pub(super) fn start(settings: &Effective, bus: &Bus) -> Result<Option<Notifier>, Failure> {
+    let options = &settings.config.notify;
+    if options.targets.is_empty() {
+        return Ok(None);
+    }
+    let tokens = tokens(settings, options)?;
+    let started = Notifier::start(bus, settings.config.data_folder(), options, &tokens);
+    Ok(started.map_err(|error| tracing::warn!("{error}")).ok())
+}
+
+/// The secrets of the targets that have one, by name.
+fn tokens(settings: &Effective, options: &Options) -> Result<BTreeMap<String, String>, Failure> {
+    let found = match settings.file_of("notify") {
+        Some((path, Named::Found)) => Some(path),
+        _ => None,
+    };
+    let mut tokens = BTreeMap::new();
+    for (name, target) in &options.targets {
+        if let Some(config) = found {
+            trusted(name, target, config)?;
+        }
+        if let Some(token) = token(name, target, found)? {
+            tokens.insert(name.clone(), token);
+        }
+    }
+    Ok(tokens)
+}
+
+/// A config that was found in the current folder may have come from anywhere: it starts no programs and
+/// sends nothing of the environment.
+fn trusted(name: &str, target: &Target, config: &Path) -> Result<(), Failure> {
+    let what = match target {
+        Target { command, .. } if !command.is_empty() => "runs a program",
+        Target {
+            token_env: Some(_), ..
+        } => "sends a variable of the environment",
+        _ => return Ok(()),
+    };
+    let config = config.display();
+    let failure = Failure::usage(format_args!(
+        "the config {config} was found here, not named, and its target {name} {what}"
+    ));
+    Err(failure.help(format!(
+        "name the config, --config {config}, if you trust it"
+    )))
+}
+
+fn token(name: &str, target: &Target, found: Option<&Path>) -> Result<Option<String>, Failure> {
+    if let Some(variable) = &target.token_env {
+        return std::env::var(variable).map(Some).map_err(|_| {
+            Failure::usage(format_args!(
+                "the target {name} needs the environment variable {variable}, which is not set"
+            ))
+        });
+    }
+    let Some(path) = &target.token_file else {
+        return Ok(None);
+    };
+    let read = match found {
+        Some(config) => secret::of_found_file(path, config),
+        None => secret::of_named_file(path),
+    };
+    read.map(Some)
+}

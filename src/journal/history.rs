@@ -1,0 +1,199 @@
+//! Reading a journal, also one that is being written.
+
+use std::path::Path;
+use std::time::Duration;
+
+use jiff::Timestamp;
+use rusqlite::{Connection, OpenFlags, params_from_iter};
+use serde::{Serialize, Serializer};
+use serde_json::{Map, Value, json};
+
+use super::ledger::{JournalError, journal_file};
+use super::schema;
+
+/// So long a reader waits for a writer.
+const BUSY: Duration = Duration::from_secs(5);
+
+/// One thing that the journal remembers. As JSON one flat object.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Record {
+    /// When; in JSON as RFC 3339 in UTC.
+    #[serde(serialize_with = "rfc3339")]
+    pub at: Timestamp,
+    /// Counts the agents that have written; pairs the start of a run with its end.
+    pub session: i64,
+    /// The robot's uid, if one was there.
+    pub robot: Option<String>,
+    /// `event` and all that belongs to it: see [`Occurrence`](crate::robot::Occurrence). The battery's
+    /// level is of event `battery`; `lost` says that `count` happenings could not be written.
+    #[serde(flatten)]
+    pub data: Map<String, Value>,
+}
+
+fn rfc3339<S: Serializer>(at: &Timestamp, to: S) -> Result<S::Ok, S::Error> {
+    to.collect_str(at)
+}
+
+impl Record {
+    /// What kind of event.
+    pub fn kind(&self) -> &str {
+        self.text("event")
+    }
+
+    /// A text of the event; empty if it has none.
+    pub fn text(&self, key: &str) -> &str {
+        self.data
+            .get(key)
+            .and_then(Value::as_str)
+            .unwrap_or_default()
+    }
+
+    /// A number of the event.
+    pub fn number(&self, key: &str) -> Option<f64> {
+        self.data.get(key).and_then(Value::as_f64)
+    }
+
+    /// Whether something is true of the event.
+    pub fn is(&self, key: &str) -> bool {
+        self.data.get(key).and_then(Value::as_bool).unwrap_or(false)
+    }
+}
+
+/// Which events.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kinds {
+    /// All, but for the battery's level.
+    All,
+    /// Of these kinds.
+    Of(&'static [&'static str]),
+}
+
+/// From when to when, both included, and of whom.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Span {
+    /// `None`: from the beginning.
+    pub since: Option<Timestamp>,
+    /// `None`: until now.
+    pub until: Option<Timestamp>,
+    /// The uid of a robot; `None`: of all.
+    pub robot: Option<String>,
+    /// The newest so many; `None`: all.
+    pub newest: Option<u32>,
+}
+
+/// A journal that is read.
+#[derive(Debug)]
+pub struct History(Connection);
+
+impl History {
+    /// The journal of a data folder; `None` if there is none.
+    ///
+    /// # Errors
+    /// It cannot be read, or a newer program has written it.
+    pub fn open(data: &Path) -> Result<Option<History>, JournalError> {
+        let path = journal_file(data);
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        let connection = Connection::open_with_flags(path, flags)?;
+        connection.busy_timeout(BUSY)?;
+        connection.pragma_update(None, "query_only", true)?;
+        let found = schema::version(&connection)?;
+        if found > schema::VERSION {
+            let newer = schema::SchemaError::Newer { found };
+            return Err(newer.into());
+        }
+        // Made, and not written yet.
+        Ok((found > 0).then_some(History(connection)))
+    }
+
+    /// Events of these kinds, in the order in which they happened.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn records(&self, kinds: &Kinds, span: &Span) -> Result<Vec<Record>, JournalError> {
+        let (mut conditions, mut values) = span.conditions();
+        if let Kinds::Of(kinds) = kinds {
+            let marks = vec!["?"; kinds.len()].join(", ");
+            conditions.push(format!("kind IN ({marks})"));
+            values.extend(kinds.iter().map(|kind| (*kind).to_owned().into()));
+        }
+        let columns = "at, session, robot, data";
+        self.read("event", columns, &conditions, values, span, |row| {
+            let text: String = row.get(3)?;
+            let data = serde_json::from_str(&text).unwrap_or_else(|_| {
+                // Written by hand, or damaged: still something has happened.
+                Map::from_iter([("event".to_owned(), json!("unreadable"))])
+            });
+            Ok(data)
+        })
+    }
+
+    /// The battery's levels, in their order.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn battery(&self, span: &Span) -> Result<Vec<Record>, JournalError> {
+        let (conditions, values) = span.conditions();
+        let columns = "at, session, robot, percent, charging";
+        self.read("battery", columns, &conditions, values, span, |row| {
+            let (percent, charging): (i64, bool) = (row.get(3)?, row.get(4)?);
+            Ok(Map::from_iter([
+                ("event".to_owned(), json!("battery")),
+                ("percent".to_owned(), json!(percent)),
+                ("charging".to_owned(), json!(charging)),
+            ]))
+        })
+    }
+
+    fn read(
+        &self,
+        table: &str,
+        columns: &str,
+        conditions: &[String],
+        values: Vec<rusqlite::types::Value>,
+        span: &Span,
+        data: impl Fn(&rusqlite::Row<'_>) -> rusqlite::Result<Map<String, Value>>,
+    ) -> Result<Vec<Record>, JournalError> {
+        let condition = match conditions.is_empty() {
+            true => String::new(),
+            false => format!("WHERE {}", conditions.join(" AND ")),
+        };
+        let limit = span.newest.map_or(-1, i64::from);
+        let select = format!(
+            "SELECT {columns} FROM {table} {condition} ORDER BY at DESC, rowid DESC LIMIT {limit}"
+        );
+        let mut statement = self.0.prepare(&select)?;
+        let rows = statement.query_map(params_from_iter(values), |row| {
+            Ok(Record {
+                at: Timestamp::from_millisecond(row.get(0)?).unwrap_or_default(),
+                session: row.get(1)?,
+                robot: row.get(2)?,
+                data: data(row)?,
+            })
+        })?;
+        let mut records = rows.collect::<Result<Vec<_>, _>>()?;
+        records.reverse();
+        Ok(records)
+    }
+}
+
+impl Span {
+    fn conditions(&self) -> (Vec<String>, Vec<rusqlite::types::Value>) {
+        let mut conditions = Vec::new();
+        let mut values = Vec::new();
+        let bounds = [("at >= ?", self.since), ("at <= ?", self.until)];
+        for (condition, bound) in bounds {
+            if let Some(bound) = bound {
+                conditions.push(condition.to_owned());
+                values.push(bound.as_millisecond().into());
+            }
+        }
+        if let Some(robot) = &self.robot {
+            conditions.push("robot = ?".to_owned());
+            values.push(robot.clone().into());
+        }
+        (conditions, values)
+    }
+}

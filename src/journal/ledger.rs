@@ -1,0 +1,447 @@
+//! The journal's file: opened, written, kept within its size. All of it may wait for a disk.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use jiff::Timestamp;
+use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior, params};
+
+use super::options::{About, Options};
+use super::row::{Content, Row};
+use super::schema::{self, SchemaError};
+use crate::files::Folder;
+
+/// The journal's folder within the data folder. No behaviour has a folder of this name.
+const FOLDER: &str = ".journal";
+/// Its file.
+const FILE: &str = "journal.db";
+/// So long a write waits for another process that writes.
+const BUSY: Duration = Duration::from_secs(5);
+/// After so many pages the log of writes goes into the file.
+const CHECKPOINT_PAGES: u32 = 256;
+/// The log of writes is cut to this when it is empty, in bytes.
+const LOG_LEN: u32 = 1 << 20;
+/// What is forgotten in one go, so that no transaction grows large.
+const FORGOTTEN_AT_ONCE: i64 = 2000;
+/// Of a file that is too large, this part of each table goes in one go.
+const PART: i64 = 16;
+/// So many goes in one clean-up.
+const MOST_GOES: u32 = 200;
+/// So many bytes of the disk stay free: below that nothing is written.
+const FREE: u64 = 16 << 20;
+
+/// Why a journal cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum JournalError {
+    /// The system says so.
+    #[error("{path}: {source}")]
+    Io {
+        /// Of what.
+        path: String,
+        /// Its words.
+        source: io::Error,
+    },
+    /// SQLite says so.
+    #[error("{0}")]
+    Sql(#[from] rusqlite::Error),
+    /// It is of another version.
+    #[error("{0}")]
+    Version(String),
+    /// The disk is nearly full.
+    #[error("the disk has less than {FREE} bytes left")]
+    Disk,
+    /// No thread to write it.
+    #[error("no thread for the journal: {0}")]
+    Thread(io::Error),
+}
+
+impl From<SchemaError> for JournalError {
+    fn from(error: SchemaError) -> JournalError {
+        match error {
+            SchemaError::Sql(error) => error.into(),
+            newer @ SchemaError::Newer { .. } => JournalError::Version(newer.to_string()),
+        }
+    }
+}
+
+impl JournalError {
+    /// The file is no journal any more.
+    pub(super) fn is_damage(&self) -> bool {
+        let JournalError::Sql(error) = self else {
+            return false;
+        };
+        let code = error.sqlite_error_code();
+        matches!(
+            code,
+            Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase)
+        )
+    }
+
+    /// The file has reached its size.
+    pub(super) fn is_full(&self) -> bool {
+        let JournalError::Sql(error) = self else {
+            return false;
+        };
+        error.sqlite_error_code() == Some(ErrorCode::DiskFull)
+    }
+}
+
+/// The journal's folder of a data folder.
+pub fn folder(data: &Path) -> PathBuf {
+    data.join(FOLDER)
+}
+
+/// The journal's file of a data folder.
+pub fn journal_file(data: &Path) -> PathBuf {
+    folder(data).join(FILE)
+}
+
+/// An open journal, and this agent's session in it.
+#[derive(Debug)]
+pub(super) struct Ledger {
+    connection: Connection,
+    folder: Folder,
+    session: i64,
+    options: Options,
+}
+
+impl Ledger {
+    /// Opens the journal of a data folder, makes it if there is none, and begins a session.
+    pub(super) fn open(
+        data: &Path,
+        options: Options,
+        about: &About,
+    ) -> Result<Ledger, JournalError> {
+        let path = folder(data);
+        let failed = |source| JournalError::Io {
+            path: path.display().to_string(),
+            source,
+        };
+        Folder::make(data).map_err(failed)?;
+        let private = Folder::make(&path).map_err(failed)?;
+        if private.free().is_ok_and(|free| free < FREE) {
+            return Err(JournalError::Disk);
+        }
+        if private.item(FILE).map_err(failed)?.is_none() {
+            // For this user alone; SQLite gives its other files the mode of this one.
+            private.replace(FILE, b"").map_err(failed)?;
+        }
+        let mut connection = connect(&path).map_err(failed)??;
+        schema::migrate(&mut connection)?;
+        let pages = options.max_mib.saturating_mul(1 << 20) / page_size(&connection)?;
+        let most = u32::try_from(pages + pages / 4 + 256).unwrap_or(u32::MAX);
+        // What a clean-up cannot keep within bounds in time, this does.
+        connection.pragma_update(None, "max_page_count", most)?;
+        let began = Timestamp::now().as_millisecond();
+        connection.execute(
+            "INSERT INTO session (began, pid, target, simulated) VALUES (?, ?, ?, ?)",
+            params![began, std::process::id(), about.target, about.simulated],
+        )?;
+        let session = connection.last_insert_rowid();
+        Ok(Ledger {
+            connection,
+            folder: private,
+            session,
+            options,
+        })
+    }
+
+    /// Renames the file of a journal that is none any more. Its new name.
+    pub(super) fn set_aside(data: &Path) -> io::Result<String> {
+        let private = Folder::open(&folder(data))?;
+        let aside = format!("{FILE}.damaged-{}", Timestamp::now().as_second());
+        private.rename(FILE, &aside)?;
+        for rest in ["-wal", "-shm"] {
+            let _ = private.remove(&format!("{FILE}{rest}"));
+        }
+        Ok(aside)
+    }
+
+    /// Writes all rows, or none. On the disk when it returns.
+    pub(super) fn write(&mut self, rows: &[Row], lost: u64) -> Result<(), JournalError> {
+        if self.folder.free().is_ok_and(|free| free < FREE) {
+            return Err(JournalError::Disk);
+        }
+        let session = self.session;
+        let immediate = TransactionBehavior::Immediate;
+        let transaction = self.connection.transaction_with_behavior(immediate)?;
+        for row in rows {
+            insert(&transaction, session, row)?;
+        }
+        if lost > 0 {
+            let (at, content) = (Timestamp::now().as_millisecond(), Content::of_lost(lost));
+            let robot = rows.last().and_then(|row| row.robot.clone());
+            insert(&transaction, session, &Row { at, robot, content })?;
+        }
+        Ok(transaction.commit()?)
+    }
+
+    /// The session is over.
+    pub(super) fn end(&self) -> Result<(), JournalError> {
+        let ended = Timestamp::now().as_millisecond();
+        let update = "UPDATE session SET ended = ? WHERE id = ?";
+        self.connection
+            .execute(update, params![ended, self.session])?;
+        Ok(())
+    }
+
+    /// Forgets what is too old, then the oldest until the file is small enough. How many rows went.
+    pub(super) fn forget(&mut self) -> Result<u64, JournalError> {
+        let day = 86_400_000;
+        let days = i64::try_from(self.options.keep_days).unwrap_or(i64::MAX);
+        let before = Timestamp::now()
+            .as_millisecond()
+            .saturating_sub(days.saturating_mul(day));
+        let mut gone = 0;
+        for _ in 0..MOST_GOES {
+            let went = self.forget_some(before, |_| FORGOTTEN_AT_ONCE)?;
+            gone += went;
+            if went == 0 {
+                break;
+            }
+        }
+        let most = self.options.max_mib.saturating_mul(1 << 20);
+        for _ in 0..MOST_GOES {
+            if self.bytes()? <= most {
+                break;
+            }
+            let went = self.forget_some(i64::MAX, |rows| rows / PART + 1)?;
+            gone += went;
+            if went == 0 {
+                break;
+            }
+        }
+        if gone > 0 {
+            let sessions = "DELETE FROM session WHERE id <> ?1
+                AND id NOT IN (SELECT session FROM event) AND id NOT IN (SELECT session FROM battery)";
+            self.connection.execute(sessions, [self.session])?;
+            self.connection.execute_batch("PRAGMA incremental_vacuum")?;
+        }
+        Ok(gone)
+    }
+
+    /// The oldest rows of each table that are older than this; of so many rows at most so many.
+    fn forget_some(&self, before: i64, most: impl Fn(i64) -> i64) -> Result<u64, JournalError> {
+        let mut went = 0;
+        for table in ["event", "battery"] {
+            let count = format!("SELECT count(*) FROM {table}");
+            let rows = self.connection.query_row(&count, [], |row| row.get(0))?;
+            let delete = format!(
+                "DELETE FROM {table} WHERE rowid IN
+                    (SELECT rowid FROM {table} WHERE at < ? ORDER BY at LIMIT ?)"
+            );
+            went += self
+                .connection
+                .execute(&delete, params![before, most(rows)])?;
+        }
+        Ok(went as u64)
+    }
+
+    /// What the file holds, free pages left out.
+    fn bytes(&self) -> Result<u64, JournalError> {
+        let number = |name: &str| {
+            let query = |row: &rusqlite::Row<'_>| row.get::<_, i64>(0);
+            self.connection.pragma_query_value(None, name, query)
+        };
+        let pages = number("page_count")? - number("freelist_count")?;
+        Ok(u64::try_from(pages).unwrap_or(0) * page_size(&self.connection)?)
+    }
+}
+
+/// The connection of a writer. SQLite follows no link to the file; its folder is resolved first.
+fn connect(folder: &Path) -> io::Result<Result<Connection, rusqlite::Error>> {
+    let path = folder.canonicalize()?.join(FILE);
+    let flags = OpenFlags::SQLITE_OPEN_READ_WRITE
+        | OpenFlags::SQLITE_OPEN_NO_MUTEX
+        | OpenFlags::SQLITE_OPEN_NOFOLLOW;
+    Ok(Connection::open_with_flags(path, flags).and_then(prepared))
+}
+
+fn prepared(connection: Connection) -> Result<Connection, rusqlite::Error> {
+    connection.busy_timeout(BUSY)?;
+    // Of an empty file only.
+    connection.pragma_update(None, "auto_vacuum", "INCREMENTAL")?;
+    connection.pragma_update(None, "journal_mode", "WAL")?;
+    // What was committed is on the disk, also when the power fails.
+    connection.pragma_update(None, "synchronous", "FULL")?;
+    connection.pragma_update(None, "wal_autocheckpoint", CHECKPOINT_PAGES)?;
+    connection.pragma_update(None, "journal_size_limit", LOG_LEN)?;
+    // In KiB: little is ever read twice.
+    connection.pragma_update(None, "cache_size", -512)?;
+    Ok(connection)
+}
+
+fn page_size(connection: &Connection) -> Result<u64, rusqlite::Error> {
+    let size: i64 = connection.pragma_query_value(None, "page_size", |row| row.get(0))?;
+    Ok(u64::try_from(size).unwrap_or(4096).max(512))
+}
+
+fn insert(transaction: &Transaction<'_>, session: i64, row: &Row) -> Result<(), rusqlite::Error> {
+    let Row { at, robot, content } = row;
+    match content {
+        Content::Battery { percent, charging } => {
+            let insert = "INSERT INTO battery (at, session, robot, percent, charging)
+                VALUES (?, ?, ?, ?, ?)";
+            let mut insert = transaction.prepare(insert)?;
+            insert.execute(params![at, session, robot, percent, charging])?;
+        }
+        Content::Event {
+            kind,
+            behaviour,
+            data,
+        } => {
+            let insert = "INSERT INTO event (at, session, robot, kind, behaviour, data)
+                VALUES (?, ?, ?, ?, ?, ?)";
+            let mut insert = transaction.prepare(insert)?;
+            insert.execute(params![at, session, robot, kind, behaviour, data])?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::journal::{History, Kinds, Span};
+    use std::os::unix::fs::{PermissionsExt as _, symlink};
+
+    fn about() -> About {
+        About {
+            target: "10.0.0.2:9000".to_owned(),
+            simulated: true,
+        }
+    }
+
+    fn event(at: i64, text: &str) -> Row {
+        let content = Content::Event {
+            kind: "link_down",
+            behaviour: None,
+            data: serde_json::json!({ "event": "link_down", "reason": text }).to_string(),
+        };
+        Row {
+            at,
+            robot: None,
+            content,
+        }
+    }
+
+    fn count(data: &Path) -> usize {
+        let history = History::open(data).unwrap().unwrap();
+        history
+            .records(&Kinds::All, &Span::default())
+            .unwrap()
+            .len()
+    }
+
+    #[test]
+    fn its_files_are_this_users_alone() {
+        let data = tempfile::tempdir().unwrap();
+        let mut ledger = Ledger::open(data.path(), Options::default(), &about()).unwrap();
+        ledger.write(&[event(1, "x")], 0).unwrap();
+        let mode = |path: &Path| path.metadata().unwrap().permissions().mode() & 0o777;
+        let folder = folder(data.path());
+        assert_eq!(mode(&folder), 0o700);
+        let files: Vec<_> = std::fs::read_dir(&folder).unwrap().flatten().collect();
+        assert!(files.len() >= 2, "{files:?}");
+        for file in files {
+            assert_eq!(mode(&file.path()), 0o600, "{file:?}");
+        }
+    }
+
+    #[test]
+    fn links_are_not_followed() {
+        let (data, elsewhere) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        symlink(elsewhere.path(), folder(data.path())).unwrap();
+        let error = Ledger::open(data.path(), Options::default(), &about()).unwrap_err();
+        assert!(error.to_string().contains("symbolic link"), "{error}");
+        std::fs::remove_file(folder(data.path())).unwrap();
+        std::fs::create_dir(folder(data.path())).unwrap();
+        let target = elsewhere.path().join("x");
+        std::fs::write(&target, "").unwrap();
+        symlink(&target, journal_file(data.path())).unwrap();
+        Ledger::open(data.path(), Options::default(), &about()).unwrap();
+        assert_eq!(target.metadata().unwrap().len(), 0);
+        assert!(
+            journal_file(data.path())
+                .symlink_metadata()
+                .unwrap()
+                .is_file()
+        );
+    }
+
+    #[test]
+    fn what_is_too_old_is_forgotten_and_the_oldest_makes_room() {
+        let data = tempfile::tempdir().unwrap();
+        let options = Options {
+            keep_days: 10,
+            max_mib: 1,
+            ..Options::default()
+        };
+        let mut ledger = Ledger::open(data.path(), options, &about()).unwrap();
+        let now = Timestamp::now().as_millisecond();
+        let old: Vec<Row> = (0..50)
+            .map(|at| event(now - 11 * 86_400_000 + at, "old"))
+            .collect();
+        ledger.write(&old, 0).unwrap();
+        ledger.write(&[event(now, "new")], 0).unwrap();
+        assert_eq!(ledger.forget().unwrap(), 50);
+        assert_eq!(count(data.path()), 1);
+        let long = "x".repeat(2000);
+        for round in 0..6 {
+            let rows: Vec<Row> = (0..100)
+                .map(|at| event(now + round * 100 + at, &long))
+                .collect();
+            ledger.write(&rows, 0).unwrap();
+            ledger.forget().unwrap();
+            assert!(ledger.bytes().unwrap() <= 1 << 20);
+        }
+        let history = History::open(data.path()).unwrap().unwrap();
+        let last = history.records(&Kinds::All, &Span::default()).unwrap();
+        assert_eq!(
+            last.last().unwrap().at.as_millisecond(),
+            now + 599,
+            "the newest stays"
+        );
+    }
+
+    #[test]
+    fn a_full_file_takes_nothing_in_part_and_takes_more_when_there_is_room() {
+        let data = tempfile::tempdir().unwrap();
+        let options = Options {
+            max_mib: 1,
+            ..Options::default()
+        };
+        let mut ledger = Ledger::open(data.path(), options, &about()).unwrap();
+        let long = "x".repeat(10_000);
+        let rows: Vec<Row> = (0..50).map(|at| event(at, &long)).collect();
+        let mut written = 0;
+        let error = loop {
+            match ledger.write(&rows, 0) {
+                Ok(()) => written += 50,
+                Err(error) => break error,
+            }
+        };
+        assert!(error.is_full(), "{error}");
+        assert_eq!(count(data.path()), written);
+        ledger.forget().unwrap();
+        ledger.write(&rows[..1], 50).unwrap();
+        let kinds = Kinds::Of(&["lost"]);
+        let history = History::open(data.path()).unwrap().unwrap();
+        let lost = history.records(&kinds, &Span::default()).unwrap();
+        assert_eq!(lost[0].data["count"], 50);
+    }
+
+    #[test]
+    fn a_file_that_is_no_journal_is_known_as_damage_and_set_aside() {
+        let data = tempfile::tempdir().unwrap();
+        std::fs::create_dir(folder(data.path())).unwrap();
+        std::fs::write(journal_file(data.path()), vec![7; 8192]).unwrap();
+        let error = Ledger::open(data.path(), Options::default(), &about()).unwrap_err();
+        assert!(error.is_damage(), "{error}");
+        let aside = Ledger::set_aside(data.path()).unwrap();
+        Ledger::open(data.path(), Options::default(), &about()).unwrap();
+        let kept = std::fs::read(folder(data.path()).join(aside)).unwrap();
+        assert_eq!(kept, vec![7; 8192]);
+    }
+}

@@ -1,0 +1,64 @@
+//! The `journal:` section of the config, and whose journal it is.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Deserializer, Serialize};
+
+use crate::robot::whole_within;
+
+/// What is remembered, and for how long.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(rename = "JournalOptions")]
+pub struct Options {
+    /// Whether there is a journal.
+    pub record: When,
+    /// What is older, in days, is forgotten: 400.
+    #[serde(deserialize_with = "days")]
+    #[schemars(range(min = 1, max = 36_500))]
+    pub keep_days: u64,
+    /// The file is kept below this size, in MiB, and the oldest makes room: 64.
+    #[serde(deserialize_with = "mebibytes")]
+    #[schemars(range(min = 1, max = 65_536))]
+    pub max_mib: u64,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options {
+            record: When::Auto,
+            keep_days: 400,
+            max_mib: 64,
+        }
+    }
+}
+
+/// When there is a journal.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+#[schemars(rename = "JournalWhen")]
+pub enum When {
+    /// A service has one, a single run has none.
+    #[default]
+    Auto,
+    /// Always.
+    On,
+    /// Never.
+    Off,
+}
+
+/// The agent whose journal it is.
+#[derive(Debug, Clone)]
+pub struct About {
+    /// The robot as it is reached.
+    pub target: String,
+    /// A simulated one.
+    pub simulated: bool,
+}
+
+fn days<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
+    whole_within(from, "a whole number of days, 1 to 36500", 1..=36_500)
+}
+
+fn mebibytes<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
+    whole_within(from, "a whole number of MiB, 1 to 65536", 1..=65_536)
+}

@@ -1,0 +1,188 @@
+//! What waits to be written: which happenings become rows, and when. Pure: the time is an argument.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use super::row::{Content, Row};
+use crate::robot::{Battery, Occurrence};
+
+/// Rows that wait for a disk at most; what comes on top is counted.
+const MOST_WAITING: usize = 2000;
+/// Rows of a minute; a robot that says a thousand times a second that it docks fills no disk.
+const MOST_A_MINUTE: u32 = 600;
+const MINUTE: Duration = Duration::from_secs(60);
+/// Rows that come within this time are written together.
+const TOGETHER: Duration = Duration::from_millis(250);
+/// The pause after a write that failed.
+const AGAIN: Duration = Duration::from_secs(5);
+
+/// See the module.
+#[derive(Debug, Default)]
+pub(super) struct Pending {
+    rows: Vec<Row>,
+    /// Happenings that are not among the rows.
+    lost: u64,
+    /// That was there last.
+    robot: Option<String>,
+    /// While the link is up.
+    battery: Option<Battery>,
+    sampled: Option<Instant>,
+    minute: Option<(Instant, u32)>,
+    due: Option<Instant>,
+}
+
+impl Pending {
+    /// Something has happened, at this time of day.
+    pub(super) fn hear(&mut self, what: &Occurrence, at: i64, now: Instant) {
+        match what {
+            Occurrence::LinkUp { robot, .. } => self.robot = Some(robot.uid.clone()),
+            Occurrence::LinkDown { .. } => self.battery = None,
+            Occurrence::Battery(battery) => {
+                (self.battery, self.sampled) = (Some(*battery), Some(now));
+            }
+            _ => {}
+        }
+        self.push(Content::of(what), at, now);
+    }
+
+    /// So many happenings were not heard.
+    pub(super) fn miss(&mut self, count: u64, now: Instant) {
+        self.lost += count;
+        self.due.get_or_insert(now + TOGETHER);
+    }
+
+    /// When [`Pending::sample`] has something to do.
+    pub(super) fn samples_at(&self) -> Option<Instant> {
+        self.battery.and(self.sampled).map(|at| at + MINUTE)
+    }
+
+    /// The battery of this minute, if nothing was heard of it since the last.
+    pub(super) fn sample(&mut self, at: i64, now: Instant) {
+        if self.samples_at().is_none_or(|due| now < due) {
+            return;
+        }
+        self.sampled = Some(now);
+        if let Some(battery) = self.battery {
+            self.push(Content::of_battery(&battery), at, now);
+        }
+    }
+
+    fn push(&mut self, content: Content, at: i64, now: Instant) {
+        if self.rows.len() >= MOST_WAITING || !self.has_room(now) {
+            return self.miss(1, now);
+        }
+        let robot = self.robot.clone();
+        self.rows.push(Row { at, robot, content });
+        self.due.get_or_insert(now + TOGETHER);
+    }
+
+    fn has_room(&mut self, now: Instant) -> bool {
+        let fresh = |(since, _): &(Instant, u32)| now.saturating_duration_since(*since) < MINUTE;
+        let (since, rows) = self.minute.filter(fresh).unwrap_or((now, 0));
+        self.minute = Some((since, rows.saturating_add(1)));
+        rows < MOST_A_MINUTE
+    }
+
+    /// When there is something to write.
+    pub(super) fn due(&self) -> Option<Instant> {
+        self.due
+    }
+
+    /// What is to be written now, and how many happenings are not among it.
+    pub(super) fn rows(&self) -> (&[Row], u64) {
+        (&self.rows, self.lost)
+    }
+
+    /// All of it is written.
+    pub(super) fn written(&mut self) {
+        self.rows.clear();
+        (self.lost, self.due) = (0, None);
+    }
+
+    /// None of it is; it is tried again.
+    pub(super) fn failed(&mut self, now: Instant) {
+        self.due = Some(now + AGAIN);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::{Percent, RobotInfo};
+
+    fn battery(percent: u8) -> Occurrence {
+        Occurrence::Battery(Battery {
+            percent: Percent::saturating(percent),
+            charging: false,
+            minutes_left: None,
+        })
+    }
+
+    fn down() -> Occurrence {
+        let reason = "gone".to_owned();
+        Occurrence::LinkDown { reason }
+    }
+
+    #[test]
+    fn the_battery_is_noted_at_each_change_and_each_minute_while_the_link_is_up() {
+        let (mut pending, mut now) = (Pending::default(), Instant::now());
+        pending.hear(&battery(70), 0, now);
+        pending.hear(&battery(69), 1, now);
+        assert_eq!(pending.rows().0.len(), 2);
+        pending.sample(2, now);
+        assert_eq!(pending.rows().0.len(), 2, "the minute is not over");
+        now += MINUTE;
+        assert_eq!(pending.samples_at(), Some(now));
+        pending.sample(3, now);
+        assert_eq!(pending.rows().0.len(), 3);
+        pending.hear(&down(), 4, now);
+        assert_eq!(pending.samples_at(), None);
+    }
+
+    #[test]
+    fn rows_name_the_robot_that_was_there() {
+        let (mut pending, now) = (Pending::default(), Instant::now());
+        let robot = RobotInfo {
+            uid: "SPYKEE7".to_owned(),
+            name: String::new(),
+            firmware: String::new(),
+            address: String::new(),
+            simulated: false,
+        };
+        let docked = false;
+        pending.hear(&Occurrence::LinkUp { robot, docked }, 0, now);
+        pending.hear(&down(), 1, now);
+        let robots = pending.rows().0.iter().map(|row| row.robot.as_deref());
+        assert_eq!(robots.collect::<Vec<_>>(), [Some("SPYKEE7"); 2]);
+    }
+
+    #[test]
+    fn a_flood_is_cut_and_every_lost_happening_is_counted() {
+        let (mut pending, mut now) = (Pending::default(), Instant::now());
+        for _ in 0..10_000 {
+            pending.hear(&down(), 0, now);
+        }
+        let (rows, lost) = pending.rows();
+        assert_eq!((rows.len() as u64 + lost, rows.len()), (10_000, 600));
+        pending.written();
+        assert_eq!((pending.due(), pending.rows()), (None, (&[][..], 0)));
+        now += MINUTE;
+        pending.hear(&down(), 0, now);
+        assert_eq!((pending.rows().0.len(), pending.rows().1), (1, 0));
+    }
+
+    #[test]
+    fn what_cannot_be_written_waits_and_then_is_counted() {
+        let (mut pending, mut now) = (Pending::default(), Instant::now());
+        for minute in 0..10_u64 {
+            for _ in 0..500 {
+                pending.hear(&down(), minute as i64, now);
+            }
+            pending.failed(now);
+            assert_eq!(pending.due(), Some(now + AGAIN));
+            now += MINUTE;
+        }
+        assert_eq!((pending.rows().0.len(), pending.rows().1), (2000, 3000));
+    }
+}

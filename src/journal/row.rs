@@ -1,0 +1,85 @@
+//! What the journal writes of a happening.
+
+use serde_json::{Value, json};
+
+use crate::robot::{Battery, Occurrence};
+
+/// The longest text of an event, as JSON, in bytes; an entry of a script is shorter.
+const LONGEST: usize = 16 * 1024;
+
+/// A row of the journal, its time in milliseconds of the epoch.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Row {
+    pub(super) at: i64,
+    /// Of the robot that was there.
+    pub(super) robot: Option<String>,
+    pub(super) content: Content,
+}
+
+/// Which table it goes to, and with what.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Content {
+    Battery {
+        percent: u8,
+        charging: bool,
+    },
+    Event {
+        kind: &'static str,
+        behaviour: Option<String>,
+        data: String,
+    },
+}
+
+impl Content {
+    pub(super) fn of_battery(battery: &Battery) -> Content {
+        Content::Battery {
+            percent: battery.percent.get(),
+            charging: battery.charging,
+        }
+    }
+
+    pub(super) fn of(what: &Occurrence) -> Content {
+        if let Occurrence::Battery(battery) = what {
+            return Content::of_battery(battery);
+        }
+        let kind = what.kind();
+        // An occurrence has no key that JSON could not have.
+        let data =
+            serde_json::to_string(what).unwrap_or_else(|_| json!({ "event": kind }).to_string());
+        let data = match data.len() > LONGEST {
+            true => json!({ "event": kind, "too_long": data.len() }).to_string(),
+            false => data,
+        };
+        Content::Event {
+            kind,
+            behaviour: behaviour(what).map(str::to_owned),
+            data,
+        }
+    }
+
+    /// So many happenings are not in the journal.
+    pub(super) fn of_lost(count: u64) -> Content {
+        let data: Value = json!({ "event": "lost", "count": count });
+        Content::Event {
+            kind: "lost",
+            behaviour: None,
+            data: data.to_string(),
+        }
+    }
+}
+
+fn behaviour(what: &Occurrence) -> Option<&str> {
+    use Occurrence::{Dock, Ended, Entry, GivenUp, Notify, Picture, StartMissed, Started, Undock};
+    match what {
+        Dock { by, .. } => by.as_deref(),
+        Undock { by, .. } => Some(by),
+        Started { behaviour }
+        | Ended { behaviour, .. }
+        | GivenUp { behaviour, .. }
+        | StartMissed { behaviour, .. }
+        | Picture { behaviour, .. }
+        | Entry { behaviour, .. }
+        | Notify { behaviour, .. } => Some(behaviour),
+        _ => None,
+    }
+}

@@ -1,0 +1,111 @@
+//! The tables, and how an older file becomes a newer one. `user_version` says how many of the steps a
+//! file has behind it.
+
+use rusqlite::{Connection, TransactionBehavior};
+
+/// One step for each version, never changed once it is out.
+const STEPS: &[&str] = &["
+    CREATE TABLE session (
+        id INTEGER PRIMARY KEY,
+        began INTEGER NOT NULL,         -- milliseconds of the epoch, as all times
+        ended INTEGER,                  -- NULL: it runs, or was killed
+        pid INTEGER NOT NULL,
+        target TEXT NOT NULL,
+        simulated INTEGER NOT NULL
+    );
+    CREATE TABLE event (
+        id INTEGER PRIMARY KEY,
+        at INTEGER NOT NULL,
+        session INTEGER NOT NULL,
+        robot TEXT,                     -- the uid, once known
+        kind TEXT NOT NULL,
+        behaviour TEXT,
+        data TEXT NOT NULL              -- the whole event as JSON
+    );
+    CREATE INDEX event_at ON event (at);
+    CREATE INDEX event_kind ON event (kind, at);
+    CREATE TABLE battery (
+        at INTEGER NOT NULL,
+        session INTEGER NOT NULL,
+        robot TEXT,
+        percent INTEGER NOT NULL,
+        charging INTEGER NOT NULL
+    );
+    CREATE INDEX battery_at ON battery (at);
+"];
+
+/// The version of a file that this program writes.
+pub(super) const VERSION: usize = STEPS.len();
+
+/// Why a file cannot be brought to this program's version.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum SchemaError {
+    /// A newer program has written it.
+    #[error("a newer spykee has written it (version {found}; this one knows {VERSION})")]
+    Newer { found: usize },
+    /// SQLite's words.
+    #[error(transparent)]
+    Sql(#[from] rusqlite::Error),
+}
+
+/// The steps that a file has behind it.
+pub(super) fn version(connection: &Connection) -> rusqlite::Result<usize> {
+    let version: u32 = connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
+    Ok(version as usize)
+}
+
+/// Brings a file, an empty one too, to this program's version: all steps that are missing, or none.
+pub(super) fn migrate(connection: &mut Connection) -> Result<(), SchemaError> {
+    migrate_by(STEPS, connection)
+}
+
+fn migrate_by(steps: &[&str], connection: &mut Connection) -> Result<(), SchemaError> {
+    let immediate = TransactionBehavior::Immediate;
+    let transaction = connection.transaction_with_behavior(immediate)?;
+    let found = version(&transaction)?;
+    if found > steps.len() {
+        return Err(SchemaError::Newer { found });
+    }
+    for step in &steps[found..] {
+        transaction.execute_batch(step)?;
+    }
+    transaction.pragma_update(None, "user_version", steps.len() as u32)?;
+    Ok(transaction.commit()?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_older_file_takes_the_steps_it_lacks_and_keeps_what_it_has() {
+        let mut connection = Connection::open_in_memory().unwrap();
+        migrate(&mut connection).unwrap();
+        let add = "INSERT INTO battery VALUES (1, 1, NULL, 50, 0)";
+        connection.execute(add, []).unwrap();
+        migrate(&mut connection).unwrap();
+        let longer = [STEPS, &["ALTER TABLE battery ADD COLUMN volts REAL"]].concat();
+        migrate_by(&longer, &mut connection).unwrap();
+        assert_eq!(version(&connection).unwrap(), VERSION + 1);
+        let read = "SELECT percent FROM battery WHERE volts IS NULL";
+        let percent: i64 = connection.query_row(read, [], |row| row.get(0)).unwrap();
+        assert_eq!(percent, 50);
+    }
+
+    #[test]
+    fn a_step_that_fails_leaves_the_file_as_it_was() {
+        let mut connection = Connection::open_in_memory().unwrap();
+        let broken = ["CREATE TABLE a (x); CREATE TABLE b (y", "no SQL"];
+        assert!(migrate_by(&broken, &mut connection).is_err());
+        assert_eq!(version(&connection).unwrap(), 0);
+        migrate(&mut connection).unwrap();
+    }
+
+    #[test]
+    fn a_newer_file_is_refused_in_words() {
+        let mut connection = Connection::open_in_memory().unwrap();
+        connection.pragma_update(None, "user_version", 99).unwrap();
+        let error = migrate(&mut connection).unwrap_err();
+        assert!(error.to_string().contains("a newer spykee"), "{error}");
+    }
+}

@@ -1,0 +1,151 @@
+//! A message to a program of the owner's: the text on its standard input, the rest as arguments and in
+//! its environment. It and all that it starts are ended when their time is over.
+
+use std::io::Write as _;
+use std::os::unix::process::CommandExt as _;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use rustix::process::{Pid, Signal, kill_process_group};
+
+use super::delivery::Delivery;
+use super::notice::Notice;
+use super::options::Target;
+use super::template::{Place, fill};
+
+/// How often is looked whether it has ended.
+const LOOK_EVERY: Duration = Duration::from_millis(25);
+
+/// Runs it to its end.
+pub(super) fn send(target: &Target, notice: &Notice, picture: Option<&Path>) -> Delivery {
+    let words: Vec<String> = target
+        .command
+        .iter()
+        .map(|word| fill(word, notice, "", Place::Plain).replace('\0', ""))
+        .collect();
+    let Some((program, arguments)) = words.split_first() else {
+        return Delivery::Refused("it names no program".to_owned());
+    };
+    let mut command = Command::new(program);
+    command
+        .args(arguments)
+        .env("SPYKEE_EVENT", notice.rule.name())
+        .env("SPYKEE_ROBOT", notice.robot.replace('\0', ""))
+        .env("SPYKEE_TIME", notice.time())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .process_group(0);
+    if let Some(picture) = picture {
+        command.env("SPYKEE_PICTURE", picture);
+    }
+    match command.spawn() {
+        Ok(child) => to_the_end(child, notice, target.timeout.get()),
+        Err(error) => Delivery::Later(format!("{program} cannot be started: {error}")),
+    }
+}
+
+fn to_the_end(mut child: Child, notice: &Notice, limit: Duration) -> Delivery {
+    if let Some(mut input) = child.stdin.take() {
+        // Shorter than what a pipe holds: this waits for nobody. Who does not read it need not.
+        let _ = input.write_all(notice.text.as_bytes());
+    }
+    let mut left = limit;
+    let ended = loop {
+        match child.try_wait() {
+            Ok(Some(status)) if status.success() => break Delivery::Done,
+            Ok(Some(status)) => break Delivery::Later(format!("it ended with {status}")),
+            Ok(None) if left.is_zero() => {
+                break Delivery::Later(format!("it took more than {} s", limit.as_secs_f64()));
+            }
+            Ok(None) => {
+                std::thread::sleep(LOOK_EVERY.min(left));
+                left = left.saturating_sub(LOOK_EVERY);
+            }
+            Err(error) => break Delivery::Later(error.to_string()),
+        }
+    };
+    // Also what it has left behind: the group lives as long as one of them does.
+    let _ = kill_process_group(Pid::from_child(&child), Signal::KILL);
+    let _ = child.wait();
+    ended
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::notify::Rule;
+    use crate::robot::Seconds;
+
+    fn run(words: &[&str], seconds: f64) -> Delivery {
+        let target = Target {
+            command: words.iter().map(|word| (*word).to_owned()).collect(),
+            timeout: Seconds::new(seconds).unwrap(),
+            ..Target::default()
+        };
+        let notice = Notice {
+            rule: Rule::Low,
+            text: "a text; rm -rf *".to_owned(),
+            robot: "Rover".to_owned(),
+            at: 0,
+            picture: None,
+        };
+        send(&target, &notice, Some(Path::new("/data/1.jpg")))
+    }
+
+    #[test]
+    fn it_reads_the_text_and_knows_the_rest_and_no_shell_sees_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("told");
+        let script = "{ cat; echo \"|$1|$SPYKEE_EVENT|$SPYKEE_PICTURE\"; } > \"$0\"";
+        let words = ["sh", "-c", script, path.to_str().unwrap(), "{text} {robot}"];
+        assert_eq!(run(&words, 10.0), Delivery::Done);
+        let told = std::fs::read_to_string(path).unwrap();
+        assert_eq!(
+            told,
+            "a text; rm -rf *|a text; rm -rf * Rover|low|/data/1.jpg\n"
+        );
+    }
+
+    #[test]
+    fn one_that_hangs_is_ended_with_all_that_it_started() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pid");
+        let script = "sleep 600 & echo $! > \"$0\"; wait";
+        let told = run(&["sh", "-c", script, path.to_str().unwrap()], 0.5);
+        assert!(
+            matches!(&told, Delivery::Later(why) if why.contains("more than")),
+            "{told:?}"
+        );
+        let pid: i32 = std::fs::read_to_string(path)
+            .unwrap()
+            .trim()
+            .parse()
+            .unwrap();
+        let state = || {
+            let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+            stat.rsplit(") ")
+                .next()
+                .and_then(|rest| rest.chars().next())
+        };
+        let gone = || matches!(state(), None | Some('Z' | 'X'));
+        for _ in 0..1000 {
+            if gone() {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        panic!("it lives on: {:?}", state());
+    }
+
+    #[test]
+    fn a_program_that_fails_or_is_not_there_is_tried_again() {
+        assert!(matches!(run(&["false"], 10.0), Delivery::Later(_)));
+        let told = run(&["/no/such/program"], 10.0);
+        assert!(
+            matches!(&told, Delivery::Later(why) if why.contains("cannot be started")),
+            "{told:?}"
+        );
+    }
+}

@@ -1,0 +1,74 @@
+//! A message and why it is sent.
+
+use std::path::PathBuf;
+
+use jiff::Timestamp;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Why people are told.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "snake_case")]
+#[schemars(rename = "NotifyRule")]
+pub enum Rule {
+    /// The watchdog sounds its alarm.
+    Alarm,
+    /// The battery became low.
+    Low,
+    /// A docking failed.
+    NotDocked,
+    /// A behaviour failed, or was given up.
+    RunFailed,
+    /// A script added an entry `moved` or `noise` to the journal.
+    Moved,
+    /// The robot is out of reach for long, and when it is back.
+    Unreachable,
+    /// The timetable wanted a start that did not happen.
+    StartMissed,
+    /// A script called `notify.send`.
+    Script,
+    /// `spykee notify test`; every target has it.
+    Test,
+}
+
+impl Rule {
+    /// As the config writes it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Rule::Alarm => "alarm",
+            Rule::Low => "low",
+            Rule::NotDocked => "not_docked",
+            Rule::RunFailed => "run_failed",
+            Rule::Moved => "moved",
+            Rule::Unreachable => "unreachable",
+            Rule::StartMissed => "start_missed",
+            Rule::Script => "script",
+            Rule::Test => "test",
+        }
+    }
+}
+
+/// A message.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Notice {
+    /// Why.
+    pub rule: Rule,
+    /// What people read.
+    pub text: String,
+    /// The robot's name or uid; `spykee` while none is known.
+    pub robot: String,
+    /// When it happened, in milliseconds of the epoch.
+    pub at: i64,
+    /// A JPEG in the data folder of the behaviour that saved it.
+    pub picture: Option<PathBuf>,
+}
+
+impl Notice {
+    /// When it happened, RFC 3339, in UTC.
+    pub fn time(&self) -> String {
+        let at = Timestamp::from_millisecond(self.at).unwrap_or_default();
+        at.strftime("%Y-%m-%dT%H:%M:%SZ").to_string()
+    }
+}

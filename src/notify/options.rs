@@ -1,0 +1,233 @@
+//! The `notify:` section of the config.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::Value;
+
+use super::notice::Rule;
+use super::template;
+use crate::robot::{Seconds, whole_within};
+
+/// More targets are refused: each has a thread.
+const MOST_TARGETS: usize = 8;
+/// The longest name of a target.
+const LONGEST_NAME: usize = 40;
+/// What a webhook may be asked with.
+const METHODS: &[&str] = &["POST", "PUT", "PATCH"];
+
+/// Whom to tell what.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(rename = "NotifyOptions")]
+pub struct Options {
+    /// Messages to each target in an hour, a third of them at once: 30. Further ones are left out and
+    /// counted.
+    #[serde(deserialize_with = "per_hour")]
+    #[schemars(range(min = 1, max = 1000))]
+    pub per_hour: u64,
+    /// A robot that is out of reach for so long, in seconds, is told: 600.
+    pub unreachable_after: Seconds,
+    /// By name.
+    pub targets: BTreeMap<String, Target>,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options {
+            per_hour: 30,
+            unreachable_after: Seconds::from_secs(600),
+            targets: BTreeMap::new(),
+        }
+    }
+}
+
+/// A webhook, by `url`, or a command. `{text}`, `{event}`, `{robot}`, `{time}`, `{picture}` (the file's
+/// name) and, for webhooks, `{token}` in its texts are filled in.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(rename = "NotifyTarget")]
+pub struct Target {
+    /// Where a webhook is.
+    pub url: Option<String>,
+    /// POST, PUT or PATCH: POST.
+    pub method: String,
+    /// Header fields of a webhook.
+    pub headers: BTreeMap<String, String>,
+    /// What a webhook is sent, as text; `{text}` unless something is said here or at `json`.
+    pub body: Option<String>,
+    /// What it is sent, as JSON: the texts within are filled in.
+    pub json: Option<Value>,
+    /// How a picture goes with it.
+    pub picture: PictureWay,
+    /// The file whose first line is `{token}`.
+    pub token_file: Option<PathBuf>,
+    /// The environment variable that is `{token}`.
+    pub token_env: Option<String>,
+    /// A program and its arguments; it reads the text on its standard input.
+    pub command: Vec<String>,
+    /// Told of these; of all unless said.
+    pub on: Option<Vec<Rule>>,
+    /// How long it may take, in seconds: 15.
+    pub timeout: Seconds,
+}
+
+impl Default for Target {
+    fn default() -> Target {
+        Target {
+            url: None,
+            method: "POST".to_owned(),
+            headers: BTreeMap::new(),
+            body: None,
+            json: None,
+            picture: PictureWay::default(),
+            token_file: None,
+            token_env: None,
+            command: Vec::new(),
+            on: None,
+            timeout: Seconds::from_secs(15),
+        }
+    }
+}
+
+/// How a picture goes with a message to a webhook.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+#[schemars(rename = "NotifyPicture")]
+pub enum PictureWay {
+    /// It does not.
+    #[default]
+    None,
+    /// In place of the body; the text is in the header fields.
+    Body,
+    /// As a form: the members of `json` as its fields, or `body` as the field `body`; the picture as
+    /// `attachment`.
+    Form,
+}
+
+impl Target {
+    /// Whether it is told of this.
+    pub fn wants(&self, rule: Rule) -> bool {
+        rule == Rule::Test || self.on.as_ref().is_none_or(|rules| rules.contains(&rule))
+    }
+
+    /// All its texts that are filled in.
+    fn templates(&self) -> Vec<&str> {
+        let mut texts: Vec<&str> = self
+            .url
+            .iter()
+            .chain(&self.body)
+            .map(String::as_str)
+            .collect();
+        texts.extend(self.headers.values().map(String::as_str));
+        texts.extend(self.command.iter().map(String::as_str));
+        if let Some(json) = &self.json {
+            template::texts(json, &mut texts);
+        }
+        texts
+    }
+
+    fn check(&self) -> Result<(), String> {
+        let web = self.url.is_some();
+        if web == !self.command.is_empty() {
+            return Err("it needs either `url` or `command`".to_owned());
+        }
+        for text in self.templates() {
+            template::check(text)?;
+        }
+        let wants_token = self.templates().iter().any(|text| text.contains("{token}"));
+        let has_token = self.token_file.is_some() || self.token_env.is_some();
+        if wants_token != has_token {
+            return Err(match wants_token {
+                true => "`{token}` needs `token_file` or `token_env`".to_owned(),
+                false => "its token is nowhere used: write {token} where it belongs".to_owned(),
+            });
+        }
+        if let Some(url) = &self.url {
+            let known = url.starts_with("https://") || url.starts_with("http://");
+            if !known && !url.starts_with('{') {
+                return Err("its url must begin with https:// or http://".to_owned());
+            }
+            if !METHODS.contains(&self.method.as_str()) {
+                return Err(format!("its method must be one of {}", METHODS.join(", ")));
+            }
+            if self.body.is_some() && self.json.is_some() {
+                return Err("it has both `body` and `json`; one of them is sent".to_owned());
+            }
+        } else if has_token {
+            return Err("a command gets no token: it would stand in lists of processes".to_owned());
+        }
+        Ok(())
+    }
+}
+
+impl Options {
+    /// What no type can say.
+    ///
+    /// # Errors
+    /// In words, with the target's name.
+    pub fn check(&self) -> Result<(), String> {
+        if self.targets.len() > MOST_TARGETS {
+            return Err(format!("notify: at most {MOST_TARGETS} targets"));
+        }
+        for (name, target) in &self.targets {
+            let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
+            if name.is_empty() || name.len() > LONGEST_NAME || !name.chars().all(plain) {
+                return Err(format!(
+                    "notify.targets: the name `{name}` may have letters, digits, - and _, at most {LONGEST_NAME}"
+                ));
+            }
+            let named = |why| format!("notify.targets.{name}: {why}");
+            target.check().map_err(named)?;
+        }
+        Ok(())
+    }
+}
+
+fn per_hour<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
+    whole_within(from, "a whole number of messages, 1 to 1000", 1..=1000)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn checked(target: &str) -> Result<(), String> {
+        let text = format!("targets:\n  phone: {target}\n");
+        let options: Options = serde_yaml::from_str(&text).map_err(|error| error.to_string())?;
+        options.check()
+    }
+
+    #[test]
+    fn what_makes_no_target_is_refused_in_words() {
+        for (target, words) in [
+            ("{}", "either `url` or `command`"),
+            (
+                "{ url: 'http://a', command: [x] }",
+                "either `url` or `command`",
+            ),
+            ("{ url: 'ftp://a' }", "https://"),
+            ("{ url: 'http://a/{token}' }", "needs `token_file`"),
+            ("{ url: 'http://a', token_env: A }", "nowhere used"),
+            ("{ url: 'http://a', body: '{tetx}' }", "{tetx}"),
+            (
+                "{ url: 'http://a', json: { a: [{ b: '{secret}' }] } }",
+                "{secret}",
+            ),
+            ("{ url: 'http://a', method: GET }", "POST"),
+            ("{ url: 'http://a', body: a, json: { a: b } }", "both"),
+            (
+                "{ command: [x, '{token}'], token_env: A }",
+                "lists of processes",
+            ),
+            ("{ url: 'http://a', on: [fire] }", "fire"),
+        ] {
+            let error = checked(target).unwrap_err();
+            assert!(error.contains(words), "{target}: {error}");
+        }
+        checked("{ url: 'https://a/{token}', token_env: A, on: [alarm, script] }").unwrap();
+        checked("{ command: [notify-send, '{robot}', '{text}'] }").unwrap();
+    }
+}

@@ -1,0 +1,184 @@
+//! Messages that wait for a target, one file each, so that they outlive the program. Bounded: the
+//! oldest make room, and what is older than a day is not worth telling.
+
+use std::io;
+use std::path::Path;
+
+use rustix::fs::{FlockOperation, flock};
+
+use super::notice::Notice;
+use crate::files::{Folder, Item};
+
+/// Messages of one target; the oldest make room.
+pub(super) const MOST: usize = 100;
+/// How long a message may wait, in milliseconds.
+const LONGEST: i64 = 86_400_000;
+/// The folder within the data folder.
+const FOLDER: &str = ".notify";
+/// No message is longer, as JSON, in bytes.
+const MAX_LEN: u64 = 64 * 1024;
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct Queue {
+    folder: Folder,
+    /// Of this process's lock, which it holds while it lives.
+    lock: std::fs::File,
+    holds: bool,
+}
+
+/// A message and its file.
+#[derive(Debug)]
+pub(super) struct Waiting {
+    pub(super) name: String,
+    pub(super) notice: Notice,
+}
+
+impl Queue {
+    /// The queue of a target in this data folder.
+    pub(super) fn open(data: &Path, target: &str) -> io::Result<Queue> {
+        Folder::make(data)?;
+        Folder::make(&data.join(FOLDER))?;
+        let path = data.join(FOLDER).join(target);
+        let folder = Folder::make(&path)?;
+        let lock = std::fs::File::open(&path)?;
+        Ok(Queue {
+            folder,
+            lock,
+            holds: false,
+        })
+    }
+
+    /// Adds a message. How many had to go for it.
+    pub(super) fn add(&self, notice: &Notice) -> io::Result<u64> {
+        let names = self.names()?;
+        let last = names.last().and_then(|name| number(name)).unwrap_or(0);
+        let mut gone = 0;
+        for name in names.iter().take((names.len() + 1).saturating_sub(MOST)) {
+            self.remove(name);
+            gone += 1;
+        }
+        let text = serde_json::to_vec(notice).map_err(io::Error::other)?;
+        let name = format!("{:016}.json", last + 1);
+        self.folder.replace_durably(&name, &text)?;
+        Ok(gone)
+    }
+
+    /// Whether this process may send what waits: one does, of several with one data folder.
+    pub(super) fn is_ours(&mut self) -> bool {
+        if !self.holds {
+            let exclusive = FlockOperation::NonBlockingLockExclusive;
+            self.holds = flock(&self.lock, exclusive).is_ok();
+        }
+        self.holds
+    }
+
+    /// The oldest message that is still worth telling at this time, in milliseconds of the epoch.
+    pub(super) fn oldest(&self, now: i64) -> io::Result<Option<Waiting>> {
+        for name in self.names()? {
+            let read = self.folder.read(&name, MAX_LEN);
+            let notice = read
+                .ok()
+                .flatten()
+                .and_then(|text| serde_json::from_slice(&text).ok());
+            match notice {
+                Some(notice) if is_fresh(&notice, now) => {
+                    return Ok(Some(Waiting { name, notice }));
+                }
+                // Too old, or no message at all.
+                _ => self.remove(&name),
+            }
+        }
+        Ok(None)
+    }
+
+    /// How many wait.
+    pub(super) fn len(&self) -> usize {
+        self.names().map_or(0, |names| names.len())
+    }
+
+    /// It was told, or never will be.
+    pub(super) fn remove(&self, name: &str) {
+        if let Err(error) = self.folder.remove(name) {
+            tracing::debug!("a message's file stays: {error}");
+        }
+    }
+
+    /// Oldest first.
+    fn names(&self) -> io::Result<Vec<String>> {
+        let items = self.folder.items()?.into_iter();
+        let names = items.map(|Item { name, .. }| name);
+        let mut names: Vec<String> = names.filter(|name| number(name).is_some()).collect();
+        names.sort();
+        Ok(names)
+    }
+}
+
+/// A clock that was wrong makes no message old.
+fn is_fresh(notice: &Notice, now: i64) -> bool {
+    now.saturating_sub(notice.at) < LONGEST
+}
+
+fn number(name: &str) -> Option<u64> {
+    name.strip_suffix(".json")?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::notify::Rule;
+
+    fn notice(text: &str, at: i64) -> Notice {
+        Notice {
+            rule: Rule::Low,
+            text: text.to_owned(),
+            robot: "Rover".to_owned(),
+            at,
+            picture: None,
+        }
+    }
+
+    #[test]
+    fn the_oldest_is_told_first_and_a_new_program_goes_on() {
+        let data = tempfile::tempdir().unwrap();
+        let queue = Queue::open(data.path(), "phone").unwrap();
+        queue.add(&notice("one", 5)).unwrap();
+        queue.add(&notice("two", 6)).unwrap();
+        drop(queue);
+        let queue = Queue::open(data.path(), "phone").unwrap();
+        let first = queue.oldest(10).unwrap().unwrap();
+        assert_eq!(first.notice.text, "one");
+        queue.remove(&first.name);
+        queue.add(&notice("three", 7)).unwrap();
+        assert_eq!(queue.oldest(10).unwrap().unwrap().notice.text, "two");
+        assert_eq!(queue.len(), 2);
+    }
+
+    #[test]
+    fn it_is_bounded_and_what_is_old_or_garbage_goes() {
+        let data = tempfile::tempdir().unwrap();
+        let queue = Queue::open(data.path(), "phone").unwrap();
+        let gone: u64 = (0..MOST as i64 + 7)
+            .map(|at| queue.add(&notice("x", at)).unwrap())
+            .sum();
+        assert_eq!((gone, queue.len()), (7, MOST));
+        assert!(queue.oldest(LONGEST * 2).unwrap().is_none());
+        assert_eq!(queue.len(), 0);
+        queue
+            .folder
+            .replace("0000000000000001.json", b"garbage")
+            .unwrap();
+        assert!(queue.oldest(0).unwrap().is_none());
+        assert_eq!(queue.len(), 0);
+    }
+
+    #[test]
+    fn of_two_programs_one_sends() {
+        let data = tempfile::tempdir().unwrap();
+        let mut one = Queue::open(data.path(), "phone").unwrap();
+        let mut two = Queue::open(data.path(), "phone").unwrap();
+        assert!(one.is_ours() && !two.is_ours() && one.is_ours());
+        drop(one);
+        assert!(two.is_ours());
+    }
+}

@@ -1,0 +1,127 @@
+//! The thread of one target: sends what waits in its queue, with growing pauses while it cannot.
+
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration;
+
+use jiff::Timestamp;
+use tokio::time::Instant;
+use tracing::{info, warn};
+
+use super::command;
+use super::delivery::Delivery;
+use super::notice::Notice;
+use super::options::{PictureWay, Target};
+use super::queue::Queue;
+use super::webhook;
+use crate::files::Folder;
+
+/// The first pause after a failure; each is twice the one before ...
+const FIRST_PAUSE: Duration = Duration::from_secs(5);
+/// ... up to this.
+const LONGEST_PAUSE: Duration = Duration::from_secs(900);
+/// How often the queue is looked at unasked: another program may have left something there.
+const LOOK_EVERY: Duration = Duration::from_secs(30);
+/// A larger picture is left out, in bytes.
+const LARGEST_PICTURE: u64 = 8 << 20;
+
+/// Sends one message now.
+pub fn deliver(target: &Target, token: &str, notice: &Notice) -> Delivery {
+    match &target.url {
+        Some(url) => {
+            let wanted = target.picture != PictureWay::None;
+            let path = notice.picture.as_deref().filter(|_| wanted);
+            let picture = path.and_then(read_picture);
+            webhook::send(target, url, token, notice, picture.as_deref())
+        }
+        None => command::send(target, notice, notice.picture.as_deref()),
+    }
+}
+
+/// The JPEG that a script has saved; `None` if it is gone, or something else.
+fn read_picture(path: &Path) -> Option<Vec<u8>> {
+    let (folder, name) = (path.parent()?, path.file_name()?.to_str()?);
+    let read = Folder::open(folder).ok()?.read(name, LARGEST_PICTURE);
+    let bytes = read.ok().flatten()?;
+    bytes.starts_with(&[0xff, 0xd8]).then_some(bytes)
+}
+
+/// A target at work.
+pub(super) struct Sender {
+    pub(super) name: String,
+    pub(super) target: Target,
+    pub(super) token: String,
+    pub(super) data: PathBuf,
+}
+
+impl Sender {
+    /// Until nobody can wake it any more; what waits then is tried once more.
+    pub(super) fn live(self, woken: &Receiver<()>) {
+        let (mut pause, mut is_last) = (None, false);
+        loop {
+            let sent = self.send_all();
+            if is_last {
+                return;
+            }
+            pause = match (sent, pause) {
+                (true, _) => None,
+                (false, None) => Some(FIRST_PAUSE),
+                (false, Some(pause)) => Some(LONGEST_PAUSE.min(pause * 2)),
+            };
+            let until = Instant::now() + pause.unwrap_or(LOOK_EVERY);
+            is_last = wait(woken, until, pause.is_some());
+        }
+    }
+
+    /// Sends what waits; false at the first that cannot be sent now.
+    fn send_all(&self) -> bool {
+        let mut queue = match Queue::open(&self.data, &self.name) {
+            Ok(queue) => queue,
+            Err(error) => {
+                warn!(target = self.name, "its messages cannot be read: {error}");
+                return false;
+            }
+        };
+        while queue.len() > 0 && queue.is_ours() {
+            let now = Timestamp::now().as_millisecond();
+            let waiting = match queue.oldest(now) {
+                Ok(Some(waiting)) => waiting,
+                Ok(None) => return true,
+                Err(_) => return false,
+            };
+            match deliver(&self.target, &self.token, &waiting.notice) {
+                Delivery::Done => {
+                    let event = waiting.notice.rule.name();
+                    info!(target = self.name, event, "people are told");
+                    queue.remove(&waiting.name);
+                }
+                Delivery::Refused(why) => {
+                    warn!(target = self.name, "a message is given up: {why}");
+                    queue.remove(&waiting.name);
+                }
+                Delivery::Later(why) => {
+                    let waiting = queue.len();
+                    warn!(
+                        target = self.name,
+                        waiting, "people are not told yet: {why}"
+                    );
+                    return false;
+                }
+            }
+        }
+        true
+    }
+}
+
+/// Waits until then; a new message ends that, unless it is a pause after a failure. True: there will be
+/// no more.
+fn wait(woken: &Receiver<()>, until: Instant, is_pause: bool) -> bool {
+    loop {
+        let left = until.saturating_duration_since(Instant::now());
+        match woken.recv_timeout(left) {
+            Ok(()) if is_pause => {}
+            Ok(()) | Err(RecvTimeoutError::Timeout) => return false,
+            Err(RecvTimeoutError::Disconnected) => return true,
+        }
+    }
+}

@@ -1,0 +1,66 @@
+//! How many messages a target gets: so many in an hour, some of them at once. Pure: the time is an
+//! argument.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+const HOUR: Duration = Duration::from_secs(3600);
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct Share {
+    per_hour: f64,
+    left: f64,
+    at: Instant,
+    /// Left out since the last one that was let through.
+    left_out: u64,
+}
+
+impl Share {
+    pub(super) fn new(per_hour: u64, now: Instant) -> Share {
+        let per_hour = per_hour as f64;
+        Share {
+            per_hour,
+            left: Share::at_once(per_hour),
+            at: now,
+            left_out: 0,
+        }
+    }
+
+    fn at_once(per_hour: f64) -> f64 {
+        (per_hour / 3.0).max(1.0)
+    }
+
+    /// `None`: one more is too many. Else how many were before it.
+    pub(super) fn take(&mut self, now: Instant) -> Option<u64> {
+        let passed = now.saturating_duration_since(self.at).as_secs_f64();
+        self.at = now;
+        let grown = self.left + self.per_hour * passed / HOUR.as_secs_f64();
+        self.left = grown.min(Share::at_once(self.per_hour));
+        if self.left < 1.0 {
+            self.left_out += 1;
+            return None;
+        }
+        self.left -= 1.0;
+        Some(std::mem::take(&mut self.left_out))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_third_comes_at_once_the_rest_evenly_and_the_next_knows_what_was_left_out() {
+        let mut now = Instant::now();
+        let mut share = Share::new(30, now);
+        let burst = (0..50).filter(|_| share.take(now).is_some()).count();
+        assert_eq!(burst, 10);
+        now += HOUR / 30;
+        assert_eq!(share.take(now), Some(40));
+        assert_eq!(share.take(now), None);
+        now += HOUR;
+        assert_eq!((0..50).filter(|_| share.take(now).is_some()).count(), 10);
+    }
+}

@@ -1,0 +1,252 @@
+//! Texts with names in braces that are filled in, each so that it stays what it is: a part of a URL, a
+//! header field, a text in JSON.
+
+use std::fmt::Write as _;
+
+use serde_json::Value;
+
+use super::notice::Notice;
+
+/// What can stand in braces.
+const NAMES: &[&str] = &["text", "event", "robot", "time", "picture", "token"];
+/// Texts within texts of a JSON value.
+const DEEPEST: u32 = 16;
+
+/// Where a text goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Place {
+    /// As it is.
+    Plain,
+    /// What is filled in is a part of a path or query.
+    Url,
+    /// One line; what is no ASCII is written as RFC 2047 has it.
+    Header,
+}
+
+/// Whether all names in braces are known.
+///
+/// # Errors
+/// Names the one that is not.
+pub(super) fn check(template: &str) -> Result<(), String> {
+    for name in parts(template).filter_map(|part| part.err()) {
+        if !NAMES.contains(&name) {
+            let known: Vec<String> = NAMES.iter().map(|name| format!("{{{name}}}")).collect();
+            return Err(format!("{{{name}}} is not known; {} are", known.join(", ")));
+        }
+    }
+    Ok(())
+}
+
+/// The text with all names filled in.
+pub(super) fn fill(template: &str, notice: &Notice, token: &str, place: Place) -> String {
+    let mut filled = String::new();
+    for part in parts(template) {
+        match part {
+            Ok(text) => filled.push_str(text),
+            Err(name) => {
+                let value = value(name, notice, token);
+                match place {
+                    Place::Url => encode(&value, &mut filled),
+                    Place::Plain | Place::Header => filled.push_str(&value),
+                }
+            }
+        }
+    }
+    match place {
+        Place::Header => header(&filled),
+        Place::Plain | Place::Url => filled,
+    }
+}
+
+/// The same of every text in a JSON value.
+pub(super) fn fill_json(template: &Value, notice: &Notice, token: &str) -> Value {
+    match template {
+        Value::String(text) => Value::String(fill(text, notice, token, Place::Plain)),
+        Value::Array(list) => {
+            let filled = list.iter().map(|one| fill_json(one, notice, token));
+            Value::Array(filled.collect())
+        }
+        Value::Object(map) => {
+            let filled = map.iter();
+            let filled = filled.map(|(key, one)| (key.clone(), fill_json(one, notice, token)));
+            Value::Object(filled.collect())
+        }
+        other => other.clone(),
+    }
+}
+
+/// All texts in a JSON value.
+pub(super) fn texts<'a>(value: &'a Value, found: &mut Vec<&'a str>) {
+    fn walk<'a>(value: &'a Value, found: &mut Vec<&'a str>, depth: u32) {
+        match value {
+            Value::String(text) => found.push(text),
+            Value::Array(list) if depth > 0 => {
+                list.iter().for_each(|one| walk(one, found, depth - 1));
+            }
+            Value::Object(map) if depth > 0 => {
+                map.values().for_each(|one| walk(one, found, depth - 1));
+            }
+            _ => {}
+        }
+    }
+    walk(value, found, DEEPEST);
+}
+
+/// Text as it stands (`Ok`), and names in braces (`Err`). A brace that holds no word is text.
+fn parts(template: &str) -> impl Iterator<Item = Result<&str, &str>> {
+    let mut rest = template;
+    std::iter::from_fn(move || {
+        if rest.is_empty() {
+            return None;
+        }
+        if let Some((name, behind)) = name_at(rest) {
+            rest = behind;
+            return Some(Err(name));
+        }
+        let from_second = rest.char_indices().skip(1);
+        let mut braces = from_second.filter(|(_, letter)| *letter == '{');
+        let end = braces.find(|(at, _)| name_at(&rest[*at..]).is_some());
+        let (text, behind) = rest.split_at(end.map_or(rest.len(), |(at, _)| at));
+        rest = behind;
+        Some(Ok(text))
+    })
+}
+
+/// The name in braces that a text begins with, and what follows it.
+fn name_at(text: &str) -> Option<(&str, &str)> {
+    let (name, behind) = text.strip_prefix('{')?.split_once('}')?;
+    let word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    (!name.is_empty() && name.chars().all(word)).then_some((name, behind))
+}
+
+fn value(name: &str, notice: &Notice, token: &str) -> String {
+    match name {
+        "text" => notice.text.clone(),
+        "event" => notice.rule.name().to_owned(),
+        "robot" => notice.robot.clone(),
+        "time" => notice.time(),
+        "picture" => {
+            let name = notice.picture.as_ref().and_then(|path| path.file_name());
+            name.unwrap_or_default().to_string_lossy().into_owned()
+        }
+        "token" => token.to_owned(),
+        _ => String::new(),
+    }
+}
+
+fn encode(text: &str, encoded: &mut String) {
+    for byte in text.bytes() {
+        let plain = byte.is_ascii_alphanumeric() || b"-._~".contains(&byte);
+        // Writing into a string does not fail.
+        let _ = match plain {
+            true => write!(encoded, "{}", char::from(byte)),
+            false => write!(encoded, "%{byte:02X}"),
+        };
+    }
+}
+
+/// One line of ASCII.
+fn header(text: &str) -> String {
+    let line: String = text
+        .chars()
+        .map(|c| if c.is_control() { ' ' } else { c })
+        .collect();
+    match line.is_ascii() {
+        true => line.trim().to_owned(),
+        false => format!("=?UTF-8?B?{}?=", base64(line.trim().as_bytes())),
+    }
+}
+
+fn base64(bytes: &[u8]) -> String {
+    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::new();
+    for three in bytes.chunks(3) {
+        let at = |index: usize| u32::from(three.get(index).copied().unwrap_or(0));
+        let bits = at(0) << 16 | at(1) << 8 | at(2);
+        for place in 0..4 {
+            let letter = LETTERS[(bits >> (18 - 6 * place) & 63) as usize];
+            text.push(if place <= three.len() {
+                char::from(letter)
+            } else {
+                '='
+            });
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::notify::Rule;
+    use proptest::prelude::*;
+    use serde_json::json;
+
+    fn notice(text: &str) -> Notice {
+        Notice {
+            rule: Rule::NotDocked,
+            text: text.to_owned(),
+            robot: "Rover".to_owned(),
+            at: 0,
+            picture: Some("data/guard/1.jpg".into()),
+        }
+    }
+
+    fn filled(template: &str, place: Place) -> String {
+        fill(template, &notice("a b&c \"q\" ä\r\nX: y"), "s3", place)
+    }
+
+    #[test]
+    fn names_in_braces_are_filled_in_and_other_braces_stay() {
+        let text = filled(
+            "{robot} {event} {time} {picture} {token} {} {no word} {",
+            Place::Plain,
+        );
+        assert_eq!(
+            text,
+            "Rover not_docked 1970-01-01T00:00:00Z 1.jpg s3 {} {no word} {"
+        );
+        assert!(check("{text} {a b}").is_ok() && check("{texts}").is_err());
+    }
+
+    #[test]
+    fn what_is_filled_in_stays_within_its_place() {
+        assert_eq!(
+            filled("http://h/{text}?q=1", Place::Url),
+            "http://h/a%20b%26c%20%22q%22%20%C3%A4%0D%0AX%3A%20y?q=1"
+        );
+        let header = filled("{text}", Place::Header);
+        assert!(header.starts_with("=?UTF-8?B?") && header.is_ascii());
+        assert!(!header.contains(['\r', '\n']));
+        let json = fill_json(
+            &json!({ "a": ["{text}", 1, {"b": "{robot}"}] }),
+            &notice("\"}"),
+            "",
+        );
+        assert_eq!(json, json!({ "a": ["\"}", 1, {"b": "Rover"}] }));
+    }
+
+    #[test]
+    fn base64_is_that_of_the_rfc() {
+        for (bytes, text) in [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foobar", "Zm9vYmFy"),
+        ] {
+            assert_eq!(base64(bytes.as_bytes()), text);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_template_panics_and_text_without_braces_stays(template in "\\PC{0,40}") {
+            let _ = check(&template);
+            let text = filled(&template, Place::Plain);
+            if !template.contains('{') {
+                prop_assert_eq!(text, template);
+            }
+        }
+    }
+}

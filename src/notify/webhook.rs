@@ -1,0 +1,242 @@
+//! A message to a webhook.
+
+use std::time::Duration;
+
+use serde_json::Value;
+use ureq::http::{HeaderName, HeaderValue, Request};
+
+use super::delivery::Delivery;
+use super::notice::Notice;
+use super::options::{PictureWay, Target};
+use super::template::{Place, fill, fill_json};
+
+/// Separates the parts of a form. No picture and no honest text holds it.
+const BOUNDARY: &str = "spykee-5f1d8a7c40b2496e9d3e-form";
+/// So often a webhook may send us elsewhere.
+const REDIRECTS: u32 = 3;
+
+/// What is sent.
+#[derive(Debug, PartialEq)]
+struct Content {
+    kind: &'static str,
+    bytes: Vec<u8>,
+}
+
+/// Sends it, and waits for the answer. What goes wrong is told without the address, which may hold
+/// a secret.
+pub(super) fn send(
+    target: &Target,
+    url: &str,
+    token: &str,
+    notice: &Notice,
+    picture: Option<&[u8]>,
+) -> Delivery {
+    match request(target, url, token, notice, picture) {
+        Ok(request) => ask(request, target.timeout.get()),
+        Err(why) => Delivery::Refused(why),
+    }
+}
+
+fn request(
+    target: &Target,
+    url: &str,
+    token: &str,
+    notice: &Notice,
+    picture: Option<&[u8]>,
+) -> Result<Request<Vec<u8>>, String> {
+    let content = content(target, token, notice, picture);
+    let url = fill(url, notice, token, Place::Url);
+    let request = Request::builder().method(target.method.as_str()).uri(url);
+    let mut request = request
+        .header("content-type", content.kind)
+        .body(content.bytes)
+        .map_err(|_| "its url is none".to_owned())?;
+    for (name, value) in &target.headers {
+        let value = fill(value, notice, token, Place::Header);
+        let field = HeaderName::from_bytes(name.as_bytes());
+        let (Ok(field), Ok(value)) = (field, HeaderValue::from_str(&value)) else {
+            return Err(format!("its header field `{name}` is none"));
+        };
+        request.headers_mut().insert(field, value);
+    }
+    Ok(request)
+}
+
+fn content(target: &Target, token: &str, notice: &Notice, picture: Option<&[u8]>) -> Content {
+    let json = target
+        .json
+        .as_ref()
+        .map(|json| fill_json(json, notice, token));
+    let body = target.body.as_deref().unwrap_or("{text}");
+    let text = || fill(body, notice, token, Place::Plain);
+    match (picture, target.picture, json) {
+        (Some(picture), PictureWay::Body, _) => Content {
+            kind: "image/jpeg",
+            bytes: picture.to_vec(),
+        },
+        (Some(picture), PictureWay::Form, json) => {
+            let name = notice.picture.as_ref().and_then(|path| path.file_name());
+            let name = name.unwrap_or_default().to_string_lossy();
+            Content {
+                kind: "multipart/form-data; boundary=spykee-5f1d8a7c40b2496e9d3e-form",
+                bytes: form(&fields(json, text), &name, picture),
+            }
+        }
+        (_, _, Some(json)) => Content {
+            kind: "application/json",
+            bytes: json.to_string().into_bytes(),
+        },
+        _ => Content {
+            kind: "text/plain; charset=utf-8",
+            bytes: text().into_bytes(),
+        },
+    }
+}
+
+fn fields(json: Option<Value>, text: impl Fn() -> String) -> Vec<(String, String)> {
+    let Some(Value::Object(map)) = json else {
+        return vec![("body".to_owned(), text())];
+    };
+    let plain = |value: Value| match value {
+        Value::String(text) => text,
+        value => value.to_string(),
+    };
+    map.into_iter()
+        .map(|(key, value)| (key, plain(value)))
+        .collect()
+}
+
+/// Of a form; names of fields come from the config, their texts from anywhere.
+fn form(fields: &[(String, String)], name: &str, picture: &[u8]) -> Vec<u8> {
+    let quoted = |text: &str| text.replace(['"', '\r', '\n', '\\'], "_");
+    let mut bytes = Vec::new();
+    for (key, value) in fields {
+        let key = quoted(key);
+        let value = value.replace(BOUNDARY, "");
+        let part = format!(
+            "--{BOUNDARY}\r\nContent-Disposition: form-data; name=\"{key}\"\r\n\
+             Content-Type: text/plain; charset=utf-8\r\n\r\n{value}\r\n"
+        );
+        bytes.extend_from_slice(part.as_bytes());
+    }
+    let name = quoted(name);
+    let head = format!(
+        "--{BOUNDARY}\r\nContent-Disposition: form-data; name=\"attachment\"; filename=\"{name}\"\r\n\
+         Content-Type: image/jpeg\r\n\r\n"
+    );
+    bytes.extend_from_slice(head.as_bytes());
+    bytes.extend_from_slice(picture);
+    bytes.extend_from_slice(format!("\r\n--{BOUNDARY}--\r\n").as_bytes());
+    bytes
+}
+
+fn ask(request: Request<Vec<u8>>, limit: Duration) -> Delivery {
+    let agent: ureq::Agent = ureq::Agent::config_builder()
+        .timeout_global(Some(limit))
+        .http_status_as_error(false)
+        .max_redirects(REDIRECTS)
+        .user_agent(concat!("spykee/", env!("CARGO_PKG_VERSION")))
+        .build()
+        .into();
+    match agent.run(request) {
+        Ok(answer) => judge(answer.status().as_u16()),
+        Err(error) => failed(&error, limit),
+    }
+}
+
+/// What will never do better is given up; a wrong token may be put right.
+fn judge(status: u16) -> Delivery {
+    match status {
+        200..=299 => Delivery::Done,
+        400 | 405 | 411 | 413 | 415 | 422 => Delivery::Refused(format!("it answers {status}")),
+        401 | 403 => Delivery::Later(format!("it answers {status}: is the token right?")),
+        status => Delivery::Later(format!("it answers {status}")),
+    }
+}
+
+/// In words without the address.
+fn failed(error: &ureq::Error, limit: Duration) -> Delivery {
+    use ureq::Error::{BadUri, HostNotFound, Io, Timeout, TooManyRedirects};
+    Delivery::Later(match error {
+        Timeout(_) => format!("it does not answer within {} s", limit.as_secs_f64()),
+        HostNotFound => "its host is not known".to_owned(),
+        Io(error) => format!("no connection: {error}"),
+        TooManyRedirects => "it sends us elsewhere again and again".to_owned(),
+        BadUri(_) => return Delivery::Refused("its url is none".to_owned()),
+        ureq::Error::ConnectionFailed => "no connection".to_owned(),
+        _ => "no connection, or no HTTP on it".to_owned(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::notify::Rule;
+    use serde_json::json;
+
+    fn notice() -> Notice {
+        Notice {
+            rule: Rule::Moved,
+            text: "somebody is there".to_owned(),
+            robot: "Rover".to_owned(),
+            at: 0,
+            picture: Some("data/guard/1.jpg".into()),
+        }
+    }
+
+    fn of(target: Target, picture: Option<&[u8]>) -> (String, Request<Vec<u8>>) {
+        let made = request(&target, "https://h/{token}", "s3 cret", &notice(), picture).unwrap();
+        (String::from_utf8_lossy(made.body()).into_owned(), made)
+    }
+
+    #[test]
+    fn a_text_a_json_and_a_picture_are_what_each_service_wants() {
+        let (body, request) = of(Target::default(), Some(b"jpeg"));
+        assert_eq!(body, "somebody is there");
+        assert_eq!(
+            (request.uri().path(), request.method().as_str()),
+            ("/s3%20cret", "POST")
+        );
+        let ntfy = Target {
+            picture: PictureWay::Body,
+            headers: [("Message".to_owned(), "{text}".to_owned())].into(),
+            ..Target::default()
+        };
+        let (body, request) = of(ntfy.clone(), Some(b"jpeg"));
+        assert_eq!(
+            (body.as_str(), &request.headers()["content-type"]),
+            ("jpeg", &HeaderValue::from_static("image/jpeg"))
+        );
+        assert_eq!(request.headers()["message"], "somebody is there");
+        assert_eq!(of(ntfy, None).0, "somebody is there");
+        let apprise = Target {
+            json: Some(json!({ "title": "{robot}", "body": "{text}" })),
+            picture: PictureWay::Form,
+            ..Target::default()
+        };
+        let (body, _) = of(apprise.clone(), Some(b"jpeg"));
+        for part in [
+            "name=\"title\"",
+            "\r\n\r\nRover\r\n",
+            "filename=\"1.jpg\"",
+            "\r\n\r\njpeg\r\n--",
+        ] {
+            assert!(body.contains(part), "{part}:\n{body}");
+        }
+        let json: Value = serde_json::from_str(&of(apprise, None).0).unwrap();
+        assert_eq!(
+            json,
+            json!({ "title": "Rover", "body": "somebody is there" })
+        );
+    }
+
+    #[test]
+    fn a_header_field_that_is_none_is_refused_without_its_value() {
+        let target = Target {
+            headers: [("no header".to_owned(), "{token}".to_owned())].into(),
+            ..Target::default()
+        };
+        let error = request(&target, "https://h", "s3cret", &notice(), None).unwrap_err();
+        assert!(error.contains("no header") && !error.contains("s3cret"));
+    }
+}

@@ -1,0 +1,196 @@
+//! White paper to draw on, in pixels: areas, lines, and letters that are part of the program.
+
+use image::RgbImage;
+use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
+use tiny_skia::{
+    Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Stroke, StrokeDash,
+    Transform,
+};
+
+/// Red, green, blue and how opaque it is.
+pub type Ink = [u8; 4];
+
+/// How a text is written.
+#[derive(Debug, Clone, Copy)]
+pub struct Script {
+    /// Its colour.
+    pub ink: Ink,
+    /// 20 pixels high, instead of 16.
+    pub large: bool,
+    /// Bold.
+    pub bold: bool,
+}
+
+impl Script {
+    /// Small letters of a colour.
+    pub const fn small(ink: Ink) -> Script {
+        Script {
+            ink,
+            large: false,
+            bold: false,
+        }
+    }
+
+    fn height(self) -> RasterHeight {
+        if self.large {
+            RasterHeight::Size20
+        } else {
+            RasterHeight::Size16
+        }
+    }
+
+    fn weight(self) -> FontWeight {
+        if self.bold {
+            FontWeight::Bold
+        } else {
+            FontWeight::Regular
+        }
+    }
+
+    /// Pixels from left to right and from top to bottom.
+    pub fn size(self, text: &str) -> (f32, f32) {
+        let letter = get_raster_width(self.weight(), self.height());
+        (
+            (letter * text.chars().count()) as f32,
+            self.height().val() as f32,
+        )
+    }
+}
+
+/// The paper.
+pub struct Paper {
+    pixels: Pixmap,
+}
+
+impl Paper {
+    /// Of a size in pixels; `None` if there is no such paper.
+    pub fn new(width: u32, height: u32) -> Option<Paper> {
+        let mut pixels = Pixmap::new(width, height)?;
+        pixels.fill(Color::WHITE);
+        Some(Paper { pixels })
+    }
+
+    /// Width and height, in pixels.
+    pub fn size(&self) -> (f32, f32) {
+        (self.pixels.width() as f32, self.pixels.height() as f32)
+    }
+
+    /// Fills the area within corners.
+    pub fn fill(&mut self, corners: &[(f32, f32)], ink: Ink) {
+        if let Some(path) = through(corners, true) {
+            self.fill_path(&path, ink);
+        }
+    }
+
+    /// A line through places, so many pixels wide, dashed by so many pixels if at all.
+    pub fn line(&mut self, places: &[(f32, f32)], width: f32, dash: Option<f32>, ink: Ink) {
+        if let Some(path) = through(places, false) {
+            self.stroke(&path, width, dash, ink, Transform::identity());
+        }
+    }
+
+    /// A filled circle.
+    pub fn dot(&mut self, (x, y): (f32, f32), radius: f32, ink: Ink) {
+        if let Some(path) = PathBuilder::from_circle(x, y, radius.max(0.5)) {
+            self.fill_path(&path, ink);
+        }
+    }
+
+    /// A circle line.
+    pub fn ring(&mut self, (x, y): (f32, f32), radius: f32, width: f32, ink: Ink) {
+        if let Some(path) = PathBuilder::from_circle(x, y, radius.max(0.5)) {
+            self.stroke(&path, width, None, ink, Transform::identity());
+        }
+    }
+
+    /// A text with its left upper corner at a pixel.
+    pub fn write(&mut self, (x, y): (f32, f32), text: &str, script: Script) {
+        let mut left = x.round() as i32;
+        for letter in text.chars() {
+            let raster = |letter| get_raster(letter, script.weight(), script.height());
+            let Some(raster) = raster(letter).or_else(|| raster('?')) else {
+                continue;
+            };
+            for (row, line) in raster.rows().enumerate() {
+                for (column, shade) in line.iter().enumerate() {
+                    let place = (left + column as i32, y.round() as i32 + row as i32);
+                    self.blend(place, script.ink, *shade);
+                }
+            }
+            left += raster.width() as i32;
+        }
+    }
+
+    /// The picture.
+    pub fn finish(self) -> RgbImage {
+        let (width, height) = (self.pixels.width(), self.pixels.height());
+        let pixels = self.pixels.pixels().iter();
+        let bytes = pixels.flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()]);
+        // The paper is opaque, so nothing was multiplied away; the size fits by construction.
+        RgbImage::from_raw(width, height, bytes.collect()).unwrap_or_default()
+    }
+
+    fn blend(&mut self, (x, y): (i32, i32), ink: Ink, shade: u8) {
+        let (width, height) = (self.pixels.width() as i32, self.pixels.height() as i32);
+        if shade == 0 || !(0..width).contains(&x) || !(0..height).contains(&y) {
+            return;
+        }
+        let index = (y * width + x) as usize * 4;
+        for (channel, ink) in self.pixels.data_mut()[index..index + 3].iter_mut().zip(ink) {
+            let (old, new, share) = (u32::from(*channel), u32::from(ink), u32::from(shade));
+            *channel = ((old * (255 - share) + new * share) / 255) as u8;
+        }
+    }
+
+    fn fill_path(&mut self, path: &Path, ink: Ink) {
+        let (rule, still) = (FillRule::Winding, Transform::identity());
+        self.pixels.fill_path(path, &paint(ink), rule, still, None);
+    }
+
+    /// A path in units of its own, which `transform` brings onto the paper.
+    pub(crate) fn stroke(
+        &mut self,
+        path: &Path,
+        width: f32,
+        dash: Option<f32>,
+        ink: Ink,
+        transform: Transform,
+    ) {
+        let stroke = Stroke {
+            width,
+            line_cap: if dash.is_some() {
+                LineCap::Butt
+            } else {
+                LineCap::Round
+            },
+            line_join: LineJoin::Round,
+            dash: dash.and_then(|dash| StrokeDash::new(vec![dash, dash], 0.0)),
+            ..Stroke::default()
+        };
+        self.pixels
+            .stroke_path(path, &paint(ink), &stroke, transform, None);
+    }
+}
+
+fn paint(ink: Ink) -> Paint<'static> {
+    let mut paint = Paint::default();
+    let [r, g, b, a] = ink;
+    paint.set_color_rgba8(r, g, b, a);
+    paint.anti_alias = true;
+    paint
+}
+
+fn through(corners: &[(f32, f32)], closed: bool) -> Option<Path> {
+    let mut path = PathBuilder::new();
+    for (index, (x, y)) in corners.iter().enumerate() {
+        if index == 0 {
+            path.move_to(*x, *y);
+        } else {
+            path.line_to(*x, *y);
+        }
+    }
+    if closed {
+        path.close();
+    }
+    path.finish()
+}

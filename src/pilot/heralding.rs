@@ -1,0 +1,64 @@
+//! What the pilot says on the bus of what has happened: nothing here waits, whoever listens.
+
+use super::{Pilot, Status};
+use crate::robot::{BehaviourId, DockEnd, Event, Occurrence, RobotInfo};
+
+impl Pilot {
+    pub(super) fn herald_link(&self, info: &RobotInfo, docked: bool) {
+        let robot = info.clone();
+        self.bus.tell(Occurrence::LinkUp { robot, docked });
+    }
+
+    pub(super) fn herald_loss(&self, reason: &str) {
+        let reason = reason.to_owned();
+        self.bus.tell(Occurrence::LinkDown { reason });
+    }
+
+    pub(super) fn herald_battery(&self) {
+        if let Some(battery) = self.watchdog.battery() {
+            self.bus.tell(Occurrence::Battery(battery));
+        }
+    }
+
+    pub(super) fn herald_announcement(&self, event: &Event) {
+        if let Event::Safety { action, reason } = event {
+            let (action, reason) = (*action, reason.clone());
+            self.bus.tell(Occurrence::Safety { action, reason });
+        }
+    }
+
+    /// Of an undocking that was tried; one that was refused is no event, and a script may ask for a
+    /// thousand of these.
+    pub(super) fn herald_answer(&self, by: BehaviourId, event: &Event) {
+        let Event::UndockEnded { end, .. } = event else {
+            return;
+        };
+        if let (DockEnd::Done | DockEnd::Timeout, Some(by)) = (*end, self.seats.name(by)) {
+            let (by, end) = (by.to_owned(), *end);
+            self.bus.tell(Occurrence::Undock { by, end });
+        }
+    }
+
+    pub(super) fn herald_dock(&mut self) {
+        let Some(report) = self.watchdog.take_dock_report() else {
+            return;
+        };
+        let by = report.by.and_then(|by| self.seats.name(by));
+        self.bus.tell(Occurrence::Dock {
+            by: by.map(str::to_owned),
+            end: report.outcome.end,
+            attempts: report.outcome.attempts,
+            seconds: report.outcome.took.as_secs_f64(),
+        });
+    }
+
+    /// If the watchdog is at something else than when the status was told last.
+    pub(super) fn herald_status(&self, newest: &Status) {
+        let before = *self.status.borrow();
+        let essence = |status: &Status| (status.safety, status.low, status.docked);
+        if essence(&before) != essence(newest) {
+            let (state, low, docked) = essence(newest);
+            self.bus.tell(Occurrence::Watchdog { state, low, docked });
+        }
+    }
+}

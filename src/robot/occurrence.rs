@@ -1,0 +1,300 @@
+//! What can happen in the life of an agent, as it is told to whoever wants to know. As JSON each is a
+//! flat object whose `event` says which: `{"event":"link_down","reason":"..."}`.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{Battery, DockEnd, EndReason, RobotInfo, SafetyAction};
+
+/// What the watchdog is at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum WatchdogState {
+    /// No link.
+    Offline,
+    /// Free to move.
+    Free,
+    /// On the station.
+    Docked,
+    /// A behaviour sends the robot home.
+    Docking,
+    /// Low battery: on its way home, or waiting for the next try.
+    LowGoingHome,
+    /// Low battery and docking has failed: sounds the alarm, and tries again after growing pauses.
+    Alarm,
+}
+
+impl std::fmt::Display for WatchdogState {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            WatchdogState::Offline => "offline",
+            WatchdogState::Free => "free",
+            WatchdogState::Docked => "docked",
+            WatchdogState::Docking => "docking",
+            WatchdogState::LowGoingHome => "battery low, going home",
+            WatchdogState::Alarm => "battery low, ALARM",
+        })
+    }
+}
+
+/// Something that has happened.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum Occurrence {
+    /// Logged in to the robot.
+    LinkUp {
+        /// Who it says that it is.
+        #[serde(flatten)]
+        robot: RobotInfo,
+        /// On its station.
+        docked: bool,
+    },
+    /// The link is gone.
+    LinkDown {
+        /// In words.
+        reason: String,
+    },
+    /// The believed level or the sign of charging is another; also once after each login.
+    Battery(Battery),
+    /// The watchdog is at something else, or believes something else of the station.
+    Watchdog {
+        /// What it is at.
+        state: WatchdogState,
+        /// The battery is low and the watchdog has the robot.
+        low: bool,
+        /// On the station, as far as is known.
+        docked: bool,
+    },
+    /// The watchdog acted.
+    Safety {
+        /// What it did.
+        action: SafetyAction,
+        /// Why, in words.
+        reason: String,
+    },
+    /// A docking is over; one of a low robot's many tries counts as one.
+    Dock {
+        /// The behaviour that wanted it; `None`: the watchdog.
+        by: Option<String>,
+        /// How it ended.
+        end: DockEnd,
+        /// Tries made.
+        attempts: u32,
+        /// From its start, in seconds.
+        seconds: f64,
+    },
+    /// The robot has left its station for a behaviour, or has not in time.
+    Undock {
+        /// The behaviour that wanted it.
+        by: String,
+        /// How it ended.
+        end: DockEnd,
+    },
+    /// A behaviour runs, from its first line on.
+    Started {
+        /// Its name.
+        behaviour: String,
+    },
+    /// A behaviour has ended, or could not begin.
+    Ended {
+        /// Its name.
+        behaviour: String,
+        /// How.
+        reason: EndReason,
+        /// For people: with file and line if it failed.
+        message: Option<String>,
+        /// How long it ran.
+        seconds: f64,
+    },
+    /// A behaviour has failed too often and is not started again.
+    GivenUp {
+        /// Its name.
+        behaviour: String,
+        /// How it failed last.
+        message: String,
+    },
+    /// A start that the timetable wanted did not happen.
+    StartMissed {
+        /// The behaviour.
+        behaviour: String,
+        /// Why.
+        reason: String,
+    },
+    /// A behaviour has saved a picture.
+    Picture {
+        /// Its name.
+        behaviour: String,
+        /// Where.
+        path: PathBuf,
+    },
+    /// A behaviour wants something to be remembered.
+    Entry {
+        /// Its name.
+        behaviour: String,
+        /// A word of its own.
+        kind: String,
+        /// What it says of it; an object.
+        data: Value,
+    },
+    /// A behaviour wants somebody to be told.
+    Notify {
+        /// Its name.
+        behaviour: String,
+        /// The text.
+        text: String,
+        /// A picture that it saved.
+        picture: Option<PathBuf>,
+    },
+}
+
+impl Occurrence {
+    /// As `event` says it in JSON.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Occurrence::LinkUp { .. } => "link_up",
+            Occurrence::LinkDown { .. } => "link_down",
+            Occurrence::Battery(_) => "battery",
+            Occurrence::Watchdog { .. } => "watchdog",
+            Occurrence::Safety { .. } => "safety",
+            Occurrence::Dock { .. } => "dock",
+            Occurrence::Undock { .. } => "undock",
+            Occurrence::Started { .. } => "started",
+            Occurrence::Ended { .. } => "ended",
+            Occurrence::GivenUp { .. } => "given_up",
+            Occurrence::StartMissed { .. } => "start_missed",
+            Occurrence::Picture { .. } => "picture",
+            Occurrence::Entry { .. } => "entry",
+            Occurrence::Notify { .. } => "notify",
+        }
+    }
+}
+
+/// What a host says of its behaviour that is not for the robot. Texts of scripts: bounded and judged
+/// where they arrive.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Remark {
+    /// It has saved a picture in its data folder.
+    Picture {
+        /// The file's name.
+        name: String,
+    },
+    /// Something is to be remembered.
+    Entry {
+        /// A word of the script's own.
+        kind: String,
+        /// A JSON object.
+        json: String,
+    },
+    /// Somebody is to be told.
+    Notify {
+        /// What.
+        text: String,
+        /// The name of a file in its data folder.
+        picture: Option<String>,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::Percent;
+
+    fn all() -> Vec<Occurrence> {
+        let behaviour = "patrol".to_owned();
+        let text = || "words".to_owned();
+        vec![
+            Occurrence::LinkUp {
+                robot: RobotInfo {
+                    uid: "SPYKEE0001".to_owned(),
+                    name: "Rover".to_owned(),
+                    firmware: "1.0.22".to_owned(),
+                    address: "10.0.0.2:9000".to_owned(),
+                    simulated: true,
+                },
+                docked: true,
+            },
+            Occurrence::LinkDown { reason: text() },
+            Occurrence::Battery(Battery {
+                percent: Percent::saturating(71),
+                charging: false,
+                minutes_left: Some(12.5),
+            }),
+            Occurrence::Watchdog {
+                state: WatchdogState::LowGoingHome,
+                low: true,
+                docked: false,
+            },
+            Occurrence::Safety {
+                action: SafetyAction::Alarm,
+                reason: text(),
+            },
+            Occurrence::Dock {
+                by: None,
+                end: DockEnd::BaseNotFound,
+                attempts: 1,
+                seconds: 180.5,
+            },
+            Occurrence::Undock {
+                by: behaviour.clone(),
+                end: DockEnd::Done,
+            },
+            Occurrence::Started {
+                behaviour: behaviour.clone(),
+            },
+            Occurrence::Ended {
+                behaviour: behaviour.clone(),
+                reason: EndReason::Error,
+                message: Some("patrol.lua:3: no".to_owned()),
+                seconds: 1.5,
+            },
+            Occurrence::GivenUp {
+                behaviour: behaviour.clone(),
+                message: text(),
+            },
+            Occurrence::StartMissed {
+                behaviour: behaviour.clone(),
+                reason: text(),
+            },
+            Occurrence::Picture {
+                behaviour: behaviour.clone(),
+                path: "data/patrol/1.jpg".into(),
+            },
+            Occurrence::Entry {
+                behaviour: behaviour.clone(),
+                kind: "moved".to_owned(),
+                data: serde_json::json!({ "energy": 3.5 }),
+            },
+            Occurrence::Notify {
+                behaviour,
+                text: text(),
+                picture: None,
+            },
+        ]
+    }
+
+    #[test]
+    fn as_json_each_is_a_flat_object_named_by_its_kind_and_comes_back() {
+        for one in all() {
+            let json = serde_json::to_value(&one).unwrap();
+            assert_eq!(json["event"], one.kind());
+            assert_eq!(serde_json::from_value::<Occurrence>(json).unwrap(), one);
+        }
+    }
+
+    #[test]
+    fn words_in_json_are_those_of_scripts() {
+        let json = all()
+            .into_iter()
+            .map(|one| serde_json::to_string(&one).unwrap());
+        let json: String = json.collect();
+        for word in [
+            r#""end":"base_not_found""#,
+            r#""action":"alarm""#,
+            r#""percent":71"#,
+        ] {
+            assert!(json.contains(word), "{word}: {json}");
+        }
+    }
+}

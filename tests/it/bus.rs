@@ -1,0 +1,132 @@
+//! What an agent says of what happens.
+
+use std::time::Duration;
+
+use spykee::agent::{Behaviour, Bus, Heard, Listener, Occurrence};
+use spykee::behaviour::{Launch, Library, RestartPolicy};
+use spykee::lab::{self, Lab};
+use spykee::robot::{DockEnd, EndReason, Priority, WatchdogState};
+use spykee::script;
+use spykee::sim::World;
+
+fn behaviour(name: &str, source: &str) -> Behaviour {
+    Behaviour {
+        priority: Priority(0),
+        launch: Launch {
+            source: source.into(),
+            options: script::Options::new(name, format!("{name}.lua")),
+            library: Library::default(),
+        },
+        checked: false,
+        restart: RestartPolicy::Never,
+        reloads: None,
+    }
+}
+
+/// What was said so far.
+fn all(listener: &mut Listener) -> Vec<Occurrence> {
+    std::iter::from_fn(|| match listener.try_next()? {
+        Heard::Happening(one) => Some(one.what.clone()),
+        Heard::Missed(missed) => panic!("{missed} missed"),
+        Heard::Closed => None,
+    })
+    .collect()
+}
+
+fn play(source: &str, work: impl AsyncFnOnce(&Lab) + Send) -> Vec<Occurrence> {
+    let bus = Bus::default();
+    let mut listener = bus.listen();
+    let options = lab::Options {
+        bus,
+        ..lab::Options::default()
+    };
+    let behaviours = vec![behaviour("one", source)];
+    lab::run(World::default_world(), options, async |lab: &Lab| {
+        let run = lab.start(behaviours, Some(Duration::from_secs(600)));
+        work(lab).await;
+        run.outcome().await.unwrap();
+    })
+    .unwrap();
+    all(&mut listener)
+}
+
+fn at(said: &[Occurrence], is: impl Fn(&Occurrence) -> bool) -> usize {
+    let found = said.iter().position(is);
+    found.unwrap_or_else(|| panic!("not said: {said:#?}"))
+}
+
+#[test]
+fn a_runs_story_is_told_in_order_with_endings_and_places() {
+    let source = "journal.add('moved', {energy = 2})\nnotify.send('hello')\nerror('no')";
+    let said = play(source, async |_| {});
+    let up = at(
+        &said,
+        |one| matches!(one, Occurrence::LinkUp { robot, .. } if robot.simulated),
+    );
+    let battery = at(&said, |one| matches!(one, Occurrence::Battery(_)));
+    let started = at(
+        &said,
+        |one| matches!(one, Occurrence::Started { behaviour } if behaviour == "one"),
+    );
+    let entry = at(
+        &said,
+        |one| matches!(one, Occurrence::Entry { kind, data, .. } if kind == "moved" && data["energy"] == 2.0),
+    );
+    let notice = at(
+        &said,
+        |one| matches!(one, Occurrence::Notify { text, .. } if text == "hello"),
+    );
+    let ended = at(&said, |one| match one {
+        Occurrence::Ended {
+            reason, message, ..
+        } => {
+            let message = message.as_deref().unwrap_or_default();
+            *reason == EndReason::Error && message.contains("one.lua:3")
+        }
+        _ => false,
+    });
+    let order = [up, battery, started, entry, notice, ended];
+    assert!(order.is_sorted(), "{order:?}");
+}
+
+#[test]
+fn a_low_battery_and_the_way_home_are_told() {
+    let said = play("while true do task.wait(1) end", async |lab| {
+        tokio::time::sleep(Duration::from_secs(5)).await;
+        lab.sim().set_battery(10.0);
+        let home = lab.sim().wait_state(|state| state.docked && state.charging);
+        tokio::time::timeout(Duration::from_secs(400), home)
+            .await
+            .unwrap();
+        tokio::time::sleep(Duration::from_secs(30)).await;
+    });
+    let low = at(&said, |one| {
+        let Occurrence::Watchdog { state, low, .. } = one else {
+            return false;
+        };
+        *low && *state == WatchdogState::LowGoingHome
+    });
+    let docked = at(&said, |one| {
+        let Occurrence::Dock {
+            by,
+            end,
+            attempts,
+            seconds,
+        } = one
+        else {
+            return false;
+        };
+        by.is_none() && *end == DockEnd::Done && *attempts == 1 && *seconds > 1.0
+    });
+    let on_station = at(&said, |one| {
+        matches!(one, Occurrence::Watchdog { docked: true, .. })
+    });
+    assert!(
+        low < on_station && on_station <= docked + 1,
+        "{low} {on_station} {docked}"
+    );
+    let levels = said
+        .iter()
+        .filter(|one| matches!(one, Occurrence::Battery(_)));
+    assert!(levels.count() >= 2);
+}

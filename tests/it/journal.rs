@@ -1,0 +1,208 @@
+//! The journal of real runs: what it has after kills, slow disks and wrong folders, and what `spykee
+//! history` tells of it.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use rusqlite::{Connection, OpenFlags};
+use rustix::process::Signal;
+use spykee::wire::{Command, Led};
+
+use crate::rig::{PATIENCE, Rig, Run};
+
+const CONFIG: &str = "data: data\njournal: { record: on }\nbehaviours: [{ file: one.lua }]\n";
+
+fn start(rig: &Rig, script: &str) -> Run {
+    rig.file("one.lua", script);
+    rig.run_config(CONFIG)
+}
+
+fn file(rig: &Rig) -> PathBuf {
+    rig.folder().join("data/.journal/journal.db")
+}
+
+/// One that is there.
+fn open(rig: &Rig) -> rusqlite::Result<Connection> {
+    Connection::open_with_flags(file(rig), OpenFlags::SQLITE_OPEN_READ_WRITE)
+}
+
+fn number(connection: &Connection, query: &str) -> i64 {
+    let number = connection.query_row(query, [], |row| row.get::<_, Option<i64>>(0));
+    number.unwrap_or_default().unwrap_or(0)
+}
+
+/// Waits until the journal answers a query with a number other than 0.
+async fn written(rig: &Rig, query: &str) -> i64 {
+    let until = Instant::now() + PATIENCE;
+    while Instant::now() < until {
+        if let Ok(connection) = open(rig)
+            && let Ok(found) = connection.query_row(query, [], |row| row.get::<_, i64>(0))
+            && found > 0
+        {
+            return found;
+        }
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    panic!("not written: {query}");
+}
+
+async fn history(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
+    let all = [&["history", "--config", "spykee.yaml"], args].concat();
+    let mut run = rig.spykee(&all);
+    let code = run.code().await;
+    (code, run.text())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn killed_at_any_moment_the_journal_is_whole_and_lacks_at_most_the_last_second() {
+    // scripts/kill-journal has a hundred of them.
+    let kills: u64 = std::env::var("SPYKEE_JOURNAL_KILLS").map_or(12, |text| text.parse().unwrap());
+    let rig = Rig::quiet().await;
+    let ticks = "local n = 0 while true do n += 1 journal.add('tick', {n = n}) print('tick ' .. n) task.wait(0.02) end";
+    for kill in 0..kills {
+        let mut run = start(&rig, ticks);
+        run.says("tick 5").await;
+        // Spread over more than a second, in no order.
+        let pause = (kill * 7919) % 1300;
+        tokio::time::sleep(Duration::from_millis(pause)).await;
+        run.signal(Signal::KILL);
+        run.status().await;
+        let said = run
+            .text()
+            .lines()
+            .filter(|line| line.contains("tick "))
+            .count() as i64;
+        // Killed before its first write there is nothing of it, or no file at all.
+        let kept = open(&rig).map_or(0, |connection| {
+            let check: String = connection
+                .query_row("PRAGMA integrity_check", [], |row| row.get(0))
+                .unwrap();
+            assert_eq!(check, "ok", "kill {kill}");
+            let of = |what: &str| {
+                let pid = run.pid().as_raw_nonzero();
+                format!(
+                    "SELECT {what} FROM event WHERE kind = 'entry'
+                     AND session = (SELECT max(id) FROM session WHERE pid = {pid})"
+                )
+            };
+            let kept = number(&connection, &of("max(json_extract(data, '$.data.n'))"));
+            let whole = number(&connection, &of("count(*)"));
+            assert_eq!(kept, whole, "kill {kill}: none in between is missing");
+            kept
+        });
+        // Fifty ticks take at least a second.
+        assert!(said - kept <= 50, "kill {kill}: {kept} of {said}");
+    }
+    let cut_off = "SELECT count(*) FROM session WHERE ended IS NULL";
+    let cut_off = number(&open(&rig).unwrap(), cut_off);
+    assert!(cut_off >= kills as i64 / 2, "{cut_off} of {kills}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn while_the_disk_takes_nothing_the_robot_is_driven_and_later_nothing_is_missing() {
+    let rig = Rig::quiet().await;
+    let lights = "journal.add('before')
+        for n = 1, 200 do journal.add('tick', {n = n}) robot.led('left', n % 2 == 1) task.wait(0.05) end";
+    let mut run = start(&rig, lights);
+    written(&rig, "SELECT count(*) FROM event WHERE kind = 'entry'").await;
+    let holder = open(&rig).unwrap();
+    holder.busy_timeout(PATIENCE).unwrap();
+    holder.execute_batch("BEGIN EXCLUSIVE").unwrap();
+    let stuck = number(&holder, "SELECT count(*) FROM event");
+    let from = rig.sim.heard_since(0).len();
+    let light = |on: bool| move |command: &Command| *command == Command::Led { led: Led::Left, on };
+    let mut at = from;
+    for number in 0..40 {
+        at = rig.heard(at, light(number % 2 == 0)).await + 1;
+    }
+    assert_eq!(
+        number(&holder, "SELECT count(*) FROM event"),
+        stuck,
+        "the disk takes nothing"
+    );
+    holder.execute_batch("COMMIT").unwrap();
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let ticks = "SELECT count(*) FROM event WHERE json_extract(data, '$.kind') = 'tick'";
+    assert_eq!(number(&holder, ticks), 200);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_journal_that_cannot_be_written_is_said_and_is_written_when_it_can_be() {
+    let rig = Rig::quiet().await;
+    std::fs::create_dir(rig.folder().join("data")).unwrap();
+    let wall = rig.file("data/.journal", "in the way");
+    let mut run = start(&rig, "journal.add('early') print('runs') task.wait(600)");
+    run.says("runs").await;
+    run.says("the journal cannot be written").await;
+    std::fs::remove_file(wall).unwrap();
+    written(&rig, "SELECT count(*) FROM event WHERE kind = 'entry'").await;
+    run.signal(Signal::INT);
+    run.code().await;
+    let connection = open(&rig).unwrap();
+    assert_eq!(
+        number(
+            &connection,
+            "SELECT count(*) FROM session WHERE ended IS NOT NULL"
+        ),
+        1
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn history_tells_of_runs_entries_pictures_and_the_battery() {
+    let rig = Rig::quiet().await;
+    let script = "journal.add('moved', {energy = 3.5})
+        print(robot.wait_frame(20):save('seen'))
+        notify.send('hello')
+        error('no')";
+    let mut run = start(&rig, script);
+    assert_eq!(run.code().await, Some(1), "{}", run.text());
+    for (topic, words) in [
+        ("all", "Spykee at 127.0.0.1"),
+        ("link", "up"),
+        ("runs", "one.lua:4"),
+        ("entries", "energy=3.5"),
+        ("pictures", "data/one/seen.jpg"),
+        ("messages", "hello"),
+        ("battery", "90"),
+    ] {
+        let (code, text) = history(&rig, &[topic]).await;
+        assert_eq!(code, Some(0), "{text}");
+        assert!(text.contains(words), "{topic}: {words}\n{text}");
+    }
+    let (_, text) = history(&rig, &["--json", "--since", "1h"]).await;
+    let records: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let kinds: Vec<&str> = records
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|one| one["event"].as_str().unwrap())
+        .collect();
+    for kind in ["link_up", "started", "entry", "picture", "notify", "ended"] {
+        assert!(kinds.contains(&kind), "{kind}: {kinds:?}");
+    }
+    let (_, text) = history(&rig, &["runs", "--csv"]).await;
+    assert!(
+        text.starts_with("began,ended,lasted,behaviour,end,what\n"),
+        "{text}"
+    );
+    let (_, text) = history(&rig, &["--until", "2001-01-01"]).await;
+    assert!(text.contains("nothing of this kind"), "{text}");
+    let (code, text) = history(&rig, &["--plot", "battery.png"]).await;
+    assert_eq!(code, Some(0), "{text}");
+    assert!(image::open(rig.folder().join("battery.png")).is_ok());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn without_a_journal_history_says_how_to_keep_one() {
+    let rig = Rig::quiet().await;
+    rig.file("spykee.yaml", "data: data\n");
+    let (code, text) = history(&rig, &[]).await;
+    assert_eq!(code, Some(2));
+    assert!(
+        text.contains("there is no journal in data") && text.contains("record: on"),
+        "{text}"
+    );
+    let (code, text) = history(&rig, &["--since", "yesterday"]).await;
+    assert_eq!((code, text.contains("7d")), (Some(2), true), "{text}");
+}

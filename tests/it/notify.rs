@@ -1,0 +1,271 @@
+//! Notifications of real runs, to real HTTP servers that answer, refuse, hang or are not there.
+
+use std::io::{BufRead, BufReader, Write};
+use std::net::TcpListener;
+use std::os::unix::fs::PermissionsExt as _;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use rustix::process::Signal;
+use spykee::wire::{Command, Led};
+
+use crate::rig::{PATIENCE, Rig, Run};
+
+/// A request as it came.
+#[derive(Debug, Clone)]
+struct Asked {
+    head: String,
+    body: Vec<u8>,
+}
+
+impl Asked {
+    fn text(&self) -> String {
+        String::from_utf8_lossy(&self.body).into_owned()
+    }
+}
+
+/// A server that answers each request with the next status, and with the last one from then on; 0: it
+/// does not answer.
+struct Webhook {
+    address: String,
+    asked: Arc<Mutex<Vec<Asked>>>,
+}
+
+impl Webhook {
+    fn start(statuses: &'static [u16]) -> Webhook {
+        Webhook::on(TcpListener::bind("127.0.0.1:0").unwrap(), statuses)
+    }
+
+    fn on(listener: TcpListener, statuses: &'static [u16]) -> Webhook {
+        let address = listener.local_addr().unwrap().to_string();
+        let asked = Arc::new(Mutex::new(Vec::new()));
+        let kept = asked.clone();
+        std::thread::spawn(move || {
+            let mut hanging = Vec::new();
+            for stream in listener.incoming().map_while(Result::ok) {
+                let mut reader = BufReader::new(stream);
+                let Some(one) = read(&mut reader) else {
+                    continue;
+                };
+                let count = {
+                    let mut asked: std::sync::MutexGuard<'_, Vec<Asked>> = kept.lock().unwrap();
+                    asked.push(one);
+                    asked.len()
+                };
+                let status = statuses[(count - 1).min(statuses.len() - 1)];
+                let mut stream = reader.into_inner();
+                if status == 0 {
+                    hanging.push(stream);
+                    continue;
+                }
+                let answer = format!(
+                    "HTTP/1.1 {status} X\r\ncontent-length: 0\r\nconnection: close\r\n\r\n"
+                );
+                let _ = stream.write_all(answer.as_bytes());
+            }
+        });
+        Webhook { address, asked }
+    }
+
+    fn asked(&self) -> Vec<Asked> {
+        self.asked.lock().unwrap().clone()
+    }
+
+    /// Waits for so many requests.
+    async fn wait(&self, count: usize) -> Vec<Asked> {
+        let until = Instant::now() + PATIENCE;
+        while self.asked().len() < count {
+            assert!(Instant::now() < until, "instead: {:?}", self.asked());
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+        self.asked()
+    }
+}
+
+fn read(reader: &mut impl BufRead) -> Option<Asked> {
+    let mut head = String::new();
+    loop {
+        let mut line = String::new();
+        if reader.read_line(&mut line).ok()? == 0 {
+            return None;
+        }
+        if line == "\r\n" {
+            break;
+        }
+        head += &line;
+    }
+    let length = head.to_lowercase();
+    let length = length
+        .lines()
+        .find_map(|line| line.strip_prefix("content-length:"));
+    let mut body = vec![
+        0;
+        length
+            .and_then(|text| text.trim().parse().ok())
+            .unwrap_or(0)
+    ];
+    reader.read_exact(&mut body).ok()?;
+    Some(Asked { head, body })
+}
+
+fn secret(rig: &Rig, text: &str) {
+    let path = rig.file("token", text);
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o600)).unwrap();
+}
+
+fn start(rig: &Rig, notify: &str, script: &str) -> Run {
+    rig.file("one.lua", script);
+    rig.run_config(&format!(
+        "data: data\nbehaviours: [{{ file: one.lua }}]\n{notify}"
+    ))
+}
+
+fn waiting(rig: &Rig, target: &str) -> usize {
+    let folder = rig.folder().join("data/.notify").join(target);
+    std::fs::read_dir(folder).map_or(0, |files| files.count())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_scripts_send_and_what_fails_reaches_a_webhook_and_no_log_has_its_secret() {
+    let (rig, hook) = (Rig::quiet().await, Webhook::start(&[200]));
+    secret(&rig, "s3cr3t\n");
+    let notify = format!(
+        "notify: {{ targets: {{ phone: {{ url: 'http://{}/{{token}}', token_file: token, picture: body,
+         headers: {{ Authorization: 'Bearer {{token}}', Message: '{{robot}}: {{text}}' }} }} }} }}",
+        hook.address
+    );
+    let script = "local path = robot.wait_frame(20):save('seen')
+        print(notify.send('look at this', {picture = path}))
+        error('no')";
+    let mut run = start(&rig, &notify, script);
+    assert_eq!(run.code().await, Some(1), "{}", run.text());
+    let asked = hook.wait(2).await;
+    let [picture, failure] = &asked[..] else {
+        panic!("{asked:?}");
+    };
+    assert!(picture.body.starts_with(&[0xff, 0xd8]));
+    let head = picture.head.to_lowercase();
+    assert!(
+        head.starts_with("post /s3cr3t http") && head.contains("bearer s3cr3t"),
+        "{head}"
+    );
+    assert!(head.contains("message: spykee: look at this"), "{head}");
+    assert!(
+        failure.text().contains("one failed: one.lua:3"),
+        "{}",
+        failure.text()
+    );
+    assert!(!run.text().contains("s3cr3t"), "{}", run.text());
+    assert_eq!(waiting(&rig, "phone"), 0);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_webhook_that_fails_gets_the_message_after_a_pause() {
+    let (rig, hook) = (Rig::quiet().await, Webhook::start(&[500, 200]));
+    let notify = format!(
+        "notify: {{ targets: {{ phone: {{ url: 'http://{}/' }} }} }}",
+        hook.address
+    );
+    let run = start(&rig, &notify, "notify.send('hello') task.wait(600)");
+    let asked = hook.wait(2).await;
+    assert_eq!(
+        (asked[0].text(), asked[1].text()),
+        ("hello".into(), "hello".into())
+    );
+    run.says("it answers 500").await;
+    run.says("people are told").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_message_outlives_the_run_while_its_webhook_is_gone() {
+    let rig = Rig::quiet().await;
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    drop(listener);
+    let notify = format!("notify: {{ targets: {{ phone: {{ url: 'http://{address}/' }} }} }}");
+    let mut run = start(&rig, &notify, "notify.send('hello')");
+    assert_eq!(run.code().await, Some(0));
+    assert!(run.text().contains("not told yet"), "{}", run.text());
+    assert_eq!(waiting(&rig, "phone"), 1);
+    let hook = Webhook::on(TcpListener::bind(address).unwrap(), &[200]);
+    let mut run = start(&rig, &notify, "task.wait(1)");
+    assert_eq!(hook.wait(1).await[0].text(), "hello");
+    assert_eq!(run.code().await, Some(0));
+    assert_eq!(waiting(&rig, "phone"), 0);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_webhook_that_hangs_holds_up_neither_the_robot_nor_other_targets_nor_the_end() {
+    let (rig, hook) = (Rig::quiet().await, Webhook::start(&[0]));
+    let told = rig.folder().join("told");
+    let notify = format!(
+        "notify: {{ targets: {{ phone: {{ url: 'http://{}/', timeout: 600 }},
+         desk: {{ command: [sh, -c, 'cat > {}'] }} }} }}",
+        hook.address,
+        told.display()
+    );
+    let script = "notify.send('hello') while true do robot.led('left', true) task.wait(0.1) robot.led('left', false) task.wait(0.1) end";
+    let mut run = start(&rig, &notify, script);
+    hook.wait(1).await;
+    run.says("people are told").await;
+    assert_eq!(std::fs::read_to_string(&told).unwrap(), "hello");
+    let mut from = rig.sim.heard_since(0).len();
+    for on in [true, false, true, false, true] {
+        let light = move |command: &Command| *command == Command::Led { led: Led::Left, on };
+        from = rig.heard(from, light).await + 1;
+    }
+    run.signal(Signal::INT);
+    assert_eq!(run.code().await, Some(130));
+    assert_eq!(waiting(&rig, "phone"), 1, "it is kept");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_flood_is_cut_for_each_target() {
+    let (rig, hook) = (Rig::quiet().await, Webhook::start(&[200]));
+    let notify = format!(
+        "notify: {{ per_hour: 3, targets: {{ phone: {{ url: 'http://{}/', on: [script] }} }} }}",
+        hook.address
+    );
+    let script = "for n = 1, 5 do print('sent', notify.send('number ' .. n)) end error('not told')";
+    let mut run = start(&rig, &notify, script);
+    assert_eq!(run.code().await, Some(1));
+    let asked = hook.asked();
+    assert_eq!(asked.len(), 1, "{asked:?}");
+    assert_eq!(asked[0].text(), "number 1");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_test_tells_what_came_of_it_and_a_found_config_starts_no_program() {
+    let (rig, hook) = (Rig::quiet().await, Webhook::start(&[200, 404]));
+    rig.file(
+        "spykee.yaml",
+        &format!(
+            "notify: {{ targets: {{ phone: {{ url: 'http://{}/' }}, desk: {{ command: ['true'] }} }} }}",
+            hook.address
+        ),
+    );
+    let named = ["--config", "spykee.yaml"];
+    let test = async |args: &[&str]| {
+        let mut run = rig.spykee(&[&["notify", "test"], args].concat());
+        (run.code().await, run.text())
+    };
+    let (code, text) = test(&named).await;
+    assert_eq!(code, Some(0), "{text}");
+    assert!(
+        text.contains("phone: told") && text.contains("desk: told"),
+        "{text}"
+    );
+    let (code, text) = test(&[&["phone"], &named[..]].concat()).await;
+    assert!(
+        code == Some(4) && text.contains("phone: not told: it answers 404"),
+        "{text}"
+    );
+    let (code, text) = test(&[&["fax"], &named[..]].concat()).await;
+    assert!(code == Some(2) && text.contains("desk, phone"), "{text}");
+    let (code, text) = test(&[]).await;
+    assert!(
+        code == Some(2) && text.contains("found here, not named"),
+        "{text}"
+    );
+    assert_eq!(hook.asked().len(), 2);
+}

@@ -1,0 +1,122 @@
+//! Behaviours of a run that is on are started, stopped and restarted by name.
+
+use rustix::process::Signal;
+use spykee::wire::Command;
+
+use crate::rig::{Rig, Run, moves};
+
+const DRIVES: &str = "while true do robot.move(30, 30, 0.5) end";
+const IDLES: &str = "task.wait(600)";
+
+async fn tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
+    let mut run = rig.spykee(args);
+    let code = run.code().await;
+    (code, run.text())
+}
+
+/// A run with one behaviour that keeps it on and one that drives.
+async fn running(rig: &Rig) -> Run {
+    rig.file("idle.lua", IDLES);
+    rig.file("drive.lua", DRIVES);
+    let run = rig.spykee(&["run", "idle.lua", "drive.lua", "--robot", &rig.address]);
+    run.says("connected").await;
+    run
+}
+
+fn states(text: &str) -> Vec<(String, String)> {
+    let list: serde_json::Value = serde_json::from_str(text).unwrap_or_else(|_| panic!("{text}"));
+    let word = |one: &serde_json::Value, key: &str| one[key].as_str().unwrap().to_owned();
+    let list = list.as_array().unwrap().iter();
+    list.map(|one| (word(one, "name"), word(one, "state")))
+        .collect()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_behaviour_stops_and_starts_by_name_while_another_goes_on() {
+    let rig = Rig::quiet().await;
+    let mut run = running(&rig).await;
+    let moving = rig.heard_motion(0).await;
+    let (code, text) = tool(&rig, &["behaviour", "stop", "drive"]).await;
+    assert_eq!((code, &*text), (Some(0), "drive has ended"));
+    let stopped = rig.heard_stop(moving).await;
+    let (_, text) = tool(&rig, &["behaviour", "list", "--json"]).await;
+    let pair = |name: &str, state: &str| (name.to_owned(), state.to_owned());
+    assert_eq!(
+        states(&text),
+        [pair("idle", "running"), pair("drive", "idle")]
+    );
+    let after = rig.sim.heard_count();
+    assert!(!rig.commands(stopped).iter().any(moves), "it stands");
+    let (code, text) = tool(&rig, &["behaviour", "start", "drive"]).await;
+    assert_eq!(code, Some(0), "{text}");
+    rig.heard_motion(after).await;
+    let (code, text) = tool(&rig, &["behaviour", "list"]).await;
+    assert_eq!(
+        (code, text.contains("cancelled")),
+        (Some(0), true),
+        "{text}"
+    );
+    run.signal(Signal::INT);
+    assert_eq!(run.code().await, Some(130), "{}", run.text());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_restarted_behaviour_is_its_file_as_that_is_now() {
+    let rig = Rig::quiet().await;
+    let run = running(&rig).await;
+    rig.heard_motion(0).await;
+    rig.file("drive.lua", "robot.volume(41) task.wait(600)");
+    let (code, text) = tool(&rig, &["behaviour", "restart", "drive"]).await;
+    assert_eq!(code, Some(0), "{text} {}", run.text());
+    let volume = rig
+        .heard(0, |command| *command == Command::Volume(41))
+        .await;
+    assert!(!rig.commands(volume).iter().any(moves));
+    // One with a mistake is refused, and nothing runs in its place.
+    rig.file("drive.lua", "robot.mvoe(30, 30)");
+    let (code, text) = tool(&rig, &["behaviour", "restart", "drive"]).await;
+    assert_eq!(
+        (code, text.contains("drive.lua:1")),
+        (Some(1), true),
+        "{text}"
+    );
+    let (_, text) = tool(&rig, &["behaviour", "list", "--json"]).await;
+    assert_eq!(states(&text)[1].1, "idle", "{text}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_cannot_be_done_is_said_in_words() {
+    let rig = Rig::quiet().await;
+    let _run = running(&rig).await;
+    for (args, words) in [
+        (["start", "drive"], "`drive` runs already"),
+        (["start", "driv"], "did you mean 'drive'?"),
+        (["stop", "patrol"], "there are idle, drive"),
+    ] {
+        let (code, text) = tool(&rig, &[&["behaviour"], &args[..]].concat()).await;
+        assert_eq!((code, text.contains(words)), (Some(1), true), "{text}");
+    }
+    assert_eq!(tool(&rig, &["behaviour", "stop", "drive"]).await.0, Some(0));
+    let (code, text) = tool(&rig, &["behaviour", "stop", "drive"]).await;
+    assert_eq!(
+        (code, text.contains("does not run")),
+        (Some(1), true),
+        "{text}"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_ends_when_its_last_behaviour_is_stopped() {
+    let rig = Rig::quiet().await;
+    let mut run = rig.run(DRIVES);
+    rig.heard_motion(0).await;
+    let (code, text) = tool(&rig, &["behaviour", "stop", "script"]).await;
+    assert_eq!(code, Some(0), "{text}");
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let (code, text) = tool(&rig, &["behaviour", "list"]).await;
+    assert_eq!(
+        (code, text.contains("no run is on")),
+        (Some(3), true),
+        "{text}"
+    );
+}
