@@ -20,11 +20,8 @@ mod embedded;
 mod examiner;
 mod failure;
 mod fast;
-<<<<<<< HEAD
 mod firmware;
-=======
 mod history;
->>>>>>> main
 mod interrupt;
 mod learn;
 mod lesson;

@@ -31,12 +31,7 @@ use crate::lab;
 use crate::link::{self, LinkError, Target};
 use crate::pilot::{Dial, DrivingCore, Pulse, Status};
 use crate::robot::EndReason;
-<<<<<<< HEAD
-use crate::script::{self, GivenParam};
 use crate::sim::{self, Firmware};
-=======
-use crate::sim;
->>>>>>> main
 use crate::wire::Login;
 
 /// How often the status line is drawn anew.
