@@ -8,10 +8,11 @@ local floor = require("@spykee/floor")
 local settings = params.declare({
 	speed = { default = 0.2, min = 0.05, max = 0.3, unit = "m/s", doc = "straight ahead" },
 	enough = { default = 80, min = 25, max = 100, unit = "%", doc = "leaves the station at this battery level" },
-	margin = { default = 0.6, min = 0.3, max = 2, unit = "m", doc = "turns away when less than this is free ahead" },
+	margin = { default = 0.9, min = 0.7, max = 2, unit = "m", doc = "turns away when less than this is free ahead" },
 })
 
 local TURNING = 0.8 -- rad/s, on the spot
+local BEND = 0.35 -- rad/s at most, under way: it sees little of what is beside its way
 local PATIENCE = 1.5 -- seconds of driving without a change of the picture
 local PASSING = 4 -- seconds until the robot has passed what it no longer sees beside it
 
@@ -29,14 +30,14 @@ local function bend(free)
 		end
 	end
 	local side = if free.turn > 0 then "left" else "right"
-	return if task.now() - near_at[side] < PASSING then 0 else 0.6 * free.turn
+	return if task.now() - near_at[side] < PASSING then 0 else BEND * free.turn
 end
 
 local function steer(free)
 	local turning = bend(free)
-	local wanted = settings.margin * (if away then 1.5 else 1)
+	local wanted = settings.margin * (if away then 1.3 else 1)
 	if away and task.now() - turned_since > 2 * math.pi / TURNING then
-		wanted = settings.margin / 2 -- no better way all round
+		wanted = 0.8 * settings.margin -- no better way all round
 	end
 	if free.ahead > wanted then
 		away = nil

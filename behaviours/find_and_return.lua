@@ -6,7 +6,7 @@ local floor = require("@spykee/floor")
 
 local settings = params.declare({
 	colour = { default = "red", doc = "what to look for: a name, or one of the config's own colours" },
-	width = { default = 60, min = 20, max = 200, unit = "px", doc = "how wide it looks, of 320, when the robot has reached it" },
+	width = { default = 82, min = 20, max = 200, unit = "px", doc = "how wide it looks, of 320, when the robot has reached it" },
 	places = { default = 20, min = 1, max = 100, doc = "looks around at so many places at most" },
 	speed = { default = 0.2, min = 0.05, max = 0.3, unit = "m/s", doc = "of the drive" },
 })
@@ -14,7 +14,7 @@ local settings = params.declare({
 local TURNING = 0.7 -- rad/s
 local LOST = 1.5 -- seconds out of sight
 local HELD = 5 -- seconds without coming nearer
-local ROOM = 0.6 -- metres that must be free before the camera
+local ROOM = 0.8 -- metres that must be free before the camera
 
 -- The thing and the frame that shows it.
 local function see()

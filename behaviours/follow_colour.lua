@@ -3,7 +3,7 @@
 
 local settings = params.declare({
 	colour = { default = "red", doc = "what to follow: a name, or one of the config's own colours" },
-	width = { default = 90, min = 20, max = 200, unit = "px", doc = "how wide it looks at the distance to keep" },
+	width = { default = 125, min = 20, max = 200, unit = "px", doc = "how wide it looks at the distance to keep" },
 	speed = { default = 0.22, min = 0.05, max = 0.4, unit = "m/s", doc = "at most" },
 	turn = { default = 2.2, min = 0.5, max = 5, unit = "1/s", doc = "how hard it turns: rad/s for each radian" },
 })

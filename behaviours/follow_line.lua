@@ -1,5 +1,5 @@
 -- follow_line: drives along a line of tape on the floor, also round bends. The camera sees the floor
--- only from half a metre on, so the robot remembers where the line lay and steers to the nearest
+-- only from two thirds of a metre on, so the robot remembers where the line lay and steers to the nearest
 -- point that it has not reached yet. Out of such points it turns to find the line again; after a
 -- full turn without it, it stands still until it sees one.
 
@@ -9,12 +9,11 @@ local settings = params.declare({
 	near = { default = 0.25, min = 0.1, max = 0.5, unit = "m", doc = "a point nearer than this is reached; more cuts corners" },
 })
 
--- The camera: above the floor and before the robot's middle, metres; its picture, pixels.
+-- The camera: above the floor and before the robot's middle, metres.
 local HEIGHT, AHEAD = 0.2, 0.1
-local MIDDLE, HORIZON, FOCAL = 160, 120, 277
-local STRIPS = { 230, 215, 200, 188, 178, 170 } -- rows looked at, from half a metre to 1.2 metres
+local STRIPS = { 0.66, 0.73, 0.82, 0.94, 1.1, 1.25 } -- metres before the camera that are looked at
 local APART, GAP = 0.08, 0.3 -- metres between two points of the line, at least and at most
-local BEGINNING = 0.7 -- metres ahead: a new line is seen so near
+local BEGINNING = 1 -- metres ahead: a new line is seen so near
 local LOOK_AROUND = 0.8 -- rad/s
 local FULL_TURN = 2.2 * math.pi / LOOK_AROUND
 
@@ -74,13 +73,17 @@ local function belongs(x, y)
 end
 
 local function look(frame)
-	for _, row in STRIPS do
-		local tape = frame:find_blobs(settings.colour, { roi = { 0, row - 4, 2 * MIDDLE, 9 } })[1]
-		local depth = HEIGHT * FOCAL / (row - HORIZON)
-		local x, y = AHEAD + depth, depth * (MIDDLE - (tape and tape.cx or 0)) / FOCAL
-		if tape and belongs(x, y) then
-			remember(x, y)
-			seen_at = task.now()
+	for _, depth in STRIPS do
+		local _, row = frame:pixel_at(0, -math.atan(HEIGHT / depth))
+		local tape = row and frame:find_blobs(settings.colour, { roi = { 0, row - 4, frame.width, 9 } })[1]
+		if tape then
+			local bearing, elevation = frame:direction(tape.cx, tape.cy)
+			local away = HEIGHT / math.tan(-elevation)
+			local x, y = AHEAD + away * math.cos(bearing), away * math.sin(bearing)
+			if belongs(x, y) then
+				remember(x, y)
+				seen_at = task.now()
+			end
 		end
 	end
 end

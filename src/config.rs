@@ -76,7 +76,7 @@ pub struct Config {
     pub limits: script::Limits,
     /// How power becomes speed.
     pub calibration: Calibration,
-    /// The camera's field of view.
+    /// The camera's field of view and distortion.
     #[serde(deserialize_with = "camera")]
     pub camera: Camera,
     /// Colours by name, besides the built-in ones: spans `h`, `s` and `v` (degrees, percent), or
@@ -124,18 +124,36 @@ impl Default for Config {
     }
 }
 
-/// The camera's numbers, checked where they stand: the eyes know no config.
+/// The camera's numbers, checked where they stand: the eyes know no config. A field of view that is
+/// named alone is that of a lens without distortion.
 fn camera<'de, D: Deserializer<'de>>(from: D) -> Result<Camera, D::Error> {
     #[derive(Deserialize)]
     #[serde(deny_unknown_fields)]
     struct Written {
-        #[serde(deserialize_with = "hfov")]
-        hfov: f64,
+        #[serde(default, deserialize_with = "hfov")]
+        hfov: Option<f64>,
+        distortion: Option<[Factor; 2]>,
     }
-    fn hfov<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
-        float_within(from, "an angle of view from 0.1 to 3 radians", 0.1..=3.0)
+    #[derive(Deserialize)]
+    struct Factor(#[serde(deserialize_with = "factor")] f64);
+    fn hfov<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
+        float_within(from, "an angle of view from 0.1 to 3 radians", 0.1..=3.0).map(Some)
     }
-    Written::deserialize(from).map(|Written { hfov }| Camera { hfov })
+    fn factor<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+        float_within(from, "a factor of distortion from -2 to 2", -2.0..=2.0)
+    }
+    let Written { hfov, distortion } = Written::deserialize(from)?;
+    let mut camera = hfov.map_or_else(Camera::default, Camera::pinhole);
+    if let Some([Factor(k1), Factor(k2)]) = distortion {
+        camera.distortion = [k1, k2];
+    }
+    if camera.is_one_to_one() {
+        Ok(camera)
+    } else {
+        Err(serde::de::Error::custom(
+            "such a distortion folds the picture: expected numbers nearer to 0, or a narrower hfov",
+        ))
+    }
 }
 
 /// Why a config cannot be used.
@@ -348,6 +366,7 @@ mod tests {
             "calibration:\n  full_speed: 0\n",
             "calibration:\n  track_width: .nan\n",
             "camera:\n  hfov: 0\n",
+            "camera:\n  distortion: [-3, 0]\n",
             "limits:\n  memory_bytes: 0\n",
             "limits:\n  frame_bytes: -1\n",
             "limits:\n  callback_budget_ms: 0.5\n",

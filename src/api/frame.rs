@@ -11,6 +11,8 @@ const ROI: Value = value("roi", Type::Roi, "only here").optional();
 pub(super) const COLOURS: Value = value("colour", Type::Colours, "which");
 /// Coordinates and sizes of a part of a frame, in pixels.
 pub const PIXELS: Bounds = Bounds::Between(-10_000.0, 10_000.0);
+/// Of a direction.
+const ANGLE: Bounds = Bounds::Between(-3.2, 3.2);
 const USUAL: BlobOptions = BlobOptions::DEFAULT;
 
 const FIND_BLOBS: Function = call(
@@ -104,6 +106,42 @@ pub(super) const FRAME: Object = strict(
             ],
             "The colour of one pixel.",
             "local r, g, b = frame:get_pixel(160, 120)\nprint(r, g, b)",
+        )
+        .pure(),
+        call(
+            "Frame:direction",
+            &[
+                bounded("x", PIXELS, "column, 0 is the middle of the leftmost").unit("px"),
+                bounded("y", PIXELS, "row, 0 is the middle of the topmost").unit("px"),
+            ],
+            &[
+                number("bearing", "to the left positive; nil in a damaged picture")
+                    .unit("rad")
+                    .optional(),
+                number("elevation", "above the horizon positive, where the camera looks level")
+                    .unit("rad")
+                    .optional(),
+            ],
+            "In which direction a place of the picture lies, by the config's `camera`: its field of view, and how its lens bends the picture.",
+            "local bearing, elevation = frame:direction(160, 200)\nif elevation and elevation < 0 then\n\tprint(`the floor there is {0.2 / math.tan(-elevation)} m away`)\nend",
+        )
+        .pure(),
+        call(
+            "Frame:pixel_at",
+            &[
+                bounded("bearing", ANGLE, "to the left positive").unit("rad"),
+                bounded("elevation", ANGLE, "above the horizon positive").unit("rad"),
+            ],
+            &[
+                number("x", "column; nil for what is beside or behind the camera")
+                    .unit("px")
+                    .optional(),
+                number("y", "row; as the column it may be outside the picture")
+                    .unit("px")
+                    .optional(),
+            ],
+            "Where in the picture a direction lies: the inverse of `frame:direction`.",
+            "local x, y = frame:pixel_at(math.rad(10), 0)\nif x and y then\n\tprint(frame:get_pixel(x, y))\nend",
         )
         .pure(),
         call(

@@ -10,8 +10,17 @@ use tokio::runtime::Builder;
 use tokio_util::sync::CancellationToken;
 
 use super::Failure;
-use crate::sim::{Handle, Options, Server, World};
+use crate::sim::{Firmware, Handle, Options, Server, World};
 use crate::wire::Login;
+
+/// What else a simulated robot is.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Simulated {
+    /// A person may begin faults.
+    pub(super) faults: bool,
+    /// What is not known of genuine ones.
+    pub(super) firmware: Firmware,
+}
 
 /// A running simulator; ends when dropped.
 pub(super) struct EmbeddedSim {
@@ -22,8 +31,7 @@ pub(super) struct EmbeddedSim {
 }
 
 impl EmbeddedSim {
-    /// Starts one in the built-in world or the one of a file; it knows this one login. With `faults` a
-    /// person may begin some.
+    /// Starts one in the built-in world or the one of a file; it knows this one login.
     ///
     /// # Errors
     /// A world that cannot be used; no socket, no thread.
@@ -31,13 +39,14 @@ impl EmbeddedSim {
         world: Option<&Path>,
         login: &Login,
         seed: u64,
-        faults: bool,
+        kind: Simulated,
     ) -> Result<EmbeddedSim, Failure> {
         let world = load(world)?;
         let options = Options {
             login: login.clone(),
             seed,
-            faults: faults.then(Vec::new),
+            faults: kind.faults.then(Vec::new),
+            firmware: kind.firmware,
             ..Options::default()
         };
         let stop = CancellationToken::new();

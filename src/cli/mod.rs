@@ -20,6 +20,7 @@ mod embedded;
 mod examiner;
 mod failure;
 mod fast;
+mod firmware;
 mod history;
 mod interrupt;
 mod learn;

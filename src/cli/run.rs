@@ -12,8 +12,9 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 use tokio_util::sync::CancellationToken;
 
 use super::cast::{Cast, Casting};
-use super::embedded::EmbeddedSim;
+use super::embedded::{EmbeddedSim, Simulated};
 use super::fast::{EventFile, Fast};
+use super::firmware::FirmwareArgs;
 use super::interrupt::obey;
 use super::live::Ahead;
 use super::params::Param;
@@ -110,6 +111,9 @@ pub(super) struct RunArgs {
     params: Vec<Param>,
 
     #[command(flatten)]
+    firmware: FirmwareArgs,
+
+    #[command(flatten)]
     connection: ConnectionArgs,
 }
 
@@ -153,8 +157,10 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         check::before_run(&behaviours, console)?;
     }
     let place = place(&args.connection, &config)?;
-    let trace = trace_file(&args, matches!(place, Place::Sim(_)))?;
-    if args.date.is_some() && matches!(place, Place::Robot(_)) {
+    let simulated = matches!(place, Place::Sim(_));
+    let trace = trace_file(&args, simulated)?;
+    args.firmware.refuse_unless(simulated)?;
+    if args.date.is_some() && !simulated {
         let what = "--date goes with --sim only: a real robot lives today";
         return Err(
             Failure::usage(what).help("spykee run FILE.lua --sim --date \"2026-03-29 01:30\"")
@@ -181,7 +187,11 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         .enable_all()
         .build();
     let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
-    let (target, sim) = reach_with(place, &login, seed, args.live.is_some())?;
+    let kind = Simulated {
+        faults: args.live.is_some(),
+        firmware: args.firmware.load()?,
+    };
+    let (target, sim) = reach_with(place, &login, seed, kind)?;
     let desk = Desk::open(config.data_folder());
     let about = (target.to_string(), sim.is_some());
     let settings = config.pilot(sim.is_some(), seed);
@@ -289,6 +299,7 @@ fn fast(
         seed,
         sim: sim::Options {
             login,
+            firmware: args.firmware.load()?,
             ..sim::Options::default()
         },
         limits: config.watchdog.clone(),
@@ -466,20 +477,20 @@ pub(super) fn reach(
     login: &Login,
     seed: u64,
 ) -> Result<(Target, Option<EmbeddedSim>), Failure> {
-    reach_with(place, login, seed, false)
+    reach_with(place, login, seed, Simulated::default())
 }
 
-/// With `faults` a person may begin some in a simulation.
+/// As [`reach`], with a simulated robot of this kind.
 pub(super) fn reach_with(
     place: Place,
     login: &Login,
     seed: u64,
-    faults: bool,
+    kind: Simulated,
 ) -> Result<(Target, Option<EmbeddedSim>), Failure> {
     match place {
         Place::Robot(target) => Ok((target, None)),
         Place::Sim(world) => {
-            let sim = EmbeddedSim::start(world.as_deref(), login, seed, faults)?;
+            let sim = EmbeddedSim::start(world.as_deref(), login, seed, kind)?;
             let address = sim.address();
             let target = Target {
                 host: address.ip().to_string(),

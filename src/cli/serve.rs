@@ -13,7 +13,7 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
 use self::order::{Order, Reader};
-use super::embedded::EmbeddedSim;
+use super::embedded::{EmbeddedSim, Simulated};
 use super::interrupt::{listen, obey_as_service};
 use super::live::Ahead;
 use super::privileges::leave_root;
@@ -115,8 +115,11 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         .enable_all()
         .build();
     let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
-    let faults = config.live.listen.is_some();
-    let (target, sim) = reach_with(place, &login, seed, faults)?;
+    let kind = Simulated {
+        faults: config.live.listen.is_some(),
+        ..Simulated::default()
+    };
+    let (target, sim) = reach_with(place, &login, seed, kind)?;
     let desk = Desk::open(config.data_folder());
     let record = RecordFile::open(config.data_folder());
     let launcher = Launcher::this_executable().map_err(|error| {

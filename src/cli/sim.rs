@@ -7,6 +7,7 @@ use std::time::Duration;
 use tokio::time::interval;
 
 use super::embedded::load;
+use super::firmware::FirmwareArgs;
 use super::interrupt::interruption;
 use super::world_name::WorldParser;
 use super::{Console, Exit, Failure, LoginArgs, block_on, print};
@@ -39,6 +40,9 @@ pub(super) struct SimArgs {
     faults: Option<PathBuf>,
 
     #[command(flatten)]
+    firmware: FirmwareArgs,
+
+    #[command(flatten)]
     login: LoginArgs,
 }
 
@@ -60,6 +64,7 @@ pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
         seed: args.seed,
         fps: args.fps,
         faults,
+        firmware: args.firmware.load()?,
         ..Options::default()
     };
     block_on(serve(world, options, console))?

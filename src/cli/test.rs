@@ -10,6 +10,7 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use super::firmware::FirmwareArgs;
 use super::settings::SettingsArgs;
 use super::{Console, Exit, Failure, print};
 use crate::clean;
@@ -62,6 +63,9 @@ pub(super) struct TestArgs {
     pictures: Option<PathBuf>,
 
     #[command(flatten)]
+    firmware: FirmwareArgs,
+
+    #[command(flatten)]
     pub(super) settings: SettingsArgs,
 }
 
@@ -86,6 +90,7 @@ pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
     let pictures = pictures(args, &config);
     let setting = Setting {
         config,
+        firmware: args.firmware.load()?,
         ..Setting::default()
     };
     let stop = setting.stop.clone();

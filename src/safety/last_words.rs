@@ -10,6 +10,8 @@ pub enum LastWords {
     /// Stop the tracks.
     #[default]
     Stop,
+    /// End the search for the station, which a MOVE alone may not end, and stop the tracks.
+    EndSearch,
     /// Stop the tracks and search the station: the battery is low.
     StopAndDock,
     /// Nothing: the robot does by itself what is best for it, and any MOVE would end that.
@@ -21,6 +23,11 @@ impl LastWords {
     pub fn commands(self) -> Vec<Command> {
         match self {
             LastWords::Stop => vec![Command::STOP],
+            LastWords::EndSearch => vec![
+                Command::STOP,
+                Command::Engine(Engage::CancelDock),
+                Command::STOP,
+            ],
             LastWords::StopAndDock => vec![Command::STOP, Command::Engine(Engage::Dock)],
             LastWords::Nothing => vec![],
         }
@@ -37,6 +44,9 @@ mod tests {
         let find = Command::Engine(Engage::Dock);
         assert_eq!(LastWords::Stop.commands(), [Command::STOP]);
         assert_eq!(LastWords::StopAndDock.commands(), [Command::STOP, find]);
+        let end = Command::Engine(Engage::CancelDock);
+        let ended = [Command::STOP, end, Command::STOP];
+        assert_eq!(LastWords::EndSearch.commands(), ended);
         assert_eq!(LastWords::Nothing.commands(), []);
     }
 }

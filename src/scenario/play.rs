@@ -40,6 +40,8 @@ pub struct Setting {
     /// Within it behaviours keep what they keep, until the scenario is over; the system's own folder
     /// for such things unless given.
     pub data: Option<PathBuf>,
+    /// What nobody knows of the robot's firmware.
+    pub firmware: sim::Firmware,
     /// Ends all that is played when cancelled.
     pub stop: CancellationToken,
 }
@@ -145,6 +147,7 @@ impl Book {
             seed,
             sim: sim::Options {
                 fps: options.fps,
+                firmware: setting.firmware.clone(),
                 faults: Some(Vec::new()),
                 ..sim::Options::default()
             },

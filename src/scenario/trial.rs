@@ -51,6 +51,8 @@ struct Play {
     subject: Option<PathBuf>,
     /// As JSON, which can carry all of it.
     config: String,
+    /// As JSON likewise.
+    firmware: String,
     data: PathBuf,
     stuck: Duration,
 }
@@ -125,6 +127,7 @@ impl Trials {
             seed,
             subject,
             config: serde_json::to_string(&public(&setting.config)).map_err(io::Error::other)?,
+            firmware: serde_json::to_string(&setting.firmware).map_err(io::Error::other)?,
             data: data.path().to_owned(),
             stuck: STUCK.min(self.timeout / 2),
         };
@@ -250,6 +253,7 @@ impl Play {
     fn play(self, book: &Book) -> io::Result<Played> {
         let setting = Setting {
             config: serde_json::from_str(&self.config).map_err(io::Error::other)?,
+            firmware: serde_json::from_str(&self.firmware).map_err(io::Error::other)?,
             subject: self.subject,
             data: Some(self.data),
             stop: CancellationToken::new(),

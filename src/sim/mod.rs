@@ -12,7 +12,7 @@
 //! | `geometry` | points, poses, lines and circles on the floor | |
 //! | `world` | what stands where, and what moves besides the robot | `yaml`, `geometry` |
 //! | `camera` | frames of a world from a pose | `world`, and `vision` for the encoder |
-//! | `body` | the robot and its parts | `world`, `camera` |
+//! | `body` | the robot, its parts and its firmware | `yaml`, `world`, `camera` |
 //! | `map` | pictures of worlds and runs for people | `world`, `camera`, `body` |
 //! | `faults` | what goes wrong, and the proxy that spoils bytes | `yaml` |
 //! | `server` | sockets and the clock around the robot and its clients | all of them |
@@ -27,7 +27,7 @@ mod world;
 mod yaml;
 
 pub use body::chassis::{FULL_POWER, FULL_SPEED, Tracks};
-pub use body::firmware::Firmware;
+pub use body::firmware::{Answer, Firmware, FirmwareError};
 pub use body::robot::Robot;
 pub use body::state::{Leds, State, Streams};
 pub use body::trace::{Happening, Sample, Trace, What};

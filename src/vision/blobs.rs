@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use self::moments::Moments;
 use self::regions::{Region, Regions};
+use crate::vision::camera::Camera;
 use crate::vision::colour::labeller::Labeller;
 use crate::vision::colour::palette::Palette;
 use crate::vision::picture::image::{Image, Roi};
@@ -54,32 +55,6 @@ impl BlobOptions {
 impl Default for BlobOptions {
     fn default() -> BlobOptions {
         BlobOptions::DEFAULT
-    }
-}
-
-/// What turns a column of the picture into a direction.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct Camera {
-    /// Horizontal field of view in radians.
-    pub hfov: f64,
-}
-
-impl Default for Camera {
-    /// 60 degrees, usual for small cameras.
-    fn default() -> Self {
-        Camera {
-            hfov: 60.0_f64.to_radians(),
-        }
-    }
-}
-
-impl Camera {
-    /// Direction of a column of a picture, in radians, left positive, 0 straight ahead.
-    pub fn bearing(&self, cx: f64, width: u32) -> f64 {
-        let half = f64::from(width) / 2.0;
-        let off_centre = half - 0.5 - cx;
-        (off_centre / half * (self.hfov / 2.0).tan()).atan()
     }
 }
 
@@ -321,7 +296,7 @@ impl Candidate {
             code: self.code,
             count: self.count,
             colour: self.code.trailing_zeros() as usize,
-            bearing: camera.bearing(cx, size.width),
+            bearing: camera.bearing(cx, cy, size),
             edge: self.left == 0
                 || self.top == 0
                 || self.right + 1 == size.width

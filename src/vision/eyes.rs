@@ -1,6 +1,7 @@
 //! Everything that is asked of one frame, with the frame decoded once.
 
-use super::blobs::{Blob, BlobFinder, BlobOptions, Camera};
+use super::blobs::{Blob, BlobFinder, BlobOptions};
+use super::camera::Camera;
 use super::line::{Line, find_line};
 use crate::vision::colour::Colour;
 use crate::vision::colour::palette::Palette;

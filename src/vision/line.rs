@@ -1,6 +1,7 @@
 //! Finds the line on the floor that a robot follows.
 
-use super::blobs::{BlobFinder, BlobOptions, Camera};
+use super::blobs::{BlobFinder, BlobOptions};
+use super::camera::Camera;
 use crate::vision::colour::palette::Palette;
 use crate::vision::picture::image::{Image, Roi};
 

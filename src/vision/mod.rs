@@ -12,6 +12,8 @@
 
 mod aslant;
 mod blobs;
+mod calibration;
+mod camera;
 mod colour;
 mod damage;
 mod drawing;
@@ -28,7 +30,9 @@ mod tracker;
 mod turn;
 mod vectors;
 
-pub use blobs::{Blob, BlobFinder, BlobOptions, Camera};
+pub use blobs::{Blob, BlobFinder, BlobOptions};
+pub use calibration::{Board, Calibrated, CalibrationError, Sighting, calibrate, find_chessboard};
+pub use camera::{Camera, Direction};
 pub use colour::learn::{LearnRefusal, Learned, learn};
 pub use colour::palette::{MAX_COLOURS, Palette};
 pub use colour::{Colour, ColourError, Span};

@@ -6,7 +6,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::blobs::{Blob, BlobFinder, BlobOptions, Camera};
+use super::blobs::{Blob, BlobFinder, BlobOptions};
+use super::camera::Camera;
 use crate::vision::picture::image::Image;
 use crate::vision::picture::size::Size;
 use crate::vision::picture::spans::Spans;

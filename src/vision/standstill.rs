@@ -7,7 +7,7 @@
 
 use std::time::Duration;
 
-use super::blobs::Camera;
+use super::camera::Camera;
 use crate::vision::picture::image::Image;
 use crate::vision::picture::size::Size;
 
@@ -255,7 +255,7 @@ mod tests {
 
     /// What a camera sees so far along a corridor with a speckled floor; `aside` turns it, in pixels.
     fn corridor(way: f64, aside: i64, noise: i64, walker: Option<u32>) -> Glance {
-        let focal = 160.0 / 30.0_f64.to_radians().tan();
+        let focal = Camera::default().focal_length(320);
         let picture = RgbImage::from_fn(320, 240, |column, row| {
             let (x, y) = (f64::from(column) - 160.0, f64::from(row) - 120.0);
             let value = if walker.is_some_and(|left| (left..left + 90).contains(&column)) {

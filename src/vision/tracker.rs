@@ -7,7 +7,8 @@
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-use super::blobs::{Blob, Camera};
+use super::blobs::Blob;
+use super::camera::Camera;
 use crate::vision::picture::size::Size;
 
 /// Most blobs of a frame, and most tracks, that are considered.
@@ -324,7 +325,7 @@ impl Track {
             track.blob.x = moved(self.blob.x, self.x - self.blob.cx, self.blob.w, size.width);
             track.blob.y = moved(self.blob.y, self.y - self.blob.cy, self.blob.h, size.height);
             (track.blob.cx, track.blob.cy) = (self.x, self.y);
-            track.blob.bearing = camera.bearing(self.x, size.width);
+            track.blob.bearing = camera.bearing(self.x, self.y, size);
         }
         track
     }

@@ -1,6 +1,6 @@
 //! How far the camera has turned between two pictures, by what stands on the horizon.
 
-use super::blobs::Camera;
+use super::camera::Camera;
 use crate::vision::picture::image::Image;
 
 /// Angle between two neighbouring places of a skyline, radians.
@@ -40,7 +40,11 @@ impl Skyline {
         let rows = f64::from(bottom - top);
         let mean = |column: usize| f64::from(columns[column]) / rows;
         let last = columns.len() - 1;
-        let bearing = |column: usize| camera.bearing(column as f64, size.width);
+        let row = f64::from(top + bottom) / 2.0;
+        let bearings: Vec<f64> = (0..columns.len())
+            .map(|column| camera.bearing(column as f64, row, size))
+            .collect();
+        let bearing = |column: usize| bearings[column];
         let half = (bearing(0) / STEP) as i32;
         let (mut places, mut column) = (Vec::new(), 0);
         for place in -half..=half {
@@ -116,12 +120,18 @@ mod tests {
     use image::{Rgb, RgbImage};
 
     use super::*;
+    use crate::vision::Size;
+
+    const SIZE: Size = Size {
+        width: 320,
+        height: 240,
+    };
 
     /// What a camera sees that is turned to the left by so many radians, in a round room.
     fn room(turned: f64, light: f64) -> Skyline {
-        let camera = Camera::default();
+        let camera = Camera::pinhole(60.0_f64.to_radians());
         let picture = RgbImage::from_fn(320, 240, |x, _| {
-            let angle = turned + camera.bearing(f64::from(x), 320);
+            let angle = turned + camera.bearing(f64::from(x), 102.0, SIZE);
             let value = 120.0
                 + 50.0 * (angle * 3.0).sin()
                 + 40.0 * (angle * 7.3).sin()

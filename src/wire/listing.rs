@@ -3,6 +3,8 @@
 //! `key=value&key=value`, networks as `essid:encryption:strength;...`. Nothing is known of escapes:
 //! what cannot be told apart is taken as it stands.
 
+use bytes::{Bytes, BytesMut};
+
 use super::text::from_latin1;
 
 /// One setting of the robot's configuration.
@@ -42,6 +44,26 @@ pub fn parse_settings(payload: &[u8]) -> Vec<Setting> {
     parts.filter_map(setting).collect()
 }
 
+/// The CONFIG text of several messages. Where a robot cuts it is not known: between two pairs, with or
+/// without the `&`, or within one. What looks like a pair on both sides of a
+/// cut was cut there.
+pub fn join_settings(messages: &[Bytes]) -> Bytes {
+    let mut text = BytesMut::new();
+    for message in messages {
+        let before = text.rsplit(|byte| *byte == b'&').next();
+        let after = message.split(|byte| *byte == b'&').next();
+        if [before, after].iter().all(|part| part.is_some_and(is_pair)) {
+            text.extend_from_slice(b"&");
+        }
+        text.extend_from_slice(message);
+    }
+    text.freeze()
+}
+
+fn is_pair(part: &[u8]) -> bool {
+    part.contains(&b'=')
+}
+
 /// The networks of a WIRELESS_NETWORKS text, several messages put together. Parts without both
 /// colons are left out.
 pub fn parse_networks(payload: &[u8]) -> Vec<Network> {
@@ -65,7 +87,6 @@ pub fn parse_networks(payload: &[u8]) -> Vec<Network> {
 mod tests {
     use super::super::{Command, FileChunk, Packet, Report, Sound, kind};
     use super::*;
-    use bytes::Bytes;
     use proptest::prelude::*;
 
     fn setting(key: &str, value: &str) -> Setting {
@@ -134,6 +155,18 @@ mod tests {
             (networks[0].strength, networks[1].strength),
             (Some(82), None)
         );
+    }
+
+    #[test]
+    fn settings_are_whole_wherever_the_robot_cuts_them() {
+        const TEXT: &[u8] = b"name=Spykee&volume=80&wifi-mode=adhoc";
+        for cut in 0..=TEXT.len() {
+            let (first, second) = TEXT.split_at(cut);
+            let messages = [first, second].map(Bytes::copy_from_slice);
+            assert_eq!(join_settings(&messages), TEXT, "cut at {cut}");
+        }
+        let apart = [&b"name=Spykee"[..], b"volume=80", b"wifi-mode=adhoc"];
+        assert_eq!(join_settings(&apart.map(Bytes::copy_from_slice)), TEXT);
     }
 
     proptest! {

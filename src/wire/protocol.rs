@@ -20,7 +20,7 @@ fn vectors() -> Vec<(&'static str, Vec<u8>)> {
 #[test]
 fn every_byte_vector_of_the_page_is_one_known_message() {
     let vectors = vectors();
-    assert_eq!(vectors.len(), 19);
+    assert_eq!(vectors.len(), 20);
     for (meaning, bytes) in vectors {
         let packet = Decoder::new().decode(&mut &bytes[..]).unwrap();
         let packet = packet.unwrap_or_else(|| panic!("{meaning}: the message is not whole"));

@@ -126,10 +126,14 @@ pub struct Accepted {
     pub firmware: String,
     /// The robot stands on its charging station.
     pub docked: bool,
+    /// Bytes after that, of unknown meaning; a recorded reply has [`Accepted::RECORDED_TAIL`].
+    pub tail: Bytes,
 }
 
 impl Accepted {
     const DOCKED: u8 = 0;
+    /// How the recorded reply of a real robot ends.
+    pub const RECORDED_TAIL: &[u8] = &[1, 2];
 
     fn emit(&self, out: &mut BytesMut) {
         let mut payload = BytesMut::from(&[1][..]);
@@ -137,6 +141,7 @@ impl Accepted {
             emit_prefixed(text, &mut payload);
         }
         payload.extend_from_slice(&[if self.docked { Self::DOCKED } else { 1 }]);
+        payload.extend_from_slice(&self.tail);
         packet::emit(kind::AUTH_REPLY, &payload, out);
     }
 
@@ -145,13 +150,15 @@ impl Accepted {
         let name = parse_prefixed(&mut rest)?;
         let place = parse_prefixed(&mut rest)?;
         let firmware = parse_prefixed(&mut rest)?;
-        let docked = *rest.first()? == Self::DOCKED;
+        let (state, tail) = rest.split_first()?;
+        let docked = *state == Self::DOCKED;
         Some(Accepted {
             uid,
             name,
             place,
             firmware,
             docked,
+            tail: Bytes::copy_from_slice(tail),
         })
     }
 }
@@ -244,8 +251,22 @@ mod tests {
             place: "home".into(),
             firmware: "1.0.22".into(),
             docked: true,
+            tail: Bytes::new(),
+        };
+        let recorded = Accepted {
+            docked: false,
+            tail: Bytes::from_static(Accepted::RECORDED_TAIL),
+            ..accepted.clone()
         };
         vec![
+            (
+                Report::Accepted(recorded),
+                &[
+                    0x50, 0x4B, 0x0B, 0x00, 0x22, 0x01, 0x0A, 0x53, 0x50, 0x59, 0x4B, 0x45, 0x45,
+                    0x30, 0x30, 0x30, 0x31, 0x06, 0x53, 0x70, 0x79, 0x6B, 0x65, 0x65, 0x04, 0x68,
+                    0x6F, 0x6D, 0x65, 0x06, 0x31, 0x2E, 0x30, 0x2E, 0x32, 0x32, 0x01, 0x01, 0x02,
+                ],
+            ),
             (
                 Report::Accepted(accepted),
                 &[
@@ -342,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_after_the_docked_flag_are_ignored() {
+    fn bytes_after_the_docked_flag_change_nothing() {
         let payload = [&[1, 1, b'S', 0, 0, 0, 1][..], &[7, 7, 7]].concat();
         let Report::Accepted(accepted) = Report::parse(Packet::new(kind::AUTH_REPLY, payload))
         else {

@@ -196,6 +196,7 @@ impl Session {
             place,
             firmware: text("1"),
             docked: false,
+            tail: bytes::Bytes::new(),
         };
         session.send(&Report::Accepted(accepted));
         session.send(&Report::Power(Power {

@@ -158,7 +158,11 @@ impl Node {
             }
         }
         let stays = self.dog.docked() || !low;
-        if !stays && self.dog.last_words() == LastWords::Stop {
+        let stops = matches!(
+            self.dog.last_words(),
+            LastWords::Stop | LastWords::EndSearch
+        );
+        if !stays && stops {
             return Some("low, off the station, and the last words do not send it home".to_owned());
         }
         None

@@ -113,6 +113,7 @@ impl Net {
                 place: "test".to_owned(),
                 firmware: "1.0.22".to_owned(),
                 docked: false,
+                tail: bytes::Bytes::new(),
             });
             user.write_all(&accepted.to_bytes()).unwrap();
             let_in.send(()).unwrap();

@@ -29,12 +29,14 @@ const IN_BALL_ROI: Roi = Roi {
     w: 30,
     h: 25,
 };
+/// A camera that sees wide and sharp.
+const WIDE: &str = "camera: { hfov_degrees: 60, quality: 75, subsampling: '4:2:2' }\n";
 /// Bare wall above the ball.
 const ON_WALL: &str = "150,20,40,40";
 
 /// What the camera shows at the start, turned by `heading`, in a room with that much light.
 fn shot(heading: f64, light: f64) -> Vec<u8> {
-    let world = format!("{ROOM}light: {light}\n");
+    let world = format!("{ROOM}light: {light}\n{WIDE}");
     let world = World::from_yaml(&world, "test world").unwrap();
     let mut robot = Robot::new(world, Firmware::default(), 1);
     robot.begin_session();

@@ -1,5 +1,6 @@
 //! Hours alone with everything going wrong; `scripts/soak` runs as many as one likes.
 
+use std::path::Path;
 use std::time::Duration;
 
 use spykee::agent::Behaviour;
@@ -8,21 +9,25 @@ use spykee::lab::{self, Lab, Recorder};
 use spykee::robot::Priority;
 use spykee::safety::{Limits, Rescue};
 use spykee::script;
-use spykee::sim::{Pose, World};
+use spykee::sim::{Firmware, Pose, World};
 use tokio::time::timeout;
 
 #[path = "../soak/mod.rs"]
 mod weeks;
 
-/// Runs of an hour, each with its own troubles.
-const SEEDS: std::ops::RangeInclusive<u64> = 1..=3;
-
 #[test]
 fn an_hour_alone_with_faults_keeps_every_promise() {
+    let other = ["ignores_moves.yaml", "all_other.yaml"].map(|name| {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("tests/firmware")
+            .join(name);
+        Firmware::load(&file).unwrap()
+    });
+    let firmwares = std::iter::repeat_n(Firmware::default(), 3).chain(other);
     let mut total = weeks::Ledger::default();
-    for seed in SEEDS {
+    for (seed, firmware) in (1..).zip(firmwares) {
         let folder = tempfile::tempdir().unwrap();
-        let ledger = weeks::soak(1, seed, folder.path(), &mut |_, _| {});
+        let ledger = weeks::soak(1, seed, &firmware, folder.path(), &mut |_, _| {});
         println!("seed {seed}: {}", ledger.summary());
         total.add(&format!("seed {seed}"), ledger);
     }

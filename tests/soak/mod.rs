@@ -16,7 +16,7 @@ use spykee::behaviour::{Launch, Library, RestartPolicy};
 use spykee::lab::{self, Lab, Recorder};
 use spykee::robot::Priority;
 use spykee::script;
-use spykee::sim::World;
+use spykee::sim::{Firmware, World};
 use tokio::time::{Instant, sleep, timeout};
 
 pub use ledger::Ledger;
@@ -40,8 +40,14 @@ const END: Duration = Duration::from_millis(2300);
 /// Before this the process is still growing into its buffers.
 const WARM: Duration = Duration::from_secs(20 * 60);
 
-/// Runs for so many virtual hours. Data of the behaviours goes to `folder`.
-pub fn soak(hours: u64, seed: u64, folder: &Path, progress: Progress<'_>) -> Ledger {
+/// Runs for so many virtual hours on a robot with this firmware. Data of the behaviours goes to `folder`.
+pub fn soak(
+    hours: u64,
+    seed: u64,
+    firmware: &Firmware,
+    folder: &Path,
+    progress: Progress<'_>,
+) -> Ledger {
     let world = World::from_yaml(include_str!("world.yaml"), "soak").unwrap();
     let (told, events) = std::sync::mpsc::sync_channel(100_000);
     let options = lab::Options {
@@ -51,6 +57,7 @@ pub fn soak(hours: u64, seed: u64, folder: &Path, progress: Progress<'_>) -> Led
             // Enough for the rescue behaviour to find its way; a robot's camera sends more.
             fps: Some(5.0),
             faults: Some(Vec::new()),
+            firmware: firmware.clone(),
             ..spykee::sim::Options::default()
         },
         ..lab::Options::default()

@@ -1,5 +1,7 @@
-//! `spykee calibrate`: two timed moves and a turn tell how wide and how fast the robot is.
+//! `spykee calibrate`: two timed moves and a turn tell how wide and how fast the robot is; pictures of a
+//! chessboard tell what the camera sees.
 
+mod camera;
 mod edit;
 mod measure;
 mod person;
@@ -30,9 +32,13 @@ use crate::yaml;
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Examples:\n  spykee calibrate --robot 172.17.6.1 --config spykee.yaml\n  \
-                        spykee calibrate --sim --json"
+                        spykee calibrate --sim --json\n  spykee calibrate camera board/*.jpg"
 )]
+#[command(args_conflicts_with_subcommands = true)]
 pub(super) struct CalibrateArgs {
+    #[command(subcommand)]
+    what: Option<What>,
+
     /// Print a JSON object; questions go to stderr
     #[arg(long)]
     json: bool,
@@ -54,11 +60,20 @@ pub(super) struct CalibrateArgs {
     pub(super) aim: AimArgs,
 }
 
+/// What else can be calibrated than the tracks.
+#[derive(Debug, Clone, clap::Subcommand)]
+enum What {
+    Camera(camera::CameraArgs),
+}
+
 /// Measures, shows, and writes if that is wanted.
 ///
 /// # Errors
 /// The robot, its state, measurements that cannot be, a config that cannot be changed.
 pub(super) fn run(args: &CalibrateArgs) -> Result<Exit, Failure> {
+    if let Some(What::Camera(args)) = &args.what {
+        return camera::run(args);
+    }
     let seed = args.seed.unwrap_or_else(rand::random);
     let aim = args.aim.aim(seed)?;
     let means = aim.means(seed)?;

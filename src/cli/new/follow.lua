@@ -5,7 +5,7 @@
 -- Another colour: see `colours:` in spykee.yaml.
 
 local COLOUR = "red"
-local NEAR = 90 -- pixels: as wide as this is close enough
+local NEAR = 125 -- pixels: as wide as this is close enough
 local ENOUGH = 60 -- percent of the battery: then it leaves its station
 
 local function has_enough()

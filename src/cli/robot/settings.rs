@@ -11,7 +11,9 @@ use super::talk::{Talk, talk_alone};
 use crate::clean;
 use crate::cli::table::{Side, aligned};
 use crate::cli::{Exit, Failure, print};
-use crate::wire::{Command, Network, Report, Setting, parse_networks, parse_settings};
+use crate::wire::{
+    Command, Network, Report, Setting, join_settings, parse_networks, parse_settings,
+};
 
 /// In place of a value that is nobody's business.
 const HIDDEN: &str = "***";
@@ -134,10 +136,10 @@ async fn settings(talk: &mut Talk) -> Result<Vec<Setting>, Failure> {
         Report::Config(text) => Some(text),
         _ => None,
     };
-    let text = talk
-        .text(Command::ConfigQuery, "its settings", pick)
+    let messages = talk
+        .messages(Command::ConfigQuery, "its settings", pick)
         .await?;
-    Ok(parse_settings(&text))
+    Ok(parse_settings(&join_settings(&messages)))
 }
 
 /// Checks, asks, sends, and reads back what the robot says now.

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 use tokio::time::{Instant, timeout_at};
 
 use super::{Aim, AimArgs};
@@ -22,6 +22,8 @@ const ANSWER: Duration = Duration::from_secs(3);
 const QUIET: Duration = Duration::from_millis(400);
 /// Nothing that the robot has to tell is longer.
 const MAX_TEXT: usize = 1 << 20;
+/// Messages of a text, at most.
+const MAX_MESSAGES: usize = 1000;
 
 /// A robot that listens; its tracks have been told to rest, or to take it home.
 pub(super) struct Talk {
@@ -167,7 +169,35 @@ impl Talk {
         }
     }
 
-    /// Asks for a text, and puts its messages together.
+    /// Asks for a text: its messages in their order.
+    ///
+    /// # Errors
+    /// The link is gone, or no answer came.
+    pub(super) async fn messages(
+        &mut self,
+        ask: Command,
+        what: &str,
+        pick: impl Fn(Report) -> Option<Bytes>,
+    ) -> Result<Vec<Bytes>, Failure> {
+        self.say(&[ask]).await?;
+        let Some(first) = self.hear(ANSWER, &pick).await? else {
+            let seconds = ANSWER.as_secs();
+            let what = format_args!("the robot did not tell {what} within {seconds} s");
+            let failure = Failure::new(Exit::Unreachable, what);
+            return Err(failure.help("robots may tell it to the user admin only"));
+        };
+        let (mut length, mut messages) = (first.len(), vec![first]);
+        while length < MAX_TEXT && messages.len() < MAX_MESSAGES {
+            let Some(more) = self.hear(QUIET, &pick).await? else {
+                break;
+            };
+            length += more.len();
+            messages.push(more);
+        }
+        Ok(messages)
+    }
+
+    /// Asks for a text, and puts its messages together as they came.
     ///
     /// # Errors
     /// The link is gone, or no answer came.
@@ -177,20 +207,6 @@ impl Talk {
         what: &str,
         pick: impl Fn(Report) -> Option<Bytes>,
     ) -> Result<Bytes, Failure> {
-        self.say(&[ask]).await?;
-        let Some(first) = self.hear(ANSWER, &pick).await? else {
-            let seconds = ANSWER.as_secs();
-            let what = format_args!("the robot did not tell {what} within {seconds} s");
-            let failure = Failure::new(Exit::Unreachable, what);
-            return Err(failure.help("robots may tell it to the user admin only"));
-        };
-        let mut text = BytesMut::from(&first[..]);
-        while text.len() < MAX_TEXT {
-            match self.hear(QUIET, &pick).await? {
-                Some(more) => text.extend_from_slice(&more),
-                None => break,
-            }
-        }
-        Ok(text.freeze())
+        Ok(self.messages(ask, what, pick).await?.concat().into())
     }
 }

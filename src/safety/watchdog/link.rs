@@ -16,8 +16,9 @@ impl Watchdog {
     ///   is low.
     /// - [`LastWords::StopAndDock`] while the battery is low otherwise: waiting for the next search,
     ///   driven by the watchdog, or backing out of the station.
-    /// - [`LastWords::Stop`] else. A search that a behaviour asked for ends with it too: with a good
-    ///   battery the robot stands where it is until somebody knows again what it is to do.
+    /// - [`LastWords::EndSearch`] during a search that a behaviour asked for: with a good battery the
+    ///   robot stands where it is until somebody knows again what it is to do.
+    /// - [`LastWords::Stop`] else.
     ///
     /// Without a link it is what to say in the place of a login that is given up half way: a stop,
     /// and BASE_FIND if the battery was low and the robot not on its station when it was heard last.
@@ -28,6 +29,8 @@ impl Watchdog {
             LastWords::Nothing
         } else if low && !stays {
             LastWords::StopAndDock
+        } else if self.searching {
+            LastWords::EndSearch
         } else {
             LastWords::Stop
         }
@@ -41,6 +44,10 @@ impl Watchdog {
         let low = self.guard.low().is_some();
         self.whereabouts.login(docked, low, now);
         self.tracks.told_to_stop(now);
+        if std::mem::take(&mut self.search_cut_off) && !low {
+            self.send(Command::Engine(Engage::CancelDock));
+            self.halt(now);
+        }
         self.hear(now);
         self.search_at_once(now);
         self.power(power, now);
@@ -51,6 +58,7 @@ impl Watchdog {
     }
 
     pub(super) fn link_down(&mut self, now: Instant) {
+        self.search_cut_off |= self.searching;
         (self.online, self.searching) = (false, false);
         self.drain.interrupt();
         self.tracks.told_to_stop(now);
@@ -74,7 +82,7 @@ impl Watchdog {
         }
         let gives_up = self.homing.as_ref().is_some_and(|homing| !homing.forced) && self.searching;
         self.link_down(now);
-        self.online = true;
+        (self.online, self.search_cut_off) = (true, false);
         if gives_up {
             self.send(Command::Engine(Engage::CancelDock));
         }

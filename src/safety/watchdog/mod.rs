@@ -62,6 +62,8 @@ pub struct Watchdog {
     whereabouts: Whereabouts,
     /// BASE_FIND was sent, and neither a word of the robot nor another command has ended the search.
     searching: bool,
+    /// The link went during a search: the robot may still be at it, and a stop alone may not end it.
+    search_cut_off: bool,
     guard: BatteryGuard,
     drain: Drain,
     arbiter: Arbiter,
@@ -101,6 +103,7 @@ impl Watchdog {
             online: false,
             parting: false,
             searching: false,
+            search_cut_off: false,
             drain: Drain::default(),
             arbiter: Arbiter::default(),
             tracks: Tracks::new(now),

@@ -12,6 +12,7 @@ mod convert;
 mod dock;
 mod events;
 mod frame;
+mod geometry;
 mod log;
 mod looking;
 mod modules;
@@ -223,7 +224,10 @@ pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: Surroundings) ->
 fn objects(builder: &Builder<'_>) -> LuaResult<()> {
     tasks::register_handle(builder)?;
     events::register_handle(builder)?;
-    frame::register(builder, &[frame::METHODS, looking::METHODS])?;
+    frame::register(
+        builder,
+        &[frame::METHODS, geometry::METHODS, looking::METHODS],
+    )?;
     vision::register(builder)
 }
 

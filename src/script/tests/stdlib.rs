@@ -340,6 +340,8 @@ const STILL: &str = "local whereabouts = require('@spykee/whereabouts')
          find_blobs = function() return {} end,
          brightness = function() return 0.5 end,
          get_pixel = function() return 90, 90, 90 end,
+         direction = function(_, x, y) return math.atan((159.5 - x) / 381), math.atan((119.5 - y) / 381) end,
+         pixel_at = function(_, b, e) return 159.5 - 381 * math.tan(b), 119.5 - 381 * math.tan(e) end,
      }
      local function watch(seconds)
          for _ = 1, seconds * 10 do whereabouts.watch(still) task.wait(0.1) end

@@ -1,25 +1,64 @@
 //! How the simulated robot's firmware behaves where the real one's behaviour is not known
-//! (`PROTOCOL.md`, *Not known*).
+//! (`PROTOCOL.md`, *Not known*), and how people write that down: YAML, errors with line and column.
 
+use std::path::Path;
 use std::time::Duration;
 
-/// The unknowns as settings; the defaults are the worst case for a client that drives the robot.
-#[derive(Debug, Clone, PartialEq, Eq)]
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use crate::files::{self, ReadError};
+use crate::sim::yaml::{locate, number};
+use crate::yaml;
+
+/// Bytes of a file, at most.
+const MAX_FILE_LEN: u64 = yaml::MAX_LEN;
+
+/// The unknowns as settings; the defaults are the worst case for a client that drives the robot, where
+/// one is the worst.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct Firmware {
     /// The tracks stop when the user disconnects. Default: they keep running.
     pub stops_on_disconnect: bool,
     /// The tracks stop when no MOVE has arrived for this long. Default: they keep running.
+    #[serde(serialize_with = "some_seconds", deserialize_with = "some_span")]
     pub stops_without_repeat: Option<Duration>,
+    /// What a MOVE does while the robot searches its station.
+    pub move_while_searching: Answer,
+    /// What a MOVE does while the robot backs out of its station.
+    pub move_while_undocking: Answer,
+    /// ENGINE 1 towards the robot undocks it, as CHARGE_STOP does. Default: it does nothing.
+    pub activate_undocks: bool,
     /// POWER comes on every change, and at least this often. Default 5 s.
+    #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub power_period: Duration,
     /// From AUTH_REPLY to the first POWER. Default: at once.
+    #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub power_after_login: Duration,
+    /// How old the level is that a POWER tells. Default: not at all.
+    #[serde(serialize_with = "seconds", deserialize_with = "span")]
+    pub power_late: Duration,
     /// BASE_NOT_FOUND comes after this time without the station's beacon. Default 20 s.
+    #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub search_limit: Duration,
     /// How long the uploaded music lasts. Default 20 s.
+    #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub music: Duration,
     /// The version that AUTH_REPLY names.
     pub version: String,
+}
+
+/// What a MOVE does while the robot drives by itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Answer {
+    /// It ends that, and the tracks do what it says; MOVE 0 0 ends it too.
+    #[default]
+    Ends,
+    /// Nothing.
+    Ignored,
+    /// The tracks do what it says, and what the robot was about goes on from the next MOVE 0 0.
+    Obeyed,
 }
 
 impl Default for Firmware {
@@ -27,11 +66,158 @@ impl Default for Firmware {
         Firmware {
             stops_on_disconnect: false,
             stops_without_repeat: None,
+            move_while_searching: Answer::Ends,
+            move_while_undocking: Answer::Ends,
+            activate_undocks: false,
             power_period: Duration::from_secs(5),
             power_after_login: Duration::ZERO,
+            power_late: Duration::ZERO,
             search_limit: Duration::from_secs(20),
             music: Duration::from_secs(20),
             version: "1.0.22".into(),
         }
+    }
+}
+
+/// A firmware that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum FirmwareError {
+    /// The file cannot be read.
+    #[error("cannot read the firmware {name}: {source}")]
+    Read {
+        /// The file.
+        name: String,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is too long.
+    #[error("{name} is longer than {MAX_FILE_LEN} bytes: does it describe a firmware?")]
+    TooLong {
+        /// The file.
+        name: String,
+    },
+    /// The YAML does not describe a firmware.
+    #[error("{name}:{line}:{column}: {message}")]
+    Invalid {
+        /// The file, or what else the text came from.
+        name: String,
+        /// Counted from 1.
+        line: usize,
+        /// Counted from 1.
+        column: usize,
+        /// What was found and what was expected.
+        message: String,
+    },
+}
+
+impl Firmware {
+    /// Reads a firmware; what it leaves out is as by default. `name` is what errors call the text.
+    ///
+    /// # Errors
+    /// [`FirmwareError::Invalid`] with line and column: unknown keys, values out of range.
+    pub fn from_yaml(text: &str, name: &str) -> Result<Firmware, FirmwareError> {
+        let firmware: Option<Firmware> =
+            locate::read(text).map_err(|((line, column), message)| {
+                let name = name.to_owned();
+                FirmwareError::Invalid {
+                    name,
+                    line,
+                    column,
+                    message,
+                }
+            })?;
+        Ok(firmware.unwrap_or_default())
+    }
+
+    /// Reads a firmware from a file.
+    ///
+    /// # Errors
+    /// As [`Firmware::from_yaml`], or the file cannot be read.
+    pub fn load(path: &Path) -> Result<Firmware, FirmwareError> {
+        let name = path.display().to_string();
+        match files::read_text(path, MAX_FILE_LEN) {
+            Ok(text) => Firmware::from_yaml(&text, &name),
+            Err(ReadError::TooLong { .. }) => Err(FirmwareError::TooLong { name }),
+            Err(error) => Err(FirmwareError::Read {
+                name,
+                source: error.into(),
+            }),
+        }
+    }
+}
+
+fn span<'de, D: Deserializer<'de>>(from: D) -> Result<Duration, D::Error> {
+    number::span(from).map(Duration::from_secs_f64)
+}
+
+/// Seconds, or `null` for never.
+fn some_span<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Duration>, D::Error> {
+    #[derive(Deserialize)]
+    struct Seconds(#[serde(deserialize_with = "span")] Duration);
+    Ok(Option::<Seconds>::deserialize(from)?.map(|Seconds(time)| time))
+}
+
+fn seconds<S: Serializer>(time: &Duration, to: S) -> Result<S::Ok, S::Error> {
+    to.serialize_f64(time.as_secs_f64())
+}
+
+fn some_seconds<S: Serializer>(time: &Option<Duration>, to: S) -> Result<S::Ok, S::Error> {
+    time.map(|time| time.as_secs_f64()).serialize(to)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_left_out_is_as_by_default_and_what_is_written_counts() {
+        for nothing in ["", "# nothing\n", "{}"] {
+            assert_eq!(
+                Firmware::from_yaml(nothing, "f").unwrap(),
+                Firmware::default()
+            );
+        }
+        let text = "stops_on_disconnect: true\nstops_without_repeat: 0.5\nmove_while_searching: ignored\n\
+                    move_while_undocking: obeyed\nactivate_undocks: true\npower_late: 3\n";
+        let expected = Firmware {
+            stops_on_disconnect: true,
+            stops_without_repeat: Some(Duration::from_millis(500)),
+            move_while_searching: Answer::Ignored,
+            move_while_undocking: Answer::Obeyed,
+            activate_undocks: true,
+            power_late: Duration::from_secs(3),
+            ..Firmware::default()
+        };
+        assert_eq!(Firmware::from_yaml(text, "f").unwrap(), expected);
+        let json = serde_json::to_string(&expected).unwrap();
+        assert_eq!(serde_json::from_str::<Firmware>(&json).unwrap(), expected);
+    }
+
+    #[test]
+    fn mistakes_are_named_with_their_place() {
+        for (text, start, words) in [
+            (
+                "power_lat: 3\n",
+                "f.yaml:1:1: ",
+                "did you mean `power_late`?",
+            ),
+            ("music: 3\npower_late: -1\n", "f.yaml:2:13: ", "0 to 86400"),
+            (
+                "stops_without_repeat: soon\n",
+                "f.yaml:1:23: ",
+                "0 to 86400",
+            ),
+            (
+                "move_while_searching: obey\n",
+                "f.yaml:1:",
+                "did you mean `obeyed`?",
+            ),
+            ("- 3\n", "f.yaml:1:1: ", "struct Firmware"),
+        ] {
+            let error = Firmware::from_yaml(text, "f.yaml").unwrap_err().to_string();
+            assert!(error.starts_with(start) && error.contains(words), "{error}");
+        }
+        let error = Firmware::load(Path::new("no/such.yaml")).unwrap_err();
+        assert!(error.to_string().contains("no/such.yaml"), "{error}");
     }
 }

@@ -38,14 +38,14 @@ impl Memory {
         }
     }
 
-    /// The answer to a CONFIG query, in two messages: clients must join them.
+    /// The answer to a CONFIG query, in two messages, cut between two pairs.
     pub(crate) fn settings(&self, volume: u8) -> [Bytes; 2] {
         let listed: Vec<String> = self
             .settings
             .iter()
             .map(|(key, value)| format!("{key}={value}"))
             .collect();
-        let first = format!("version={}&volume={volume}&", self.version);
+        let first = format!("version={}&volume={volume}", self.version);
         [first, listed.join("&")].map(|text| latin1_bytes(&text))
     }
 
@@ -98,7 +98,7 @@ fn latin1_bytes(text: &str) -> Bytes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::Sound;
+    use crate::wire::{Sound, join_settings};
 
     fn chunk(flags: u8, content: &'static [u8]) -> FileChunk {
         FileChunk::of_sound(Sound::User0, flags, Bytes::from_static(content)).unwrap()
@@ -109,7 +109,7 @@ mod tests {
         let mut memory = Memory::new("1.0.22");
         let line = memory.configure(b"name=Anna&nonsense=1&version=9");
         assert_eq!(line, "config set: name");
-        let told = memory.settings(80).concat();
+        let told = join_settings(&memory.settings(80));
         let told = parse_settings(&told);
         let value = |key: &str| told.iter().find(|s| s.key == key).map(|s| s.value.as_str());
         assert_eq!(

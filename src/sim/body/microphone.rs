@@ -1,6 +1,7 @@
 //! The microphone: room noise, the sources of the world, the hum of the motors and the speaker, as
 //! raw samples (`PROTOCOL.md`, AUDIO: signed 16-bit little-endian, 16,000 Hz, mono).
 
+use std::collections::VecDeque;
 use std::f64::consts::TAU;
 use std::time::Duration;
 
@@ -15,8 +16,14 @@ use crate::sim::world::fittings::{Noise, NoiseKind};
 
 /// Samples a second.
 pub(crate) const RATE: u32 = 16_000;
-/// Samples in one AUDIO message: 50 ms.
-pub(crate) const CHUNK: usize = 800;
+/// Samples in most AUDIO messages: an eighth of a second.
+pub(crate) const CHUNK: usize = 2000;
+/// One message of so many has another length.
+const ODD_ONES: u32 = 8;
+/// The lengths of those, samples.
+const ODD_LENGTHS: std::ops::RangeInclusive<usize> = 500..=4000;
+/// A message comes so much too late, seconds, at most.
+const LATEST: f64 = 0.1;
 
 const ROOM_NOISE: f64 = 40.0;
 const HUM_LOUDNESS: f64 = 1800.0;
@@ -34,7 +41,13 @@ const THROUGH_WALLS: f64 = 0.25;
 #[derive(Debug)]
 pub(crate) struct Microphone {
     random: StdRng,
+    /// When messages come and how long they are.
+    whims: StdRng,
     chunk: BytesMut,
+    /// Samples of the message that is being filled.
+    length: usize,
+    /// Full messages, with the seconds until they are sent.
+    waiting: VecDeque<(f64, Bytes)>,
     owed: f64,
     phase: f64,
     sources: Vec<Source>,
@@ -68,7 +81,10 @@ impl Microphone {
         let random = StdRng::seed_from_u64(seed);
         Microphone {
             random,
+            whims: StdRng::seed_from_u64(!seed),
             chunk: BytesMut::new(),
+            length: CHUNK,
+            waiting: VecDeque::new(),
             owed: 0.0,
             phase: 0.0,
             sources: sources.iter().map(source).collect(),
@@ -107,8 +123,8 @@ impl Microphone {
         }
     }
 
-    /// Listens for `dt`; `effort` says how hard the motors work, 0..=1. A chunk whenever one is
-    /// full.
+    /// Listens for `dt`; `effort` says how hard the motors work, 0..=1. A message when one
+    /// is due: most are of one length, and they come at uneven times.
     pub(crate) fn listen(
         &mut self,
         dt: Duration,
@@ -121,12 +137,35 @@ impl Microphone {
             let sample = self.sample(effort, speaker);
             self.chunk.put_i16_le(sample);
         }
-        (self.chunk.len() >= CHUNK * 2).then(|| self.chunk.split_to(CHUNK * 2).freeze())
+        for (due, _) in &mut self.waiting {
+            *due -= dt.as_secs_f64();
+        }
+        while self.chunk.len() >= self.length * 2 {
+            self.finish();
+        }
+        let (due, _) = self.waiting.front()?;
+        if *due > 0.0 {
+            return None;
+        }
+        self.waiting.pop_front().map(|(_, chunk)| chunk)
     }
 
-    /// Drops the partial chunk.
+    /// The message that is being filled is full.
+    fn finish(&mut self) {
+        let chunk = self.chunk.split_to(self.length * 2).freeze();
+        let due = self.whims.random_range(0.0..LATEST);
+        self.waiting.push_back((due, chunk));
+        self.length = if self.whims.random_ratio(1, ODD_ONES) {
+            self.whims.random_range(ODD_LENGTHS)
+        } else {
+            CHUNK
+        };
+    }
+
+    /// Drops what has not been sent.
     pub(crate) fn forget(&mut self) {
         self.chunk.clear();
+        self.waiting.clear();
         self.owed = 0.0;
     }
 
@@ -192,7 +231,7 @@ mod tests {
         let mut microphone = Microphone::new(7, &[]);
         let mut speaker = Speaker::new(Duration::ZERO);
         sound.into_iter().for_each(|sound| speaker.play(sound));
-        let chunk = (0..10)
+        let chunk = (0..50)
             .find_map(|_| microphone.listen(TICK, effort, &mut speaker))
             .unwrap();
         let samples = chunk
@@ -212,11 +251,29 @@ mod tests {
     fn a_second_is_sixteen_thousand_samples() {
         let mut microphone = Microphone::new(1, &[]);
         let mut speaker = Speaker::new(Duration::ZERO);
-        let heard: usize = (0..50)
+        let heard: usize = (0..500)
             .filter_map(|_| microphone.listen(TICK, 0.0, &mut speaker))
             .map(|chunk| chunk.len())
             .sum();
-        assert!((32_000 - 2 * CHUNK..=32_000).contains(&heard), "{heard}");
+        let late = 2 * (ODD_LENGTHS.end() + CHUNK);
+        assert!((320_000 - late..=320_000).contains(&heard), "{heard}");
+    }
+
+    #[test]
+    fn messages_are_usually_an_eighth_of_a_second_and_come_at_uneven_times() {
+        let mut microphone = Microphone::new(1, &[]);
+        let mut speaker = Speaker::new(Duration::ZERO);
+        let heard: Vec<(usize, usize)> = (0..5000)
+            .filter_map(|step| Some((step, microphone.listen(TICK, 0.0, &mut speaker)?.len())))
+            .collect();
+        let usual = heard.iter().filter(|(_, bytes)| *bytes == 4000).count();
+        assert!(
+            usual * 4 > heard.len() * 3 && usual < heard.len(),
+            "{usual}"
+        );
+        let gaps = heard.windows(2).map(|two| two[1].0 - two[0].0);
+        let gaps: std::collections::BTreeSet<usize> = gaps.collect();
+        assert!(gaps.len() > 5, "{gaps:?}");
     }
 
     #[test]
@@ -224,7 +281,7 @@ mod tests {
         let listen = |seed| {
             let mut speaker = Speaker::new(Duration::ZERO);
             let mut microphone = Microphone::new(seed, &[]);
-            (0..10)
+            (0..50)
                 .find_map(|_| microphone.listen(TICK, 0.5, &mut speaker))
                 .unwrap()
         };

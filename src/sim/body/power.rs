@@ -1,9 +1,14 @@
 //! When the robot sends POWER: first when it is due after the login, then on every change, and when
-//! the period is over (how often a real robot does is not known: `PROTOCOL.md`, *Not known*).
+//! the period is over (how often a real robot does is not known: `PROTOCOL.md`, *Not known*). What it
+//! tells may be old.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use crate::wire::Power;
+
+/// Levels that are remembered, at most: far more than change within the longest delay.
+const MOST_LEVELS: usize = 1000;
 
 /// What the user was told, and when the next POWER is due.
 #[derive(Debug, Default)]
@@ -11,16 +16,24 @@ pub(super) struct PowerReports {
     session: bool,
     told: Option<Power>,
     left: Duration,
+    /// How old what it tells is.
+    late: Duration,
+    /// The levels that have not been overtaken yet, each with its age; the first is the one to tell.
+    levels: VecDeque<(Duration, Power)>,
 }
 
 impl PowerReports {
+    /// What it tells is so old.
+    pub(super) fn new(late: Duration) -> PowerReports {
+        PowerReports {
+            late,
+            ..PowerReports::default()
+        }
+    }
+
     /// A user has logged in; the first POWER follows after `delay`.
     pub(super) fn begin_session(&mut self, delay: Duration) {
-        *self = PowerReports {
-            session: true,
-            told: None,
-            left: delay,
-        };
+        (self.session, self.told, self.left) = (true, None, delay);
     }
 
     /// The user has gone.
@@ -31,6 +44,26 @@ impl PowerReports {
     /// Lets `dt` pass.
     pub(super) fn step(&mut self, dt: Duration) {
         self.left = self.left.saturating_sub(dt);
+        for (age, _) in &mut self.levels {
+            *age += dt;
+        }
+    }
+
+    /// The battery has this level now; the level to tell.
+    pub(super) fn level(&mut self, power: Power) -> Power {
+        if self
+            .levels
+            .back()
+            .is_none_or(|(_, newest)| *newest != power)
+        {
+            self.levels.push_back((Duration::ZERO, power));
+        }
+        let old =
+            |entry: Option<&(Duration, Power)>| entry.is_some_and(|(age, _)| *age >= self.late);
+        while old(self.levels.get(1)) || self.levels.len() > MOST_LEVELS {
+            self.levels.pop_front();
+        }
+        self.levels.front().map_or(power, |(_, level)| *level)
     }
 
     /// Whether this level is to be sent now.
@@ -42,5 +75,33 @@ impl PowerReports {
     /// This level was sent; the next POWER is due after `period` at the latest.
     pub(super) fn sent(&mut self, power: Power, period: Duration) {
         (self.told, self.left) = (Some(power), period);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_late_level_is_told_when_it_is_old_enough() {
+        let power = |percent| Power {
+            percent,
+            charging: false,
+        };
+        let second = Duration::from_secs(1);
+        let mut reports = PowerReports::new(3 * second);
+        assert_eq!(reports.level(power(50)), power(50));
+        reports.step(second);
+        assert_eq!(reports.level(power(49)), power(50));
+        reports.step(2 * second);
+        assert_eq!(reports.level(power(48)), power(50));
+        reports.step(second);
+        assert_eq!(reports.level(power(48)), power(49));
+        reports.step(2 * second);
+        assert_eq!(reports.level(power(48)), power(48));
+        let mut prompt = PowerReports::default();
+        for percent in [50, 49, 48] {
+            assert_eq!(prompt.level(power(percent)), power(percent));
+        }
     }
 }

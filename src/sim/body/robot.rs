@@ -72,7 +72,7 @@ impl Robot {
             chassis: Chassis::new(pose),
             contacts: Contacts::new(touching),
             battery,
-            power: PowerReports::default(),
+            power: PowerReports::new(firmware.power_late),
             leds: Leds::default(),
             speaker: Speaker::new(firmware.music),
             streams: Streams::default(),
@@ -259,7 +259,8 @@ impl Robot {
         };
         let wanted = match self.docking.step(dt, &senses) {
             DockingStep::Free => self.commanded.speeds(),
-            DockingStep::Drive(speeds) => speeds,
+            DockingStep::Drive(speeds) if self.commanded == Tracks::default() => speeds,
+            DockingStep::Drive(_) => self.commanded.speeds(),
             DockingStep::Left => Tracks::default(),
             DockingStep::NotFound => {
                 self.report_engine(EngineNews::BaseNotFound);
@@ -344,13 +345,14 @@ impl Robot {
 
     /// Sends POWER if it is due.
     fn report_power(&mut self) {
-        if self.power.due(self.battery.power()) {
+        let power = self.power.level(self.battery.power());
+        if self.power.due(power) {
             self.send_power();
         }
     }
 
     fn send_power(&mut self) {
-        let power = self.battery.power();
+        let power = self.power.level(self.battery.power());
         self.power.sent(power, self.firmware.power_period);
         self.reports.push(Report::Power(power));
     }

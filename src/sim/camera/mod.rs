@@ -4,6 +4,7 @@ mod exposure;
 mod floor;
 mod grain;
 pub(crate) mod ground;
+mod lens;
 mod light;
 mod renderer;
 mod scene;
@@ -21,6 +22,7 @@ use bytes::Bytes;
 
 use self::exposure::Exposure;
 use self::grain::Grain;
+use self::lens::Lens;
 use self::renderer::Renderer;
 use self::texture::Pixel;
 use self::view::{HEIGHT, WIDTH};
@@ -32,6 +34,7 @@ use crate::vision::JpegEncoder;
 /// Takes frames.
 pub(crate) struct Camera {
     settings: CameraSettings,
+    lens: Lens,
     renderer: Renderer,
     exposure: Exposure,
     /// What the renderer's frame shows, if nothing has changed since.
@@ -67,9 +70,11 @@ struct Sight {
 impl Camera {
     /// The camera of a robot in a world; `seed` draws the grain of its pictures.
     pub(crate) fn new(world: &World, seed: u64) -> Camera {
+        let lens = Lens::of(&world.camera);
         Camera {
             settings: world.camera,
-            renderer: Renderer::new(world),
+            renderer: Renderer::new(world, lens.focal),
+            lens,
             exposure: Exposure::new(world.camera.exposure),
             sight: None,
             grain: Grain::new(world.camera.noise, seed),
@@ -94,7 +99,8 @@ impl Camera {
     /// One frame.
     pub(crate) fn frame(&mut self, shot: Shot) -> Bytes {
         self.look(shot);
-        let (frame, grainy) = (self.renderer.frame(), &mut self.grainy);
+        let frame = self.lens.seen(self.renderer.frame());
+        let grainy = &mut self.grainy;
         self.grain
             .lay_over(frame.as_flattened(), grainy.as_flattened_mut());
         let (quality, subsampling) = (self.settings.quality as u8, self.settings.subsampling);
@@ -125,8 +131,10 @@ impl Camera {
         if changed || self.sight != sight {
             let turned = turning.abs() * self.settings.shutter;
             self.renderer.render(pose, flash, exposure, turned);
+            self.lens.bend(self.renderer.frame());
             self.sight = sight;
         }
-        self.exposure.follow(self.renderer.frame(), time);
+        self.exposure
+            .follow(self.lens.seen(self.renderer.frame()), time);
     }
 }

@@ -41,11 +41,9 @@ struct Lamp {
 }
 
 impl Renderer {
-    /// A renderer of a world.
-    pub(super) fn new(world: &World) -> Renderer {
+    /// A renderer of a world, for a camera of this focal length in pixels, without distortion.
+    pub(super) fn new(world: &World, focal: f32) -> Renderer {
         let room = &world.room;
-        let hfov = world.camera.hfov_degrees.to_radians() as f32;
-        let focal = WIDTH as f32 / 2.0 / (hfov / 2.0).tan();
         Renderer {
             scene: Scene::of(world),
             lighting: Lighting::of(world),

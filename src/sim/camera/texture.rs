@@ -116,7 +116,7 @@ impl Level {
 const EVEN: u32 = 0x00FF_00FF;
 
 /// As [`between`], of packed pixels.
-fn mix(a: u32, b: u32, share: u32) -> u32 {
+pub(crate) fn mix(a: u32, b: u32, share: u32) -> u32 {
     let rest = 256 - share;
     let even = ((a & EVEN) * rest + (b & EVEN) * share) >> 8;
     let odd = ((a >> 8) & EVEN) * rest + ((b >> 8) & EVEN) * share;

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 use tokio::sync::{mpsc, watch};
+use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
 
 use crate::wire::{Command, Decoder, FramingError};
@@ -14,6 +15,8 @@ use crate::wire::{Command, Decoder, FramingError};
 use super::outbox::Outbox;
 
 const READ_LEN: usize = 8 * 1024;
+/// From one message to the next, at least.
+const BETWEEN_WRITES: Duration = Duration::from_millis(3);
 /// After a refusal the client gets this long to read it before the connection is gone.
 const FAREWELL: Duration = Duration::from_millis(500);
 
@@ -110,16 +113,20 @@ fn cut(decoder: &mut Decoder, mut bytes: &[u8]) -> (Vec<Command>, Result<(), Fra
     }
 }
 
-/// Ends well when the outbox is closed.
+/// One message a write, with a pause between two: a client that reads once for each message keeps up
+/// with the robot. Ends well when the outbox is closed.
 async fn write(writer: &mut (impl AsyncWrite + Unpin), line: &Line) -> std::io::Result<()> {
+    let mut rested = Instant::now();
     loop {
         line.unmuted().await;
+        sleep_until(rested).await;
         let Some(bytes) = line.outbox.next().await else {
             return Ok(());
         };
         line.unmuted().await;
         writer.write_all(&bytes).await?;
         writer.flush().await?;
+        rested = Instant::now() + BETWEEN_WRITES;
     }
 }
 

@@ -4,7 +4,7 @@
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use bytes::{Bytes, BytesMut};
+use bytes::Bytes;
 use tokio::sync::Notify;
 
 use crate::wire::Report;
@@ -97,14 +97,14 @@ impl Outbox {
         self.lock().dropped
     }
 
-    /// The bytes to write next; `None` when the connection is to end.
+    /// The message to write next; `None` when the connection is to end.
     pub(crate) async fn next(&self) -> Option<Bytes> {
         loop {
             let news = self.news.notified();
             match self.lock().take() {
-                (bytes, _) if !bytes.is_empty() => return Some(bytes),
-                (_, true) => return None,
-                (_, false) => {}
+                (Some(message), _) => return Some(message),
+                (None, true) => return None,
+                (None, false) => {}
             }
             news.await;
         }
@@ -134,26 +134,22 @@ impl Waiting {
         self.messages.push_back((opening, bytes));
     }
 
-    /// Everything that waits, messages first, and whether nothing will follow.
-    fn take(&mut self) -> (Bytes, bool) {
-        let mut batch = BytesMut::new();
-        for (opening, bytes) in self.messages.drain(..) {
-            self.opening = match (self.opening, opening) {
-                (Opening::Waiting, Opening::Accepted) => Opening::Accepted,
-                (Opening::Accepted, Opening::Done) => Opening::Done,
-                (before, _) => before,
-            };
-            batch.extend_from_slice(&bytes);
-        }
-        self.length = 0;
-        self.audio
-            .drain(..)
-            .for_each(|bytes| batch.extend_from_slice(&bytes));
-        self.frame
-            .take()
-            .into_iter()
-            .for_each(|bytes| batch.extend_from_slice(&bytes));
-        (batch.freeze(), self.closing)
+    /// What is to be written next, sound and pictures last, and whether nothing new will follow.
+    fn take(&mut self) -> (Option<Bytes>, bool) {
+        let stream = |waiting: &mut Waiting| {
+            let sound = waiting.audio.pop_front();
+            sound.or_else(|| waiting.frame.take())
+        };
+        let Some((opening, bytes)) = self.messages.pop_front() else {
+            return (stream(self), self.closing);
+        };
+        self.length -= bytes.len();
+        self.opening = match (self.opening, opening) {
+            (Opening::Waiting, Opening::Accepted) => Opening::Accepted,
+            (Opening::Accepted, Opening::Done) => Opening::Done,
+            (before, _) => before,
+        };
+        (Some(bytes), self.closing)
     }
 }
 
@@ -179,8 +175,8 @@ mod tests {
         for report in [frame(1), frame(2), power(), frame(3)] {
             outbox.push(&report).unwrap();
         }
-        let expected = [power().to_bytes(), frame(3).to_bytes()].concat();
-        assert_eq!(outbox.next().await.unwrap(), expected);
+        assert_eq!(outbox.next().await.unwrap(), power().to_bytes());
+        assert_eq!(outbox.next().await.unwrap(), frame(3).to_bytes());
         assert_eq!(outbox.dropped(), 2);
     }
 
@@ -201,10 +197,12 @@ mod tests {
             place: String::new(),
             firmware: String::new(),
             docked: false,
+            tail: Bytes::new(),
         };
         let outbox = Outbox::new();
         outbox.push(&power()).unwrap();
         outbox.push(&Report::Accepted(accepted)).unwrap();
+        outbox.next().await.unwrap();
         outbox.next().await.unwrap();
         assert!(!outbox.opened());
         outbox.push(&power()).unwrap();

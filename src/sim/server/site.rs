@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::time::Duration;
 
+use bytes::Bytes;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio::time::Instant;
@@ -314,6 +315,7 @@ impl Site {
             place: "home".into(),
             firmware: self.version.clone(),
             docked: self.robot.docked(),
+            tail: Bytes::from_static(Accepted::RECORDED_TAIL),
         };
         self.robot.take_reports();
         self.tell(&Report::Accepted(accepted));

@@ -1,9 +1,14 @@
-//! The sockets of a simulator: TCP for clients and UDP for discovery, on one port.
+//! The sockets of a simulator: TCP for clients and UDP for discovery, on one port. A socket of one
+//! address hears no broadcasts: they have sockets of their own.
 
+use std::future::poll_fn;
 use std::io;
-use std::net::SocketAddr;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::task::Poll;
 use std::time::Duration;
 
+use socket2::{Domain, Protocol, Socket, Type};
+use tokio::io::ReadBuf;
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
 
 use crate::sim::faults::proxy::Breaker;
@@ -18,6 +23,8 @@ const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 pub(super) struct Sockets {
     tcp: Option<TcpListener>,
     udp: Option<UdpSocket>,
+    /// For requests that are broadcast; they are answered from `udp`.
+    broadcasts: Vec<UdpSocket>,
     address: SocketAddr,
     discovery: bool,
     /// Closed for a while: the robot reboots.
@@ -30,6 +37,7 @@ impl Sockets {
         Sockets {
             tcp: None,
             udp: None,
+            broadcasts: Vec::new(),
             address,
             discovery: false,
             hidden: false,
@@ -52,6 +60,7 @@ impl Sockets {
                 return Ok(Sockets {
                     tcp: Some(tcp),
                     udp: None,
+                    broadcasts: Vec::new(),
                     address,
                     discovery,
                     hidden: false,
@@ -62,6 +71,7 @@ impl Sockets {
                     return Ok(Sockets {
                         tcp: Some(tcp),
                         udp: Some(udp),
+                        broadcasts: broadcasts(address),
                         address,
                         discovery,
                         hidden: false,
@@ -77,6 +87,7 @@ impl Sockets {
     pub(super) async fn appear(&mut self, visible: bool) {
         if !visible && self.tcp.is_some() {
             (self.tcp, self.udp) = (None, None);
+            self.broadcasts.clear();
             self.hidden = true;
         }
         if visible && self.hidden {
@@ -113,10 +124,16 @@ impl Sockets {
 
     /// One datagram.
     pub(super) async fn receive(&self, datagram: &mut [u8]) -> Option<(usize, SocketAddr)> {
-        let Some(udp) = &self.udp else {
-            return std::future::pending().await;
-        };
-        udp.recv_from(datagram).await.ok()
+        poll_fn(|context| {
+            for socket in self.udp.iter().chain(&self.broadcasts) {
+                let mut buffer = ReadBuf::new(datagram);
+                if let Poll::Ready(from) = socket.poll_recv_from(context, &mut buffer) {
+                    return Poll::Ready(from.ok().map(|from| (buffer.filled().len(), from)));
+                }
+            }
+            Poll::Pending
+        })
+        .await
     }
 
     /// Answers a datagram that asks who is there.
@@ -132,4 +149,55 @@ impl Sockets {
             tracing::debug!(target: "spykee::sim", %error, "cannot answer a discovery");
         }
     }
+}
+
+/// Sockets that hear what is broadcast to the network of an address. One of all addresses hears it
+/// anyway.
+fn broadcasts(address: SocketAddr) -> Vec<UdpSocket> {
+    let IpAddr::V4(own) = address.ip() else {
+        return Vec::new();
+    };
+    let mut sockets = Vec::new();
+    for (target, device) in targets(own) {
+        match listen(
+            SocketAddr::from((target, address.port())),
+            device.as_deref(),
+        ) {
+            Ok(socket) => sockets.push(socket),
+            Err(error) => {
+                tracing::warn!(target: "spykee::sim", %error, "broadcasts to {target} are not heard");
+            }
+        }
+    }
+    sockets
+}
+
+/// Where requests are broadcast to in the network of an address, and the interface through which
+/// they come, if that does not follow.
+fn targets(own: Ipv4Addr) -> Vec<(Ipv4Addr, Option<String>)> {
+    if own.is_unspecified() {
+        return Vec::new();
+    }
+    if own.is_loopback() {
+        return vec![(Ipv4Addr::new(127, 255, 255, 255), None)];
+    }
+    let interfaces = if_addrs::get_if_addrs().unwrap_or_default();
+    let here = interfaces
+        .into_iter()
+        .find_map(|interface| match interface.addr {
+            if_addrs::IfAddr::V4(v4) if v4.ip == own => Some((v4.broadcast?, interface.name)),
+            _ => None,
+        });
+    let both = |(directed, name)| vec![(directed, None), (Ipv4Addr::BROADCAST, Some(name))];
+    here.map_or_else(Vec::new, both)
+}
+
+fn listen(address: SocketAddr, device: Option<&str>) -> io::Result<UdpSocket> {
+    let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
+    // Other simulators may listen in the same network.
+    socket.set_reuse_address(true)?;
+    socket.bind_device(device.map(str::as_bytes))?;
+    socket.set_nonblocking(true)?;
+    socket.bind(&address.into())?;
+    UdpSocket::from_std(socket.into())
 }

@@ -25,6 +25,7 @@ pub(super) fn check(world: &World) -> Result<(), Mistake> {
     check_counts(world)?;
     check_corners(world)?;
     check_signs(world)?;
+    check_lens(world)?;
     check_places(world)?;
     check_start(world)
 }
@@ -84,6 +85,18 @@ fn check_signs(world: &World) -> Result<(), Mistake> {
     Err(Mistake {
         path: vec![Step::Key("signs"), Step::Index(index), Step::Key("text")],
         message: format!("{long} bytes are too many for a sign: at most {MAX_TEXT}"),
+    })
+}
+
+/// A lens that folds the picture shows two directions in one place.
+fn check_lens(world: &World) -> Result<(), Mistake> {
+    if !world.camera.folds() {
+        return Ok(());
+    }
+    let [k1, k2] = world.camera.distortion();
+    Err(Mistake {
+        path: vec![Step::Key("camera"), Step::Key("distortion")],
+        message: format!("[{k1}, {k2}] folds the picture: nearer to 0, or a narrower view"),
     })
 }
 

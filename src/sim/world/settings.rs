@@ -1,6 +1,6 @@
 //! A world's settings of the robot: its battery, its camera, its tracks.
 
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 
 use crate::sim::yaml::number;
 use crate::vision::Subsampling;
@@ -41,9 +41,15 @@ pub struct CameraSettings {
     /// Frames a second while the video stream is on.
     #[serde(deserialize_with = "number::frames")]
     pub fps: f64,
-    /// What it sees from side to side, degrees.
-    #[serde(deserialize_with = "number::view_degrees")]
-    pub hfov_degrees: f64,
+    /// What it would see from side to side without distortion, degrees; left out, what the robot's
+    /// lens does.
+    #[serde(deserialize_with = "some_view")]
+    pub hfov_degrees: Option<f64>,
+    /// How the lens bends the picture, `[k1, k2]`: seen from the middle, in focal lengths, what is at
+    /// r appears at r (1 + k1 r² + k2 r⁴). Left out, as the robot's lens if the view is its own too,
+    /// else not at all.
+    #[serde(deserialize_with = "some_distortion")]
+    pub distortion: Option<[f64; 2]>,
     /// Grain of the picture, 0..=1.
     #[serde(deserialize_with = "number::share")]
     pub noise: f64,
@@ -67,15 +73,65 @@ impl Default for CameraSettings {
     fn default() -> CameraSettings {
         CameraSettings {
             fps: 15.0,
-            hfov_degrees: 60.0,
+            hfov_degrees: None,
+            distortion: None,
             noise: 0.25,
             shutter: 0.015,
             exposure: 0.0,
             latency: 0.0,
-            quality: 75.0,
+            quality: 50.0,
             subsampling: Subsampling::default(),
         }
     }
+}
+
+/// A focal length of 381 pixels was measured.
+const HFOV_DEGREES: f64 = 45.6;
+/// Usual for such lenses: that of the robot's is not known.
+const DISTORTION: [f64; 2] = [-0.25, 0.08];
+
+impl CameraSettings {
+    /// What the camera would see from side to side without distortion, degrees.
+    pub fn hfov_degrees(&self) -> f64 {
+        self.hfov_degrees.unwrap_or(HFOV_DEGREES)
+    }
+
+    /// How the lens bends the picture: k1 and k2.
+    pub fn distortion(&self) -> [f64; 2] {
+        let usual = match self.hfov_degrees {
+            None => DISTORTION,
+            Some(_) => [0.0, 0.0],
+        };
+        self.distortion.unwrap_or(usual)
+    }
+
+    /// Whether the lens shows two directions in one place of the picture.
+    pub(super) fn folds(&self) -> bool {
+        const STEP: f64 = 0.002;
+        let [k1, k2] = self.distortion();
+        let corner = (self.hfov_degrees().to_radians() / 2.0).tan() * 1.25;
+        let (mut r, mut bent) = (0.0, 0.0);
+        while bent < corner {
+            r += STEP;
+            let farther = r * (1.0 + r * r * (k1 + k2 * r * r));
+            if farther <= bent {
+                return true;
+            }
+            bent = farther;
+        }
+        false
+    }
+}
+
+fn some_view<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
+    number::view_degrees(from).map(Some)
+}
+
+fn some_distortion<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f64; 2]>, D::Error> {
+    #[derive(Deserialize)]
+    struct Factor(#[serde(deserialize_with = "number::distortion")] f64);
+    let [Factor(k1), Factor(k2)] = <[Factor; 2]>::deserialize(from)?;
+    Ok(Some([k1, k2]))
 }
 
 /// How unlike each other the tracks are, and how they slip. Left out, they are perfect.

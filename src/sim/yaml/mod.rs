@@ -1,4 +1,4 @@
-//! How worlds and faults are read from YAML: numbers with their ranges, and errors with line,
+//! How worlds, faults and firmware are read from YAML: numbers with their ranges, and errors with line,
 //! column and the probable name.
 
 pub(crate) mod locate;

@@ -67,6 +67,8 @@ ranges! {
     degrees = -360.0..=360.0, "degrees";
     /// What the camera sees from side to side.
     view_degrees = 20.0..=120.0, "degrees";
+    /// How much a lens bends the picture.
+    distortion = -2.0..=2.0, "0 is not at all";
     /// Brightness.
     share = 0.0..=1.0, "1 is full";
     /// A battery's level.

@@ -229,14 +229,6 @@ fn what_touches_the_border_says_so() {
 }
 
 #[test]
-fn bearings_fit_the_field_of_view() {
-    let camera = Camera { hfov: 1.0 };
-    assert!(camera.bearing(159.5, 320).abs() < 1e-12);
-    assert!((camera.bearing(-0.5, 320) - 0.5).abs() < 1e-12);
-    assert!((camera.bearing(319.5, 320) + 0.5).abs() < 1e-12);
-}
-
-#[test]
 fn noise_of_the_worst_kind_is_bounded() {
     let pixels = RgbImage::from_fn(320, 240, |x, y| if x % 2 + y % 2 == 0 { RED } else { BLUE });
     let options = BlobOptions {

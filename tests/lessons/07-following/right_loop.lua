@@ -4,7 +4,7 @@ while true do
 	local ball = frame and frame:find_blobs("red", { pixels_threshold = 25 })[1]
 	if not ball then
 		robot.turn(math.rad(25))
-	elseif ball.w >= 85 then
+	elseif ball.w >= 115 then
 		robot.stop()
 	else
 		robot.drive(0.15, 2 * ball.bearing)

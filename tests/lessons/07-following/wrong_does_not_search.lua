@@ -1,7 +1,7 @@
 -- wrong: It does not drive towards the ball
 robot.on("frame", function(frame)
 	local ball = frame:find_blobs("red", { pixels_threshold = 25 })[1]
-	if ball and ball.w < 90 then
+	if ball and ball.w < 120 then
 		robot.drive(0.2, 2 * ball.bearing)
 	else
 		robot.stop()

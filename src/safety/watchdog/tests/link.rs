@@ -78,6 +78,24 @@ fn a_silent_robot_without_a_stream_is_normal() {
 }
 
 #[test]
+fn a_search_that_the_link_cut_off_is_ended_after_the_reconnect() {
+    let mut rig = Rig::online(60);
+    rig.dock(1);
+    rig.take(Fact::LinkDown);
+    let up = Fact::LinkUp {
+        docked: false,
+        power: power(60),
+    };
+    let acts = rig.take(up.clone());
+    assert_eq!(
+        sent(&acts),
+        [Command::Engine(Engage::CancelDock), Command::STOP]
+    );
+    rig.take(Fact::LinkDown);
+    assert_eq!(sent(&rig.take(up)), []);
+}
+
+#[test]
 fn without_a_link_nothing_is_sent() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);

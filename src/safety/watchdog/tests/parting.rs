@@ -45,9 +45,11 @@ fn on_the_station_nothing_is_said_unless_the_robot_backs_out() {
 }
 
 #[test]
-fn a_search_of_a_behaviour_with_a_good_battery_ends_with_a_stop() {
+fn a_search_of_a_behaviour_with_a_good_battery_is_ended() {
     let mut rig = Rig::online(60);
     rig.dock(1);
+    assert_eq!(rig.dog.last_words(), LastWords::EndSearch);
+    rig.take(Fact::Engine(EngineNews::BaseNotFound));
     assert_eq!(rig.dog.last_words(), LastWords::Stop);
 }
 

@@ -5,11 +5,14 @@ use std::time::Duration;
 use bytes::Bytes;
 
 use super::super::chassis::Tracks;
+use super::super::firmware::Answer;
 use super::super::log::describe;
 use super::super::trace::What;
 use super::Robot;
 use crate::wire::{Command, Engage, EngineNews, Report, Sound};
 
+/// ENGINE 1 towards the robot, as one client sends it (`PROTOCOL.md`, *Not known*).
+const ACTIVATE: u8 = 1;
 /// The answer to WIRELESS_NETWORKS.
 const NETWORKS: &[u8] = b"home:wpa:82;neighbour:wpa:41;SPYKEE0001:none:100";
 
@@ -55,10 +58,19 @@ impl Robot {
         }
     }
 
-    /// Any MOVE ends a manoeuvre, MOVE 0 0 too. On the station nothing is special: driving
-    /// backwards or turning breaks the contact, driving forwards pushes against the station.
+    /// On the station nothing is special: driving backwards or turning breaks the contact, driving
+    /// forwards pushes against the station.
     fn obey_move(&mut self, left: i8, right: i8) {
-        self.docking.stop();
+        let answer = match () {
+            () if self.docking.searching() => self.firmware.move_while_searching,
+            () if self.docking.leaving() => self.firmware.move_while_undocking,
+            () => Answer::Ends,
+        };
+        match answer {
+            Answer::Ends => self.docking.stop(),
+            Answer::Ignored => return,
+            Answer::Obeyed => {}
+        }
         self.commanded = Tracks::new(left, right);
         self.since_move = Duration::ZERO;
     }
@@ -71,13 +83,22 @@ impl Robot {
                 self.commanded = Tracks::default();
                 self.docking.find_base();
             }
-            Engage::CancelDock if self.docking.searching() => self.docking.stop(),
-            Engage::Undock if self.contacts.docked() => {
+            Engage::CancelDock if self.docking.searching() => {
+                self.commanded = Tracks::default();
+                self.docking.stop();
+            }
+            undock if self.contacts.docked() && self.undocks(undock) => {
                 self.commanded = Tracks::default();
                 self.docking.leave();
             }
             other => self.note(&format!("engine {} has no effect now", other.to_byte())),
         }
+    }
+
+    /// Whether this makes a docked robot back out of its station.
+    fn undocks(&self, engage: Engage) -> bool {
+        let activate = engage == Engage::Unknown(ACTIVATE);
+        engage == Engage::Undock || (activate && self.firmware.activate_undocks)
     }
 
     fn obey_play(&mut self, sound: Sound) {

@@ -10,10 +10,10 @@ pub enum Subsampling {
     #[serde(rename = "4:4:4")]
     None,
     /// Every other pixel of a row.
-    #[default]
     #[serde(rename = "4:2:2")]
     Half,
     /// Every other pixel of a row, and every other row.
+    #[default]
     #[serde(rename = "4:2:0")]
     Quarter,
 }

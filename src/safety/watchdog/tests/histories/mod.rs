@@ -104,6 +104,7 @@ proptest! {
             let left = known.low && !known.docked();
             match dog.last_words() {
                 LastWords::Stop => prop_assert!(!left),
+                LastWords::EndSearch => prop_assert!(!left && known.online && searching),
                 LastWords::StopAndDock => prop_assert!(known.low),
                 LastWords::Nothing => prop_assert!(known.online && (searching || dog.docked())),
             }

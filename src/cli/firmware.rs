@@ -1,0 +1,42 @@
+//! `--firmware FILE.yaml`: how a simulated robot behaves where nobody knows how a real one does.
+
+use std::path::PathBuf;
+
+use super::Failure;
+use crate::sim::Firmware;
+
+/// Which firmware a simulated robot has.
+#[derive(Debug, Clone, Default, clap::Args)]
+pub(super) struct FirmwareArgs {
+    /// What nobody knows of the robot's firmware, for the simulated robot: a YAML file such as the README's
+    #[arg(long, value_name = "FILE.yaml")]
+    firmware: Option<PathBuf>,
+}
+
+impl FirmwareArgs {
+    /// The file's, or the default.
+    ///
+    /// # Errors
+    /// What is wrong with the file, and where.
+    pub(super) fn load(&self) -> Result<Firmware, Failure> {
+        let Some(path) = &self.firmware else {
+            return Ok(Firmware::default());
+        };
+        Firmware::load(path).map_err(|error| {
+            Failure::usage(error).help("the README's section on firmware lists all keys")
+        })
+    }
+
+    /// A real robot has its own.
+    ///
+    /// # Errors
+    /// One was asked for, and the robot is not simulated.
+    pub(super) fn refuse_unless(&self, simulated: bool) -> Result<(), Failure> {
+        if simulated || self.firmware.is_none() {
+            return Ok(());
+        }
+        let failure =
+            Failure::usage("--firmware describes a simulated robot, and goes with --sim only");
+        Err(failure.help("--sim [WORLD.yaml] runs on a simulated robot"))
+    }
+}

@@ -1,0 +1,189 @@
+//! What the lens makes of the picture: it bends it (Brown and Conrady: what would be seen at a distance r
+//! from the middle, in focal lengths, is seen at r (1 + k1 r² + k2 r⁴)). Shares nothing with `vision`,
+//! which undoes it, so that a mistake of one does not hide in the other.
+
+use super::texture::{Pixel, mix};
+use super::view::{HEIGHT, WIDTH};
+use crate::sim::world::settings::CameraSettings;
+
+/// Entries of the table that is searched for the way back through the lens.
+const STEPS: usize = 4000;
+/// Nothing is seen farther from the middle than this, in focal lengths.
+const FARTHEST: f32 = 12.0;
+
+/// A lens, and where the renderer's straight picture has what each pixel shows.
+pub(super) struct Lens {
+    /// Of the straight picture, in pixels: less than that of the bent one where its corners show more.
+    pub(super) focal: f32,
+    /// Nothing for a lens that bends nothing.
+    sources: Vec<Source>,
+    frame: Vec<Pixel>,
+}
+
+/// Between four pixels.
+#[derive(Clone, Copy)]
+struct Source {
+    /// The upper left one.
+    index: u32,
+    /// The share of those to the right of it and of those below it, of 256.
+    right: u16,
+    below: u16,
+}
+
+impl Lens {
+    pub(super) fn of(settings: &CameraSettings) -> Lens {
+        let focal = focal(settings);
+        let distortion = settings.distortion();
+        if distortion == [0.0, 0.0] {
+            return Lens {
+                focal,
+                sources: Vec::new(),
+                frame: Vec::new(),
+            };
+        }
+        let way_back = WayBack::through(distortion);
+        let places: Vec<(f32, f32)> = (0..WIDTH * HEIGHT)
+            .map(|index| {
+                let (x, y) = from_middle(index);
+                let bent = x.hypot(y) / focal;
+                let scale = way_back.straight(bent) / bent;
+                (x / focal * scale, y / focal * scale)
+            })
+            .collect();
+        let widest = places.iter().fold((0.0_f32, 0.0_f32), |(x, y), place| {
+            (x.max(place.0.abs()), y.max(place.1.abs()))
+        });
+        let reach = (WIDTH as f32 / 2.0 - 1.0, HEIGHT as f32 / 2.0 - 1.0);
+        let straight = (reach.0 / widest.0).min(reach.1 / widest.1);
+        Lens {
+            focal: straight,
+            sources: places
+                .iter()
+                .map(|place| Source::at(*place, straight))
+                .collect(),
+            frame: vec![[0; 4]; WIDTH * HEIGHT],
+        }
+    }
+
+    /// The picture behind the lens.
+    pub(super) fn bend(&mut self, straight: &[Pixel]) {
+        let at = |index: usize| {
+            straight
+                .get(index)
+                .map_or(0, |pixel| u32::from_le_bytes(*pixel))
+        };
+        for (pixel, source) in self.frame.iter_mut().zip(&self.sources) {
+            let index = source.index as usize;
+            let (right, below) = (u32::from(source.right), u32::from(source.below));
+            let upper = mix(at(index), at(index + 1), right);
+            let lower = mix(at(index + WIDTH), at(index + WIDTH + 1), right);
+            *pixel = mix(upper, lower, below).to_le_bytes();
+        }
+    }
+
+    /// What was bent last, or the straight picture itself.
+    pub(super) fn seen<'a>(&'a self, straight: &'a [Pixel]) -> &'a [Pixel] {
+        if self.sources.is_empty() {
+            straight
+        } else {
+            &self.frame
+        }
+    }
+}
+
+impl Source {
+    fn at((right, down): (f32, f32), focal: f32) -> Source {
+        let x = (right * focal + WIDTH as f32 / 2.0 - 0.5).clamp(0.0, WIDTH as f32 - 1.01);
+        let y = (down * focal + HEIGHT as f32 / 2.0 - 0.5).clamp(0.0, HEIGHT as f32 - 1.01);
+        let share = |place: f32| (place.fract() * 256.0) as u16;
+        Source {
+            index: y as u32 * WIDTH as u32 + x as u32,
+            right: share(x),
+            below: share(y),
+        }
+    }
+}
+
+/// Without distortion, in pixels.
+fn focal(settings: &CameraSettings) -> f32 {
+    let hfov = settings.hfov_degrees().to_radians() as f32;
+    WIDTH as f32 / 2.0 / (hfov / 2.0).tan()
+}
+
+/// A pixel's middle to the right of that of the picture, and below it.
+fn from_middle(index: usize) -> (f32, f32) {
+    let (column, row) = (index % WIDTH, index / WIDTH);
+    let off = |place: usize, length: usize| place as f32 + 0.5 - length as f32 / 2.0;
+    (off(column, WIDTH), off(row, HEIGHT))
+}
+
+/// Where a lens shows what is at each distance from the middle, up to where it folds the picture.
+struct WayBack(Vec<f32>);
+
+impl WayBack {
+    fn through([k1, k2]: [f64; 2]) -> WayBack {
+        let (k1, k2) = (k1 as f32, k2 as f32);
+        let bent = (0..STEPS).map(|step| {
+            let r = distance(step as f32);
+            r * (1.0 + r * r * (k1 + k2 * r * r))
+        });
+        let mut last = -1.0;
+        WayBack(
+            bent.take_while(|bent| *bent > std::mem::replace(&mut last, *bent))
+                .collect(),
+        )
+    }
+
+    fn straight(&self, bent: f32) -> f32 {
+        let after = self.0.partition_point(|other| *other < bent);
+        let (Some(near), Some(far)) = (self.0.get(after.wrapping_sub(1)), self.0.get(after)) else {
+            return distance(after.saturating_sub(1) as f32);
+        };
+        distance((after - 1) as f32 + (bent - near) / (far - near))
+    }
+}
+
+fn distance(step: f32) -> f32 {
+    step * FARTHEST / STEPS as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lens(distortion: [f64; 2]) -> CameraSettings {
+        CameraSettings {
+            distortion: Some(distortion),
+            ..CameraSettings::default()
+        }
+    }
+
+    #[test]
+    fn a_lens_bends_what_is_straight_and_leaves_the_middle_alone() {
+        let mut lens = Lens::of(&lens([-0.25, 0.0]));
+        let mut straight = vec![[0; 4]; WIDTH * HEIGHT];
+        // A line along the upper edge of the straight picture, and one through its middle.
+        let lines = [8, HEIGHT / 2 - 1, HEIGHT / 2];
+        for row in lines {
+            straight[row * WIDTH..][..WIDTH].fill([255, 0, 0, 0]);
+        }
+        lens.bend(&straight);
+        let seen = lens.seen(&straight);
+        let red = |column: usize, row: usize| seen[row * WIDTH + column][0] > 100;
+        assert!((0..WIDTH).all(|column| red(column, HEIGHT / 2)));
+        let upper = |column: usize| (0..60).find(|row| red(column, *row));
+        let (side, middle) = (upper(20), upper(WIDTH / 2));
+        assert!(
+            side > middle.map(|row| row + 3),
+            "{side:?} {middle:?}: it bulges"
+        );
+    }
+
+    #[test]
+    fn a_lens_without_distortion_changes_nothing() {
+        let lens = Lens::of(&lens([0.0, 0.0]));
+        let frame = vec![[7; 4]; 4];
+        assert_eq!(lens.seen(&frame), frame);
+        assert!((lens.focal - 380.7).abs() < 0.5, "{}", lens.focal);
+    }
+}

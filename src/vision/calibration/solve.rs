@@ -1,0 +1,402 @@
+//! The camera that shows boards where they were seen: least squares after Levenberg and Marquardt over
+//! focal length, distortion and the pose of each board. The middle of the picture counts as the
+//! lens's.
+
+use super::grid::Board;
+use super::linear::Symmetric;
+use super::pose::{Homography, Pair, Pose, focal_length, homography, pose, seen_from};
+use crate::vision::{Camera, Size};
+
+/// Pictures at least, and at most.
+const FEWEST: usize = 3;
+/// Beyond this the system of equations becomes too large to wait for.
+const MOST: usize = 60;
+/// Of focal length, k1 and k2.
+const SHARED: usize = 3;
+const POSE: usize = 6;
+const MOST_ROUNDS: usize = 100;
+/// The focal length must be this sure: its standard deviation as a share of it.
+const SURE: f64 = 0.02;
+/// What lenses are there for, radians, and how much they bend.
+const FIELDS_OF_VIEW: std::ops::RangeInclusive<f64> = 0.1..=3.0;
+const MOST_BENT: f64 = 2.0;
+/// Corners this far from where they ought to be, in the mean, are not those of one flat board: pixels
+/// for each pixel of width.
+const WORST: f64 = 0.01;
+
+/// A board's corners as they were seen, row by row, in pixels; the middle of the first pixel is 0, 0.
+pub type Sighting = Vec<[f64; 2]>;
+
+/// What the pictures tell.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Calibrated {
+    /// The camera.
+    pub camera: Camera,
+    /// Standard deviation of its field of view, radians.
+    pub uncertainty: f64,
+    /// From where corners ought to be to where they were seen: root of the mean square, in pixels, of
+    /// each picture.
+    pub errors: Vec<f64>,
+}
+
+/// Why pictures do not tell what the camera is like.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum CalibrationError {
+    /// Too few of them.
+    #[error("the board was found in {found} pictures; expected {FEWEST} to {MOST}")]
+    Number {
+        /// In which the board was found.
+        found: usize,
+    },
+    /// The board was always held alike.
+    #[error(
+        "the pictures are too much alike to tell: tilt the board, to another side in each picture"
+    )]
+    Alike,
+    /// Something else than a flat board was seen.
+    #[error(
+        "the corners are {pixels:.1} pixels off in the mean: is the board flat, and of {columns} by {rows} inner corners?"
+    )]
+    Bent {
+        /// How far.
+        pixels: f64,
+        /// As it was said to have.
+        columns: usize,
+        /// As it was said to have.
+        rows: usize,
+    },
+}
+
+/// Finds the camera that took pictures of this size.
+///
+/// # Errors
+/// See [`CalibrationError`].
+pub fn calibrate(
+    sightings: &[Sighting],
+    board: Board,
+    size: Size,
+) -> Result<Calibrated, CalibrationError> {
+    if !(FEWEST..=MOST).contains(&sightings.len()) {
+        return Err(CalibrationError::Number {
+            found: sightings.len(),
+        });
+    }
+    let problem = Problem::of(sightings, board, size);
+    let width = f64::from(size.width);
+    let homographies: Option<Vec<Homography>> =
+        problem.views.iter().map(|view| homography(view)).collect();
+    let homographies = homographies.ok_or(CalibrationError::Alike)?;
+    let starts = [
+        focal_length(&homographies),
+        Some(0.8 * width),
+        Some(1.2 * width),
+        Some(2.0 * width),
+    ];
+    let starts = starts.into_iter().flatten();
+    let tried = starts.filter_map(|focal| problem.solved(focal, &homographies));
+    let (state, cost) = tried
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .ok_or(CalibrationError::Alike)?;
+    let focal = state.focal();
+    let hfov = 2.0 * (width / 2.0 / focal).atan();
+    let camera = Camera {
+        hfov,
+        distortion: [state.shared[1], state.shared[2]],
+    };
+    let errors = problem.errors(&state);
+    let mean = (cost / problem.corners() as f64).sqrt();
+    if mean > WORST * width {
+        let Board { columns, rows } = board;
+        return Err(CalibrationError::Bent {
+            pixels: mean,
+            columns,
+            rows,
+        });
+    }
+    let sigma = problem
+        .deviation(&state, cost)
+        .filter(|sigma| *sigma < SURE);
+    let bends = camera
+        .distortion
+        .iter()
+        .any(|factor| factor.abs() > MOST_BENT);
+    let possible = FIELDS_OF_VIEW.contains(&hfov) && !bends && camera.is_one_to_one();
+    match sigma.filter(|_| possible) {
+        Some(sigma) => Ok(Calibrated {
+            camera,
+            // Of the logarithm of the focal length, to the angle.
+            uncertainty: sigma * width * focal / (focal * focal + width * width / 4.0),
+            errors,
+        }),
+        None => Err(CalibrationError::Alike),
+    }
+}
+
+/// What is sought: the logarithm of the focal length, k1, k2, and the poses of the boards.
+#[derive(Clone)]
+struct State {
+    shared: [f64; SHARED],
+    poses: Vec<Pose>,
+}
+
+impl State {
+    fn focal(&self) -> f64 {
+        self.shared[0].exp()
+    }
+
+    /// A step further.
+    fn moved(&self, step: &[f64]) -> State {
+        let mut next = self.clone();
+        for (value, step) in next.shared.iter_mut().zip(step) {
+            *value += step;
+        }
+        for (pose, steps) in next.poses.iter_mut().zip(step[SHARED..].chunks(POSE)) {
+            for (value, step) in pose.iter_mut().zip(steps) {
+                *value += step;
+            }
+        }
+        next
+    }
+}
+
+struct Problem {
+    views: Vec<Vec<Pair>>,
+}
+
+impl Problem {
+    fn of(sightings: &[Sighting], board: Board, size: Size) -> Problem {
+        let middle = |length: u32| f64::from(length) / 2.0 - 0.5;
+        let (middle_x, middle_y) = (middle(size.width), middle(size.height));
+        let pair = |(index, [x, y]): (usize, &[f64; 2])| {
+            let (column, row) = (index % board.columns, index / board.columns);
+            ([column as f64, row as f64], [x - middle_x, y - middle_y])
+        };
+        let view = |sighting: &Sighting| sighting.iter().enumerate().map(pair).collect();
+        Problem {
+            views: sightings.iter().map(view).collect(),
+        }
+    }
+
+    fn corners(&self) -> usize {
+        self.views.iter().map(Vec::len).sum()
+    }
+
+    /// From a focal length to the best state, and the sum of its squares.
+    fn solved(&self, focal: f64, homographies: &[Homography]) -> Option<(State, f64)> {
+        let poses = homographies.iter().map(|h| pose(h, focal));
+        let mut state = State {
+            shared: [focal.ln(), 0.0, 0.0],
+            poses: poses.collect::<Option<_>>()?,
+        };
+        let (mut cost, mut damping) = (self.cost(&state), 1e-3);
+        for _ in 0..MOST_ROUNDS {
+            let (matrix, slope) = self.equations(&state);
+            let Some((next, less)) = self.improved(&state, cost, &matrix, &slope, &mut damping)
+            else {
+                break;
+            };
+            let gain = cost - less;
+            (state, cost) = (next, less);
+            if gain < 1e-9 * cost {
+                break;
+            }
+        }
+        cost.is_finite().then_some((state, cost))
+    }
+
+    /// A state that fits better, with as little damping as that takes.
+    fn improved(
+        &self,
+        state: &State,
+        cost: f64,
+        matrix: &Symmetric,
+        slope: &[f64],
+        damping: &mut f64,
+    ) -> Option<(State, f64)> {
+        while *damping < 1e9 {
+            let mut damped = Symmetric {
+                size: matrix.size,
+                cells: matrix.cells.clone(),
+            };
+            for i in 0..matrix.size {
+                damped.add(i, i, *damping * matrix.at(i, i) + 1e-12);
+            }
+            if let Some(step) = damped.solve(slope) {
+                let next = state.moved(&step);
+                let less = self.cost(&next);
+                if less < cost {
+                    *damping = (*damping * 0.2).max(1e-9);
+                    return Some((next, less));
+                }
+            }
+            *damping *= 5.0;
+        }
+        None
+    }
+
+    fn cost(&self, state: &State) -> f64 {
+        let views = self.views.iter().zip(&state.poses);
+        let cost: f64 = views
+            .flat_map(|(view, pose)| {
+                view.iter()
+                    .map(|pair| square(residual(&state.shared, pose, pair)))
+            })
+            .sum();
+        if cost.is_nan() { f64::INFINITY } else { cost }
+    }
+
+    fn errors(&self, state: &State) -> Vec<f64> {
+        let views = self.views.iter().zip(&state.poses);
+        views
+            .map(|(view, pose)| {
+                let sum: f64 = view
+                    .iter()
+                    .map(|pair| square(residual(&state.shared, pose, pair)))
+                    .sum();
+                (sum / view.len() as f64).sqrt()
+            })
+            .collect()
+    }
+
+    /// The normal equations round a state: what each step does to the places of all corners.
+    fn equations(&self, state: &State) -> (Symmetric, Vec<f64>) {
+        let size = SHARED + POSE * self.views.len();
+        let (mut matrix, mut slope) = (Symmetric::zero(size), vec![0.0; size]);
+        for (number, (view, pose)) in self.views.iter().zip(&state.poses).enumerate() {
+            let place = |i: usize| {
+                if i < SHARED {
+                    i
+                } else {
+                    SHARED + POSE * number + i - SHARED
+                }
+            };
+            for pair in view {
+                let here = residual(&state.shared, pose, pair);
+                let slopes = slopes(&state.shared, pose, pair);
+                for (i, one) in slopes.iter().enumerate() {
+                    slope[place(i)] -= one[0] * here[0] + one[1] * here[1];
+                    for (j, other) in slopes.iter().enumerate() {
+                        matrix.add(place(i), place(j), one[0] * other[0] + one[1] * other[1]);
+                    }
+                }
+            }
+        }
+        (matrix, slope)
+    }
+
+    /// How sure the logarithm of the focal length is.
+    fn deviation(&self, state: &State, cost: f64) -> Option<f64> {
+        let (matrix, _) = self.equations(state);
+        let mut one = vec![0.0; matrix.size];
+        *one.first_mut()? = 1.0;
+        let variance = *matrix.solve(&one)?.first()?;
+        let freedom = (2 * self.corners())
+            .checked_sub(matrix.size)
+            .filter(|freedom| *freedom > 0)?;
+        Some((variance * cost / freedom as f64).sqrt())
+    }
+}
+
+/// How far from where it was seen a corner appears, in pixels.
+fn residual([focal, k1, k2]: &[f64; SHARED], pose: &Pose, (place, seen): &Pair) -> [f64; 2] {
+    let [right, down, ahead] = seen_from(pose, *place);
+    if ahead <= 1e-6 {
+        return [1e6, 1e6];
+    }
+    let (x, y) = (right / ahead, down / ahead);
+    let square = x * x + y * y;
+    let scale = focal.exp() * (1.0 + square * (k1 + k2 * square));
+    [x * scale - seen[0], y * scale - seen[1]]
+}
+
+/// How each number changes that, shared ones first.
+fn slopes(shared: &[f64; SHARED], pose: &Pose, pair: &Pair) -> [[f64; 2]; SHARED + POSE] {
+    const STEP: f64 = 1e-6;
+    std::array::from_fn(|i| {
+        let at = |step: f64| {
+            let (mut shared, mut pose) = (*shared, *pose);
+            match i.checked_sub(SHARED) {
+                None => shared[i] += step,
+                Some(i) => pose[i] += step,
+            }
+            residual(&shared, &pose, pair)
+        };
+        let (before, after) = (at(-STEP), at(STEP));
+        [0, 1].map(|i| (after[i] - before[i]) / (2.0 * STEP))
+    })
+}
+
+fn square([x, y]: [f64; 2]) -> f64 {
+    x * x + y * y
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: Size = Size {
+        width: 320,
+        height: 240,
+    };
+    const BOARD: Board = Board {
+        columns: 9,
+        rows: 6,
+    };
+
+    /// What a camera sees of a board in these poses, a little off as a corner finder is.
+    fn sightings(camera: [f64; SHARED], poses: &[Pose]) -> Vec<Sighting> {
+        let shared = [camera[0].ln(), camera[1], camera[2]];
+        let corner = |pose: &Pose, index: usize| {
+            let place = [
+                (index % BOARD.columns) as f64,
+                (index / BOARD.columns) as f64,
+            ];
+            let [x, y] = residual(&shared, pose, &(place, [0.0, 0.0]));
+            let off = 0.05 * (index as f64 * 7.3).sin();
+            [x + 159.5 + off, y + 119.5 - off]
+        };
+        let view = |pose| {
+            (0..BOARD.columns * BOARD.rows)
+                .map(|index| corner(pose, index))
+                .collect()
+        };
+        poses.iter().map(view).collect()
+    }
+
+    const TILTED: [Pose; 5] = [
+        [0.4, 0.0, 0.0, -4.0, -2.5, 14.0],
+        [-0.4, 0.1, 0.0, -3.0, -3.0, 13.0],
+        [0.0, 0.5, 0.1, -4.5, -2.0, 13.0],
+        [0.1, -0.5, -0.1, -3.5, -2.5, 12.0],
+        [0.3, 0.3, 0.3, -4.0, -3.5, 15.0],
+    ];
+
+    #[test]
+    fn finds_field_of_view_and_distortion() {
+        let found = calibrate(&sightings([381.0, -0.25, 0.08], &TILTED), BOARD, SIZE).unwrap();
+        let truth = Camera {
+            hfov: 2.0 * (160.0_f64 / 381.0).atan(),
+            distortion: [-0.25, 0.08],
+        };
+        assert!(
+            (found.camera.hfov - truth.hfov).abs().to_degrees() < 0.3,
+            "{found:?}"
+        );
+        for x in [0.0, 80.0, 319.0] {
+            let off = found.camera.bearing(x, 20.0, SIZE) - truth.bearing(x, 20.0, SIZE);
+            assert!(off.abs().to_degrees() < 0.2, "{x}: {off} {found:?}");
+        }
+        assert!(found.errors.iter().all(|error| *error < 0.1), "{found:?}");
+    }
+
+    #[test]
+    fn boards_that_are_held_alike_tell_nothing() {
+        let flat: Vec<Pose> = (0..4)
+            .map(|i| [0.0, 0.0, 0.0, -4.0, -2.5, 13.0 + f64::from(i)])
+            .collect();
+        let error = calibrate(&sightings([381.0, -0.25, 0.08], &flat), BOARD, SIZE).unwrap_err();
+        assert_eq!(error, CalibrationError::Alike);
+        let error = calibrate(&[], BOARD, SIZE).unwrap_err();
+        assert_eq!(error, CalibrationError::Number { found: 0 });
+    }
+}

@@ -1,0 +1,81 @@
+-- What holds whatever the robot answers where nobody knows how it does.
+
+local function anywhere(sim)
+	sim:place({ x = 1.5 + 1.5 * math.random(), y = 1.8 + 1.2 * math.random(), heading = 2 * math.pi * math.random() })
+end
+
+local function stands(sim, seconds)
+	local before = sim:pose()
+	sim:wait(seconds)
+	local after = sim:pose()
+	local way = math.sqrt((after.x - before.x) ^ 2 + (after.y - before.y) ^ 2)
+	return way < 0.01 and math.abs(math.sin(after.heading - before.heading)) < 0.01
+end
+
+-- The connection ends; the agent is back soon.
+local function drop(sim)
+	sim:fault({ fault = "drop" })
+	sim:wait(8)
+	expect(sim:connected(), "it is back")
+end
+
+scenario("a robot with a low battery comes home", { battery = 20.6 }, function(sim)
+	anywhere(sim)
+	sim:run("drives.lua")
+	expect(sim:wait_until(function() return sim:charging() end, 200), "home")
+end)
+
+scenario("a low robot comes home over a link that drops", { battery = 19 }, function(sim)
+	anywhere(sim)
+	sim:run("drives.lua")
+	sim:wait(3)
+	drop(sim)
+	drop(sim)
+	expect(sim:wait_until(function() return sim:charging() end, 200), "home")
+end)
+
+scenario("after a drop the tracks stand", {}, function(sim)
+	anywhere(sim)
+	sim:run("drives.lua")
+	sim:wait(2)
+	drop(sim)
+	expect(stands(sim, 3))
+end)
+
+scenario("after a drop a search is over", {}, function(sim)
+	anywhere(sim)
+	sim:hide_station(true)
+	sim:run("docks.lua")
+	sim:wait(4)
+	expect(not stands(sim, 1), "it searches")
+	drop(sim)
+	expect(stands(sim, 3))
+end)
+
+scenario("at the end of a run a search is over", {}, function(sim)
+	anywhere(sim)
+	sim:hide_station(true)
+	sim:run("docks.lua")
+	sim:wait(4)
+	sim:stop()
+	sim:wait(1)
+	expect(stands(sim, 3))
+end)
+
+scenario("docks and charges", {}, function(sim)
+	anywhere(sim)
+	sim:run("docks.lua")
+	expect(sim:wait_until(function() return #sim:log("docked: true") > 0 end, 120), "docked")
+	expect(sim:charging())
+end)
+
+scenario("leaves its station and comes back", {}, function(sim)
+	sim:place({ x = 1.2, y = 2.5, heading = math.pi })
+	sim:run({ "docks.lua", name = "first" })
+	expect(sim:wait_until(function() return sim:charging() end, 120), "on the station")
+	sim:wait(6)
+	sim:stop()
+	sim:run("leaves.lua")
+	expect(sim:wait_until(function() return sim:ended("leaves") end, 200), "it ends by itself")
+	expect(sim:ended("leaves") == "done" and sim:charging())
+end)
