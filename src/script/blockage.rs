@@ -7,7 +7,9 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use crate::robot::MotionId;
-use crate::vision::{Camera, Drive, Glance, Image, Verdict, compare_glances, nearer_than};
+use crate::vision::{
+    Approach, Camera, Drive, Glance, Image, Verdict, compare_glances, foot_ahead, nearer_than,
+};
 
 /// The robot gains speed, and its pictures are late: what is older than this after the beginning of a
 /// motion is not looked at.
@@ -20,6 +22,8 @@ const PICTURES: u32 = 3;
 /// A robot that has driven so much further, in metres, than to what it saw close before it, is held there: the
 /// lens is behind the front of the robot by more than that.
 const PUSHED: f64 = 0.02;
+/// Metres from the lens to what has just left the picture, at least: nearer ones are mistakes.
+const LEAST_ROOM: f64 = 0.15;
 /// Pictures that are kept.
 const MOST: usize = 16;
 
@@ -32,6 +36,7 @@ pub(super) struct Blockage {
     standing: Option<(Instant, u32)>,
     /// Close before something plain; see [`Close`].
     close: Option<Close>,
+    approach: Approach,
     /// A picture's memory, to use again.
     spare: Glance,
 }
@@ -71,9 +76,14 @@ impl Blockage {
             self.motion = Some(going.motion);
             self.glances.clear();
             (self.standing, self.close) = (None, None);
+            self.approach = Approach::default();
         }
         let mut now = std::mem::take(&mut self.spare);
         now.take(image);
+        match foot_ahead(&now) {
+            Some(rows) if at >= going.since + SETTLING => self.approach.note(going.odometer, rows),
+            _ => {}
+        }
         self.note_close(nearer_than(&now, camera), at, going);
         if at < going.since + SETTLING {
             self.spare = now;
@@ -106,11 +116,19 @@ impl Blockage {
             (Some(room), None) if going.drive.forward > 0.0 => Some(Close {
                 at,
                 odometer: going.odometer,
-                room,
+                room: self
+                    .room(going.odometer)
+                    .map_or(room, |seen| room.min(seen)),
             }),
             (Some(_), close) => close,
             (None, _) => None,
         };
+    }
+
+    /// Metres to what it has seen ahead while it came nearer.
+    fn room(&self, odometer: f64) -> Option<f64> {
+        let room = self.approach.arrival()? - odometer;
+        (room > LEAST_ROOM).then_some(room)
     }
 
     /// When it came close, if it has driven further since than there was room.

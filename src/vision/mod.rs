@@ -40,7 +40,7 @@ pub use jpeg::encoder::{Encoder as JpegEncoder, Subsampling};
 pub use jpeg::frame::{FrameError, MAX_JPEG_LEN, validate_markers};
 pub use line::{Line, find_line};
 pub use motion::{Motion, MotionDetector, MotionOptions};
-pub use near_wall::nearer_than;
+pub use near_wall::{Approach, foot_ahead, nearer_than};
 pub use picture::image::{Image, Roi};
 pub use picture::measure::{brightness, sharpness};
 pub use picture::size::{MAX_HEIGHT, MAX_WIDTH, Size};

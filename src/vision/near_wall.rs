@@ -1,5 +1,7 @@
 //! Sees that the robot stands close before something plain: so close that the camera sees no floor.
 
+use std::collections::VecDeque;
+
 use super::blobs::Camera;
 use super::standstill::{Glance, LENS_HEIGHT};
 
@@ -12,6 +14,10 @@ const STRIPS: usize = 3;
 const REACH: usize = 3;
 /// An edge is a step of the brightness by so much, of 255.
 const EDGE: f64 = 2.5;
+/// Of an approach so many pictures are kept; fewer, or a shorter way in metres, tell nothing.
+const MOST_SEEN: usize = 24;
+const FEWEST_SEEN: usize = 5;
+const SHORTEST: f64 = 0.08;
 /// Darker or brighter pictures show no edges, even if there are some.
 const SHOWS: std::ops::RangeInclusive<f64> = 20.0..=240.0;
 
@@ -37,6 +43,78 @@ pub fn nearer_than(glance: &Glance, camera: Camera) -> Option<f64> {
     plain.then(|| focal * LENS_HEIGHT / (h as f64 / 2.0))
 }
 
+/// How far below the horizon the edge is that will be the last to leave the picture at its bottom when the robot
+/// drives on: most often the foot of what stands ahead. Half-size pixels, for [`Approach`].
+pub fn foot_ahead(glance: &Glance) -> Option<f64> {
+    let (w, h) = glance.size();
+    let part = |share: f64| (share * w as f64) as usize;
+    let (left, right, horizon) = (part(COLUMNS.0), part(COLUMNS.1), h / 2);
+    if left == right || h < 4 * REACH {
+        return None;
+    }
+    let rows: Vec<f64> = (horizon..h)
+        .map(|y| mean(&glance.row(y)[left..right]))
+        .collect();
+    let steps: Vec<f64> = rows
+        .windows(2 * REACH + 1)
+        .map(|rows| step(rows).abs())
+        .collect();
+    let first = steps.iter().position(|step| *step >= EDGE)?;
+    // The step is seen from REACH rows above the edge on, and is largest there.
+    let near = &steps[first..steps.len().min(first + 2 * REACH + 1)];
+    let (sum, weighted) = near
+        .iter()
+        .zip(0..)
+        .fold((0.0, 0.0), |(sum, weighted), (step, row)| {
+            (sum + step, weighted + step * f64::from(row))
+        });
+    Some((first + REACH) as f64 + 0.5 + weighted / sum)
+}
+
+/// How far it is to what is seen ahead, by how fast its foot comes down in the picture while the robot drives
+/// towards it: so it does not matter how high the lens is, nor whether the foot is a skirting board.
+#[derive(Debug, Clone, Default)]
+pub struct Approach {
+    /// Where the odometer stood, metres, and one through the rows below the horizon.
+    seen: VecDeque<(f64, f64)>,
+}
+
+impl Approach {
+    /// A foot was seen so many rows below the horizon when the odometer stood there.
+    pub fn note(&mut self, odometer: f64, rows: f64) {
+        let inverse = 1.0 / rows.max(1.0);
+        // Another foot than before.
+        let goes_on = |(_, last): &(f64, f64)| inverse <= last * 1.05 && inverse >= last * 0.7;
+        if !self.seen.back().is_some_and(goes_on) {
+            self.seen.clear();
+        }
+        if self.seen.len() == MOST_SEEN {
+            self.seen.pop_front();
+        }
+        self.seen.push_back((odometer, inverse));
+    }
+
+    /// Where the odometer stands when the lens is at the foot, metres. `None` as long as that is not sure.
+    pub fn arrival(&self) -> Option<f64> {
+        let count = self.seen.len() as f64;
+        let (first, last) = (self.seen.front()?, self.seen.back()?);
+        if self.seen.len() < FEWEST_SEEN || last.0 - first.0 < SHORTEST {
+            return None;
+        }
+        let sum =
+            |value: fn(f64, f64) -> f64| self.seen.iter().map(|(x, y)| value(*x, *y)).sum::<f64>();
+        let (x, y) = (sum(|x, _| x) / count, sum(|_, y| y) / count);
+        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+        for (one, other) in &self.seen {
+            let (dx, dy) = (one - x, other - y);
+            (xx, xy, yy) = (xx + dx * dx, xy + dx * dy, yy + dy * dy);
+        }
+        // A line that falls, and fits well.
+        let straight = xy < 0.0 && xy * xy > 0.95 * xx * yy;
+        straight.then(|| x - y * xx / xy)
+    }
+}
+
 fn mean(values: &[u8]) -> f64 {
     let sum: u32 = values.iter().map(|value| u32::from(*value)).sum();
     f64::from(sum) / values.len() as f64
@@ -44,10 +122,14 @@ fn mean(values: &[u8]) -> f64 {
 
 /// Whether the brightness has no step from row to row.
 fn is_plain(rows: &[f64]) -> bool {
-    let sum = |rows: &[f64]| rows.iter().sum::<f64>() / REACH as f64;
-    let step = |rows: &[f64]| sum(&rows[..REACH]) - sum(&rows[REACH + 1..]);
     let mut steps = rows.windows(2 * REACH + 1).map(step);
     rows.iter().all(|row| SHOWS.contains(row)) && steps.all(|step| step.abs() < EDGE)
+}
+
+/// From the rows above the middle one to those below it.
+fn step(rows: &[f64]) -> f64 {
+    let sum = |rows: &[f64]| rows.iter().sum::<f64>() / REACH as f64;
+    sum(&rows[..REACH]) - sum(&rows[REACH + 1..])
 }
 
 #[cfg(test)]
@@ -82,6 +164,29 @@ mod tests {
     }
 
     #[test]
+    fn the_foot_of_a_wall_tells_how_far_it_is() {
+        let mut approach = Approach::default();
+        for step in 0..12 {
+            let driven = 0.02 * f64::from(step);
+            let foot = 138.0 * 2.0 * 0.13 / (1.2 - driven);
+            let mut glance = Glance::default();
+            let picture = RgbImage::from_fn(320, 240, |_, y| {
+                Rgb([if f64::from(y) < 120.0 + foot {
+                    150
+                } else {
+                    120
+                }; 3])
+            });
+            glance.take(&Image::from_rgb(&picture));
+            approach.note(driven, foot_ahead(&glance).unwrap());
+        }
+        let arrival = approach.arrival().unwrap();
+        assert!((arrival - 1.2).abs() < 0.1, "{arrival}");
+        approach.note(0.3, 3.0);
+        assert_eq!(approach.arrival(), None);
+    }
+
+    #[test]
     fn tiny_pictures_tell_nothing() {
         for side in 0..16 {
             let mut glance = Glance::default();
@@ -91,6 +196,7 @@ mod tests {
                 Rgb([90; 3]),
             )));
             assert_eq!(nearer_than(&glance, Camera::default()), None);
+            assert_eq!(foot_ahead(&glance), None);
         }
     }
 }

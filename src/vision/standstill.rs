@@ -23,6 +23,9 @@ const WITNESS: f64 = 8.0;
 const STILL: f64 = 0.45;
 /// Fewer witnesses than this prove nothing.
 const FEWEST_WITNESSES: u32 = 8;
+/// They must be in so many quarters of the picture, side by side: a ball that the robot pushes before it is not all
+/// that there is.
+const FEWEST_QUARTERS: usize = 2;
 /// The camera stood still if at least this share of the witnesses did, and moved if at most this share did.
 const STANDS: f64 = 0.7;
 const MOVES: f64 = 0.4;
@@ -118,7 +121,7 @@ pub fn compare(
         .filter_map(|place| Witness::at(before, place, expected.shift(place)?))
         .collect();
     let count = witnesses.len() as u32;
-    if count < FEWEST_WITNESSES {
+    if count < FEWEST_WITNESSES || quarters(&witnesses, now.w) < FEWEST_QUARTERS {
         return Verdict::Unknown;
     }
     let still = |sway| {
@@ -133,6 +136,15 @@ pub fn compare(
     } else {
         Verdict::Unknown
     }
+}
+
+/// In how many of four upright strips of the picture at least two witnesses are.
+fn quarters(witnesses: &[Witness], width: usize) -> usize {
+    let mut counts = [0; 4];
+    for witness in witnesses {
+        counts[(witness.place.0 * 4 / width).min(3)] += 1;
+    }
+    counts.iter().filter(|count| **count >= 2).count()
 }
 
 /// A tile that would look different after the expected movement.
