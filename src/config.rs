@@ -4,6 +4,7 @@
 mod behaviours;
 mod effective;
 mod logging;
+mod mqtt;
 mod place;
 mod schema;
 
@@ -16,6 +17,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 pub use self::behaviours::Entry;
 pub use self::effective::{Effective, Named, Origin, Setting};
 pub use self::logging::{Format, Level, Logging, Time, When};
+pub use self::mqtt::{Mqtt, Tls};
 pub use self::schema::schema;
 use crate::files;
 use crate::journal;
@@ -71,6 +73,8 @@ pub struct Config {
     pub journal: journal::Options,
     /// Who is told of what happens, by webhooks and commands.
     pub notify: notify::Options,
+    /// The broker of MQTT by which others see the robot and ask for it.
+    pub mqtt: Mqtt,
 }
 
 /// The camera's numbers, checked where they stand: the eyes know no config.
@@ -173,6 +177,8 @@ impl Config {
         for path in paths
             .chain(rescue)
             .chain(tokens)
+            .chain(&mut config.mqtt.password_file)
+            .chain(&mut config.mqtt.tls.ca_file)
             .chain(&mut config.data)
             .chain(&mut config.password_file)
         {
@@ -201,6 +207,7 @@ impl Config {
             serde_yaml::from_str(text).map_err(|error| invalid(in_words(&error.to_string())))?;
         config.watchdog.check().map_err(invalid)?;
         config.notify.check().map_err(invalid)?;
+        config.mqtt.check().map_err(invalid)?;
         Ok(config)
     }
 }

@@ -115,6 +115,7 @@
 //! | 6 | `config` | the YAML file, composed of each module's own options |
 //! | 7 | `lab` | a whole run in virtual time: agent, hosts and simulator on one thread |
 //! | 7 | `control` | the socket by which a run that is on can be asked |
+//! | 8 | `mqtt` | the broker by which others see the robot, ask for it, and find a fleet |
 //! | 8 | `scenario` | worlds, behaviours and what must become true: plays `*_test.lua` files |
 //! | 9 | `cli` | one file per subcommand |
 //! | side | `sim` | the simulated robot and its world; imports floor 0 only |
@@ -137,6 +138,7 @@ pub mod guardian;
 pub mod journal;
 pub mod lab;
 pub mod link;
+pub mod mqtt;
 pub mod notify;
 pub mod paper;
 pub mod pilot;

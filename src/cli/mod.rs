@@ -5,6 +5,7 @@ mod album;
 mod api;
 mod behaviour;
 mod blobs;
+mod broker;
 mod calibrate;
 mod cast;
 mod check;
@@ -20,6 +21,7 @@ mod embedded;
 mod examiner;
 mod failure;
 mod fast;
+mod fleet;
 mod history;
 mod interrupt;
 mod learn;
@@ -108,6 +110,7 @@ enum Command {
     Status(runs::StatusArgs),
     History(history::HistoryArgs),
     Notify(notify::NotifyArgs),
+    Fleet(fleet::FleetArgs),
     Behaviour(behaviour::BehaviourArgs),
     New(new::NewArgs),
     Repl(repl::ReplArgs),
@@ -135,6 +138,7 @@ impl Command {
             Command::Status(args) => Some(&args.settings),
             Command::History(args) => Some(&args.settings),
             Command::Notify(args) => Some(args.settings()),
+            Command::Fleet(args) => Some(args.settings()),
             Command::Behaviour(args) => Some(args.settings()),
             Command::Repl(args) => Some(&args.settings),
             Command::Config(args) => args.settings(),
@@ -154,6 +158,7 @@ impl Command {
             Command::Status(args) => runs::run(&args),
             Command::History(args) => history::run(&args),
             Command::Notify(args) => notify::run(&args),
+            Command::Fleet(args) => fleet::run(&args),
             Command::Behaviour(args) => behaviour::run(&args),
             Command::New(args) => new::run(&args),
             Command::Repl(args) => repl::run(&args, console),

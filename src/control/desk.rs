@@ -122,7 +122,8 @@ async fn serve(stream: UnixStream, run: Run) {
 }
 
 impl Run {
-    async fn perform(&self, errand: Errand) -> Answer {
+    /// Does one thing for a person, by the same rules whoever brings it: a tool, a page or a broker.
+    pub async fn perform(&self, errand: Errand) -> Answer {
         let errand = match errand {
             Errand::Overview => return self.overview().await,
             Errand::Stop => return self.halt().await,
@@ -226,6 +227,29 @@ impl Run {
             Err(error) => Err(error),
         };
         self.stop.cancel();
+        match stopped {
+            Ok(()) => Answer::Done,
+            Err(error) => Answer::Refused(error.to_string()),
+        }
+    }
+
+    /// The tracks rest at once, and all behaviours end, so that nothing drives on. Unlike [`Errand::Stop`]
+    /// it does not end a run that stays.
+    pub async fn rest(&self) -> Answer {
+        let stopped = match self.seat().await {
+            Ok(seat) => seat.intend(Intent::Stop).await,
+            Err(error) => Err(error),
+        };
+        let mut ending = JoinSet::new();
+        for member in self.roster.members().borrow().iter() {
+            if matches!(member.state, MemberState::Idle | MemberState::Ending) {
+                continue;
+            }
+            let (roster, name) = (self.roster.clone(), member.name.clone());
+            ending.spawn(async move { roster.stop(&name).await });
+        }
+        // One that has ended by itself meanwhile is where it was wanted.
+        ending.join_all().await;
         match stopped {
             Ok(()) => Answer::Done,
             Err(error) => Answer::Refused(error.to_string()),

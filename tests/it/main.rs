@@ -25,6 +25,7 @@ mod intruders;
 mod journal;
 mod lessons;
 mod link;
+mod mqtt;
 mod new;
 mod notify;
 mod pilot;
