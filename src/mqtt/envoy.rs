@@ -2,9 +2,10 @@
 
 use std::time::Duration;
 
-use rand::rngs::ThreadRng;
+use rand::SeedableRng;
+use rand::rngs::StdRng;
 use serde_json::Value;
-use tokio::time::{Instant, sleep_until};
+use tokio::time::{Instant, sleep_until, timeout_at};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
@@ -24,6 +25,8 @@ use crate::robot::{Heard, Listener, Occurrence, RobotInfo};
 const GATHER: Duration = Duration::from_millis(100);
 /// How long the last words may take.
 const GOODBYE: Duration = Duration::from_secs(1);
+/// How long orders may take that are under way at the end.
+const ANSWERS: Duration = Duration::from_millis(500);
 /// A connection that lived so long was a good one: the next pause is short.
 const GOOD: Duration = Duration::from_secs(60);
 
@@ -41,7 +44,7 @@ pub(super) struct Envoy {
     /// Said by the broker already, on this line.
     told: Told,
     backoff: Backoff,
-    rng: ThreadRng,
+    rng: StdRng,
     /// Events that found no room.
     dropped: u64,
     /// What the last break was, so that it is logged once.
@@ -93,7 +96,7 @@ impl Envoy {
             due: None,
             told: Told::default(),
             backoff: Backoff::new(&link::Options::default()),
-            rng: rand::rng(),
+            rng: StdRng::seed_from_u64(rand::random()),
             dropped: 0,
             complained: false,
         }
@@ -322,6 +325,15 @@ impl Envoy {
 
     /// What happened last, and goodbye.
     async fn part(mut self) {
+        // A stop ends runs: who asked for it is told all the same.
+        let deadline = Instant::now() + ANSWERS;
+        self.errands.give_up_driving();
+        while !self.errands.is_empty() {
+            match timeout_at(deadline, self.errands.next()).await {
+                Ok(over) => self.answer(over),
+                Err(_) => break,
+            }
+        }
         while let Some(Heard::Happening(one)) = self.listener.try_next() {
             self.report.hear(&one.what);
             self.announce(&one.what);

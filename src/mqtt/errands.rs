@@ -44,9 +44,7 @@ impl Errands {
         let drives = matches!(order, Order::Dock | Order::Undock);
         if drives || order == Order::Stop {
             // Who asked for the last one is gone: the pilot gives it up.
-            if let Some(last) = self.drive.take() {
-                last.abort();
-            }
+            self.give_up_driving();
         }
         if self.tasks.len() >= MOST_STOPS {
             return;
@@ -75,6 +73,18 @@ impl Errands {
         if drives && !full {
             self.drive = Some(task);
         }
+    }
+
+    /// Nobody asks for the docking under way any more.
+    pub(super) fn give_up_driving(&mut self) {
+        if let Some(last) = self.drive.take() {
+            last.abort();
+        }
+    }
+
+    /// None is under way.
+    pub(super) fn is_empty(&self) -> bool {
+        self.tasks.is_empty()
     }
 
     /// Waits for the next that is over; for ever if none is under way. Cancel-safe.

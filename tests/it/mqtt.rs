@@ -326,8 +326,9 @@ async fn a_fleet_runs_and_stops_together_and_every_robot_hears_it() {
         ear.hears_state(0, name, two).await;
     }
     rigs[0].file("fleet.yaml", &broker.config());
-    let fleet =
-        |args: &[&str]| rigs[0].spykee(&[&["fleet"], args, &["--config", "fleet.yaml"]].concat());
+    let fleet = |args: &[&str]| {
+        rigs[0].spykee(&[&["fleet"][..], args, &["--config", "fleet.yaml"]].concat())
+    };
     let mut again = fleet(&["run", "patrol", "--on", "all"]);
     assert_eq!(again.code().await, Some(4), "{}", again.text());
     let refused = again
