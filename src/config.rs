@@ -4,6 +4,7 @@
 mod behaviours;
 mod effective;
 mod logging;
+mod mqtt;
 mod place;
 mod schema;
 mod service;
@@ -17,6 +18,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 pub use self::behaviours::{Entry, Start};
 pub use self::effective::{Effective, Named, Origin, Setting};
 pub use self::logging::{Format, Level, Logging, Time, When};
+pub use self::mqtt::{Mqtt, Tls};
 pub use self::schema::schema;
 pub use self::service::{Idle, Service};
 use crate::clock::{Span, Zone};
@@ -93,6 +95,8 @@ pub struct Config {
     pub journal: journal::Options,
     /// Who is told of what happens, by webhooks and commands.
     pub notify: notify::Options,
+    /// The broker of MQTT by which others see the robot and ask for it.
+    pub mqtt: Mqtt,
 }
 
 impl Default for Config {
@@ -120,6 +124,7 @@ impl Default for Config {
             journal: journal::Options::default(),
             notify: notify::Options::default(),
             live: http::Options::default(),
+            mqtt: Mqtt::default(),
         }
     }
 }
@@ -259,6 +264,8 @@ impl Config {
         for path in paths
             .chain(rescue)
             .chain(tokens)
+            .chain(&mut config.mqtt.password_file)
+            .chain(&mut config.mqtt.tls.ca_file)
             .chain(&mut config.data)
             .chain(&mut config.password_file)
             .chain(&mut config.live.driver_password_file)
@@ -289,6 +296,7 @@ impl Config {
             serde_yaml::from_str(text).map_err(|error| invalid(in_words(&error.to_string())))?;
         config.watchdog.check().map_err(invalid)?;
         config.notify.check().map_err(invalid)?;
+        config.mqtt.check().map_err(invalid)?;
         Ok(config)
     }
 }

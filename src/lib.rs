@@ -120,6 +120,7 @@
 //! | 7 | `control` | the socket by which a run that is on can be asked |
 //! | 8 | `live` | the page in the browser, the JSON API, health and metrics |
 //! | 8 | `service` | an agent that stays for good: timetable, idle robot, the system's manager |
+//! | 8 | `mqtt` | the broker by which others see the robot, ask for it, and find a fleet |
 //! | 8 | `scenario` | worlds, behaviours and what must become true: plays `*_test.lua` files |
 //! | 9 | `cli` | one file per subcommand |
 //! | side | `sim` | the simulated robot and its world; imports floor 0 only |
@@ -145,6 +146,7 @@ pub mod journal;
 pub mod lab;
 pub mod link;
 pub mod live;
+pub mod mqtt;
 pub mod notify;
 pub mod paper;
 pub mod pilot;

@@ -5,6 +5,7 @@ mod album;
 mod api;
 mod behaviour;
 mod blobs;
+mod broker;
 mod calibrate;
 mod cast;
 mod check;
@@ -21,6 +22,7 @@ mod examiner;
 mod failure;
 mod fast;
 mod firmware;
+mod fleet;
 mod history;
 mod interrupt;
 mod learn;
@@ -118,6 +120,7 @@ enum Command {
     Status(runs::StatusArgs),
     History(history::HistoryArgs),
     Notify(notify::NotifyArgs),
+    Fleet(fleet::FleetArgs),
     Behaviour(behaviour::BehaviourArgs),
     New(new::NewArgs),
     Repl(repl::ReplArgs),
@@ -148,6 +151,7 @@ impl Command {
             Command::Status(args) => Some(&args.settings),
             Command::History(args) => Some(&args.settings),
             Command::Notify(args) => Some(args.settings()),
+            Command::Fleet(args) => Some(args.settings()),
             Command::Behaviour(args) => Some(args.settings()),
             Command::Repl(args) => Some(&args.settings),
             Command::Config(args) => args.settings(),
@@ -171,6 +175,7 @@ impl Command {
             Command::Status(args) => runs::run(&args),
             Command::History(args) => history::run(&args),
             Command::Notify(args) => notify::run(&args),
+            Command::Fleet(args) => fleet::run(&args),
             Command::Behaviour(args) => behaviour::run(&args),
             Command::New(args) => new::run(&args),
             Command::Repl(args) => repl::run(&args, console),

@@ -22,7 +22,7 @@ use super::settings::SettingsArgs;
 use super::status::StatusLine;
 use super::trace::TraceFile;
 use super::waiting::{Tries, until_answered};
-use super::{ConnectionArgs, Console, Exit, Failure, Place, check, notify};
+use super::{ConnectionArgs, Console, Exit, Failure, Place, broker, check, notify};
 use crate::agent::{self, Agent, AgentError, Behaviour, Bus, Outcome, Plan, RESCUE_NAME};
 use crate::behaviour::{Launch, Launcher, RestartPolicy, is_failure};
 use crate::clock::{Clock, Date, Zone};
@@ -32,6 +32,7 @@ use crate::guardian::Guardian;
 use crate::journal::{self, Journal};
 use crate::lab;
 use crate::link::{self, LinkError, Target};
+use crate::mqtt::Account;
 use crate::pilot::{Dial, DrivingCore, Pulse, Status};
 use crate::robot::EndReason;
 use crate::sim;
@@ -224,6 +225,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         limit: args.limit,
         bus: bus.clone(),
     };
+    let account = broker::of_run(args.settings.load()?)?;
     let journal = match config.journal.record {
         journal::When::On => journal(&config, &bus, &about),
         _ => None,
@@ -234,7 +236,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         for (watched, reloads) in watches {
             tokio::spawn(watched.run(reloads));
         }
-        drive(plan, line, (desk, about), page, console).await
+        drive(plan, line, (desk, about), (page, account), console).await
     });
     drop(core);
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
@@ -328,11 +330,12 @@ async fn drive(
     plan: Plan,
     line: StatusLine,
     (desk, (target, simulated)): (io::Result<Desk>, (String, bool)),
-    page: Option<(Ahead, Option<sim::Handle>)>,
+    (page, account): (Option<(Ahead, Option<sim::Handle>)>, Option<Account>),
     console: &Console,
 ) -> Result<Exit, Failure> {
     let stop = CancellationToken::new();
     let (core, streams) = (plan.core.clone(), plan.settings.streams);
+    let bus = plan.bus.clone();
     let (agent, status) = Agent::new(plan);
     obey(&core, agent.requests(), stop.clone())?;
     let run = control::Run {
@@ -349,12 +352,15 @@ async fn drive(
     let page = page.map(|(page, sim)| page.serve(run.clone(), sim, console));
     // Ends with the run.
     let _page = page.transpose()?;
+    let mqtt = broker::start(&bus, &run, account);
     let showing = show(line, status, console);
-    tokio::select! {
+    let outcome = tokio::select! {
         outcome = agent.run(stop) => exit(outcome),
         never = showing => match never {},
         never = serve(desk, run) => match never {},
-    }
+    };
+    mqtt.map(|mqtt| mqtt.finish(broker::END));
+    outcome
 }
 
 /// A run without a desk drives all the same.

@@ -21,7 +21,7 @@ use super::run::{self, driving_core, parse_seconds, place, pulse, reach_with, re
 use super::settings::SettingsArgs;
 use super::status::StatusLine;
 use super::waiting::{Tries, until_answered};
-use super::{ConnectionArgs, Console, Exit, Failure, Place, notify};
+use super::{ConnectionArgs, Console, Exit, Failure, Place, broker, notify};
 use crate::agent::{Agent, AgentError, Bus, Outcome, Plan};
 use crate::behaviour::Launcher;
 use crate::clock::{Clock, Date, Zone};
@@ -30,6 +30,7 @@ use crate::control::{self, Desk};
 use crate::journal::When;
 use crate::link::Target;
 use crate::live::Script;
+use crate::mqtt::Account;
 use crate::service::{Herald, RecordFile, Service, View};
 use crate::sim::Handle;
 use crate::timetable::Record;
@@ -150,6 +151,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         When::Off => None,
         _ => run::journal(&config, &bus, &(target.to_string(), simulated)),
     };
+    let account = broker::of_run(args.settings.load()?)?;
     let (scripts, shown) = watch::channel(order.scripts.clone());
     let page = config.live.listen.map(|_| Ahead::of(&config, shown, &bus));
     let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
@@ -169,7 +171,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
             beats,
         },
         (reader, config, order),
-        (page, scripts),
+        (page, scripts, account),
         line,
         console,
     ));
@@ -180,6 +182,13 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     drop(sim);
     exit(outcome?)
 }
+
+/// What stands beside a service: its page, the scripts that the page shows, and its broker.
+type Beside = (
+    Option<(Ahead, Option<Handle>)>,
+    watch::Sender<Vec<Script>>,
+    Option<Account>,
+);
 
 /// What it takes to serve.
 struct Means {
@@ -195,7 +204,7 @@ struct Means {
 async fn serve(
     means: Means,
     (reader, config, order): (Reader, Config, Order),
-    (page, scripts): (Option<(Ahead, Option<Handle>)>, watch::Sender<Vec<Script>>),
+    (page, scripts, account): Beside,
     line: StatusLine,
     console: &Console,
 ) -> Result<Result<Outcome, AgentError>, Failure> {
@@ -220,6 +229,7 @@ async fn serve(
     let (reload, reloads) = mpsc::channel(1);
     let page = page.map(|(page, sim)| page.serve(asked.clone(), sim, console));
     let _page = page.transpose()?;
+    let mqtt = broker::start(&bus, &asked, account);
     let herald = Herald::of_environment();
     let service = Service {
         agent,
@@ -239,13 +249,15 @@ async fn serve(
             false => std::future::pending().await,
         }
     };
-    Ok(tokio::select! {
+    let outcome = tokio::select! {
         outcome = service.run(stop) => outcome,
         never = showing => match never {},
         never = run::serve(desk, asked) => match never {},
         never = herald.pass_on(means.beats) => match never {},
         never = reader.obey(hangup, reload, scripts, (config, order)) => match never {},
-    })
+    };
+    mqtt.map(|mqtt| mqtt.finish(broker::END));
+    Ok(outcome)
 }
 
 fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {

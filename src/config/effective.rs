@@ -116,7 +116,8 @@ impl Effective {
             }
         }
         let levels = effective.config.watchdog.check();
-        levels.map_err(|reason| invalid("the environment", &reason))?;
+        let checked = levels.and_then(|()| effective.config.mqtt.check());
+        checked.map_err(|reason| invalid("the environment", &reason))?;
         Ok(effective)
     }
 

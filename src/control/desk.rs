@@ -124,7 +124,8 @@ async fn serve(stream: UnixStream, run: Run) {
 }
 
 impl Run {
-    /// Does one thing for a person. Dropping the wait gives it up.
+    /// Does one thing for a person, by the same rules whoever brings it: a tool, a page or a broker.
+    /// Dropping the wait gives it up.
     pub async fn perform(&self, errand: Errand) -> Answer {
         let errand = match errand {
             Errand::Overview => return self.overview().await,
@@ -240,6 +241,29 @@ impl Run {
             Err(error) => Err(error),
         };
         self.stop.cancel();
+        match stopped {
+            Ok(()) => Answer::Done,
+            Err(error) => Answer::Refused(error.to_string()),
+        }
+    }
+
+    /// The tracks rest at once, and all behaviours end, so that nothing drives on. Unlike [`Errand::Stop`]
+    /// it does not end a run that stays.
+    pub async fn rest(&self) -> Answer {
+        let stopped = match self.seat("a person").await {
+            Ok(seat) => seat.intend(Intent::Stop).await,
+            Err(error) => Err(error),
+        };
+        let mut ending = JoinSet::new();
+        for member in self.roster.members().borrow().iter() {
+            if matches!(member.state, MemberState::Idle | MemberState::Ending) {
+                continue;
+            }
+            let (roster, name) = (self.roster.clone(), member.name.clone());
+            ending.spawn(async move { roster.stop(&name).await });
+        }
+        // One that has ended by itself meanwhile is where it was wanted.
+        ending.join_all().await;
         match stopped {
             Ok(()) => Answer::Done,
             Err(error) => Answer::Refused(error.to_string()),

@@ -173,7 +173,7 @@ fn print(behaviour: &Behaviour) -> u64 {
 
 /// What a running service cannot change.
 fn say_what_waits(old: &Config, new: &Config) {
-    const WAITS: [&str; 12] = [
+    const WAITS: [&str; 13] = [
         "robot",
         "user",
         "password_file",
@@ -185,6 +185,7 @@ fn say_what_waits(old: &Config, new: &Config) {
         "journal",
         "notify",
         "live",
+        "mqtt",
         "service",
     ];
     let tree = |config: &Config| {

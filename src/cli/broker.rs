@@ -1,0 +1,75 @@
+//! The broker that the config names: its secrets on their way into this program, and the agent's
+//! connection to it.
+
+use std::time::Duration;
+
+use super::{Failure, secret};
+use crate::config::{Effective, Named};
+use crate::control::Run;
+use crate::files;
+use crate::mqtt::{Account, Mqtt};
+use crate::robot::Bus;
+
+/// How long the last words to the broker may take.
+pub(super) const END: Duration = Duration::from_secs(2);
+/// No file of certificates is longer.
+const LONGEST_CERTIFICATES: u64 = 1 << 20;
+
+/// The broker, if the config names one.
+///
+/// # Errors
+/// Secrets or certificates that cannot be read.
+pub(super) fn account(settings: &Effective) -> Result<Option<Account>, Failure> {
+    let options = settings.config.mqtt.clone();
+    if options.host.is_none() {
+        return Ok(None);
+    }
+    let found = match settings.file_of("mqtt.password_file") {
+        Some((path, Named::Found)) => Some(path),
+        _ => None,
+    };
+    let read = |path| match found {
+        Some(config) => secret::of_found_file(path, config),
+        None => secret::of_named_file(path),
+    };
+    let password = options.password_file.as_deref().map(read).transpose()?;
+    let certificates = |path: &std::path::PathBuf| {
+        files::read(path, LONGEST_CERTIFICATES).map_err(|error| {
+            Failure::usage(format_args!(
+                "cannot read the certificates {} (mqtt.tls.ca_file): {error}",
+                path.display()
+            ))
+        })
+    };
+    let ca = options.tls.ca_file.as_ref().map(certificates).transpose()?;
+    Ok(Some(Account {
+        options,
+        password,
+        ca,
+    }))
+}
+
+/// The broker by which a run may be asked, if the config names one. A config that was found in the current
+/// folder may have come from anywhere: it hands the robot and its camera to nobody.
+///
+/// # Errors
+/// See [`account`]; or a config that was found and not named.
+pub(super) fn of_run(settings: &Effective) -> Result<Option<Account>, Failure> {
+    let account = account(settings)?;
+    if let (Some(_), Some((config, Named::Found))) = (&account, settings.file_of("mqtt.host")) {
+        let config = config.display();
+        let failure = Failure::usage(format_args!(
+            "the config {config} was found here, not named, and lets a broker ask for the robot"
+        ));
+        return Err(failure.help(format!(
+            "name the config, --config {config}, if you trust it"
+        )));
+    }
+    Ok(account)
+}
+
+/// Goes to the broker for a run. A run without it drives all the same.
+pub(super) fn start(bus: &Bus, run: &Run, account: Option<Account>) -> Option<Mqtt> {
+    let started = Mqtt::start(bus, run.clone(), account?);
+    started.map_err(|error| tracing::warn!("{error}")).ok()
+}

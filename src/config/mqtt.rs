@@ -1,0 +1,146 @@
+//! The `mqtt:` section: the broker by which other programs see the robot and ask for it.
+
+use std::path::PathBuf;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Deserializer, Serialize};
+
+use crate::robot::{Seconds, whole_within};
+
+/// The longest prefix of topics.
+const LONGEST_PREFIX: usize = 64;
+
+/// A broker of MQTT. Without a host there is none.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(rename = "MqttOptions")]
+pub struct Mqtt {
+    /// The broker's name or address.
+    pub host: Option<String>,
+    /// 1883 unless given, and 8883 with TLS.
+    #[serde(deserialize_with = "port")]
+    pub port: Option<u16>,
+    /// Log in as this user.
+    pub user: Option<String>,
+    /// The file whose first line is that user's password.
+    pub password_file: Option<PathBuf>,
+    /// Encrypted if a `ca_file` is named.
+    pub tls: Tls,
+    /// Topics begin with it.
+    pub prefix: String,
+    /// Where Home Assistant looks for devices.
+    pub discovery_prefix: String,
+    /// A silent connection shows life so often, in seconds; after one and a half of it without life the
+    /// broker says that it is broken.
+    pub keep_alive: Seconds,
+}
+
+/// How the connection to a broker is encrypted.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(rename = "MqttTls")]
+pub struct Tls {
+    /// Certificates (PEM) of those that may vouch for the broker.
+    pub ca_file: Option<PathBuf>,
+}
+
+impl Default for Mqtt {
+    fn default() -> Mqtt {
+        Mqtt {
+            host: None,
+            port: None,
+            user: None,
+            password_file: None,
+            tls: Tls::default(),
+            prefix: "spykee".to_owned(),
+            discovery_prefix: "homeassistant".to_owned(),
+            keep_alive: Seconds::from_secs(20),
+        }
+    }
+}
+
+impl Mqtt {
+    /// What no type can say.
+    ///
+    /// # Errors
+    /// In words.
+    pub fn check(&self) -> Result<(), String> {
+        for (key, prefix) in [
+            ("prefix", &self.prefix),
+            ("discovery_prefix", &self.discovery_prefix),
+        ] {
+            let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '/');
+            let levels = prefix.split('/').all(|level| !level.is_empty());
+            if !levels || prefix.len() > LONGEST_PREFIX || !prefix.chars().all(plain) {
+                return Err(format!(
+                    "mqtt.{key}: `{prefix}` must be letters, digits, - and _, with single slashes \
+                     between, at most {LONGEST_PREFIX}"
+                ));
+            }
+        }
+        if self.keep_alive < Seconds::from_secs(1) {
+            return Err("mqtt.keep_alive: at least 1 second".to_owned());
+        }
+        if self.password_file.is_some() && self.user.is_none() {
+            return Err(
+                "mqtt.password_file: there is no mqtt.user whose password it is".to_owned(),
+            );
+        }
+        Ok(())
+    }
+
+    /// Host and port of the broker, if there is one.
+    pub fn address(&self) -> Option<(&str, u16)> {
+        let usual = match self.tls.ca_file {
+            Some(_) => 8883,
+            None => 1883,
+        };
+        let host = self.host.as_deref()?;
+        Some((host, self.port.unwrap_or(usual)))
+    }
+}
+
+fn port<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u16>, D::Error> {
+    #[derive(Deserialize)]
+    struct Port(#[serde(deserialize_with = "number")] u16);
+    fn number<'de, D: Deserializer<'de>>(from: D) -> Result<u16, D::Error> {
+        let number: u64 = whole_within(from, "a port from 1 to 65535", 1..=65_535)?;
+        // Within the range.
+        Ok(u16::try_from(number).unwrap_or(u16::MAX))
+    }
+    Ok(Option::<Port>::deserialize(from)?.map(|Port(number)| number))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn checked(text: &str) -> Result<Mqtt, String> {
+        let options: Mqtt = serde_yaml::from_str(text).map_err(|error| error.to_string())?;
+        options.check().map(|()| options)
+    }
+
+    #[test]
+    fn what_makes_no_topic_or_no_port_is_refused_in_words() {
+        for (text, words) in [
+            ("{ prefix: 'a/+' }", "mqtt.prefix"),
+            ("{ prefix: '' }", "mqtt.prefix"),
+            ("{ discovery_prefix: 'a//b' }", "mqtt.discovery_prefix"),
+            ("{ port: 0 }", "a port"),
+            ("{ keep_alive: 0.5 }", "keep_alive"),
+            ("{ password_file: a }", "mqtt.user"),
+        ] {
+            let error = checked(text).unwrap_err();
+            assert!(error.contains(words), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn the_usual_port_is_that_of_the_encryption() {
+        let address = |text| checked(text).unwrap().address().map(|(_, port)| port);
+        assert_eq!(address("{}"), None);
+        assert_eq!(address("{ host: a }"), Some(1883));
+        assert_eq!(address("{ host: a, tls: { ca_file: b } }"), Some(8883));
+        assert_eq!(address("{ host: a, port: 7 }"), Some(7));
+    }
+}

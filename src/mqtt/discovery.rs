@@ -1,0 +1,162 @@
+//! What Home Assistant is told of the entities that there are: one device, by device-based discovery.
+//! <https://www.home-assistant.io/integrations/mqtt/#device-discovery-payload>
+
+use serde_json::{Map, Value, json};
+
+use super::presence::Presence;
+use super::topics::Topics;
+use crate::robot::RobotInfo;
+
+/// What an event entity may say; battery and watchdog are in the state.
+pub(super) const EVENTS: [&str; 12] = [
+    "link_up",
+    "link_down",
+    "safety",
+    "dock",
+    "undock",
+    "started",
+    "ended",
+    "given_up",
+    "start_missed",
+    "picture",
+    "entry",
+    "notify",
+];
+
+/// The payload of the discovery topic.
+pub(super) fn discovery(topics: &Topics, robot: &RobotInfo, behaviours: &[String]) -> Value {
+    let online = Presence::Online.word();
+    json!({
+        "device": {
+            "identifiers": [format!("spykee_{}", topics.id)],
+            "name": robot.name,
+            "manufacturer": "Meccano",
+            "model": "Spykee",
+            "serial_number": robot.uid,
+            "sw_version": robot.firmware,
+        },
+        "origin": { "name": "spykee", "sw_version": env!("CARGO_PKG_VERSION") },
+        "availability": [{
+            "topic": topics.connection(),
+            "value_template": format!("{{{{ 'online' if value == '{online}' else 'offline' }}}}"),
+        }],
+        "qos": 1,
+        "components": components(topics, behaviours),
+    })
+}
+
+fn components(topics: &Topics, behaviours: &[String]) -> Value {
+    let (state, command) = (topics.state(), topics.command());
+    let sensor = |class: &str, template: &str| {
+        json!({
+            "device_class": class,
+            "state_topic": state,
+            "value_template": template,
+            "entity_category": "diagnostic",
+        })
+    };
+    let button = |order: &str, icon: &str| json!({ "command_topic": command, "payload_press": order, "icon": icon });
+    let mut battery = sensor("battery", "{{ value_json.battery }}");
+    battery["unit_of_measurement"] = "%".into();
+    battery["state_class"] = "measurement".into();
+    let charging = "{{ 'ON' if value_json.charging else 'OFF' }}";
+    let mut problem = sensor("problem", "{{ 'ON' if value_json.problem else 'OFF' }}");
+    problem["json_attributes_topic"] = state.clone().into();
+    problem["json_attributes_template"] =
+        "{{ {'reason': value_json.reason, 'link': value_json.link, 'watchdog': value_json.watchdog} | tojson }}"
+            .into();
+    let mut all = Components {
+        topics,
+        entities: Map::new(),
+    };
+    let vacuum = json!({
+        "state_topic": state,
+        "command_topic": command,
+        "supported_features": ["start", "stop", "return_home", "locate"],
+    });
+    all.add("vacuum", "robot", Value::Null, vacuum);
+    all.add("sensor", "battery", "Battery".into(), battery);
+    let charging = sensor("battery_charging", charging);
+    all.add("binary_sensor", "charging", "Charging".into(), charging);
+    all.add("binary_sensor", "problem", "Problem".into(), problem);
+    let camera = json!({ "topic": topics.picture() });
+    all.add("camera", "camera", "Camera".into(), camera);
+    let event = json!({ "state_topic": topics.event(), "event_types": EVENTS });
+    all.add("event", "event", "Last event".into(), event);
+    for (order, name, icon) in [
+        ("dock", "Dock", "mdi:home-import-outline"),
+        ("undock", "Undock", "mdi:home-export-outline"),
+        ("stop", "Stop", "mdi:stop"),
+        ("snapshot", "Take a picture", "mdi:camera"),
+    ] {
+        all.add("button", order, name.into(), button(order, icon));
+    }
+    if !behaviours.is_empty() {
+        let select = json!({
+            "state_topic": state,
+            "value_template": "{{ value_json.behaviour }}",
+            "command_topic": topics.behaviour(),
+            "options": behaviours,
+            "icon": "mdi:script-text-play-outline",
+        });
+        all.add("select", "behaviour", "Behaviour".into(), select);
+    }
+    Value::Object(all.entities)
+}
+
+struct Components<'a> {
+    topics: &'a Topics,
+    entities: Map<String, Value>,
+}
+
+impl Components<'_> {
+    fn add(&mut self, platform: &str, key: &str, name: Value, mut entity: Value) {
+        let id = &self.topics.id;
+        let object = format!("{}_{key}", id.to_lowercase().replace('-', "_"));
+        entity["platform"] = platform.into();
+        entity["name"] = name;
+        entity["unique_id"] = format!("spykee_{id}_{key}").into();
+        entity["default_entity_id"] = format!("{platform}.{object}").into();
+        self.entities.insert(key.to_owned(), entity);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What Home Assistant is told, to the letter: a change here is seen by everybody who has the robot
+    /// in it.
+    const GOLDEN: &str = include_str!("discovery/golden.json");
+
+    fn robot() -> RobotInfo {
+        RobotInfo {
+            uid: "SPYKEE0001".to_owned(),
+            name: "Rover".to_owned(),
+            firmware: "1.0.22".to_owned(),
+            address: "10.0.0.2:9000".to_owned(),
+            simulated: false,
+        }
+    }
+
+    #[test]
+    fn home_assistant_is_told_of_one_device_to_the_letter() {
+        let topics = Topics::new("spykee", "homeassistant", "SPYKEE0001");
+        let behaviours = ["patrol".to_owned(), "guard".to_owned()];
+        let mut told = discovery(&topics, &robot(), &behaviours);
+        // Grows with each release.
+        told["origin"]["sw_version"] = "0".into();
+        let golden: Value = serde_json::from_str(GOLDEN).unwrap();
+        let text = serde_json::to_string_pretty(&told).unwrap();
+        assert_eq!(told, golden, "{text}");
+        assert_eq!(topics.discovery(), "homeassistant/device/SPYKEE0001/config");
+    }
+
+    #[test]
+    fn without_behaviours_there_is_nothing_to_choose_from() {
+        let topics = Topics::new("spykee", "homeassistant", "SPYKEE0001");
+        let told = discovery(&topics, &robot(), &[]);
+        assert_eq!(told["components"]["behaviour"], Value::Null);
+        assert!(told["components"]["robot"].is_object());
+    }
+}

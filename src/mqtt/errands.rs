@@ -1,0 +1,141 @@
+//! Does what is asked: each order as a task of its own, few at a time, dockings one after the other.
+
+use std::time::Duration;
+
+use tokio::task::{AbortHandle, JoinSet};
+
+use super::order::{Answer, Order};
+use crate::control::{self, Change, Errand, Run};
+use crate::robot::{DockEnd, DockPlan};
+use crate::wire::Sound;
+
+/// Orders under way; further ones are refused, but for a stop.
+const MOST: usize = 8;
+/// Stops under way; one more changes nothing.
+const MOST_STOPS: usize = 32;
+/// How long an undocking may take.
+const UNDOCKING: Duration = Duration::from_secs(15);
+/// How long a picture may take.
+const PICTURE: Duration = Duration::from_secs(5);
+
+/// An order that is over.
+pub(super) struct Over {
+    pub(super) answer: Answer,
+    /// What was photographed.
+    pub(super) picture: Option<Vec<u8>>,
+}
+
+/// The orders under way.
+pub(super) struct Errands {
+    run: Run,
+    tasks: JoinSet<Over>,
+    /// The one that drives the robot.
+    drive: Option<AbortHandle>,
+}
+
+impl Errands {
+    pub(super) fn new(run: Run) -> Errands {
+        let (tasks, drive) = (JoinSet::new(), None);
+        Errands { run, tasks, drive }
+    }
+
+    /// Begins with one. `chosen` is what `start` starts.
+    pub(super) fn begin(&mut self, order: Order, id: Option<String>, chosen: Option<String>) {
+        let drives = matches!(order, Order::Dock | Order::Undock);
+        if drives || order == Order::Stop {
+            // Who asked for the last one is gone: the pilot gives it up.
+            self.give_up_driving();
+        }
+        if self.tasks.len() >= MOST_STOPS {
+            return;
+        }
+        let full = self.tasks.len() >= MOST && order != Order::Stop;
+        let run = self.run.clone();
+        let task = self.tasks.spawn(async move {
+            let words = order.to_string();
+            let (done, picture) = match full {
+                true => (Err("too much is asked for at once".to_owned()), None),
+                false => perform(&run, order, chosen).await,
+            };
+            let (done, text) = match done {
+                Ok(text) => (true, text),
+                Err(why) => (false, Some(why)),
+            };
+            let order = words;
+            let answer = Answer {
+                order,
+                id,
+                done,
+                text,
+            };
+            Over { answer, picture }
+        });
+        if drives && !full {
+            self.drive = Some(task);
+        }
+    }
+
+    /// Nobody asks for the docking under way any more.
+    pub(super) fn give_up_driving(&mut self) {
+        if let Some(last) = self.drive.take() {
+            last.abort();
+        }
+    }
+
+    /// None is under way.
+    pub(super) fn is_empty(&self) -> bool {
+        self.tasks.is_empty()
+    }
+
+    /// Waits for the next that is over; for ever if none is under way. Cancel-safe.
+    pub(super) async fn next(&mut self) -> Over {
+        loop {
+            match self.tasks.join_next().await {
+                Some(Ok(over)) => return over,
+                // Given up for a newer one.
+                Some(Err(_)) => {}
+                None => std::future::pending().await,
+            }
+        }
+    }
+}
+
+type Done = Result<Option<String>, String>;
+
+async fn perform(run: &Run, order: Order, chosen: Option<String>) -> (Done, Option<Vec<u8>>) {
+    let change = Change::Start;
+    let errand = match order {
+        Order::Stop => return (judge(run.rest().await), None),
+        Order::Start => match chosen {
+            Some(name) => Errand::Behaviour { name, change },
+            None => return (Err("there is no behaviour to start".to_owned()), None),
+        },
+        Order::Run(name) => Errand::Behaviour { name, change },
+        // Done where the choice is kept.
+        Order::Choose(_) => return (Ok(None), None),
+        Order::Dock => Errand::Dock(DockPlan::default()),
+        Order::Undock => Errand::Undock(UNDOCKING),
+        Order::Locate => Errand::Play(Sound::Laser),
+        Order::Snapshot => Errand::Picture(PICTURE),
+    };
+    match run.perform(errand).await {
+        control::Answer::Picture(jpeg) => (Ok(None), Some(jpeg)),
+        answer => (judge(answer), None),
+    }
+}
+
+fn judge(answer: control::Answer) -> Done {
+    match answer {
+        control::Answer::Docked { end, .. } | control::Answer::Undocked(end) => {
+            let words = end.name().replace('_', " ");
+            match end {
+                DockEnd::Done | DockEnd::AlreadyDocked | DockEnd::NotDocked => Ok(Some(words)),
+                _ => Err(words),
+            }
+        }
+        control::Answer::NoPicture => Err("no picture came in time".to_owned()),
+        control::Answer::Offline => Err("the robot is out of reach just now".to_owned()),
+        control::Answer::Refused(why) => Err(why),
+        _ => Ok(None),
+    }
+}

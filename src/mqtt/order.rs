@@ -1,0 +1,154 @@
+//! What can be asked of an agent by its broker, and the answers.
+
+use serde::{Deserialize, Serialize};
+
+/// The longest order.
+const LONGEST: usize = 1024;
+
+/// One thing that is asked. As text a word (`stop`, `run patrol`), or JSON with an `id` that comes back in
+/// the answer: `{"order": "run patrol", "id": "7"}`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Order {
+    /// Start the chosen behaviour.
+    Start,
+    /// Stop the robot and end all behaviours.
+    Stop,
+    /// Drive to the station.
+    Dock,
+    /// Leave the station.
+    Undock,
+    /// Make a sound.
+    Locate,
+    /// Take a picture.
+    Snapshot,
+    /// Start this behaviour.
+    Run(String),
+    /// From now on `start` starts this behaviour.
+    Choose(String),
+}
+
+/// Why a text is no order.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub(super) enum OrderError {
+    /// Longer than any order.
+    #[error("it is longer than {LONGEST} bytes")]
+    TooLong,
+    /// Not UTF-8.
+    #[error("it is no text")]
+    NoText,
+    /// Looks like JSON and is none, or lacks what it needs.
+    #[error("it is no order in JSON ({0}): {{\"order\": \"stop\", \"id\": \"1\"}} is one")]
+    Json(String),
+    /// No such order.
+    #[error(
+        "`{0}` is no order; there are start, stop, return_to_base, dock, undock, locate, snapshot and \
+         run NAME"
+    )]
+    Unknown(String),
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct Written {
+    order: String,
+    id: Option<String>,
+}
+
+impl Order {
+    /// Reads one, with its id if it has one.
+    pub(super) fn parse(payload: &[u8]) -> Result<(Order, Option<String>), OrderError> {
+        if payload.len() > LONGEST {
+            return Err(OrderError::TooLong);
+        }
+        let text = std::str::from_utf8(payload).map_err(|_| OrderError::NoText)?;
+        let text = text.trim();
+        if !text.starts_with('{') {
+            return Ok((Order::of_words(text)?, None));
+        }
+        let written: Written =
+            serde_json::from_str(text).map_err(|error| OrderError::Json(error.to_string()))?;
+        Ok((Order::of_words(written.order.trim())?, written.id))
+    }
+
+    fn of_words(words: &str) -> Result<Order, OrderError> {
+        Ok(match words {
+            "start" => Order::Start,
+            "stop" => Order::Stop,
+            "return_to_base" | "dock" => Order::Dock,
+            "undock" => Order::Undock,
+            "locate" => Order::Locate,
+            "snapshot" => Order::Snapshot,
+            other => match other.strip_prefix("run ").map(str::trim) {
+                Some(name) if !name.is_empty() => Order::Run(name.to_owned()),
+                _ => return Err(OrderError::Unknown(other.to_owned())),
+            },
+        })
+    }
+
+    /// As JSON, to be asked with an id.
+    pub(super) fn to_json(&self, id: &str) -> String {
+        let (order, id) = (self.to_string(), Some(id.to_owned()));
+        // A struct of texts can always be written.
+        serde_json::to_string(&Written { order, id }).unwrap_or_default()
+    }
+}
+
+impl std::fmt::Display for Order {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Order::Start => "start",
+            Order::Stop => "stop",
+            Order::Dock => "return_to_base",
+            Order::Undock => "undock",
+            Order::Locate => "locate",
+            Order::Snapshot => "snapshot",
+            Order::Run(name) => return write!(f, "run {name}"),
+            Order::Choose(name) => return write!(f, "choose {name}"),
+        })
+    }
+}
+
+/// What became of an order.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Answer {
+    /// The order, in words.
+    pub order: String,
+    /// As the order had it.
+    pub id: Option<String>,
+    /// It was done.
+    pub done: bool,
+    /// How it ended, or why it was not done.
+    pub text: Option<String>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn words_and_json_are_orders() {
+        let parse = |text: &str| Order::parse(text.as_bytes());
+        assert_eq!(parse(" stop\n"), Ok((Order::Stop, None)));
+        assert_eq!(parse("return_to_base"), Ok((Order::Dock, None)));
+        let run = Order::Run("patrol".to_owned());
+        assert_eq!(parse("run patrol"), Ok((run.clone(), None)));
+        assert_eq!(parse(&run.to_json("7")), Ok((run, Some("7".to_owned()))));
+    }
+
+    #[test]
+    fn what_is_no_order_is_refused_in_words() {
+        let refused = |bytes: &[u8]| Order::parse(bytes).unwrap_err().to_string();
+        assert!(refused(b"fly").contains("return_to_base"));
+        assert!(refused(b"run ").contains("no order"));
+        assert!(refused(b"{\"id\": \"7\"}").contains("order"));
+        assert!(refused(&[0xff]).contains("no text"));
+        assert!(refused(&[b'a'; 2000]).contains("longer"));
+    }
+
+    proptest! {
+        #[test]
+        fn no_payload_makes_it_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+            let _ = Order::parse(&bytes);
+        }
+    }
+}

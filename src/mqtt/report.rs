@@ -1,0 +1,245 @@
+//! How things stand, as the broker is told: pure.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Value, json};
+
+use crate::agent::{Member, MemberState};
+use crate::behaviour::is_failure;
+use crate::pilot::{LinkState, Status};
+use crate::robot::{DockEnd, Occurrence};
+use crate::safety::WatchdogState;
+
+/// Behaviours whose failures are remembered.
+const MOST_FAILURES: usize = 32;
+
+/// What has to be remembered of what happened.
+#[derive(Debug, Default)]
+pub(super) struct Report {
+    /// Why the link was lost.
+    lost: Option<String>,
+    /// How the last docking failed, if it did.
+    dock: Option<DockEnd>,
+    /// Behaviours that failed and have not started since, with their last words.
+    failures: BTreeMap<String, String>,
+    /// What `start` starts, if somebody has chosen.
+    chosen: Option<String>,
+}
+
+impl Report {
+    /// Takes note of something that has happened.
+    pub(super) fn hear(&mut self, what: &Occurrence) {
+        match what {
+            Occurrence::LinkUp { .. } => self.lost = None,
+            Occurrence::LinkDown { reason } => self.lost = Some(reason.clone()),
+            Occurrence::Dock { end, .. } => match end {
+                DockEnd::Done | DockEnd::AlreadyDocked => self.dock = None,
+                DockEnd::BaseNotFound | DockEnd::Timeout | DockEnd::NotCharging => {
+                    self.dock = Some(*end);
+                }
+                _ => {}
+            },
+            Occurrence::Watchdog { docked: true, .. } => self.dock = None,
+            Occurrence::Started { behaviour } => {
+                self.failures.remove(behaviour);
+            }
+            Occurrence::Ended {
+                behaviour,
+                reason,
+                message,
+                ..
+            } if is_failure(*reason) => {
+                let words = message.as_deref().unwrap_or(reason.sentence());
+                self.failed(behaviour, words);
+            }
+            Occurrence::GivenUp { behaviour, message } => {
+                self.failed(behaviour, &format!("it is given up; {message}"));
+            }
+            _ => {}
+        }
+    }
+
+    fn failed(&mut self, behaviour: &str, words: &str) {
+        if self.failures.len() < MOST_FAILURES || self.failures.contains_key(behaviour) {
+            let words = format!("{behaviour} failed: {words}");
+            self.failures.insert(behaviour.to_owned(), words);
+        }
+    }
+
+    /// What `start` starts: the chosen behaviour, else the first.
+    pub(super) fn chosen(&self, members: &[Member]) -> Option<String> {
+        let known = |name: &&String| members.iter().any(|member| member.name == **name);
+        let chosen = self.chosen.as_ref().filter(known);
+        chosen
+            .cloned()
+            .or_else(|| members.first().map(|member| member.name.clone()))
+    }
+
+    /// From now on `start` starts this one. False: nobody has this name.
+    pub(super) fn choose(&mut self, name: &str, members: &[Member]) -> bool {
+        let known = members.iter().any(|member| member.name == name);
+        if known {
+            self.chosen = Some(name.to_owned());
+        }
+        known
+    }
+
+    /// What a person should look at, in words.
+    fn reason(&self, status: &Status) -> Option<String> {
+        match (status.link, status.safety) {
+            (LinkState::Connecting, _) => Some("the robot has not answered yet".to_owned()),
+            (LinkState::Lost, _) => {
+                let why = self.lost.as_deref().unwrap_or("the link is lost");
+                Some(format!("the robot is out of reach: {why}"))
+            }
+            (_, WatchdogState::Alarm) => {
+                Some("the battery is low, and the robot does not find its station".to_owned())
+            }
+            (_, WatchdogState::LowGoingHome) => {
+                Some("the battery is low; the robot goes home".to_owned())
+            }
+            _ => match self.dock {
+                Some(end) => {
+                    let words = end.name().replace('_', " ");
+                    Some(format!("it did not get to its station: {words}"))
+                }
+                None => self.failures.values().next().cloned(),
+            },
+        }
+    }
+
+    /// The payload of the topic `state`.
+    pub(super) fn state(&self, status: &Status, members: &[Member]) -> Value {
+        let running: Vec<&str> = members
+            .iter()
+            .filter(|member| matches!(member.state, MemberState::Running { .. }))
+            .map(|member| member.name.as_str())
+            .collect();
+        let reason = self.reason(status);
+        json!({
+            "state": activity(status, !running.is_empty()),
+            "battery": status.battery.map(|battery| battery.percent.get()),
+            "charging": status.battery.is_some_and(|battery| battery.charging),
+            "docked": status.docked,
+            "low": status.low,
+            "link": match status.link {
+                LinkState::Connecting => "connecting",
+                LinkState::Up => "up",
+                LinkState::Lost => "lost",
+                LinkState::Released => "released",
+            },
+            "watchdog": status.safety.to_string(),
+            "place": status.place.to_string(),
+            "problem": reason.is_some(),
+            "reason": reason,
+            "running": running,
+            "behaviour": self.chosen(members),
+        })
+    }
+}
+
+/// In Home Assistant's words for a vacuum.
+fn activity(status: &Status, running: bool) -> &'static str {
+    match (status.link, status.safety) {
+        (LinkState::Connecting | LinkState::Lost, _) | (_, WatchdogState::Alarm) => "error",
+        (_, WatchdogState::Docking | WatchdogState::LowGoingHome) => "returning",
+        _ if status.docked => "docked",
+        _ if running => "cleaning",
+        _ => "idle",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::{Battery, BehaviourId, EndReason, Percent, Priority};
+    use tokio::time::Instant;
+
+    fn up(safety: WatchdogState) -> Status {
+        Status {
+            link: LinkState::Up,
+            safety,
+            battery: Some(Battery {
+                percent: Percent::saturating(71),
+                charging: false,
+                minutes_left: None,
+            }),
+            ..Status::default()
+        }
+    }
+
+    fn member(name: &str, runs: bool) -> Member {
+        let (by, since) = (BehaviourId(0), Instant::now());
+        Member {
+            name: name.to_owned(),
+            priority: Priority(0),
+            state: match runs {
+                true => MemberState::Running { by, since },
+                false => MemberState::Idle,
+            },
+            ending: None,
+        }
+    }
+
+    fn ended(reason: EndReason) -> Occurrence {
+        Occurrence::Ended {
+            behaviour: "patrol".to_owned(),
+            reason,
+            message: Some("patrol.lua:3: no".to_owned()),
+            seconds: 1.0,
+        }
+    }
+
+    #[test]
+    fn what_the_robot_is_at_is_said_in_home_assistants_words() {
+        let report = Report::default();
+        let said = |status: Status, runs| {
+            let state = report.state(&status, &[member("patrol", runs)]);
+            state["state"].as_str().unwrap().to_owned()
+        };
+        assert_eq!(said(Status::default(), true), "error");
+        assert_eq!(said(up(WatchdogState::Free), true), "cleaning");
+        assert_eq!(said(up(WatchdogState::Free), false), "idle");
+        assert_eq!(said(up(WatchdogState::LowGoingHome), true), "returning");
+        assert_eq!(said(up(WatchdogState::Alarm), true), "error");
+        let docked = Status {
+            docked: true,
+            ..up(WatchdogState::Docked)
+        };
+        assert_eq!(said(docked, true), "docked");
+    }
+
+    #[test]
+    fn a_problem_has_its_reason_until_it_is_over() {
+        let mut report = Report::default();
+        let free = up(WatchdogState::Free);
+        assert_eq!(report.state(&free, &[])["problem"], false);
+        report.hear(&ended(EndReason::Error));
+        let state = report.state(&free, &[]);
+        assert_eq!(state["reason"], "patrol failed: patrol.lua:3: no");
+        let lost = Status {
+            link: LinkState::Lost,
+            ..free
+        };
+        let reason = "no answer".to_owned();
+        report.hear(&Occurrence::LinkDown { reason });
+        let state = report.state(&lost, &[]);
+        assert_eq!(state["reason"], "the robot is out of reach: no answer");
+        let behaviour = "patrol".to_owned();
+        report.hear(&Occurrence::Started { behaviour });
+        assert_eq!(report.state(&free, &[])["reason"], Value::Null);
+        report.hear(&ended(EndReason::Cancelled));
+        assert_eq!(report.state(&free, &[])["problem"], false);
+    }
+
+    #[test]
+    fn start_starts_what_is_chosen_or_else_the_first() {
+        let mut report = Report::default();
+        let members = [member("a", false), member("b", false)];
+        assert_eq!(report.chosen(&[]), None);
+        assert_eq!(report.chosen(&members).as_deref(), Some("a"));
+        assert!(report.choose("b", &members) && !report.choose("c", &members));
+        assert_eq!(report.chosen(&members).as_deref(), Some("b"));
+        assert_eq!(report.chosen(&members[..1]).as_deref(), Some("a"));
+    }
+}

@@ -1,0 +1,96 @@
+//! The names under which an agent is found at a broker: `PREFIX/ROBOT/...`, with the robot's uid.
+
+/// The longest name of a robot in a topic.
+const LONGEST_ID: usize = 64;
+
+/// The topics of one agent.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Topics {
+    base: String,
+    discovery: String,
+    /// The robot's uid, as far as topics can have it.
+    pub(super) id: String,
+}
+
+impl Topics {
+    /// Of the robot with this uid.
+    pub(super) fn new(prefix: &str, discovery: &str, uid: &str) -> Topics {
+        let id = id_of(uid);
+        Topics {
+            base: format!("{prefix}/{id}"),
+            discovery: discovery.to_owned(),
+            id,
+        }
+    }
+
+    /// Whether the agent is there: see [`Presence`](super::presence::Presence). Retained.
+    pub(super) fn connection(&self) -> String {
+        format!("{}/connection", self.base)
+    }
+
+    /// How things stand, as JSON. Retained.
+    pub(super) fn state(&self) -> String {
+        format!("{}/state", self.base)
+    }
+
+    /// What happens, as JSON.
+    pub(super) fn event(&self) -> String {
+        format!("{}/event", self.base)
+    }
+
+    /// Pictures that were asked for, as JPEG.
+    pub(super) fn picture(&self) -> String {
+        format!("{}/picture", self.base)
+    }
+
+    /// What became of orders, as JSON.
+    pub(super) fn answer(&self) -> String {
+        format!("{}/answer", self.base)
+    }
+
+    /// Where orders are taken.
+    pub(super) fn command(&self) -> String {
+        format!("{}/command", self.base)
+    }
+
+    /// Where the behaviour is chosen that `start` starts.
+    pub(super) fn behaviour(&self) -> String {
+        format!("{}/behaviour/set", self.base)
+    }
+
+    /// Where Home Assistant reads what entities there are. Retained.
+    pub(super) fn discovery(&self) -> String {
+        format!("{}/device/{}/config", self.discovery, self.id)
+    }
+
+    /// Where Home Assistant says that it has just started.
+    pub(super) fn birth(&self) -> String {
+        format!("{}/status", self.discovery)
+    }
+}
+
+/// A uid as part of a topic: it comes from a robot, and could hold what means something in topics.
+pub(super) fn id_of(uid: &str) -> String {
+    let plain = |c: char| match c.is_ascii_alphanumeric() || matches!(c, '-' | '_') {
+        true => c,
+        false => '_',
+    };
+    match uid.chars().take(LONGEST_ID).map(plain).collect::<String>() {
+        id if id.is_empty() => "robot".to_owned(),
+        id => id,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_uid_cannot_reach_other_topics() {
+        let topics = Topics::new("spykee", "homeassistant", "../#/+\u{0}x");
+        assert_eq!(topics.command(), "spykee/_______x/command");
+        assert_eq!(id_of(""), "robot");
+        assert_eq!(id_of(&"a".repeat(1000)).len(), LONGEST_ID);
+        assert_eq!(id_of("SPYKEE0001"), "SPYKEE0001");
+    }
+}
