@@ -187,12 +187,12 @@ async fn order(fleet: &mut Fleet, order: &Order, named: &[String]) -> Result<Exi
     Ok(exit)
 }
 
+/// The robots that are asked, and those that are not there.
+type Chosen = (Vec<String>, Vec<(String, Presence)>);
+
 /// Who is asked, and of those who are meant and are not there how it is with them. An agent whose
 /// connection broke may drive on without its broker: also `all` tells that it was not asked.
-fn choose(
-    fleet: &Fleet,
-    named: &[String],
-) -> Result<(Vec<String>, Vec<(String, Presence)>), Failure> {
+fn choose(fleet: &Fleet, named: &[String]) -> Result<Chosen, Failure> {
     let all = named.iter().any(|name| name == ALL);
     let names: BTreeSet<&str> = named.iter().map(String::as_str).collect();
     let unknown = names

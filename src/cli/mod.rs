@@ -113,7 +113,7 @@ pub enum LogFormat {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    Run(run::RunArgs),
+    Run(Box<run::RunArgs>),
     Serve(serve::ServeArgs),
     Schedule(schedule::ScheduleArgs),
     Service(service::ServiceArgs),

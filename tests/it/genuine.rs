@@ -202,9 +202,7 @@ fn bearings_are_right_within_a_degree_all_over_the_picture() {
             };
             let options = spykee::vision::BlobOptions::default();
             let key = (step * 2) as u64 + u64::from(away > 1.0);
-            let blobs = eyes
-                .find_blobs(key, &jpeg, &[red.clone()], &options)
-                .unwrap();
+            let blobs = eyes.find_blobs(key, &jpeg, &[red], &options).unwrap();
             // At the border only a part of it is seen.
             if let Some(ball) = blobs.first().filter(|ball| !ball.edge) {
                 let off = ball.bearing.to_degrees() - degrees;

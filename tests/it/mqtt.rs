@@ -84,10 +84,13 @@ impl Broker {
     }
 }
 
+/// A topic and what was published there.
+type Published = (String, Vec<u8>);
+
 /// Somebody who hears all that is said at the broker.
 struct Ear {
     client: AsyncClient,
-    heard: Arc<Mutex<Vec<(String, Vec<u8>)>>>,
+    heard: Arc<Mutex<Vec<Published>>>,
     task: tokio::task::JoinHandle<()>,
 }
 
