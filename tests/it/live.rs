@@ -333,6 +333,8 @@ async fn behaviours_are_ended_and_started_and_their_scripts_are_shown() {
     page.say("{\"type\":\"order\",\"id\":7,\"order\":{\"do\":\"behaviour\",\"name\":\"script\",\"change\":\"stop\"}}").await;
     let answer = page.until("answer", |answer| answer["id"] == 7).await;
     assert_eq!(answer["ok"], true, "{answer}");
+    // The news of it may have come before the answer: a page that opens now is told how it is.
+    let mut page = open(&at).await;
     page.until("behaviours", state("idle")).await;
     let from = rig.sim.heard_count();
     let body = json!({ "change": "start" });
