@@ -6,7 +6,7 @@
 //! front of the pilot like that of any behaviour, with the same watchdog. A viewer who is slow loses
 //! frames, then his connection.
 //!
-//! Who steers by hand sends setpoints; each lives 0.3 s ([`wheel`]). STOP is no setpoint: it holds the
+//! Who steers by hand sends setpoints; each lives 0.3 s (`wheel`). STOP is no setpoint: it holds the
 //! robot until a person lets go.
 
 mod api;
