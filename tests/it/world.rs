@@ -164,7 +164,7 @@ fn the_line_is_followed_by_the_eye() {
 #[test]
 fn signs_are_read() {
     let mut robot = robot("gallery", 1);
-    robot.place(Pose::new(6.0, 1.4, 0.0));
+    robot.place(Pose::new(6.2, 1.4, 0.0));
     let frame = frame_after(&mut robot, 0.2);
     let mut decoder = Decoder::default();
     let codes = find_qrcodes(decoder.decode(&frame).unwrap());
