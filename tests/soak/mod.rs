@@ -66,7 +66,7 @@ pub fn soak(
     let events = std::sync::Mutex::new(events);
     lab::run(world, options, async |lab: &Lab| {
         let run = lab.start(behaviours, None);
-        let mut observer = Observer::new(lab, events);
+        let mut observer = Observer::new(lab, events, firmware.power_late);
         let mut weather = Weather::new(seed);
         let began = Instant::now();
         let (mut first, mut hour) = (None, 0);

@@ -36,6 +36,8 @@ const MOST_MOVES: usize = 50 + 2;
 
 /// See the module.
 pub struct Observer {
+    /// From a low battery to the first look at who drives.
+    to_act: Duration,
     ledger: Ledger,
     events: Mutex<Receiver<Event>>,
     /// The next command to be read.
@@ -56,8 +58,10 @@ pub struct Observer {
 }
 
 impl Observer {
-    pub fn new(lab: &Lab, events: Mutex<Receiver<Event>>) -> Observer {
+    /// The robot tells its battery so late.
+    pub fn new(lab: &Lab, events: Mutex<Receiver<Event>>, power_late: Duration) -> Observer {
         Observer {
+            to_act: TO_ACT + power_late,
             ledger: Ledger::default(),
             events,
             heard: lab.sim().heard_count(),
@@ -204,7 +208,7 @@ impl Observer {
             return;
         }
         let since = *self.low_since.get_or_insert(now);
-        if now < since + TO_ACT {
+        if now < since + self.to_act {
             return;
         }
         let Tracks { left, right } = state.commanded;
