@@ -6,7 +6,7 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use crate::budget::{Budget, Repeats};
-use crate::script::LogLine;
+use crate::script::{Level, LogLine};
 
 /// Lines of one second: an honest host sends 100, and a few of its own.
 const MAX_LINES: u32 = 120;
@@ -91,6 +91,23 @@ fn cost(line: &LogLine) -> u64 {
         .map(|(key, value)| key.len() + value.len())
         .sum();
     (OVERHEAD + line.text.len() + fields) as u64
+}
+
+/// A script's line in the agent's log.
+pub(super) fn log(behaviour: &str, line: &LogLine) {
+    let fields: Vec<String> = line
+        .fields
+        .iter()
+        .map(|(key, value)| format!("{key}={value}"))
+        .collect();
+    let text = [&[line.text.clone()][..], &fields].concat().join(" ");
+    let at = line.line;
+    match line.level {
+        Level::Debug => tracing::debug!(target: "spykee::script", behaviour, line = at, "{text}"),
+        Level::Info => tracing::info!(target: "spykee::script", behaviour, line = at, "{text}"),
+        Level::Warn => tracing::warn!(target: "spykee::script", behaviour, line = at, "{text}"),
+        Level::Error => tracing::error!(target: "spykee::script", behaviour, line = at, "{text}"),
+    }
 }
 
 #[cfg(test)]
