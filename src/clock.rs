@@ -3,6 +3,7 @@
 //! with the runtime's clock.
 
 mod span;
+mod until;
 mod zone;
 
 use std::cell::Cell;
@@ -13,6 +14,7 @@ use jiff::{SignedDuration, Timestamp, Zoned};
 use tokio::time::Instant;
 
 pub use span::Span;
+pub use until::until;
 pub use zone::Zone;
 
 /// Before this the clock of a computer is not set: no version of this program is older.

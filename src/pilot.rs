@@ -28,11 +28,12 @@ use std::pin::pin;
 use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
-use tokio::time::{Instant, sleep_until};
+use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
 use crate::budget::Repeats;
+use crate::clock::until;
 pub use crate::link::Delivery;
 use crate::link::{LinkError, Writer, farewell};
 use crate::robot::channel::{MAX_REQUESTS, Request, Sleep};
@@ -544,13 +545,6 @@ async fn progress(writer: Option<&mut Writer>) -> LinkError {
             Ok(never) => match never {},
             Err(error) => error,
         },
-        None => std::future::pending().await,
-    }
-}
-
-async fn until(deadline: Option<Instant>) {
-    match deadline {
-        Some(deadline) => sleep_until(deadline).await,
         None => std::future::pending().await,
     }
 }

@@ -8,13 +8,14 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncWrite};
-use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until};
+use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use super::gallery::Gallery;
 use super::keeper::Keeper;
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
 use crate::check;
+use crate::clock::until;
 use crate::robot::{EndReason, Finding, Frame};
 use crate::script::{Ending, Level, LogLine, Output, Script, Seen, Sighting};
 use crate::walls::{Room, confine};
@@ -339,13 +340,6 @@ fn unwritten(trouble: &str) -> FromHost {
     warning(format!(
         "the store is not written as it should be: {trouble}"
     ))
-}
-
-async fn until(deadline: Option<Instant>) {
-    match deadline {
-        Some(deadline) => sleep_until(deadline).await,
-        None => std::future::pending().await,
-    }
 }
 
 #[cfg(test)]

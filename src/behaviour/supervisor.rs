@@ -18,6 +18,7 @@ use super::message::{FromHost, ToHost};
 use super::prepared::{EXIT_TIME, Prepared, ending};
 use super::quill::{Fate, log};
 use super::remarks;
+use crate::clock::until;
 use crate::robot::channel::{Inbox, Request, Role, Told, events};
 use crate::robot::{Bus, Coming, EndReason, Findings, Lookout, Pictures, Remark};
 use crate::script::{Ending, LogLine};
@@ -208,7 +209,7 @@ impl Supervisor {
                     }
                 },
                 () = picture.notified(), if self.frame_wanted => self.pass_picture(),
-                () = silence(self.liveness.as_ref().and_then(Liveness::deadline)) => {
+                () = until(self.liveness.as_ref().and_then(Liveness::deadline)) => {
                     if self.liveness.as_mut().is_some_and(Liveness::is_over) {
                         return Some(self.silent());
                     }
@@ -342,13 +343,6 @@ impl Supervisor {
         if let Err(error) = self.host.process.kill().await {
             warn!(behaviour = %self.host.name, "its host cannot be ended: {error}");
         }
-    }
-}
-
-async fn silence(deadline: Option<Instant>) {
-    match deadline {
-        Some(deadline) => sleep_until(deadline).await,
-        None => std::future::pending().await,
     }
 }
 

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use tokio::signal::unix::Signal;
 use tokio::sync::mpsc;
-use tokio::time::{Instant, sleep_until};
+use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
 use super::interrupt::{listen, obey, obey_at_prompt};
@@ -22,6 +22,7 @@ use super::terminal::Terminal;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::agent::{AgentError, Preflight, Talk, TalkError};
 use crate::behaviour::{Launch, Launcher, Library, Order, Said};
+use crate::clock::until;
 use crate::config::Config;
 use crate::robot::EndReason;
 use crate::script::{self, Evaluated, Level, LogLine};
@@ -145,20 +146,13 @@ async fn converse(talk: Talk, terminal: &Terminal, console: &Console) -> Result<
             ended = &mut session => return repl.exit(ended, stop.is_cancelled()),
             () = next(&mut interruption) => repl.interrupted(&stop),
             Some(said) = said.recv() => repl.hear(said),
-            () = at(repl.patience) => repl.give_up_on_terminal(),
+            () = until(repl.patience) => repl.give_up_on_terminal(),
             typed = typed.recv(), if repl.order.is_some() => match typed {
                 Some(typed) => repl.take(typed),
                 // A prompt that is gone: nobody can type any more.
                 None => drop(repl.order.take()),
             },
         }
-    }
-}
-
-async fn at(moment: Option<Instant>) {
-    match moment {
-        Some(moment) => sleep_until(moment).await,
-        None => std::future::pending().await,
     }
 }
 

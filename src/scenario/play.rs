@@ -20,6 +20,7 @@ use super::cast::Cast;
 use super::chronicle::Chronicle;
 use super::stage::{Order, PlayStage};
 use crate::agent::{AgentError, Outcome};
+use crate::clock::until;
 use crate::config::Config;
 use crate::lab::{self, Lab};
 use crate::robot::{Bus, EndReason};
@@ -366,13 +367,6 @@ impl Play<'_> {
 async fn outcome(agent: &mut Option<Agent>) -> Result<Outcome, AgentError> {
     match agent {
         Some(agent) => agent.outcome.as_mut().await,
-        None => pending().await,
-    }
-}
-
-async fn until(deadline: Option<Instant>) {
-    match deadline {
-        Some(deadline) => sleep_until(deadline).await,
         None => pending().await,
     }
 }
