@@ -1,8 +1,7 @@
 //! `params.*`, `store.*`, and the functions without a namespace.
 
-use super::terms::{
-    Function, Namespace, Place, Type, Value, boolean, call, number, short_text, text, value,
-};
+use super::make::{boolean, call, number, short_text, text, value};
+use super::terms::{Function, Namespace, Place, Type, Value};
 
 const KEY: Value = short_text("key", 200, "of UTF-8, not empty");
 

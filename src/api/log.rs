@@ -1,6 +1,7 @@
 //! `log.*`.
 
-use super::terms::{Function, Namespace, Place, Type, Value, call, value};
+use super::make::{call, value};
+use super::terms::{Function, Namespace, Place, Type, Value};
 
 const PARAMETERS: &[Value] = &[
     value("text", Type::Any, "what to say"),

@@ -13,6 +13,7 @@ mod frame;
 mod keeping;
 mod log;
 mod luau;
+mod make;
 mod markdown;
 mod modules;
 mod page;

@@ -2,10 +2,11 @@
 //! simulated robot.
 
 use super::bounds::{Bounds, SECONDS};
-use super::terms::{
-    Namespace, Object, Place, Type, Value, boolean, bounded, call, count, function, number, object,
-    options, short_text, strict, table, text, value, whole,
+use super::make::{
+    boolean, bounded, call, count, function, number, object, options, short_text, strict, table,
+    text, value, whole,
 };
+use super::terms::{Namespace, Object, Place, Type, Value};
 
 /// Places are no farther away than this, in metres; headings, in radians.
 const FAR: Bounds = Bounds::Between(-1000.0, 1000.0);

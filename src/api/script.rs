@@ -1,9 +1,8 @@
 //! `script.*`: the script's own life.
 
+use super::make::{call, function, object, short_text};
 use super::tables::USAGE;
-use super::terms::{
-    Constant, Function, Namespace, Place, Type, call, function, object, short_text,
-};
+use super::terms::{Constant, Function, Namespace, Place, Type};
 
 const CONSTANTS: &[Constant] = &[Constant {
     path: "script.name",

@@ -2,10 +2,10 @@
 
 use super::bounds::{Bounds, SECONDS};
 use super::choices::TASK_STATUS;
-use super::terms::{
-    Function, Namespace, Object, Place, Type, Value, boolean, bounded, call, choice, function,
-    number, object, strict, text, value, whole,
+use super::make::{
+    boolean, bounded, call, choice, function, number, object, strict, text, value, whole,
 };
+use super::terms::{Function, Namespace, Object, Place, Type, Value};
 
 const FUNCTION: Value = function("fn", "(...any) -> ...any", "what to run");
 const HANDLE: Value = object("task", &TASK, "");

@@ -1,8 +1,7 @@
 //! `journal.*` and `notify.*`.
 
-use super::terms::{
-    Function, Namespace, Place, Type, Value, boolean, call, short_text, text, value,
-};
+use super::make::{boolean, call, short_text, text, value};
+use super::terms::{Function, Namespace, Place, Type, Value};
 
 /// The longest kind of an entry, in bytes.
 const KIND: usize = 40;

@@ -2,10 +2,10 @@
 
 use super::bounds::Bounds;
 use super::frame::{FRAME, MOTION, TRACK};
-use super::terms::{
-    Function, Namespace, Object, Place, Type, Value, bounded, call, count, number, object, options,
-    range, strict, table, text, value,
+use super::make::{
+    bounded, call, count, number, object, options, range, strict, table, text, value,
 };
+use super::terms::{Function, Namespace, Object, Place, Type, Value};
 use crate::vision::{MotionOptions, TrackerOptions};
 
 const TRACKS: TrackerOptions = TrackerOptions::DEFAULT;
