@@ -16,8 +16,9 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
 use super::interrupt::{listen, obey, obey_at_prompt};
-use super::run::{dial, driving_core, place, pulse, reach, rescue};
+use super::reach::{dial, place, reach};
 use super::settings::SettingsArgs;
+use super::startup::{driving_core, pulse, rescue};
 use super::terminal::Terminal;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::agent::{AgentError, Preflight, Talk, TalkError};

@@ -7,8 +7,8 @@ use tokio::time::{Instant, timeout, timeout_at};
 
 use super::{Diagnosis, Finding};
 use crate::cli::interrupt::interruption;
+use crate::cli::reach::reach;
 use crate::cli::robot::send_home_if_low;
-use crate::cli::run::reach;
 use crate::cli::{ConnectionArgs, Exit, Failure, Place};
 use crate::config::{Config, Effective};
 use crate::link::{self, LinkError, Session, Target, discover};
