@@ -13,8 +13,8 @@ use tracing::{error, info, warn};
 
 use super::Behaviour;
 use crate::behaviour::{
-    Handle, Inspector, Launch, Launcher, Patience, Prepared, Reload, RestartPolicy, Supervisor,
-    Verdict,
+    Handle, Inspector, Launch, Launcher, Prepared, Reload, RestartPolicy, RestartTracker,
+    Supervisor, Verdict,
 };
 use crate::check;
 use crate::robot::channel::{Request, Role};
@@ -58,7 +58,7 @@ pub(super) struct Keeper {
     launch: Launch,
     checked: bool,
     policy: RestartPolicy,
-    patience: Patience,
+    restarts: RestartTracker,
     reloads: Option<mpsc::Receiver<Reload>>,
     /// The text as last saved cannot be loaded: what ran before is not started again.
     outdated: bool,
@@ -83,7 +83,7 @@ impl Keeper {
             by,
             role,
             priority,
-            patience: Patience::new(policy, launch.options.seed),
+            restarts: RestartTracker::new(policy, launch.options.seed),
             launch,
             checked,
             policy,
@@ -187,7 +187,7 @@ impl Keeper {
     async fn come_back(&mut self, ending: &Ending) -> Option<Result<Prepared, Ending>> {
         let verdict = match self.outdated {
             true => Verdict::Over,
-            false => self.patience.ended(ending.reason, Instant::now()),
+            false => self.restarts.ended(ending.reason, Instant::now()),
         };
         let Verdict::Again { pause, number } = verdict else {
             if verdict == Verdict::GivenUp {
@@ -310,7 +310,7 @@ impl Keeper {
     /// A new text begins with a clean record.
     fn succeed(&mut self, loaded: Loaded) -> Prepared {
         self.launch.source = loaded.source;
-        self.patience.forget();
+        self.restarts.forget();
         loaded.host
     }
 

@@ -27,7 +27,7 @@ pub use inspection::{INSPECTION, Inspected, Inspector, inspection_main};
 pub use library::Library;
 pub use message::{FromHost, Launch, ToHost};
 pub use name::{MAX_NAME, NameError, judge_name, name_of};
-pub use policy::{Patience, RestartPolicy, Restarts, Verdict, is_failure};
+pub use policy::{RestartPolicy, RestartTracker, Restarts, Verdict, is_failure};
 pub use prepared::Prepared;
 pub use process::{HOST_ARGUMENT, HostProcess, Launcher};
 pub use supervisor::{Handle, Supervisor};
