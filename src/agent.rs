@@ -4,9 +4,9 @@
 mod aboard;
 mod company;
 mod flight;
-mod keeper;
 mod loading;
 mod rescue;
+mod restart_loop;
 mod roster;
 mod seat;
 mod talk;
@@ -20,8 +20,8 @@ use tokio_util::sync::CancellationToken;
 
 use self::company::Company;
 pub use self::flight::{Flight, Preflight};
-use self::keeper::Surroundings;
 pub use self::rescue::{RESCUE_NAME, rescue};
+use self::restart_loop::Surroundings;
 pub use self::roster::{Blueprint, Member, MemberState, Roster, RosterError};
 pub use self::seat::{Docked, Seat, SeatError};
 pub use self::talk::{Talk, TalkError};

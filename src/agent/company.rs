@@ -10,8 +10,8 @@ use tokio::time::{Instant, timeout};
 use tracing::{error, warn};
 
 use super::aboard::{Aboard, Stop, tell};
-use super::keeper::{Keeper, Surroundings, report};
 use super::loading::load;
+use super::restart_loop::{RestartLoop, Surroundings, report};
 use super::roster::{Blueprint, Member, MemberState, Order, Reply, Roster, RosterError};
 use super::{AgentError, Behaviour, SCRIPTS_END};
 use crate::behaviour::Prepared;
@@ -26,10 +26,10 @@ const MOST: usize = 32;
 const NUMBERS: u16 = 0xF000;
 
 /// A behaviour with its first host, or why there is none.
-type Kept = (Keeper, Result<Prepared, Ending>);
+type Kept = (RestartLoop, Result<Prepared, Ending>);
 
 /// What came of loading a script.
-type Loaded = (BehaviourId, Result<(Keeper, Prepared), RosterError>);
+type Loaded = (BehaviourId, Result<(RestartLoop, Prepared), RosterError>);
 
 /// See the module.
 pub(super) struct Company {
@@ -84,17 +84,17 @@ impl Company {
                 self.blueprints.push(Blueprint::of(&behaviour));
             }
             let (by, stop) = (self.number(), Stop::new(None));
-            let keeper = self.keeper(by, &stop, behaviour);
-            match keeper.prepare().await {
-                Err(ending) if !keeper.is_watched() => {
-                    let name = keeper.name().to_owned();
+            let restart_loop = self.restart_loop(by, &stop, behaviour);
+            match restart_loop.prepare().await {
+                Err(ending) if !restart_loop.is_watched() => {
+                    let name = restart_loop.name().to_owned();
                     report(&name, &ending);
-                    keeper.tell_ended(&ending, Duration::ZERO);
+                    restart_loop.tell_ended(&ending, Duration::ZERO);
                     return Err((name, ending));
                 }
                 first => {
-                    self.board(by, keeper.name().to_owned(), stop);
-                    prepared.push((keeper, first));
+                    self.board(by, restart_loop.name().to_owned(), stop);
+                    prepared.push((restart_loop, first));
                 }
             }
         }
@@ -103,8 +103,8 @@ impl Company {
 
     /// Lets those that are prepared begin.
     pub(super) fn begin(&mut self, prepared: Vec<Kept>) {
-        for (keeper, first) in prepared {
-            self.run(keeper, first);
+        for (restart_loop, first) in prepared {
+            self.run(restart_loop, first);
         }
         self.publish();
     }
@@ -237,17 +237,17 @@ impl Company {
         }
     }
 
-    fn loaded(&mut self, by: BehaviourId, loaded: Result<(Keeper, Prepared), RosterError>) {
+    fn loaded(&mut self, by: BehaviourId, loaded: Result<(RestartLoop, Prepared), RosterError>) {
         let Some(at) = self.aboard.iter().position(|one| one.by == by) else {
             return;
         };
         let stopped = *self.aboard[at].stop.borrow();
         match (loaded, stopped) {
-            (Ok((keeper, host)), None) => {
+            (Ok((restart_loop, host)), None) => {
                 for reply in self.aboard[at].started.drain(..) {
                     let _ = reply.send(Ok(()));
                 }
-                self.run(keeper, Ok(host));
+                self.run(restart_loop, Ok(host));
             }
             (loaded, _) => {
                 let one = self.aboard.remove(at);
@@ -278,13 +278,13 @@ impl Company {
         self.publish();
     }
 
-    fn run(&mut self, keeper: Keeper, first: Result<Prepared, Ending>) {
-        let by = keeper.by();
+    fn run(&mut self, restart_loop: RestartLoop, first: Result<Prepared, Ending>) {
+        let by = restart_loop.by();
         if let Some(one) = self.aboard.iter_mut().find(|one| one.by == by) {
             one.since = Some(Instant::now());
         }
         self.running.spawn(async move {
-            let (name, ending) = keeper.keep(first).await;
+            let (name, ending) = restart_loop.keep(first).await;
             (by, name, ending)
         });
     }
@@ -328,8 +328,8 @@ impl Company {
         }
     }
 
-    fn keeper(&self, by: BehaviourId, stop: &Stop, behaviour: Behaviour) -> Keeper {
-        Keeper::new(self.around(stop), by, Role::Behaviour, behaviour)
+    fn restart_loop(&self, by: BehaviourId, stop: &Stop, behaviour: Behaviour) -> RestartLoop {
+        RestartLoop::new(self.around(stop), by, Role::Behaviour, behaviour)
     }
 
     fn around(&self, stop: &Stop) -> Surroundings {

@@ -11,8 +11,8 @@ use tokio_util::task::AbortOnDropHandle;
 use tracing::{info, warn};
 
 use super::AgentError;
-use super::keeper::Surroundings;
 use super::rescue;
+use super::restart_loop::Surroundings;
 use crate::behaviour::{Launch, Launcher};
 use crate::link::LinkError;
 use crate::pilot::{self, Delivery, Dial, LinkState, Pilot, Pulse, Settings, Status};

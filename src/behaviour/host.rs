@@ -11,9 +11,9 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use super::gallery::Gallery;
-use super::keeper::Keeper;
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
+use super::store_writer::StoreWriter;
 use crate::check;
 use crate::clock::until;
 use crate::robot::{EndReason, Finding, Frame};
@@ -106,15 +106,15 @@ pub(super) async fn serve(
             Time::Virtual => Gallery::open(folder, &options.limits).map(Gallery::patient),
         })
         .transpose()?;
-    let keeper = options.data_dir.clone().map(|folder| match time {
-        Time::Real => Keeper::new(folder, &options.limits),
-        Time::Virtual => Keeper::at_the_end(folder, &options.limits),
+    let writer = options.data_dir.clone().map(|folder| match time {
+        Time::Real => StoreWriter::new(folder, &options.limits),
+        Time::Virtual => StoreWriter::at_the_end(folder, &options.limits),
     });
     match Script::load(&source, options, Instant::now()) {
         Ok(mut script) => {
             script.explain_with(check::explain);
             outbox.send(&FromHost::Ready).await?;
-            if let Some(damage) = keeper.as_ref().and_then(|one| restore(&mut script, one)) {
+            if let Some(damage) = writer.as_ref().and_then(|one| restore(&mut script, one)) {
                 outbox.send(&warning(damage)).await?;
             }
             let mut host = Host {
@@ -125,7 +125,7 @@ pub(super) async fn serve(
                 coming: Vec::new(),
                 gallery,
                 findings,
-                keeper,
+                writer,
                 time,
             };
             if host.prepare().await? {
@@ -156,19 +156,19 @@ struct Host {
     /// People look on.
     findings: bool,
     /// Where the script's store is kept.
-    keeper: Option<Keeper>,
+    writer: Option<StoreWriter>,
     /// In virtual time nobody waits for a sign of life.
     time: Time,
 }
 
 /// Gives the script what its store held; a warning if that is damaged.
-fn restore(script: &mut Script, keeper: &Keeper) -> Option<String> {
-    let restored = match keeper.read() {
+fn restore(script: &mut Script, writer: &StoreWriter) -> Option<String> {
+    let restored = match writer.read() {
         Ok(Some(file)) => script.restore(&file),
         Ok(None) => Ok(()),
         Err(error) => Err(error.to_string()),
     };
-    restored.err().map(|why| keeper.set_aside(&why))
+    restored.err().map(|why| writer.set_aside(&why))
 }
 
 /// A line of ours in the script's log.
@@ -207,7 +207,7 @@ impl Host {
                 break ending;
             }
             let (ready, moving) = (self.script.is_ready(), self.script.has_motion());
-            let keeps_at = self.keeps_at();
+            let writes_at = self.writes_at();
             tokio::select! {
                 biased;
                 message = self.inbox.next() => match message? {
@@ -216,7 +216,7 @@ impl Host {
                 },
                 () = std::future::ready(()), if ready => {}
                 () = until(self.script.next_deadline()) => {}
-                () = until(keeps_at) => {}
+                () = until(writes_at) => {}
                 _ = beat.tick(), if moving => self.outbox.send(&FromHost::Alive).await?,
                 _ = idle.tick(), if !moving && self.time == Time::Real => {
                     self.outbox.send(&FromHost::Alive).await?;
@@ -226,28 +226,28 @@ impl Host {
         };
         // Its motion has ended already: nothing is held up by the disk.
         let last = self.script.take_store();
-        if let Some(trouble) = self.keeper.as_mut().and_then(|one| one.finish(last)) {
+        if let Some(trouble) = self.writer.as_mut().and_then(|one| one.finish(last)) {
             self.outbox.send(&unwritten(&trouble)).await?;
         }
         self.outbox.send(&FromHost::Ended(ending)).await
     }
 
     /// When the store can be written, if it has changed.
-    fn keeps_at(&self) -> Option<Instant> {
-        let keeper = self.keeper.as_ref()?;
-        let waits = self.script.has_store_changed() || keeper.is_behind();
-        waits.then(|| keeper.next().unwrap_or_else(Instant::now))
+    fn writes_at(&self) -> Option<Instant> {
+        let writer = self.writer.as_ref()?;
+        let waits = self.script.has_store_changed() || writer.is_behind();
+        waits.then(|| writer.next().unwrap_or_else(Instant::now))
     }
 
     async fn keep(&mut self) -> io::Result<()> {
-        let Some(keeper) = &mut self.keeper else {
+        let Some(writer) = &mut self.writer else {
             return Ok(());
         };
         let now = Instant::now();
-        if keeper.is_due(now) {
-            keeper.offer(self.script.take_store(), now);
+        if writer.is_due(now) {
+            writer.offer(self.script.take_store(), now);
         }
-        match keeper.trouble() {
+        match writer.trouble() {
             Some(trouble) => self.outbox.send(&unwritten(&trouble)).await,
             None => Ok(()),
         }

@@ -7,7 +7,6 @@ mod dialogue;
 mod gallery;
 mod host;
 mod inspection;
-mod keeper;
 mod library;
 mod liveness;
 mod message;
@@ -18,6 +17,7 @@ mod prepared;
 mod process;
 mod quill;
 mod remarks;
+mod store_writer;
 mod supervisor;
 mod watch;
 

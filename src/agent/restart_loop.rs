@@ -49,7 +49,7 @@ struct Loaded {
 type Loading = Pin<Box<dyn Future<Output = Result<Loaded, Ending>> + Send>>;
 
 /// A behaviour and what is to be made of it.
-pub(super) struct Keeper {
+pub(super) struct RestartLoop {
     around: Surroundings,
     by: BehaviourId,
     role: Role,
@@ -64,13 +64,13 @@ pub(super) struct Keeper {
     outdated: bool,
 }
 
-impl Keeper {
+impl RestartLoop {
     pub(super) fn new(
         around: Surroundings,
         by: BehaviourId,
         role: Role,
         plan: Behaviour,
-    ) -> Keeper {
+    ) -> RestartLoop {
         let Behaviour {
             priority,
             launch,
@@ -78,7 +78,7 @@ impl Keeper {
             restart: policy,
             reloads,
         } = plan;
-        Keeper {
+        RestartLoop {
             around,
             by,
             role,
