@@ -5,7 +5,7 @@ use bytes::Bytes;
 use tokio::time::Instant;
 use tracing::{debug, info, warn};
 
-use super::line::{Greeting, News};
+use super::line::{Greeting, LinkEvent};
 use super::lost::{HearError, LinkLost};
 use super::{FAILED_EVERY, Pilot};
 use crate::budget::Repeats;
@@ -15,15 +15,15 @@ use crate::vision::validate_markers;
 use crate::wire::{Accepted, EngineNews, Report};
 
 impl Pilot {
-    pub(super) fn hear(&mut self, news: News) -> Result<(), HearError> {
+    pub(super) fn hear(&mut self, event: LinkEvent) -> Result<(), HearError> {
         self.wake()?;
-        match news {
-            News::Up(greeting) => self.connected(*greeting)?,
-            News::Report(report) => self.report(report)?,
-            News::Coming(beginning) => self.coming(beginning),
-            News::Lost(error) => return Err(LinkLost::from(error).into()),
-            News::Failed(error) if self.info.is_none() => return Err(HearError::First(error)),
-            News::Failed(error) => self.say_failed(&error.to_string()),
+        match event {
+            LinkEvent::Up(greeting) => self.connected(*greeting)?,
+            LinkEvent::Report(report) => self.report(report)?,
+            LinkEvent::Coming(beginning) => self.coming(beginning),
+            LinkEvent::Lost(error) => return Err(LinkLost::from(error).into()),
+            LinkEvent::Failed(error) if self.info.is_none() => return Err(HearError::First(error)),
+            LinkEvent::Failed(error) => self.say_failed(&error.to_string()),
         }
         Ok(())
     }

@@ -35,7 +35,7 @@ pub(super) struct Greeting {
 }
 
 /// What the line has to say.
-pub(super) enum News {
+pub(super) enum LinkEvent {
     /// Connected and logged in.
     Up(Box<Greeting>),
     /// A message from the robot.
@@ -102,8 +102,8 @@ impl Line {
         self.last_words = last_words;
     }
 
-    /// The next news. Cancel-safe.
-    pub(super) async fn next(&mut self) -> News {
+    /// The next event. Cancel-safe.
+    pub(super) async fn next(&mut self) -> LinkEvent {
         loop {
             match &mut self.state {
                 State::Parting(parting) => {
@@ -119,9 +119,9 @@ impl Line {
                 }
                 State::Up(reader) => {
                     return match reader.hear().await {
-                        Ok(Heard::Report(report)) => News::Report(report),
-                        Ok(Heard::Coming(beginning)) => News::Coming(beginning),
-                        Err(error) => News::Lost(error),
+                        Ok(Heard::Report(report)) => LinkEvent::Report(report),
+                        Ok(Heard::Coming(beginning)) => LinkEvent::Coming(beginning),
+                        Err(error) => LinkEvent::Lost(error),
                     };
                 }
             }
@@ -129,12 +129,12 @@ impl Line {
         }
     }
 
-    fn dialled(&mut self, result: Result<Session, LinkError>) -> News {
+    fn dialled(&mut self, result: Result<Session, LinkError>) -> LinkEvent {
         match result {
             Ok(session) => self.up(session),
             Err(error) => {
                 self.redial();
-                News::Failed(error)
+                LinkEvent::Failed(error)
             }
         }
     }
@@ -163,7 +163,7 @@ impl Line {
         }
     }
 
-    fn up(&mut self, session: Session) -> News {
+    fn up(&mut self, session: Session) -> LinkEvent {
         let Session {
             accepted,
             power,
@@ -174,7 +174,7 @@ impl Line {
         } = session;
         self.state = State::Up(reader);
         self.backoff.reset();
-        News::Up(Box::new(Greeting {
+        LinkEvent::Up(Box::new(Greeting {
             accepted,
             power,
             peer,
