@@ -6,7 +6,7 @@ use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio::time::{MissedTickBehavior, interval, sleep};
 
-use crate::robot::channel::{Inbox, Request, Role, Told, events};
+use crate::robot::channel::{Inbox, PilotMessage, Request, Role, events};
 use crate::robot::{
     BehaviourId, CallId, DockEnd, DockPlan, EndReason, Event, Intent, MotionEnd, MotionId,
     Priority, Setpoint,
@@ -188,9 +188,9 @@ impl Seat {
     /// See [`SeatError`].
     pub async fn told(&mut self) -> Result<Event, SeatError> {
         match self.inbox.next().await {
-            Told::Event(event) => Ok(event),
-            Told::Kill(reason) => Err(SeatError::Ended(reason)),
-            Told::Closed => Err(SeatError::Closed),
+            PilotMessage::Event(event) => Ok(event),
+            PilotMessage::Kill(reason) => Err(SeatError::Ended(reason)),
+            PilotMessage::Closed => Err(SeatError::Closed),
         }
     }
 
@@ -225,13 +225,13 @@ impl Seat {
                 }
             };
             match told {
-                Told::Event(event) => {
+                PilotMessage::Event(event) => {
                     if let Some(answer) = answer(&event) {
                         return Ok(answer);
                     }
                 }
-                Told::Kill(reason) => return Err(SeatError::Ended(reason)),
-                Told::Closed => return Err(SeatError::Closed),
+                PilotMessage::Kill(reason) => return Err(SeatError::Ended(reason)),
+                PilotMessage::Closed => return Err(SeatError::Closed),
             }
         }
     }

@@ -19,7 +19,7 @@ use super::prepared::{EXIT_TIME, Prepared, ending};
 use super::quill::{Fate, log};
 use super::remarks;
 use crate::clock::until;
-use crate::robot::channel::{Inbox, Request, Role, Told, events};
+use crate::robot::channel::{Inbox, PilotMessage, Request, Role, events};
 use crate::robot::{Bus, Coming, EndReason, Findings, Lookout, Pictures, Remark};
 use crate::script::{Ending, LogLine};
 
@@ -170,8 +170,8 @@ impl Supervisor {
         loop {
             tokio::select! {
                 biased;
-                told = self.inbox.next() => match told {
-                    Told::Event(event) => {
+                message = self.inbox.next() => match message {
+                    PilotMessage::Event(event) => {
                         let (answer, go) = (event.is_answer(), event.is_welcome() && !running);
                         if !self.pass_on(ToHost::Event(event)) && answer {
                             return Some(self.deaf());
@@ -181,8 +181,8 @@ impl Supervisor {
                             self.liveness.iter_mut().for_each(Liveness::heard);
                         }
                     }
-                    Told::Kill(reason) => return Some(self.killed(reason)),
-                    Told::Closed => return Some(self.killed(EndReason::Shutdown)),
+                    PilotMessage::Kill(reason) => return Some(self.killed(reason)),
+                    PilotMessage::Closed => return Some(self.killed(EndReason::Shutdown)),
                 },
                 Ok(()) = stop.changed(), if last_moment.is_none() => {
                     let reason = stop.borrow_and_update().unwrap_or(EndReason::Shutdown);
@@ -269,7 +269,7 @@ impl Supervisor {
 
     fn remark(&mut self, remark: Remark) {
         match self.host.remarks.judge(remark, Instant::now()) {
-            remarks::Fate::Told(what) => self.bus.tell(what),
+            remarks::Fate::PilotMessage(what) => self.bus.tell(what),
             remarks::Fate::LeftOut(before) => warn!(
                 behaviour = %self.host.name,
                 before,

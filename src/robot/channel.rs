@@ -171,7 +171,7 @@ pub struct Inbox {
 
 /// What the pilot tells a supervisor.
 #[derive(Debug, PartialEq)]
-pub enum Told {
+pub enum PilotMessage {
     /// Something has happened.
     Event(Event),
     /// End the host now.
@@ -187,17 +187,17 @@ impl Inbox {
     }
 
     /// The next word from the pilot; a kill overtakes every event. Cancel-safe.
-    pub async fn next(&mut self) -> Told {
+    pub async fn next(&mut self) -> PilotMessage {
         if let Some(reason) = *self.killed.borrow_and_update() {
-            return Told::Kill(reason);
+            return PilotMessage::Kill(reason);
         }
         tokio::select! {
             biased;
             changed = self.killed.changed() => match (changed, *self.killed.borrow()) {
-                (Ok(()), Some(reason)) => Told::Kill(reason),
-                _ => Told::Closed,
+                (Ok(()), Some(reason)) => PilotMessage::Kill(reason),
+                _ => PilotMessage::Closed,
             },
-            event = self.events.recv() => event.map_or(Told::Closed, Told::Event),
+            event = self.events.recv() => event.map_or(PilotMessage::Closed, PilotMessage::Event),
         }
     }
 }
@@ -212,7 +212,7 @@ mod tests {
         let (mut outbox, mut inbox) = events();
         outbox.tell(Event::Docked);
         outbox.kill(EndReason::Cpu);
-        assert_eq!(inbox.next().await, Told::Kill(EndReason::Cpu));
+        assert_eq!(inbox.next().await, PilotMessage::Kill(EndReason::Cpu));
     }
 
     #[tokio::test]
@@ -220,19 +220,19 @@ mod tests {
         let (mut outbox, mut inbox) = events();
         (0..MAX_EVENTS + 3).for_each(|_| outbox.tell(Event::Docked));
         assert_eq!(outbox.dropped(), 3);
-        assert_eq!(inbox.next().await, Told::Event(Event::Docked));
+        assert_eq!(inbox.next().await, PilotMessage::Event(Event::Docked));
         outbox.tell(Event::Docked);
         outbox.tell(Event::MotionEnded {
             motion: MotionId(1),
             end: MotionEnd::Done,
         });
-        assert_eq!(inbox.next().await, Told::Kill(EndReason::Cpu));
+        assert_eq!(inbox.next().await, PilotMessage::Kill(EndReason::Cpu));
     }
 
     #[tokio::test]
     async fn without_a_pilot_the_line_is_closed() {
         let (outbox, mut inbox) = events();
         drop(outbox);
-        assert_eq!(inbox.next().await, Told::Closed);
+        assert_eq!(inbox.next().await, PilotMessage::Closed);
     }
 }
