@@ -125,7 +125,7 @@ pub struct Pilot {
     /// What lights, sounds and streams were last made to follow.
     distress: Distress,
     /// The watchdog knows something that it has not acted upon yet.
-    unsettled: bool,
+    has_deferred: bool,
     /// A behaviour was given up, and the robot has not heard of it yet.
     alarm_due: bool,
     /// What the behaviours were last told of the robot's motion.
@@ -166,7 +166,7 @@ impl Pilot {
             engine_said: Repeats::new(ENGINE_EVERY),
             streams_due: None,
             distress: Distress::default(),
-            unsettled: false,
+            has_deferred: false,
             alarm_due: false,
             moving: false,
             sounding: None,
@@ -317,7 +317,7 @@ impl Pilot {
             };
             self.serve(request)?;
         }
-        self.settle()
+        self.flush_deferred()
     }
 
     /// Takes a fact to the watchdog and does what it wants. Like all below it fails if the link is

@@ -137,7 +137,7 @@ impl Pilot {
         {
             return Ok(());
         }
-        self.settle()?;
+        self.flush_deferred()?;
         self.send(&[command])
     }
 
@@ -158,7 +158,7 @@ impl Pilot {
         if let Some(writer) = self.writer.as_mut().filter(|_| !noise.is_empty()) {
             writer.drop_audio();
         }
-        self.settle()?;
+        self.flush_deferred()?;
         self.send(noise)
     }
 
@@ -181,12 +181,12 @@ impl Pilot {
     /// Nothing is written in between.
     fn defer(&mut self, fact: Fact) {
         self.watchdog.absorb(fact, Instant::now());
-        self.unsettled = true;
+        self.has_deferred = true;
     }
 
     /// Does what was deferred.
-    pub(super) fn settle(&mut self) -> Result<(), LinkLost> {
-        if !std::mem::take(&mut self.unsettled) {
+    pub(super) fn flush_deferred(&mut self) -> Result<(), LinkLost> {
+        if !std::mem::take(&mut self.has_deferred) {
             return Ok(());
         }
         let acts = self.watchdog.tick(Instant::now());
@@ -200,7 +200,7 @@ impl Pilot {
             return Ok(());
         }
         self.alarm_due = false;
-        self.settle()?;
+        self.flush_deferred()?;
         let alarm: Vec<Command> = ALARM
             .into_iter()
             .filter(|command| self.hush.allows_alarm(command))
@@ -213,7 +213,7 @@ impl Pilot {
         if !self.allows(by, &command) || !self.seats.admits(by, &command, Instant::now()) {
             return Ok(());
         }
-        self.settle()?;
+        self.flush_deferred()?;
         if let Some(writer) = &mut self.writer
             && !writer.say(&samples)?
         {
@@ -243,7 +243,7 @@ impl Pilot {
         if commands.is_empty() || self.writer.is_none() {
             return Ok(());
         }
-        self.settle()?;
+        self.flush_deferred()?;
         let listening = self.seats.streams(Stream::Video) || self.seats.streams(Stream::AudioIn);
         self.take(Fact::Listening(listening))?;
         self.send(&commands)
