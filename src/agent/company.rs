@@ -12,7 +12,7 @@ use tracing::{error, warn};
 use super::aboard::{Aboard, Stop, tell};
 use super::loading::load;
 use super::restart_loop::{RestartLoop, Surroundings, report};
-use super::roster::{Blueprint, Member, MemberState, Order, Reply, Roster, RosterError};
+use super::roster::{Blueprint, Member, MemberState, Reply, Roster, RosterCommand, RosterError};
 use super::{AgentError, Behaviour, SCRIPTS_END};
 use crate::behaviour::Prepared;
 use crate::pilot::{LinkState, Status};
@@ -34,7 +34,7 @@ type Loaded = (BehaviourId, Result<(RestartLoop, Prepared), RosterError>);
 /// See the module.
 pub(super) struct Company {
     around: Surroundings,
-    orders: mpsc::Receiver<Order>,
+    orders: mpsc::Receiver<RosterCommand>,
     blueprints: Vec<Blueprint>,
     aboard: Vec<Aboard>,
     running: JoinSet<(BehaviourId, String, Ending)>,
@@ -120,7 +120,9 @@ impl Company {
         while let Some(order) = self.orders.recv().await {
             let offline = self.status.borrow().link != LinkState::Up;
             match order {
-                Order::Start(name, reply) | Order::Restart(name, reply) if offline => {
+                RosterCommand::Start(name, reply) | RosterCommand::Restart(name, reply)
+                    if offline =>
+                {
                     let refusal = match self.blueprint(&name) {
                         Some(_) => RosterError::Offline,
                         None => self.unknown(&name),
@@ -179,13 +181,13 @@ impl Company {
         self.running.shutdown().await;
     }
 
-    fn obey(&mut self, order: Order) {
+    fn obey(&mut self, order: RosterCommand) {
         match order {
-            Order::Start(name, reply) => match self.find(&name) {
+            RosterCommand::Start(name, reply) => match self.find(&name) {
                 Some(_) => refuse(reply, RosterError::RunsAlready(name)),
                 None => self.start(&name, reply),
             },
-            Order::Stop(name, reason, reply) => match self.find(&name) {
+            RosterCommand::Stop(name, reason, reply) => match self.find(&name) {
                 Some(one) => {
                     tell(&one.stop, reason);
                     if let Some(again) = one.again.take() {
@@ -201,7 +203,7 @@ impl Company {
                     refuse(reply, why);
                 }
             },
-            Order::Restart(name, reply) => match self.find(&name) {
+            RosterCommand::Restart(name, reply) => match self.find(&name) {
                 Some(one) => {
                     tell(&one.stop, EndReason::Reload);
                     if let Some(earlier) = one.again.replace(reply) {
@@ -210,7 +212,7 @@ impl Company {
                 }
                 None => self.start(&name, reply),
             },
-            Order::Define(blueprints, reply) => {
+            RosterCommand::Define(blueprints, reply) => {
                 self.blueprints = blueprints;
                 let _ = reply.send(Ok(()));
             }

@@ -21,7 +21,7 @@ mod store_writer;
 mod supervisor;
 mod watch;
 
-pub use dialogue::{Dialogue, Order, Said};
+pub use dialogue::{Dialogue, PromptCommand, Said};
 pub use host::{STACK, host, host_main};
 pub use inspection::{INSPECTION, Inspected, Inspector, inspection_main};
 pub use library::Library;

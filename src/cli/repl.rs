@@ -22,7 +22,7 @@ use super::startup::{driving_core, pulse, rescue};
 use super::terminal::Terminal;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::agent::{AgentError, Preflight, Talk, TalkError};
-use crate::behaviour::{Launch, Launcher, Library, Order, Said};
+use crate::behaviour::{Launch, Launcher, Library, PromptCommand, Said};
 use crate::clock::until;
 use crate::config::Config;
 use crate::robot::EndReason;
@@ -167,7 +167,7 @@ async fn next(signal: &mut Option<Signal>) {
 /// What stands between the prompt and the behaviour.
 struct Repl {
     /// `None`: no further orders, the session ends.
-    order: Option<mpsc::Sender<Order>>,
+    order: Option<mpsc::Sender<PromptCommand>>,
     tell: mpsc::Sender<Told>,
     console: Console,
     /// A person types; otherwise lines come from a pipe.
@@ -188,10 +188,10 @@ impl Repl {
             Typed::Ready => self.patience = None,
             Typed::Line { text, more } => {
                 self.running = true;
-                self.order(Order::Evaluate { text, more });
+                self.order(PromptCommand::Evaluate { text, more });
             }
             Typed::Interrupt => {
-                self.order(Order::Interrupt);
+                self.order(PromptCommand::Interrupt);
                 self.finish(Next::Prompt);
             }
             Typed::End => {
@@ -202,7 +202,7 @@ impl Repl {
     }
 
     /// One that finds no room ends the session: better than a robot that does not hear.
-    fn order(&mut self, order: Order) {
+    fn order(&mut self, order: PromptCommand) {
         let sent = self.order.as_ref().map(|orders| orders.try_send(order));
         if sent.is_some_and(|sent| sent.is_err()) {
             self.order = None;
@@ -212,7 +212,7 @@ impl Repl {
     /// A session that waits for nothing but a robot with a low battery is ended by it.
     fn interrupted(&mut self, stop: &CancellationToken) {
         match self.order {
-            Some(_) => self.order(Order::Interrupt),
+            Some(_) => self.order(PromptCommand::Interrupt),
             None => stop.cancel(),
         }
     }
@@ -273,7 +273,7 @@ impl Repl {
 
     fn give_up_on_terminal(&mut self) {
         self.patience = None;
-        self.order(Order::Interrupt);
+        self.order(PromptCommand::Interrupt);
         tracing::warn!("the terminal takes no output: everything was stopped");
     }
 

@@ -18,7 +18,7 @@ use tracing::subscriber::{NoSubscriber, with_default};
 use super::book::{Book, Scenario, load_world};
 use super::cast::Cast;
 use super::chronicle::Chronicle;
-use super::stage::{Order, PlayStage};
+use super::stage::{PlayStage, StageCommand};
 use crate::agent::{AgentError, Outcome};
 use crate::clock::until;
 use crate::config::Config;
@@ -253,18 +253,18 @@ impl Play<'_> {
     fn obey(&mut self) {
         while let Some(order) = self.stage.take_order() {
             match order {
-                Order::Run(behaviours) => {
+                StageCommand::Run(behaviours) => {
                     let running = self.lab.start(behaviours, None);
                     self.agent = Some(Agent {
                         stop: running.stopper(),
                         outcome: Box::pin(running.outcome()),
                     });
                 }
-                Order::Stop => match &self.agent {
+                StageCommand::Stop => match &self.agent {
                     Some(agent) => agent.stop.cancel(),
                     None => self.stage.has_stopped(),
                 },
-                Order::Vanish => {
+                StageCommand::Vanish => {
                     self.agent = None;
                     self.stage.has_stopped();
                 }

@@ -15,7 +15,7 @@ use crate::script::{Place, Stage};
 use crate::sim::Handle;
 
 /// What the laboratory is asked to do when the script waits.
-pub(super) enum Order {
+pub(super) enum StageCommand {
     Run(Vec<Behaviour>),
     Stop,
     Vanish,
@@ -30,7 +30,7 @@ pub(super) struct PlayStage {
     /// The place of the scenario in its file, from 0.
     wanted: usize,
     declared: Cell<usize>,
-    orders: RefCell<VecDeque<Order>>,
+    orders: RefCell<VecDeque<StageCommand>>,
     running: Cell<bool>,
     end: RefCell<Option<Result<(), String>>>,
     place: RefCell<Option<Place>>,
@@ -55,7 +55,7 @@ impl PlayStage {
     }
 
     /// What is to be done next.
-    pub(super) fn take_order(&self) -> Option<Order> {
+    pub(super) fn take_order(&self) -> Option<StageCommand> {
         self.orders.borrow_mut().pop_front()
     }
 
@@ -100,10 +100,10 @@ impl PlayStage {
         let behaviours = self.cast.behaviours(named)?;
         self.chronicle.begin();
         self.running.set(true);
-        self.order(Order::Run(behaviours))
+        self.order(StageCommand::Run(behaviours))
     }
 
-    fn order(&self, order: Order) -> Result<Value, String> {
+    fn order(&self, order: StageCommand) -> Result<Value, String> {
         self.orders.borrow_mut().push_back(order);
         Ok(Value::Null)
     }
@@ -136,12 +136,12 @@ impl Stage for PlayStage {
             "sim:wait" | "sim:wait_until" => Ok(Value::Null),
             "running" => Ok(self.running.get().into()),
             "sim:run" => self.run(arguments),
-            "sim:stop" => self.order(Order::Stop),
+            "sim:stop" => self.order(StageCommand::Stop),
             "sim:kill" => {
                 self.sim.cut();
                 Ok(Value::Null)
             }
-            "vanish" => self.order(Order::Vanish),
+            "vanish" => self.order(StageCommand::Vanish),
             _ => self.call(call, given),
         }
     }

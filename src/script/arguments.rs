@@ -80,7 +80,7 @@ impl Args {
     }
 
     /// The table of options of a parameter, its keys checked.
-    pub(super) fn options(&self, index: usize) -> Result<Options<'_>, Refusal> {
+    pub(super) fn options(&self, index: usize) -> Result<OptionTable<'_>, Refusal> {
         self.given(index).options()
     }
 }
@@ -142,7 +142,7 @@ impl<'a> Given<'a> {
     }
 
     /// Its keys checked.
-    fn options(self) -> Result<Options<'a>, Refusal> {
+    fn options(self) -> Result<OptionTable<'a>, Refusal> {
         let keys = match self.row.kind {
             Type::Options(keys) => keys,
             _ => &[],
@@ -156,7 +156,7 @@ impl<'a> Given<'a> {
             self.args.check_keys(table, keys)?;
         }
         let args = self.args;
-        Ok(Options { args, keys, table })
+        Ok(OptionTable { args, keys, table })
     }
 
     /// Holds what was given against its row, without reading it as anything. Types that need more
@@ -242,13 +242,13 @@ impl Args {
 }
 
 /// A table of named values whose keys were checked.
-pub(super) struct Options<'a> {
+pub(super) struct OptionTable<'a> {
     args: &'a Args,
     keys: &'static [Value],
     table: Option<LuaTable>,
 }
 
-impl Options<'_> {
+impl OptionTable<'_> {
     /// An option as its row says; its default if it is left out.
     pub(super) fn get<T: Argument>(&self, key: &str) -> Result<T, Refusal> {
         T::read(self.given(key)?)
