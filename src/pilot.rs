@@ -119,7 +119,7 @@ pub struct Pilot {
     info: Option<RobotInfo>,
     simulated: bool,
     /// Kinds of messages that nobody knows, and when each was said.
-    unknown: Repeats<hearing::Kind>,
+    unknown: Repeats<hearing::UnknownKind>,
     engine_said: Repeats<EngineNews>,
     streams_due: Option<Instant>,
     /// What lights, sounds and streams were last made to follow.

@@ -181,7 +181,9 @@ impl Pilot {
     /// A broken robot, or one that only claims to be one, may say the same a thousand times a second.
     fn say_engine(&mut self, news: EngineNews) {
         let said = match news {
-            EngineNews::Unknown(code) => self.unknown.note(Kind::Engine(code), Instant::now()),
+            EngineNews::Unknown(code) => {
+                self.unknown.note(UnknownKind::Engine(code), Instant::now())
+            }
             known => self.engine_said.note(known, Instant::now()),
         };
         match said {
@@ -192,7 +194,10 @@ impl Pilot {
     }
 
     fn say_unknown(&mut self, kind: u8) {
-        if let Some(repeated) = self.unknown.note(Kind::Message(kind), Instant::now()) {
+        if let Some(repeated) = self
+            .unknown
+            .note(UnknownKind::Message(kind), Instant::now())
+        {
             info!(
                 kind,
                 repeated,
@@ -204,7 +209,7 @@ impl Pilot {
 
 /// What nobody knows: one of each is said a minute.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Kind {
+pub(super) enum UnknownKind {
     Message(u8),
     Engine(u8),
 }

@@ -30,7 +30,7 @@ use super::sighting::{Seen, Sighting};
 use super::stage::Stage;
 use super::store::Store;
 use super::streams::WantedStreams;
-use super::task::{Answer, GroupId, Kind, Wait};
+use super::task::{Answer, GroupId, TaskKind, Wait};
 use crate::robot::{Frame, Intent, MotionEnd, MotionId};
 use crate::vision::{FrameError, Skyline, validate_markers};
 
@@ -282,8 +282,8 @@ impl State {
     pub(super) fn owner(&mut self) -> Option<Owner> {
         let task = self.tasks.running()?;
         Some(match task.kind {
-            Kind::Handler(id) => Owner::Subscription(id),
-            Kind::Line => Owner::Lines,
+            TaskKind::Handler(id) => Owner::Subscription(id),
+            TaskKind::Line => Owner::Lines,
             _ => Owner::Task(task.handle.id),
         })
     }
