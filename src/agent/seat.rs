@@ -6,7 +6,7 @@ use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio::time::{MissedTickBehavior, interval, sleep};
 
-use crate::robot::channel::{Inbox, PilotMessage, Request, Role, events};
+use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
 use crate::robot::{
     BehaviourId, CallId, DockEnd, DockPlan, EndReason, Event, Intent, MotionEnd, MotionId,
     Priority, Setpoint,
@@ -25,7 +25,7 @@ const SPEECH_TIME: Duration = Duration::from_millis(500);
 pub struct Seat {
     by: BehaviourId,
     requests: mpsc::Sender<Request>,
-    inbox: Inbox,
+    inbox: EventReceiver,
     last: u64,
 }
 

@@ -19,7 +19,7 @@ use super::prepared::{EXIT_TIME, Prepared, ending};
 use super::quill::{Fate, log};
 use super::remarks;
 use crate::clock::until;
-use crate::robot::channel::{Inbox, PilotMessage, Request, Role, events};
+use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
 use crate::robot::{Bus, Coming, EndReason, Findings, Lookout, Pictures, Remark};
 use crate::script::{Ending, LogLine};
 
@@ -53,7 +53,7 @@ impl Handle {
 pub struct Supervisor {
     host: Prepared,
     requests: mpsc::Sender<Request>,
-    inbox: Inbox,
+    inbox: EventReceiver,
     frames: watch::Receiver<Pictures>,
     last_frame: u64,
     frame_wanted: bool,

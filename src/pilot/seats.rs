@@ -7,7 +7,7 @@ use tracing::warn;
 
 use super::distress::Distress;
 use super::throttle::{Throttle, Together};
-use crate::robot::channel::{Aboard, Outbox, Role};
+use crate::robot::channel::{Aboard, EventSender, Role};
 use crate::robot::{BehaviourId, EndReason, Event, Priority, Streams, Use};
 use crate::wire::{Command, Stream};
 
@@ -16,7 +16,7 @@ struct Seat {
     name: String,
     priority: Priority,
     role: Role,
-    outbox: Outbox,
+    outbox: EventSender,
     streams: BTreeSet<Stream>,
     throttle: Throttle,
 }
@@ -60,7 +60,7 @@ impl Seats {
         name: String,
         priority: Priority,
         role: Role,
-        mut outbox: Outbox,
+        mut outbox: EventSender,
         welcome: &[Event],
     ) {
         welcome.iter().for_each(|event| outbox.tell(event.clone()));

@@ -27,7 +27,7 @@ pub enum Request {
         /// What it is there for.
         role: Role,
         /// Where it is told.
-        outbox: Outbox,
+        outbox: EventSender,
     },
     /// A behaviour asks for something.
     Intent(BehaviourId, Intent),
@@ -102,18 +102,18 @@ impl std::fmt::Debug for Sleep {
 }
 
 /// Makes the two ends of a behaviour's line from the pilot.
-pub fn events() -> (Outbox, Inbox) {
+pub fn events() -> (EventSender, EventReceiver) {
     let (events, received) = mpsc::channel(MAX_EVENTS);
     let (kill, killed) = watch::channel(None);
     let picture = Arc::new(Notify::new());
     (
-        Outbox {
+        EventSender {
             events,
             kill,
             picture: picture.clone(),
             dropped: 0,
         },
-        Inbox {
+        EventReceiver {
             events: received,
             killed,
             picture,
@@ -123,14 +123,14 @@ pub fn events() -> (Outbox, Inbox) {
 
 /// The pilot's end. Never waits.
 #[derive(Debug)]
-pub struct Outbox {
+pub struct EventSender {
     events: mpsc::Sender<Event>,
     kill: watch::Sender<Option<EndReason>>,
     picture: Arc<Notify>,
     dropped: u64,
 }
 
-impl Outbox {
+impl EventSender {
     /// Passes an event on, or drops it if the queue is full. An answer that does not fit ends the
     /// behaviour: it does not read, and would wait for ever.
     pub fn tell(&mut self, event: Event) {
@@ -163,7 +163,7 @@ impl Outbox {
 
 /// The supervisor's end.
 #[derive(Debug)]
-pub struct Inbox {
+pub struct EventReceiver {
     events: mpsc::Receiver<Event>,
     killed: watch::Receiver<Option<EndReason>>,
     picture: Arc<Notify>,
@@ -180,7 +180,7 @@ pub enum PilotMessage {
     Closed,
 }
 
-impl Inbox {
+impl EventReceiver {
     /// Notified when there is a newer picture.
     pub fn picture(&self) -> Arc<Notify> {
         self.picture.clone()

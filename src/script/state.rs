@@ -22,7 +22,7 @@ use super::modules::Modules;
 use super::motion::{Motion, Owner};
 use super::odometry::{Driver, Odometry, drive_of};
 use super::options::Options;
-use super::output::{Level, LogLine, Outbox};
+use super::output::{Level, LogLine, OutputQueue};
 use super::queue::Tasks;
 use super::shares::Shares;
 use super::sight::Sight;
@@ -85,7 +85,7 @@ pub(super) struct State {
     /// Whom a script asks that drives no robot.
     pub(super) stage: Option<Rc<dyn Stage>>,
     pub(super) params: Declared,
-    pub(super) outbox: Outbox,
+    pub(super) outbox: OutputQueue,
     pub(super) life: Life,
     pub(super) exit: Exit,
     /// No coroutine of the running task stands where it cannot yield.
@@ -130,7 +130,7 @@ impl State {
             modules,
             stage: None,
             params: Declared::default(),
-            outbox: Outbox::new(now),
+            outbox: OutputQueue::new(now),
             life: Life::Running,
             exit: Exit::default(),
             can_wait: true,
