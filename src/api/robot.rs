@@ -7,7 +7,7 @@ use super::frame::FRAME;
 use super::make::{boolean, bounded, call, choice, count, object, options, strict, value};
 use super::tables::{BATTERY, DOCK_INFO, INFO, POSE_ESTIMATE};
 use super::task::TASK;
-use super::terms::{Function, Namespace, Object, Place, Type, Value};
+use super::terms::{Availability, Function, Namespace, Object, Type, Value};
 use crate::robot::DockPlan;
 
 /// Power of a track, in percent.
@@ -312,7 +312,7 @@ pub(super) const LISTENER: Object = strict(
 pub(super) const ROBOT: Namespace = Namespace {
     name: "robot",
     about: "motion, lights, sounds, docking, events, pictures",
-    place: Place::Behaviour,
+    availability: Availability::Behaviour,
     functions: FUNCTIONS,
     constants: &[],
     example: "",

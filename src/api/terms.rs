@@ -161,7 +161,7 @@ pub struct Namespace {
     /// What it is for, in a few words.
     pub about: &'static str,
     /// Which scripts have it.
-    pub place: Place,
+    pub availability: Availability,
     /// Its functions.
     pub functions: &'static [Function],
     /// Its other fields.
@@ -172,7 +172,7 @@ pub struct Namespace {
 
 /// Which scripts have a namespace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
+pub enum Availability {
     /// All.
     Everywhere,
     /// Behaviours.

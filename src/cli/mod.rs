@@ -74,7 +74,7 @@ use crate::scenario::{TRIAL, trial_main};
 use crate::walls::{WORKER_ARGUMENT, keep_descriptors};
 use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 
-pub use connection::{ConnectionArgs, LoginArgs, Place};
+pub use connection::{ConnectionArgs, LoginArgs, RobotChoice};
 pub use console::Console;
 pub use failure::{Exit, Failure};
 use settings::SettingsArgs;

@@ -1,14 +1,14 @@
 //! How a robot is reached: which one is meant, and a link to it, or to a simulated one that is started here.
 
 use super::embedded::{EmbeddedSim, Simulated};
-use super::{ConnectionArgs, Failure, Place};
+use super::{ConnectionArgs, Failure, RobotChoice};
 use crate::config::Config;
 use crate::link::{self, Target};
 use crate::pilot::Dial;
 use crate::wire::Login;
 
-pub(super) fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure> {
-    let from_config = || config.robot.clone().map(Place::Robot);
+pub(super) fn place(connection: &ConnectionArgs, config: &Config) -> Result<RobotChoice, Failure> {
+    let from_config = || config.robot.clone().map(RobotChoice::Robot);
     connection.place().or_else(from_config).ok_or_else(|| {
         Failure::usage("which robot? neither --robot nor --sim was given").help(
             "--sim runs on a simulated robot; --robot HOST[:PORT] on yours \
@@ -18,7 +18,7 @@ pub(super) fn place(connection: &ConnectionArgs, config: &Config) -> Result<Plac
 }
 
 pub(super) fn reach(
-    place: Place,
+    place: RobotChoice,
     login: &Login,
     seed: u64,
 ) -> Result<(Target, Option<EmbeddedSim>), Failure> {
@@ -27,14 +27,14 @@ pub(super) fn reach(
 
 /// As [`reach`], with a simulated robot of this kind.
 pub(super) fn reach_with(
-    place: Place,
+    place: RobotChoice,
     login: &Login,
     seed: u64,
     kind: Simulated,
 ) -> Result<(Target, Option<EmbeddedSim>), Failure> {
     match place {
-        Place::Robot(target) => Ok((target, None)),
-        Place::Sim(world) => {
+        RobotChoice::Robot(target) => Ok((target, None)),
+        RobotChoice::Sim(world) => {
             let sim = EmbeddedSim::start(world.as_deref(), login, seed, kind)?;
             let address = sim.address();
             let target = Target {

@@ -24,7 +24,7 @@ use super::startup::{JOURNAL_END, driving_core, journal, pulse, rescue, serve, s
 use super::status::StatusLine;
 use super::trace::TraceFile;
 use super::waiting::{Tries, until_answered};
-use super::{ConnectionArgs, Console, Exit, Failure, Place, broker, check, notify};
+use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, check, notify};
 use crate::agent::{Agent, Behaviour, Bus, Plan};
 use crate::behaviour::{Launcher, RestartPolicy};
 use crate::clock::{Clock, Date, Zone};
@@ -152,7 +152,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         check::before_run(&behaviours, console)?;
     }
     let place = place(&args.connection, &config)?;
-    let simulated = matches!(place, Place::Sim(_));
+    let simulated = matches!(place, RobotChoice::Sim(_));
     let trace = trace_file(&args, simulated)?;
     args.firmware.refuse_unless(simulated)?;
     if args.date.is_some() && !simulated {
@@ -266,13 +266,13 @@ fn names(behaviours: &[Behaviour]) -> String {
 fn fast(
     (args, trace): (&RunArgs, Option<TraceFile>),
     config: &Config,
-    place: Place,
+    place: RobotChoice,
     behaviours: Vec<Behaviour>,
     login: Login,
     seed: u64,
     console: &Console,
 ) -> Result<Exit, Failure> {
-    let Place::Sim(world) = place else {
+    let RobotChoice::Sim(world) = place else {
         let why = "--fast goes with --sim only: a real robot's time cannot be hurried";
         return Err(Failure::usage(why).help("spykee run FILE.lua --sim --fast"));
     };

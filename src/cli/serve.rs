@@ -23,7 +23,7 @@ use super::settings::SettingsArgs;
 use super::startup::{self, driving_core, pulse, rescue, show};
 use super::status::StatusLine;
 use super::waiting::{Tries, until_answered};
-use super::{ConnectionArgs, Console, Exit, Failure, Place, broker, notify};
+use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, notify};
 use crate::agent::{Agent, AgentError, Bus, Outcome, Plan};
 use crate::behaviour::Launcher;
 use crate::clock::{Clock, Date, Zone};
@@ -91,7 +91,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     let config = args.settings.config()?.clone();
     let place = place(&args.connection, &config)?;
     let login = args.connection.login.login(args.settings.load()?)?;
-    let simulated = matches!(place, Place::Sim(_));
+    let simulated = matches!(place, RobotChoice::Sim(_));
     let clock = clock(args, &config, simulated)?;
     if !simulated || config.service.user.is_some() {
         leave_root(config.service.user.as_deref(), config.data_folder())?;

@@ -24,7 +24,7 @@ use crate::clock::until;
 use crate::config::Config;
 use crate::lab::{self, Lab};
 use crate::robot::{Bus, EndReason};
-use crate::script::{Place, Script};
+use crate::script::{Script, SourceLocation};
 use crate::sim::{self, Pose};
 
 /// Lines that a scenario's script wrote, at most.
@@ -66,7 +66,7 @@ pub struct Failure {
     /// What kind of thing that is.
     pub cause: Cause,
     /// The line of the scenario.
-    pub place: Option<Place>,
+    pub place: Option<SourceLocation>,
     /// The text of that line.
     pub line: Option<String>,
     /// What happened last, oldest first, each with its time.
@@ -127,7 +127,7 @@ pub enum Cause {
 struct Trouble {
     cause: Cause,
     message: String,
-    place: Option<Place>,
+    place: Option<SourceLocation>,
 }
 
 impl Book {
@@ -315,7 +315,7 @@ impl Play<'_> {
     fn raised(&self, raised: String) -> Trouble {
         let shown = self.book.file().display().to_string();
         let (place, text) = match split_place(&raised, &shown) {
-            Some((line, text)) => (Some(Place { file: shown, line }), text.to_owned()),
+            Some((line, text)) => (Some(SourceLocation { file: shown, line }), text.to_owned()),
             None => (self.stage.last_place(), in_words(&raised).to_owned()),
         };
         Trouble {
@@ -346,7 +346,7 @@ impl Play<'_> {
         let sim = self.lab.sim();
         let state = sim.state();
         sim.note("it failed here");
-        let own = |place: &Place| place.file == self.book.file().display().to_string();
+        let own = |place: &SourceLocation| place.file == self.book.file().display().to_string();
         let line = trouble.place.as_ref().filter(|place| own(place));
         Failure {
             line: line.and_then(|place| self.book.line(place.line)),

@@ -11,7 +11,7 @@ use super::arguments::Arguments;
 use super::cast::Cast;
 use super::chronicle::Chronicle;
 use crate::agent::Behaviour;
-use crate::script::{Place, Stage};
+use crate::script::{SourceLocation, Stage};
 use crate::sim::Handle;
 
 /// What the laboratory is asked to do when the script waits.
@@ -33,8 +33,8 @@ pub(super) struct PlayStage {
     orders: RefCell<VecDeque<StageCommand>>,
     running: Cell<bool>,
     end: RefCell<Option<Result<(), String>>>,
-    place: RefCell<Option<Place>>,
-    expected: RefCell<Option<(Option<Place>, String)>>,
+    place: RefCell<Option<SourceLocation>>,
+    expected: RefCell<Option<(Option<SourceLocation>, String)>>,
 }
 
 impl PlayStage {
@@ -65,12 +65,12 @@ impl PlayStage {
     }
 
     /// The line of the script that asked last.
-    pub(super) fn last_place(&self) -> Option<Place> {
+    pub(super) fn last_place(&self) -> Option<SourceLocation> {
         self.place.borrow().clone()
     }
 
     /// The `expect` that did not hold: where, and its message.
-    pub(super) fn take_expected(&self) -> Option<(Option<Place>, String)> {
+    pub(super) fn take_expected(&self) -> Option<(Option<SourceLocation>, String)> {
         self.expected.borrow_mut().take()
     }
 
@@ -110,7 +110,12 @@ impl PlayStage {
 }
 
 impl Stage for PlayStage {
-    fn ask(&self, call: &str, arguments: &[Value], place: Option<Place>) -> Result<Value, String> {
+    fn ask(
+        &self,
+        call: &str,
+        arguments: &[Value],
+        place: Option<SourceLocation>,
+    ) -> Result<Value, String> {
         let given = Arguments(arguments);
         if call == "expected" {
             let message = given.text(0).unwrap_or_default().to_owned();

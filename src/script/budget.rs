@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 
 use rustix::time::{ClockId, clock_gettime};
 
-use super::failure::Place;
+use super::failure::SourceLocation;
 
 /// How often the watcher looks.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
@@ -210,7 +210,7 @@ struct Running {
     began: Instant,
     processor: Duration,
     limit: Duration,
-    place: Option<Place>,
+    place: Option<SourceLocation>,
 }
 
 impl Running {
@@ -260,7 +260,7 @@ pub(super) struct Spent {
     /// Over the budget.
     pub(super) over: bool,
     /// Where it was found so.
-    pub(super) place: Option<Place>,
+    pub(super) place: Option<SourceLocation>,
 }
 
 /// Begins a slice of the script of this file on this thread.
@@ -360,7 +360,7 @@ fn is_over() -> bool {
 pub(super) fn remember(file: String, line: u32) {
     RUNNING.with_borrow_mut(|running| {
         if let Some(running) = running {
-            running.place = Some(Place { file, line });
+            running.place = Some(SourceLocation { file, line });
         }
     });
 }

@@ -76,7 +76,7 @@ pub(crate) use budget::{only_simulated, running, stuck, when_stuck};
 pub use complaints::Explain;
 pub(crate) use declaration::{Declaration, settle};
 pub(crate) use failure::printable;
-pub use failure::{Ending, Failure, Place};
+pub use failure::{Ending, Failure, SourceLocation};
 pub use modules::{ModuleFile, ModuleName};
 pub(crate) use modules::{Target, resolve};
 pub use nearest::suggestion;
@@ -337,7 +337,7 @@ impl Stage for Empty {
         &self,
         call: &str,
         _: &[serde_json::Value],
-        _: Option<Place>,
+        _: Option<SourceLocation>,
     ) -> Result<serde_json::Value, String> {
         Err(format!("{call} is not possible here"))
     }

@@ -1,7 +1,7 @@
 //! What the rows of several modules are made with.
 
 use crate::api::make::{boolean, table};
-use crate::api::terms::{Function, Namespace, Object, Place, Value};
+use crate::api::terms::{Availability, Function, Namespace, Object, Value};
 
 pub(super) const OK: &[Value] = &[boolean("ok", "whether it worked")];
 
@@ -14,7 +14,7 @@ pub(super) const fn module(
     Namespace {
         name,
         about,
-        place: Place::Module,
+        availability: Availability::Module,
         functions,
         constants: &[],
         example,

@@ -9,7 +9,7 @@ use super::{Diagnosis, Finding};
 use crate::cli::interrupt::interruption;
 use crate::cli::reach::reach;
 use crate::cli::robot::send_home_if_low;
-use crate::cli::{ConnectionArgs, Exit, Failure, Place};
+use crate::cli::{ConnectionArgs, Exit, Failure, RobotChoice};
 use crate::config::{Config, Effective};
 use crate::link::{self, LinkError, Session, Target, discover};
 use crate::pilot::DELIVERY;
@@ -29,7 +29,7 @@ const FEW_FRAMES: f64 = 5.0;
 
 /// All checks that need a network; the robot's only if one is named. Ctrl-C ends them.
 pub(super) async fn examine(
-    place: Option<Place>,
+    place: Option<RobotChoice>,
     connection: &ConnectionArgs,
     settings: &Effective,
     diagnosis: &mut Diagnosis,
@@ -94,7 +94,7 @@ async fn discovery() -> Finding {
 }
 
 async fn robot(
-    place: Place,
+    place: RobotChoice,
     connection: &ConnectionArgs,
     settings: &Effective,
     diagnosis: &mut Diagnosis,

@@ -38,7 +38,7 @@ use mlua::prelude::{
 
 use super::arguments::{Args, Refusal, describe};
 use super::budget;
-use super::failure::{Place, is_ours};
+use super::failure::{SourceLocation, is_ours};
 use super::sandbox::{self, Prelude};
 use super::stage::Stage;
 use super::state::State;
@@ -241,13 +241,13 @@ fn globals(builder: &Builder<'_>) -> LuaResult<()> {
 }
 
 /// The innermost line of the script itself.
-fn place(lua: &Lua) -> Option<Place> {
+fn place(lua: &Lua) -> Option<SourceLocation> {
     (0..64)
         .map_while(|level| {
             lua.inspect_stack(level, |frame| {
                 let file = frame.source().short_src?.into_owned();
                 let line = u32::try_from(frame.current_line()?).ok()?;
-                (!is_ours(&file)).then_some(Place { file, line })
+                (!is_ours(&file)).then_some(SourceLocation { file, line })
             })
         })
         .flatten()
