@@ -1,7 +1,6 @@
 //! The `spykee` command: one file for each subcommand; parse, dispatch, exit code. What a command
 //! does lives on lower floors.
 
-mod album;
 mod api;
 mod behaviour;
 mod blobs;
@@ -29,6 +28,7 @@ mod learn;
 mod lesson;
 mod live;
 mod logging;
+mod marked_pictures;
 mod new;
 mod notify;
 mod outcome;
