@@ -167,7 +167,7 @@ impl RestartLoop {
                 Some(reload) = saved(&mut self.reloads) => loading = Some(self.load(reload.source)),
                 loaded = done(&mut loading) => {
                     loading = None;
-                    if let Some(loaded) = self.judge(loaded, "the old script still runs") {
+                    if let Some(loaded) = self.accept(loaded, "the old script still runs") {
                         successor = Some(loaded);
                         handle.stop(EndReason::Reload);
                     }
@@ -283,12 +283,12 @@ impl RestartLoop {
         tokio::select! {
             biased;
             _ = stopped(&mut self.around.stop) => None,
-            loaded = loading => self.judge(loaded, "nothing runs in its place"),
+            loaded = loading => self.accept(loaded, "nothing runs in its place"),
         }
     }
 
     /// A saved text is good, or said to be not.
-    fn judge(&mut self, loaded: Result<Loaded, Ending>, meanwhile: &str) -> Option<Loaded> {
+    fn accept(&mut self, loaded: Result<Loaded, Ending>, meanwhile: &str) -> Option<Loaded> {
         let behaviour = &self.launch.options.name;
         self.outdated = loaded.is_err();
         match loaded {

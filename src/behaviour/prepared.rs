@@ -11,11 +11,11 @@ use tokio::time::timeout;
 use tracing::debug;
 
 use super::library::Library;
+use super::log_limiter::LogLimiter;
 use super::message::{FromHost, Launch, ToHost};
-use super::name::judge_name;
+use super::name::validate_name;
 use super::pipe::{Receiver, Sender};
 use super::process::{HostProcess, Launcher, PipeReader, PipeWriter};
-use super::quill::Quill;
 use super::remarks::Remarks;
 use crate::robot::{BehaviourId, EndReason, Priority};
 use crate::script::{Ending, ModuleName};
@@ -42,7 +42,7 @@ pub struct Prepared {
     pump: AbortHandle,
     /// In virtual time nobody waits for a sign of life.
     pub(super) in_real_time: bool,
-    pub(super) quill: Quill,
+    pub(super) log_limiter: LogLimiter,
     pub(super) remarks: Remarks,
 }
 
@@ -66,8 +66,8 @@ impl Prepared {
                 &format!("{name}: its host cannot be started: {error}"),
             )
         };
-        judge_name(&name).map_err(|error| ending(EndReason::Error, &error.to_string()))?;
-        let quill = Quill::new(launch.options.limits.log_bytes_a_day);
+        validate_name(&name).map_err(|error| ending(EndReason::Error, &error.to_string()))?;
+        let log_limiter = LogLimiter::new(launch.options.limits.log_bytes_a_day);
         let folder = launch.options.data_dir.clone();
         let remarks = Remarks::new(name.clone(), folder, &launch.options.limits);
         let started = launcher.start(&launch.options.folders(), core);
@@ -88,7 +88,7 @@ impl Prepared {
             modules,
             pump,
             in_real_time: !launcher.is_in_this_thread(),
-            quill,
+            log_limiter,
             remarks,
         };
         let _ = prepared.to_host.try_send(ToHost::Load(Box::new(launch)));

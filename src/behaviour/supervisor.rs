@@ -14,9 +14,9 @@ use tracing::{debug, warn};
 use super::ahead::Ahead;
 use super::dialogue::{self, Dialogue, Said};
 use super::liveness::Liveness;
+use super::log_limiter::{Fate, log};
 use super::message::{FromHost, ToHost};
 use super::prepared::{EXIT_TIME, Prepared, ending};
-use super::quill::{Fate, log};
 use super::remarks;
 use crate::clock::until;
 use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
@@ -255,7 +255,10 @@ impl Supervisor {
 
     fn write(&mut self, line: LogLine) {
         let name = &self.host.name;
-        match (self.host.quill.judge(line, Instant::now()), &self.dialogue) {
+        match (
+            self.host.log_limiter.admit(line, Instant::now()),
+            &self.dialogue,
+        ) {
             (Fate::Written(line), Some(dialogue)) => dialogue.say(Said::Line(line)),
             (Fate::Written(line), None) => log(name, &line),
             (Fate::LeftOut(before), _) => warn!(
@@ -268,7 +271,7 @@ impl Supervisor {
     }
 
     fn remark(&mut self, remark: Remark) {
-        match self.host.remarks.judge(remark, Instant::now()) {
+        match self.host.remarks.admit(remark, Instant::now()) {
             remarks::Fate::PilotMessage(what) => self.bus.tell(what),
             remarks::Fate::LeftOut(before) => warn!(
                 behaviour = %self.host.name,

@@ -233,7 +233,7 @@ impl Play<'_> {
                 }
             });
             self.obey();
-            if let Some(end) = self.judge(&script) {
+            if let Some(end) = self.verdict(&script) {
                 return end;
             }
             if script.is_ready() {
@@ -282,7 +282,7 @@ impl Play<'_> {
     }
 
     /// Whether it is over, and how.
-    fn judge(&self, script: &Script) -> Option<Result<(), Trouble>> {
+    fn verdict(&self, script: &Script) -> Option<Result<(), Trouble>> {
         let failed = self.stage.chronicle.failed();
         if let Some(failed) = failed.filter(|_| !self.scenario.options.may_fail) {
             let text = format!("the behaviour {} failed: {}", failed.behaviour, failed.text);
