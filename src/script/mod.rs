@@ -69,7 +69,7 @@ use api::Shared;
 use events::EventName;
 use life::{Life, is_kill};
 use state::State;
-use task::{Answer, Kind};
+use task::{Answer, TaskKind};
 
 pub(crate) use album::{NAMES as PICTURE_NAMES, file_name as picture_name};
 pub(crate) use budget::{only_simulated, running, stuck, when_stuck};
@@ -173,7 +173,7 @@ impl Script {
         state
             .borrow_mut()
             .tasks
-            .add(main, Kind::Main, start, None, now);
+            .add(main, TaskKind::Main, start, None, now);
         Ok(Script { lua, state })
     }
 

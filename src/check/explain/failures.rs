@@ -1,6 +1,6 @@
 //! One remark for each kind of failure that the VM knows.
 
-use super::super::kinds::Kind;
+use super::super::kinds::ValueKind;
 use super::super::tree::{Expr, ExprKind, StatementKind};
 use super::reasons::a;
 use super::{Remark, Scene};

@@ -1,6 +1,6 @@
 //! What is known of an expression: what it may be, and why it is nil.
 
-use super::super::kinds::Kind;
+use super::super::kinds::ValueKind;
 use super::super::tree::{Expr, ExprKind, each_in_expr};
 use super::Scene;
 use crate::api::{self, Need};

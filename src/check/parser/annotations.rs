@@ -1,6 +1,6 @@
 //! Types, which only the compiler reads: they are passed over.
 
-use super::super::lexer::Kind;
+use super::super::lexer::TokenKind;
 use super::super::tree::StatementKind;
 use super::{Parsed, Parser};
 

@@ -1,7 +1,7 @@
 //! Calls of the API against its table: how many arguments, of which types, within which
 //! bounds; and the keys of options.
 
-use super::super::kinds::Kind;
+use super::super::kinds::ValueKind;
 use super::super::lexer::Span;
 use super::super::tree::{Entry, Expr, ExprKind};
 use super::Walk;

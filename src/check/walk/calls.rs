@@ -1,6 +1,6 @@
 //! Calls, operators and what they are given.
 
-use super::super::kinds::Kind;
+use super::super::kinds::ValueKind;
 use super::super::lexer::Span;
 use super::super::parameters;
 use super::super::tree::{Expr, ExprKind};
