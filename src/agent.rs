@@ -1,5 +1,5 @@
 //! Wiring and lifetimes of a run: load the scripts, connect, run them side by side, and bring
-//! everything to an end within two seconds, whoever asks for it and whatever hangs.
+//! everything to an end within two seconds, whatever hangs.
 
 mod aboard;
 mod company;

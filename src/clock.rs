@@ -19,7 +19,7 @@ pub use zone::Zone;
 
 /// Before this the clock of a computer is not set: no version of this program is older.
 const PLAUSIBLE: i64 = 1_767_225_600; // 2026-01-01T00:00:00Z
-/// When virtual time begins unless somebody says something else: a Thursday morning.
+/// When virtual time begins by default: a Thursday morning.
 const VIRTUAL: i64 = 1_767_258_000; // 2026-01-01T09:00:00Z
 
 thread_local! {

@@ -70,11 +70,11 @@ const SOUND_TOLD_AGAIN: Duration = Duration::from_millis(500);
 /// How long the robot may take at the end to acknowledge what it was told last.
 pub const DELIVERY: Duration = Duration::from_secs(2);
 
-/// How often is said that the robot says what nobody knows, one of each kind.
+/// How often an unknown message of the robot is logged, for each kind.
 const UNKNOWN_EVERY: Duration = Duration::from_secs(60);
-/// How often the same reason for which the robot cannot be reached is said.
+/// How often the same reason for which the robot cannot be reached is logged.
 const FAILED_EVERY: Duration = Duration::from_secs(600);
-/// How often the same news of the robot's station is said.
+/// How often the same report of the robot's station is logged.
 const ENGINE_EVERY: Duration = Duration::from_secs(1);
 
 /// How the run is told to come to its end.
@@ -118,7 +118,7 @@ pub struct Pilot {
     status: watch::Sender<Status>,
     info: Option<RobotInfo>,
     simulated: bool,
-    /// Kinds of messages that nobody knows, and when each was said.
+    /// Unknown kinds of messages, and when each was logged.
     unknown: Repeats<hearing::UnknownKind>,
     engine_said: Repeats<EngineNews>,
     streams_due: Option<Instant>,
@@ -134,9 +134,9 @@ pub struct Pilot {
     sounding: Option<Instant>,
     /// Quiet hours.
     hush: Hush,
-    /// Nobody dials until somebody wants the robot.
+    /// The link is down on purpose until a behaviour wants the robot.
     released: bool,
-    /// Why tries to connect have failed, and when each was said.
+    /// Why attempts to connect have failed, and when each was logged.
     failed: Repeats<String>,
     /// In real time only.
     pulse: Option<Pulse>,

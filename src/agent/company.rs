@@ -47,7 +47,7 @@ pub(super) struct Company {
 }
 
 impl Company {
-    /// Nobody runs yet. Also returns the handle.
+    /// No behaviour runs yet. Also returns the handle.
     pub(super) fn new(
         around: Surroundings,
         status: watch::Receiver<Status>,
@@ -71,7 +71,7 @@ impl Company {
         (company, roster)
     }
 
-    /// Loads all scripts; the first that cannot be, and that nobody can mend while the run goes on, is
+    /// Loads all scripts; the first that cannot be loaded, and that no file watch can reload, is
     /// returned with its ending.
     pub(super) async fn prepare(
         &mut self,
@@ -109,7 +109,7 @@ impl Company {
         self.publish();
     }
 
-    /// Nobody runs or is about to.
+    /// No behaviour runs or is about to.
     pub(super) fn is_empty(&self) -> bool {
         self.aboard.is_empty()
     }
@@ -319,7 +319,7 @@ impl Company {
         self.aboard.push(Aboard::new(by, name, stop));
     }
 
-    /// A number that nobody has who is aboard.
+    /// An id that no running behaviour has.
     fn number(&mut self) -> BehaviourId {
         loop {
             self.last = (self.last + 1) % NUMBERS;

@@ -250,7 +250,7 @@ impl RestartLoop {
         }
     }
 
-    /// Waits for a save that can be loaded; `None`: nobody watches, or the run ends.
+    /// Waits for a save that can be loaded; `None`: no file is watched, or the run ends.
     async fn mended(&mut self, mut reload: Option<Reload>) -> Option<Prepared> {
         if !self.is_watched() {
             return None;

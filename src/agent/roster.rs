@@ -1,5 +1,5 @@
 //! The behaviours of a running agent by name: which there are, which run, and the handle by which
-//! they are started, stopped and restarted at any time. The handle is for whoever asks (a person's
+//! they are started, stopped and restarted at any time. The handle is for those who ask (a person's
 //! tool, a timetable, a page); the [`Company`](super::company) does it.
 
 use std::fmt;
@@ -116,7 +116,7 @@ pub enum MemberState {
 /// Why an order is not obeyed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RosterError {
-    /// Nobody of this name.
+    /// No behaviour has this name.
     #[error("no behaviour is called `{name}`{near}")]
     Unknown {
         /// The name.

@@ -159,7 +159,7 @@ impl Seat {
         self.intend(Intent::Stream { stream, on: false }).await
     }
 
-    /// Drives so from now on, until the next word. Whoever drives shows life: see [`Seat::alive`].
+    /// Drives so from now on, until the next word. The driver must keep showing life: see [`Seat::alive`].
     ///
     /// # Errors
     /// [`SeatError::Closed`].
@@ -174,7 +174,7 @@ impl Seat {
         .await
     }
 
-    /// Shows life, which whoever drives does at least four times a second.
+    /// Shows life; a driver calls it at least four times a second.
     ///
     /// # Errors
     /// [`SeatError::Closed`].

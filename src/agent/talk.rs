@@ -55,7 +55,7 @@ struct Session {
 }
 
 impl Talk {
-    /// Runs until `stop` is cancelled, or until nobody gives orders any more and a robot with a low
+    /// Runs until `stop` is cancelled, or until the command sender is dropped and a robot with a low
     /// battery is home. All that can end it ends with a stop of the robot. Whether the watchdog had the
     /// robot at the end.
     ///

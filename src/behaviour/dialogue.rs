@@ -71,7 +71,7 @@ impl Dialogue {
     }
 }
 
-/// The next order; none ever comes where nobody speaks.
+/// The next command; pending for ever without a prompt.
 pub(super) async fn next(dialogue: &mut Option<Dialogue>) -> PromptCommand {
     if let Some(dialogue) = dialogue
         && let Some(order) = dialogue.orders.recv().await

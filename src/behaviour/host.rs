@@ -157,7 +157,7 @@ struct Host {
     findings: bool,
     /// Where the script's store is kept.
     writer: Option<StoreWriter>,
-    /// In virtual time nobody waits for a sign of life.
+    /// In virtual time no sign of life is expected.
     time: Time,
 }
 
@@ -182,7 +182,7 @@ fn warning(text: String) -> FromHost {
 }
 
 impl Host {
-    /// Hears how things stand until it may go; false if there is nobody to go for.
+    /// Hears how things stand until it may go; false if the agent is gone.
     async fn prepare(&mut self) -> io::Result<bool> {
         while let Some(message) = self.inbox.next().await? {
             if let ToHost::Go = message {

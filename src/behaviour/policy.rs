@@ -140,7 +140,7 @@ impl<'de> Deserialize<'de> for Count {
 /// What is to be done about a behaviour that has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// Nothing: it has not failed, or nobody wants it back.
+    /// Nothing: it has not failed, or it is not to be restarted.
     Over,
     /// Start it again after a pause.
     Again {

@@ -40,7 +40,7 @@ pub struct Prepared {
     pub(super) to_host: mpsc::Sender<ToHost>,
     pub(super) modules: mpsc::Sender<ModuleName>,
     pump: AbortHandle,
-    /// In virtual time nobody waits for a sign of life.
+    /// In virtual time no sign of life is expected.
     pub(super) in_real_time: bool,
     pub(super) log_limiter: LogLimiter,
     pub(super) remarks: Remarks,
@@ -142,7 +142,7 @@ fn connect(
     (Receiver::new(reader), to_host, pump)
 }
 
-/// Writes to the host at its own pace, so that one that does not read holds nobody up.
+/// Writes to the host at its own pace, so that one that does not read blocks no other task.
 async fn pump(mut waiting: mpsc::Receiver<ToHost>, mut sender: Sender<ToHost>) {
     while let Some(message) = waiting.recv().await {
         if let Err(error) = sender.send(&message).await {

@@ -113,7 +113,7 @@ impl Supervisor {
         Supervisor { lookout, ..self }
     }
 
-    /// Somebody types lines for the script and hears what it says.
+    /// A person at a prompt types lines for the script and reads its output.
     #[must_use]
     pub fn with_dialogue(self, dialogue: Dialogue) -> Supervisor {
         Supervisor {

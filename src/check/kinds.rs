@@ -1,5 +1,5 @@
 //! What an expression is, as far as the file itself tells: constants, results of our calls, payloads
-//! of events. What is not certain is [`ValueKind::Unknown`], and nobody complains about that.
+//! of events. What is not certain is [`ValueKind::Unknown`], and is not complained about.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -307,7 +307,7 @@ impl<'a> Walk<'a> {
         };
         if function.pure {
             let message = format!(
-                "{} only answers, and nobody looks at the answer",
+                "{} only returns a value, and the value is not used",
                 function.path
             );
             let result = function

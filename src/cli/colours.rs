@@ -11,7 +11,7 @@ const MAX_SHOWN: usize = 40;
 /// The colours of these names, in their order. A name of the config wins over a built-in one.
 ///
 /// # Errors
-/// A name that nobody knows, with the nearest that is known; too many names.
+/// An unknown name, with the nearest known one; too many names.
 pub(super) fn of_names(names: &[String], config: &Config) -> Result<Vec<Colour>, Failure> {
     if names.len() > MAX_COLOURS {
         return Err(Failure::usage(format_args!(

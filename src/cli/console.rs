@@ -1,5 +1,5 @@
-//! The one thread that writes to stderr. Whoever logs or sets the status line only leaves a note:
-//! a terminal that is paused, or a pipe that nobody reads, can stall this thread and no other.
+//! The one thread that writes to stderr. Logging and status updates only enqueue:
+//! a paused terminal, or a pipe without a reader, can stall this thread and no other.
 
 use std::io::{self, IsTerminal, Write};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -24,7 +24,7 @@ const MAX_WAITING: usize = 512;
 const MAX_RECORD_LEN: usize = 8 * 1024;
 /// In place of a JSON record that was left out.
 const TOO_LONG: &str = "a log line was dropped: it was too long";
-/// A window whose width nobody tells.
+/// A window of unknown width.
 const DEFAULT_COLUMNS: usize = 80;
 /// The longest wait to divert what is written.
 const DIVERT_LIMIT: Duration = Duration::from_millis(500);

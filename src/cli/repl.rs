@@ -150,7 +150,7 @@ async fn converse(talk: Talk, terminal: &Terminal, console: &Console) -> Result<
             () = until(repl.patience) => repl.give_up_on_terminal(),
             typed = typed.recv(), if repl.order.is_some() => match typed {
                 Some(typed) => repl.take(typed),
-                // A prompt that is gone: nobody can type any more.
+                // A prompt that is gone: no more input can come.
                 None => drop(repl.order.take()),
             },
         }

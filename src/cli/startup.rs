@@ -63,7 +63,7 @@ pub(super) fn pulse(simulated: bool) -> Pulse {
         Ok(guardian) => Some(guardian),
         Err(error) => {
             tracing::warn!(
-                "this run has no guardian ({error}): if this program is killed or stopped, nobody \
+                "this run has no guardian ({error}): if this program is killed or stopped, nothing \
                  stops the robot"
             );
             None

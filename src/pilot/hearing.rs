@@ -201,13 +201,13 @@ impl Pilot {
             info!(
                 kind,
                 repeated,
-                "a message of a type or length that nobody knows; said once per type and minute"
+                "a message of unknown type or length; logged once per type and minute"
             );
         }
     }
 }
 
-/// What nobody knows: one of each is said a minute.
+/// Unknown values: one of each is logged a minute.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum UnknownKind {
     Message(u8),
@@ -220,6 +220,6 @@ fn words(news: EngineNews) -> String {
         EngineNews::Undocked => "off the station".to_owned(),
         EngineNews::Charged => "the battery is full".to_owned(),
         EngineNews::BaseNotFound => "station not found".to_owned(),
-        EngineNews::Unknown(code) => format!("ENGINE {code}, which nobody knows"),
+        EngineNews::Unknown(code) => format!("ENGINE {code}, an unknown value"),
     }
 }

@@ -85,7 +85,7 @@ impl Line {
         }
     }
 
-    /// While it rests nobody is dialled; an open link is not closed by that.
+    /// While it rests it dials no robot; an open link stays open.
     pub(super) fn rest(&mut self, rest: bool) {
         if rest == self.resting {
             return;

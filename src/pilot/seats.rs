@@ -45,7 +45,7 @@ pub(super) struct Seats {
 }
 
 impl Seats {
-    /// Nobody yet; the streams are used so.
+    /// Empty; the streams are used so.
     pub(super) fn new(usage: Streams) -> Seats {
         Seats {
             usage,
@@ -194,7 +194,7 @@ impl Seats {
         self.streaming.contains(&stream)
     }
 
-    /// Whether a stream must stay off, whoever wants it.
+    /// Whether a stream must stay off, even when a behaviour wants it.
     pub(super) fn forbids(&self, stream: Stream) -> bool {
         self.usage.usage(stream) == Use::Off
     }

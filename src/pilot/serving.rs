@@ -177,7 +177,7 @@ impl Pilot {
     }
 
     /// A behaviour that lets go of the tracks may take them again at once, and what waits below it
-    /// must not drive for that instant: what comes of it is seen when all that has come is served.
+    /// must not drive for that instant: the consequences are evaluated once all pending requests are served.
     /// Nothing is written in between.
     fn defer(&mut self, fact: Fact) {
         self.watchdog.absorb(fact, Instant::now());

@@ -39,9 +39,9 @@ pub enum Request {
     Alarm,
     /// Who is aboard?
     Crew(oneshot::Sender<Crew>),
-    /// Let nothing move the robot, whoever wants it, the watchdog included; or let it move again.
+    /// Let nothing move the robot, not even the watchdog; or let it move again.
     Halt(bool),
-    /// Let go of the link, so that somebody else can log in, or dial again. A robot that runs a
+    /// Release the link, so that another program can log in, or dial again. A robot that runs a
     /// behaviour, or whose battery is low off its station, is not let go of.
     Release(bool),
     /// What must not be heard or seen from now on.

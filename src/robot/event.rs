@@ -66,7 +66,7 @@ pub enum Event {
         /// moved it since but one search.
         way: Option<Vec<Stroke>>,
     },
-    /// An ENGINE byte that nobody knows.
+    /// An unknown ENGINE byte.
     Engine {
         /// The byte.
         code: u8,

@@ -41,7 +41,7 @@ pub struct Setting {
     /// Within it behaviours keep what they keep, until the scenario is over; the system's own folder
     /// for such things unless given.
     pub data: Option<PathBuf>,
-    /// What nobody knows of the robot's firmware.
+    /// How the simulated firmware behaves where the real one is unknown.
     pub firmware: sim::Firmware,
     /// Ends all that is played when cancelled.
     pub stop: CancellationToken,

@@ -128,7 +128,7 @@ impl Script {
         Script::load_with(source, options, api::Surroundings::Stage(stage), now)
     }
 
-    /// Such a script with nothing in it and nobody to ask.
+    /// Such a script with no source and no stage behind it.
     pub(crate) fn on_empty_stage(options: Options, now: Instant) -> Result<Script, Failure> {
         Script::on_stage(b"", options, Rc::new(Empty), now)
     }
@@ -191,7 +191,7 @@ impl Script {
         }
     }
 
-    /// Gives the script a frame; it takes the place of one that nobody has looked at.
+    /// Gives the script a frame; it replaces one that no handler has taken.
     pub fn deliver_frame(&mut self, frame: Frame, now: Instant) {
         let mut state = self.state.borrow_mut();
         state.tick(now);

@@ -2,7 +2,7 @@
 //! that can be decided without running a line of the script.
 //!
 //! The order is the same in every run: tasks become ready in a queue, timers ring by time and then
-//! by age, and whoever waits for the same thing is woken in the order of its making.
+//! by age, and tasks that wait for the same thing wake in the order of their creation.
 
 use mlua::prelude::LuaMultiValue;
 
@@ -107,7 +107,7 @@ impl State {
         }
     }
 
-    /// Nobody waits for this any more.
+    /// No task waits for this any more.
     fn give_up(&mut self, wait: Wait) {
         match wait {
             Wait::Motion(motion) if self.motion.current() == Some(motion) => {

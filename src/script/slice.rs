@@ -126,7 +126,7 @@ impl Script {
             && thread.status() == ThreadStatus::Resumable
             && yielded.front() != Some(&sandbox::mark())
         {
-            // A yield to nobody: it gets an error at its place.
+            // A yield that no scheduler awaits: an error at its line.
             result = thread.resume::<LuaMultiValue>(sandbox::mark());
         }
         let spent = budget::end();

@@ -92,7 +92,7 @@ pub(super) struct State {
     pub(super) can_wait: bool,
     pub(super) usage: Usage,
     pub(super) last_call: u64,
-    /// When the robot last moved, whoever moved it.
+    /// When the robot last moved, for any reason.
     moved: Option<Instant>,
     /// When it was last loud.
     loud: Option<Instant>,
@@ -154,13 +154,13 @@ impl State {
         self.outbox.unfold(self.now);
     }
 
-    /// Whether the robot has moved within the last `time`, whoever moved it.
+    /// Whether the robot has moved within the last `time`, for any reason.
     pub(super) fn has_moved_within(&self, time: Duration) -> bool {
         let lately = |at: Instant| self.now.saturating_duration_since(at) < time;
         self.motion.is_on() || self.known.moving || self.moved.is_some_and(lately)
     }
 
-    /// The newest frame takes the place of those that nobody has looked at. One that its markers
+    /// The newest frame replaces those that no handler has taken. One that its markers
     /// already give away as no picture is counted and goes no further.
     pub(super) fn deliver_frame(&mut self, frame: Frame) {
         let size = match validate_markers(&frame.jpeg) {
@@ -222,7 +222,7 @@ impl State {
         }
     }
 
-    /// A motion leads nowhere: the tracks rest, and whoever waits for its end is told why.
+    /// A motion leads nowhere: the tracks rest, and the waiting call returns the reason.
     fn end_blocked(&mut self, motion: MotionId, since: Instant) {
         self.odometry.rewind(since);
         self.motion.ended(motion);

@@ -103,7 +103,7 @@ pub(super) fn line() -> Result<String, Failure> {
     match read {
         Ok(1..) => Ok(line.trim().to_owned()),
         Ok(0) => Err(
-            Failure::usage("nobody answers: the calibration needs a person")
+            Failure::usage("no answer: the calibration needs a person")
                 .help("--sim measures by itself"),
         ),
         Err(error) => Err(Failure::usage(format_args!(

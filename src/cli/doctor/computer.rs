@@ -76,7 +76,7 @@ pub(super) fn landlock() -> Finding {
 }
 
 fn landlock_finding(landlock: Landlock, release: &str) -> Finding {
-    let without = "whoever breaks out of a script's sandbox could open your files: run only scripts \
+    let without = "code that escapes a script's sandbox could open your files: run only scripts \
                    that you trust, or enable landlock (kernel 5.13 or newer, `lsm=landlock,...`)";
     match landlock {
         Landlock::Version(version) => {
@@ -111,7 +111,7 @@ fn seccomp_finding(offered: bool) -> Finding {
         false => Finding::warn(
             "seccomp",
             "this kernel, or this kind of processor, has no filters for system calls",
-            "whoever breaks out of a script's sandbox could open sockets: run only scripts that you \
+            "code that escapes a script's sandbox could open sockets: run only scripts that you \
              trust",
         ),
     }

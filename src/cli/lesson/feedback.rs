@@ -145,7 +145,7 @@ fn tries(mark: &Mark) -> String {
     }
 }
 
-/// In the words of somebody else: each line marked, so that none passes for one of ours.
+/// Quoted text: each line is marked, so that none passes for one of ours.
 fn quoted(words: &str) -> String {
     let words = clean::text(words.trim_end(), false);
     let mut lines = words.lines();

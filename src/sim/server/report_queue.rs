@@ -9,7 +9,7 @@ use tokio::sync::Notify;
 
 use crate::wire::Report;
 
-/// Bytes of messages, pictures and sound not counted, that may wait. Whoever asks for more
+/// Bytes of messages, pictures and sound not counted, that may wait. A client that asks for more
 /// without reading is cut off.
 const MAX_WAITING: usize = 256 * 1024;
 /// Audio chunks that may wait; older ones are dropped.
