@@ -256,10 +256,9 @@ impl Run {
                 () = stop.cancelled() => return Ok(EndReason::Shutdown),
                 error = self.flight.lost() => return Err(error),
                 () = &mut over => return Ok(EndReason::Shutdown),
-                stayed = home, if alone => return Ok(match stayed {
-                    true => EndReason::Safety,
-                    false => EndReason::Done,
-                }),
+                stayed = home, if alone => {
+                    return Ok(if stayed { EndReason::Safety } else { EndReason::Done });
+                }
                 turn = self.company.turn() => turn?,
             }
         }

@@ -120,9 +120,10 @@ fn open(
 fn content(file: OwnedFd, most: u64) -> Result<Vec<u8>, ReadError> {
     // One byte more: a file may grow while it is read.
     let bytes = beginning(file, most.saturating_add(1))?;
-    match bytes.len() as u64 > most {
-        true => Err(ReadError::TooLong { most }),
-        false => Ok(bytes),
+    if bytes.len() as u64 > most {
+        Err(ReadError::TooLong { most })
+    } else {
+        Ok(bytes)
     }
 }
 
@@ -235,19 +236,15 @@ impl Folder {
             OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         let file = openat(&self.0, &*unfinished, flags, Mode::RUSR | Mode::WUSR)?;
         let mut file = File::from(file);
-        let written = file.write_all(bytes).and_then(|()| match durably {
-            true => file.sync_all(),
-            false => Ok(()),
-        });
+        let written = file
+            .write_all(bytes)
+            .and_then(|()| if durably { file.sync_all() } else { Ok(()) });
         let named = written.and_then(|()| Ok(renameat(&self.0, &*unfinished, &self.0, name)?));
         if named.is_err() {
             let _ = self.remove(&unfinished);
         }
         named?;
-        match durably {
-            true => Ok(fsync(&self.0)?),
-            false => Ok(()),
-        }
+        if durably { Ok(fsync(&self.0)?) } else { Ok(()) }
     }
 
     /// Gives a file another name, in the place of one that has it.

@@ -185,9 +185,10 @@ impl RestartLoop {
 
     /// What comes after an ending that no save has brought about; `None`: nothing.
     async fn come_back(&mut self, ending: &Ending) -> Option<Result<Prepared, Ending>> {
-        let verdict = match self.outdated {
-            true => Verdict::Over,
-            false => self.restarts.ended(ending.reason, Instant::now()),
+        let verdict = if self.outdated {
+            Verdict::Over
+        } else {
+            self.restarts.ended(ending.reason, Instant::now())
         };
         let Verdict::Again { pause, number } = verdict else {
             if verdict == Verdict::GivenUp {

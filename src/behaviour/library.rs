@@ -53,9 +53,10 @@ impl Library {
         let Some(folder) = &self.folder else {
             return Err("this behaviour has no folder to load modules from".to_owned());
         };
-        let folder = match folder.as_os_str().is_empty() {
-            true => PathBuf::from("."),
-            false => folder.clone(),
+        let folder = if folder.as_os_str().is_empty() {
+            PathBuf::from(".")
+        } else {
+            folder.clone()
         };
         let mut segments: Vec<&str> = name.segments().collect();
         let Some(last) = segments.pop() else {
@@ -114,12 +115,13 @@ fn exact(
         .map(|ending| format!("{wanted}{ending}"))
         .filter(|name| names.contains(name))
         .collect();
-    match found.len() > 1 {
-        true => Err(format!(
+    if found.len() > 1 {
+        Err(format!(
             "module '{shown}': there are {}; keep one of them",
             found.join(" and ")
-        )),
-        false => Ok(found.pop()),
+        ))
+    } else {
+        Ok(found.pop())
     }
 }
 
@@ -139,9 +141,10 @@ fn missing(at: &OwnedFd, wanted: &str, shown: &str) -> String {
         let stem = ENDINGS.iter().find_map(|ending| name.strip_suffix(ending));
         stem.unwrap_or(name)
     });
-    let near = match is_folder {
-        true => "; it is a folder: name a file in it".to_owned(),
-        false => suggestion(wanted, stems),
+    let near = if is_folder {
+        "; it is a folder: name a file in it".to_owned()
+    } else {
+        suggestion(wanted, stems)
     };
     format!(
         "module '{shown}' was not found in the behaviour's folder: there is no {wanted}.lua{near}"

@@ -116,9 +116,10 @@ impl<'a> Walk<'a> {
 
     /// What was probably meant; nothing when enough was said, as looking for it takes long.
     pub(super) fn near<'n>(&self, wrong: &str, known: impl IntoIterator<Item = &'n str>) -> String {
-        match self.has_said_enough() {
-            true => String::new(),
-            false => suggestion(wrong, known),
+        if self.has_said_enough() {
+            String::new()
+        } else {
+            suggestion(wrong, known)
         }
     }
 

@@ -35,9 +35,10 @@ fn unknown(name: &str, config: &Config) -> Failure {
     let known = own.iter().copied().chain(Colour::NAMES);
     let what = format!("there is no colour '{shown}'{}", suggestion(name, known));
     let built_in = Colour::NAMES.join(", ");
-    let help = match own.is_empty() {
-        true => format!("colours: {built_in}, and those of --config FILE under colours:"),
-        false => format!("colours: {built_in}; of the config: {}", own.join(", ")),
+    let help = if own.is_empty() {
+        format!("colours: {built_in}, and those of --config FILE under colours:")
+    } else {
+        format!("colours: {built_in}; of the config: {}", own.join(", "))
     };
     Failure::usage(what).help(help)
 }

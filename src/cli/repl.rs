@@ -114,15 +114,12 @@ async fn converse(talk: Talk, terminal: &Terminal, console: &Console) -> Result<
     let stop = CancellationToken::new();
     let interactive = std::io::stdin().is_terminal();
     let (core, requests) = (talk.flight.core().clone(), talk.flight.requests());
-    let mut interruption = match interactive {
-        true => {
-            obey_at_prompt(&core, requests, stop.clone(), terminal.clone())?;
-            Some(listen(libc::SIGINT)?)
-        }
-        false => {
-            obey(&core, requests, stop.clone())?;
-            None
-        }
+    let mut interruption = if interactive {
+        obey_at_prompt(&core, requests, stop.clone(), terminal.clone())?;
+        Some(listen(libc::SIGINT)?)
+    } else {
+        obey(&core, requests, stop.clone())?;
+        None
     };
     let mut repl = Repl {
         order: Some(order),

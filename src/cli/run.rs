@@ -195,9 +195,10 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     })?;
     let names = names(&behaviours);
     let (link, tries) = (config.link.clone(), Tries::default());
-    let dial = match args.wait {
-        true => until_answered(target, login, link, seed, tries.clone()),
-        false => dial(target, login, link),
+    let dial = if args.wait {
+        until_answered(target, login, link, seed, tries.clone())
+    } else {
+        dial(target, login, link)
     };
     let core = driving_core()?;
     let bus = Bus::default();
@@ -345,9 +346,10 @@ async fn drive(
 
 fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
     let named = |file: &PathBuf| Entry::of(file.clone());
-    let entries: Vec<Entry> = match args.files.is_empty() {
-        true => config.behaviours.clone(),
-        false => args.files.iter().map(named).collect(),
+    let entries: Vec<Entry> = if args.files.is_empty() {
+        config.behaviours.clone()
+    } else {
+        args.files.iter().map(named).collect()
     };
     // With a page there is always something to do: driving by hand.
     if entries.is_empty() && args.live.is_none() {

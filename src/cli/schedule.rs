@@ -76,9 +76,10 @@ fn row(one: &Outlook, zone: &Zone) -> Vec<String> {
     let day = zone.time(one.at).date();
     let until = one.until.map(|until| {
         let until = zone.time(until);
-        match until.date() == day {
-            true => until.strftime("%H:%M").to_string(),
-            false => clock::words(&until),
+        if until.date() == day {
+            until.strftime("%H:%M").to_string()
+        } else {
+            clock::words(&until)
         }
     });
     let notes: Vec<&str> = one.reasons.iter().map(|reason| words(*reason)).collect();

@@ -200,8 +200,7 @@ impl Pilot {
         {
             info!(
                 kind,
-                repeated,
-                "a message of unknown type or length; logged once per type and minute"
+                repeated, "a message of unknown type or length; logged once per type and minute"
             );
         }
     }

@@ -23,9 +23,10 @@ impl Pilot {
         };
         writer.say_last_words();
         line.hang_up(Some(writer));
-        match self.released {
-            true => info!("disconnected: {lost}; the robot is free for others"),
-            false => warn!("disconnected: {lost}; connecting anew"),
+        if self.released {
+            info!("disconnected: {lost}; the robot is free for others")
+        } else {
+            warn!("disconnected: {lost}; connecting anew")
         }
         let acts = self.watchdog.take(Fact::LinkDown, Instant::now());
         // Without a link nothing is sent, so nothing can fail.

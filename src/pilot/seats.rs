@@ -183,9 +183,10 @@ impl Seats {
         let Some(seat) = self.seats.get_mut(&by) else {
             return;
         };
-        match on {
-            true => seat.streams.insert(stream),
-            false => seat.streams.remove(&stream),
+        if on {
+            seat.streams.insert(stream)
+        } else {
+            seat.streams.remove(&stream)
         };
     }
 

@@ -170,9 +170,10 @@ impl Pilot {
             return Ok(());
         }
         let before = std::mem::replace(&mut self.released, release);
-        match release && !before {
-            true => Err(LinkLost::because("let go of, nothing runs")),
-            false => Ok(()),
+        if release && !before {
+            Err(LinkLost::because("let go of, nothing runs"))
+        } else {
+            Ok(())
         }
     }
 

@@ -174,7 +174,10 @@ fn write(args: &CalibrateArgs, path: &Path, calibration: Calibration) -> Result<
     person::say(args.json, &format!("\n{shown}:\n{change}"))?;
     if !args.yes {
         if !std::io::stdin().is_terminal() {
-            person::say(args.json, "Not written: no terminal to ask at. --yes writes it.\n")?;
+            person::say(
+                args.json,
+                "Not written: no terminal to ask at. --yes writes it.\n",
+            )?;
             return Ok(false);
         }
         person::say(args.json, "Write it? [y/N] ")?;

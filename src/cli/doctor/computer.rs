@@ -103,17 +103,18 @@ pub(super) fn seccomp() -> Finding {
 }
 
 fn seccomp_finding(offered: bool) -> Finding {
-    match offered {
-        true => Finding::ok(
+    if offered {
+        Finding::ok(
             "seccomp",
             "on: a script's host has a short list of system calls",
-        ),
-        false => Finding::warn(
+        )
+    } else {
+        Finding::warn(
             "seccomp",
             "this kernel, or this kind of processor, has no filters for system calls",
             "code that escapes a script's sandbox could open sockets: run only scripts that you \
              trust",
-        ),
+        )
     }
 }
 

@@ -157,9 +157,10 @@ impl Diagnosis {
             print(&format!("{}\n", serde_json::json!(self.findings)))?;
         }
         let failed = |finding: &Finding| finding.verdict == Verdict::Fail;
-        Ok(match self.findings.iter().any(failed) {
-            true => Exit::Unreachable,
-            false => Exit::Done,
+        Ok(if self.findings.iter().any(failed) {
+            Exit::Unreachable
+        } else {
+            Exit::Done
         })
     }
 }

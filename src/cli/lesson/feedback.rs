@@ -50,9 +50,10 @@ impl Feedback<'_> {
         }
         if !marks.findings.is_empty() {
             let found: Vec<String> = marks.findings.iter().map(ToString::to_string).collect();
-            text += match marks.cannot_run {
-                true => "The script cannot run yet:\n\n",
-                false => "Look at this too:\n\n",
+            text += if marks.cannot_run {
+                "The script cannot run yet:\n\n"
+            } else {
+                "Look at this too:\n\n"
             };
             text += &format!("{}\n", quoted(&found.join("\n\n")));
         }

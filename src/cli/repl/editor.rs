@@ -161,9 +161,10 @@ impl Prompt {
             } else {
                 PROMPTS.1
             };
-            let read = match self.person {
-                true => self.lines.readline(prompt),
-                false => self.piped(),
+            let read = if self.person {
+                self.lines.readline(prompt)
+            } else {
+                self.piped()
             };
             match read {
                 Ok(line) => {

@@ -74,9 +74,10 @@ pub(super) fn config(args: &ConfigArgs) -> Result<Exit, Failure> {
         if !wanted.is_empty() {
             settings = change(talk, args, &settings, &wanted).await?;
         }
-        match args.json {
-            true => print(&format!("{}\n", Value::Object(object(&settings))))?,
-            false => print(&table(&settings))?,
+        if args.json {
+            print(&format!("{}\n", Value::Object(object(&settings))))?
+        } else {
+            print(&table(&settings))?
         }
         Ok(Exit::Done)
     })
@@ -268,9 +269,10 @@ fn concerns_network(key: &str) -> bool {
 
 /// The value, or stars.
 fn shown(setting: &Setting) -> &str {
-    match is_secret(&setting.key) && !setting.value.is_empty() {
-        true => HIDDEN,
-        false => &setting.value,
+    if is_secret(&setting.key) && !setting.value.is_empty() {
+        HIDDEN
+    } else {
+        &setting.value
     }
 }
 
