@@ -22,7 +22,7 @@ pub use frame::{Coming, Frame, Pictures};
 pub use intent::{DockPlan, Intent};
 pub use occurrence::{Occurrence, Remark, WatchdogState};
 pub use quantity::{Percent, Seconds, TrackPower, float_within, whole_within};
-pub use streams::{Streams, Use};
+pub use streams::{StreamOff, Streams, Use};
 pub use stroke::Stroke;
 
 use serde::{Deserialize, Serialize};

@@ -173,12 +173,12 @@ fn restore(script: &mut Script, writer: &StoreWriter) -> Option<String> {
 
 /// A line of ours in the script's log.
 fn warning(text: String) -> FromHost {
-    FromHost::Log(LogLine {
+    FromHost::Output(Output::Log(LogLine {
         level: Level::Warn,
         text,
         fields: Vec::new(),
         line: None,
-    })
+    }))
 }
 
 impl Host {
@@ -303,14 +303,7 @@ impl Host {
 
     async fn send_output(&mut self) -> io::Result<()> {
         for output in self.script.take_output() {
-            let message = match output {
-                Output::Intent(intent) => FromHost::Intent(intent),
-                Output::Log(line) => FromHost::Log(line),
-                Output::Remark(remark) => FromHost::Remark(remark),
-                Output::Evaluated(evaluated) => FromHost::Evaluated(evaluated),
-                Output::Module(name) => FromHost::Module(name),
-            };
-            self.outbox.feed(&message).await?;
+            self.outbox.feed(&FromHost::Output(output)).await?;
         }
         if self.script.wants_frames() && !self.frame_asked {
             self.frame_asked = true;

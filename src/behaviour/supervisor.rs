@@ -21,7 +21,7 @@ use super::remarks;
 use crate::clock::until;
 use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
 use crate::robot::{Bus, Coming, EndReason, Findings, Lookout, Pictures, Remark};
-use crate::script::{Ending, LogLine};
+use crate::script::{Ending, LogLine, Output};
 
 /// How long a script's last words may take (`API.md`, `script.on_stop`), and the host's way out.
 const STOP_TIME: Duration = Duration::from_millis(700);
@@ -221,13 +221,12 @@ impl Supervisor {
     async fn heard(&mut self, message: FromHost) {
         let by = self.host.by;
         let request = match message {
-            FromHost::Intent(intent) => Request::Intent(by, intent),
+            FromHost::Output(Output::Intent(intent)) => Request::Intent(by, intent),
             FromHost::Alive => Request::Alive(by),
             FromHost::WantFrame { ahead } => {
                 (self.frame_wanted, self.ahead_wanted) = (true, ahead);
                 return self.pass_picture();
             }
-            FromHost::Log(line) => return self.write(line),
             FromHost::Found { frame, list } => {
                 let behaviour = self.host.name.clone();
                 return self.lookout.tell(Findings {
@@ -236,15 +235,16 @@ impl Supervisor {
                     list,
                 });
             }
-            FromHost::Remark(remark) => return self.remark(remark),
-            FromHost::Evaluated(evaluated) => {
+            FromHost::Output(Output::Log(line)) => return self.write(line),
+            FromHost::Output(Output::Remark(remark)) => return self.remark(remark),
+            FromHost::Output(Output::Evaluated(evaluated)) => {
                 if let Some(dialogue) = &self.dialogue {
                     dialogue.say(Said::Evaluated(evaluated));
                 }
                 return;
             }
-            FromHost::Module(name) => {
-                // One that asks for more than there is room for is not honest, and gets nothing.
+            FromHost::Output(Output::Module(name)) => {
+                // A host that asks for more than there is room for is compromised, and gets nothing.
                 let _ = self.host.modules.try_send(name);
                 return;
             }

@@ -9,6 +9,7 @@ use super::line::{Greeting, LinkEvent};
 use super::lost::{HearError, LinkLost};
 use super::{FAILED_EVERY, Pilot};
 use crate::budget::Repeats;
+use crate::link::Heard;
 use crate::robot::{Coming, Event, Frame, Pictures, RobotInfo};
 use crate::safety::Fact;
 use crate::vision::validate_markers;
@@ -19,8 +20,8 @@ impl Pilot {
         self.wake()?;
         match event {
             LinkEvent::Up(greeting) => self.connected(*greeting)?,
-            LinkEvent::Report(report) => self.report(report)?,
-            LinkEvent::Coming(beginning) => self.coming(beginning),
+            LinkEvent::Heard(Heard::Report(report)) => self.report(report)?,
+            LinkEvent::Heard(Heard::Coming(beginning)) => self.coming(beginning),
             LinkEvent::Lost(error) => return Err(LinkLost::from(error).into()),
             LinkEvent::Failed(error) if self.info.is_none() => return Err(HearError::First(error)),
             LinkEvent::Failed(error) => self.say_failed(&error.to_string()),

@@ -5,7 +5,6 @@ use std::net::SocketAddr;
 use std::pin::Pin;
 use std::time::Duration;
 
-use bytes::Bytes;
 use rand::SeedableRng;
 use rand::rngs::StdRng;
 use tokio::time::{Sleep, sleep};
@@ -38,10 +37,8 @@ pub(super) struct Greeting {
 pub(super) enum LinkEvent {
     /// Connected and logged in.
     Up(Box<Greeting>),
-    /// A message from the robot.
-    Report(Report),
-    /// A frame on its way, as far as it has come.
-    Coming(Bytes),
+    /// A message from the robot, or a part of one.
+    Heard(Heard),
     /// An open link is gone.
     Lost(LinkError),
     /// A try has failed; another will be made.
@@ -119,8 +116,7 @@ impl Line {
                 }
                 State::Up(reader) => {
                     return match reader.hear().await {
-                        Ok(Heard::Report(report)) => LinkEvent::Report(report),
-                        Ok(Heard::Coming(beginning)) => LinkEvent::Coming(beginning),
+                        Ok(heard) => LinkEvent::Heard(heard),
                         Err(error) => LinkEvent::Lost(error),
                     };
                 }

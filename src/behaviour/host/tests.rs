@@ -38,7 +38,7 @@ async fn wish(from: &mut Receiver<FromHost>) -> (bool, Vec<String>) {
     loop {
         let message = timeout(Duration::from_secs(60), from.next()).await.unwrap();
         match message.unwrap().unwrap() {
-            FromHost::Log(line) => lines.push(line.text),
+            FromHost::Output(Output::Log(line)) => lines.push(line.text),
             FromHost::WantFrame { ahead } => return (ahead, lines),
             _ => {}
         }

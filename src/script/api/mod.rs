@@ -157,7 +157,7 @@ impl Call<'_> {
     /// Switches a stream on, unless it is, until the script switches it off.
     fn switch_on(&mut self, stream: Stream) -> Result<(), Refusal> {
         let wanted = self.state.want(stream, Demand::Asked);
-        wanted.map_err(|why| self.args.misuse(&why))
+        wanted.map_err(|why| self.args.misuse(&why.to_string()))
     }
 
     fn make_room(&self, speech: usize) -> Result<(), Refusal> {

@@ -3,17 +3,18 @@
 use tokio::time::Instant;
 
 use super::State;
-use crate::robot::Intent;
+use crate::robot::{Intent, StreamOff};
 use crate::script::events::EventName;
 use crate::script::streams::Demand;
 use crate::wire::Stream;
 
 impl State {
-    /// Switches a stream on unless it is, or must stay off: then it says so.
-    pub(in crate::script) fn want(&mut self, stream: Stream, by: Demand) -> Result<(), String> {
-        if let Some(why) = self.options.streams.refusal(stream) {
-            return Err(why);
-        }
+    /// Switches a stream on unless it is.
+    ///
+    /// # Errors
+    /// The config keeps it off.
+    pub(in crate::script) fn want(&mut self, stream: Stream, by: Demand) -> Result<(), StreamOff> {
+        self.options.streams.allow(stream)?;
         if self.streams.want(stream, by, self.now) {
             self.outbox.send(Intent::Stream { stream, on: true });
         }
