@@ -221,8 +221,9 @@ impl Script {
             state.ring();
         }
         let next = self.state.borrow_mut().tasks.next_ready();
-        if let Some(next) = next {
-            self.run(next);
+        match next {
+            Some(next) => self.run(next),
+            None => self.state.borrow_mut().look_where_it_goes(),
         }
         self.settle();
         self.state.borrow_mut().drop_unused_streams();
@@ -230,15 +231,14 @@ impl Script {
 
     /// Whether [`run_ready`](Script::run_ready) has something to do at the time of the last call.
     pub fn is_ready(&self) -> bool {
-        let state = self.state.borrow();
-        !state.has_ended() && state.tasks.is_ready()
+        self.state.borrow().is_ready()
     }
 
     /// When [`run_ready`](Script::run_ready) should be called next; in the past when something is
     /// ready. `None`: only an event brings it on.
     pub fn next_deadline(&self) -> Option<Instant> {
         let state = self.state.borrow();
-        if !state.has_ended() && state.tasks.is_ready() {
+        if state.is_ready() {
             return Some(state.now);
         }
         state.next_deadline()

@@ -25,7 +25,7 @@ use super::options::Options;
 use super::output::{Level, LogLine, OutputQueue};
 use super::queue::Tasks;
 use super::shares::Shares;
-use super::sight::Sight;
+use super::sight::{Look, Sight};
 use super::sighting::{Seen, Sighting};
 use super::stage::Stage;
 use super::store::Store;
@@ -163,14 +163,21 @@ impl State {
     /// The newest frame replaces those that no handler has taken. One that its markers
     /// already give away as no picture is counted and goes no further.
     pub(super) fn deliver_frame(&mut self, frame: Frame) {
+        // A script that is always busy: the last frame before its memory is taken.
+        self.look_where_it_goes();
         let size = match validate_markers(&frame.jpeg) {
             Ok(size) => size,
             Err(error) => return self.note_damage(frame.seq, &error),
         };
         let held = Rc::new(HeldFrame::new(frame, size, &self.sight.held_bytes));
         self.sight.newest = Some(Rc::clone(&held));
-        self.look_where_it_goes(&held);
+        self.plan_look(&held);
         self.publish(EventName::Frame, Payload::Frame(held));
+    }
+
+    /// Whether a task can run, or a frame is to be looked at for the robot's own movement.
+    pub(super) fn is_ready(&self) -> bool {
+        !self.has_ended() && (self.tasks.is_ready() || self.sight.look.is_some())
     }
 
     /// What drives the robot, as far as the script knows.
@@ -184,8 +191,9 @@ impl State {
         }
     }
 
-    /// While the script drives for a time, its pictures tell whether the robot turns, and whether it moves.
-    fn look_where_it_goes(&mut self, held: &HeldFrame) {
+    /// While the script drives for a time, its pictures tell whether the robot turns, and whether it moves:
+    /// after the script's own handlers, whose answer does not wait for that.
+    fn plan_look(&mut self, held: &Rc<HeldFrame>) {
         let at = held.frame().at;
         self.odometry.mark(at);
         let calibration = self.options.calibration;
@@ -204,12 +212,21 @@ impl State {
         if going.is_none() && turn.is_none() {
             return self.sight.skyline = None;
         }
-        let camera = self.options.camera;
-        let Ok(image) = self.sight.eyes.look(held.frame().seq, &held.frame().jpeg) else {
+        let held = Rc::clone(held);
+        self.sight.look = Some(Look { held, going, turn });
+    }
+
+    /// Looks at the last frame as planned, once.
+    pub(super) fn look_where_it_goes(&mut self) {
+        let Some(Look { held, going, turn }) = self.sight.look.take() else {
+            return;
+        };
+        let (camera, frame) = (self.options.camera, held.frame());
+        let Ok(image) = self.sight.eyes.look(frame.seq, &frame.jpeg) else {
             return;
         };
         let skyline = Skyline::of(image, camera);
-        let held_since = going.and_then(|going| self.blockage.look(image, at, camera, going));
+        let held_since = going.and_then(|going| self.blockage.look(image, frame.at, camera, going));
         if let (Some(turn), Some(before)) = (turn, &self.sight.skyline) {
             let reach = (turn.abs() * 0.6).max(LEAST_REACH);
             if let Some(seen) = skyline.turned_since(before, turn, reach) {
@@ -217,7 +234,12 @@ impl State {
             }
         }
         self.sight.skyline = Some(skyline);
-        if let (Some(since), Some(going)) = (held_since, going) {
+        if let (Some(since), Some(going)) = (held_since, going)
+            && self
+                .motion
+                .timed()
+                .is_some_and(|(motion, ..)| motion == going.motion)
+        {
             self.end_blocked(going.motion, since);
         }
     }
