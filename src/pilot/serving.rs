@@ -74,35 +74,32 @@ impl Pilot {
         priority: Priority,
         intent: Intent,
     ) -> Result<(), LinkLost> {
-        let command = match intent {
+        match intent {
             Intent::Move {
                 motion,
                 setpoint,
                 duration,
             } => {
-                return self.ask(
-                    by,
-                    priority,
-                    Ask::Move {
-                        motion,
-                        setpoint,
-                        duration,
-                    },
-                );
+                let ask = Ask::Move {
+                    motion,
+                    setpoint,
+                    duration,
+                };
+                self.ask(by, priority, ask)
             }
             Intent::Release { motion } => {
                 let ask = Ask::Release(motion);
                 self.defer(Fact::Asked { by, priority, ask });
-                return Ok(());
+                Ok(())
             }
-            Intent::Stop => return self.ask(by, priority, Ask::Stop),
+            Intent::Stop => self.ask(by, priority, Ask::Stop),
             Intent::Dock { call, plan } => {
                 let find = Command::Engine(Engage::Dock);
                 if !self.seats.admits(by, &find, Instant::now()) {
                     self.seats.tell(by, refused_docking(call));
                     return Ok(());
                 }
-                return self.ask(by, priority, Ask::Dock(call, plan));
+                self.ask(by, priority, Ask::Dock(call, plan))
             }
             Intent::Undock { call, timeout } => {
                 let leave = Command::Engine(Engage::Undock);
@@ -111,26 +108,32 @@ impl Pilot {
                     self.seats.tell(by, Event::UndockEnded { call, end });
                     return Ok(());
                 }
-                return self.ask(by, priority, Ask::Undock(call, timeout));
+                self.ask(by, priority, Ask::Undock(call, timeout))
             }
-            Intent::CancelDock => return self.ask(by, priority, Ask::CancelDock),
-            Intent::Stream { stream, on } => {
-                self.seats.want(by, stream, on);
-                let command = Command::Stream { stream, on };
-                let now = Instant::now();
-                if self.seats.admits(by, &command, now) {
-                    return self.apply_streams(false);
-                }
-                self.streams_due.get_or_insert(now + STREAMS_LATER);
-                return Ok(());
-            }
-            Intent::Led { led, on } => Command::Led { led, on },
-            Intent::Play(sound) => Command::Play(sound),
-            Intent::StopSound => Command::StopSound,
-            Intent::Volume(percent) => Command::Volume(percent.get()),
-            Intent::Say(_) if self.seats.forbids(Stream::AudioOut) => return Ok(()),
-            Intent::Say(samples) => return self.say(by, samples.into()),
-        };
+            Intent::CancelDock => self.ask(by, priority, Ask::CancelDock),
+            Intent::Stream { stream, on } => self.stream(by, stream, on),
+            Intent::Led { led, on } => self.signal(by, Command::Led { led, on }),
+            Intent::Play(sound) => self.signal(by, Command::Play(sound)),
+            Intent::StopSound => self.signal(by, Command::StopSound),
+            Intent::Volume(percent) => self.signal(by, Command::Volume(percent.get())),
+            Intent::Say(_) if self.seats.forbids(Stream::AudioOut) => Ok(()),
+            Intent::Say(samples) => self.say(by, samples.into()),
+        }
+    }
+
+    /// Switches a stream now, or a little later if the behaviour switches too often.
+    fn stream(&mut self, by: BehaviourId, stream: Stream, on: bool) -> Result<(), LinkLost> {
+        self.seats.want(by, stream, on);
+        let now = Instant::now();
+        if self.seats.admits(by, &Command::Stream { stream, on }, now) {
+            return self.apply_streams(false);
+        }
+        self.streams_due.get_or_insert(now + STREAMS_LATER);
+        Ok(())
+    }
+
+    /// Sends a light or a sound if it changes anything and the behaviour may have it.
+    fn signal(&mut self, by: BehaviourId, command: Command) -> Result<(), LinkLost> {
         if !self.allows(by, &command)
             || !self.lights.is_news(&command)
             || !self.seats.admits(by, &command, Instant::now())
