@@ -24,7 +24,7 @@ mod watch;
 pub use dialogue::{Dialogue, PromptCommand, Said};
 pub use host::{STACK, host, host_main};
 pub use inspection::{INSPECTION, Inspected, Inspector, inspection_main};
-pub use library::Library;
+pub use library::{Library, LibraryError};
 pub use message::{FromHost, Launch, ToHost};
 pub use name::{MAX_NAME, NameError, name_of, validate_name};
 pub use policy::{RestartPolicy, RestartTracker, Restarts, Verdict, is_failure};

@@ -168,10 +168,11 @@ fn librarian(
                 None => return,
             };
             let (shelf, wanted) = (library.clone(), name.clone());
+            let fetch = move || shelf.fetch(&wanted).map_err(|error| error.to_string());
             let file = if here {
-                shelf.fetch(&wanted)
+                fetch()
             } else {
-                let fetched = tokio::task::spawn_blocking(move || shelf.fetch(&wanted)).await;
+                let fetched = tokio::task::spawn_blocking(fetch).await;
                 fetched.unwrap_or_else(|error| Err(error.to_string()))
             };
             if to_host.send(ToHost::Module(name, file)).await.is_err() {

@@ -61,7 +61,7 @@ impl Examiner {
             for module in required {
                 match library.fetch(&module.name) {
                     Ok(module) => files.push_back(of_module(module, &folder, options)),
-                    Err(why) => self.missing(&file, &module, &why, &found),
+                    Err(why) => self.missing(&file, &module, &why.to_string(), &found),
                 }
             }
             self.findings.extend(found);

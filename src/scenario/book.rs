@@ -169,7 +169,8 @@ impl Book {
                     let folder = self.folder.clone();
                     let file = folder
                         .map_or_else(Library::default, Library::new)
-                        .fetch(&name);
+                        .fetch(&name)
+                        .map_err(|error| error.to_string());
                     script.deliver_module(&name, file, Instant::now());
                 }
                 Output::Intent(_) | Output::Evaluated(_) | Output::Remark(_) => {}
