@@ -105,9 +105,10 @@ pub(super) fn run(args: &LearnArgs, console: &Console) -> Result<Exit, Failure> 
         Err(refusal) => return refuse(refusal, args.json),
     };
     let proofs = prove(&images, args.roi, &learned.colour);
-    print(&match args.json {
-        true => format!("{}\n", json(&args.name, &learned, &proofs)),
-        false => yaml(&args.name, &learned, &proofs),
+    print(&if args.json {
+        format!("{}\n", json(&args.name, &learned, &proofs))
+    } else {
+        yaml(&args.name, &learned, &proofs)
     })?;
     Ok(exit)
 }

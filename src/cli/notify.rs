@@ -106,7 +106,7 @@ fn chosen<'a>(
     names: &[String],
 ) -> Result<Vec<(&'a String, &'a Target)>, Failure> {
     if options.targets.is_empty() {
-        return Err(Failure::usage("the config names nobody to tell").help(
+        return Err(Failure::usage("the config names no target to notify").help(
             "notify: { targets: { phone: { url: \"https://ntfy.sh/your-topic\" } } }; \
              behaviours/README.md has more",
         ));

@@ -17,11 +17,13 @@ use super::embedded::{EmbeddedSim, Simulated};
 use super::interrupt::{listen, obey_as_service};
 use super::live::Ahead;
 use super::privileges::leave_root;
-use super::run::{self, driving_core, parse_seconds, place, pulse, reach_with, rescue, show};
+use super::reach::{place, reach_with};
+use super::run::parse_seconds;
 use super::settings::SettingsArgs;
+use super::startup::{self, driving_core, pulse, rescue, show};
 use super::status::StatusLine;
 use super::waiting::{Tries, until_answered};
-use super::{ConnectionArgs, Console, Exit, Failure, Place, broker, notify};
+use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, notify};
 use crate::agent::{Agent, AgentError, Bus, Outcome, Plan};
 use crate::behaviour::Launcher;
 use crate::clock::{Clock, Date, Zone};
@@ -89,7 +91,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     let config = args.settings.config()?.clone();
     let place = place(&args.connection, &config)?;
     let login = args.connection.login.login(args.settings.load()?)?;
-    let simulated = matches!(place, Place::Sim(_));
+    let simulated = matches!(place, RobotChoice::Sim(_));
     let clock = clock(args, &config, simulated)?;
     if !simulated || config.service.user.is_some() {
         leave_root(config.service.user.as_deref(), config.data_folder())?;
@@ -149,7 +151,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     };
     let journal = match config.journal.record {
         When::Off => None,
-        _ => run::journal(&config, &bus, &(target.to_string(), simulated)),
+        _ => startup::journal(&config, &bus, &(target.to_string(), simulated)),
     };
     let account = broker::of_run(args.settings.load()?)?;
     let (scripts, shown) = watch::channel(order.scripts.clone());
@@ -177,7 +179,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     ));
     drop(core);
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
-    journal.map(|journal| journal.finish(run::JOURNAL_END));
+    journal.map(|journal| journal.finish(startup::JOURNAL_END));
     voice.map(|voice| voice.finish(notify::END));
     drop(sim);
     exit(outcome?)
@@ -252,7 +254,7 @@ async fn serve(
     let outcome = tokio::select! {
         outcome = service.run(stop) => outcome,
         never = showing => match never {},
-        never = run::serve(desk, asked) => match never {},
+        never = startup::serve(desk, asked) => match never {},
         never = herald.pass_on(means.beats) => match never {},
         never = reader.obey(hangup, reload, scripts, (config, order)) => match never {},
     };

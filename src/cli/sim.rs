@@ -116,7 +116,7 @@ async fn show_status(handle: &Handle, console: &Console) {
 }
 
 fn status(state: &State) -> String {
-    let user = state.user.as_deref().unwrap_or("nobody");
+    let user = state.user.as_deref().unwrap_or("no client");
     let charging = if state.charging { ", charging" } else { "" };
     let doing = match state {
         State {

@@ -48,7 +48,7 @@ const FORMULAS: [char; 8] = [
     '=', '+', '-', '@', '\u{ff1d}', '\u{ff0b}', '\u{ff0d}', '\u{ff20}',
 ];
 
-/// Quoted where need be, and never read as a formula: the text may be anybody's.
+/// Quoted where need be, and never read as a formula: the text is untrusted.
 pub(super) fn csv_cell(text: &str) -> String {
     let mut text = clean::text(text, false).replace(['\n', '\r', '\t'], " ");
     if text.starts_with(FORMULAS) {

@@ -120,9 +120,10 @@ pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
         })?;
     }
     console.status("");
-    match args.json {
-        true => print(&format!("{:#}\n", report.json()))?,
-        false => print(&format!("{}{}", report.whole_pages(), report.summary()))?,
+    if args.json {
+        print(&format!("{:#}\n", report.json()))?
+    } else {
+        print(&format!("{}{}", report.whole_pages(), report.summary()))?
     }
     Ok(match (stop.is_cancelled(), report.has_failed()) {
         (true, _) => Exit::Interrupted,

@@ -88,7 +88,7 @@ impl LogLine {
 
 /// What waits to be taken.
 #[derive(Debug)]
-pub(super) struct Outbox {
+pub(super) struct OutputQueue {
     waiting: Vec<Output>,
     intents: usize,
     speech: usize,
@@ -101,9 +101,9 @@ pub(super) struct Outbox {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Mark(usize);
 
-impl Outbox {
-    pub(super) fn new(now: Instant) -> Outbox {
-        Outbox {
+impl OutputQueue {
+    pub(super) fn new(now: Instant) -> OutputQueue {
+        OutputQueue {
             waiting: Vec::new(),
             intents: 0,
             speech: 0,
@@ -169,7 +169,7 @@ impl Outbox {
         }
     }
 
-    /// When [`Outbox::unfold`] has something to say.
+    /// When [`OutputQueue::unfold`] has something to say.
     pub(super) fn unfolds_at(&self) -> Option<Instant> {
         (self.folded > 0).then(|| self.window + WINDOW)
     }

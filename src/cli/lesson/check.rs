@@ -67,9 +67,10 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
         hint: args.hint,
     };
     report(args, &feedback)?;
-    Ok(match marks.is_full() {
-        true => Exit::Done,
-        false => Exit::Check,
+    Ok(if marks.is_full() {
+        Exit::Done
+    } else {
+        Exit::Check
     })
 }
 
@@ -112,9 +113,10 @@ pub(super) fn read(file: &Path) -> Result<Vec<u8>, Failure> {
     }
     behaviour::read_source(file).map_err(|error| {
         let shown = file.display();
-        let help = match file.is_dir() {
-            true => "name the script in it",
-            false => "spykee lesson start 1 makes a folder with a script to go on from",
+        let help = if file.is_dir() {
+            "name the script in it"
+        } else {
+            "spykee lesson start 1 makes a folder with a script to go on from"
         };
         Failure::usage(format_args!("cannot read {shown}: {error}")).help(help)
     })
@@ -158,8 +160,9 @@ fn report(args: &CheckArgs, feedback: &Feedback<'_>) -> Result<(), Failure> {
     if let (Some(path), Some(scene)) = (&args.picture, scene) {
         save(&scene.picture, path)?;
     }
-    print(&match args.json {
-        true => format!("{:#}\n", feedback.json()),
-        false => feedback.text(),
+    print(&if args.json {
+        format!("{:#}\n", feedback.json())
+    } else {
+        feedback.text()
     })
 }

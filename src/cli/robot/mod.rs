@@ -19,9 +19,10 @@ use clap::Subcommand;
 
 use super::driver::Means;
 use super::embedded::EmbeddedSim;
-use super::run::{dial, place, reach, rescue};
+use super::reach::{dial, place, reach};
 use super::running::run_on;
 use super::settings::SettingsArgs;
+use super::startup::rescue;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::config::Config;
 use crate::control::Client;
