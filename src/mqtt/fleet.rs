@@ -98,7 +98,11 @@ impl Fleet {
             }
             if missing <= 0 {
                 let now = Instant::now();
-                until = (now + SILENCE).min(*latest.get_or_insert(now + LISTENING));
+                let latest = *latest.get_or_insert(now + LISTENING);
+                if now >= latest {
+                    return Ok(());
+                }
+                until = (now + SILENCE).min(latest);
             }
         }
     }
@@ -162,7 +166,7 @@ impl Fleet {
         let until = Instant::now() + limit;
         let (mut answers, mut waiting) = (BTreeMap::new(), robots.iter());
         let mut next = waiting.next();
-        while answers.len() < robots.len() {
+        while answers.len() < robots.len() && Instant::now() < until {
             // What finds no room is asked when something of it has gone.
             while let Some(robot) = next {
                 let topics = Topics::new(&self.account.options.prefix, "", robot);

@@ -363,7 +363,7 @@ async fn a_fleet_is_listed_in_time_however_much_a_broker_has_to_say() {
         let _ = line.write_all(&deep).await;
         let state = message(
             b"spykee/A/state",
-            b"{\"state\": \"\x1b[2J\", \"battery\": {}, \"running\": 7}",
+            b"{\"state\": \"\\u001b[2J\", \"battery\": {}, \"running\": 7}",
         );
         for _ in 0.. {
             if line.write_all(&state).await.is_err() {

@@ -124,15 +124,15 @@ const DEEDS: &[(&str, Deed)] = &[
     ("rows that are none", |path, _| {
         sql(
             path,
-            "INSERT INTO event VALUES (1, 9223372036854775807, -1, x'ff', 'entry', x'00', x'ffff');
-         INSERT INTO event VALUES (2, -9223372036854775808, 'a', NULL, 'dock', NULL, '[[[[');
+            "INSERT INTO event VALUES (NULL, 9223372036854775807, -1, x'ff', 'entry', x'00', x'ffff');
+         INSERT INTO event VALUES (NULL, -9223372036854775808, 'a', NULL, 'dock', NULL, '[[[[');
          INSERT INTO battery VALUES ('soon', 1, NULL, 'full', 'yes');
          INSERT INTO battery VALUES (1767258000000, 1, NULL, 9223372036854775807, 7)",
         )
     }),
     ("rows with escape sequences", |path, _| {
         sql(path,
-        "INSERT INTO event VALUES (1, 1767258000000, 1, char(27) || '[2J', 'entry', 'x',
+        "INSERT INTO event VALUES (NULL, 1767258000000, 1, char(27) || '[2J', 'entry', 'x',
             '{\"event\":\"entry\",\"behaviour\":\"\\u001b[2J\",\"kind\":\"\\u202e\",\"data\":{\"a\":\"=1+1\"}}')")
     }),
 ];

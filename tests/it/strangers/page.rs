@@ -133,8 +133,8 @@ async fn bodies_that_are_endless_too_long_or_mad_are_refused() {
         "{\"light\":\"left\",\"on\":true} {}",
         "<led on=\"true\"/>",
         "light=left&on=true",
-        &deep,
-        &wide,
+        &*deep,
+        &*wide,
     ];
     for body in bodies {
         let (status, answer) = ask(&at, "POST /api/led", "", body).await;
@@ -150,25 +150,25 @@ async fn bodies_that_are_endless_too_long_or_mad_are_refused() {
         ("/api/behaviours/%2e%2e%2fetc", "{\"change\":\"start\"}"),
         ("/api/behaviours/%3Cb%3E", "{\"change\":\"start\"}"),
         ("/api/behaviours/nobody", "{\"change\":\"fly\"}"),
-        ("/api/say", "odd"),
         ("/api/login", "{\"password\":\"guess\"}"),
     ] {
         let (status, answer) = ask(&at, &format!("POST {path}"), "", body).await;
         assert!((400..500).contains(&status), "{path}: {status} {answer}");
     }
     let led = format!("POST /api/led HTTP/1.1\r\nHost: {at}\r\nContent-Type: application/json\r\n");
-    let long = "Content-Length: 99999999999\r\n\r\n";
-    assert_eq!(
-        status(&browser::send(&at, format!("{led}{long}").as_bytes()).await),
-        413
-    );
-    let both = "Content-Length: 3\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n";
-    let answer = browser::send(&at, format!("{led}{both}").as_bytes()).await;
-    assert!(
-        [0, 400, 415].contains(&status(&answer)),
-        "{}",
-        String::from_utf8_lossy(&answer)
-    );
+    for framing in [
+        "Content-Length: 99999999999\r\n\r\n",
+        "Content-Length: -1\r\n\r\n",
+        "Content-Length: 3\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n",
+    ] {
+        let answer = browser::send(&at, format!("{led}{framing}").as_bytes()).await;
+        let is_refused = (400..500).contains(&status(&answer));
+        assert!(
+            is_refused,
+            "{framing}: {}",
+            String::from_utf8_lossy(&answer)
+        );
+    }
     let mut endless = TcpStream::connect(&at).await.unwrap();
     let (mut reader, mut writer) = endless.split();
     writer
@@ -293,14 +293,14 @@ async fn messages_that_never_end_or_break_the_rules_end_their_own_connection() {
     endless.closed().await;
     for (head, payload) in [
         (0x80, &b"goes on, and nothing began"[..]),
-        (0x83, b"reserved"),
-        (0x8b, b"reserved control"),
-        (0xc1, b"a bit that means nothing"),
-        (0x09, b"a ping in pieces"),
-        (0x89, &[7; 126]),
-        (0x88, b"\x03"),
-        (0x88, &[0xff; 100]),
-        (0x82, b"{\"type\":\"stop\"}"),
+        (0x83, &b"reserved"[..]),
+        (0x8b, &b"reserved control"[..]),
+        (0xc1, &b"a bit that means nothing"[..]),
+        (0x09, &b"a ping in pieces"[..]),
+        (0x89, &[7; 126][..]),
+        (0x88, &b"\x03"[..]),
+        (0x88, &[0xff; 100][..]),
+        (0x82, &b"{\"type\":\"stop\"}"[..]),
     ] {
         let mut bad = Page::open(&at, "").await.unwrap();
         bad.frame(head, payload).await;
@@ -322,7 +322,7 @@ async fn messages_that_never_end_or_break_the_rules_end_their_own_connection() {
     }
     let mut pings = Page::open(&at, "").await.unwrap();
     for _ in 0..2000 {
-        pings.frame(0x89, b"x").await;
+        pings.frame(0x89, &b"x"[..]).await;
     }
     pings.closed().await;
     let mut odd = Page::open(&at, "").await.unwrap();
