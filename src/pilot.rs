@@ -216,7 +216,7 @@ impl Pilot {
                 }
                 () = until(deadline) => self.tick(&mut requests).await,
                 error = progress(self.writer.as_mut()) => Err(error.into()),
-                event = line.next() => match self.hear(news) {
+                event = line.next() => match self.hear(event) {
                     Ok(()) => Ok(()),
                     Err(HearError::Lost(lost)) => Err(lost),
                     Err(HearError::First(error)) => return Err(error),

@@ -106,7 +106,7 @@ pub(super) async fn serve(
             Time::Virtual => Gallery::open(folder, &options.limits).map(Gallery::patient),
         })
         .transpose()?;
-    let writer = options.data_dir.clone().map(|folder| match time {
+    let store = options.data_dir.clone().map(|folder| match time {
         Time::Real => StoreWriter::new(folder, &options.limits),
         Time::Virtual => StoreWriter::at_the_end(folder, &options.limits),
     });
@@ -114,7 +114,7 @@ pub(super) async fn serve(
         Ok(mut script) => {
             script.explain_with(check::explain);
             outbox.send(&FromHost::Ready).await?;
-            if let Some(damage) = writer.as_ref().and_then(|one| restore(&mut script, one)) {
+            if let Some(damage) = store.as_ref().and_then(|one| restore(&mut script, one)) {
                 outbox.send(&warning(damage)).await?;
             }
             let mut host = Host {
@@ -125,7 +125,7 @@ pub(super) async fn serve(
                 coming: Vec::new(),
                 gallery,
                 findings,
-                writer,
+                store,
                 time,
             };
             if host.prepare().await? {
@@ -156,19 +156,19 @@ struct Host {
     /// People look on.
     findings: bool,
     /// Where the script's store is kept.
-    writer: Option<StoreWriter>,
+    store: Option<StoreWriter>,
     /// In virtual time no sign of life is expected.
     time: Time,
 }
 
 /// Gives the script what its store held; a warning if that is damaged.
-fn restore(script: &mut Script, writer: &StoreWriter) -> Option<String> {
-    let restored = match writer.read() {
+fn restore(script: &mut Script, store: &StoreWriter) -> Option<String> {
+    let restored = match store.read() {
         Ok(Some(file)) => script.restore(&file),
         Ok(None) => Ok(()),
         Err(error) => Err(error.to_string()),
     };
-    restored.err().map(|why| writer.set_aside(&why))
+    restored.err().map(|why| store.set_aside(&why))
 }
 
 /// A line of ours in the script's log.
@@ -226,7 +226,7 @@ impl Host {
         };
         // Its motion has ended already: nothing is held up by the disk.
         let last = self.script.take_store();
-        if let Some(trouble) = self.writer.as_mut().and_then(|one| one.finish(last)) {
+        if let Some(trouble) = self.store.as_mut().and_then(|one| one.finish(last)) {
             self.outbox.send(&unwritten(&trouble)).await?;
         }
         self.outbox.send(&FromHost::Ended(ending)).await
@@ -234,20 +234,20 @@ impl Host {
 
     /// When the store can be written, if it has changed.
     fn writes_at(&self) -> Option<Instant> {
-        let writer = self.writer.as_ref()?;
-        let waits = self.script.has_store_changed() || writer.is_behind();
-        waits.then(|| writer.next().unwrap_or_else(Instant::now))
+        let store = self.store.as_ref()?;
+        let waits = self.script.has_store_changed() || store.is_behind();
+        waits.then(|| store.next().unwrap_or_else(Instant::now))
     }
 
     async fn keep(&mut self) -> io::Result<()> {
-        let Some(writer) = &mut self.writer else {
+        let Some(store) = &mut self.store else {
             return Ok(());
         };
         let now = Instant::now();
-        if writer.is_due(now) {
-            writer.offer(self.script.take_store(), now);
+        if store.is_due(now) {
+            store.offer(self.script.take_store(), now);
         }
-        match writer.trouble() {
+        match store.trouble() {
             Some(trouble) => self.outbox.send(&unwritten(&trouble)).await,
             None => Ok(()),
         }

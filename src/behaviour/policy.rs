@@ -344,11 +344,11 @@ mod tests {
                 max_restarts,
                 within: ms(within),
             };
-            let mut restarts = RestartTracker::new(RestartPolicy::OnFailure(restarts), seed);
+            let mut tracker = RestartTracker::new(RestartPolicy::OnFailure(restarts), seed);
             let (mut now, mut started) = (Instant::now(), Vec::new());
             for run in runs {
                 now += ms(run);
-                let Verdict::Again { pause, number } = restarts.ended(EndReason::Memory, now) else {
+                let Verdict::Again { pause, number } = tracker.ended(EndReason::Memory, now) else {
                     continue;
                 };
                 prop_assert!(pause <= restarts.max_pause);

@@ -68,7 +68,7 @@ pub(super) struct BlobsArgs {
     #[arg(long)]
     merge: bool,
 
-    /// Show at most so many blobs of a picture, the largest
+    /// Show at most this many blobs of a picture, the largest
     #[arg(long, value_name = "NUMBER", default_value_t = BlobOptions::default().max_blobs)]
     max_blobs: usize,
 

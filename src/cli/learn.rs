@@ -30,7 +30,7 @@ const HEAD: [(&str, Side); 6] = [
 ///
 /// Prints YAML: the colour under colours:, and in comments how many pixels of each picture it
 /// finds inside and outside of the part, and whether the largest blob is the thing. Pictures
-/// under different lights, with the thing in the same part, make the colour surer.
+/// under different lights, with the thing in the same part, make the colour more reliable.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct LearnArgs {
     /// JPEG pictures of the thing, such as scripts save with frame:save

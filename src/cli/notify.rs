@@ -33,11 +33,11 @@ enum Action {
         #[arg(value_name = "TARGET")]
         targets: Vec<String>,
 
-        /// What it says
+        /// The text of the message
         #[arg(long, default_value = "a test of spykee's notifications")]
         text: String,
 
-        /// A JPEG that goes with it
+        /// A JPEG to attach
         #[arg(long, value_name = "FILE.jpg")]
         picture: Option<PathBuf>,
 

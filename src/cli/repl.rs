@@ -45,7 +45,7 @@ pub(super) struct ReplArgs {
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
 
-    /// Of math.random and of the simulator's noise; without it a new one
+    /// Seed for math.random and simulator noise [default: random]
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
 

@@ -53,11 +53,11 @@ pub(super) struct RunArgs {
     #[arg(long, conflicts_with = "fast")]
     wait: bool,
 
-    /// End after so many seconds, from the first connection on
+    /// End this many seconds after the first connection
     #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
     limit: Option<Duration>,
 
-    /// Of math.random and of the simulator's noise; without it a new one for each run
+    /// Seed for math.random and simulator noise [default: random]
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
 
@@ -71,7 +71,7 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "POLICY", value_parser = restart_words())]
     restart: Option<RestartPolicy>,
 
-    /// Load a behaviour anew whenever its file is saved; Ctrl-C ends the run
+    /// Reload a behaviour whenever its file is saved; Ctrl-C ends the run
     #[arg(long, conflicts_with = "fast")]
     watch: bool,
 
@@ -79,7 +79,7 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "FILE.png", value_parser = super::world::parse_png)]
     trace: Option<PathBuf>,
 
-    /// With --sim: in virtual time, as fast as it goes. The same seed gives the same run
+    /// With --sim: run in virtual time, as fast as possible. The same seed gives the same run
     #[arg(long)]
     fast: bool,
 
@@ -97,7 +97,7 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "IP:PORT", num_args = 0..=1, require_equals = true, conflicts_with = "fast")]
     live: Option<Option<SocketAddr>>,
 
-    /// Run without looking for mistakes first
+    /// Skip the check for mistakes before the run
     #[arg(long)]
     no_check: bool,
 

@@ -24,7 +24,7 @@ const HEAD: [(&str, Side); 4] = [
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee schedule --next 20 --from \"2026-03-28 12:00\"")]
 pub(super) struct ScheduleArgs {
-    /// So many starts
+    /// How many starts to show
     #[arg(long, value_name = "COUNT", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=1000))]
     next: u16,
 

@@ -39,7 +39,7 @@ use crate::timetable::Record;
 
 /// Look after a robot for good: behaviours by timetable, always, or when asked
 ///
-/// Waits for a robot that is not there, or that somebody else uses. Behaviours of the config run from the
+/// Waits for a robot that is not there, or that another program uses. Behaviours of the config run from the
 /// beginning, unless the timetable has them or `start: asked` says otherwise; `spykee behaviour start`
 /// starts any. An idle robot is sent to its station. SIGHUP reads the config anew; what did not change
 /// goes on. SIGTERM ends it in order; what the timetable had under way goes on with the next start.
@@ -58,7 +58,7 @@ pub(super) struct ServeArgs {
     #[arg(long, value_name = "DATE")]
     date: Option<Date>,
 
-    /// Of math.random and of the simulator's noise; without it a new one each time
+    /// Seed for math.random and simulator noise [default: random]
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
 
@@ -67,7 +67,7 @@ pub(super) struct ServeArgs {
     #[arg(long, requires = "limit")]
     fast: bool,
 
-    /// End after so many seconds
+    /// End after this many seconds
     #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
     limit: Option<Duration>,
 
@@ -75,7 +75,7 @@ pub(super) struct ServeArgs {
     #[arg(long, value_name = "FILE", requires = "fast")]
     events: Option<PathBuf>,
 
-    /// Start without looking for mistakes in the scripts first
+    /// Skip the check of the scripts before the start
     #[arg(long)]
     no_check: bool,
 

@@ -31,7 +31,7 @@ pub(super) struct SimArgs {
     #[arg(long, value_name = "NUMBER", value_parser = parse_fps)]
     fps: Option<f64>,
 
-    /// Of all noise: the same seed and the same commands give the same run
+    /// Seed for all noise: the same seed and the same commands give the same run
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     seed: u64,
 

@@ -38,11 +38,11 @@ pub(super) struct TestArgs {
     #[arg(long, value_name = "NUMBER", conflicts_with = "seeds")]
     seed: Option<u64>,
 
-    /// Play so many at a time [default: one for each processor]
+    /// Scenarios to play in parallel [default: one for each processor]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
 
-    /// End each run that takes longer than so many seconds of real time, and count it as failed
+    /// End each run that takes longer than this many seconds of real time, and count it as failed
     #[arg(long, value_name = "SECONDS", default_value = "300", value_parser = parse_timeout)]
     timeout: Duration,
 

@@ -247,7 +247,7 @@ impl Seats {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::channel::{Told, events};
+    use crate::robot::channel::{PilotMessage, events};
 
     const ONE: BehaviourId = BehaviourId(1);
     const TWO: BehaviourId = BehaviourId(2);
@@ -357,6 +357,6 @@ mod tests {
         assert_eq!(seats.priority(ONE), Some(Priority(3)));
         seats.kill(ONE, EndReason::Cpu);
         assert_eq!(seats.priority(ONE), None);
-        assert_eq!(inbox.next().await, Told::Kill(EndReason::Cpu));
+        assert_eq!(inbox.next().await, PilotMessage::Kill(EndReason::Cpu));
     }
 }

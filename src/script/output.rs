@@ -1,4 +1,4 @@
-//! What a script sends out: wishes and log lines, both bounded.
+//! What a script sends out: intents and log lines, both bounded.
 
 use std::time::Duration;
 
@@ -23,7 +23,7 @@ const LONGEST_TEXT: usize = 1024;
 /// What a script sends out.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Output {
-    /// A wish.
+    /// Something that the robot is to do.
     Intent(Intent),
     /// A line for the log.
     Log(LogLine),

@@ -76,8 +76,8 @@ impl<'a> Walk<'a> {
                 .and_then(EventName::stream),
             _ => None,
         };
-        let refusal = wanted.and_then(|stream| self.surroundings.streams.refusal(stream));
-        if let Some(why) = refusal {
+        let streams = self.surroundings.streams;
+        if let Some(Err(why)) = wanted.map(|stream| streams.allow(stream)) {
             self.warning(site.span, format!("{}: {why}", site.function.path));
         }
     }

@@ -47,12 +47,12 @@ pub(super) struct CalibrateArgs {
     #[arg(long)]
     yes: bool,
 
-    /// Measure so often, and take the average
+    /// Number of measurements to average
     #[arg(long, value_name = "NUMBER", default_value_t = 1,
           value_parser = clap::value_parser!(u8).range(1..=20))]
     rounds: u8,
 
-    /// Of the simulator's noise
+    /// Seed for the simulator's noise
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
 

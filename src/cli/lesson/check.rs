@@ -41,11 +41,11 @@ pub(super) struct CheckArgs {
     #[arg(long, value_name = "FILE.json")]
     gradescope: Option<PathBuf>,
 
-    /// End each try that takes longer than so many seconds of real time, and count it as failed
+    /// End each try that takes longer than this many seconds of real time, and count it as failed
     #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = parse_timeout)]
     timeout: Duration,
 
-    /// Play so many tries at a time [default: one for each processor]
+    /// Tries to play in parallel [default: one for each processor]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
 }

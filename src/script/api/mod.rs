@@ -147,7 +147,7 @@ impl Call<'_> {
             .misuse("the script is ending, nothing new can begin"))
     }
 
-    /// Sends a wish, unless too many wait already.
+    /// Sends an intent, unless too many wait already.
     fn send(&mut self, intent: crate::robot::Intent) -> Result<(), Refusal> {
         self.make_room(0)?;
         self.state.outbox.send(intent);
