@@ -15,7 +15,7 @@ use crate::files::Folder;
 /// The journal's folder within the data folder. No behaviour has a folder of this name.
 const FOLDER: &str = ".journal";
 /// Its file.
-const FILE: &str = "journal.db";
+pub(super) const FILE: &str = "journal.db";
 /// So long a write waits for another process that writes.
 const BUSY: Duration = Duration::from_secs(5);
 /// After so many pages the log of writes goes into the file.
@@ -48,6 +48,9 @@ pub enum JournalError {
     /// It is of another version.
     #[error("{0}")]
     Version(String),
+    /// It is another program's, or somebody has put something into it.
+    #[error("{0}")]
+    Foreign(String),
     /// The disk is nearly full.
     #[error("the disk has less than {FREE} bytes left")]
     Disk,
@@ -61,6 +64,7 @@ impl From<SchemaError> for JournalError {
         match error {
             SchemaError::Sql(error) => error.into(),
             newer @ SchemaError::Newer { .. } => JournalError::Version(newer.to_string()),
+            foreign @ SchemaError::Foreign => JournalError::Foreign(foreign.to_string()),
         }
     }
 }
@@ -68,14 +72,14 @@ impl From<SchemaError> for JournalError {
 impl JournalError {
     /// The file is no journal any more.
     pub(super) fn is_damage(&self) -> bool {
-        let JournalError::Sql(error) = self else {
-            return false;
-        };
-        let code = error.sqlite_error_code();
-        matches!(
-            code,
-            Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase)
-        )
+        match self {
+            JournalError::Foreign(_) => true,
+            JournalError::Sql(error) => matches!(
+                error.sqlite_error_code(),
+                Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase)
+            ),
+            _ => false,
+        }
     }
 
     /// The file has reached its size.

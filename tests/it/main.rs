@@ -53,6 +53,7 @@ mod slow_reader;
 mod slow_system;
 mod soak;
 mod stdlib;
+mod strangers;
 mod stuck;
 mod supervision;
 mod terminal;
