@@ -405,6 +405,7 @@ mod tests {
             behaviour: format!("behaviour-with-a-long-name-{number}\u{1b}[2J"),
             began: Some(record(number * 60, json!({})).at),
             ended: None,
+            seconds: None,
             reason: "error".to_owned(),
             message: String::new(),
         };
@@ -435,6 +436,7 @@ mod tests {
                         behaviour: behaviour.to_owned(),
                         began,
                         ended: Some(at(until)),
+                        seconds: None,
                         reason: reason.to_owned(),
                         message: String::new(),
                     });
