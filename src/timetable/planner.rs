@@ -4,10 +4,11 @@
 use std::time::Duration;
 
 use jiff::{SignedDuration, Timestamp};
-use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
-use super::Timetable;
+use super::act::{Act, Told};
+use super::record::{Record, UnderWay};
+use super::rule::Timetable;
 use crate::clock::is_plausible;
 
 /// A start this late is still in time: the service looks at the clock several times a minute.
@@ -30,82 +31,6 @@ pub struct Facts<'a> {
     pub ready: bool,
     /// The behaviours that run, whoever started them.
     pub running: &'a [String],
-}
-
-/// What is to be done.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Act {
-    /// Start a behaviour. How that went is told by [`Planner::ended`], if it failed.
-    Start {
-        /// Which.
-        run: String,
-        /// When that was planned.
-        planned: Timestamp,
-        /// It will be ended after this.
-        lasts: Option<Duration>,
-        /// It was under way when the program ended.
-        resumed: bool,
-    },
-    /// End a behaviour: its time is over.
-    End {
-        /// Which.
-        run: String,
-    },
-    /// Tell a person.
-    Tell(Told),
-}
-
-/// What a person should know.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Told {
-    /// A start was missed: the program did not run then.
-    Missed {
-        /// Which behaviour.
-        run: String,
-        /// The newest that was missed.
-        planned: Timestamp,
-        /// How many.
-        count: usize,
-    },
-    /// A start was missed: there was no robot until it was too late.
-    NoRobot {
-        /// Which behaviour.
-        run: String,
-        /// When that was planned.
-        planned: Timestamp,
-    },
-    /// A start is refused: the behaviour still runs.
-    Overlap {
-        /// Which behaviour.
-        run: String,
-        /// When that was planned.
-        planned: Timestamp,
-    },
-    /// The clock was set, by so many seconds.
-    ClockSet {
-        /// Negative: back.
-        seconds: i64,
-    },
-}
-
-/// What a program that starts must know of the one before.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Record {
-    /// Starts up to here are dealt with; seconds since 1970.
-    pub looked: Option<i64>,
-    /// What was started and has not ended.
-    pub under_way: Vec<UnderWay>,
-}
-
-/// A run that the timetable has started.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct UnderWay {
-    /// Which behaviour.
-    pub run: String,
-    /// When that was planned; seconds since 1970.
-    pub planned: i64,
-    /// When it is to be ended; seconds since 1970.
-    pub until: Option<i64>,
 }
 
 /// A start whose time has come.
