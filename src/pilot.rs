@@ -17,6 +17,7 @@ mod lights;
 mod line;
 mod lost;
 mod pulse;
+mod reaction;
 mod seats;
 mod serving;
 mod shown;
@@ -50,6 +51,8 @@ pub use self::line::Dial;
 use self::line::Line;
 use self::lost::{HearError, LinkLost};
 pub use self::pulse::Pulse;
+use self::reaction::Stopwatch;
+pub use self::reaction::{Reactions, Tally};
 use self::seats::Seats;
 pub use self::shown::Shown;
 use self::silence::{Silence, Verdict};
@@ -139,9 +142,16 @@ pub struct Pilot {
     pulse: Option<Pulse>,
     /// Where it says what has happened.
     bus: Bus,
+    /// From frames to what behaviours make of them.
+    stopwatch: Stopwatch,
 }
 
 impl Pilot {
+    /// How long it takes from a frame to a track command.
+    pub fn reactions(&self) -> Reactions {
+        self.stopwatch.reactions.clone()
+    }
+
     /// Without a link. Also returns what the camera shows and the newest status.
     pub fn new(settings: &Settings) -> (Pilot, watch::Receiver<Pictures>, watch::Receiver<Status>) {
         let (pictures, shown) = watch::channel(Pictures::default());
@@ -172,6 +182,7 @@ impl Pilot {
             failed: Repeats::new(FAILED_EVERY),
             pulse: None,
             bus: Bus::default(),
+            stopwatch: Stopwatch::default(),
         };
         (pilot, shown, newest_status)
     }
@@ -413,7 +424,9 @@ impl Pilot {
         writer.queue(commands, Instant::now())?;
         // Before the robot hears them: the guardian may have to say them in our place.
         tell_guardian(&mut self.pulse, writer);
-        Ok(writer.write_ready()?)
+        writer.write_ready()?;
+        self.stopwatch.wrote(commands, Instant::now());
+        Ok(())
     }
 
     /// The link is gone: the last words are tried without waiting, and the line sees to them.

@@ -80,15 +80,15 @@ impl Pilot {
                 setpoint,
                 duration,
             } => {
-                return self.ask(
-                    by,
-                    priority,
-                    Ask::Move {
-                        motion,
-                        setpoint,
-                        duration,
-                    },
-                );
+                let ask = Ask::Move {
+                    motion,
+                    setpoint,
+                    duration,
+                };
+                self.stopwatch.serving(true);
+                let asked = self.ask(by, priority, ask);
+                self.stopwatch.serving(false);
+                return asked;
             }
             Intent::Release { motion } => {
                 let ask = Ask::Release(motion);
