@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
-use tokio::time::{Instant, timeout};
-use tracing::{error, warn};
+use tokio::time::{Instant, sleep_until, timeout};
+use tracing::{error, info, warn};
 
 use super::aboard::{Aboard, Stop, tell};
 use super::keeper::{Keeper, Surroundings, report};
@@ -93,7 +93,7 @@ impl Company {
                     return Err((name, ending));
                 }
                 first => {
-                    self.board(by, keeper.name().to_owned(), stop);
+                    self.board(by, keeper.name().to_owned(), stop, None);
                     prepared.push((keeper, first));
                 }
             }
@@ -120,7 +120,7 @@ impl Company {
         while let Some(order) = self.orders.recv().await {
             let offline = self.status.borrow().link != LinkState::Up;
             match order {
-                Order::Start(name, reply) | Order::Restart(name, reply) if offline => {
+                Order::Start(name, _, reply) | Order::Restart(name, reply) if offline => {
                     let refusal = match self.blueprint(&name) {
                         Some(_) => RosterError::Offline,
                         None => self.unknown(&name),
@@ -139,8 +139,10 @@ impl Company {
     /// # Errors
     /// A task of ours panicked.
     pub(super) async fn turn(&mut self) -> Result<(), AgentError> {
+        let next = self.aboard.iter().filter_map(Aboard::ends).min();
         tokio::select! {
             biased;
+            now = at(next) => self.end_over(now),
             Some(ended) = self.running.join_next() => {
                 let (by, name, ending) = ended.map_err(|_| AgentError::Broken("a supervisor"))?;
                 self.over(by, name, ending);
@@ -181,9 +183,9 @@ impl Company {
 
     fn obey(&mut self, order: Order) {
         match order {
-            Order::Start(name, reply) => match self.find(&name) {
+            Order::Start(name, lasts, reply) => match self.find(&name) {
                 Some(_) => refuse(reply, RosterError::RunsAlready(name)),
-                None => self.start(&name, reply),
+                None => self.start(&name, lasts, reply),
             },
             Order::Stop(name, reason, reply) => match self.find(&name) {
                 Some(one) => {
@@ -208,7 +210,7 @@ impl Company {
                         refuse(earlier, RosterError::Busy);
                     }
                 }
-                None => self.start(&name, reply),
+                None => self.start(&name, None, reply),
             },
             Order::Define(blueprints, reply) => {
                 self.blueprints = blueprints;
@@ -219,7 +221,7 @@ impl Company {
     }
 
     /// Loads the script of a behaviour that does not run.
-    fn start(&mut self, name: &str, reply: Reply) {
+    fn start(&mut self, name: &str, lasts: Option<Duration>, reply: Reply) {
         let Some(blueprint) = self.blueprint(name).cloned() else {
             let unknown = self.unknown(name);
             return refuse(reply, unknown);
@@ -231,7 +233,7 @@ impl Company {
         let (around, status) = (self.around(&stop), self.status.clone());
         self.loading
             .spawn(async move { (by, load(around, by, blueprint, status).await) });
-        self.board(by, name.to_owned(), stop);
+        self.board(by, name.to_owned(), stop, lasts);
         if let Some(one) = self.aboard.last_mut() {
             one.started.push(reply);
         }
@@ -250,7 +252,7 @@ impl Company {
                 self.run(keeper, Ok(host));
             }
             (loaded, _) => {
-                let one = self.aboard.remove(at);
+                let mut one = self.aboard.remove(at);
                 let refusal = match loaded {
                     Err(why) => {
                         error!(behaviour = one.name, "cannot be started: {why}");
@@ -269,10 +271,10 @@ impl Company {
                     }
                     Ok(_) => RosterError::StoppedFirst(one.name.clone()),
                 };
-                for reply in one.started {
+                for reply in std::mem::take(&mut one.started) {
                     refuse(reply, refusal.clone());
                 }
-                self.close(one.name, one.ended, one.again);
+                self.close(one);
             }
         }
         self.publish();
@@ -293,18 +295,29 @@ impl Company {
         self.keep_ending(&name, ending);
         if let Some(at) = self.aboard.iter().position(|one| one.by == by) {
             let one = self.aboard.remove(at);
-            self.close(one.name, one.ended, one.again);
+            self.close(one);
         }
         self.publish();
     }
 
-    fn close(&mut self, name: String, ended: Vec<Reply>, again: Option<Reply>) {
-        for reply in ended {
+    fn close(&mut self, one: Aboard) {
+        for reply in one.ended {
             let _ = reply.send(Ok(()));
         }
-        if let Some(reply) = again {
-            self.start(&name, reply);
+        if let Some(reply) = one.again {
+            self.start(&one.name, one.lasts, reply);
         }
+    }
+
+    /// Ends those whose time is over.
+    fn end_over(&mut self, now: Instant) {
+        for one in &self.aboard {
+            if one.ends().is_some_and(|ends| ends <= now) {
+                info!(behaviour = one.name, "its time is over");
+                tell(&one.stop, EndReason::Cancelled);
+            }
+        }
+        self.publish();
     }
 
     /// Bounded by the number of names.
@@ -313,8 +326,8 @@ impl Company {
         self.endings.push((name.to_owned(), ending));
     }
 
-    fn board(&mut self, by: BehaviourId, name: String, stop: Stop) {
-        self.aboard.push(Aboard::new(by, name, stop));
+    fn board(&mut self, by: BehaviourId, name: String, stop: Stop, lasts: Option<Duration>) {
+        self.aboard.push(Aboard::new(by, name, stop, lasts));
     }
 
     /// A number that nobody has who is aboard.
@@ -379,6 +392,15 @@ impl Company {
             ending: ending.map(|(_, ending)| ending.clone()),
         }
     }
+}
+
+/// Never, if there is no such moment.
+async fn at(moment: Option<Instant>) -> Instant {
+    match moment {
+        Some(moment) => sleep_until(moment).await,
+        None => std::future::pending().await,
+    }
+    Instant::now()
 }
 
 fn refuse(reply: Reply, why: RosterError) {

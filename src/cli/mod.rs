@@ -34,6 +34,7 @@ mod notify;
 mod params;
 mod picture;
 mod privileges;
+mod remote;
 mod repl;
 mod robot;
 mod run;
@@ -53,7 +54,6 @@ mod terminal;
 mod test;
 mod token;
 mod trace;
-mod waiting;
 mod world;
 mod world_name;
 

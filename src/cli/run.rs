@@ -13,7 +13,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::cast::{Cast, Casting};
 use super::embedded::{EmbeddedSim, Simulated};
-use super::fast::{EventFile, Fast};
+use super::fast::{EventFile, Fast, Keeping};
 use super::firmware::FirmwareArgs;
 use super::interrupt::obey;
 use super::live::Ahead;
@@ -21,9 +21,10 @@ use super::params::Param;
 use super::settings::SettingsArgs;
 use super::status::StatusLine;
 use super::trace::TraceFile;
-use super::waiting::{Tries, until_answered};
 use super::{ConnectionArgs, Console, Exit, Failure, Place, broker, check, notify};
-use crate::agent::{self, Agent, AgentError, Behaviour, Bus, Outcome, Plan, RESCUE_NAME};
+use crate::agent::{
+    self, Agent, AgentError, Behaviour, Bus, Outcome, Plan, RESCUE_NAME, Tries, until_answered,
+};
 use crate::behaviour::{Launch, Launcher, RestartPolicy, is_failure};
 use crate::clock::{Clock, Date, Zone};
 use crate::config::{Config, Entry};
@@ -36,6 +37,7 @@ use crate::mqtt::Account;
 use crate::pilot::{Dial, DrivingCore, Pulse, Status};
 use crate::robot::EndReason;
 use crate::sim;
+use crate::timetable::View;
 use crate::wire::Login;
 
 /// How often the status line is drawn anew.
@@ -202,7 +204,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let names = names(&behaviours);
     let (link, tries) = (config.link.clone(), Tries::default());
     let dial = match args.wait {
-        true => until_answered(target, login, link, seed, tries.clone()),
+        true => until_answered(dial(target, login, link.clone()), link, seed, tries.clone()),
         false => dial(target, login, link),
     };
     let core = driving_core()?;
@@ -227,7 +229,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     };
     let account = broker::of_run(args.settings.load()?)?;
     let journal = match config.journal.record {
-        journal::When::On => journal(&config, &bus, &about),
+        journal::When::On => journal(&config, &bus, &about, clock(&args, &config)),
         _ => None,
     };
     let voice = notify::start(args.settings.load()?, &bus)?;
@@ -273,12 +275,13 @@ pub(super) fn journal(
     config: &Config,
     bus: &Bus,
     (target, simulated): &(String, bool),
+    clock: Clock,
 ) -> Option<Journal> {
     let about = journal::About {
         target: target.clone(),
         simulated: *simulated,
     };
-    let started = Journal::start(bus, config.data_folder(), config.journal, about);
+    let started = Journal::start(bus, config.data_folder(), config.journal, about, clock);
     started.map_err(|error| tracing::warn!("{error}")).ok()
 }
 
@@ -320,6 +323,7 @@ fn fast(
         options,
         limit: args.limit,
         trace,
+        journal: Keeping::of(config),
     };
     let outcome = fast.run(names, console)?;
     events.map_or(Ok(()), EventFile::finish)?;
@@ -343,11 +347,14 @@ async fn drive(
         roster: agent.roster(),
         status: status.clone(),
         pictures: agent.pictures(),
+        reactions: agent.reactions(),
         stop: stop.clone(),
         streams,
         target,
         simulated,
         began: Instant::now(),
+        // A single run has no timetable.
+        view: View::channel().1,
     };
     let page = page.map(|(page, sim)| page.serve(run.clone(), sim, console));
     // Ends with the run.
@@ -525,13 +532,6 @@ fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
         let failure = Failure::usage("what to run? no behaviour was named");
         return Err(failure.help("spykee run behaviours/patrol.lua --sim"));
     }
-    // A fast run is the same on every computer.
-    let fast = config.time_zone.clone().unwrap_or_else(Zone::utc);
-    let zone = if args.fast { fast } else { config.zone() };
-    let clock = match args.date {
-        Some(date) if !args.fast => Clock::set_to(date.at(&zone)),
-        _ => Clock::default(),
-    };
     Casting {
         config,
         file: args.settings.file(),
@@ -541,8 +541,22 @@ fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
         checked: !args.no_check,
         watch: args.watch,
         seed,
-        clock,
-        zone,
+        clock: clock(args, config),
+        zone: zone(args, config),
     }
     .cast(&entries)
+}
+
+/// A fast run is the same on every computer.
+fn zone(args: &RunArgs, config: &Config) -> Zone {
+    let fast = || config.time_zone.clone().unwrap_or_else(Zone::utc);
+    if args.fast { fast() } else { config.zone() }
+}
+
+/// The time of day that scripts are told, and that the journal has.
+fn clock(args: &RunArgs, config: &Config) -> Clock {
+    match args.date {
+        Some(date) if !args.fast => Clock::set_to(date.at(&zone(args, config))),
+        _ => Clock::default(),
+    }
 }

@@ -20,9 +20,8 @@ use super::privileges::leave_root;
 use super::run::{self, driving_core, parse_seconds, place, pulse, reach_with, rescue, show};
 use super::settings::SettingsArgs;
 use super::status::StatusLine;
-use super::waiting::{Tries, until_answered};
 use super::{ConnectionArgs, Console, Exit, Failure, Place, broker, notify};
-use crate::agent::{Agent, AgentError, Bus, Outcome, Plan};
+use crate::agent::{Agent, AgentError, Bus, Outcome, Plan, Tries, until_answered};
 use crate::behaviour::Launcher;
 use crate::clock::{Clock, Date, Zone};
 use crate::config::Config;
@@ -61,7 +60,8 @@ pub(super) struct ServeArgs {
     seed: Option<u64>,
 
     /// With --sim: in virtual time, as fast as it goes, for as long as --for says. The same seed gives the
-    /// same days; nothing is kept of what the timetable has under way
+    /// same days; nothing is kept of what the timetable has under way, and a journal only with `journal:
+    /// { record: on }`
     #[arg(long, requires = "limit")]
     fast: bool,
 
@@ -134,8 +134,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         stays: true,
         settings: config.pilot(simulated, seed),
         dial: until_answered(
-            target.clone(),
-            login,
+            run::dial(target.clone(), login, config.link.clone()),
             config.link.clone(),
             seed,
             tries.clone(),
@@ -149,7 +148,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     };
     let journal = match config.journal.record {
         When::Off => None,
-        _ => run::journal(&config, &bus, &(target.to_string(), simulated)),
+        _ => run::journal(&config, &bus, &(target.to_string(), simulated), clock),
     };
     let account = broker::of_run(args.settings.load()?)?;
     let (scripts, shown) = watch::channel(order.scripts.clone());
@@ -215,16 +214,19 @@ async fn serve(
     let (agent, status) = Agent::new(plan);
     let hangup = listen(libc::SIGHUP)?;
     obey_as_service(&core, agent.requests(), stop.clone())?;
+    let (view, seen) = View::channel();
     let asked = control::Run {
         requests: agent.requests(),
         roster: agent.roster(),
         status: status.clone(),
         pictures: agent.pictures(),
+        reactions: agent.reactions(),
         stop: stop.clone(),
         streams: settings.streams,
         target: means.target.to_string(),
         simulated: settings.simulated,
         began: Instant::now(),
+        view: seen,
     };
     let (reload, reloads) = mpsc::channel(1);
     let page = page.map(|(page, sim)| page.serve(asked.clone(), sim, console));
@@ -239,7 +241,7 @@ async fn serve(
         record: means.record,
         herald: herald.clone(),
         bus,
-        view: View::channel().0,
+        view,
         reloads,
     };
     let showing = async {
