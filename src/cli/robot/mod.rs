@@ -19,10 +19,11 @@ use clap::Subcommand;
 
 use super::driver::Means;
 use super::embedded::EmbeddedSim;
+use super::reach::{dial, place, reach};
 use super::remote::RemoteArgs;
-use super::run::{dial, place, reach, rescue};
 use super::running::run_on;
 use super::settings::SettingsArgs;
+use super::startup::rescue;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::config::Config;
 use crate::control::Client;
@@ -31,7 +32,7 @@ use crate::wire::{self, Login};
 
 /// Ask the robot for one thing: battery, docking, lights, a picture, its settings
 ///
-/// Low battery, the station and a dead link are watched over as in a run. The robot serves one user at
+/// The watchdog looks after a low battery, the station and a dead link as in a run. The robot serves one user at
 /// a time. If that is a `spykee run` of the same data folder, battery, info, snapshot, dock, undock,
 /// stop, led, play, volume and say go through it; without --robot the only run that is on is meant. With
 /// --url they go through a service on another computer. End other programs first.
