@@ -39,7 +39,9 @@ struct Due {
     run: String,
     planned: Timestamp,
     lasts: Option<Duration>,
+    /// It was under way before, and its time may be over already when there is a robot again.
     resumed: bool,
+    over: Option<Instant>,
 }
 
 /// One that the timetable has started.
@@ -173,7 +175,7 @@ impl Planner {
     fn see_clock(&mut self, facts: Facts<'_>, acts: &mut Vec<Act>) -> bool {
         let seen = self.seen.replace((facts.now, facts.at));
         let (Some((before, at)), Some(looked)) = (seen, self.looked) else {
-            self.begin(facts.now);
+            self.begin(facts);
             return true;
         };
         let passed = SignedDuration::try_from(facts.at.saturating_duration_since(at));
@@ -190,7 +192,8 @@ impl Planner {
     }
 
     /// The first look at a clock.
-    fn begin(&mut self, now: Timestamp) {
+    fn begin(&mut self, facts: Facts<'_>) {
+        let now = facts.now;
         let earliest = now
             .checked_sub(self.table.catch_up.get())
             .unwrap_or(Timestamp::MIN);
@@ -215,6 +218,7 @@ impl Planner {
                 planned,
                 lasts,
                 resumed: true,
+                over: lasts.map(|lasts| facts.at + lasts),
             });
         }
     }
@@ -263,6 +267,7 @@ impl Planner {
                     planned,
                     lasts: rule.lasts.map(|lasts| lasts.get()),
                     resumed: false,
+                    over: None,
                 });
             }
         }
@@ -279,7 +284,14 @@ impl Planner {
     }
 
     fn start_due(&mut self, facts: Facts<'_>, acts: &mut Vec<Act>) {
-        for due in std::mem::take(&mut self.due) {
+        for mut due in std::mem::take(&mut self.due) {
+            if let Some(over) = due.over {
+                let left = over.saturating_duration_since(facts.at);
+                if left.is_zero() {
+                    continue;
+                }
+                due.lasts = Some(left);
+            }
             let Due { run, planned, .. } = due.clone();
             let busy = facts.running.contains(&run);
             let busy = busy || self.started.iter().any(|one| one.run == run);
@@ -303,6 +315,7 @@ impl Planner {
             planned,
             lasts,
             resumed,
+            ..
         } = due;
         let until = lasts.map(|lasts| {
             let shown = facts.now.checked_add(lasts).unwrap_or(Timestamp::MAX);
