@@ -6,8 +6,12 @@ mod days;
 #[test]
 fn two_days_alone_with_troubles_are_in_the_history_as_they_were() {
     let folder = tempfile::tempdir().unwrap();
-    let ledger = days::serve(2, 1, folder.path(), &mut |_, _, _| {});
-    println!("{}", ledger.summary());
+    let more = std::env::var("SPYKEE_MONTH_DAYS");
+    let days = more.map_or(2, |days| days.parse().unwrap());
+    let ledger = days::serve(days, 1, folder.path(), &mut |day, size, bytes| {
+        println!("{day} d: {} KiB, {bytes} bytes of data", size.resident_kib);
+    });
+    println!("{}\n{ledger}", ledger.summary());
     assert!(ledger.is_kept(), "\n{ledger}");
     let untested = ledger.untested(&days::CORE);
     assert!(
