@@ -1,12 +1,12 @@
 //! Wiring and lifetimes of a run: load the scripts, connect, run them side by side, and bring
-//! everything to an end within two seconds, whoever asks for it and whatever hangs.
+//! everything to an end within two seconds, whatever hangs.
 
 mod aboard;
 mod company;
 mod flight;
-mod keeper;
 mod loading;
 mod rescue;
+mod restart_loop;
 mod roster;
 mod seat;
 mod talk;
@@ -20,8 +20,8 @@ use tokio_util::sync::CancellationToken;
 
 use self::company::Company;
 pub use self::flight::{Flight, Preflight};
-use self::keeper::Surroundings;
 pub use self::rescue::{RESCUE_NAME, rescue};
+use self::restart_loop::Surroundings;
 pub use self::roster::{Blueprint, Member, MemberState, Roster, RosterError};
 pub use self::seat::{Docked, Seat, SeatError};
 pub use self::talk::{Talk, TalkError};
@@ -256,10 +256,9 @@ impl Run {
                 () = stop.cancelled() => return Ok(EndReason::Shutdown),
                 error = self.flight.lost() => return Err(error),
                 () = &mut over => return Ok(EndReason::Shutdown),
-                stayed = home, if alone => return Ok(match stayed {
-                    true => EndReason::Safety,
-                    false => EndReason::Done,
-                }),
+                stayed = home, if alone => {
+                    return Ok(if stayed { EndReason::Safety } else { EndReason::Done });
+                }
                 turn = self.company.turn() => turn?,
             }
         }

@@ -10,9 +10,9 @@ use tokio::time::{Instant, timeout};
 use tracing::{error, warn};
 
 use super::aboard::{Aboard, Stop, tell};
-use super::keeper::{Keeper, Surroundings, report};
 use super::loading::load;
-use super::roster::{Blueprint, Member, MemberState, Order, Reply, Roster, RosterError};
+use super::restart_loop::{RestartLoop, Surroundings, report};
+use super::roster::{Blueprint, Member, MemberState, Reply, Roster, RosterCommand, RosterError};
 use super::{AgentError, Behaviour, SCRIPTS_END};
 use crate::behaviour::Prepared;
 use crate::pilot::{LinkState, Status};
@@ -26,15 +26,15 @@ const MOST: usize = 32;
 const NUMBERS: u16 = 0xF000;
 
 /// A behaviour with its first host, or why there is none.
-type Kept = (Keeper, Result<Prepared, Ending>);
+type Kept = (RestartLoop, Result<Prepared, Ending>);
 
 /// What came of loading a script.
-type Loaded = (BehaviourId, Result<(Keeper, Prepared), RosterError>);
+type Loaded = (BehaviourId, Result<(RestartLoop, Prepared), RosterError>);
 
 /// See the module.
 pub(super) struct Company {
     around: Surroundings,
-    orders: mpsc::Receiver<Order>,
+    orders: mpsc::Receiver<RosterCommand>,
     blueprints: Vec<Blueprint>,
     aboard: Vec<Aboard>,
     running: JoinSet<(BehaviourId, String, Ending)>,
@@ -47,7 +47,7 @@ pub(super) struct Company {
 }
 
 impl Company {
-    /// Nobody runs yet. Also returns the handle.
+    /// No behaviour runs yet. Also returns the handle.
     pub(super) fn new(
         around: Surroundings,
         status: watch::Receiver<Status>,
@@ -71,7 +71,7 @@ impl Company {
         (company, roster)
     }
 
-    /// Loads all scripts; the first that cannot be, and that nobody can mend while the run goes on, is
+    /// Loads all scripts; the first that cannot be loaded, and that no file watch can reload, is
     /// returned with its ending.
     pub(super) async fn prepare(
         &mut self,
@@ -84,17 +84,17 @@ impl Company {
                 self.blueprints.push(Blueprint::of(&behaviour));
             }
             let (by, stop) = (self.number(), Stop::new(None));
-            let keeper = self.keeper(by, &stop, behaviour);
-            match keeper.prepare().await {
-                Err(ending) if !keeper.is_watched() => {
-                    let name = keeper.name().to_owned();
+            let restart_loop = self.restart_loop(by, &stop, behaviour);
+            match restart_loop.prepare().await {
+                Err(ending) if !restart_loop.is_watched() => {
+                    let name = restart_loop.name().to_owned();
                     report(&name, &ending);
-                    keeper.tell_ended(&ending, Duration::ZERO);
+                    restart_loop.tell_ended(&ending, Duration::ZERO);
                     return Err((name, ending));
                 }
                 first => {
-                    self.board(by, keeper.name().to_owned(), stop);
-                    prepared.push((keeper, first));
+                    self.board(by, restart_loop.name().to_owned(), stop);
+                    prepared.push((restart_loop, first));
                 }
             }
         }
@@ -103,13 +103,13 @@ impl Company {
 
     /// Lets those that are prepared begin.
     pub(super) fn begin(&mut self, prepared: Vec<Kept>) {
-        for (keeper, first) in prepared {
-            self.run(keeper, first);
+        for (restart_loop, first) in prepared {
+            self.run(restart_loop, first);
         }
         self.publish();
     }
 
-    /// Nobody runs or is about to.
+    /// No behaviour runs or is about to.
     pub(super) fn is_empty(&self) -> bool {
         self.aboard.is_empty()
     }
@@ -120,7 +120,9 @@ impl Company {
         while let Some(order) = self.orders.recv().await {
             let offline = self.status.borrow().link != LinkState::Up;
             match order {
-                Order::Start(name, reply) | Order::Restart(name, reply) if offline => {
+                RosterCommand::Start(name, reply) | RosterCommand::Restart(name, reply)
+                    if offline =>
+                {
                     let refusal = match self.blueprint(&name) {
                         Some(_) => RosterError::Offline,
                         None => self.unknown(&name),
@@ -179,13 +181,13 @@ impl Company {
         self.running.shutdown().await;
     }
 
-    fn obey(&mut self, order: Order) {
+    fn obey(&mut self, order: RosterCommand) {
         match order {
-            Order::Start(name, reply) => match self.find(&name) {
+            RosterCommand::Start(name, reply) => match self.find(&name) {
                 Some(_) => refuse(reply, RosterError::RunsAlready(name)),
                 None => self.start(&name, reply),
             },
-            Order::Stop(name, reason, reply) => match self.find(&name) {
+            RosterCommand::Stop(name, reason, reply) => match self.find(&name) {
                 Some(one) => {
                     tell(&one.stop, reason);
                     if let Some(again) = one.again.take() {
@@ -201,7 +203,7 @@ impl Company {
                     refuse(reply, why);
                 }
             },
-            Order::Restart(name, reply) => match self.find(&name) {
+            RosterCommand::Restart(name, reply) => match self.find(&name) {
                 Some(one) => {
                     tell(&one.stop, EndReason::Reload);
                     if let Some(earlier) = one.again.replace(reply) {
@@ -210,7 +212,7 @@ impl Company {
                 }
                 None => self.start(&name, reply),
             },
-            Order::Define(blueprints, reply) => {
+            RosterCommand::Define(blueprints, reply) => {
                 self.blueprints = blueprints;
                 let _ = reply.send(Ok(()));
             }
@@ -237,17 +239,17 @@ impl Company {
         }
     }
 
-    fn loaded(&mut self, by: BehaviourId, loaded: Result<(Keeper, Prepared), RosterError>) {
+    fn loaded(&mut self, by: BehaviourId, loaded: Result<(RestartLoop, Prepared), RosterError>) {
         let Some(at) = self.aboard.iter().position(|one| one.by == by) else {
             return;
         };
         let stopped = *self.aboard[at].stop.borrow();
         match (loaded, stopped) {
-            (Ok((keeper, host)), None) => {
+            (Ok((restart_loop, host)), None) => {
                 for reply in self.aboard[at].started.drain(..) {
                     let _ = reply.send(Ok(()));
                 }
-                self.run(keeper, Ok(host));
+                self.run(restart_loop, Ok(host));
             }
             (loaded, _) => {
                 let one = self.aboard.remove(at);
@@ -278,13 +280,13 @@ impl Company {
         self.publish();
     }
 
-    fn run(&mut self, keeper: Keeper, first: Result<Prepared, Ending>) {
-        let by = keeper.by();
+    fn run(&mut self, restart_loop: RestartLoop, first: Result<Prepared, Ending>) {
+        let by = restart_loop.by();
         if let Some(one) = self.aboard.iter_mut().find(|one| one.by == by) {
             one.since = Some(Instant::now());
         }
         self.running.spawn(async move {
-            let (name, ending) = keeper.keep(first).await;
+            let (name, ending) = restart_loop.keep(first).await;
             (by, name, ending)
         });
     }
@@ -317,7 +319,7 @@ impl Company {
         self.aboard.push(Aboard::new(by, name, stop));
     }
 
-    /// A number that nobody has who is aboard.
+    /// An id that no running behaviour has.
     fn number(&mut self) -> BehaviourId {
         loop {
             self.last = (self.last + 1) % NUMBERS;
@@ -328,8 +330,8 @@ impl Company {
         }
     }
 
-    fn keeper(&self, by: BehaviourId, stop: &Stop, behaviour: Behaviour) -> Keeper {
-        Keeper::new(self.around(stop), by, Role::Behaviour, behaviour)
+    fn restart_loop(&self, by: BehaviourId, stop: &Stop, behaviour: Behaviour) -> RestartLoop {
+        RestartLoop::new(self.around(stop), by, Role::Behaviour, behaviour)
     }
 
     fn around(&self, stop: &Stop) -> Surroundings {

@@ -109,7 +109,7 @@ impl Surroundings {
     }
 }
 
-/// Whether it is a file, or nobody tells this process, which may have fewer rights than its user.
+/// Whether it is a file, as far as this process may know: it may have fewer rights than its user.
 fn may_be_file(path: &Path) -> bool {
     match path.metadata() {
         Ok(metadata) => metadata.is_file(),

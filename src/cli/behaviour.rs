@@ -93,7 +93,7 @@ impl BehaviourArgs {
 /// Asks the run.
 ///
 /// # Errors
-/// No run is on, several are and nobody said which, or it refuses.
+/// No run is on, several are and none was named, or it refuses.
 pub(super) fn run(args: &BehaviourArgs) -> Result<Exit, Failure> {
     match &args.command {
         BehaviourCommand::List(args) => list(args),

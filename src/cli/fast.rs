@@ -14,7 +14,7 @@ use tokio::sync::{oneshot, watch};
 use tokio::time::{MissedTickBehavior, interval, sleep};
 
 use super::interrupt::EndingSignals;
-use super::run::STATUS_PERIOD;
+use super::startup::STATUS_PERIOD;
 use super::status::StatusLine;
 use super::trace::TraceFile;
 use super::waiting::Tries;

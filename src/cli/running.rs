@@ -17,7 +17,7 @@ pub(super) const AT_ONCE: Duration = Duration::from_secs(5);
 /// the only run. With --sim a robot of its own is meant.
 ///
 /// # Errors
-/// A config that cannot be used; several runs, and nobody said which.
+/// A config that cannot be used; several runs, and none was named.
 pub(super) fn run_on(
     settings: &SettingsArgs,
     connection: &ConnectionArgs,

@@ -43,7 +43,7 @@ fn line(row: &[String], columns: &[(usize, Side)]) -> String {
     format!("{}\n", cells.join("  ").trim_end())
 }
 
-/// Quoted where need be, and never read as a formula: the text may be anybody's.
+/// Quoted where need be, and never read as a formula: the text is untrusted.
 pub(super) fn csv_cell(text: &str) -> String {
     let mut text = clean::text(text, false).replace(['\n', '\r', '\t'], " ");
     if text.starts_with(['=', '+', '-', '@']) {

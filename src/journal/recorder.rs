@@ -15,6 +15,7 @@ use super::options::{About, Options};
 use super::pending::Pending;
 use super::wall::wall;
 use crate::budget::Repeats;
+use crate::clock::until;
 use crate::robot::{Bus, Heard, Listener};
 
 /// How often the journal is looked over for what is too old.
@@ -101,8 +102,8 @@ impl Recorder {
             tokio::select! {
                 biased;
                 () = stop.cancelled() => break,
-                () = at(due) => self.write(),
-                () = at(samples) => self.sample(),
+                () = until(due) => self.write(),
+                () = until(samples) => self.sample(),
                 () = sleep_until(forgets), if self.ledger.is_some() => {
                     self.forget();
                     forgets = Instant::now() + FORGET_EVERY;
@@ -213,12 +214,5 @@ impl Recorder {
         if let Some(Err(error)) = self.ledger.as_ref().map(Ledger::end) {
             debug!("the journal's session has no end: {error}");
         }
-    }
-}
-
-async fn at(moment: Option<Instant>) {
-    match moment {
-        Some(moment) => sleep_until(moment).await,
-        None => std::future::pending().await,
     }
 }

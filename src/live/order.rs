@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 
 use crate::control::{self, Answer, Errand, Run};
 use crate::robot::{DockEnd, DockPlan, Percent};
-use crate::sim::{Fault, FaultsError, Handle, Point, Pose};
+use crate::sim::{DocumentError, Fault, Handle, Point, Pose};
 use crate::wire;
 
 /// How long an undocking may take.
@@ -265,10 +265,7 @@ fn within(is: bool, what: &str) -> Result<(), String> {
 /// As in the YAML of `spykee sim --faults`, which is JSON too.
 fn begin(fault: Map<String, Value>, sim: &Handle) -> Result<(), String> {
     let list = json!({ "faults": [fault] }).to_string();
-    let faults = Fault::list_from_yaml(&list, "fault").map_err(|error| match error {
-        FaultsError::Invalid { message, .. } => message,
-        other => other.to_string(),
-    })?;
+    let faults = Fault::list_from_yaml(&list, "fault").map_err(DocumentError::into_message)?;
     faults.into_iter().for_each(|fault| sim.begin(fault));
     Ok(())
 }

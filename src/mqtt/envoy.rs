@@ -17,6 +17,7 @@ use super::presence::Presence;
 use super::report::Report;
 use super::topics::Topics;
 use crate::agent::Member;
+use crate::clock::until;
 use crate::control::Run;
 use crate::link::{self, Backoff};
 use crate::robot::{Heard, Listener, Occurrence, RobotInfo};
@@ -115,7 +116,7 @@ impl Envoy {
                 heard = self.listener.next() => Turn::Heard(heard),
                 Ok(()) = status.changed() => Turn::Changed,
                 Ok(()) = members.changed() => Turn::Changed,
-                () = at(self.due) => Turn::Tell,
+                () = until(self.due) => Turn::Tell,
             };
             match turn {
                 Turn::Stop | Turn::Heard(Heard::Closed) => break,
@@ -367,12 +368,5 @@ async fn turn(side: &mut Side) -> Turn {
             Turn::Dial
         }
         Side::Nameless => std::future::pending().await,
-    }
-}
-
-async fn at(time: Option<Instant>) {
-    match time {
-        Some(time) => sleep_until(time).await,
-        None => std::future::pending().await,
     }
 }

@@ -149,7 +149,7 @@ struct Module {
     source: String,
 }
 
-/// Somebody in the first wants the second.
+/// The first module requires the second.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Want {
     from: ModuleId,

@@ -266,8 +266,9 @@ impl Session {
         }
         // An answer to the frame before that comes late is none to this one.
         self.listen(Instant::now() + DRAIN, |_, _| false);
-        self.stream.write_all(last).unwrap();
+        // Not after the write: who reads may run before whoever has written.
         let shown = Instant::now();
+        self.stream.write_all(last).unwrap();
         let changed = |command: &wire::Command, told: (i8, i8)| matches!(command, wire::Command::Move { left, right } if (*left, *right) != told);
         self.listen(due, changed).then(|| shown.elapsed())
     }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use spykee::link;
 use spykee::pilot::{Dial, Ending, Pilot, Settings};
-use spykee::robot::channel::{Inbox, MAX_REQUESTS, Request, Told, events};
+use spykee::robot::channel::{EventReceiver, MAX_REQUESTS, PilotMessage, Request, events};
 use spykee::robot::{BehaviourId, Event, Intent, MotionEnd, MotionId, Percent, Priority, Setpoint};
 use spykee::safety::Limits;
 use spykee::wire::{Command, Led, Login, Stream};
@@ -19,7 +19,7 @@ const WHO: BehaviourId = BehaviourId(0);
 /// A pilot at work and one behaviour aboard that is played by the test.
 struct Cockpit {
     requests: mpsc::Sender<Request>,
-    inbox: Inbox,
+    inbox: EventReceiver,
     ending: Ending,
     flight: JoinHandle<()>,
 }
@@ -96,8 +96,8 @@ impl Cockpit {
         let told = async {
             loop {
                 match self.inbox.next().await {
-                    Told::Event(event) if wanted(&event) => return event,
-                    Told::Event(_) => {}
+                    PilotMessage::Event(event) if wanted(&event) => return event,
+                    PilotMessage::Event(_) => {}
                     other => panic!("{other:?}"),
                 }
             }
@@ -146,7 +146,7 @@ async fn a_behaviour_that_shows_no_life_is_stopped_and_ended() {
     cockpit.drive(50.0, None).await;
     let moving = rig.heard_motion(0).await;
     let held = rig.heard_stop(moving).await;
-    let killed = async { while !matches!(cockpit.inbox.next().await, Told::Kill(_)) {} };
+    let killed = async { while !matches!(cockpit.inbox.next().await, PilotMessage::Kill(_)) {} };
     timeout(PATIENCE, killed).await.expect("killed");
     let index = rig.heard_stop(held + 1).await + 1;
     cockpit.drive(50.0, None).await;

@@ -19,9 +19,10 @@ use clap::Subcommand;
 
 use super::driver::Means;
 use super::embedded::EmbeddedSim;
-use super::run::{dial, place, reach, rescue};
+use super::reach::{dial, place, reach};
 use super::running::run_on;
 use super::settings::SettingsArgs;
+use super::startup::rescue;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::config::Config;
 use crate::control::Client;
@@ -30,7 +31,7 @@ use crate::wire::{self, Login};
 
 /// Ask the robot for one thing: battery, docking, lights, a picture, its settings
 ///
-/// Low battery, the station and a dead link are watched over as in a run. The robot serves one user at
+/// The watchdog looks after a low battery, the station and a dead link as in a run. The robot serves one user at
 /// a time. If that is a `spykee run` of the same data folder, battery, info, snapshot, dock, undock,
 /// stop, led, play, volume and say go through it; without --robot the only run that is on is meant. End
 /// other programs first.

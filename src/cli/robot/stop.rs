@@ -27,11 +27,11 @@ const PAUSE: Duration = Duration::from_millis(200);
 /// sends it home.
 ///
 /// A `spykee run` that has the robot is told to stop it at once, whatever drives, and to end. While any
-/// other program is connected the robot lets nobody else in: that program must stop it.
+/// other program is connected the robot refuses further logins: that program must stop it.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot stop --robot 172.17.6.1")]
 pub(super) struct StopArgs {
-    /// Try for so long
+    /// Give up after this time
     #[arg(long, value_name = "SECONDS", default_value_t = 10,
           value_parser = clap::value_parser!(u64).range(1..=600))]
     timeout: u64,

@@ -6,7 +6,7 @@ use crate::agent::Agent;
 use crate::cli::embedded;
 use crate::cli::fast::EventFile;
 use crate::cli::interrupt::EndingSignals;
-use crate::cli::{Console, Exit, Failure, Place};
+use crate::cli::{Console, Exit, Failure, RobotChoice};
 use crate::clock::{Clock, Zone};
 use crate::config::Config;
 use crate::lab::{self, Lab};
@@ -21,12 +21,12 @@ use crate::wire::Login;
 /// A real robot, a world that cannot be used, no thread.
 pub(super) fn serve(
     args: &ServeArgs,
-    place: Place,
+    place: RobotChoice,
     login: Login,
     (config, order): (&Config, Order),
     (seed, console): (u64, &Console),
 ) -> Result<Exit, Failure> {
-    let Place::Sim(world) = place else {
+    let RobotChoice::Sim(world) = place else {
         let why = "--fast goes with --sim only: a real robot's time cannot be hurried";
         return Err(Failure::usage(why).help("spykee serve --sim --fast --for 86400"));
     };

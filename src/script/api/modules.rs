@@ -145,7 +145,7 @@ fn want(call: &mut Call<'_>, from: ModuleId, to: ModuleId, task: TaskId) -> Resu
     wanted.map_err(|words| call.args.misuse(&words))
 }
 
-/// A module that nobody has asked for before.
+/// A module that is required for the first time.
 fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
     let added = match target {
         Target::Library(name, source) => {
@@ -177,7 +177,7 @@ fn go_on(call: &mut Call<'_>, id: ModuleId, task: TaskId) -> Answered {
             "'{key}' is still being loaded by this very task; its file must not wait in coroutine.yield"
         ))),
         Progress::Running(by, function) if call.state.tasks.get(by).is_none() => {
-            // Whoever ran it was ended in the middle.
+            // The task that ran it was ended in the middle.
             run(call, id, key, task, function)
         }
         Progress::Asked | Progress::Running(..) => {

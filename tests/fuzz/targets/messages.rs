@@ -8,6 +8,7 @@ use libfuzzer_sys::fuzz_target;
 use spykee::behaviour::{FromHost, ToHost};
 use spykee::robot::{BehaviourId, Intent, Priority};
 use spykee::safety::{Act, Ask, Fact, Limits, Watchdog};
+use spykee::script::Output;
 use spykee::wire::{Command, EngineNews, Power};
 use tokio::time::Instant;
 
@@ -21,7 +22,7 @@ fuzz_target!(|bytes: &[u8]| {
     let mut rig = Rig::new();
     let mut rest = bytes;
     while let Ok((message, tail)) = postcard::take_from_bytes::<FromHost>(rest) {
-        if let FromHost::Intent(intent) = message {
+        if let FromHost::Output(Output::Intent(intent)) = message {
             rig.ask(intent);
         }
         // A host's messages have lengths in front; here a byte between two says what else happens.
