@@ -200,7 +200,7 @@ async fn pictures_that_tell_nothing_are_refused_with_what_to_do() {
 
 /// A picture of the station by the simulated camera, so far from its lens.
 fn of_the_station(distance: f64) -> Vec<u8> {
-    let yaml = "room: { width: 6, depth: 4 }\nstation: { at: [0, 2], heading_degrees: 0 }\nstart: { at: [3, 2] }\n";
+    let yaml = "room: { width: 6, depth: 4 }\nstation: { at: [0, 2], heading_degrees: 0 }\nstart: { at: [3, 2], heading_degrees: 180 }\n";
     let world = World::from_yaml(yaml, "test").unwrap();
     let mut robot = Robot::new(world, Firmware::default(), 1);
     robot.begin_session();
@@ -230,7 +230,7 @@ async fn pictures_of_the_station_from_known_distances_tell_the_field_of_view() {
         std::fs::write(rig.folder().join(name), of_the_station(distance)).unwrap();
     }
     let calibrate =
-        |rest: &[&str]| rig.spykee(&[&["calibrate", "camera"], &names[..], rest].concat());
+        |rest: &[&str]| rig.spykee(&[&["calibrate", "camera"][..], &names[..], rest].concat());
     let mut run = calibrate(&["--station", "1,1.5,2", "--json"]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let text = run.text();

@@ -8,7 +8,8 @@ use crate::clean;
 use crate::cli::picture;
 use crate::cli::{Exit, Failure, print};
 use crate::vision::{
-    Blob, BlobOptions, Camera, Colour, DistanceError, Eyes, Measure, Size, field_of_view,
+    Blob, BlobOptions, Camera, Colour, DistanceError, Eyes, FrameError, Measure, Size,
+    field_of_view,
 };
 
 /// The station: a dark box with a white plate, metres.
@@ -81,7 +82,7 @@ pub(super) fn run(images: &[PathBuf], distances: &[f64], as_json: bool) -> Resul
 /// The picture's size, and the largest thing in it that looks like the station from its front.
 fn look(eyes: &mut Eyes, key: u64, path: &Path) -> Result<(Size, Option<Blob>), Failure> {
     let jpeg = picture::read(path)?;
-    let unusable = |error| picture::unusable(path, &error);
+    let unusable = |error: FrameError| picture::unusable(path, &error);
     let size = eyes.look(key, &jpeg).map_err(unusable)?.size();
     let dark = Colour::lab([0.0, 34.0], [-14.0, 14.0], [-18.0, 14.0]).map_err(Failure::usage)?;
     let options = BlobOptions {
