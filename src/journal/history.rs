@@ -8,7 +8,8 @@ use rusqlite::{Connection, OpenFlags, params_from_iter};
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
 
-use super::ledger::{FILE, JournalError, folder};
+use super::error::JournalError;
+use super::ledger::{FILE, folder};
 use super::schema;
 
 /// So long a reader waits for a writer.
@@ -169,9 +170,9 @@ impl History {
             false => format!("WHERE {}", conditions.join(" AND ")),
         };
         let limit = span.newest.map_or(-1, i64::from);
-        let select = format!(
-            "SELECT {columns} FROM {table} {condition} ORDER BY at DESC, rowid DESC LIMIT {limit}"
-        );
+        // As they happened, whatever the clock showed: it may have been set back in between.
+        let select =
+            format!("SELECT {columns} FROM {table} {condition} ORDER BY rowid DESC LIMIT {limit}");
         let mut statement = self.0.prepare(&select)?;
         let rows = statement.query_map(params_from_iter(values), |row| {
             Ok(Record {

@@ -19,7 +19,7 @@ use super::scribe::Scribe;
 use super::topics::Topics;
 use crate::agent::Member;
 use crate::clock::until;
-use crate::control::Run;
+use crate::control::{Next, Run};
 use crate::link::{self, Backoff};
 use crate::robot::{Heard, Listener, Occurrence, RobotInfo};
 
@@ -112,6 +112,7 @@ impl Envoy {
     pub(super) async fn live(mut self, stop: &CancellationToken) {
         let mut status = self.run.status.clone();
         let mut members = self.run.roster.members();
+        let mut view = self.run.view.clone();
         loop {
             let turn = tokio::select! {
                 biased;
@@ -121,6 +122,7 @@ impl Envoy {
                 heard = self.listener.next() => Turn::Heard(heard),
                 Ok(()) = status.changed() => Turn::Changed,
                 Ok(()) = members.changed() => Turn::Changed,
+                Ok(()) = view.changed() => Turn::Changed,
                 () = until(self.due) => Turn::Tell,
             };
             match turn {
@@ -236,7 +238,10 @@ impl Envoy {
             line.keep(&topics.discovery(), entities.to_string().into_bytes())?;
             told.discovery = Some(entities);
         }
-        let state = self.report.state(&self.run.status.borrow(), &members);
+        let next = Next::of(&self.run.view.borrow());
+        let state = self
+            .report
+            .state(&self.run.status.borrow(), &members, next.as_ref());
         if told.state.as_ref() != Some(&state) {
             line.keep(&topics.state(), state.to_string().into_bytes())?;
             told.state = Some(state);

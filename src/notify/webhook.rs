@@ -9,7 +9,7 @@ use ureq::http::{HeaderName, HeaderValue, Request};
 use super::delivery::Delivery;
 use super::notice::Notice;
 use super::options::{PictureWay, Target};
-use super::template::{Place, fill, fill_json};
+use super::template::{Slot, fill, fill_json};
 
 /// So often a webhook may send us elsewhere.
 const REDIRECTS: u32 = 3;
@@ -48,14 +48,14 @@ pub fn request(
     picture: Option<&[u8]>,
 ) -> Result<Request<Vec<u8>>, String> {
     let content = content(target, token, notice, picture);
-    let url = fill(url, notice, token, Place::Url);
+    let url = fill(url, notice, token, Slot::Url);
     let request = Request::builder().method(target.method.as_str()).uri(url);
     let mut request = request
         .header("content-type", content.kind.as_ref())
         .body(content.bytes)
         .map_err(|_| "its url is none".to_owned())?;
     for (name, value) in &target.headers {
-        let value = fill(value, notice, token, Place::Header);
+        let value = fill(value, notice, token, Slot::Header);
         let field = HeaderName::from_bytes(name.as_bytes());
         let (Ok(field), Ok(value)) = (field, HeaderValue::from_str(&value)) else {
             return Err(format!("its header field `{name}` is none"));
@@ -71,7 +71,7 @@ fn content(target: &Target, token: &str, notice: &Notice, picture: Option<&[u8]>
         .as_ref()
         .map(|json| fill_json(json, notice, token));
     let body = target.body.as_deref().unwrap_or("{text}");
-    let text = || fill(body, notice, token, Place::Plain);
+    let text = || fill(body, notice, token, Slot::Plain);
     match (picture, target.picture, json) {
         (Some(picture), PictureWay::Body, _) => Content {
             kind: "image/jpeg".into(),

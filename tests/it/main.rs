@@ -30,15 +30,18 @@ mod lens;
 mod lessons;
 mod link;
 mod live;
+mod month;
 mod mqtt;
 mod new;
 mod notify;
+mod outages;
 mod pilot;
 #[path = "../fuzz/poster.rs"]
 mod poster;
 mod posters;
 mod priorities;
 mod protocol;
+mod remote;
 mod repl;
 mod rescue;
 mod rig;
