@@ -93,7 +93,7 @@ pub struct Config {
     pub logging: Logging,
     /// What is remembered of what happens.
     pub journal: journal::Options,
-    /// Who is told of what happens, by webhooks and commands.
+    /// Who is told of what happens, by webhooks, topics and commands.
     pub notify: notify::Options,
     /// The broker of MQTT by which others see the robot and ask for it.
     pub mqtt: Mqtt,
@@ -297,6 +297,12 @@ impl Config {
         config.watchdog.check().map_err(invalid)?;
         config.notify.check().map_err(invalid)?;
         config.mqtt.check().map_err(invalid)?;
+        if let (Some(target), None) = (config.notify.needs_broker(), &config.mqtt.host) {
+            return Err(invalid(format!(
+                "notify.targets.{target}: its topic is one of the broker that `mqtt: {{ host: ... }}` \
+                 names, and none is named"
+            )));
+        }
         Ok(config)
     }
 }
@@ -391,6 +397,14 @@ mod tests {
         let good = "limits: { memory_bytes: 16777216 }\ncamera: { hfov: 1 }\n";
         let config = Config::parse(good, "spykee.yaml").unwrap();
         assert_eq!(config.limits.memory_bytes, 16 << 20);
+    }
+
+    #[test]
+    fn a_topic_without_a_broker_is_refused() {
+        let target = "notify: { targets: { house: { topic: a } } }\n";
+        assert!(error(target).contains("notify.targets.house"));
+        let named = format!("{target}mqtt: {{ host: broker.local }}\n");
+        Config::parse(&named, "spykee.yaml").unwrap();
     }
 
     #[test]

@@ -257,6 +257,8 @@ async def check(spykee, folder, ended):
 def main():
     spykee = str(Path(sys.argv[1]).resolve())
     logging.basicConfig(level=logging.ERROR)
+    # Pictures are shown as they come: nothing is scaled here.
+    logging.getLogger("homeassistant.components.camera.img_util").setLevel(logging.CRITICAL)
     with tempfile.TemporaryDirectory() as name, contextlib.ExitStack() as ended:
         folder = Path(name)
         for made in ("ha", "ha2"):

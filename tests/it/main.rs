@@ -30,6 +30,7 @@ mod lens;
 mod lessons;
 mod link;
 mod live;
+mod metrics;
 mod mqtt;
 mod new;
 mod notify;
