@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::waiting::Tries;
+use crate::agent::Tries;
 use crate::pilot::{LinkState, Status};
 use crate::robot::Battery;
 use crate::safety::WatchdogState;
@@ -16,7 +16,7 @@ const RATE_PERIOD: Duration = Duration::from_secs(1);
 /// In a file, how often the state is told even if nothing has changed.
 const PLAIN_PERIOD: Duration = Duration::from_secs(60);
 
-/// The state of a robot that nobody uses.
+/// The state of an unused robot.
 const RELEASED: &str = "let go of, free for others";
 
 /// Remembers what was shown.

@@ -28,7 +28,11 @@ pub(super) fn send(
     }
 }
 
-fn request(
+/// What a webhook is asked with, all names in braces filled in.
+///
+/// # Errors
+/// In words, without the address and the token.
+pub fn request(
     target: &Target,
     url: &str,
     token: &str,
@@ -39,7 +43,7 @@ fn request(
     let url = fill(url, notice, token, Place::Url);
     let request = Request::builder().method(target.method.as_str()).uri(url);
     let mut request = request
-        .header("content-type", content.kind)
+        .header("content-type", content.kind.as_ref())
         .body(content.bytes)
         .map_err(|_| "its url is none".to_owned())?;
     for (name, value) in &target.headers {

@@ -35,6 +35,10 @@ data: data
 behaviours: [{ file: patrol.lua }, { file: other.lua }]
 mqtt: { host: 127.0.0.1, port: %d, keep_alive: 2 }
 """
+SCHEDULE = """
+time_zone: UTC
+schedule: [{ run: patrol, at: "0 9 * * *", for: 30m }]
+"""
 IDLE = "while true do task.wait(1) end"
 # Each entity by its part of the unique id, its domain and the name that a person reads.
 ENTITIES = [
@@ -42,6 +46,7 @@ ENTITIES = [
     ("battery", "sensor", "{device} Battery"),
     ("charging", "binary_sensor", "{device} Charging"),
     ("problem", "binary_sensor", "{device} Problem"),
+    ("next", "sensor", "{device} Next start"),
     ("camera", "camera", "{device} Camera"),
     ("event", "event", "{device} Last event"),
     ("dock", "button", "{device} Dock"),
@@ -85,11 +90,11 @@ def broker(folder, port, ended):
     ended.callback(process.terminate)
 
 
-def run(spykee, folder, ended):
-    """`spykee run --sim`, as a person starts it."""
+def start(spykee, how, folder, ended):
+    """`spykee run --sim` or `spykee serve --sim`, as a person starts it."""
     with open(folder / "run.log", "ab") as log:
         process = subprocess.Popen(
-            [spykee, "run", "--config", "spykee.yaml", "--sim", "world.yaml"],
+            [spykee, how, "--config", f"{how}.yaml", "--sim", "world.yaml"],
             cwd=folder, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
         )
     ended.callback(process.wait)
@@ -219,24 +224,33 @@ async def nothing_old_sticks(robot, process, spykee, folder, ended):
     for key, domain, _ in ENTITIES:
         await robot.becomes(key, domain, const.STATE_UNAVAILABLE)
     say("killed: all entities are unavailable")
-    again = run(spykee, folder, ended)
+    again = start(spykee, "serve", folder, ended)
     await robot.becomes("robot", "vacuum", "cleaning")
     await robot.becomes("charging", "binary_sensor", "off")
     say("started again: the state is the new one")
+
+    def planned():
+        state = robot.state("next", "sensor")
+        return state if state and "T09:00:00" in state.state else None
+    planned = await until("the timetable's next start is shown", planned)
+    if planned.attributes.get("behaviour") != "patrol":
+        raise Failed(f"the next start is that of {planned.attributes}")
+    say(f"a service with a timetable: next start {planned.state}, patrol")
     return again
 
 
 async def check(spykee, folder, ended):
     port = free_port()
     broker(folder, port, ended)
-    (folder / "spykee.yaml").write_text(CONFIG % port)
+    (folder / "run.yaml").write_text(CONFIG % port)
+    (folder / "serve.yaml").write_text(CONFIG % port + SCHEDULE)
     (folder / "world.yaml").write_text(WORLD)
     for name in ("patrol.lua", "other.lua"):
         (folder / name).write_text(IDLE)
     say(f"Home Assistant {const.__version__}")
     hass = await home_assistant(folder / "ha", port)
     robot = Robot(hass)
-    process = run(spykee, folder, ended)
+    process = start(spykee, "run", folder, ended)
     try:
         await entities_appear(robot)
         await state_is_shown(robot)
