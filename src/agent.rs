@@ -10,6 +10,7 @@ mod restart_loop;
 mod roster;
 mod seat;
 mod talk;
+mod waiting;
 
 use std::time::Duration;
 
@@ -25,9 +26,10 @@ use self::restart_loop::Surroundings;
 pub use self::roster::{Blueprint, Member, MemberState, Roster, RosterError};
 pub use self::seat::{Docked, Seat, SeatError};
 pub use self::talk::{Talk, TalkError};
+pub use self::waiting::{Tries, until_answered};
 use crate::behaviour::{Launch, Launcher, Reload, RestartPolicy};
 use crate::link::LinkError;
-use crate::pilot::{Dial, Pulse, Settings, Status};
+use crate::pilot::{Dial, Pulse, Reactions, Settings, Status};
 use crate::robot::channel::Request;
 pub use crate::robot::{Bus, Happening, Heard, Listener, Occurrence};
 use crate::robot::{EndReason, Lookout, Pictures, Priority};
@@ -155,6 +157,11 @@ impl Agent {
     /// What the camera shows.
     pub fn pictures(&self) -> watch::Receiver<Pictures> {
         self.flight.frames()
+    }
+
+    /// How long it takes from a frame to a track command.
+    pub fn reactions(&self) -> Reactions {
+        self.flight.reactions()
     }
 
     /// Where behaviours are started and stopped while it runs.

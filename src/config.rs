@@ -6,6 +6,7 @@ mod effective;
 mod logging;
 mod mqtt;
 mod place;
+mod remote;
 mod schema;
 mod service;
 
@@ -19,6 +20,7 @@ pub use self::behaviours::{Entry, Start};
 pub use self::effective::{Effective, Named, Origin, Setting};
 pub use self::logging::{Format, Level, Logging, Time, When};
 pub use self::mqtt::{Mqtt, Tls};
+pub use self::remote::Remote;
 pub use self::schema::schema;
 pub use self::service::{Idle, Service};
 use crate::clock::{Span, Zone};
@@ -97,6 +99,8 @@ pub struct Config {
     pub notify: notify::Options,
     /// The broker of MQTT by which others see the robot and ask for it.
     pub mqtt: Mqtt,
+    /// A service on another computer that `spykee status`, `behaviour` and `robot` ask.
+    pub remote: Remote,
 }
 
 impl Default for Config {
@@ -125,6 +129,7 @@ impl Default for Config {
             notify: notify::Options::default(),
             live: http::Options::default(),
             mqtt: Mqtt::default(),
+            remote: Remote::default(),
         }
     }
 }
@@ -265,6 +270,7 @@ impl Config {
             .chain(rescue)
             .chain(tokens)
             .chain(&mut config.mqtt.password_file)
+            .chain(&mut config.remote.token_file)
             .chain(&mut config.mqtt.tls.ca_file)
             .chain(&mut config.data)
             .chain(&mut config.password_file)

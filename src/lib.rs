@@ -118,7 +118,7 @@
 //! | 6 | `agent` | wiring and lifetimes |
 //! | 6 | `config` | the YAML file, composed of each module's own options |
 //! | 7 | `lab` | a whole run in virtual time: agent, hosts and simulator on one thread |
-//! | 7 | `control` | the socket by which a run that is on can be asked |
+//! | 7 | `control` | how a run that is on is asked: by its socket, or elsewhere by its API |
 //! | 8 | `live` | the page in the browser, the JSON API, health and metrics |
 //! | 8 | `service` | an agent that stays for good: timetable, idle robot, the system's manager |
 //! | 8 | `mqtt` | the broker by which others see the robot, ask for it, and find a fleet |

@@ -20,6 +20,7 @@ mod line;
 mod lost;
 mod parting;
 mod pulse;
+mod reaction;
 mod seats;
 mod serving;
 mod shown;
@@ -53,6 +54,8 @@ pub use self::line::Dial;
 use self::line::Line;
 use self::lost::{HearError, LinkLost};
 pub use self::pulse::Pulse;
+use self::reaction::Stopwatch;
+pub use self::reaction::{Reactions, Tally};
 use self::seats::Seats;
 pub use self::shown::Shown;
 use self::silence::{Silence, Verdict};
@@ -142,9 +145,16 @@ pub struct Pilot {
     pulse: Option<Pulse>,
     /// Where it says what has happened.
     bus: Bus,
+    /// From frames to what behaviours make of them.
+    stopwatch: Stopwatch,
 }
 
 impl Pilot {
+    /// How long it takes from a frame to a track command.
+    pub fn reactions(&self) -> Reactions {
+        self.stopwatch.reactions.clone()
+    }
+
     /// Without a link. Also returns what the camera shows and the newest status.
     pub fn new(settings: &Settings) -> (Pilot, watch::Receiver<Pictures>, watch::Receiver<Status>) {
         let (pictures, shown) = watch::channel(Pictures::default());
@@ -175,6 +185,7 @@ impl Pilot {
             failed: Repeats::new(FAILED_EVERY),
             pulse: None,
             bus: Bus::default(),
+            stopwatch: Stopwatch::default(),
         };
         (pilot, shown, newest_status)
     }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 use tokio::time::{Instant, timeout};
-use tracing::{error, warn};
+use tracing::{error, info, warn};
 
 use super::aboard::{Aboard, Stop, tell};
 use super::loading::load;
@@ -15,6 +15,7 @@ use super::restart_loop::{RestartLoop, Surroundings, report};
 use super::roster::{Blueprint, Member, MemberState, Reply, Roster, RosterCommand, RosterError};
 use super::{AgentError, Behaviour, SCRIPTS_END};
 use crate::behaviour::Prepared;
+use crate::clock::until;
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::Role;
 use crate::robot::{BehaviourId, EndReason, Occurrence, Priority};
@@ -93,7 +94,7 @@ impl Company {
                     return Err((name, ending));
                 }
                 first => {
-                    self.board(by, restart_loop.name().to_owned(), stop);
+                    self.board(by, restart_loop.name().to_owned(), stop, None);
                     prepared.push((restart_loop, first));
                 }
             }
@@ -120,7 +121,7 @@ impl Company {
         while let Some(order) = self.orders.recv().await {
             let offline = self.status.borrow().link != LinkState::Up;
             match order {
-                RosterCommand::Start(name, reply) | RosterCommand::Restart(name, reply)
+                RosterCommand::Start(name, _, reply) | RosterCommand::Restart(name, reply)
                     if offline =>
                 {
                     let refusal = match self.blueprint(&name) {
@@ -141,8 +142,10 @@ impl Company {
     /// # Errors
     /// A task of ours panicked.
     pub(super) async fn turn(&mut self) -> Result<(), AgentError> {
+        let next = self.aboard.iter().filter_map(Aboard::ends).min();
         tokio::select! {
             biased;
+            () = until(next) => self.end_over(Instant::now()),
             Some(ended) = self.running.join_next() => {
                 let (by, name, ending) = ended.map_err(|_| AgentError::Broken("a supervisor"))?;
                 self.over(by, name, ending);
@@ -183,9 +186,9 @@ impl Company {
 
     fn obey(&mut self, order: RosterCommand) {
         match order {
-            RosterCommand::Start(name, reply) => match self.find(&name) {
+            RosterCommand::Start(name, lasts, reply) => match self.find(&name) {
                 Some(_) => refuse(reply, RosterError::RunsAlready(name)),
-                None => self.start(&name, reply),
+                None => self.start(&name, lasts, reply),
             },
             RosterCommand::Stop(name, reason, reply) => match self.find(&name) {
                 Some(one) => {
@@ -210,7 +213,7 @@ impl Company {
                         refuse(earlier, RosterError::Busy);
                     }
                 }
-                None => self.start(&name, reply),
+                None => self.start(&name, None, reply),
             },
             RosterCommand::Define(blueprints, reply) => {
                 self.blueprints = blueprints;
@@ -221,7 +224,7 @@ impl Company {
     }
 
     /// Loads the script of a behaviour that does not run.
-    fn start(&mut self, name: &str, reply: Reply) {
+    fn start(&mut self, name: &str, lasts: Option<Duration>, reply: Reply) {
         let Some(blueprint) = self.blueprint(name).cloned() else {
             let unknown = self.unknown(name);
             return refuse(reply, unknown);
@@ -233,7 +236,7 @@ impl Company {
         let (around, status) = (self.around(&stop), self.status.clone());
         self.loading
             .spawn(async move { (by, load(around, by, blueprint, status).await) });
-        self.board(by, name.to_owned(), stop);
+        self.board(by, name.to_owned(), stop, lasts);
         if let Some(one) = self.aboard.last_mut() {
             one.started.push(reply);
         }
@@ -252,7 +255,7 @@ impl Company {
                 self.run(restart_loop, Ok(host));
             }
             (loaded, _) => {
-                let one = self.aboard.remove(at);
+                let mut one = self.aboard.remove(at);
                 let refusal = match loaded {
                     Err(why) => {
                         error!(behaviour = one.name, "cannot be started: {why}");
@@ -271,10 +274,10 @@ impl Company {
                     }
                     Ok(_) => RosterError::StoppedFirst(one.name.clone()),
                 };
-                for reply in one.started {
+                for reply in std::mem::take(&mut one.started) {
                     refuse(reply, refusal.clone());
                 }
-                self.close(one.name, one.ended, one.again);
+                self.close(one);
             }
         }
         self.publish();
@@ -295,18 +298,29 @@ impl Company {
         self.keep_ending(&name, ending);
         if let Some(at) = self.aboard.iter().position(|one| one.by == by) {
             let one = self.aboard.remove(at);
-            self.close(one.name, one.ended, one.again);
+            self.close(one);
         }
         self.publish();
     }
 
-    fn close(&mut self, name: String, ended: Vec<Reply>, again: Option<Reply>) {
-        for reply in ended {
+    fn close(&mut self, one: Aboard) {
+        for reply in one.ended {
             let _ = reply.send(Ok(()));
         }
-        if let Some(reply) = again {
-            self.start(&name, reply);
+        if let Some(reply) = one.again {
+            self.start(&one.name, one.lasts, reply);
         }
+    }
+
+    /// Ends those whose time is over.
+    fn end_over(&mut self, now: Instant) {
+        for one in &self.aboard {
+            if one.ends().is_some_and(|ends| ends <= now) {
+                info!(behaviour = one.name, "its time is over");
+                tell(&one.stop, EndReason::Cancelled);
+            }
+        }
+        self.publish();
     }
 
     /// Bounded by the number of names.
@@ -315,8 +329,8 @@ impl Company {
         self.endings.push((name.to_owned(), ending));
     }
 
-    fn board(&mut self, by: BehaviourId, name: String, stop: Stop) {
-        self.aboard.push(Aboard::new(by, name, stop));
+    fn board(&mut self, by: BehaviourId, name: String, stop: Stop, lasts: Option<Duration>) {
+        self.aboard.push(Aboard::new(by, name, stop, lasts));
     }
 
     /// An id that no running behaviour has.

@@ -15,7 +15,7 @@ use super::rescue;
 use super::restart_loop::Surroundings;
 use crate::behaviour::{Launch, Launcher};
 use crate::link::LinkError;
-use crate::pilot::{self, Delivery, Dial, LinkState, Pilot, Pulse, Settings, Status};
+use crate::pilot::{self, Delivery, Dial, LinkState, Pilot, Pulse, Reactions, Settings, Status};
 use crate::robot::channel::{MAX_REQUESTS, Request};
 use crate::robot::{Bus, Lookout, Pictures};
 
@@ -79,6 +79,11 @@ impl Preflight {
     /// The newest status of robot and watchdog.
     pub fn status(&self) -> watch::Receiver<Status> {
         self.status.clone()
+    }
+
+    /// How long it takes from a frame to a track command.
+    pub fn reactions(&self) -> Reactions {
+        self.pilot.reactions()
     }
 
     /// For so long a host that does not drive may show no life.

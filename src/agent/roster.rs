@@ -168,8 +168,8 @@ pub(super) type Reply = oneshot::Sender<Result<(), RosterError>>;
 
 /// What is asked of the company.
 pub(super) enum RosterCommand {
-    /// Start the behaviour.
-    Start(String, Reply),
+    /// Start the behaviour, and end it after so long if it still runs then.
+    Start(String, Option<Duration>, Reply),
     /// End it, for this reason.
     Stop(String, EndReason, Reply),
     /// End it if it runs, and start it.
@@ -207,7 +207,17 @@ impl Roster {
     /// # Errors
     /// See [`RosterError`].
     pub async fn start(&self, name: &str) -> Result<(), RosterError> {
-        self.order(|reply| RosterCommand::Start(name.to_owned(), reply))
+        self.order(|reply| RosterCommand::Start(name.to_owned(), None, reply))
+            .await
+    }
+
+    /// Starts a behaviour, and ends it after it has run for so long, unless it has ended by itself. A
+    /// restart begins the time anew.
+    ///
+    /// # Errors
+    /// See [`RosterError`].
+    pub async fn start_for(&self, name: &str, lasts: Duration) -> Result<(), RosterError> {
+        self.order(|reply| RosterCommand::Start(name.to_owned(), Some(lasts), reply))
             .await
     }
 
@@ -269,7 +279,7 @@ impl Roster {
 impl fmt::Debug for RosterCommand {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            RosterCommand::Start(name, _) => write!(f, "Start({name})"),
+            RosterCommand::Start(name, lasts, _) => write!(f, "Start({name}, {lasts:?})"),
             RosterCommand::Stop(name, reason, _) => write!(f, "Stop({name}, {reason})"),
             RosterCommand::Restart(name, _) => write!(f, "Restart({name})"),
             RosterCommand::Define(blueprints, _) => write!(f, "Define({blueprints:?})"),

@@ -6,7 +6,7 @@ use std::convert::Infallible;
 use std::fmt;
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -17,9 +17,10 @@ use super::interrupt::EndingSignals;
 use super::startup::STATUS_PERIOD;
 use super::status::StatusLine;
 use super::trace::TraceFile;
-use super::waiting::Tries;
 use super::{Console, Exit, Failure};
-use crate::agent::{AgentError, Behaviour, Outcome};
+use crate::agent::{AgentError, Behaviour, Bus, Outcome, Tries};
+use crate::config::Config;
+use crate::journal::{self, LabJournal};
 use crate::lab::{self, Lab, Recorder};
 use crate::pilot::Status;
 use crate::script;
@@ -38,6 +39,35 @@ pub(super) struct Fast {
     pub(super) limit: Option<Duration>,
     /// Where the way of the robot is drawn at the end.
     pub(super) trace: Option<TraceFile>,
+    /// Where it is remembered.
+    pub(super) journal: Option<Keeping>,
+}
+
+/// A journal in virtual time, and where it is. One is kept if the config says so in so many words: what
+/// is only tried does not belong among what has happened.
+pub(super) struct Keeping {
+    data: PathBuf,
+    options: journal::Options,
+}
+
+impl Keeping {
+    /// What this config says.
+    pub(super) fn of(config: &Config) -> Option<Keeping> {
+        let wanted = config.journal.record == journal::When::On;
+        wanted.then(|| Keeping {
+            data: config.data_folder().to_owned(),
+            options: config.journal,
+        })
+    }
+
+    /// Begins it, within the laboratory.
+    pub(super) fn start(self, bus: &Bus) -> LabJournal {
+        let about = journal::About {
+            target: "a simulated robot".to_owned(),
+            simulated: true,
+        };
+        LabJournal::start(bus, &self.data, self.options, about)
+    }
 }
 
 /// What can be seen of a laboratory from outside.
@@ -121,10 +151,15 @@ impl Fast {
     /// On a thread without any runtime.
     fn live(self, opened: oneshot::Sender<View>) -> std::io::Result<Run> {
         let (behaviours, limit, trace) = (self.behaviours, self.limit, self.trace);
+        let (journal, bus) = (self.journal, self.options.bus.clone());
         lab::run(self.world, self.options, async |lab: &Lab| {
+            let journal = journal.map(|journal| journal.start(&bus));
             let run = lab.start(behaviours, limit);
             let _ = opened.send((run.status(), lab.sim().clone()));
             let outcome = run.outcome().await;
+            if let Some(journal) = journal {
+                journal.finish().await;
+            }
             if let Some(Err(failure)) = trace.map(|trace| trace.write(lab.sim())) {
                 tracing::error!("{}", failure.report());
             }

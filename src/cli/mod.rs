@@ -36,6 +36,7 @@ mod params;
 mod picture;
 mod privileges;
 mod reach;
+mod remote;
 mod repl;
 mod robot;
 mod run;
@@ -56,7 +57,6 @@ mod terminal;
 mod test;
 mod token;
 mod trace;
-mod waiting;
 mod world;
 mod world_name;
 

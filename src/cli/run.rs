@@ -12,7 +12,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::cast::{Cast, Casting};
 use super::embedded::{EmbeddedSim, Simulated};
-use super::fast::{EventFile, Fast};
+use super::fast::{EventFile, Fast, Keeping};
 use super::firmware::FirmwareArgs;
 use super::interrupt::obey;
 use super::live::Ahead;
@@ -23,9 +23,8 @@ use super::settings::SettingsArgs;
 use super::startup::{JOURNAL_END, driving_core, journal, pulse, rescue, serve, show};
 use super::status::StatusLine;
 use super::trace::TraceFile;
-use super::waiting::{Tries, until_answered};
 use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, check, notify};
-use crate::agent::{Agent, Behaviour, Bus, Plan};
+use crate::agent::{Agent, Behaviour, Bus, Plan, Tries, until_answered};
 use crate::behaviour::{Launcher, RestartPolicy};
 use crate::clock::{Clock, Date, Zone};
 use crate::config::{Config, Entry};
@@ -34,6 +33,7 @@ use crate::journal;
 use crate::lab;
 use crate::mqtt::Account;
 use crate::sim;
+use crate::timetable::View;
 use crate::wire::Login;
 
 /// The longest `--for`: a year.
@@ -196,7 +196,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let names = names(&behaviours);
     let (link, tries) = (config.link.clone(), Tries::default());
     let dial = if args.wait {
-        until_answered(target, login, link, seed, tries.clone())
+        until_answered(dial(target, login, link.clone()), link, seed, tries.clone())
     } else {
         dial(target, login, link)
     };
@@ -222,7 +222,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     };
     let account = broker::of_run(args.settings.load()?)?;
     let journal = match config.journal.record {
-        journal::When::On => journal(&config, &bus, &about),
+        journal::When::On => journal(&config, &bus, &about, clock(&args, &config)),
         _ => None,
     };
     let voice = notify::start(args.settings.load()?, &bus)?;
@@ -301,6 +301,7 @@ fn fast(
         options,
         limit: args.limit,
         trace,
+        journal: Keeping::of(config),
     };
     let outcome = fast.run(names, console)?;
     events.map_or(Ok(()), EventFile::finish)?;
@@ -324,11 +325,14 @@ async fn drive(
         roster: agent.roster(),
         status: status.clone(),
         pictures: agent.pictures(),
+        reactions: agent.reactions(),
         stop: stop.clone(),
         streams,
         target,
         simulated,
         began: Instant::now(),
+        // A single run has no timetable.
+        view: View::channel().1,
     };
     let page = page.map(|(page, sim)| page.serve(run.clone(), sim, console));
     // Ends with the run.
@@ -356,13 +360,6 @@ fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
         let failure = Failure::usage("what to run? no behaviour was named");
         return Err(failure.help("spykee run behaviours/patrol.lua --sim"));
     }
-    // A fast run is the same on every computer.
-    let fast = config.time_zone.clone().unwrap_or_else(Zone::utc);
-    let zone = if args.fast { fast } else { config.zone() };
-    let clock = match args.date {
-        Some(date) if !args.fast => Clock::set_to(date.at(&zone)),
-        _ => Clock::default(),
-    };
     Casting {
         config,
         file: args.settings.file(),
@@ -372,8 +369,22 @@ fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
         checked: !args.no_check,
         watch: args.watch,
         seed,
-        clock,
-        zone,
+        clock: clock(args, config),
+        zone: zone(args, config),
     }
     .cast(&entries)
+}
+
+/// A fast run is the same on every computer.
+fn zone(args: &RunArgs, config: &Config) -> Zone {
+    let fast = || config.time_zone.clone().unwrap_or_else(Zone::utc);
+    if args.fast { fast() } else { config.zone() }
+}
+
+/// The time of day that scripts are told, and that the journal has.
+fn clock(args: &RunArgs, config: &Config) -> Clock {
+    match args.date {
+        Some(date) if !args.fast => Clock::set_to(date.at(&zone(args, config))),
+        _ => Clock::default(),
+    }
 }

@@ -17,14 +17,13 @@ use super::embedded::{EmbeddedSim, Simulated};
 use super::interrupt::{listen, obey_as_service};
 use super::live::Ahead;
 use super::privileges::leave_root;
-use super::reach::{place, reach_with};
+use super::reach::{dial, place, reach_with};
 use super::run::parse_seconds;
 use super::settings::SettingsArgs;
 use super::startup::{self, driving_core, pulse, rescue, show};
 use super::status::StatusLine;
-use super::waiting::{Tries, until_answered};
 use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, notify};
-use crate::agent::{Agent, AgentError, Bus, Outcome, Plan};
+use crate::agent::{Agent, AgentError, Bus, Outcome, Plan, Tries, until_answered};
 use crate::behaviour::Launcher;
 use crate::clock::{Clock, Date, Zone};
 use crate::config::Config;
@@ -63,7 +62,8 @@ pub(super) struct ServeArgs {
     seed: Option<u64>,
 
     /// With --sim: in virtual time, as fast as it goes, for as long as --for says. The same seed gives the
-    /// same days; nothing is kept of what the timetable has under way
+    /// same days; nothing is kept of what the timetable has under way, and a journal only with `journal:
+    /// { record: on }`
     #[arg(long, requires = "limit")]
     fast: bool,
 
@@ -136,8 +136,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         stays: true,
         settings: config.pilot(simulated, seed),
         dial: until_answered(
-            target.clone(),
-            login,
+            dial(target.clone(), login, config.link.clone()),
             config.link.clone(),
             seed,
             tries.clone(),
@@ -151,7 +150,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     };
     let journal = match config.journal.record {
         When::Off => None,
-        _ => startup::journal(&config, &bus, &(target.to_string(), simulated)),
+        _ => startup::journal(&config, &bus, &(target.to_string(), simulated), clock),
     };
     let account = broker::of_run(args.settings.load()?)?;
     let (scripts, shown) = watch::channel(order.scripts.clone());
@@ -217,16 +216,19 @@ async fn serve(
     let (agent, status) = Agent::new(plan);
     let hangup = listen(libc::SIGHUP)?;
     obey_as_service(&core, agent.requests(), stop.clone())?;
+    let (view, seen) = View::channel();
     let asked = control::Run {
         requests: agent.requests(),
         roster: agent.roster(),
         status: status.clone(),
         pictures: agent.pictures(),
+        reactions: agent.reactions(),
         stop: stop.clone(),
         streams: settings.streams,
         target: means.target.to_string(),
         simulated: settings.simulated,
         began: Instant::now(),
+        view: seen,
     };
     let (reload, reloads) = mpsc::channel(1);
     let page = page.map(|(page, sim)| page.serve(asked.clone(), sim, console));
@@ -241,7 +243,7 @@ async fn serve(
         record: means.record,
         herald: herald.clone(),
         bus,
-        view: View::channel().0,
+        view,
         reloads,
     };
     let showing = async {

@@ -12,6 +12,7 @@ use super::status::StatusLine;
 use super::{Console, Failure};
 use crate::agent::{self, Bus, RESCUE_NAME};
 use crate::behaviour::Launch;
+use crate::clock::Clock;
 use crate::config::Config;
 use crate::control::{self, Desk};
 use crate::guardian::Guardian;
@@ -28,12 +29,13 @@ pub(super) fn journal(
     config: &Config,
     bus: &Bus,
     (target, simulated): &(String, bool),
+    clock: Clock,
 ) -> Option<Journal> {
     let about = journal::About {
         target: target.clone(),
         simulated: *simulated,
     };
-    let started = Journal::start(bus, config.data_folder(), config.journal, about);
+    let started = Journal::start(bus, config.data_folder(), config.journal, about, clock);
     started.map_err(|error| tracing::warn!("{error}")).ok()
 }
 

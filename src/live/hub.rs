@@ -101,13 +101,14 @@ impl Hub {
         most_viewers: u16,
     ) -> Arc<Hub> {
         let empty = || watch::Sender::new(Utf8Bytes::default());
+        let metrics = Metrics::new(run.reactions.clone());
         Arc::new(Hub {
             run,
             sim,
             scripts,
             camera: Camera::new(),
             book: Book::new(),
-            metrics: Metrics::new(),
+            metrics,
             found: broadcast::Sender::new(FOUND),
             state: empty(),
             map: empty(),

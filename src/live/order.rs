@@ -14,12 +14,12 @@ use crate::sim::{DocumentError, Fault, Handle, Point, Pose};
 use crate::wire;
 
 /// How long an undocking may take.
-const UNDOCK: Duration = Duration::from_secs(15);
+pub(super) const UNDOCK: Duration = Duration::from_secs(15);
 /// Places are no farther away than this, metres.
 const FAR: f64 = 1000.0;
 
 /// One thing to do.
-#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum Order {
     /// Drive to the station.
@@ -94,7 +94,7 @@ pub(super) enum Light {
 }
 
 /// A change of the simulated world, with the words of scenarios (`sim:place` and so on).
-#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "sim", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum Change {
     /// Carry the robot somewhere.
@@ -156,13 +156,19 @@ pub(super) type Done = (bool, String);
 
 /// Does it. Dropping the wait gives it up.
 pub(super) async fn perform(order: Order, run: &Run, sim: Option<&Handle>) -> Done {
-    let errand = match order {
-        Order::Sim { change } => {
-            return match sim {
-                Some(sim) => told(alter(change, sim)),
-                None => (false, "this robot is no simulated one".to_owned()),
-            };
-        }
+    match errand(order) {
+        Ok(errand) => in_words(run.perform(errand).await),
+        Err(order) => match (*order, sim) {
+            (Order::Sim { change }, Some(sim)) => told(alter(change, sim)),
+            (Order::Play { sound }, _) => (false, format!("there is no sound `{}`", short(&sound))),
+            _ => (false, "this robot is no simulated one".to_owned()),
+        },
+    }
+}
+
+/// What the run's desk can do for it; what that cannot is given back.
+pub(super) fn errand(order: Order) -> Result<Errand, Box<Order>> {
+    Ok(match order {
         Order::Dock => Errand::Dock(DockPlan::DEFAULT),
         Order::Undock => Errand::Undock(UNDOCK),
         Order::Led { light, on } => Errand::Led {
@@ -175,12 +181,12 @@ pub(super) async fn perform(order: Order, run: &Run, sim: Option<&Handle>) -> Do
             change: change.into(),
         },
         Order::Volume { percent } => Errand::Volume(percent),
-        Order::Play { sound } => match wire::Sound::from_name(&sound) {
+        Order::Play { ref sound } => match wire::Sound::from_name(sound) {
             Some(sound) => Errand::Play(sound),
-            None => return (false, format!("there is no sound `{}`", short(&sound))),
+            None => return Err(Box::new(order)),
         },
-    };
-    in_words(run.perform(errand).await)
+        other @ Order::Sim { .. } => return Err(Box::new(other)),
+    })
 }
 
 impl From<Light> for wire::Led {
@@ -193,7 +199,7 @@ impl From<Light> for wire::Led {
     }
 }
 
-fn in_words(answer: Answer) -> Done {
+pub(super) fn in_words(answer: Answer) -> Done {
     match answer {
         Answer::Done | Answer::Overview(_) | Answer::Picture(_) | Answer::Behaviours(_) => {
             (true, String::new())
@@ -206,7 +212,7 @@ fn in_words(answer: Answer) -> Done {
     }
 }
 
-fn good(end: DockEnd) -> bool {
+pub(super) fn good(end: DockEnd) -> bool {
     matches!(
         end,
         DockEnd::Done | DockEnd::AlreadyDocked | DockEnd::NotDocked

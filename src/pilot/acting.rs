@@ -66,6 +66,8 @@ impl Pilot {
         writer.queue(commands, Instant::now())?;
         // Before the robot hears them: the guardian may have to say them in our place.
         tell_guardian(&mut self.pulse, writer);
-        Ok(writer.write_ready()?)
+        writer.write_ready()?;
+        self.stopwatch.wrote(commands, Instant::now());
+        Ok(())
     }
 }

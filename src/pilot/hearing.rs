@@ -149,6 +149,7 @@ impl Pilot {
         });
         match validate_markers(&jpeg) {
             Ok(_) => {
+                self.stopwatch.frame(at);
                 let newest = Some(Frame { seq, at, jpeg });
                 let coming = None;
                 self.pictures.send_replace(Pictures { newest, coming });

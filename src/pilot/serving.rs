@@ -85,7 +85,10 @@ impl Pilot {
                     setpoint,
                     duration,
                 };
-                self.ask(by, priority, ask)
+                self.stopwatch.serving(true);
+                let asked = self.ask(by, priority, ask);
+                self.stopwatch.serving(false);
+                asked
             }
             Intent::Release { motion } => {
                 let ask = Ask::Release(motion);

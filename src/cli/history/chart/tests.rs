@@ -60,6 +60,7 @@ fn nothing_and_very_much_can_be_drawn_too() {
         behaviour: format!("behaviour-with-a-long-name-{number}\u{1b}[2J"),
         began: Some(record(number * 60, json!({})).at),
         ended: None,
+        seconds: None,
         reason: "error".to_owned(),
         message: String::new(),
     };
@@ -90,6 +91,7 @@ fn example() -> Story {
                     behaviour: behaviour.to_owned(),
                     began,
                     ended: Some(at(until)),
+                    seconds: None,
                     reason: reason.to_owned(),
                     message: String::new(),
                 });
