@@ -28,6 +28,6 @@ mod wheel;
 mod world;
 
 pub use log::{LogTap, tap};
-pub use messages::schema;
+pub use messages::{schema, understood};
 pub use scripts::Script;
 pub use server::{Live, LiveError, Shown};

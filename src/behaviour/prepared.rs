@@ -8,7 +8,6 @@ use tokio::runtime::Handle as Runtime;
 use tokio::sync::mpsc;
 use tokio::task::AbortHandle;
 use tokio::time::timeout;
-use tracing::debug;
 
 use super::library::Library;
 use super::log_limiter::LogLimiter;
@@ -136,20 +135,8 @@ fn connect(
     core: &Runtime,
 ) -> (Receiver<FromHost>, mpsc::Sender<ToHost>, AbortHandle) {
     let (to_host, waiting) = mpsc::channel(MAX_WAITING);
-    let pump = core
-        .spawn(pump(waiting, Sender::new(writer)))
-        .abort_handle();
+    let pump = core.spawn(Sender::new(writer).pump(waiting)).abort_handle();
     (Receiver::new(reader), to_host, pump)
-}
-
-/// Writes to the host at its own pace, so that one that does not read blocks no other task.
-async fn pump(mut waiting: mpsc::Receiver<ToHost>, mut sender: Sender<ToHost>) {
-    while let Some(message) = waiting.recv().await {
-        if let Err(error) = sender.send(&message).await {
-            debug!("a host does not listen any more: {error}");
-            return;
-        }
-    }
 }
 
 /// Reads modules for a host, one after the other, on a thread that may wait for a disk; or `here`,

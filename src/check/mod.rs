@@ -98,7 +98,7 @@ impl Surroundings {
     fn missing_module(&self, path: &str) -> Option<String> {
         let beside = path.starts_with("./") || path.starts_with("../");
         if !beside {
-            return resolve("", path).err();
+            return resolve("", path).err().map(|why| why.to_string());
         }
         let folder = self.file.as_ref()?.parent()?;
         let path = path.trim_end_matches(".luau").trim_end_matches(".lua");

@@ -26,6 +26,9 @@ pub enum JournalError {
     /// It is of another version.
     #[error("{0}")]
     Version(String),
+    /// It is another program's, or somebody has put something into it.
+    #[error("{0}")]
+    Foreign(String),
     /// The disk is nearly full.
     #[error("the disk has less than {FREE} bytes left")]
     Disk,
@@ -39,6 +42,7 @@ impl From<SchemaError> for JournalError {
         match error {
             SchemaError::Sql(error) => error.into(),
             newer @ SchemaError::Newer { .. } => JournalError::Version(newer.to_string()),
+            foreign @ SchemaError::Foreign => JournalError::Foreign(foreign.to_string()),
         }
     }
 }
@@ -46,14 +50,14 @@ impl From<SchemaError> for JournalError {
 impl JournalError {
     /// The file is no journal any more.
     pub(super) fn is_damage(&self) -> bool {
-        let JournalError::Sql(error) = self else {
-            return false;
-        };
-        let code = error.sqlite_error_code();
-        matches!(
-            code,
-            Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase)
-        )
+        match self {
+            JournalError::Foreign(_) => true,
+            JournalError::Sql(error) => matches!(
+                error.sqlite_error_code(),
+                Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase)
+            ),
+            _ => false,
+        }
     }
 
     /// The file has reached its size.

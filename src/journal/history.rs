@@ -9,7 +9,7 @@ use serde::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
 
 use super::error::JournalError;
-use super::ledger::journal_file;
+use super::ledger::{FILE, folder};
 use super::schema;
 
 /// So long a reader waits for a writer.
@@ -92,11 +92,18 @@ impl History {
     /// # Errors
     /// It cannot be read, or a newer program has written it.
     pub fn open(data: &Path) -> Result<Option<History>, JournalError> {
-        let path = journal_file(data);
-        if !path.is_file() {
+        // SQLite follows no link to the file; its folder is resolved first.
+        let Ok(folder) = folder(data).canonicalize() else {
+            return Ok(None);
+        };
+        let path = folder.join(FILE);
+        let kind = path.symlink_metadata().map(|found| found.file_type());
+        if !kind.is_ok_and(|kind| kind.is_file()) {
             return Ok(None);
         }
-        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE
+            | OpenFlags::SQLITE_OPEN_NO_MUTEX
+            | OpenFlags::SQLITE_OPEN_NOFOLLOW;
         let connection = Connection::open_with_flags(path, flags)?;
         connection.busy_timeout(BUSY)?;
         connection.pragma_update(None, "query_only", true)?;
@@ -105,6 +112,7 @@ impl History {
             let newer = schema::SchemaError::Newer { found };
             return Err(newer.into());
         }
+        schema::judge(&connection, found)?;
         // Made, and not written yet.
         Ok((found > 0).then_some(History(connection)))
     }

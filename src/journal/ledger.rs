@@ -17,7 +17,7 @@ use crate::files::Folder;
 /// The journal's folder within the data folder. No behaviour has a folder of this name.
 const FOLDER: &str = ".journal";
 /// Its file.
-const FILE: &str = "journal.db";
+pub(super) const FILE: &str = "journal.db";
 /// So long a write waits for another process that writes.
 const BUSY: Duration = Duration::from_secs(5);
 /// After so many pages the log of writes goes into the file.

@@ -54,7 +54,7 @@ impl EncodeMetric for FrameToMove {
 pub(super) struct Metrics {
     registry: Registry,
     percent: Gauge<f64, AtomicU64>,
-    minutes: Gauge<f64, AtomicU64>,
+    left: Gauge<f64, AtomicU64>,
     charging: Gauge,
     low: Gauge,
     docked: Gauge,
@@ -76,7 +76,7 @@ impl Metrics {
         let mut registry = Registry::with_prefix("spykee");
         let metrics = Metrics {
             percent: Gauge::default(),
-            minutes: Gauge::default(),
+            left: Gauge::default(),
             charging: Gauge::default(),
             low: Gauge::default(),
             docked: Gauge::default(),
@@ -99,10 +99,11 @@ impl Metrics {
             "Level of the battery; NaN: unknown",
             one.percent.clone(),
         );
-        registry.register(
-            "battery_minutes_left",
+        registry.register_with_unit(
+            "battery_left",
             "Until it is empty; NaN: unknown",
-            one.minutes.clone(),
+            Unit::Seconds,
+            one.left.clone(),
         );
         registry.register(
             "battery_charging",
@@ -189,7 +190,8 @@ impl Metrics {
         self.percent
             .set(battery.map_or(f64::NAN, |battery| f64::from(battery.percent.get())));
         let minutes = battery.and_then(|battery| battery.minutes_left);
-        self.minutes.set(minutes.map_or(f64::NAN, f64::from));
+        let seconds = minutes.map_or(f64::NAN, |minutes| 60.0 * f64::from(minutes));
+        self.left.set(seconds);
         self.charging
             .set(battery.is_some_and(|battery| battery.charging).into());
         self.low.set(status.low.into());

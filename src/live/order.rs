@@ -19,7 +19,7 @@ pub(super) const UNDOCK: Duration = Duration::from_secs(15);
 const FAR: f64 = 1000.0;
 
 /// One thing to do.
-#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum Order {
     /// Drive to the station.
@@ -94,7 +94,7 @@ pub(super) enum Light {
 }
 
 /// A change of the simulated world, with the words of scenarios (`sim:place` and so on).
-#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "sim", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum Change {
     /// Carry the robot somewhere.

@@ -12,9 +12,10 @@ use tracing::{debug, info, warn};
 use super::discovery::{EVENTS, discovery};
 use super::errands::{Errands, Over};
 use super::line::{Account, Full, Line, Message, Will, Word};
-use super::order::{Answer, Order};
+use super::order::{Answer, Order, OrderError};
 use super::presence::Presence;
 use super::report::Report;
+use super::scribe::Scribe;
 use super::topics::Topics;
 use crate::agent::Member;
 use crate::clock::until;
@@ -28,6 +29,8 @@ const GATHER: Duration = Duration::from_millis(100);
 const GOODBYE: Duration = Duration::from_secs(1);
 /// How long orders may take that are under way at the end.
 const ANSWERS: Duration = Duration::from_millis(500);
+/// The longest name of a behaviour that can be chosen, in bytes.
+const LONGEST_CHOICE: usize = 256;
 /// A connection that lived so long was a good one: the next pause is short.
 const GOOD: Duration = Duration::from_secs(60);
 
@@ -50,6 +53,7 @@ pub(super) struct Envoy {
     dropped: u64,
     /// What the last break was, so that it is logged once.
     complained: bool,
+    scribe: Scribe,
 }
 
 /// How it is with the line.
@@ -85,6 +89,10 @@ enum Turn {
 impl Envoy {
     pub(super) fn new(account: Account, run: Run, listener: Listener) -> Envoy {
         let topics = topics(&account, "");
+        let pauses = link::Options {
+            longest_pause: account.options.longest_pause.get(),
+            ..link::Options::default()
+        };
         Envoy {
             account,
             errands: Errands::new(run.clone()),
@@ -96,10 +104,11 @@ impl Envoy {
             side: Side::Nameless,
             due: None,
             told: Told::default(),
-            backoff: Backoff::new(&link::Options::default()),
+            backoff: Backoff::new(&pauses),
             rng: StdRng::seed_from_u64(rand::random()),
             dropped: 0,
             complained: false,
+            scribe: Scribe::new(),
         }
     }
 
@@ -281,26 +290,34 @@ impl Envoy {
             }
             return;
         }
-        if message.retained {
-            warn!(
-                "an order that the broker has kept is ignored, it may be old: {}",
-                message.topic
-            );
+        let read = if message.topic == self.topics.command() {
+            Order::parse(&message.payload)
+        } else if message.topic == self.topics.behaviour() {
+            choice(&message.payload).map(|order| (order, None))
+        } else {
+            // A broker may say anything; nobody has asked for this.
             return;
-        }
-        let read = match message.topic == self.topics.behaviour() {
-            true => Ok((choice(&message.payload), None)),
-            false => Order::parse(&message.payload),
         };
+        if message.retained {
+            let topic = &message.topic;
+            return self.scribe.warn(&format!(
+                "an order that the broker has kept is ignored, it may be old: {topic}"
+            ));
+        }
         let (order, id) = match read {
             Ok(read) => read,
-            Err(error) => return warn!("an order by the broker is not understood: {error}"),
+            Err(error) => {
+                let line = format!("an order by the broker is not understood: {error}");
+                return self.scribe.warn(&line);
+            }
         };
-        info!("a person asks by the broker: {order}");
+        self.scribe
+            .info(&format!("a person asks by the broker: {order}"));
         let members = self.members();
         if let Order::Choose(name) = &order {
             if !self.report.choose(name, &members) {
-                warn!("no behaviour is called `{name}`");
+                self.scribe
+                    .warn(&format!("no behaviour is called `{name}`"));
             }
             return self.touch();
         }
@@ -312,7 +329,8 @@ impl Envoy {
         let Answer { order, text, .. } = &answer;
         if !answer.done {
             let why = text.as_deref().unwrap_or_default();
-            warn!("the broker asked for {order}, which is not done: {why}");
+            let line = format!("the broker asked for {order}, which is not done: {why}");
+            self.scribe.warn(&line);
         }
         let Side::Up(line, _) = &self.side else {
             return;
@@ -359,9 +377,13 @@ fn topics(account: &Account, uid: &str) -> Topics {
     Topics::new(&options.prefix, &options.discovery_prefix, uid)
 }
 
-/// The name of a behaviour; one that is no text is nobody's.
-fn choice(payload: &[u8]) -> Order {
-    Order::Choose(String::from_utf8_lossy(payload).trim().to_owned())
+/// The name of a behaviour.
+fn choice(payload: &[u8]) -> Result<Order, OrderError> {
+    if payload.len() > LONGEST_CHOICE {
+        return Err(OrderError::TooLong);
+    }
+    let name = std::str::from_utf8(payload).map_err(|_| OrderError::NoText)?;
+    Ok(Order::Choose(name.trim().to_owned()))
 }
 
 /// What the line has to say, or the time to make one. Cancel-safe.

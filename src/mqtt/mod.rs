@@ -17,13 +17,16 @@ mod errands;
 mod fleet;
 mod line;
 mod order;
+mod post;
 mod presence;
 mod report;
+mod scribe;
 mod thread;
 mod topics;
 
 pub use fleet::{Fleet, FleetError, Found};
 pub use line::Account;
-pub use order::{Answer, Order};
+pub use order::{Answer, Order, OrderError};
+pub use post::{PostError, publish};
 pub use presence::Presence;
 pub use thread::{Mqtt, MqttError};

@@ -31,7 +31,10 @@ mod turn;
 mod vectors;
 
 pub use blobs::{Blob, BlobFinder, BlobOptions};
-pub use calibration::{Board, Calibrated, CalibrationError, Sighting, calibrate, find_chessboard};
+pub use calibration::{
+    Board, Calibrated, CalibrationError, DistanceError, Measure, Sighting, calibrate,
+    field_of_view, find_chessboard,
+};
 pub use camera::{Camera, Direction};
 pub use colour::learn::{LearnRefusal, Learned, learn};
 pub use colour::palette::{MAX_COLOURS, Palette};

@@ -81,6 +81,11 @@ impl Cockpit {
             .unwrap();
     }
 
+    /// Wants a stream on.
+    async fn want(&self, stream: Stream) {
+        self.ask(Intent::Stream { stream, on: true }).await;
+    }
+
     async fn drive(&self, percent: f64, duration: Option<Duration>) {
         let setpoint = Setpoint::from_percent(percent, percent).unwrap();
         self.ask(Intent::Move {
@@ -174,12 +179,7 @@ async fn commands_go_out_on_change_only() {
             })
             .await;
         cockpit.ask(Intent::Volume(Percent::new(30).unwrap())).await;
-        cockpit
-            .ask(Intent::Stream {
-                stream: Stream::AudioIn,
-                on: true,
-            })
-            .await;
+        cockpit.want(Stream::AudioIn).await;
     }
     cockpit
         .ask(Intent::Led {
@@ -219,12 +219,7 @@ async fn at_the_end_the_stop_is_written_and_streams_are_switched_off() {
     let rig = Rig::quiet().await;
     let mut cockpit = Cockpit::start(&rig).await;
     cockpit.connected().await;
-    cockpit
-        .ask(Intent::Stream {
-            stream: Stream::Video,
-            on: true,
-        })
-        .await;
+    cockpit.want(Stream::Video).await;
     cockpit.drive(50.0, Some(PATIENCE)).await;
     let moving = rig.heard_motion(0).await;
     cockpit.ending.parting.cancel();
@@ -259,12 +254,7 @@ async fn streams_are_switched_on_again_after_a_reconnect() {
     let rig = Rig::quiet().await;
     let mut cockpit = Cockpit::start(&rig).await;
     cockpit.connected().await;
-    cockpit
-        .ask(Intent::Stream {
-            stream: Stream::Video,
-            on: true,
-        })
-        .await;
+    cockpit.want(Stream::Video).await;
     let on = |command: &Command| {
         *command
             == Command::Stream {

@@ -1,6 +1,6 @@
 //! `@spykee/floor`: what of the floor is free.
 
-use super::shapes::module;
+use super::shapes::{module, open};
 use crate::api::frame::FRAME;
 use crate::api::make::{boolean, call, function, number, object, table, value};
 use crate::api::terms::{Namespace, Object, Type, Value};
@@ -17,6 +17,13 @@ pub(super) const FLOOR: Namespace = module(
             &[object("free", &FREE, "")],
             "What is free before the camera.",
             "local frame = robot.wait_frame(2)\nif frame then\n\tprint(floor.look(frame).ahead)\nend",
+        ),
+        call(
+            "floor.memory",
+            &[],
+            &[object("memory", &MEMORY, "")],
+            "Makes a memory of what stands near: a camera does not see what is beside the robot.",
+            "local near = floor.memory()\nlocal frame = robot.wait_frame(2)\nif frame then\n\tprint(near:look(frame).beside.left)\nend",
         ),
         call(
             "floor.nearest",
@@ -70,4 +77,52 @@ pub(super) const FREE: Object = table(
             "from -1, more room to the right, to 1, more to the left",
         ),
     ],
+);
+
+pub(super) const MEMORY: Object = open(
+    "Memory",
+    "What stands near the robot, for some seconds also where its camera does not look any more. Places are those of \
+     `robot.pose()`: let it forget when you call `robot.reset_pose()`.",
+    &[],
+    &[
+        call(
+            "memory:look",
+            &[PICTURE],
+            &[object("free", &FREE_AROUND, "")],
+            "What is free; look at each frame while the robot drives.",
+            "local memory = require(\"@spykee/floor\").memory()\nlocal frame = robot.wait_frame(2)\nif frame then\n\tprint(memory:look(frame).ahead)\nend",
+        ),
+        call(
+            "memory:forget",
+            &[],
+            &[],
+            "Forgets all: after somebody else has moved the robot.",
+            "local memory = require(\"@spykee/floor\").memory()\nmemory:forget()",
+        ),
+    ],
+);
+
+pub(super) const FREE_AROUND: Object = table(
+    "FreeAround",
+    "What `memory:look` sees and remembers.",
+    &[
+        number(
+            "ahead",
+            "as wide as the robot, up to what is seen or remembered",
+        )
+        .unit("m"),
+        number("left", "the least in that half of the picture").unit("m"),
+        number("right", "the least in that half of the picture").unit("m"),
+        number(
+            "turn",
+            "from -1, more room to the right, to 1, more to the left",
+        ),
+        object("beside", &BESIDE, "where the robot must not bend to"),
+    ],
+);
+
+pub(super) const BESIDE: Object = table(
+    "Beside",
+    "On which sides something is beside the robot.",
+    &[boolean("left", ""), boolean("right", "")],
 );

@@ -1,6 +1,6 @@
 //! What the rows of several modules are made with.
 
-use crate::api::make::{boolean, table};
+use crate::api::make::{boolean, strict};
 use crate::api::terms::{Availability, Function, Namespace, Object, Value};
 
 pub(super) const OK: &[Value] = &[boolean("ok", "whether it worked")];
@@ -29,7 +29,7 @@ pub(super) const fn open(
     methods: &'static [Function],
 ) -> Object {
     Object {
-        methods,
-        ..table(name, doc, fields)
+        strict: false,
+        ..strict(name, doc, fields, methods)
     }
 }

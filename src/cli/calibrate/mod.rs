@@ -1,11 +1,12 @@
 //! `spykee calibrate`: two timed moves and a turn tell how wide and how fast the robot is; pictures of a
-//! chessboard tell what the camera sees.
+//! chessboard, or of the station, tell what the camera sees.
 
 mod camera;
 mod edit;
 mod measure;
 mod person;
 mod simulated;
+mod station;
 
 use std::io::IsTerminal;
 use std::path::Path;
