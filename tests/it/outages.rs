@@ -7,7 +7,7 @@ use std::process::Command as Process;
 use rustix::process::Signal;
 use spykee::wire::{Command, Led};
 
-use crate::rig::{PATIENCE, Rig};
+use crate::rig::{PATIENCE, QUIET_WORLD, Rig};
 
 const BASE: &str = "link: { longest_pause: 0.3 }\ntime_zone: UTC\nservice: { user: root }\n";
 
@@ -194,7 +194,12 @@ async fn a_clock_that_is_set_back_by_a_day_is_said_and_the_timetable_goes_on_fro
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_robot_that_is_gone_is_dialled_until_it_is_back_and_the_history_has_the_gap() {
-    let rig = Rig::quiet().await;
+    let options = spykee::sim::Options {
+        faults: Some(Vec::new()),
+        ..spykee::sim::Options::default()
+    };
+    let world = spykee::sim::World::from_yaml(QUIET_WORLD, "test").unwrap();
+    let rig = Rig::with(world, options).await;
     rig.file("drive.lua", "while true do robot.move(30, 30, 0.5) end");
     rig.file(
         "spykee.yaml",
@@ -206,7 +211,7 @@ async fn a_robot_that_is_gone_is_dialled_until_it_is_back_and_the_history_has_th
     let gone = "faults: [{ fault: reboot, for: 8, state: lost }]";
     let faults = spykee::sim::Fault::list_from_yaml(gone, "gone").unwrap();
     faults.into_iter().for_each(|fault| rig.sim.begin(fault));
-    run.says("the link is lost").await;
+    run.says("connecting anew").await;
     let from = rig.sim.heard_count();
     let back = rig
         .heard(from, |command| matches!(command, Command::Login(_)))

@@ -3,7 +3,7 @@
 
 use rustix::process::Signal;
 use serde_json::Value;
-use spykee::wire::Command;
+use spykee::wire::{Command, Sound};
 
 use crate::rig::{PATIENCE, Rig, Run};
 
@@ -13,7 +13,7 @@ const CONFIG: &str = "link: { longest_pause: 0.3 }\ntime_zone: UTC\nservice: { u
 
 /// A service of this robot, and where it is.
 async fn serve(rig: &Rig) -> (Run, String) {
-    rig.file("asked.lua", "robot.volume(44) task.wait(600)");
+    rig.file("asked.lua", "robot.play('bomb') task.wait(600)");
     rig.file("broken.lua", "error('no')");
     rig.file("spykee.yaml", CONFIG);
     let args = [
@@ -126,7 +126,7 @@ async fn a_behaviour_that_was_started_for_a_time_ends_when_it_is_over() {
         let (code, text) = tool(place, &start).await;
         assert_eq!(code, Some(0), "{text}");
         assert!(text.contains("runs, for 0:00:01 at most"), "{text}");
-        rig.heard(from, |command| *command == Command::Volume(44))
+        rig.heard(from, |command| *command == Command::Play(Sound::Bomb))
             .await;
         let listed = ["behaviour", "list", "--json"];
         let over = async {
@@ -229,7 +229,8 @@ fn fetch(url: &str, path: &str) -> String {
 #[tokio::test(flavor = "multi_thread")]
 async fn the_time_from_a_frame_to_the_move_that_a_behaviour_makes_of_it_is_in_the_figures() {
     let rig = Rig::quiet().await;
-    let follows = "robot.on('frame', function() robot.move(20, 20) end) task.wait(600)";
+    let follows = "local power = 20
+        robot.on('frame', function() power = 50 - power robot.move(power, power) end) task.wait(600)";
     let (mut run, url) = serve(&rig).await;
     rig.file("asked.lua", follows);
     let (code, text) = tool(&rig, &["behaviour", "start", "asked"]).await;

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
+use spykee::agent::RESCUE_NAME;
 use spykee::journal::{History, Kinds, Record, Span};
 
 use super::Ledger;
@@ -146,7 +147,9 @@ impl Comparison<'_> {
             let kept = started || missed(name, moment, told);
             self.note(STARTS, kept, || format!("{name} of {moment:.0?}"));
         }
-        for run in runs.iter().filter(|run| run.began > since) {
+        // The rescue behaviour is the watchdog's, and has its own reasons.
+        let ours = |run: &&Run| run.began > since && run.behaviour != RESCUE_NAME;
+        for run in runs.iter().filter(ours) {
             let (began, name) = (run.began, &run.behaviour);
             let planned_for = planned
                 .iter()
