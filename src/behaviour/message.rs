@@ -7,7 +7,7 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
 use super::library::Library;
-use crate::robot::{EndReason, Event, Finding, Intent, Remark};
+use crate::robot::{EndReason, Event, Finding, Intent, Knob, ParamValue, Remark};
 use crate::script::{Ending, Evaluated, LogLine, ModuleFile, ModuleName, Options};
 
 /// A script and all it needs; no secrets.
@@ -54,6 +54,13 @@ pub enum ToHost {
         /// Whether further lines may follow.
         more: bool,
     },
+    /// A person gives a parameter another value.
+    Turn {
+        /// Which.
+        name: String,
+        /// This.
+        value: ParamValue,
+    },
     /// Bring to rest what typed lines have begun.
     Interrupt,
     /// In answer to [`FromHost::Module`]: its file, or why there is none.
@@ -85,6 +92,8 @@ pub enum FromHost {
         /// The things.
         list: Vec<Finding>,
     },
+    /// The script's parameters as they are now.
+    Params(Vec<Knob>),
     /// The script wrote a line.
     Log(LogLine),
     /// What the script has done or wants that is not the robot's.

@@ -8,7 +8,7 @@ use std::io;
 use std::time::Duration;
 
 use tokio::runtime::Handle as Runtime;
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{broadcast, mpsc, watch};
 use tokio::task::AbortHandle;
 use tokio::time::{Instant, sleep_until, timeout};
 use tokio_util::task::AbortOnDropHandle;
@@ -25,7 +25,7 @@ use super::quill::{Fate, Quill};
 use super::remarks::{self, Remarks};
 use crate::robot::channel::{Inbox, Request, Role, Told, events};
 use crate::robot::{
-    BehaviourId, Bus, Coming, EndReason, Findings, Lookout, Pictures, Priority, Remark,
+    BehaviourId, Bus, Coming, EndReason, Findings, Lookout, Pictures, Priority, Remark, Turned,
 };
 use crate::script::{Ending, Level, LogLine, ModuleName};
 
@@ -98,6 +98,8 @@ pub struct Supervisor {
     dialogue: Option<Dialogue>,
     silence: Option<Silence>,
     lookout: Lookout,
+    /// Parameters that people change.
+    turned: broadcast::Receiver<Turned>,
     bus: Bus,
 }
 
@@ -280,6 +282,7 @@ impl Supervisor {
             outbox,
         };
         let _ = requests.send(join).await;
+        let lookout = Lookout::default();
         Supervisor {
             host,
             requests,
@@ -292,7 +295,8 @@ impl Supervisor {
             dropped: 0,
             dialogue: None,
             silence: None,
-            lookout: Lookout::default(),
+            turned: lookout.console().turned(),
+            lookout,
             bus: Bus::default(),
         }
     }
@@ -306,7 +310,11 @@ impl Supervisor {
     /// What it finds in frames is told here.
     #[must_use]
     pub fn with_lookout(self, lookout: Lookout) -> Supervisor {
-        Supervisor { lookout, ..self }
+        Supervisor {
+            turned: lookout.console().turned(),
+            lookout,
+            ..self
+        }
     }
 
     /// Somebody types lines for the script and hears what it says.
@@ -357,6 +365,7 @@ impl Supervisor {
     ) -> (Supervisor, Option<Ending>) {
         let ending = self.serve(&mut stop).await;
         let _ = self.requests.send(Request::Gone(self.host.by)).await;
+        self.lookout.console().forget(&self.host.name);
         if self.dropped > 0 {
             warn!(behaviour = %self.host.name, dropped = self.dropped, "events did not reach it");
         }
@@ -391,6 +400,12 @@ impl Supervisor {
                     last_moment = Some((Instant::now() + STOP_TIME, reason));
                 }
                 Some(reason) = at(last_moment) => return Some(self.killed(reason)),
+                Ok(turned) = self.turned.recv() => {
+                    if turned.behaviour == self.host.name {
+                        let (name, value) = (turned.name, turned.value);
+                        self.pass_on(ToHost::Turn { name, value });
+                    }
+                }
                 order = dialogue::next(&mut self.dialogue) => {
                     if !self.pass_on(order.into()) {
                         return Some(self.deaf());
@@ -437,6 +452,9 @@ impl Supervisor {
                 });
             }
             FromHost::Remark(remark) => return self.remark(remark),
+            FromHost::Params(knobs) => {
+                return self.lookout.console().declare(&self.host.name, knobs);
+            }
             FromHost::Evaluated(evaluated) => {
                 if let Some(dialogue) = &self.dialogue {
                     dialogue.say(Said::Evaluated(evaluated));

@@ -3,25 +3,29 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::extract::{DefaultBodyLimit, Path, State, WebSocketUpgrade};
+use axum::extract::{DefaultBodyLimit, Path, Query, State, WebSocketUpgrade};
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
+use serde::Deserialize;
 
 use super::hub::Hub;
 use super::order::{Done, Order, perform};
+use super::past::{self, Past};
 use super::scripts::{self, Behaviour, Text};
-use super::shapes::{Become, Health, Lamp, Outcome, Tune, Volume};
+use super::shapes::{Become, Health, Lamp, Outcome, Tune, Tuned, Volume};
 use super::state::{self, Rate};
+use super::ticket::Ticket;
 use super::{messages, openapi, viewer};
 use crate::control::{Answer, Errand, MAX_SPEECH};
 use crate::http::{Driver, Refusal, Visitor};
 use crate::pilot::LinkState;
-use tokio::time::Instant;
 
 /// Bytes of what is asked for; speech is longer.
 const MAX_BODY: usize = 16 * 1024;
+/// The most days of the past in one answer.
+const MOST_DAYS: u8 = 31;
 /// How long a picture may take.
 const PICTURE: Duration = Duration::from_secs(5);
 
@@ -39,7 +43,11 @@ pub(super) fn routes(hub: Arc<Hub>) -> Router {
         .route("/api/status", get(status))
         .route("/api/behaviours", get(behaviours))
         .route("/api/behaviours/{name}", post(change))
+        .route("/api/behaviours/{name}/params", post(tune))
         .route("/api/behaviours/{name}/script", get(script))
+        .route("/api/behaviours/{name}/pictures/{file}", get(kept))
+        .route("/api/history", get(history))
+        .route("/api/schedule", get(schedule))
         .route("/api/picture", get(picture))
         .route("/api/stop", post(stop))
         .route("/api/let-go", post(let_go))
@@ -92,7 +100,7 @@ async fn live(
     upgrade: WebSocketUpgrade,
 ) -> Result<Response, Refusal> {
     let full = || Refusal::new(StatusCode::SERVICE_UNAVAILABLE, "too many look already");
-    let ticket = hub.admit(&visitor).ok_or_else(full)?;
+    let ticket = Ticket::admit(&hub, &visitor).ok_or_else(full)?;
     let upgrade = upgrade
         .max_message_size(viewer::MAX_MESSAGE)
         .max_frame_size(viewer::MAX_MESSAGE);
@@ -100,19 +108,19 @@ async fn live(
 }
 
 async fn status(State(hub): Shared, _: Visitor) -> Json<state::State> {
-    let (robot, mut rate) = (hub.robot(), Rate::new(Instant::now()));
+    let (robot, now) = (hub.robot(), hub.now());
+    let mut rate = Rate::new(now);
     Json(state::state(
         &hub.run,
         robot.as_ref(),
         hub.people(),
         &mut rate,
+        now,
     ))
 }
 
 async fn behaviours(State(hub): Shared, _: Visitor) -> Json<Vec<Behaviour>> {
-    let members = hub.run.roster.members();
-    let list = scripts::behaviours(&hub.scripts.borrow(), &members.borrow());
-    Json(list)
+    Json(hub.list())
 }
 
 async fn change(
@@ -124,13 +132,73 @@ async fn change(
     order(hub, who, Order::Behaviour { name, change }).await
 }
 
+async fn tune(
+    hub: Shared,
+    who: Driver,
+    Path(name): Path<String>,
+    Json(Tuned { param, value }): Json<Tuned>,
+) -> Reply<Outcome> {
+    order(hub, who, Order::Param { name, param, value }).await
+}
+
 async fn script(State(hub): Shared, _: Visitor, Path(name): Path<String>) -> Reply<Text> {
-    let found = scripts::find(&hub.scripts.borrow(), &name).cloned();
+    let found = scripts::find(&hub.known.borrow().scripts, &name).cloned();
     let unknown = || Refusal::new(StatusCode::NOT_FOUND, "no script of that name is known");
     let script = found.ok_or_else(unknown)?;
-    let read = tokio::task::spawn_blocking(move || scripts::text(&script)).await;
-    let broken = |_| Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, "it cannot be read");
-    read.map(Json).map_err(broken)
+    read(&hub, move |_| scripts::text(&script)).await.map(Json)
+}
+
+/// Waits for the disk on another thread.
+async fn read<T: Send + 'static>(
+    hub: &Hub,
+    work: impl FnOnce(&std::path::Path) -> T + Send + 'static,
+) -> Result<T, Refusal> {
+    let broken = || Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, "it cannot be read");
+    let _permit = hub.reading.acquire().await.map_err(|_| broken())?;
+    let data = hub.data.clone();
+    let read = tokio::task::spawn_blocking(move || work(&data)).await;
+    read.map_err(|_| broken())
+}
+
+/// Of how many days.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Days {
+    days: Option<u8>,
+}
+
+async fn history(State(hub): Shared, _: Visitor, Query(asked): Query<Days>) -> Reply<Past> {
+    let days = asked.days.unwrap_or(1).clamp(1, MOST_DAYS);
+    match read(&hub, move |data| past::past(data, days)).await? {
+        Ok(Some(past)) => Ok(Json(past)),
+        Ok(None) => Err(Refusal::new(StatusCode::NOT_FOUND, "there is no journal")),
+        Err(error) => {
+            tracing::warn!("the page cannot read the journal: {error}");
+            let words = "the journal cannot be read";
+            Err(Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, words))
+        }
+    }
+}
+
+async fn schedule(State(hub): Shared, _: Visitor) -> Reply<Vec<past::Start>> {
+    let known = hub.known.borrow();
+    let Some((table, clock)) = &known.timetable else {
+        return Err(Refusal::new(StatusCode::NOT_FOUND, "there is no timetable"));
+    };
+    let names: Vec<String> = known.scripts.iter().map(|one| one.name.clone()).collect();
+    Ok(Json(past::starts(table, &names, *clock)))
+}
+
+/// One that a behaviour has kept.
+async fn kept(
+    State(hub): Shared,
+    _: Visitor,
+    Path((behaviour, name)): Path<(String, String)>,
+) -> Result<Response, Refusal> {
+    let found = read(&hub, move |data| past::picture(data, &behaviour, &name)).await?;
+    let unknown = || Refusal::new(StatusCode::NOT_FOUND, "there is no such picture");
+    let jpeg = found.ok_or_else(unknown)?;
+    Ok(([(header::CONTENT_TYPE, "image/jpeg")], jpeg).into_response())
 }
 
 async fn picture(State(hub): Shared, _: Visitor) -> Result<Response, Refusal> {

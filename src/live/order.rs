@@ -8,7 +8,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
+use super::scripts::Plain;
+use super::world::Simulation;
 use crate::control::{self, Answer, Errand, Run};
+use crate::lab::{Factor, Tempo};
 use crate::robot::{DockEnd, DockPlan, Percent};
 use crate::sim::{Fault, FaultsError, Handle, Point, Pose};
 use crate::wire;
@@ -51,6 +54,15 @@ pub(super) enum Order {
         name: String,
         /// What is to become of it.
         change: Turn,
+    },
+    /// Change a parameter that a running behaviour has declared as live.
+    Param {
+        /// The behaviour.
+        name: String,
+        /// The parameter.
+        param: String,
+        /// Its new value.
+        value: Plain,
     },
     /// Change the simulated world.
     Sim {
@@ -149,19 +161,35 @@ pub(super) enum Change {
     },
     /// End all faults.
     ClearFaults,
+    /// Hold the simulation's own clock, or let it go on.
+    Pause {
+        /// Hold it.
+        paused: bool,
+    },
+    /// Let a paused clock go on for 0.1 s.
+    Step,
+    /// Let the clock go so many times as fast as the one on the wall.
+    Speed {
+        /// 1..=100.
+        factor: f64,
+    },
 }
 
 /// What became of it: done or not, and in words.
 pub(super) type Done = (bool, String);
 
 /// Does it. Dropping the wait gives it up.
-pub(super) async fn perform(order: Order, run: &Run, sim: Option<&Handle>) -> Done {
+pub(super) async fn perform(order: Order, run: &Run, sim: Option<&Simulation>) -> Done {
     let errand = match order {
         Order::Sim { change } => {
             return match sim {
                 Some(sim) => told(alter(change, sim)),
                 None => (false, "this robot is no simulated one".to_owned()),
             };
+        }
+        Order::Param { name, param, value } => {
+            let turned = run.roster.turn(&name, &param, value.into());
+            return told(turned.map_err(|error| error.to_string()));
         }
         Order::Dock => Errand::Dock(DockPlan::DEFAULT),
         Order::Undock => Errand::Undock(UNDOCK),
@@ -220,7 +248,8 @@ fn told(altered: Result<(), String>) -> Done {
     }
 }
 
-fn alter(change: Change, sim: &Handle) -> Result<(), String> {
+fn alter(change: Change, simulation: &Simulation) -> Result<(), String> {
+    let sim = &simulation.robot;
     match change {
         Change::Place { x, y, heading } => {
             let heading = heading.unwrap_or_else(|| sim.state().pose.heading);
@@ -253,8 +282,19 @@ fn alter(change: Change, sim: &Handle) -> Result<(), String> {
         Change::BreakCharger { broken } => sim.set_charging_broken(broken),
         Change::Fault { fault } => begin(fault, sim)?,
         Change::ClearFaults => sim.clear_faults(),
+        Change::Pause { paused } => tempo(simulation)?.pause(paused),
+        Change::Step => tempo(simulation)?.step(),
+        Change::Speed { factor } => {
+            let factor = Factor::new(factor).ok_or("the speed is out of range: 1 to 100")?;
+            tempo(simulation)?.hurry(factor);
+        }
     }
     Ok(())
+}
+
+fn tempo(simulation: &Simulation) -> Result<&Tempo, &'static str> {
+    let none = "this simulation goes by the clock on the wall; with --fast it has one of its own";
+    simulation.tempo.as_ref().ok_or(none)
 }
 
 fn within(is: bool, what: &str) -> Result<(), String> {

@@ -172,7 +172,10 @@ impl Book {
                         .fetch(&name);
                     script.deliver_module(&name, file, Instant::now());
                 }
-                Output::Intent(_) | Output::Evaluated(_) | Output::Remark(_) => {}
+                Output::Intent(_)
+                | Output::Evaluated(_)
+                | Output::Params(_)
+                | Output::Remark(_) => {}
             }
         }
     }

@@ -9,6 +9,7 @@ use tokio::time::Instant;
 use super::album::Album;
 use super::blockage::{Blockage, Going};
 use super::complaints::{Complaints, Telling};
+use super::declaration::Declaration;
 use super::events::{EventName, Loan, Payload, Subscriptions};
 use super::group::Group;
 use super::held::HeldFrame;
@@ -18,6 +19,7 @@ use super::motion::{Motion, Owner};
 use super::odometry::{Driver, Odometry, drive_of};
 use super::options::Options;
 use super::output::{Level, LogLine, Outbox};
+use super::params::ParamValue;
 use super::queue::Tasks;
 use super::shares::Shares;
 use super::sight::Sight;
@@ -107,6 +109,8 @@ pub struct Usage {
 pub(super) struct Declared {
     /// The names, once it was called.
     pub(super) names: Option<Vec<String>>,
+    /// All of them with their values.
+    pub(super) all: BTreeMap<String, (Declaration, ParamValue)>,
     /// What is wrong with the values that were given to it.
     pub(super) refused: Option<String>,
 }
@@ -153,6 +157,13 @@ pub(super) struct State {
 }
 
 impl State {
+    /// For people who look on.
+    pub(super) fn show_params(&mut self) {
+        let all = self.params.all.iter();
+        let knobs = all.map(|(name, (declaration, value))| declaration.knob(name, value.clone()));
+        self.outbox.params(knobs.collect());
+    }
+
     pub(super) fn new(options: Options, now: Instant) -> State {
         let album = Album::new(options.data_dir.clone(), &options.limits);
         let shares = Shares::new(&options.limits);
