@@ -167,26 +167,23 @@ struct Days {
     days: Option<u8>,
 }
 
-async fn history(State(hub): Shared, _: Visitor, Query(asked): Query<Days>) -> Reply<Past> {
+/// None without a journal.
+async fn history(State(hub): Shared, _: Visitor, Query(asked): Query<Days>) -> Reply<Option<Past>> {
     let days = asked.days.unwrap_or(1).clamp(1, MOST_DAYS);
-    match read(&hub, move |data| past::past(data, days)).await? {
-        Ok(Some(past)) => Ok(Json(past)),
-        Ok(None) => Err(Refusal::new(StatusCode::NOT_FOUND, "there is no journal")),
-        Err(error) => {
-            tracing::warn!("the page cannot read the journal: {error}");
-            let words = "the journal cannot be read";
-            Err(Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, words))
-        }
-    }
+    let past = read(&hub, move |data| past::past(data, days)).await?;
+    past.map(Json).map_err(|error| {
+        tracing::warn!("the page cannot read the journal: {error}");
+        let words = "the journal cannot be read";
+        Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, words)
+    })
 }
 
-async fn schedule(State(hub): Shared, _: Visitor) -> Reply<Vec<past::Start>> {
+/// None without a timetable.
+async fn schedule(State(hub): Shared, _: Visitor) -> Json<Option<Vec<past::Start>>> {
     let known = hub.known.borrow();
-    let Some((table, clock)) = &known.timetable else {
-        return Err(Refusal::new(StatusCode::NOT_FOUND, "there is no timetable"));
-    };
     let names: Vec<String> = known.scripts.iter().map(|one| one.name.clone()).collect();
-    Ok(Json(past::starts(table, &names, *clock)))
+    let starts = |(table, clock): &(_, _)| past::starts(table, &names, *clock);
+    Json(known.timetable.as_ref().map(starts))
 }
 
 /// One that a behaviour has kept.

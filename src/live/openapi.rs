@@ -115,15 +115,15 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
     );
     get(
         "/api/history",
-        "Battery and events of the last day, or with `?days=7` of so many, at most 31.",
+        "Battery and events of the last day, or with `?days=7` of so many, at most 31; null without a journal.",
         Some("viewer"),
-        Gives::Json(shape!(Past)),
+        Gives::Json(shape!(Option<Past>)),
     );
     get(
         "/api/schedule",
-        "The next starts of a service's timetable.",
+        "The next starts of a service's timetable; null without one.",
         Some("viewer"),
-        Gives::Json(shape!(Vec<Start>)),
+        Gives::Json(shape!(Option<Vec<Start>>)),
     );
     get(
         "/api/picture",
