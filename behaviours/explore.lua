@@ -14,23 +14,17 @@ local settings = params.declare({
 local TURNING = 0.8 -- rad/s, on the spot
 local BEND = 0.35 -- rad/s at most, under way: it sees little of what is beside its way
 local PATIENCE = 1.5 -- seconds of driving without a change of the picture
-local PASSING = 4 -- seconds until the robot has passed what it no longer sees beside it
 
 local away -- the side to which it turns away: 1 left, -1 right; nil while it drives
 local turned_since
-local near_at = { left = -math.huge, right = -math.huge } -- when something was close by on a side
+local near = floor.memory()
 local looked_like -- the floor, when last it changed
 local changed_at = task.now()
 
--- To where there is more room, but not into what it has just seen on that side.
+-- To where there is more room, but not into what is beside it.
 local function bend(free)
-	for side in near_at do
-		if free[side] < settings.margin then
-			near_at[side] = task.now()
-		end
-	end
 	local side = if free.turn > 0 then "left" else "right"
-	return if task.now() - near_at[side] < PASSING then 0 else BEND * free.turn
+	return if free.beside[side] then 0 else BEND * free.turn
 end
 
 local function steer(free)
@@ -38,6 +32,7 @@ local function steer(free)
 	local wanted = settings.margin * (if away then 1.3 else 1)
 	if away and task.now() - turned_since > 2 * math.pi / TURNING then
 		wanted = 0.8 * settings.margin -- no better way all round
+		near:forget()
 	end
 	if free.ahead > wanted then
 		away = nil
@@ -86,6 +81,6 @@ while true do
 	elseif stuck(frame) then
 		back_off()
 	else
-		steer(floor.look(frame))
+		steer(near:look(frame))
 	end
 end

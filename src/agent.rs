@@ -1,15 +1,16 @@
 //! Wiring and lifetimes of a run: load the scripts, connect, run them side by side, and bring
-//! everything to an end within two seconds, whoever asks for it and whatever hangs.
+//! everything to an end within two seconds, whatever hangs.
 
 mod aboard;
 mod company;
 mod flight;
-mod keeper;
 mod loading;
 mod rescue;
+mod restart_loop;
 mod roster;
 mod seat;
 mod talk;
+mod waiting;
 
 use std::time::Duration;
 
@@ -20,14 +21,15 @@ use tokio_util::sync::CancellationToken;
 
 use self::company::Company;
 pub use self::flight::{Flight, Preflight};
-use self::keeper::Surroundings;
 pub use self::rescue::{RESCUE_NAME, rescue};
+use self::restart_loop::Surroundings;
 pub use self::roster::{Blueprint, Member, MemberState, Roster, RosterError};
 pub use self::seat::{Docked, Seat, SeatError};
 pub use self::talk::{Talk, TalkError};
+pub use self::waiting::{Tries, until_answered};
 use crate::behaviour::{Launch, Launcher, Reload, RestartPolicy};
 use crate::link::LinkError;
-use crate::pilot::{Dial, Pulse, Settings, Status};
+use crate::pilot::{Dial, Pulse, Reactions, Settings, Status};
 use crate::robot::channel::Request;
 pub use crate::robot::{Bus, Happening, Heard, Listener, Occurrence};
 use crate::robot::{EndReason, Lookout, Pictures, Priority};
@@ -157,6 +159,11 @@ impl Agent {
         self.flight.frames()
     }
 
+    /// How long it takes from a frame to a track command.
+    pub fn reactions(&self) -> Reactions {
+        self.flight.reactions()
+    }
+
     /// Where behaviours are started and stopped while it runs.
     pub fn roster(&self) -> Roster {
         self.roster.clone()
@@ -256,10 +263,9 @@ impl Run {
                 () = stop.cancelled() => return Ok(EndReason::Shutdown),
                 error = self.flight.lost() => return Err(error),
                 () = &mut over => return Ok(EndReason::Shutdown),
-                stayed = home, if alone => return Ok(match stayed {
-                    true => EndReason::Safety,
-                    false => EndReason::Done,
-                }),
+                stayed = home, if alone => {
+                    return Ok(if stayed { EndReason::Safety } else { EndReason::Done });
+                }
                 turn = self.company.turn() => turn?,
             }
         }

@@ -53,9 +53,10 @@ pub fn value(value: &str) -> String {
                 '.' | '_' | ':' | '/' | '-' | '+' | ',' | '%' | '[' | ']' | '@'
             )
     };
-    match !value.is_empty() && value.chars().all(plain) {
-        true => value.to_owned(),
-        false => quoted(value),
+    if !value.is_empty() && value.chars().all(plain) {
+        value.to_owned()
+    } else {
+        quoted(value)
     }
 }
 
@@ -63,9 +64,10 @@ pub fn value(value: &str) -> String {
 /// them.
 pub fn message<'a>(message: &str, fields: impl IntoIterator<Item = &'a str>) -> String {
     let mut names = fields.into_iter();
-    match names.any(|name| names_field(message, name)) {
-        true => quoted(message),
-        false => message.to_owned(),
+    if names.any(|name| names_field(message, name)) {
+        quoted(message)
+    } else {
+        message.to_owned()
     }
 }
 

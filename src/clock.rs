@@ -3,6 +3,7 @@
 //! with the runtime's clock.
 
 mod span;
+mod until;
 mod zone;
 
 use std::cell::Cell;
@@ -13,11 +14,12 @@ use jiff::{SignedDuration, Timestamp, Zoned};
 use tokio::time::Instant;
 
 pub use span::Span;
+pub use until::until;
 pub use zone::Zone;
 
 /// Before this the clock of a computer is not set: no version of this program is older.
 const PLAUSIBLE: i64 = 1_767_225_600; // 2026-01-01T00:00:00Z
-/// When virtual time begins unless somebody says something else: a Thursday morning.
+/// When virtual time begins by default: a Thursday morning.
 const VIRTUAL: i64 = 1_767_258_000; // 2026-01-01T09:00:00Z
 
 thread_local! {

@@ -3,14 +3,21 @@
 //! person, whose priority is above that of every behaviour; the watchdog's rules hold for them too.
 //!
 //! The socket is served off the driving core. Clients are few at a time, each asks once, in time and in
-//! bounded length, or is hung up on.
+//! bounded length, or is hung up on. A run on another computer is asked by its JSON API, with the same
+//! errands and answers.
 
 mod client;
 mod desk;
 mod errand;
+mod error;
 mod folder;
 mod pipe;
+mod report;
+mod web;
 
-pub use client::{AskError, Client, runs};
+pub use client::{Client, runs};
 pub use desk::{Desk, Run};
-pub use errand::{Answer, Change, Errand, Listed, MAX_SPEECH, Overview};
+pub use errand::{Answer, Change, Errand, Listed, MAX_SPEECH, Next, Overview};
+pub use error::AskError;
+pub use report::{Level, Report, Runs, Start};
+pub use web::{Remote, RemoteError};

@@ -120,9 +120,10 @@ fn open(
 fn content(file: OwnedFd, most: u64) -> Result<Vec<u8>, ReadError> {
     // One byte more: a file may grow while it is read.
     let bytes = beginning(file, most.saturating_add(1))?;
-    match bytes.len() as u64 > most {
-        true => Err(ReadError::TooLong { most }),
-        false => Ok(bytes),
+    if bytes.len() as u64 > most {
+        Err(ReadError::TooLong { most })
+    } else {
+        Ok(bytes)
     }
 }
 
@@ -235,19 +236,15 @@ impl Folder {
             OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         let file = openat(&self.0, &*unfinished, flags, Mode::RUSR | Mode::WUSR)?;
         let mut file = File::from(file);
-        let written = file.write_all(bytes).and_then(|()| match durably {
-            true => file.sync_all(),
-            false => Ok(()),
-        });
+        let written = file
+            .write_all(bytes)
+            .and_then(|()| if durably { file.sync_all() } else { Ok(()) });
         let named = written.and_then(|()| Ok(renameat(&self.0, &*unfinished, &self.0, name)?));
         if named.is_err() {
             let _ = self.remove(&unfinished);
         }
         named?;
-        match durably {
-            true => Ok(fsync(&self.0)?),
-            false => Ok(()),
-        }
+        if durably { Ok(fsync(&self.0)?) } else { Ok(()) }
     }
 
     /// Gives a file another name, in the place of one that has it.
@@ -330,98 +327,4 @@ fn is_link(path: &Path) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use std::fs;
-    use std::os::unix::fs::{PermissionsExt as _, symlink};
-
-    #[test]
-    fn only_regular_files_of_bounded_length_are_read() {
-        let root = tempfile::tempdir().unwrap();
-        let path = |name: &str| root.path().join(name);
-        fs::write(path("file"), "12345").unwrap();
-        assert_eq!(read(&path("file"), 5).unwrap(), b"12345");
-        assert!(matches!(
-            read(&path("file"), 4),
-            Err(ReadError::TooLong { most: 4 })
-        ));
-        let mode = Mode::RUSR | Mode::WUSR;
-        rustix::fs::mknodat(CWD, path("pipe"), FileType::Fifo, mode, 0).unwrap();
-        for (name, what) in [
-            (path("pipe"), "a pipe"),
-            (root.path().to_owned(), "a folder"),
-            ("/dev/zero".into(), "a device"),
-        ] {
-            let error = read(&name, 100).unwrap_err().to_string();
-            assert!(error.contains(what), "{error}");
-        }
-        fs::write(path("bytes"), [0xff]).unwrap();
-        assert!(matches!(
-            read_text(&path("bytes"), 5),
-            Err(ReadError::NoText)
-        ));
-    }
-
-    #[test]
-    fn a_private_file_is_its_owners_alone_and_no_link() {
-        let root = tempfile::tempdir().unwrap();
-        let (file, link) = (root.path().join("secret"), root.path().join("link"));
-        fs::write(&file, "x").unwrap();
-        symlink(&file, &link).unwrap();
-        let allow = |mode| fs::set_permissions(&file, fs::Permissions::from_mode(mode)).unwrap();
-        for mode in [0o640, 0o604, 0o620, 0o610] {
-            allow(mode);
-            assert!(is_shared(&file));
-            assert!(read_private(&file, 10).is_err(), "{mode:o}");
-        }
-        allow(0o600);
-        assert!(!is_shared(&file));
-        assert_eq!(read_private(&file, 10).unwrap(), b"x");
-        assert!(read_private(&link, 10).is_err());
-    }
-
-    #[test]
-    fn a_folder_that_is_a_link_is_refused_and_links_in_it_are_not_followed() {
-        let root = tempfile::tempdir().unwrap();
-        let path = |name: &str| root.path().join(name);
-        fs::create_dir(path("elsewhere")).unwrap();
-        symlink(path("elsewhere"), path("data")).unwrap();
-        for opened in [Folder::open(&path("data")), Folder::make(&path("data"))] {
-            let error = opened.unwrap_err().to_string();
-            assert!(error.contains("symbolic link"), "{error}");
-        }
-        let folder = Folder::make(&path("deep/er")).unwrap();
-        fs::write(path("secret"), "secret").unwrap();
-        symlink(path("secret"), path("deep/er/a.jpg")).unwrap();
-        assert!(folder.read("a.jpg", 100).is_err());
-        assert_eq!(folder.items().unwrap(), []);
-        folder.replace("a.jpg", b"new").unwrap();
-        assert_eq!(fs::read(path("secret")).unwrap(), b"secret");
-        assert_eq!(folder.read("a.jpg", 100).unwrap().unwrap(), b"new");
-        // Also under the name that is used while a file is not finished.
-        symlink(path("secret"), path("deep/er/.unfinished-b.jpg")).unwrap();
-        folder.replace_durably("b.jpg", b"new").unwrap();
-        assert_eq!(fs::read(path("secret")).unwrap(), b"secret");
-        assert_eq!(folder.read("none", 100).unwrap(), None);
-        let mode = |name: &str| fs::metadata(path(name)).unwrap().permissions().mode() & 0o777;
-        assert_eq!((mode("deep/er"), mode("deep/er/b.jpg")), (0o700, 0o600));
-    }
-
-    #[test]
-    fn what_was_left_unfinished_is_swept_away() {
-        let root = tempfile::tempdir().unwrap();
-        let folder = Folder::open(root.path()).unwrap();
-        fs::write(root.path().join(".unfinished-a"), "x").unwrap();
-        fs::write(root.path().join(".store-7"), "x").unwrap();
-        folder.replace("b", b"12").unwrap();
-        folder.sweep(".store-").unwrap();
-        let names: Vec<_> = folder
-            .items()
-            .unwrap()
-            .into_iter()
-            .map(|item| (item.name, item.bytes))
-            .collect();
-        assert_eq!(names, [("b".to_owned(), 2)]);
-        assert!(folder.free().unwrap() > 0);
-    }
-}
+mod tests;

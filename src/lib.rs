@@ -19,7 +19,7 @@
 //! ```
 //!
 //! Nothing on the driving core waits for a disk, a process or a name. A host that hangs, crashes or
-//! breaks the rules is killed, and its wishes for motion end with it. In virtual time ([`lab`]) all
+//! breaks the rules is killed, and its motion ends with it. In virtual time ([`lab`]) all
 //! of this, the simulated robot of [`sim`] included, runs on one thread over pipes in memory: the
 //! same code and messages.
 //!
@@ -38,7 +38,7 @@
 //! 6. `robot.move` (`script/api/motion.rs`) makes an intent, which goes back through the pipe;
 //! 7. `pilot/serving.rs` asks the watchdog: `safety/arbiter.rs` says who may drive,
 //!    `safety/tracks.rs` makes the command;
-//! 8. `link/writer.rs` writes it.
+//! 8. `pilot/acting.rs` hands it to `link/writer.rs`, which writes it.
 //!
 //! A low battery sends the robot home; no VM, no decoder and no lock of theirs is on this path:
 //!
@@ -52,7 +52,7 @@
 //!
 //! - **A call for scripts**: its row in the table of the API (`api/`: name, arguments, bounds, results,
 //!   an example), its native under `script/api/`, and, if the robot has to do something, an `Intent`
-//!   (`robot.rs`) that `pilot/serving.rs` serves. `spykee api`, the editor's definitions and the
+//!   (`robot/intent.rs`) that `pilot/serving.rs` serves. `spykee api`, the editor's definitions and the
 //!   guide's reference come from the table; a native without a row does not load.
 //! - **A command to the robot**: its section in `wire/PROTOCOL.md` with a byte vector, its variant
 //!   with `parse` and `emit` in `wire/command.rs`, what the simulated robot does with it in
@@ -80,6 +80,7 @@
 //! | lease | how long a setpoint holds without being renewed |
 //! | act, fact | what the watchdog wants done; what it is told |
 //! | last words | what is written to the robot if the agent ends now |
+//! | seat | what the pilot keeps of one behaviour: its rights, its streams, its queue of events |
 //! | station, docked | the charging station; the robot stands on its contacts |
 //! | beacon | the station's infrared light, which the robot's own search follows |
 //! | rescue | a behaviour that drives a robot which finds no station to where it can find it |
@@ -117,7 +118,7 @@
 //! | 6 | `agent` | wiring and lifetimes |
 //! | 6 | `config` | the YAML file, composed of each module's own options |
 //! | 7 | `lab` | a whole run in virtual time: agent, hosts and simulator on one thread |
-//! | 7 | `control` | the socket by which a run that is on can be asked |
+//! | 7 | `control` | how a run that is on is asked: by its socket, or elsewhere by its API |
 //! | 8 | `live` | the page in the browser, the JSON API, health and metrics |
 //! | 8 | `service` | an agent that stays for good: timetable, idle robot, the system's manager |
 //! | 8 | `mqtt` | the broker by which others see the robot, ask for it, and find a fleet |

@@ -30,7 +30,7 @@ mod wheel;
 mod world;
 
 pub use log::{LogTap, tap};
-pub use messages::schema;
+pub use messages::{schema, understood};
 pub use scripts::{Known, Script};
 pub use server::{Live, LiveError, Shown};
 pub use world::Simulation;

@@ -7,16 +7,20 @@
 //!
 //! Nothing here waits for the robot to take a command: see [`Writer::send`].
 
+mod acting;
 mod core;
 mod distress;
 mod halt;
 mod hearing;
 mod heralding;
 mod hush;
+mod last_words;
 mod lights;
 mod line;
 mod lost;
+mod parting;
 mod pulse;
+mod reaction;
 mod seats;
 mod serving;
 mod shown;
@@ -24,20 +28,20 @@ mod silence;
 mod status;
 mod throttle;
 
-use std::pin::pin;
 use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
-use tokio::time::{Instant, sleep_until};
+use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
-use tracing::{debug, info, warn};
+use tracing::warn;
 
 use crate::budget::Repeats;
+use crate::clock::until;
 pub use crate::link::Delivery;
-use crate::link::{LinkError, Writer, farewell};
+use crate::link::{LinkError, Writer};
 use crate::robot::channel::{MAX_REQUESTS, Request, Sleep};
 use crate::robot::{Bus, Event, Pictures, RobotInfo, Streams};
-use crate::safety::{Act, Fact, Limits, Watchdog};
+use crate::safety::{Fact, Limits, Watchdog};
 use crate::vision::Damage;
 use crate::wire::{Command, EngineNews};
 
@@ -50,6 +54,8 @@ pub use self::line::Dial;
 use self::line::Line;
 use self::lost::{HearError, LinkLost};
 pub use self::pulse::Pulse;
+use self::reaction::Stopwatch;
+pub use self::reaction::{Reactions, Tally};
 use self::seats::Seats;
 pub use self::shown::Shown;
 use self::silence::{Silence, Verdict};
@@ -67,11 +73,11 @@ const SOUND_TOLD_AGAIN: Duration = Duration::from_millis(500);
 /// How long the robot may take at the end to acknowledge what it was told last.
 pub const DELIVERY: Duration = Duration::from_secs(2);
 
-/// How often is said that the robot says what nobody knows, one of each kind.
+/// How often an unknown message of the robot is logged, for each kind.
 const UNKNOWN_EVERY: Duration = Duration::from_secs(60);
-/// How often the same reason for which the robot cannot be reached is said.
+/// How often the same reason for which the robot cannot be reached is logged.
 const FAILED_EVERY: Duration = Duration::from_secs(600);
-/// How often the same news of the robot's station is said.
+/// How often the same report of the robot's station is logged.
 const ENGINE_EVERY: Duration = Duration::from_secs(1);
 
 /// How the run is told to come to its end.
@@ -115,14 +121,14 @@ pub struct Pilot {
     status: watch::Sender<Status>,
     info: Option<RobotInfo>,
     simulated: bool,
-    /// Kinds of messages that nobody knows, and when each was said.
-    unknown: Repeats<hearing::Kind>,
+    /// Unknown kinds of messages, and when each was logged.
+    unknown: Repeats<hearing::UnknownKind>,
     engine_said: Repeats<EngineNews>,
     streams_due: Option<Instant>,
     /// What lights, sounds and streams were last made to follow.
     distress: Distress,
     /// The watchdog knows something that it has not acted upon yet.
-    unsettled: bool,
+    has_deferred: bool,
     /// A behaviour was given up, and the robot has not heard of it yet.
     alarm_due: bool,
     /// What the behaviours were last told of the robot's motion.
@@ -131,17 +137,24 @@ pub struct Pilot {
     sounding: Option<Instant>,
     /// Quiet hours.
     hush: Hush,
-    /// Nobody dials until somebody wants the robot.
+    /// The link is down on purpose until a behaviour wants the robot.
     released: bool,
-    /// Why tries to connect have failed, and when each was said.
+    /// Why attempts to connect have failed, and when each was logged.
     failed: Repeats<String>,
     /// In real time only.
     pulse: Option<Pulse>,
     /// Where it says what has happened.
     bus: Bus,
+    /// From frames to what behaviours make of them.
+    stopwatch: Stopwatch,
 }
 
 impl Pilot {
+    /// How long it takes from a frame to a track command.
+    pub fn reactions(&self) -> Reactions {
+        self.stopwatch.reactions.clone()
+    }
+
     /// Without a link. Also returns what the camera shows and the newest status.
     pub fn new(settings: &Settings) -> (Pilot, watch::Receiver<Pictures>, watch::Receiver<Status>) {
         let (pictures, shown) = watch::channel(Pictures::default());
@@ -163,7 +176,7 @@ impl Pilot {
             engine_said: Repeats::new(ENGINE_EVERY),
             streams_due: None,
             distress: Distress::default(),
-            unsettled: false,
+            has_deferred: false,
             alarm_due: false,
             moving: false,
             sounding: None,
@@ -172,6 +185,7 @@ impl Pilot {
             failed: Repeats::new(FAILED_EVERY),
             pulse: None,
             bus: Bus::default(),
+            stopwatch: Stopwatch::default(),
         };
         (pilot, shown, newest_status)
     }
@@ -213,7 +227,7 @@ impl Pilot {
                 }
                 () = until(deadline) => self.tick(&mut requests).await,
                 error = progress(self.writer.as_mut()) => Err(error.into()),
-                news = line.next() => match self.hear(news) {
+                event = line.next() => match self.hear(event) {
                     Ok(()) => Ok(()),
                     Err(HearError::Lost(lost)) => Err(lost),
                     Err(HearError::First(error)) => return Err(error),
@@ -241,40 +255,6 @@ impl Pilot {
             beat,
         ];
         deadlines.into_iter().flatten().min()
-    }
-
-    /// Leaves with the writer and the line what is to be said if everything else dies.
-    fn deposit(&mut self, line: &mut Line) {
-        line.set_last_words(self.renew_last_words());
-        line.rest(self.released);
-        if let Some(writer) = &self.writer {
-            tell_guardian(&mut self.pulse, writer);
-        }
-    }
-
-    /// What is to be said if everything else dies; the writer, if there is one, knows it from now on.
-    fn renew_last_words(&mut self) -> Vec<Command> {
-        let last_words = self.held(&self.watchdog.last_words().commands());
-        if let Some(writer) = &mut self.writer {
-            writer.set_last_words(last_words.clone());
-        }
-        last_words
-    }
-
-    /// From now on the guardian holds the new link's last words.
-    fn guard(&mut self) {
-        let guardian = self.pulse.as_mut().and_then(Pulse::guardian);
-        let socket = self.writer.as_ref().and_then(Writer::socket);
-        if let (Some(guardian), Some(socket), Some(writer)) = (guardian, socket, &self.writer) {
-            guardian.guard(socket, writer.last_words().1);
-        }
-    }
-
-    /// The link is closed and its last words are said.
-    fn release_guard(&mut self) {
-        if let Some(guardian) = self.pulse.as_mut().and_then(Pulse::guardian) {
-            guardian.release();
-        }
     }
 
     /// To be called before anything else is done in a turn: beats, and if the program was asleep nothing
@@ -348,7 +328,7 @@ impl Pilot {
             };
             self.serve(request)?;
         }
-        self.settle()
+        self.flush_deferred()
     }
 
     /// Takes a fact to the watchdog and does what it wants. Like all below it fails if the link is
@@ -356,85 +336,6 @@ impl Pilot {
     fn take(&mut self, fact: Fact) -> Result<(), LinkLost> {
         let acts = self.watchdog.take(fact, Instant::now());
         self.perform(acts)
-    }
-
-    /// Does what the watchdog wants: first all commands in one write, then the rest.
-    fn perform(&mut self, acts: Vec<Act>) -> Result<(), LinkLost> {
-        let commands = acts.iter().filter_map(Act::command);
-        let commands: Vec<Command> = commands
-            .filter(|command| self.hush.allows_alarm(command))
-            .collect();
-        let mut done = self.send(&commands);
-        for act in acts {
-            match act {
-                Act::Send(_) => {}
-                Act::Tell(by, event) => {
-                    self.herald_answer(by, &event);
-                    self.seats.tell(by, event);
-                }
-                Act::Announce(event) => {
-                    if let Event::Safety { action, reason } = &event {
-                        warn!(%action, "watchdog: {reason}");
-                    }
-                    self.herald_announcement(&event);
-                    self.seats.tell_all(&event);
-                }
-                Act::Kill(by, reason) => self.seats.kill(by, reason),
-                Act::Reconnect(reason) => done = done.and(Err(LinkLost::because(reason))),
-            }
-        }
-        done
-    }
-
-    /// Never waits. Without a link nothing is kept for later: the robot's next login begins with a
-    /// stop.
-    fn send(&mut self, commands: &[Command]) -> Result<(), LinkLost> {
-        let commands = &*self.held(commands);
-        for command in commands {
-            if self.simulated && self.writer.is_some() {
-                self.lights.tell(command);
-            }
-            self.lights.note(command);
-            self.shown.note(command);
-        }
-        if commands
-            .iter()
-            .any(|command| matches!(command, Command::Play(_)))
-        {
-            self.tell_sound();
-        }
-        if commands.is_empty() {
-            return Ok(());
-        }
-        self.renew_last_words();
-        let Some(writer) = &mut self.writer else {
-            return Ok(());
-        };
-        writer.queue(commands, Instant::now())?;
-        // Before the robot hears them: the guardian may have to say them in our place.
-        tell_guardian(&mut self.pulse, writer);
-        Ok(writer.write_ready()?)
-    }
-
-    /// The link is gone: the last words are tried without waiting, and the line sees to them.
-    fn lose(&mut self, lost: &LinkLost, line: &mut Line) {
-        self.deposit(line);
-        let Some(mut writer) = self.writer.take() else {
-            return line.hang_up(None);
-        };
-        writer.say_last_words();
-        line.hang_up(Some(writer));
-        match self.released {
-            true => info!("disconnected: {lost}; the robot is free for others"),
-            false => warn!("disconnected: {lost}; connecting anew"),
-        }
-        let acts = self.watchdog.take(Fact::LinkDown, Instant::now());
-        // Without a link nothing is sent, so nothing can fail.
-        let _ = self.perform(acts);
-        self.release_guard();
-        let reason = lost.to_string();
-        self.herald_loss(&reason);
-        self.seats.tell_all(&Event::Disconnected { reason });
     }
 
     /// Tells all behaviours when the robot begins to move and when it stands: whoever compares
@@ -481,60 +382,6 @@ impl Pilot {
         self.herald_status(&newest);
         self.status.send_if_modified(|status| status.update(newest));
     }
-
-    /// The last words, streams off, and closed when that has arrived.
-    async fn close(mut self, mut line: Line) -> Delivery {
-        let parting = self.take(Fact::Parting);
-        let off = self.seats.streams_off();
-        if let Err(lost) = parting.and_then(|()| self.send(&off)) {
-            warn!("at the end: {lost}");
-        }
-        if let Some(words) = self.damage.rest() {
-            warn!("{words}");
-        }
-        self.deposit(&mut line);
-        let delivery = match (self.writer.take(), line.into_reader()) {
-            (Some(writer), Some(reader)) => {
-                self.beat_during(farewell(reader, writer, DELIVERY)).await
-            }
-            _ => Delivery::Offline,
-        };
-        match delivery {
-            Delivery::Acknowledged => info!("{delivery}"),
-            Delivery::Offline if self.info.is_none() => debug!("never connected"),
-            Delivery::NotAcknowledged { .. } | Delivery::Offline => warn!("{delivery}"),
-        }
-        // What has not arrived yet is the guardian's, which says it again.
-        if delivery == Delivery::Acknowledged {
-            self.release_guard();
-        }
-        delivery
-    }
-
-    /// The guardian has nothing to do yet.
-    async fn beat_during<T>(&mut self, work: impl Future<Output = T>) -> T {
-        let mut work = pin!(work);
-        loop {
-            let due = self.pulse.as_ref().map(Pulse::due);
-            tokio::select! {
-                biased;
-                done = &mut work => return done,
-                () = until(due) => {
-                    if let Some(pulse) = &mut self.pulse {
-                        pulse.beat(Instant::now());
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// Has the guardian hold what this writer would say last.
-fn tell_guardian(pulse: &mut Option<Pulse>, writer: &Writer) {
-    if let Some(guardian) = pulse.as_mut().and_then(Pulse::guardian) {
-        let (half_out, words) = writer.last_words();
-        guardian.note(half_out, &words);
-    }
 }
 
 /// Writes what waits; returns only if that fails.
@@ -544,13 +391,6 @@ async fn progress(writer: Option<&mut Writer>) -> LinkError {
             Ok(never) => match never {},
             Err(error) => error,
         },
-        None => std::future::pending().await,
-    }
-}
-
-async fn until(deadline: Option<Instant>) {
-    match deadline {
-        Some(deadline) => sleep_until(deadline).await,
         None => std::future::pending().await,
     }
 }

@@ -1,5 +1,7 @@
 //! A behaviour of the company, from the order to start it to its end.
 
+use std::time::Duration;
+
 use tokio::sync::watch;
 use tokio::time::Instant;
 
@@ -16,6 +18,8 @@ pub(super) struct Aboard {
     pub(super) stop: Stop,
     /// `None`: it is being loaded.
     pub(super) since: Option<Instant>,
+    /// So long after its beginning it is ended.
+    pub(super) lasts: Option<Duration>,
     /// Who waits for its beginning.
     pub(super) started: Vec<Reply>,
     /// Who waits for its end.
@@ -26,16 +30,29 @@ pub(super) struct Aboard {
 
 impl Aboard {
     /// One whose script is being loaded.
-    pub(super) fn new(by: BehaviourId, name: String, stop: Stop) -> Aboard {
+    pub(super) fn new(
+        by: BehaviourId,
+        name: String,
+        stop: Stop,
+        lasts: Option<Duration>,
+    ) -> Aboard {
         Aboard {
             by,
             name,
             stop,
             since: None,
+            lasts,
             started: Vec::new(),
             ended: Vec::new(),
             again: None,
         }
+    }
+
+    /// When its time is over; `None`: it may run for as long as it likes, or ends already.
+    pub(super) fn ends(&self) -> Option<Instant> {
+        let ending = self.stop.borrow().is_some();
+        let ends = self.since.zip(self.lasts).filter(|_| !ending);
+        ends.map(|(since, lasts)| since + lasts)
     }
 
     /// What it does.

@@ -7,14 +7,15 @@ use std::time::Duration;
 use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 use tokio::time::{Instant, timeout};
-use tracing::{error, warn};
+use tracing::{error, info, warn};
 
 use super::aboard::{Aboard, Stop, tell};
-use super::keeper::{Keeper, Surroundings, report};
 use super::loading::load;
-use super::roster::{Blueprint, Member, MemberState, Order, Reply, Roster, RosterError};
+use super::restart_loop::{RestartLoop, Surroundings, report};
+use super::roster::{Blueprint, Member, MemberState, Reply, Roster, RosterCommand, RosterError};
 use super::{AgentError, Behaviour, SCRIPTS_END};
 use crate::behaviour::Prepared;
+use crate::clock::until;
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::Role;
 use crate::robot::{BehaviourId, EndReason, Occurrence, Priority};
@@ -26,15 +27,15 @@ const MOST: usize = 32;
 const NUMBERS: u16 = 0xF000;
 
 /// A behaviour with its first host, or why there is none.
-type Kept = (Keeper, Result<Prepared, Ending>);
+type Kept = (RestartLoop, Result<Prepared, Ending>);
 
 /// What came of loading a script.
-type Loaded = (BehaviourId, Result<(Keeper, Prepared), RosterError>);
+type Loaded = (BehaviourId, Result<(RestartLoop, Prepared), RosterError>);
 
 /// See the module.
 pub(super) struct Company {
     around: Surroundings,
-    orders: mpsc::Receiver<Order>,
+    orders: mpsc::Receiver<RosterCommand>,
     blueprints: Vec<Blueprint>,
     aboard: Vec<Aboard>,
     running: JoinSet<(BehaviourId, String, Ending)>,
@@ -47,7 +48,7 @@ pub(super) struct Company {
 }
 
 impl Company {
-    /// Nobody runs yet. Also returns the handle.
+    /// No behaviour runs yet. Also returns the handle.
     pub(super) fn new(
         around: Surroundings,
         status: watch::Receiver<Status>,
@@ -71,7 +72,7 @@ impl Company {
         (company, roster)
     }
 
-    /// Loads all scripts; the first that cannot be, and that nobody can mend while the run goes on, is
+    /// Loads all scripts; the first that cannot be loaded, and that no file watch can reload, is
     /// returned with its ending.
     pub(super) async fn prepare(
         &mut self,
@@ -84,17 +85,17 @@ impl Company {
                 self.blueprints.push(Blueprint::of(&behaviour));
             }
             let (by, stop) = (self.number(), Stop::new(None));
-            let keeper = self.keeper(by, &stop, behaviour);
-            match keeper.prepare().await {
-                Err(ending) if !keeper.is_watched() => {
-                    let name = keeper.name().to_owned();
+            let restart_loop = self.restart_loop(by, &stop, behaviour);
+            match restart_loop.prepare().await {
+                Err(ending) if !restart_loop.is_watched() => {
+                    let name = restart_loop.name().to_owned();
                     report(&name, &ending);
-                    keeper.tell_ended(&ending, Duration::ZERO);
+                    restart_loop.tell_ended(&ending, Duration::ZERO);
                     return Err((name, ending));
                 }
                 first => {
-                    self.board(by, keeper.name().to_owned(), stop);
-                    prepared.push((keeper, first));
+                    self.board(by, restart_loop.name().to_owned(), stop, None);
+                    prepared.push((restart_loop, first));
                 }
             }
         }
@@ -103,13 +104,13 @@ impl Company {
 
     /// Lets those that are prepared begin.
     pub(super) fn begin(&mut self, prepared: Vec<Kept>) {
-        for (keeper, first) in prepared {
-            self.run(keeper, first);
+        for (restart_loop, first) in prepared {
+            self.run(restart_loop, first);
         }
         self.publish();
     }
 
-    /// Nobody runs or is about to.
+    /// No behaviour runs or is about to.
     pub(super) fn is_empty(&self) -> bool {
         self.aboard.is_empty()
     }
@@ -120,7 +121,9 @@ impl Company {
         while let Some(order) = self.orders.recv().await {
             let offline = self.status.borrow().link != LinkState::Up;
             match order {
-                Order::Start(name, reply) | Order::Restart(name, reply) if offline => {
+                RosterCommand::Start(name, _, reply) | RosterCommand::Restart(name, reply)
+                    if offline =>
+                {
                     let refusal = match self.blueprint(&name) {
                         Some(_) => RosterError::Offline,
                         None => self.unknown(&name),
@@ -139,8 +142,10 @@ impl Company {
     /// # Errors
     /// A task of ours panicked.
     pub(super) async fn turn(&mut self) -> Result<(), AgentError> {
+        let next = self.aboard.iter().filter_map(Aboard::ends).min();
         tokio::select! {
             biased;
+            () = until(next) => self.end_over(Instant::now()),
             Some(ended) = self.running.join_next() => {
                 let (by, name, ending) = ended.map_err(|_| AgentError::Broken("a supervisor"))?;
                 self.over(by, name, ending);
@@ -179,13 +184,13 @@ impl Company {
         self.running.shutdown().await;
     }
 
-    fn obey(&mut self, order: Order) {
+    fn obey(&mut self, order: RosterCommand) {
         match order {
-            Order::Start(name, reply) => match self.find(&name) {
+            RosterCommand::Start(name, lasts, reply) => match self.find(&name) {
                 Some(_) => refuse(reply, RosterError::RunsAlready(name)),
-                None => self.start(&name, reply),
+                None => self.start(&name, lasts, reply),
             },
-            Order::Stop(name, reason, reply) => match self.find(&name) {
+            RosterCommand::Stop(name, reason, reply) => match self.find(&name) {
                 Some(one) => {
                     tell(&one.stop, reason);
                     if let Some(again) = one.again.take() {
@@ -201,16 +206,16 @@ impl Company {
                     refuse(reply, why);
                 }
             },
-            Order::Restart(name, reply) => match self.find(&name) {
+            RosterCommand::Restart(name, reply) => match self.find(&name) {
                 Some(one) => {
                     tell(&one.stop, EndReason::Reload);
                     if let Some(earlier) = one.again.replace(reply) {
                         refuse(earlier, RosterError::Busy);
                     }
                 }
-                None => self.start(&name, reply),
+                None => self.start(&name, None, reply),
             },
-            Order::Define(blueprints, reply) => {
+            RosterCommand::Define(blueprints, reply) => {
                 self.blueprints = blueprints;
                 let _ = reply.send(Ok(()));
             }
@@ -219,7 +224,7 @@ impl Company {
     }
 
     /// Loads the script of a behaviour that does not run.
-    fn start(&mut self, name: &str, reply: Reply) {
+    fn start(&mut self, name: &str, lasts: Option<Duration>, reply: Reply) {
         let Some(blueprint) = self.blueprint(name).cloned() else {
             let unknown = self.unknown(name);
             return refuse(reply, unknown);
@@ -231,26 +236,26 @@ impl Company {
         let (around, status) = (self.around(&stop), self.status.clone());
         self.loading
             .spawn(async move { (by, load(around, by, blueprint, status).await) });
-        self.board(by, name.to_owned(), stop);
+        self.board(by, name.to_owned(), stop, lasts);
         if let Some(one) = self.aboard.last_mut() {
             one.started.push(reply);
         }
     }
 
-    fn loaded(&mut self, by: BehaviourId, loaded: Result<(Keeper, Prepared), RosterError>) {
+    fn loaded(&mut self, by: BehaviourId, loaded: Result<(RestartLoop, Prepared), RosterError>) {
         let Some(at) = self.aboard.iter().position(|one| one.by == by) else {
             return;
         };
         let stopped = *self.aboard[at].stop.borrow();
         match (loaded, stopped) {
-            (Ok((keeper, host)), None) => {
+            (Ok((restart_loop, host)), None) => {
                 for reply in self.aboard[at].started.drain(..) {
                     let _ = reply.send(Ok(()));
                 }
-                self.run(keeper, Ok(host));
+                self.run(restart_loop, Ok(host));
             }
             (loaded, _) => {
-                let one = self.aboard.remove(at);
+                let mut one = self.aboard.remove(at);
                 let refusal = match loaded {
                     Err(why) => {
                         error!(behaviour = one.name, "cannot be started: {why}");
@@ -269,22 +274,22 @@ impl Company {
                     }
                     Ok(_) => RosterError::StoppedFirst(one.name.clone()),
                 };
-                for reply in one.started {
+                for reply in std::mem::take(&mut one.started) {
                     refuse(reply, refusal.clone());
                 }
-                self.close(one.name, one.ended, one.again);
+                self.close(one);
             }
         }
         self.publish();
     }
 
-    fn run(&mut self, keeper: Keeper, first: Result<Prepared, Ending>) {
-        let by = keeper.by();
+    fn run(&mut self, restart_loop: RestartLoop, first: Result<Prepared, Ending>) {
+        let by = restart_loop.by();
         if let Some(one) = self.aboard.iter_mut().find(|one| one.by == by) {
             one.since = Some(Instant::now());
         }
         self.running.spawn(async move {
-            let (name, ending) = keeper.keep(first).await;
+            let (name, ending) = restart_loop.keep(first).await;
             (by, name, ending)
         });
     }
@@ -293,18 +298,29 @@ impl Company {
         self.keep_ending(&name, ending);
         if let Some(at) = self.aboard.iter().position(|one| one.by == by) {
             let one = self.aboard.remove(at);
-            self.close(one.name, one.ended, one.again);
+            self.close(one);
         }
         self.publish();
     }
 
-    fn close(&mut self, name: String, ended: Vec<Reply>, again: Option<Reply>) {
-        for reply in ended {
+    fn close(&mut self, one: Aboard) {
+        for reply in one.ended {
             let _ = reply.send(Ok(()));
         }
-        if let Some(reply) = again {
-            self.start(&name, reply);
+        if let Some(reply) = one.again {
+            self.start(&one.name, one.lasts, reply);
         }
+    }
+
+    /// Ends those whose time is over.
+    fn end_over(&mut self, now: Instant) {
+        for one in &self.aboard {
+            if one.ends().is_some_and(|ends| ends <= now) {
+                info!(behaviour = one.name, "its time is over");
+                tell(&one.stop, EndReason::Cancelled);
+            }
+        }
+        self.publish();
     }
 
     /// Bounded by the number of names.
@@ -313,11 +329,11 @@ impl Company {
         self.endings.push((name.to_owned(), ending));
     }
 
-    fn board(&mut self, by: BehaviourId, name: String, stop: Stop) {
-        self.aboard.push(Aboard::new(by, name, stop));
+    fn board(&mut self, by: BehaviourId, name: String, stop: Stop, lasts: Option<Duration>) {
+        self.aboard.push(Aboard::new(by, name, stop, lasts));
     }
 
-    /// A number that nobody has who is aboard.
+    /// An id that no running behaviour has.
     fn number(&mut self) -> BehaviourId {
         loop {
             self.last = (self.last + 1) % NUMBERS;
@@ -328,8 +344,8 @@ impl Company {
         }
     }
 
-    fn keeper(&self, by: BehaviourId, stop: &Stop, behaviour: Behaviour) -> Keeper {
-        Keeper::new(self.around(stop), by, Role::Behaviour, behaviour)
+    fn restart_loop(&self, by: BehaviourId, stop: &Stop, behaviour: Behaviour) -> RestartLoop {
+        RestartLoop::new(self.around(stop), by, Role::Behaviour, behaviour)
     }
 
     fn around(&self, stop: &Stop) -> Surroundings {

@@ -1,4 +1,4 @@
-//! The pilot's life, whoever drives by it: a run, a session at a prompt, a tool. Launched on the
+//! The pilot's lifetime, for every user of it: a run, a session at a prompt, a tool. Launched on the
 //! driving core, parted from at the first signal, and ended when what it said last has arrived.
 
 use std::time::Duration;
@@ -11,11 +11,11 @@ use tokio_util::task::AbortOnDropHandle;
 use tracing::{info, warn};
 
 use super::AgentError;
-use super::keeper::Surroundings;
 use super::rescue;
+use super::restart_loop::Surroundings;
 use crate::behaviour::{Launch, Launcher};
 use crate::link::LinkError;
-use crate::pilot::{self, Delivery, Dial, LinkState, Pilot, Pulse, Settings, Status};
+use crate::pilot::{self, Delivery, Dial, LinkState, Pilot, Pulse, Reactions, Settings, Status};
 use crate::robot::channel::{MAX_REQUESTS, Request};
 use crate::robot::{Bus, Lookout, Pictures};
 
@@ -79,6 +79,11 @@ impl Preflight {
     /// The newest status of robot and watchdog.
     pub fn status(&self) -> watch::Receiver<Status> {
         self.status.clone()
+    }
+
+    /// How long it takes from a frame to a track command.
+    pub fn reactions(&self) -> Reactions {
+        self.pilot.reactions()
     }
 
     /// For so long a host that does not drive may show no life.
@@ -164,8 +169,8 @@ impl Flight {
         }
     }
 
-    /// Waits until the pilot is no more though nobody has told it to end: the first connection has
-    /// failed, or we are broken. Cancel-safe.
+    /// Waits until the pilot ends without being told to: the first connection has
+    /// failed, or the pilot has panicked. Cancel-safe.
     pub async fn lost(&mut self) -> AgentError {
         if self.over {
             return AgentError::Broken("the pilot");

@@ -6,7 +6,7 @@ use tokio::sync::watch;
 use tokio::task::spawn_blocking;
 use tokio::time::timeout;
 
-use super::keeper::{Keeper, Surroundings};
+use super::restart_loop::{RestartLoop, Surroundings};
 use super::roster::{Blueprint, RosterError};
 use crate::behaviour::Prepared;
 use crate::pilot::{LinkState, Status};
@@ -23,19 +23,19 @@ pub(super) async fn load(
     by: BehaviourId,
     blueprint: Blueprint,
     mut status: watch::Receiver<Status>,
-) -> Result<(Keeper, Prepared), RosterError> {
+) -> Result<(RestartLoop, Prepared), RosterError> {
     let made = spawn_blocking(move || blueprint.make()).await;
     let made = made.map_err(|_| "internal error: it could not be made".to_owned());
     let behaviour = made
         .and_then(|made| made)
         .map_err(RosterError::CannotLoad)?;
-    let keeper = Keeper::new(around, by, Role::Behaviour, behaviour);
-    let prepared = keeper.prepare().await;
+    let restart_loop = RestartLoop::new(around, by, Role::Behaviour, behaviour);
+    let prepared = restart_loop.prepare().await;
     let host = prepared.map_err(|ending| RosterError::CannotLoad(words(&ending)))?;
     // A robot that was let go of is dialled for meanwhile.
     let up = status.wait_for(|status| status.link == LinkState::Up);
     match timeout(REACH, up).await {
-        Ok(Ok(_)) => Ok((keeper, host)),
+        Ok(Ok(_)) => Ok((restart_loop, host)),
         _ => Err(RosterError::Offline),
     }
 }

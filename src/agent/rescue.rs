@@ -8,7 +8,7 @@ use tokio::sync::watch;
 use tracing::info;
 
 use super::Behaviour;
-use super::keeper::{Keeper, Surroundings};
+use super::restart_loop::{RestartLoop, Surroundings};
 use crate::behaviour::{Launch, Library, RestartPolicy};
 use crate::pilot::Status;
 use crate::robot::channel::Role;
@@ -57,9 +57,10 @@ pub(super) async fn stand_by(
             stop: stop.subscribe(),
             ..around.clone()
         };
-        let keeper = Keeper::new(around, RESCUER, Role::Rescuer, behaviour(launch.clone()));
-        let first = keeper.prepare().await;
-        let mut life = pin!(keeper.keep(first));
+        let restart_loop =
+            RestartLoop::new(around, RESCUER, Role::Rescuer, behaviour(launch.clone()));
+        let first = restart_loop.prepare().await;
+        let mut life = pin!(restart_loop.keep(first));
         let mut unwanted = status.clone();
         tokio::select! {
             biased;

@@ -1,5 +1,5 @@
 //! The behaviours of a running agent by name: which there are, which run, and the handle by which
-//! they are started, stopped and restarted at any time. The handle is for whoever asks (a person's
+//! they are started, stopped and restarted at any time. The handle is for those who ask (a person's
 //! tool, a timetable, a page); the [`Company`](super::company) does it.
 
 use std::fmt;
@@ -16,7 +16,7 @@ use crate::robot::{
 use crate::script::{Ending, suggestion};
 
 /// Orders that may wait; one that finds the queue full is refused.
-const MAX_ORDERS: usize = 32;
+const MAX_COMMANDS: usize = 32;
 /// The longest that an order may take: a script's farewell, and the loading of the next one.
 const ANSWER: Duration = Duration::from_secs(10);
 
@@ -118,7 +118,7 @@ pub enum MemberState {
 /// Why an order is not obeyed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RosterError {
-    /// Nobody of this name.
+    /// No behaviour has this name.
     #[error("no behaviour is called `{name}`{near}")]
     Unknown {
         /// The name.
@@ -172,9 +172,9 @@ impl RosterError {
 pub(super) type Reply = oneshot::Sender<Result<(), RosterError>>;
 
 /// What is asked of the company.
-pub(super) enum Order {
-    /// Start the behaviour.
-    Start(String, Reply),
+pub(super) enum RosterCommand {
+    /// Start the behaviour, and end it after so long if it still runs then.
+    Start(String, Option<Duration>, Reply),
     /// End it, for this reason.
     Stop(String, EndReason, Reply),
     /// End it if it runs, and start it.
@@ -186,7 +186,7 @@ pub(super) enum Order {
 /// The handle: cheap to clone, for any thread.
 #[derive(Debug, Clone)]
 pub struct Roster {
-    orders: mpsc::Sender<Order>,
+    orders: mpsc::Sender<RosterCommand>,
     members: watch::Receiver<Vec<Member>>,
     lookout: Lookout,
 }
@@ -195,8 +195,8 @@ impl Roster {
     pub(super) fn new(
         members: watch::Receiver<Vec<Member>>,
         lookout: Lookout,
-    ) -> (Roster, mpsc::Receiver<Order>) {
-        let (orders, taken) = mpsc::channel(MAX_ORDERS);
+    ) -> (Roster, mpsc::Receiver<RosterCommand>) {
+        let (orders, taken) = mpsc::channel(MAX_COMMANDS);
         (
             Roster {
                 orders,
@@ -212,7 +212,17 @@ impl Roster {
     /// # Errors
     /// See [`RosterError`].
     pub async fn start(&self, name: &str) -> Result<(), RosterError> {
-        self.order(|reply| Order::Start(name.to_owned(), reply))
+        self.order(|reply| RosterCommand::Start(name.to_owned(), None, reply))
+            .await
+    }
+
+    /// Starts a behaviour, and ends it after it has run for so long, unless it has ended by itself. A
+    /// restart begins the time anew.
+    ///
+    /// # Errors
+    /// See [`RosterError`].
+    pub async fn start_for(&self, name: &str, lasts: Duration) -> Result<(), RosterError> {
+        self.order(|reply| RosterCommand::Start(name.to_owned(), Some(lasts), reply))
             .await
     }
 
@@ -222,7 +232,7 @@ impl Roster {
     /// See [`RosterError`].
     pub async fn stop(&self, name: &str) -> Result<(), RosterError> {
         let reason = EndReason::Cancelled;
-        self.order(|reply| Order::Stop(name.to_owned(), reason, reply))
+        self.order(|reply| RosterCommand::Stop(name.to_owned(), reason, reply))
             .await
     }
 
@@ -232,7 +242,7 @@ impl Roster {
     /// # Errors
     /// See [`RosterError`].
     pub async fn restart(&self, name: &str) -> Result<(), RosterError> {
-        self.order(|reply| Order::Restart(name.to_owned(), reply))
+        self.order(|reply| RosterCommand::Restart(name.to_owned(), reply))
             .await
     }
 
@@ -241,7 +251,8 @@ impl Roster {
     /// # Errors
     /// See [`RosterError`].
     pub async fn define(&self, blueprints: Vec<Blueprint>) -> Result<(), RosterError> {
-        self.order(|reply| Order::Define(blueprints, reply)).await
+        self.order(|reply| RosterCommand::Define(blueprints, reply))
+            .await
     }
 
     /// All that are known or run, in the order of the config; changes can be waited for.
@@ -291,7 +302,7 @@ impl Roster {
         Ok(())
     }
 
-    async fn order(&self, order: impl FnOnce(Reply) -> Order) -> Result<(), RosterError> {
+    async fn order(&self, order: impl FnOnce(Reply) -> RosterCommand) -> Result<(), RosterError> {
         let (reply, answer) = oneshot::channel();
         self.orders
             .try_send(order(reply))
@@ -307,13 +318,13 @@ impl Roster {
     }
 }
 
-impl fmt::Debug for Order {
+impl fmt::Debug for RosterCommand {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Order::Start(name, _) => write!(f, "Start({name})"),
-            Order::Stop(name, reason, _) => write!(f, "Stop({name}, {reason})"),
-            Order::Restart(name, _) => write!(f, "Restart({name})"),
-            Order::Define(blueprints, _) => write!(f, "Define({blueprints:?})"),
+            RosterCommand::Start(name, lasts, _) => write!(f, "Start({name}, {lasts:?})"),
+            RosterCommand::Stop(name, reason, _) => write!(f, "Stop({name}, {reason})"),
+            RosterCommand::Restart(name, _) => write!(f, "Restart({name})"),
+            RosterCommand::Define(blueprints, _) => write!(f, "Define({blueprints:?})"),
         }
     }
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio::time::{MissedTickBehavior, interval, sleep};
 
-use crate::robot::channel::{Inbox, Request, Role, Told, events};
+use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
 use crate::robot::{
     BehaviourId, CallId, DockEnd, DockPlan, EndReason, Event, Intent, MotionEnd, MotionId,
     Priority, Setpoint,
@@ -25,7 +25,7 @@ const SPEECH_TIME: Duration = Duration::from_millis(500);
 pub struct Seat {
     by: BehaviourId,
     requests: mpsc::Sender<Request>,
-    inbox: Inbox,
+    inbox: EventReceiver,
     last: u64,
 }
 
@@ -159,7 +159,7 @@ impl Seat {
         self.intend(Intent::Stream { stream, on: false }).await
     }
 
-    /// Drives so from now on, until the next word. Whoever drives shows life: see [`Seat::alive`].
+    /// Drives so from now on, until the next word. The driver must keep showing life: see [`Seat::alive`].
     ///
     /// # Errors
     /// [`SeatError::Closed`].
@@ -174,7 +174,7 @@ impl Seat {
         .await
     }
 
-    /// Shows life, which whoever drives does at least four times a second.
+    /// Shows life; a driver calls it at least four times a second.
     ///
     /// # Errors
     /// [`SeatError::Closed`].
@@ -188,9 +188,9 @@ impl Seat {
     /// See [`SeatError`].
     pub async fn told(&mut self) -> Result<Event, SeatError> {
         match self.inbox.next().await {
-            Told::Event(event) => Ok(event),
-            Told::Kill(reason) => Err(SeatError::Ended(reason)),
-            Told::Closed => Err(SeatError::Closed),
+            PilotMessage::Event(event) => Ok(event),
+            PilotMessage::Kill(reason) => Err(SeatError::Ended(reason)),
+            PilotMessage::Closed => Err(SeatError::Closed),
         }
     }
 
@@ -225,13 +225,13 @@ impl Seat {
                 }
             };
             match told {
-                Told::Event(event) => {
+                PilotMessage::Event(event) => {
                     if let Some(answer) = answer(&event) {
                         return Ok(answer);
                     }
                 }
-                Told::Kill(reason) => return Err(SeatError::Ended(reason)),
-                Told::Closed => return Err(SeatError::Closed),
+                PilotMessage::Kill(reason) => return Err(SeatError::Ended(reason)),
+                PilotMessage::Closed => return Err(SeatError::Closed),
             }
         }
     }

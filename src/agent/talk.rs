@@ -11,7 +11,9 @@ use tokio_util::sync::CancellationToken;
 use tracing::warn;
 
 use super::{AgentError, Flight, Preflight, SCRIPTS_END};
-use crate::behaviour::{Dialogue, Handle, Launch, Launcher, Order, Prepared, Said, Supervisor};
+use crate::behaviour::{
+    Dialogue, Handle, Launch, Launcher, Prepared, PromptCommand, Said, Supervisor,
+};
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, EndReason, Intent, Pictures, Priority};
 use crate::script::Ending;
@@ -53,7 +55,7 @@ struct Session {
 }
 
 impl Talk {
-    /// Runs until `stop` is cancelled, or until nobody gives orders any more and a robot with a low
+    /// Runs until `stop` is cancelled, or until the command sender is dropped and a robot with a low
     /// battery is home. All that can end it ends with a stop of the robot. Whether the watchdog had the
     /// robot at the end.
     ///
@@ -61,7 +63,7 @@ impl Talk {
     /// See [`TalkError`].
     pub async fn run(
         mut self,
-        mut orders: mpsc::Receiver<Order>,
+        mut orders: mpsc::Receiver<PromptCommand>,
         said: mpsc::Sender<Said>,
         stop: CancellationToken,
     ) -> Result<bool, TalkError> {
@@ -89,7 +91,7 @@ impl Session {
     /// Whether a robot with a low battery had to be waited for.
     async fn live(
         &mut self,
-        orders: &mut mpsc::Receiver<Order>,
+        orders: &mut mpsc::Receiver<PromptCommand>,
         said: &mpsc::Sender<Said>,
         stop: &CancellationToken,
     ) -> Result<bool, TalkError> {
@@ -111,7 +113,7 @@ impl Session {
     /// One behaviour from its start to its end, which is returned; `None` if the session ends.
     async fn converse(
         &mut self,
-        orders: &mut mpsc::Receiver<Order>,
+        orders: &mut mpsc::Receiver<PromptCommand>,
         said: &mpsc::Sender<Said>,
         stop: &CancellationToken,
     ) -> Result<Option<Ending>, TalkError> {

@@ -1,9 +1,8 @@
 //! `clock.*`: the time of day.
 
 use super::bounds::Bounds;
-use super::terms::{
-    Function, Namespace, Object, Place, bounded, call, number, object, table, text, whole,
-};
+use super::make::{bounded, call, number, object, table, text, whole};
+use super::terms::{Availability, Function, Namespace, Object};
 
 /// From the year 1 to the year 9999.
 const INSTANT: Bounds = Bounds::Between(-62_135_000_000.0, 253_402_000_000.0);
@@ -47,7 +46,7 @@ const FUNCTIONS: &[Function] = &[
 pub(super) const CLOCK: Namespace = Namespace {
     name: "clock",
     about: "the time of day",
-    place: Place::Everywhere,
+    availability: Availability::Everywhere,
     functions: FUNCTIONS,
     constants: &[],
     example: "",

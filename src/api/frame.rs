@@ -1,10 +1,11 @@
 //! Frames, and what is seen in them.
 
 use super::bounds::Bounds;
-use super::terms::{
-    Function, Object, Type, Value, boolean, bounded, call, count, number, object, options,
-    short_text, strict, table, text, value, whole,
+use super::make::{
+    boolean, bounded, call, count, number, object, options, short_text, strict, table, text, value,
+    whole,
 };
+use super::terms::{Function, Object, Type, Value};
 use crate::vision::BlobOptions;
 
 const ROI: Value = value("roi", Type::Roi, "only here").optional();

@@ -1,8 +1,7 @@
 //! `params.*`, `store.*`, and the functions without a namespace.
 
-use super::terms::{
-    Function, Namespace, Place, Type, Value, boolean, call, number, short_text, text, value,
-};
+use super::make::{boolean, call, number, short_text, text, value};
+use super::terms::{Availability, Function, Namespace, Type, Value};
 
 const KEY: Value = short_text("key", 200, "of UTF-8, not empty");
 
@@ -108,7 +107,7 @@ const GLOBAL: &[Function] = &[
 pub(super) const PARAMS: Namespace = Namespace {
     name: "params",
     about: "what a person may set from outside",
-    place: Place::Behaviour,
+    availability: Availability::Behaviour,
     functions: DECLARE,
     constants: &[],
     example: "",
@@ -117,7 +116,7 @@ pub(super) const PARAMS: Namespace = Namespace {
 pub(super) const STORE: Namespace = Namespace {
     name: "store",
     about: "what is kept from run to run",
-    place: Place::Behaviour,
+    availability: Availability::Behaviour,
     functions: STORED,
     constants: &[],
     example: "",
@@ -126,7 +125,7 @@ pub(super) const STORE: Namespace = Namespace {
 pub(super) const GLOBALS: Namespace = Namespace {
     name: "",
     about: "functions without a namespace",
-    place: Place::Everywhere,
+    availability: Availability::Everywhere,
     functions: GLOBAL,
     constants: &[],
     example: "",

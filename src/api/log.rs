@@ -1,6 +1,7 @@
 //! `log.*`.
 
-use super::terms::{Function, Namespace, Place, Type, Value, call, value};
+use super::make::{call, value};
+use super::terms::{Availability, Function, Namespace, Type, Value};
 
 const PARAMETERS: &[Value] = &[
     value("text", Type::Any, "what to say"),
@@ -41,7 +42,7 @@ const FUNCTIONS: &[Function] = &[
 pub(super) const LOG: Namespace = Namespace {
     name: "log",
     about: "lines for the log",
-    place: Place::Everywhere,
+    availability: Availability::Everywhere,
     functions: FUNCTIONS,
     constants: &[],
     example: "",

@@ -13,6 +13,7 @@ mod frame;
 mod keeping;
 mod log;
 mod luau;
+mod make;
 mod markdown;
 mod modules;
 mod page;
@@ -36,7 +37,7 @@ pub use markdown::markdown;
 pub use page::{known, list, page, titles};
 pub use robot::LONGEST_DRIVE;
 pub use terms::{
-    Choice, Constant, Event, Function, Literal, Namespace, Need, Object, Place, Type, Value,
+    Availability, Choice, Constant, Event, Function, Literal, Namespace, Need, Object, Type, Value,
 };
 
 /// The namespaces that are there without `require`, and the functions that are in none.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::terms::{Constant, Event, Function, Namespace, Need, Object, Place, Type, Value};
+use super::terms::{Availability, Constant, Event, Function, Namespace, Need, Object, Type, Value};
 use super::{choices, constants, events, functions, methods, modules, namespaces, objects};
 
 /// All that a name stands for: a function, namespace, module, object, field, event, constant or set
@@ -127,7 +127,7 @@ fn lines(namespace: &Namespace) -> String {
 
 fn of_namespace(namespace: &Namespace) -> String {
     let Namespace { name, about, .. } = namespace;
-    let title = if namespace.place == Place::Module {
+    let title = if namespace.availability == Availability::Module {
         format!("require(\"@spykee/{name}\"): {about}\n\n")
     } else {
         format!("{name}: {about}\n\n")
@@ -150,7 +150,7 @@ fn made_by(namespace: &Namespace) -> Vec<&'static Object> {
         Type::Object(object) => Some(object),
         _ => None,
     });
-    let is_module = namespace.place == Place::Module;
+    let is_module = namespace.availability == Availability::Module;
     objects.filter(|_| is_module).collect()
 }
 

@@ -4,12 +4,10 @@ use super::bounds::{Bounds, SECONDS};
 use super::choices::{DOCK_CODE, LIGHT, MOTION_CODE, QUEUE, SOUND, STREAM};
 use super::events::EVENT;
 use super::frame::FRAME;
+use super::make::{boolean, bounded, call, choice, count, object, options, strict, value};
 use super::tables::{BATTERY, DOCK_INFO, INFO, POSE_ESTIMATE};
 use super::task::TASK;
-use super::terms::{
-    Function, Namespace, Object, Place, Type, Value, boolean, bounded, call, choice, count, object,
-    options, strict, value,
-};
+use super::terms::{Availability, Function, Namespace, Object, Type, Value};
 use crate::robot::DockPlan;
 
 /// Power of a track, in percent.
@@ -314,7 +312,7 @@ pub(super) const LISTENER: Object = strict(
 pub(super) const ROBOT: Namespace = Namespace {
     name: "robot",
     about: "motion, lights, sounds, docking, events, pictures",
-    place: Place::Behaviour,
+    availability: Availability::Behaviour,
     functions: FUNCTIONS,
     constants: &[],
     example: "",

@@ -2,10 +2,11 @@
 //! simulated robot.
 
 use super::bounds::{Bounds, SECONDS};
-use super::terms::{
-    Namespace, Object, Place, Type, Value, boolean, bounded, call, count, function, number, object,
-    options, short_text, strict, table, text, value, whole,
+use super::make::{
+    boolean, bounded, call, count, function, number, object, options, short_text, strict, table,
+    text, value, whole,
 };
+use super::terms::{Availability, Namespace, Object, Type, Value};
 
 /// Places are no farther away than this, in metres; headings, in radians.
 const FAR: Bounds = Bounds::Between(-1000.0, 1000.0);
@@ -67,7 +68,7 @@ const SETTING: Value = options(&[
 pub(super) const SCENARIO: Namespace = Namespace {
     name: "",
     about: "scenarios, in `*_test.lua` files",
-    place: Place::Scenario,
+    availability: Availability::Scenario,
     functions: &[
         call(
             "scenario",

@@ -1,9 +1,8 @@
 //! `script.*`: the script's own life.
 
+use super::make::{call, function, object, short_text};
 use super::tables::USAGE;
-use super::terms::{
-    Constant, Function, Namespace, Place, Type, call, function, object, short_text,
-};
+use super::terms::{Availability, Constant, Function, Namespace, Type};
 
 const CONSTANTS: &[Constant] = &[Constant {
     path: "script.name",
@@ -44,7 +43,7 @@ const FUNCTIONS: &[Function] = &[
 pub(super) const SCRIPT: Namespace = Namespace {
     name: "script",
     about: "the script's own life",
-    place: Place::Everywhere,
+    availability: Availability::Everywhere,
     functions: FUNCTIONS,
     constants: CONSTANTS,
     example: "",

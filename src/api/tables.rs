@@ -1,7 +1,8 @@
 //! Plain tables that calls and events give.
 
 use super::choices::SAFETY_ACTION;
-use super::terms::{Object, Type, boolean, choice, number, table, text, value, whole};
+use super::make::{boolean, choice, number, table, text, value, whole};
+use super::terms::{Object, Type};
 
 pub(super) const BATTERY: Object = table(
     "Battery",

@@ -2,10 +2,10 @@
 
 use super::bounds::{Bounds, SECONDS};
 use super::choices::TASK_STATUS;
-use super::terms::{
-    Function, Namespace, Object, Place, Type, Value, boolean, bounded, call, choice, function,
-    number, object, strict, text, value, whole,
+use super::make::{
+    boolean, bounded, call, choice, function, number, object, strict, text, value, whole,
 };
+use super::terms::{Availability, Function, Namespace, Object, Type, Value};
 
 const FUNCTION: Value = function("fn", "(...any) -> ...any", "what to run");
 const HANDLE: Value = object("task", &TASK, "");
@@ -123,7 +123,7 @@ pub(super) const TASK: Object = strict(
 pub(super) const TASKS: Namespace = Namespace {
     name: "task",
     about: "time, and functions side by side",
-    place: Place::Everywhere,
+    availability: Availability::Everywhere,
     functions: FUNCTIONS,
     constants: &[],
     example: "",

@@ -1,8 +1,7 @@
 //! `journal.*` and `notify.*`.
 
-use super::terms::{
-    Function, Namespace, Place, Type, Value, boolean, call, short_text, text, value,
-};
+use super::make::{boolean, call, short_text, text, value};
+use super::terms::{Availability, Function, Namespace, Type, Value};
 
 /// The longest kind of an entry, in bytes.
 const KIND: usize = 40;
@@ -49,7 +48,7 @@ const NOTIFIED: &[Function] = &[call(
 pub(super) const JOURNAL: Namespace = Namespace {
     name: "journal",
     about: "what is remembered for people",
-    place: Place::Behaviour,
+    availability: Availability::Behaviour,
     functions: JOURNALLED,
     constants: &[],
     example: "",
@@ -58,7 +57,7 @@ pub(super) const JOURNAL: Namespace = Namespace {
 pub(super) const NOTIFY: Namespace = Namespace {
     name: "notify",
     about: "messages to people who are elsewhere",
-    place: Place::Behaviour,
+    availability: Availability::Behaviour,
     functions: NOTIFIED,
     constants: &[],
     example: "",

@@ -161,7 +161,7 @@ pub struct Namespace {
     /// What it is for, in a few words.
     pub about: &'static str,
     /// Which scripts have it.
-    pub place: Place,
+    pub availability: Availability,
     /// Its functions.
     pub functions: &'static [Function],
     /// Its other fields.
@@ -172,7 +172,7 @@ pub struct Namespace {
 
 /// Which scripts have a namespace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
+pub enum Availability {
     /// All.
     Everywhere,
     /// Behaviours.
@@ -269,166 +269,6 @@ impl Value {
             Type::Options(_) => "the options",
             _ => self.name,
         }
-    }
-
-    /// With its unit.
-    pub(super) const fn unit(self, unit: &'static str) -> Value {
-        Value { unit, ..self }
-    }
-
-    /// It may be left out, or may be nil.
-    pub(super) const fn optional(self) -> Value {
-        let need = Need::Optional;
-        Value { need, ..self }
-    }
-
-    pub(super) const fn required(self) -> Value {
-        let need = Need::Required;
-        Value { need, ..self }
-    }
-
-    /// The number that it is unless given.
-    pub(super) const fn default(self, number: f64) -> Value {
-        let need = Need::Default(Literal::Number(number));
-        Value { need, ..self }
-    }
-
-    /// Whether it is true unless given.
-    pub(super) const fn default_is(self, on: bool) -> Value {
-        let need = Need::Default(Literal::Boolean(on));
-        Value { need, ..self }
-    }
-}
-
-impl Function {
-    pub(super) const fn waiting(self) -> Function {
-        let waits = true;
-        Function { waits, ..self }
-    }
-
-    pub(super) const fn pure(self) -> Function {
-        let pure = true;
-        Function { pure, ..self }
-    }
-
-    /// It takes further arguments.
-    pub(super) const fn and(self, rest: &'static str) -> Function {
-        let rest = Some(rest);
-        Function { rest, ..self }
-    }
-}
-
-pub(super) const fn value(name: &'static str, kind: Type, doc: &'static str) -> Value {
-    Value {
-        name,
-        kind,
-        unit: "",
-        need: Need::Required,
-        doc,
-    }
-}
-
-pub(super) const fn number(name: &'static str, doc: &'static str) -> Value {
-    value(name, Type::Number(None), doc)
-}
-
-pub(super) const fn bounded(name: &'static str, bounds: Bounds, doc: &'static str) -> Value {
-    value(name, Type::Number(Some(bounds)), doc)
-}
-
-pub(super) const fn whole(name: &'static str, doc: &'static str) -> Value {
-    value(name, Type::Whole(None), doc)
-}
-
-/// A whole number from 0 to `most`.
-pub(super) const fn count(name: &'static str, most: u32, doc: &'static str) -> Value {
-    let bounds = Bounds::Between(0.0, most as f64);
-    value(name, Type::Whole(Some(bounds)), doc)
-}
-
-pub(super) const fn boolean(name: &'static str, doc: &'static str) -> Value {
-    value(name, Type::Boolean, doc)
-}
-
-pub(super) const fn text(name: &'static str, doc: &'static str) -> Value {
-    value(name, Type::Text(None), doc)
-}
-
-/// A text of at most `most` bytes.
-pub(super) const fn short_text(name: &'static str, most: usize, doc: &'static str) -> Value {
-    value(name, Type::Text(Some(most)), doc)
-}
-
-pub(super) const fn choice(name: &'static str, of: &'static Choice, doc: &'static str) -> Value {
-    value(name, Type::Choice(of), doc)
-}
-
-pub(super) const fn object(name: &'static str, of: &'static Object, doc: &'static str) -> Value {
-    value(name, Type::Object(of), doc)
-}
-
-pub(super) const fn function(name: &'static str, luau: &'static str, doc: &'static str) -> Value {
-    value(name, Type::Function(luau), doc)
-}
-
-pub(super) const fn options(keys: &'static [Value]) -> Value {
-    value("options", Type::Options(keys), "").optional()
-}
-
-/// `{low, high}`, the full range unless given.
-pub(super) const fn range(name: &'static str, (low, high): (f64, f64), doc: &'static str) -> Value {
-    Value {
-        need: Need::Default(Literal::Range(low, high)),
-        ..value(name, Type::Range, doc)
-    }
-}
-
-/// A function that does not wait.
-pub(super) const fn call(
-    path: &'static str,
-    parameters: &'static [Value],
-    returns: &'static [Value],
-    doc: &'static str,
-    example: &'static str,
-) -> Function {
-    Function {
-        path,
-        parameters,
-        rest: None,
-        returns,
-        waits: false,
-        pure: false,
-        doc,
-        example,
-    }
-}
-
-/// A plain table.
-pub(super) const fn table(
-    name: &'static str,
-    doc: &'static str,
-    fields: &'static [Value],
-) -> Object {
-    Object {
-        name,
-        doc,
-        fields,
-        methods: &[],
-        strict: false,
-    }
-}
-
-/// An object whose names are checked.
-pub(super) const fn strict(
-    name: &'static str,
-    doc: &'static str,
-    fields: &'static [Value],
-    methods: &'static [Function],
-) -> Object {
-    Object {
-        methods,
-        strict: true,
-        ..table(name, doc, fields)
     }
 }
 

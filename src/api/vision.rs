@@ -2,10 +2,10 @@
 
 use super::bounds::Bounds;
 use super::frame::{FRAME, MOTION, TRACK};
-use super::terms::{
-    Function, Namespace, Object, Place, Type, Value, bounded, call, count, number, object, options,
-    range, strict, table, text, value,
+use super::make::{
+    bounded, call, count, number, object, options, range, strict, table, text, value,
 };
+use super::terms::{Availability, Function, Namespace, Object, Type, Value};
 use crate::vision::{MotionOptions, TrackerOptions};
 
 const TRACKS: TrackerOptions = TrackerOptions::DEFAULT;
@@ -166,7 +166,7 @@ const FUNCTIONS: &[Function] = &[
 pub(super) const VISION: Namespace = Namespace {
     name: "vision",
     about: "colours, trackers and motion detectors",
-    place: Place::Behaviour,
+    availability: Availability::Behaviour,
     functions: FUNCTIONS,
     constants: &[],
     example: "",

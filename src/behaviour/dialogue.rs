@@ -7,13 +7,13 @@ use super::message::ToHost;
 use crate::script::{Ending, Evaluated, LogLine};
 
 /// Orders that may wait for the behaviour.
-const MAX_ORDERS: usize = 16;
+const MAX_COMMANDS: usize = 16;
 /// What may wait for the person; the last place is kept for answers.
 const MAX_SAID: usize = 512;
 
 /// What the person wants.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Order {
+pub enum PromptCommand {
     /// Run this; answered by [`Said::Evaluated`].
     Evaluate {
         /// Luau.
@@ -25,11 +25,11 @@ pub enum Order {
     Interrupt,
 }
 
-impl From<Order> for ToHost {
-    fn from(order: Order) -> ToHost {
+impl From<PromptCommand> for ToHost {
+    fn from(order: PromptCommand) -> ToHost {
         match order {
-            Order::Evaluate { text, more } => ToHost::Evaluate { text, more },
-            Order::Interrupt => ToHost::Interrupt,
+            PromptCommand::Evaluate { text, more } => ToHost::Evaluate { text, more },
+            PromptCommand::Interrupt => ToHost::Interrupt,
         }
     }
 }
@@ -41,7 +41,7 @@ pub enum Said {
     Ready,
     /// A log line of it.
     Line(LogLine),
-    /// What became of the last [`Order::Evaluate`].
+    /// What became of the last [`PromptCommand::Evaluate`].
     Evaluated(Evaluated),
     /// It has ended, and a new one begins.
     Ended(Ending),
@@ -50,14 +50,14 @@ pub enum Said {
 /// The behaviour's side.
 #[derive(Debug)]
 pub struct Dialogue {
-    orders: mpsc::Receiver<Order>,
+    orders: mpsc::Receiver<PromptCommand>,
     said: mpsc::Sender<Said>,
 }
 
 impl Dialogue {
     /// With the ends of the person's side.
-    pub fn new() -> (mpsc::Sender<Order>, mpsc::Receiver<Said>, Dialogue) {
-        let (order, orders) = mpsc::channel(MAX_ORDERS);
+    pub fn new() -> (mpsc::Sender<PromptCommand>, mpsc::Receiver<Said>, Dialogue) {
+        let (order, orders) = mpsc::channel(MAX_COMMANDS);
         let (said, hear) = mpsc::channel(MAX_SAID);
         (order, hear, Dialogue { orders, said })
     }
@@ -71,8 +71,8 @@ impl Dialogue {
     }
 }
 
-/// The next order; none ever comes where nobody speaks.
-pub(super) async fn next(dialogue: &mut Option<Dialogue>) -> Order {
+/// The next command; pending for ever without a prompt.
+pub(super) async fn next(dialogue: &mut Option<Dialogue>) -> PromptCommand {
     if let Some(dialogue) = dialogue
         && let Some(order) = dialogue.orders.recv().await
     {

@@ -8,13 +8,14 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncWrite};
-use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until};
+use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use super::gallery::Gallery;
-use super::keeper::Keeper;
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
+use super::store_writer::StoreWriter;
 use crate::check;
+use crate::clock::until;
 use crate::robot::{EndReason, Finding, Frame};
 use crate::script::{Ending, Level, LogLine, Output, Script, Seen, Sighting};
 use crate::walls::{Room, confine};
@@ -105,15 +106,15 @@ pub(super) async fn serve(
             Time::Virtual => Gallery::open(folder, &options.limits).map(Gallery::patient),
         })
         .transpose()?;
-    let keeper = options.data_dir.clone().map(|folder| match time {
-        Time::Real => Keeper::new(folder, &options.limits),
-        Time::Virtual => Keeper::at_the_end(folder, &options.limits),
+    let store = options.data_dir.clone().map(|folder| match time {
+        Time::Real => StoreWriter::new(folder, &options.limits),
+        Time::Virtual => StoreWriter::at_the_end(folder, &options.limits),
     });
     match Script::load(&source, options, Instant::now()) {
         Ok(mut script) => {
             script.explain_with(check::explain);
             outbox.send(&FromHost::Ready).await?;
-            if let Some(damage) = keeper.as_ref().and_then(|one| restore(&mut script, one)) {
+            if let Some(damage) = store.as_ref().and_then(|one| restore(&mut script, one)) {
                 outbox.send(&warning(damage)).await?;
             }
             let mut host = Host {
@@ -124,7 +125,7 @@ pub(super) async fn serve(
                 coming: Vec::new(),
                 gallery,
                 findings,
-                keeper,
+                store,
                 time,
             };
             if host.prepare().await? {
@@ -155,33 +156,33 @@ struct Host {
     /// People look on.
     findings: bool,
     /// Where the script's store is kept.
-    keeper: Option<Keeper>,
-    /// In virtual time nobody waits for a sign of life.
+    store: Option<StoreWriter>,
+    /// In virtual time no sign of life is expected.
     time: Time,
 }
 
 /// Gives the script what its store held; a warning if that is damaged.
-fn restore(script: &mut Script, keeper: &Keeper) -> Option<String> {
-    let restored = match keeper.read() {
+fn restore(script: &mut Script, store: &StoreWriter) -> Option<String> {
+    let restored = match store.read() {
         Ok(Some(file)) => script.restore(&file),
         Ok(None) => Ok(()),
         Err(error) => Err(error.to_string()),
     };
-    restored.err().map(|why| keeper.set_aside(&why))
+    restored.err().map(|why| store.set_aside(&why))
 }
 
 /// A line of ours in the script's log.
 fn warning(text: String) -> FromHost {
-    FromHost::Log(LogLine {
+    FromHost::Output(Output::Log(LogLine {
         level: Level::Warn,
         text,
         fields: Vec::new(),
         line: None,
-    })
+    }))
 }
 
 impl Host {
-    /// Hears how things stand until it may go; false if there is nobody to go for.
+    /// Hears how things stand until it may go; false if the agent is gone.
     async fn prepare(&mut self) -> io::Result<bool> {
         while let Some(message) = self.inbox.next().await? {
             if let ToHost::Go = message {
@@ -206,7 +207,7 @@ impl Host {
                 break ending;
             }
             let (ready, moving) = (self.script.is_ready(), self.script.has_motion());
-            let keeps_at = self.keeps_at();
+            let writes_at = self.writes_at();
             tokio::select! {
                 biased;
                 message = self.inbox.next() => match message? {
@@ -215,7 +216,7 @@ impl Host {
                 },
                 () = std::future::ready(()), if ready => {}
                 () = until(self.script.next_deadline()) => {}
-                () = until(keeps_at) => {}
+                () = until(writes_at) => {}
                 _ = beat.tick(), if moving => self.outbox.send(&FromHost::Alive).await?,
                 _ = idle.tick(), if !moving && self.time == Time::Real => {
                     self.outbox.send(&FromHost::Alive).await?;
@@ -225,28 +226,28 @@ impl Host {
         };
         // Its motion has ended already: nothing is held up by the disk.
         let last = self.script.take_store();
-        if let Some(trouble) = self.keeper.as_mut().and_then(|one| one.finish(last)) {
+        if let Some(trouble) = self.store.as_mut().and_then(|one| one.finish(last)) {
             self.outbox.send(&unwritten(&trouble)).await?;
         }
         self.outbox.send(&FromHost::Ended(ending)).await
     }
 
     /// When the store can be written, if it has changed.
-    fn keeps_at(&self) -> Option<Instant> {
-        let keeper = self.keeper.as_ref()?;
-        let waits = self.script.has_store_changed() || keeper.is_behind();
-        waits.then(|| keeper.next().unwrap_or_else(Instant::now))
+    fn writes_at(&self) -> Option<Instant> {
+        let store = self.store.as_ref()?;
+        let waits = self.script.has_store_changed() || store.is_behind();
+        waits.then(|| store.next().unwrap_or_else(Instant::now))
     }
 
     async fn keep(&mut self) -> io::Result<()> {
-        let Some(keeper) = &mut self.keeper else {
+        let Some(store) = &mut self.store else {
             return Ok(());
         };
         let now = Instant::now();
-        if keeper.is_due(now) {
-            keeper.offer(self.script.take_store(), now);
+        if store.is_due(now) {
+            store.offer(self.script.take_store(), now);
         }
-        match keeper.trouble() {
+        match store.trouble() {
             Some(trouble) => self.outbox.send(&unwritten(&trouble)).await,
             None => Ok(()),
         }
@@ -303,15 +304,7 @@ impl Host {
 
     async fn send_output(&mut self) -> io::Result<()> {
         for output in self.script.take_output() {
-            let message = match output {
-                Output::Intent(intent) => FromHost::Intent(intent),
-                Output::Log(line) => FromHost::Log(line),
-                Output::Remark(remark) => FromHost::Remark(remark),
-                Output::Params(knobs) => FromHost::Params(knobs),
-                Output::Evaluated(evaluated) => FromHost::Evaluated(evaluated),
-                Output::Module(name) => FromHost::Module(name),
-            };
-            self.outbox.feed(&message).await?;
+            self.outbox.feed(&FromHost::Output(output)).await?;
         }
         if self.script.wants_frames() && !self.frame_asked {
             self.frame_asked = true;
@@ -343,95 +336,5 @@ fn unwritten(trouble: &str) -> FromHost {
     ))
 }
 
-async fn until(deadline: Option<Instant>) {
-    match deadline {
-        Some(deadline) => sleep_until(deadline).await,
-        None => std::future::pending().await,
-    }
-}
-
 #[cfg(test)]
-mod tests {
-    use std::time::Duration;
-
-    use bytes::Bytes;
-    use tokio::time::timeout;
-
-    use super::*;
-    use crate::behaviour::Library;
-    use crate::script::Options;
-
-    const JPEG: &[u8] = include_bytes!("../../tests/fixtures/ball-422.jpg");
-
-    /// A host of a script, and what goes in and out.
-    async fn host_of(source: &str) -> (Sender<ToHost>, Receiver<FromHost>) {
-        let (near, far) = tokio::io::duplex(1 << 20);
-        let (reader, writer) = tokio::io::split(far);
-        tokio::task::spawn_local(serve(reader, writer, Time::Virtual));
-        let (reader, writer) = tokio::io::split(near);
-        let (mut to, from) = (Sender::new(writer), Receiver::new(reader));
-        let launch = Launch {
-            source: source.into(),
-            options: Options::new("test", "test.lua"),
-            library: Library::default(),
-        };
-        to.send(&ToHost::Load(Box::new(launch))).await.unwrap();
-        to.send(&ToHost::Go).await.unwrap();
-        (to, from)
-    }
-
-    fn frame(seq: u64) -> ToHost {
-        let (age, jpeg) = (Duration::ZERO, Bytes::from_static(JPEG));
-        ToHost::Frame { seq, age, jpeg }
-    }
-
-    /// Whether the host wants to look ahead, the next time that it wants a frame; and what the script
-    /// has written before.
-    async fn wish(from: &mut Receiver<FromHost>) -> (bool, Vec<String>) {
-        let mut lines = Vec::new();
-        loop {
-            let message = timeout(Duration::from_secs(60), from.next()).await.unwrap();
-            match message.unwrap().unwrap() {
-                FromHost::Log(line) => lines.push(line.text),
-                FromHost::WantFrame { ahead } => return (ahead, lines),
-                _ => {}
-            }
-        }
-    }
-
-    #[tokio::test(flavor = "local")]
-    async fn a_script_that_looks_sees_the_same_frame_in_whatever_parts_it_comes() {
-        let look = "robot.on('frame', function(f) print(f:find_blobs('red')[1].pixels) end)";
-        let (mut to, mut from) = host_of(look).await;
-        assert!(!wish(&mut from).await.0);
-        to.send(&frame(1)).await.unwrap();
-        let (ahead, seen) = wish(&mut from).await;
-        assert!(ahead && seen.len() == 1, "{ahead} {seen:?}");
-        for (number, cuts) in [[700, 1500], [100, JPEG.len() - 1], [0, 0]]
-            .iter()
-            .enumerate()
-        {
-            let mut at = 0;
-            for &cut in cuts {
-                let jpeg = Bytes::from_static(&JPEG[at..cut]);
-                to.send(&ToHost::Ahead { at, jpeg }).await.unwrap();
-                at = cut;
-            }
-            to.send(&frame(number as u64 + 2)).await.unwrap();
-            assert_eq!(wish(&mut from).await, (true, seen.clone()));
-        }
-        // A part in between was lost.
-        let jpeg = Bytes::from_static(&JPEG[900..]);
-        to.send(&ToHost::Ahead { at: 900, jpeg }).await.unwrap();
-        to.send(&frame(9)).await.unwrap();
-        assert_eq!(wish(&mut from).await, (true, seen));
-    }
-
-    #[tokio::test(flavor = "local")]
-    async fn nothing_is_decoded_for_a_script_that_does_not_look() {
-        let (mut to, mut from) = host_of("robot.on('frame', function(f) print(f.seq) end)").await;
-        wish(&mut from).await;
-        to.send(&frame(1)).await.unwrap();
-        assert_eq!(wish(&mut from).await, (false, vec!["1".to_owned()]));
-    }
-}
+mod tests;

@@ -1,5 +1,5 @@
 //! Looks at a script as [`check`](crate::check) does, in a confined process of its own: the
-//! compiler reads texts of whoever has written them.
+//! compiler reads untrusted source text.
 
 use std::ffi::OsString;
 use std::io;

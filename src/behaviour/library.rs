@@ -23,6 +23,76 @@ const ENDINGS: [&str; 2] = [".lua", ".luau"];
 /// Names of a folder that are looked at.
 const MAX_NAMES: usize = 10_000;
 
+/// Why a module cannot be had, in words for the script's author.
+#[derive(Debug, thiserror::Error)]
+pub enum LibraryError {
+    /// There is no folder to look in.
+    #[error("this behaviour has no folder to load modules from")]
+    NoFolder,
+    /// The name is empty.
+    #[error("a module needs a name")]
+    NoName,
+    /// The behaviour's folder cannot be opened.
+    #[error("cannot open {}: {source}", .folder.display())]
+    Folder {
+        /// The folder.
+        folder: PathBuf,
+        /// Why.
+        source: Errno,
+    },
+    /// There is no such file.
+    #[error(
+        "module '{module}' was not found in the behaviour's folder: there is no {wanted}.lua{hint}"
+    )]
+    Missing {
+        /// As the script wrote it.
+        module: String,
+        /// The part of it that is missing.
+        wanted: String,
+        /// What was probably meant; may be empty.
+        hint: String,
+    },
+    /// Several files have this name.
+    #[error("module '{module}': there are {}; keep one of them", .files.join(" and "))]
+    Ambiguous {
+        /// As the script wrote it.
+        module: String,
+        /// Their names.
+        files: Vec<String>,
+    },
+    /// Links are not followed.
+    #[error(
+        "module '{module}': {name} is a symbolic link or no folder; modules must be files in the \
+         behaviour's own folder"
+    )]
+    Link {
+        /// As the script wrote it.
+        module: String,
+        /// The link.
+        name: String,
+    },
+    /// Such as a folder or a pipe.
+    #[error("module '{module}': {name} is not a file")]
+    NotAFile {
+        /// As the script wrote it.
+        module: String,
+        /// What is no file.
+        name: String,
+    },
+    /// A file or folder cannot be opened or read.
+    #[error("module '{module}': cannot {verb} {name}: {source}")]
+    Io {
+        /// As the script wrote it.
+        module: String,
+        /// What failed: `open`, `list` or `read`.
+        verb: &'static str,
+        /// The file or folder.
+        name: String,
+        /// Why.
+        source: io::Error,
+    },
+}
+
 /// See the module. Clones are the same library.
 #[derive(Debug, Clone, Default)]
 pub struct Library {
@@ -48,22 +118,25 @@ impl Library {
     /// Reads a module. Blocks for as long as the disk does.
     ///
     /// # Errors
-    /// Why it cannot be had, in words for the script's author.
-    pub fn fetch(&self, name: &ModuleName) -> Result<ModuleFile, String> {
+    /// See [`LibraryError`].
+    pub fn fetch(&self, name: &ModuleName) -> Result<ModuleFile, LibraryError> {
         let Some(folder) = &self.folder else {
-            return Err("this behaviour has no folder to load modules from".to_owned());
+            return Err(LibraryError::NoFolder);
         };
-        let folder = match folder.as_os_str().is_empty() {
-            true => PathBuf::from("."),
-            false => folder.clone(),
+        let folder = if folder.as_os_str().is_empty() {
+            PathBuf::from(".")
+        } else {
+            folder.clone()
         };
         let mut segments: Vec<&str> = name.segments().collect();
         let Some(last) = segments.pop() else {
-            return Err("a module needs a name".to_owned());
+            return Err(LibraryError::NoName);
         };
         let shown = name.as_str();
-        let mut at = openat(CWD, &folder, folder_flags(), Mode::empty())
-            .map_err(|error| format!("cannot open {}: {error}", folder.display()))?;
+        let mut at = openat(CWD, &folder, folder_flags(), Mode::empty()).map_err(|source| {
+            let folder = folder.clone();
+            LibraryError::Folder { folder, source }
+        })?;
         for segment in &segments {
             at = enter(&at, segment, shown)?;
         }
@@ -86,7 +159,7 @@ fn folder_flags() -> OFlags {
 }
 
 /// A folder within a folder, which is not a link to elsewhere.
-fn enter(at: &OwnedFd, segment: &str, shown: &str) -> Result<OwnedFd, String> {
+fn enter(at: &OwnedFd, segment: &str, shown: &str) -> Result<OwnedFd, LibraryError> {
     let near = exact(at, segment, &[""], shown)?;
     let Some(segment) = near else {
         return Err(missing(at, segment, shown));
@@ -96,7 +169,7 @@ fn enter(at: &OwnedFd, segment: &str, shown: &str) -> Result<OwnedFd, String> {
 }
 
 /// The file's name with its ending.
-fn find(at: &OwnedFd, last: &str, shown: &str) -> Result<String, String> {
+fn find(at: &OwnedFd, last: &str, shown: &str) -> Result<String, LibraryError> {
     exact(at, last, &ENDINGS, shown)?.ok_or_else(|| missing(at, last, shown))
 }
 
@@ -107,19 +180,21 @@ fn exact(
     wanted: &str,
     endings: &[&str],
     shown: &str,
-) -> Result<Option<String>, String> {
-    let names = names(at).map_err(|error| format!("module '{shown}': {error}"))?;
+) -> Result<Option<String>, LibraryError> {
+    let names = names(at).map_err(|source| failed(shown, "list", "its folder", source))?;
     let mut found: Vec<String> = endings
         .iter()
         .map(|ending| format!("{wanted}{ending}"))
         .filter(|name| names.contains(name))
         .collect();
-    match found.len() > 1 {
-        true => Err(format!(
-            "module '{shown}': there are {}; keep one of them",
-            found.join(" and ")
-        )),
-        false => Ok(found.pop()),
+    if found.len() > 1 {
+        let module = shown.to_owned();
+        Err(LibraryError::Ambiguous {
+            module,
+            files: found,
+        })
+    } else {
+        Ok(found.pop())
     }
 }
 
@@ -132,40 +207,56 @@ fn names(at: &OwnedFd) -> io::Result<BTreeSet<String>> {
     Ok(names)
 }
 
-fn missing(at: &OwnedFd, wanted: &str, shown: &str) -> String {
+fn missing(at: &OwnedFd, wanted: &str, shown: &str) -> LibraryError {
     let names = names(at).unwrap_or_default();
     let is_folder = names.contains(wanted);
     let stems = names.iter().map(|name| {
         let stem = ENDINGS.iter().find_map(|ending| name.strip_suffix(ending));
         stem.unwrap_or(name)
     });
-    let near = match is_folder {
-        true => "; it is a folder: name a file in it".to_owned(),
-        false => suggestion(wanted, stems),
+    let hint = if is_folder {
+        "; it is a folder: name a file in it".to_owned()
+    } else {
+        suggestion(wanted, stems)
     };
-    format!(
-        "module '{shown}' was not found in the behaviour's folder: there is no {wanted}.lua{near}"
-    )
+    LibraryError::Missing {
+        module: shown.to_owned(),
+        wanted: wanted.to_owned(),
+        hint,
+    }
 }
 
-fn refused(name: &str, shown: &str, error: Errno) -> String {
+fn refused(name: &str, shown: &str, error: Errno) -> LibraryError {
     match error {
-        Errno::LOOP | Errno::NOTDIR => format!(
-            "module '{shown}': {name} is a symbolic link or no folder; modules must be files in the behaviour's own folder"
-        ),
-        error => format!("module '{shown}': cannot open {name}: {error}"),
+        Errno::LOOP | Errno::NOTDIR => LibraryError::Link {
+            module: shown.to_owned(),
+            name: name.to_owned(),
+        },
+        error => failed(shown, "open", name, error.into()),
+    }
+}
+
+fn failed(shown: &str, verb: &'static str, name: &str, source: io::Error) -> LibraryError {
+    LibraryError::Io {
+        module: shown.to_owned(),
+        verb,
+        name: name.to_owned(),
+        source,
     }
 }
 
 /// One byte more than a module may have, so that a longer one is told as such.
-fn read(at: &OwnedFd, name: &str, shown: &str) -> Result<Vec<u8>, String> {
+fn read(at: &OwnedFd, name: &str, shown: &str) -> Result<Vec<u8>, LibraryError> {
     let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let file = openat(at, name, flags | OFlags::NOCTTY, Mode::empty());
     let file = file.map_err(|error| refused(name, shown, error))?;
-    let cannot = |error: io::Error| format!("module '{shown}': cannot read {name}: {error}");
+    let cannot = |source: io::Error| failed(shown, "read", name, source);
     let stat = fstat(&file).map_err(|error| cannot(error.into()))?;
     if FileType::from_raw_mode(stat.st_mode) != FileType::RegularFile {
-        return Err(format!("module '{shown}': {name} is not a file"));
+        return Err(LibraryError::NotAFile {
+            module: shown.to_owned(),
+            name: name.to_owned(),
+        });
     }
     let mut source = Vec::new();
     File::from(file)
@@ -182,7 +273,8 @@ mod tests {
     use std::os::unix::fs::symlink;
 
     fn fetch(library: &Library, name: &str) -> Result<ModuleFile, String> {
-        library.fetch(&name.to_owned().try_into().unwrap())
+        let file = library.fetch(&name.to_owned().try_into().unwrap());
+        file.map_err(|error| error.to_string())
     }
 
     #[test]

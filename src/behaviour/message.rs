@@ -7,8 +7,8 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
 use super::library::Library;
-use crate::robot::{EndReason, Event, Finding, Intent, Knob, ParamValue, Remark};
-use crate::script::{Ending, Evaluated, LogLine, ModuleFile, ModuleName, Options};
+use crate::robot::{EndReason, Event, Finding, ParamValue};
+use crate::script::{Ending, ModuleFile, ModuleName, Options, Output};
 
 /// A script and all it needs; no secrets.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -47,7 +47,7 @@ pub enum ToHost {
         /// A part of the JPEG.
         jpeg: Bytes,
     },
-    /// Run what a person typed; answered by [`FromHost::Evaluated`].
+    /// Run what a person typed; answered by [`Output::Evaluated`].
     Evaluate {
         /// Luau.
         text: String,
@@ -63,7 +63,7 @@ pub enum ToHost {
     },
     /// Bring to rest what typed lines have begun.
     Interrupt,
-    /// In answer to [`FromHost::Module`]: its file, or why there is none.
+    /// In answer to [`Output::Module`]: its file, or why there is none.
     Module(ModuleName, Result<ModuleFile, String>),
     /// Come to an end within half a second.
     Stop(EndReason),
@@ -74,8 +74,8 @@ pub enum ToHost {
 pub enum FromHost {
     /// Loaded without an error.
     Ready,
-    /// The script asks for something.
-    Intent(Intent),
+    /// The script asks for something, or has something to say.
+    Output(Output),
     /// Nothing to say, but alive.
     Alive,
     /// One frame, newer than the last, as soon as there is one.
@@ -83,8 +83,6 @@ pub enum FromHost {
         /// Also what has come of it.
         ahead: bool,
     },
-    /// The file of a module, please.
-    Module(ModuleName),
     /// What the script found in a frame, for people who look on.
     Found {
         /// The frame's number.
@@ -92,14 +90,6 @@ pub enum FromHost {
         /// The things.
         list: Vec<Finding>,
     },
-    /// The script's parameters as they are now.
-    Params(Vec<Knob>),
-    /// The script wrote a line.
-    Log(LogLine),
-    /// What the script has done or wants that is not the robot's.
-    Remark(Remark),
-    /// What became of the line that was typed.
-    Evaluated(Evaluated),
     /// The script has ended; the host exits.
     Ended(Ending),
 }

@@ -25,7 +25,7 @@ pub struct NameError {
 pub fn name_of(file: &Path) -> Result<String, NameError> {
     let stem = file.file_stem().unwrap_or_default();
     match stem.to_str() {
-        Some(stem) => judge_name(stem).map(|()| stem.to_owned()),
+        Some(stem) => validate_name(stem).map(|()| stem.to_owned()),
         None => Err(refused(&stem.to_string_lossy(), "it is not UTF-8")),
     }
 }
@@ -34,7 +34,7 @@ pub fn name_of(file: &Path) -> Result<String, NameError> {
 ///
 /// # Errors
 /// See [`NameError`].
-pub fn judge_name(name: &str) -> Result<(), NameError> {
+pub fn validate_name(name: &str) -> Result<(), NameError> {
     let why = if name.is_empty() {
         "it is empty"
     } else if name.starts_with('.') {
@@ -94,13 +94,13 @@ mod tests {
             assert!(harmless, "{error:?}");
         }
         assert!(name_of(Path::new(&format!("{}.lua", "a".repeat(65)))).is_err());
-        assert!(judge_name("a/b").is_err());
+        assert!(validate_name("a/b").is_err());
     }
 
     proptest! {
         #[test]
         fn a_good_name_is_one_step_into_a_folder(name in "\\PC{0,20}|[./\\\\a\u{1b}\n\u{202e}]{0,8}") {
-            if judge_name(&name).is_ok() {
+            if validate_name(&name).is_ok() {
                 let parts: Vec<_> = Path::new(&name).components().collect();
                 prop_assert!(matches!(parts[..], [std::path::Component::Normal(part)] if part == &*name));
             }

@@ -8,7 +8,9 @@ use futures_util::{SinkExt, StreamExt};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::sync::mpsc;
 use tokio_util::codec::{FramedRead, FramedWrite, LengthDelimitedCodec};
+use tracing::debug;
 
 /// The longest message: a script of 256 KiB or a frame of 64 KiB, with room to spare.
 pub(super) const MAX_MESSAGE_LEN: usize = 512 * 1024;
@@ -50,6 +52,17 @@ impl<M: Serialize> Sender<M> {
     pub(super) async fn send(&mut self, message: &M) -> io::Result<()> {
         self.feed(message).await?;
         self.flush().await
+    }
+
+    /// Sends what is queued at the reader's own pace, so that one that does not read blocks no other
+    /// task. Ends with the queue or the pipe.
+    pub(super) async fn pump(mut self, mut queue: mpsc::Receiver<M>) {
+        while let Some(message) = queue.recv().await {
+            if let Err(error) = self.send(&message).await {
+                debug!("a host does not listen any more: {error}");
+                return;
+            }
+        }
     }
 }
 

@@ -140,7 +140,7 @@ impl<'de> Deserialize<'de> for Count {
 /// What is to be done about a behaviour that has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// Nothing: it has not failed, or nobody wants it back.
+    /// Nothing: it has not failed, or it is not to be restarted.
     Over,
     /// Start it again after a pause.
     Again {
@@ -155,7 +155,7 @@ pub enum Verdict {
 
 /// Counts the restarts of one behaviour.
 #[derive(Debug)]
-pub struct Patience {
+pub struct RestartTracker {
     policy: RestartPolicy,
     /// When it was last started again, the oldest first; at most `max_restarts`, all within the
     /// window.
@@ -163,10 +163,10 @@ pub struct Patience {
     rng: StdRng,
 }
 
-impl Patience {
+impl RestartTracker {
     /// The seed is that of the pauses' jitter.
-    pub fn new(policy: RestartPolicy, seed: u64) -> Patience {
-        Patience {
+    pub fn new(policy: RestartPolicy, seed: u64) -> RestartTracker {
+        RestartTracker {
             policy,
             restarts: VecDeque::new(),
             rng: StdRng::seed_from_u64(seed),
@@ -219,16 +219,16 @@ mod tests {
 
     const SECOND: Duration = Duration::from_secs(1);
 
-    fn patience(seed: u64) -> Patience {
-        Patience::new(RestartPolicy::OnFailure(Restarts::default()), seed)
+    fn restarts(seed: u64) -> RestartTracker {
+        RestartTracker::new(RestartPolicy::OnFailure(Restarts::default()), seed)
     }
 
     /// Fails again and again after runs of this length: the pauses until it is given up.
-    fn pauses(patience: &mut Patience, run: Duration, most: usize) -> Vec<Duration> {
+    fn pauses(restarts: &mut RestartTracker, run: Duration, most: usize) -> Vec<Duration> {
         let (mut now, mut pauses) = (Instant::now(), Vec::new());
         while pauses.len() < most {
             now += run;
-            match patience.ended(EndReason::Error, now) {
+            match restarts.ended(EndReason::Error, now) {
                 Verdict::Again { pause, number } => {
                     assert!((1..=5).contains(&number), "{number}");
                     now += pause;
@@ -244,7 +244,7 @@ mod tests {
     #[test]
     fn pauses_double_and_then_it_is_given_up() {
         for seed in 0..50 {
-            let pauses = pauses(&mut patience(seed), SECOND, 100);
+            let pauses = pauses(&mut restarts(seed), SECOND, 100);
             assert_eq!(pauses.len(), 5);
             for (pause, step) in pauses.iter().zip([1, 2, 4, 8, 16]) {
                 let step = step * SECOND;
@@ -285,34 +285,34 @@ mod tests {
 
     #[test]
     fn one_seed_pauses_alike_and_two_do_not() {
-        let of = |seed| pauses(&mut patience(seed), SECOND, 5);
+        let of = |seed| pauses(&mut restarts(seed), SECOND, 5);
         assert_eq!(of(3), of(3));
         assert_ne!(of(3), of(4));
     }
 
     #[test]
     fn a_run_as_long_as_the_window_makes_failures_forgotten() {
-        let pauses = pauses(&mut patience(1), Restarts::default().within, 100);
+        let pauses = pauses(&mut restarts(1), Restarts::default().within, 100);
         assert_eq!(pauses.len(), 100, "never given up");
         assert!(pauses.iter().all(|&pause| pause <= SECOND), "{pauses:?}");
     }
 
     #[test]
     fn another_script_begins_anew() {
-        let mut patience = patience(1);
-        pauses(&mut patience, SECOND, 100);
-        patience.forget();
-        assert!(pauses(&mut patience, SECOND, 1)[0] <= SECOND);
+        let mut restarts = restarts(1);
+        pauses(&mut restarts, SECOND, 100);
+        restarts.forget();
+        assert!(pauses(&mut restarts, SECOND, 1)[0] <= SECOND);
     }
 
     #[test]
     fn only_failures_are_restarted_and_only_if_wanted() {
         let now = Instant::now();
         for &reason in EndReason::ALL {
-            let wanted = patience(1).ended(reason, now);
+            let wanted = restarts(1).ended(reason, now);
             let failed = matches!(wanted, Verdict::Again { .. });
             assert_eq!(failed, is_failure(reason), "{reason}: {wanted:?}");
-            let mut never = Patience::new(RestartPolicy::Never, 1);
+            let mut never = RestartTracker::new(RestartPolicy::Never, 1);
             assert_eq!(never.ended(reason, now), Verdict::Over);
         }
     }
@@ -323,8 +323,8 @@ mod tests {
             max_restarts: 0,
             ..Restarts::default()
         };
-        let mut patience = Patience::new(RestartPolicy::OnFailure(restarts), 1);
-        let verdict = patience.ended(EndReason::Cpu, Instant::now());
+        let mut restarts = RestartTracker::new(RestartPolicy::OnFailure(restarts), 1);
+        let verdict = restarts.ended(EndReason::Cpu, Instant::now());
         assert_eq!(verdict, Verdict::GivenUp);
     }
 
@@ -344,11 +344,11 @@ mod tests {
                 max_restarts,
                 within: ms(within),
             };
-            let mut patience = Patience::new(RestartPolicy::OnFailure(restarts), seed);
+            let mut tracker = RestartTracker::new(RestartPolicy::OnFailure(restarts), seed);
             let (mut now, mut started) = (Instant::now(), Vec::new());
             for run in runs {
                 now += ms(run);
-                let Verdict::Again { pause, number } = patience.ended(EndReason::Memory, now) else {
+                let Verdict::Again { pause, number } = tracker.ended(EndReason::Memory, now) else {
                     continue;
                 };
                 prop_assert!(pause <= restarts.max_pause);

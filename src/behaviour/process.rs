@@ -130,7 +130,7 @@ fn start_task() -> (HostProcess, PipeReader, PipeWriter) {
 /// nothing can be saved, which is no reason not to run.
 ///
 /// # Errors
-/// A symbolic link in its place: whoever put it there says where this user's files are written.
+/// A symbolic link in its place: its author would decide where this user's files are written.
 fn make_private(folder: &Path) -> io::Result<()> {
     match Folder::make(folder) {
         Ok(_) => Ok(()),

@@ -51,7 +51,7 @@ impl Remarks {
         }
     }
 
-    pub(super) fn judge(&mut self, remark: Remark, now: Instant) -> Fate {
+    pub(super) fn admit(&mut self, remark: Remark, now: Instant) -> Fate {
         match self.occurrence(remark, now) {
             Some(what) => Fate::Told(what),
             None => self.said.note((), now).map_or(Fate::Silent, Fate::LeftOut),
@@ -145,10 +145,10 @@ mod tests {
             ".x.jpg",
             "passwd",
         ] {
-            assert!(!told(remarks.judge(picture(name), now)), "{name}");
-            assert!(!told(remarks.judge(notice(Some(name)), now)), "{name}");
+            assert!(!told(remarks.admit(picture(name), now)), "{name}");
+            assert!(!told(remarks.admit(notice(Some(name)), now)), "{name}");
         }
-        let Fate::Told(Occurrence::Picture { path, .. }) = remarks.judge(picture("1.jpg"), now)
+        let Fate::Told(Occurrence::Picture { path, .. }) = remarks.admit(picture("1.jpg"), now)
         else {
             panic!("left out");
         };
@@ -160,12 +160,12 @@ mod tests {
         let now = Instant::now();
         let long = format!("{{\"a\":\"{}\"}}", "x".repeat(MAX_ENTRY));
         for json in ["", "1", "[1]", "{\"a\":", long.as_str()] {
-            let fate = remarks().judge(entry("moved", json), now);
+            let fate = remarks().admit(entry("moved", json), now);
             assert!(matches!(fate, Fate::LeftOut(0)), "{fate:?}");
         }
         let kind = "k".repeat(MAX_KIND + 1);
         assert!(matches!(
-            remarks().judge(entry(&kind, "{}"), now),
+            remarks().admit(entry(&kind, "{}"), now),
             Fate::LeftOut(_)
         ));
     }
@@ -174,13 +174,13 @@ mod tests {
     fn a_flood_is_cut_to_the_days_budget_and_said_once_a_minute() {
         let (mut remarks, now) = (remarks(), Instant::now());
         let fates: Vec<_> = (0..1000)
-            .map(|_| remarks.judge(notice(None), now))
+            .map(|_| remarks.admit(notice(None), now))
             .collect();
         let told = fates.iter().filter(|fate| matches!(fate, Fate::Told(_)));
         assert_eq!(told.count(), 2);
         let said = fates.iter().filter(|fate| matches!(fate, Fate::LeftOut(_)));
         assert_eq!(said.count(), 1);
-        let entries = (0..1000).map(|_| remarks.judge(entry("moved", "{}"), now));
+        let entries = (0..1000).map(|_| remarks.admit(entry("moved", "{}"), now));
         assert!(entries.filter(|fate| matches!(fate, Fate::Told(_))).count() < 10);
     }
 }

@@ -1,64 +1,30 @@
-//! The agent side of one behaviour: starts its host, passes messages on in both directions, and
-//! sees to it that a host that has ended, for whatever reason, moves nothing any more.
+//! The agent side of one behaviour that runs: passes messages on in both directions, and sees to it that a host that has ended, for whatever reason, moves nothing any more.
 //!
 //! Messages are passed on by the driving core. What may wait for the system, to start a host, to read
 //! a module for it, to find out why it ended, is done by the caller's runtime.
 
-use std::io;
 use std::time::Duration;
 
 use tokio::runtime::Handle as Runtime;
 use tokio::sync::{broadcast, mpsc, watch};
-use tokio::task::AbortHandle;
 use tokio::time::{Instant, sleep_until, timeout};
 use tokio_util::task::AbortOnDropHandle;
 use tracing::{debug, warn};
 
 use super::ahead::Ahead;
 use super::dialogue::{self, Dialogue, Said};
-use super::library::Library;
-use super::message::{FromHost, Launch, ToHost};
-use super::name::judge_name;
-use super::pipe::{Receiver, Sender};
-use super::process::{HostProcess, Launcher, PipeReader, PipeWriter};
-use super::quill::{Fate, Quill};
-use super::remarks::{self, Remarks};
-use crate::robot::channel::{Inbox, Request, Role, Told, events};
-use crate::robot::{
-    BehaviourId, Bus, Coming, EndReason, Findings, Lookout, Pictures, Priority, Remark, Turned,
-};
-use crate::script::{Ending, Level, LogLine, ModuleName};
+use super::liveness::Liveness;
+use super::log_limiter::{Fate, log};
+use super::message::{FromHost, ToHost};
+use super::prepared::{EXIT_TIME, Prepared, ending};
+use super::remarks;
+use crate::clock::until;
+use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
+use crate::robot::{Bus, Coming, EndReason, Findings, Lookout, Pictures, Remark, Turned};
+use crate::script::{Ending, LogLine, Output};
 
-/// Messages that may wait for a host that does not read.
-const MAX_WAITING: usize = 128;
-/// Modules that a host may ask for in its life; an honest one asks for fewer.
-const MAX_MODULES: usize = 256;
-/// How long a host may take to load its script.
-const LOAD_TIME: Duration = Duration::from_secs(5);
 /// How long a script's last words may take (`API.md`, `script.on_stop`), and the host's way out.
 const STOP_TIME: Duration = Duration::from_millis(700);
-/// A host that has been silent for too long is waited for once more for so long: a machine that stalls
-/// as a whole must not end its scripts.
-const SILENCE_GRACE: Duration = Duration::from_millis(500);
-/// How long a host may take to exit once it said that it has ended.
-const EXIT_TIME: Duration = Duration::from_millis(100);
-
-/// A behaviour whose script is loaded and does not run yet.
-#[derive(Debug)]
-pub struct Prepared {
-    by: BehaviourId,
-    name: String,
-    priority: Priority,
-    process: HostProcess,
-    from_host: Receiver<FromHost>,
-    to_host: mpsc::Sender<ToHost>,
-    modules: mpsc::Sender<ModuleName>,
-    pump: AbortHandle,
-    /// In virtual time nobody waits for a sign of life.
-    in_real_time: bool,
-    quill: Quill,
-    remarks: Remarks,
-}
 
 /// Tells a running behaviour to end.
 #[derive(Debug, Clone)]
@@ -87,7 +53,7 @@ impl Handle {
 pub struct Supervisor {
     host: Prepared,
     requests: mpsc::Sender<Request>,
-    inbox: Inbox,
+    inbox: EventReceiver,
     frames: watch::Receiver<Pictures>,
     last_frame: u64,
     frame_wanted: bool,
@@ -96,173 +62,11 @@ pub struct Supervisor {
     ahead: Ahead,
     dropped: u64,
     dialogue: Option<Dialogue>,
-    silence: Option<Silence>,
+    liveness: Option<Liveness>,
     lookout: Lookout,
     /// Parameters that people change.
     turned: broadcast::Receiver<Turned>,
     bus: Bus,
-}
-
-/// How long nothing may be heard of a host that runs.
-#[derive(Debug)]
-struct Silence {
-    limit: Duration,
-    /// Once it runs.
-    heard: Option<Instant>,
-    /// It is waited for once more.
-    grace: Option<Instant>,
-}
-
-impl Silence {
-    fn heard(&mut self) {
-        (self.heard, self.grace) = (Some(Instant::now()), None);
-    }
-
-    /// When it has been too long.
-    fn deadline(&self) -> Option<Instant> {
-        self.grace.or(self.heard.map(|heard| heard + self.limit))
-    }
-
-    /// The deadline has passed: whether that is the end of the host.
-    fn is_over(&mut self) -> bool {
-        self.grace.replace(Instant::now() + SILENCE_GRACE).is_some()
-    }
-}
-
-impl Prepared {
-    /// Starts a host and has it load the script. Its pipe is served by the runtime of `core`.
-    ///
-    /// # Errors
-    /// The script's own failure as an [`Ending`], in words for its author; a host that cannot be
-    /// started likewise.
-    pub async fn start(
-        launcher: &Launcher,
-        core: &Runtime,
-        by: BehaviourId,
-        priority: Priority,
-        launch: Launch,
-    ) -> Result<Prepared, Ending> {
-        let name = launch.options.name.clone();
-        let broken = |error: io::Error| {
-            ending(
-                EndReason::Error,
-                &format!("{name}: its host cannot be started: {error}"),
-            )
-        };
-        judge_name(&name).map_err(|error| ending(EndReason::Error, &error.to_string()))?;
-        let quill = Quill::new(launch.options.limits.log_bytes_a_day);
-        let folder = launch.options.data_dir.clone();
-        let remarks = Remarks::new(name.clone(), folder, &launch.options.limits);
-        let started = launcher.start(&launch.options.folders(), core);
-        let (process, reader, writer) = started.map_err(broken)?;
-        let (from_host, to_host, pump) = connect(reader, writer, core);
-        let modules = librarian(
-            launch.library.clone(),
-            to_host.clone(),
-            launcher.is_in_this_thread(),
-        );
-        let mut prepared = Prepared {
-            by,
-            name: name.clone(),
-            priority,
-            process,
-            from_host,
-            to_host,
-            modules,
-            pump,
-            in_real_time: !launcher.is_in_this_thread(),
-            quill,
-            remarks,
-        };
-        let _ = prepared.to_host.try_send(ToHost::Load(Box::new(launch)));
-        match timeout(LOAD_TIME, prepared.from_host.next()).await {
-            Ok(Ok(Some(FromHost::Ready))) => Ok(prepared),
-            Ok(Ok(Some(FromHost::Ended(ending)))) => Err(ending),
-            Ok(Ok(_)) => Err(prepared.broken().await),
-            Ok(Err(error)) => Err(broken(error)),
-            Err(_) => Err(broken(io::ErrorKind::TimedOut.into())),
-        }
-    }
-
-    /// The script's name.
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
-    /// The ending of a host that ended without saying why.
-    async fn broken(&mut self) -> Ending {
-        let status = match timeout(EXIT_TIME, self.process.wait()).await {
-            Ok(status) => status,
-            Err(_) => self.process.kill().await,
-        };
-        let status = status.map_or_else(|error| error.to_string(), |status| status.to_string());
-        let words = timeout(EXIT_TIME, self.process.last_words())
-            .await
-            .unwrap_or_default();
-        let text = format!(
-            "{}: its process ended unexpectedly ({status}) {words}",
-            self.name
-        );
-        ending(EndReason::Error, text.trim_end())
-    }
-}
-
-impl Drop for Prepared {
-    fn drop(&mut self) {
-        self.pump.abort();
-    }
-}
-
-fn connect(
-    reader: PipeReader,
-    writer: PipeWriter,
-    core: &Runtime,
-) -> (Receiver<FromHost>, mpsc::Sender<ToHost>, AbortHandle) {
-    let (to_host, waiting) = mpsc::channel(MAX_WAITING);
-    let pump = core
-        .spawn(pump(waiting, Sender::new(writer)))
-        .abort_handle();
-    (Receiver::new(reader), to_host, pump)
-}
-
-/// Writes to the host at its own pace, so that one that does not read holds nobody up.
-async fn pump(mut waiting: mpsc::Receiver<ToHost>, mut sender: Sender<ToHost>) {
-    while let Some(message) = waiting.recv().await {
-        if let Err(error) = sender.send(&message).await {
-            debug!("a host does not listen any more: {error}");
-            return;
-        }
-    }
-}
-
-/// Reads modules for a host, one after the other, on a thread that may wait for a disk; or `here`,
-/// where virtual time waits for nothing else. Ends with the behaviour.
-fn librarian(
-    library: Library,
-    to_host: mpsc::Sender<ToHost>,
-    here: bool,
-) -> mpsc::Sender<ModuleName> {
-    let (ask, mut asked) = mpsc::channel::<ModuleName>(MAX_MODULES);
-    tokio::spawn(async move {
-        let mut left = MAX_MODULES;
-        while let Some(name) = asked.recv().await {
-            left = match left.checked_sub(1) {
-                Some(left) => left,
-                None => return,
-            };
-            let (shelf, wanted) = (library.clone(), name.clone());
-            let file = if here {
-                shelf.fetch(&wanted)
-            } else {
-                let fetched = tokio::task::spawn_blocking(move || shelf.fetch(&wanted)).await;
-                fetched.unwrap_or_else(|error| Err(error.to_string()))
-            };
-            if to_host.send(ToHost::Module(name, file)).await.is_err() {
-                return;
-            }
-        }
-    });
-    ask
 }
 
 impl Supervisor {
@@ -294,7 +98,7 @@ impl Supervisor {
             ahead: Ahead::default(),
             dropped: 0,
             dialogue: None,
-            silence: None,
+            liveness: None,
             turned: lookout.console().turned(),
             lookout,
             bus: Bus::default(),
@@ -317,7 +121,7 @@ impl Supervisor {
         }
     }
 
-    /// Somebody types lines for the script and hears what it says.
+    /// A person at a prompt types lines for the script and reads its output.
     #[must_use]
     pub fn with_dialogue(self, dialogue: Dialogue) -> Supervisor {
         Supervisor {
@@ -330,12 +134,8 @@ impl Supervisor {
     /// watchdog is stricter.
     #[must_use]
     pub fn with_longest_silence(self, limit: Duration) -> Supervisor {
-        let silence = self.host.in_real_time.then_some(Silence {
-            limit,
-            heard: None,
-            grace: None,
-        });
-        Supervisor { silence, ..self }
+        let liveness = self.host.in_real_time.then(|| Liveness::new(limit));
+        Supervisor { liveness, ..self }
     }
 
     /// Runs the behaviour to its end, its messages served by the runtime of `core`. The moment it has
@@ -379,19 +179,19 @@ impl Supervisor {
         loop {
             tokio::select! {
                 biased;
-                told = self.inbox.next() => match told {
-                    Told::Event(event) => {
+                message = self.inbox.next() => match message {
+                    PilotMessage::Event(event) => {
                         let (answer, go) = (event.is_answer(), event.is_welcome() && !running);
                         if !self.pass_on(ToHost::Event(event)) && answer {
                             return Some(self.deaf());
                         }
                         if go && self.pass_on(ToHost::Go) {
                             running = true;
-                            self.silence.iter_mut().for_each(Silence::heard);
+                            self.liveness.iter_mut().for_each(Liveness::heard);
                         }
                     }
-                    Told::Kill(reason) => return Some(self.killed(reason)),
-                    Told::Closed => return Some(self.killed(EndReason::Shutdown)),
+                    PilotMessage::Kill(reason) => return Some(self.killed(reason)),
+                    PilotMessage::Closed => return Some(self.killed(EndReason::Shutdown)),
                 },
                 Ok(()) = stop.changed(), if last_moment.is_none() => {
                     let reason = stop.borrow_and_update().unwrap_or(EndReason::Shutdown);
@@ -414,7 +214,7 @@ impl Supervisor {
                 message = self.host.from_host.next() => match message {
                     Ok(Some(FromHost::Ended(ending))) => return Some(ending),
                     Ok(Some(message)) => {
-                        self.silence.iter_mut().filter(|_| running).for_each(Silence::heard);
+                        self.liveness.iter_mut().filter(|_| running).for_each(Liveness::heard);
                         self.heard(message).await;
                     }
                     Ok(None) => return None,
@@ -424,8 +224,8 @@ impl Supervisor {
                     }
                 },
                 () = picture.notified(), if self.frame_wanted => self.pass_picture(),
-                () = silence(self.silence.as_ref().and_then(Silence::deadline)) => {
-                    if self.silence.as_mut().is_some_and(Silence::is_over) {
+                () = until(self.liveness.as_ref().and_then(Liveness::deadline)) => {
+                    if self.liveness.as_mut().is_some_and(Liveness::is_over) {
                         return Some(self.silent());
                     }
                 }
@@ -436,13 +236,12 @@ impl Supervisor {
     async fn heard(&mut self, message: FromHost) {
         let by = self.host.by;
         let request = match message {
-            FromHost::Intent(intent) => Request::Intent(by, intent),
+            FromHost::Output(Output::Intent(intent)) => Request::Intent(by, intent),
             FromHost::Alive => Request::Alive(by),
             FromHost::WantFrame { ahead } => {
                 (self.frame_wanted, self.ahead_wanted) = (true, ahead);
                 return self.pass_picture();
             }
-            FromHost::Log(line) => return self.write(line),
             FromHost::Found { frame, list } => {
                 let behaviour = self.host.name.clone();
                 return self.lookout.tell(Findings {
@@ -451,18 +250,19 @@ impl Supervisor {
                     list,
                 });
             }
-            FromHost::Remark(remark) => return self.remark(remark),
-            FromHost::Params(knobs) => {
+            FromHost::Output(Output::Params(knobs)) => {
                 return self.lookout.console().declare(&self.host.name, knobs);
             }
-            FromHost::Evaluated(evaluated) => {
+            FromHost::Output(Output::Log(line)) => return self.write(line),
+            FromHost::Output(Output::Remark(remark)) => return self.remark(remark),
+            FromHost::Output(Output::Evaluated(evaluated)) => {
                 if let Some(dialogue) = &self.dialogue {
                     dialogue.say(Said::Evaluated(evaluated));
                 }
                 return;
             }
-            FromHost::Module(name) => {
-                // One that asks for more than there is room for is not honest, and gets nothing.
+            FromHost::Output(Output::Module(name)) => {
+                // A host that asks for more than there is room for is compromised, and gets nothing.
                 let _ = self.host.modules.try_send(name);
                 return;
             }
@@ -473,7 +273,10 @@ impl Supervisor {
 
     fn write(&mut self, line: LogLine) {
         let name = &self.host.name;
-        match (self.host.quill.judge(line, Instant::now()), &self.dialogue) {
+        match (
+            self.host.log_limiter.admit(line, Instant::now()),
+            &self.dialogue,
+        ) {
             (Fate::Written(line), Some(dialogue)) => dialogue.say(Said::Line(line)),
             (Fate::Written(line), None) => log(name, &line),
             (Fate::LeftOut(before), _) => warn!(
@@ -486,7 +289,7 @@ impl Supervisor {
     }
 
     fn remark(&mut self, remark: Remark) {
-        match self.host.remarks.judge(remark, Instant::now()) {
+        match self.host.remarks.admit(remark, Instant::now()) {
             remarks::Fate::Told(what) => self.bus.tell(what),
             remarks::Fate::LeftOut(before) => warn!(
                 behaviour = %self.host.name,
@@ -530,9 +333,9 @@ impl Supervisor {
 
     fn silent(&self) -> Ending {
         let limit = self
-            .silence
+            .liveness
             .as_ref()
-            .map_or(0.0, |silence| silence.limit.as_secs_f64());
+            .map_or(0.0, |liveness| liveness.limit.as_secs_f64());
         let text = format!(
             "{}: showed no life for {limit} s, within one call that cannot be interrupted; make its \
              work smaller (`watchdog: {{ host_idle_silence: ... }}` is how long it may take)",
@@ -564,13 +367,6 @@ impl Supervisor {
     }
 }
 
-async fn silence(deadline: Option<Instant>) {
-    match deadline {
-        Some(deadline) => sleep_until(deadline).await,
-        None => std::future::pending().await,
-    }
-}
-
 async fn at(moment: Option<(Instant, EndReason)>) -> Option<EndReason> {
     match moment {
         Some((moment, reason)) => {
@@ -578,29 +374,5 @@ async fn at(moment: Option<(Instant, EndReason)>) -> Option<EndReason> {
             Some(reason)
         }
         None => std::future::pending().await,
-    }
-}
-
-fn ending(reason: EndReason, message: &str) -> Ending {
-    Ending {
-        reason,
-        message: Some(message.to_owned()),
-    }
-}
-
-/// A script's line in the agent's log.
-fn log(behaviour: &str, line: &LogLine) {
-    let fields: Vec<String> = line
-        .fields
-        .iter()
-        .map(|(key, value)| format!("{key}={value}"))
-        .collect();
-    let text = [&[line.text.clone()][..], &fields].concat().join(" ");
-    let at = line.line;
-    match line.level {
-        Level::Debug => tracing::debug!(target: "spykee::script", behaviour, line = at, "{text}"),
-        Level::Info => tracing::info!(target: "spykee::script", behaviour, line = at, "{text}"),
-        Level::Warn => tracing::warn!(target: "spykee::script", behaviour, line = at, "{text}"),
-        Level::Error => tracing::error!(target: "spykee::script", behaviour, line = at, "{text}"),
     }
 }

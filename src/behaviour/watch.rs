@@ -68,7 +68,7 @@ impl Watched {
         Watched { library, ..self }
     }
 
-    /// Sends the text after every save, until nobody listens any more. A save of the same text
+    /// Sends the text after every save, until the receiver is dropped. A save of the same text
     /// counts: so a script that has ended is started again.
     pub async fn run(mut self, reloads: mpsc::Sender<Reload>) {
         loop {

@@ -1,5 +1,5 @@
 //! What an expression is, as far as the file itself tells: constants, results of our calls, payloads
-//! of events. What is not certain is [`Kind::Unknown`], and nobody complains about that.
+//! of events. What is not certain is [`ValueKind::Unknown`], and is not complained about.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,7 +7,7 @@ use super::tree::{Block, Body, Entry, Expr, ExprKind, LocalId, Statement, Statem
 use crate::api::{self, Choice, Function, Namespace, Object, Type};
 
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Kind<'a> {
+pub(super) enum ValueKind<'a> {
     Unknown,
     /// nil, or the result of a function that returns nothing.
     Nothing,
@@ -27,23 +27,23 @@ pub(super) enum Kind<'a> {
     List(&'static Type),
 }
 
-impl Kind<'_> {
+impl ValueKind<'_> {
     /// In a few words, for messages; `None` for what is not known.
     pub(super) fn words(&self) -> Option<String> {
         Some(match self {
-            Kind::Unknown => return None,
-            Kind::Nothing => "nothing".to_owned(),
-            Kind::Boolean => "true or false".to_owned(),
-            Kind::Number(Some(number)) => number.to_string(),
-            Kind::Number(None) => "a number".to_owned(),
-            Kind::Text(Some(text)) => format!("'{}'", crate::script::printable(text, 40)),
-            Kind::Text(None) => "a text".to_owned(),
-            Kind::Table(_) | Kind::Params(_) => "a table".to_owned(),
-            Kind::Function(_) | Kind::Native(_) => "a function".to_owned(),
-            Kind::Namespace(name) => format!("all of {name}"),
-            Kind::Module(module) => format!("the module {}", module.name),
-            Kind::Object(object) => object.with_article(),
-            Kind::List(_) => "a list".to_owned(),
+            ValueKind::Unknown => return None,
+            ValueKind::Nothing => "nothing".to_owned(),
+            ValueKind::Boolean => "true or false".to_owned(),
+            ValueKind::Number(Some(number)) => number.to_string(),
+            ValueKind::Number(None) => "a number".to_owned(),
+            ValueKind::Text(Some(text)) => format!("'{}'", crate::script::printable(text, 40)),
+            ValueKind::Text(None) => "a text".to_owned(),
+            ValueKind::Table(_) | ValueKind::Params(_) => "a table".to_owned(),
+            ValueKind::Function(_) | ValueKind::Native(_) => "a function".to_owned(),
+            ValueKind::Namespace(name) => format!("all of {name}"),
+            ValueKind::Module(module) => format!("the module {}", module.name),
+            ValueKind::Object(object) => object.with_article(),
+            ValueKind::List(_) => "a list".to_owned(),
         })
     }
 }
@@ -57,7 +57,7 @@ pub(super) struct Kinds<'a> {
     pub(super) globals: BTreeSet<&'a str>,
     /// Fields that the script sets, of whatever.
     pub(super) fields: BTreeSet<&'a str>,
-    pub(super) locals: BTreeMap<LocalId, Kind<'a>>,
+    pub(super) locals: BTreeMap<LocalId, ValueKind<'a>>,
     /// Local variables whose text is one of a set of names.
     choices: BTreeMap<LocalId, &'static Choice>,
 }
@@ -125,7 +125,7 @@ impl<'a> Kinds<'a> {
     }
 
     /// Remembers what a local variable is, unless it changes later.
-    pub(super) fn bind(&mut self, id: LocalId, kind: Kind<'a>) {
+    pub(super) fn bind(&mut self, id: LocalId, kind: ValueKind<'a>) {
         if !self.tree.locals[id.0].changes {
             self.locals.insert(id, kind);
         }
@@ -138,78 +138,86 @@ impl<'a> Kinds<'a> {
         !self.globals.contains(name) && from.is_some_and(|path| path.starts_with(&inside))
     }
 
-    pub(super) fn of(&self, expr: &'a Expr) -> Kind<'a> {
+    pub(super) fn of(&self, expr: &'a Expr) -> ValueKind<'a> {
         match &expr.kind {
-            ExprKind::Nil => Kind::Nothing,
-            ExprKind::Boolean(_) => Kind::Boolean,
-            ExprKind::Number(number) => Kind::Number(Some(*number)),
-            ExprKind::Text(text) => Kind::Text((!text.contains('\\')).then_some(text)),
-            ExprKind::Pieces(_) => Kind::Text(None),
-            ExprKind::Function(body) => Kind::Function(Some(body)),
-            ExprKind::Table(_) => Kind::Table(expr),
+            ExprKind::Nil => ValueKind::Nothing,
+            ExprKind::Boolean(_) => ValueKind::Boolean,
+            ExprKind::Number(number) => ValueKind::Number(Some(*number)),
+            ExprKind::Text(text) => ValueKind::Text((!text.contains('\\')).then_some(text)),
+            ExprKind::Pieces(_) => ValueKind::Text(None),
+            ExprKind::Function(body) => ValueKind::Function(Some(body)),
+            ExprKind::Table(_) => ValueKind::Table(expr),
             ExprKind::Inner(inner) => self.of(inner),
-            ExprKind::Local(id) => self.locals.get(id).copied().unwrap_or(Kind::Unknown),
-            ExprKind::Global(name) if self.globals.contains(name.as_str()) => Kind::Unknown,
+            ExprKind::Local(id) => self.locals.get(id).copied().unwrap_or(ValueKind::Unknown),
+            ExprKind::Global(name) if self.globals.contains(name.as_str()) => ValueKind::Unknown,
             ExprKind::Global(name) if self.namespace(name) && name == "sim" => {
-                api::object("Sim").map_or(Kind::Unknown, Kind::Object)
+                api::object("Sim").map_or(ValueKind::Unknown, ValueKind::Object)
             }
-            ExprKind::Global(name) if self.namespace(name) && name != "_G" => Kind::Namespace(name),
-            ExprKind::Global(name) => api::function(name).map_or(Kind::Unknown, Kind::Native),
+            ExprKind::Global(name) if self.namespace(name) && name != "_G" => {
+                ValueKind::Namespace(name)
+            }
+            ExprKind::Global(name) => {
+                api::function(name).map_or(ValueKind::Unknown, ValueKind::Native)
+            }
             ExprKind::Field(object, name, _) => self.field(self.of(object), name),
             ExprKind::Item(list, index) => match (self.of(list), self.of(index)) {
-                (Kind::List(of), Kind::Number(_)) => of_type(of),
-                _ => Kind::Unknown,
+                (ValueKind::List(of), ValueKind::Number(_)) => of_type(of),
+                _ => ValueKind::Unknown,
             },
             ExprKind::Call(..) | ExprKind::Method(..) => self.result(expr, 0),
             ExprKind::Unary(operator, operand) => self.unary(operator, self.of(operand)),
             ExprKind::Binary(operator, left, right) => self.binary(operator, left, right),
-            ExprKind::Varargs | ExprKind::Choose(_) => Kind::Unknown,
+            ExprKind::Varargs | ExprKind::Choose(_) => ValueKind::Unknown,
         }
     }
 
-    fn field(&self, owner: Kind<'a>, name: &str) -> Kind<'a> {
+    fn field(&self, owner: ValueKind<'a>, name: &str) -> ValueKind<'a> {
         match owner {
-            Kind::Namespace(namespace) => {
+            ValueKind::Namespace(namespace) => {
                 let path = format!("{namespace}.{name}");
                 if let Some(constant) = api::constants().find(|one| one.path == path) {
                     return of_type(&constant.kind);
                 }
-                api::function(&path).map_or(Kind::Unknown, Kind::Native)
+                api::function(&path).map_or(ValueKind::Unknown, ValueKind::Native)
             }
-            Kind::Module(module) => module.function(name).map_or(Kind::Unknown, Kind::Native),
-            Kind::Params(table) => {
+            ValueKind::Module(module) => module
+                .function(name)
+                .map_or(ValueKind::Unknown, ValueKind::Native),
+            ValueKind::Params(table) => {
                 let about = parameter(table, name).map(|about| &about.bare().kind);
                 let Some(ExprKind::Table(entries)) = about else {
-                    return Kind::Unknown;
+                    return ValueKind::Unknown;
                 };
                 match entries.iter().find_map(|entry| entry.named("default")) {
                     Some(default) => self.of(default).of_any_value(),
-                    None => Kind::Unknown,
+                    None => ValueKind::Unknown,
                 }
             }
-            Kind::Object(object) if object.strict || !self.fields.contains(name) => {
+            ValueKind::Object(object) if object.strict || !self.fields.contains(name) => {
                 let field = object.fields.iter().find(|field| field.name == name);
-                field.map_or(Kind::Unknown, |field| of_type(&field.kind))
+                field.map_or(ValueKind::Unknown, |field| of_type(&field.kind))
             }
-            _ => Kind::Unknown,
+            _ => ValueKind::Unknown,
         }
     }
 
     /// What a call gives as its result of this number, from 0.
-    pub(super) fn result(&self, call: &'a Expr, number: usize) -> Kind<'a> {
+    pub(super) fn result(&self, call: &'a Expr, number: usize) -> ValueKind<'a> {
         let (function, arguments) = match &call.kind {
             ExprKind::Call(callee, arguments) => match self.of(callee) {
-                Kind::Native(function) => (function, arguments),
-                Kind::Function(Some(body)) if !returns(&body.block) => return Kind::Nothing,
-                _ => return Kind::Unknown,
+                ValueKind::Native(function) => (function, arguments),
+                ValueKind::Function(Some(body)) if !returns(&body.block) => {
+                    return ValueKind::Nothing;
+                }
+                _ => return ValueKind::Unknown,
             },
             ExprKind::Method(object, name, _, arguments) => {
                 match self.method(self.of(object), name) {
                     Some(function) => (function, arguments),
-                    None => return Kind::Unknown,
+                    None => return ValueKind::Unknown,
                 }
             }
-            _ => return Kind::Unknown,
+            _ => return ValueKind::Unknown,
         };
         match function.returns.get(number).map(|value| value.kind) {
             Some(Type::Payload) => self.payload(arguments),
@@ -217,20 +225,20 @@ impl<'a> Kinds<'a> {
             _ if function.path == "params.declare" => self.params(arguments),
             // Results that are left out make a call a missing argument of another.
             Some(_) if number == 0 && matches!(function.path, "robot.move" | "robot.drive") => {
-                Kind::Unknown
+                ValueKind::Unknown
             }
             Some(kind) => of_owned(kind),
-            None if function.returns.is_empty() && function.rest.is_none() => Kind::Nothing,
-            None => Kind::Unknown,
+            None if function.returns.is_empty() && function.rest.is_none() => ValueKind::Nothing,
+            None => ValueKind::Unknown,
         }
     }
 
-    fn params(&self, arguments: &'a [Expr]) -> Kind<'a> {
-        let Some(Kind::Table(table)) = arguments.first().map(|table| self.of(table)) else {
-            return Kind::Unknown;
+    fn params(&self, arguments: &'a [Expr]) -> ValueKind<'a> {
+        let Some(ValueKind::Table(table)) = arguments.first().map(|table| self.of(table)) else {
+            return ValueKind::Unknown;
         };
         let names = parameters(table);
-        names.map_or(Kind::Unknown, |_| Kind::Params(table))
+        names.map_or(ValueKind::Unknown, |_| ValueKind::Params(table))
     }
 
     /// Notes that a local variable is a result of this number of a call, which may be one of a set of
@@ -238,7 +246,7 @@ impl<'a> Kinds<'a> {
     pub(super) fn bind_choice(&mut self, id: LocalId, call: &'a Expr, number: usize) {
         let function = match &call.kind {
             ExprKind::Call(callee, _) => match self.of(callee) {
-                Kind::Native(function) => function,
+                ValueKind::Native(function) => function,
                 _ => return,
             },
             _ => return,
@@ -255,7 +263,7 @@ impl<'a> Kinds<'a> {
         match &expr.bare().kind {
             ExprKind::Local(id) => self.choices.get(id).copied(),
             ExprKind::Field(object, name, _) => {
-                let Kind::Object(object) = self.of(object) else {
+                let ValueKind::Object(object) = self.of(object) else {
                     return None;
                 };
                 let field = object.fields.iter().find(|field| field.name == name)?;
@@ -269,66 +277,66 @@ impl<'a> Kinds<'a> {
     }
 
     /// The module of the runtime that a call of `require` gives.
-    fn module(&self, arguments: &'a [Expr]) -> Kind<'a> {
+    fn module(&self, arguments: &'a [Expr]) -> ValueKind<'a> {
         let name = match arguments.first().map(|path| self.of(path)) {
-            Some(Kind::Text(Some(path))) => path.strip_prefix("@spykee/"),
+            Some(ValueKind::Text(Some(path))) => path.strip_prefix("@spykee/"),
             _ => None,
         };
         let module = name.and_then(api::module);
-        module.map_or(Kind::Unknown, Kind::Module)
+        module.map_or(ValueKind::Unknown, ValueKind::Module)
     }
 
     /// What handlers of the event get that the first argument names.
-    pub(super) fn payload(&self, arguments: &'a [Expr]) -> Kind<'a> {
-        let Some(Kind::Text(Some(name))) = arguments.first().map(|name| self.of(name)) else {
-            return Kind::Unknown;
+    pub(super) fn payload(&self, arguments: &'a [Expr]) -> ValueKind<'a> {
+        let Some(ValueKind::Text(Some(name))) = arguments.first().map(|name| self.of(name)) else {
+            return ValueKind::Unknown;
         };
         let payload = api::event(name).and_then(|event| event.payload);
-        payload.map_or(Kind::Unknown, Kind::Object)
+        payload.map_or(ValueKind::Unknown, ValueKind::Object)
     }
 
-    pub(super) fn method(&self, owner: Kind<'a>, name: &str) -> Option<&'static Function> {
+    pub(super) fn method(&self, owner: ValueKind<'a>, name: &str) -> Option<&'static Function> {
         match owner {
-            Kind::Object(object) => object.method(name),
+            ValueKind::Object(object) => object.method(name),
             _ => None,
         }
     }
 
-    fn unary(&self, operator: &str, operand: Kind<'a>) -> Kind<'a> {
+    fn unary(&self, operator: &str, operand: ValueKind<'a>) -> ValueKind<'a> {
         match (operator, operand) {
-            ("not", _) => Kind::Boolean,
-            ("-", Kind::Number(number)) => Kind::Number(number.map(|number| -number)),
-            ("#", _) => Kind::Number(None),
-            _ => Kind::Unknown,
+            ("not", _) => ValueKind::Boolean,
+            ("-", ValueKind::Number(number)) => ValueKind::Number(number.map(|number| -number)),
+            ("#", _) => ValueKind::Number(None),
+            _ => ValueKind::Unknown,
         }
     }
 
-    fn binary(&self, operator: &str, left: &'a Expr, right: &'a Expr) -> Kind<'a> {
+    fn binary(&self, operator: &str, left: &'a Expr, right: &'a Expr) -> ValueKind<'a> {
         match operator {
-            "==" | "~=" | "<" | ">" | "<=" | ">=" => Kind::Boolean,
+            "==" | "~=" | "<" | ">" | "<=" | ">=" => ValueKind::Boolean,
             ".." => match (self.of(left), self.of(right)) {
-                (Kind::Unknown, _) | (_, Kind::Unknown) => Kind::Unknown,
-                _ => Kind::Text(None),
+                (ValueKind::Unknown, _) | (_, ValueKind::Unknown) => ValueKind::Unknown,
+                _ => ValueKind::Text(None),
             },
-            "and" | "or" => Kind::Unknown,
+            "and" | "or" => ValueKind::Unknown,
             _ => match (self.of(left), self.of(right)) {
-                (Kind::Number(a), Kind::Number(b)) => {
-                    Kind::Number(a.zip(b).and_then(|(a, b)| computed(operator, a, b)))
+                (ValueKind::Number(a), ValueKind::Number(b)) => {
+                    ValueKind::Number(a.zip(b).and_then(|(a, b)| computed(operator, a, b)))
                 }
-                _ => Kind::Unknown,
+                _ => ValueKind::Unknown,
             },
         }
     }
 }
 
-impl Kind<'_> {
+impl ValueKind<'_> {
     /// The kind without its value.
     fn of_any_value(self) -> Self {
         match self {
-            Kind::Number(_) => Kind::Number(None),
-            Kind::Text(_) => Kind::Text(None),
-            Kind::Boolean => Kind::Boolean,
-            _ => Kind::Unknown,
+            ValueKind::Number(_) => ValueKind::Number(None),
+            ValueKind::Text(_) => ValueKind::Text(None),
+            ValueKind::Boolean => ValueKind::Boolean,
+            _ => ValueKind::Unknown,
         }
     }
 }
@@ -365,18 +373,18 @@ fn computed(operator: &str, a: f64, b: f64) -> Option<f64> {
 }
 
 /// What a value of a defined type is.
-pub(super) fn of_type<'a>(kind: &'static Type) -> Kind<'a> {
+pub(super) fn of_type<'a>(kind: &'static Type) -> ValueKind<'a> {
     of_owned(*kind)
 }
 
-fn of_owned<'a>(kind: Type) -> Kind<'a> {
+fn of_owned<'a>(kind: Type) -> ValueKind<'a> {
     match kind {
-        Type::Boolean => Kind::Boolean,
-        Type::Number(_) | Type::Whole(_) => Kind::Number(None),
-        Type::Text(_) | Type::Choice(_) => Kind::Text(None),
-        Type::Object(object) => Kind::Object(object),
-        Type::List(of) => Kind::List(of),
-        _ => Kind::Unknown,
+        Type::Boolean => ValueKind::Boolean,
+        Type::Number(_) | Type::Whole(_) => ValueKind::Number(None),
+        Type::Text(_) | Type::Choice(_) => ValueKind::Text(None),
+        Type::Object(object) => ValueKind::Object(object),
+        Type::List(of) => ValueKind::List(of),
+        _ => ValueKind::Unknown,
     }
 }
 

@@ -1,4 +1,4 @@
-//! Luau's words: text to tokens. Never fails: what is no token of Luau is [`Kind::Stray`], and
+//! Luau's words: text to tokens. Never fails: what is no token of Luau is [`TokenKind::Stray`], and
 //! [`super::syntax`] may know what was meant.
 
 /// A piece of the source, in bytes.
@@ -23,7 +23,7 @@ impl Span {
 
 /// What a token is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum TokenKind {
     Name,
     Keyword,
     Number,
@@ -43,7 +43,7 @@ pub(super) enum Kind {
 
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Token {
-    pub(super) kind: Kind,
+    pub(super) kind: TokenKind,
     pub(super) span: Span,
 }
 
@@ -59,7 +59,7 @@ const SYMBOLS: [&str; 41] = [
     ";", ":", ",", ".", "?", "|", "&", "@",
 ];
 
-/// All tokens, with one [`Kind::End`] behind them.
+/// All tokens, with one [`TokenKind::End`] behind them.
 pub(super) fn tokens(source: &str) -> Vec<Token> {
     let mut lexer = Lexer {
         source,
@@ -70,7 +70,7 @@ pub(super) fn tokens(source: &str) -> Vec<Token> {
     loop {
         let token = lexer.next();
         tokens.push(token);
-        if token.kind == Kind::End {
+        if token.kind == TokenKind::End {
             return tokens;
         }
     }
@@ -99,7 +99,7 @@ impl Lexer<'_> {
         }
         let start = self.at;
         let kind = match self.rest().chars().next() {
-            None => Kind::End,
+            None => TokenKind::End,
             Some('a'..='z' | 'A'..='Z' | '_') => self.name(),
             Some('0'..='9') => self.number(),
             Some('.') if self.byte(1).is_ascii_digit() => self.number(),
@@ -128,12 +128,12 @@ impl Lexer<'_> {
             let start = self.at;
             self.at += 2;
             if self.long_bracket().is_some() {
-                if self.long_text() == Kind::Unfinished {
+                if self.long_text() == TokenKind::Unfinished {
                     let span = Span {
                         start,
                         end: self.at,
                     };
-                    let kind = Kind::Unfinished;
+                    let kind = TokenKind::Unfinished;
                     return Some(Token { kind, span });
                 }
             } else {
@@ -142,40 +142,44 @@ impl Lexer<'_> {
         }
     }
 
-    fn name(&mut self) -> Kind {
+    fn name(&mut self) -> TokenKind {
         let rest = self.rest();
         let end = rest.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_'));
         let word = &rest[..end.unwrap_or(rest.len())];
         let keyword = KEYWORDS.contains(&word);
         self.at += word.len();
-        if keyword { Kind::Keyword } else { Kind::Name }
+        if keyword {
+            TokenKind::Keyword
+        } else {
+            TokenKind::Name
+        }
     }
 
-    fn number(&mut self) -> Kind {
+    fn number(&mut self) -> TokenKind {
         let mut last = 0;
         loop {
             let byte = self.byte(0);
             let sign = matches!(byte, b'+' | b'-') && matches!(last, b'e' | b'E');
             let dots = byte == b'.' && self.byte(1) == b'.';
             if dots || !(byte.is_ascii_alphanumeric() || byte == b'_' || byte == b'.' || sign) {
-                return Kind::Number;
+                return TokenKind::Number;
             }
             last = byte;
             self.at += 1;
         }
     }
 
-    fn text(&mut self, quote: u8) -> Kind {
+    fn text(&mut self, quote: u8) -> TokenKind {
         self.at += 1;
         loop {
             match self.byte(0) {
                 byte if byte == quote && self.at < self.source.len() => {
                     self.at += 1;
-                    return Kind::Text;
+                    return TokenKind::Text;
                 }
                 b'\\' => self.skip_escape(),
-                b'\n' | b'\r' => return Kind::Unfinished,
-                _ if self.at >= self.source.len() => return Kind::Unfinished,
+                b'\n' | b'\r' => return TokenKind::Unfinished,
+                _ if self.at >= self.source.len() => return TokenKind::Unfinished,
                 _ => self.at += 1,
             }
         }
@@ -194,22 +198,22 @@ impl Lexer<'_> {
     }
 
     /// A piece of an interpolated string; stands on its backtick or closing brace.
-    fn piece(&mut self) -> Kind {
+    fn piece(&mut self) -> TokenKind {
         self.at += 1;
         loop {
             match self.byte(0) {
                 b'`' => {
                     self.at += 1;
-                    return Kind::PieceLast;
+                    return TokenKind::PieceLast;
                 }
                 b'{' => {
                     self.at += 1;
                     self.braces.push(true);
-                    return Kind::PieceBefore;
+                    return TokenKind::PieceBefore;
                 }
                 b'\\' => self.skip_escape(),
-                b'\n' | b'\r' => return Kind::Unfinished,
-                _ if self.at >= self.source.len() => return Kind::Unfinished,
+                b'\n' | b'\r' => return TokenKind::Unfinished,
+                _ if self.at >= self.source.len() => return TokenKind::Unfinished,
                 _ => self.at += 1,
             }
         }
@@ -222,31 +226,31 @@ impl Lexer<'_> {
         inside[level..].starts_with('[').then_some(level)
     }
 
-    fn long_text(&mut self) -> Kind {
+    fn long_text(&mut self) -> TokenKind {
         let level = self.long_bracket().unwrap_or(0);
         let close = format!("]{}]", "=".repeat(level));
         match self.rest().find(&close) {
             Some(at) => {
                 self.at += at + close.len();
-                Kind::Text
+                TokenKind::Text
             }
             None => {
                 self.at = self.source.len();
-                Kind::Unfinished
+                TokenKind::Unfinished
             }
         }
     }
 
-    fn symbol(&mut self, c: char) -> Kind {
+    fn symbol(&mut self, c: char) -> TokenKind {
         let symbol = SYMBOLS.iter().find(|one| self.rest().starts_with(**one));
         let Some(symbol) = symbol else {
             self.at += c.len_utf8();
-            return Kind::Stray;
+            return TokenKind::Stray;
         };
         if c == '{' {
             self.braces.push(false);
         }
         self.at += symbol.len();
-        Kind::Symbol
+        TokenKind::Symbol
     }
 }

@@ -1,6 +1,6 @@
 //! Loops that can neither wait nor end.
 
-use super::kinds::{Kind, Kinds};
+use super::kinds::{Kinds, ValueKind};
 use super::tree::{Block, Expr, ExprKind, Statement, StatementKind, each_in_expr};
 use crate::api::Function;
 
@@ -61,8 +61,8 @@ fn each_in_expr_outside_functions(expr: &Expr, visit: &mut dyn FnMut(&Expr)) {
 fn call_pauses(kinds: &Kinds<'_>, expr: &Expr, depth: u32) -> bool {
     match &expr.kind {
         ExprKind::Call(callee, arguments) => match kinds.of(callee) {
-            Kind::Native(function) => native_pauses(function, arguments),
-            Kind::Function(Some(body)) if depth < DEEPEST => body
+            ValueKind::Native(function) => native_pauses(function, arguments),
+            ValueKind::Function(Some(body)) if depth < DEEPEST => body
                 .block
                 .iter()
                 .any(|statement| pauses(kinds, statement, depth + 1)),
@@ -108,7 +108,7 @@ fn is_quick(kinds: &Kinds<'_>, callee: &Expr) -> bool {
             quick.contains(&name.as_str()) && !kinds.globals.contains(name.as_str())
         }
         ExprKind::Field(object, ..) => match kinds.of(object) {
-            Kind::Namespace(owner) => {
+            ValueKind::Namespace(owner) => {
                 matches!(owner, "math" | "bit32" | "utf8" | "buffer" | "vector")
             }
             _ => false,

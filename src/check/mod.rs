@@ -98,7 +98,7 @@ impl Surroundings {
     fn missing_module(&self, path: &str) -> Option<String> {
         let beside = path.starts_with("./") || path.starts_with("../");
         if !beside {
-            return resolve("", path).err();
+            return resolve("", path).err().map(|why| why.to_string());
         }
         let folder = self.file.as_ref()?.parent()?;
         let path = path.trim_end_matches(".luau").trim_end_matches(".lua");
@@ -109,7 +109,7 @@ impl Surroundings {
     }
 }
 
-/// Whether it is a file, or nobody tells this process, which may have fewer rights than its user.
+/// Whether it is a file, as far as this process may know: it may have fewer rights than its user.
 fn may_be_file(path: &Path) -> bool {
     match path.metadata() {
         Ok(metadata) => metadata.is_file(),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::kinds::{Kind, Kinds};
+use super::kinds::{Kinds, ValueKind};
 use super::tree::{Entry, Expr, ExprKind};
 use crate::script::{Declaration, GivenParam, ParamValue, settle};
 
@@ -78,8 +78,8 @@ fn constant(kinds: &Kinds<'_>, value: &Expr) -> Option<ParamValue> {
         return Some(ParamValue::Boolean(value));
     }
     match kinds.of(value) {
-        Kind::Number(Some(number)) => Some(ParamValue::Number(number)),
-        Kind::Text(Some(text)) => Some(ParamValue::Text(text.to_owned())),
+        ValueKind::Number(Some(number)) => Some(ParamValue::Number(number)),
+        ValueKind::Text(Some(text)) => Some(ParamValue::Text(text.to_owned())),
         _ => None,
     }
 }

@@ -7,7 +7,7 @@ mod statements;
 
 use std::collections::HashMap;
 
-use super::lexer::{Kind, Span, Token, tokens};
+use super::lexer::{Span, Token, TokenKind, tokens};
 use super::tree::{Local, LocalId, MAX_DEPTH, Tree};
 
 /// Where a source could not be understood.
@@ -52,7 +52,7 @@ pub(crate) fn parse(source: &str) -> Parsed<Tree> {
     };
     let block = parser.block()?;
     match parser.token().kind {
-        Kind::End => Ok(Tree {
+        TokenKind::End => Ok(Tree {
             block,
             locals: parser.locals,
         }),
@@ -88,7 +88,7 @@ impl<'a> Parser<'a> {
     fn word_ahead(&self, by: usize) -> &'a str {
         let token = self.ahead(by);
         match token.kind {
-            Kind::Keyword | Kind::Symbol => token.span.of(self.source),
+            TokenKind::Keyword | TokenKind::Symbol => token.span.of(self.source),
             _ => "",
         }
     }
@@ -124,7 +124,7 @@ impl<'a> Parser<'a> {
     fn name(&mut self) -> Parsed<(&'a str, Span)> {
         match self.token() {
             Token {
-                kind: Kind::Name,
+                kind: TokenKind::Name,
                 span,
             } => {
                 self.advance();
@@ -136,13 +136,13 @@ impl<'a> Parser<'a> {
 
     fn is_name(&self, by: usize, text: &str) -> bool {
         let token = self.ahead(by);
-        token.kind == Kind::Name && token.span.of(self.source) == text
+        token.kind == TokenKind::Name && token.span.of(self.source) == text
     }
 
     /// Whether an interpolated string begins there, and does not go on.
     fn begins_pieces(&self, by: usize) -> bool {
         let token = self.ahead(by);
-        let piece = matches!(token.kind, Kind::PieceBefore | Kind::PieceLast);
+        let piece = matches!(token.kind, TokenKind::PieceBefore | TokenKind::PieceLast);
         piece && token.span.of(self.source).starts_with('`')
     }
 

@@ -5,7 +5,7 @@ mod gaps;
 mod habits;
 
 use super::finding::{Finding, Severity};
-use super::lexer::{Kind, Span, Token, tokens};
+use super::lexer::{Span, Token, TokenKind, tokens};
 use super::parser;
 
 /// A source with its tokens, and where the compiler gave up.
@@ -90,7 +90,7 @@ impl Scene<'_> {
     fn of_line(&self, line: usize) -> Vec<Token> {
         let tokens = self.tokens.iter();
         tokens
-            .filter(|token| self.line_of(token) == line && token.kind != Kind::End)
+            .filter(|token| self.line_of(token) == line && token.kind != TokenKind::End)
             .copied()
             .collect()
     }
@@ -106,7 +106,7 @@ impl Scene<'_> {
         let before = self
             .tokens
             .iter()
-            .rfind(|token| self.line_of(token) < self.line && token.kind != Kind::End);
+            .rfind(|token| self.line_of(token) < self.line && token.kind != TokenKind::End);
         before.map_or_else(Vec::new, |token| self.of_line(self.line_of(token)))
     }
 

@@ -138,7 +138,8 @@ fn what_is_right_is_not_complained_about() {
         let found = check(&source, "test.lua", &surroundings);
         assert_eq!(found, [], "{}", path.display());
     }
-    let of_behaviours = api::namespaces().filter(|one| one.place != api::Place::Scenario);
+    let of_behaviours =
+        api::namespaces().filter(|one| one.availability != api::Availability::Scenario);
     let functions = of_behaviours.flat_map(|one| one.functions);
     let methods = api::methods().filter(|one| one.owner() != "sim");
     let functions = functions.chain(methods).map(|one| (one.path, one.example));

@@ -7,7 +7,7 @@ mod names;
 
 use super::Surroundings;
 use super::finding::{Finding, Severity};
-use super::kinds::{Kind, Kinds, of_type};
+use super::kinds::{Kinds, ValueKind, of_type};
 use super::lexer::Span;
 use super::loops;
 use super::tree::{Block, Body, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
@@ -116,9 +116,10 @@ impl<'a> Walk<'a> {
 
     /// What was probably meant; nothing when enough was said, as looking for it takes long.
     pub(super) fn near<'n>(&self, wrong: &str, known: impl IntoIterator<Item = &'n str>) -> String {
-        match self.has_said_enough() {
-            true => String::new(),
-            false => suggestion(wrong, known),
+        if self.has_said_enough() {
+            String::new()
+        } else {
+            suggestion(wrong, known)
         }
     }
 
@@ -143,7 +144,7 @@ impl<'a> Walk<'a> {
             }
             S::LocalFunction(id, body) => {
                 self.hides(*id);
-                self.kinds.bind(*id, Kind::Function(Some(body)));
+                self.kinds.bind(*id, ValueKind::Function(Some(body)));
                 self.body(body);
             }
             S::Function(target, body) => {
@@ -170,7 +171,7 @@ impl<'a> Walk<'a> {
             }
             S::Count(id, values, block) => {
                 self.exprs(values);
-                self.kinds.bind(*id, Kind::Number(None));
+                self.kinds.bind(*id, ValueKind::Number(None));
                 self.block(block);
             }
             S::Each(ids, values, block) => {
@@ -208,12 +209,12 @@ impl<'a> Walk<'a> {
                     self.kinds.result(last, number)
                 }
                 (Some(value), _) => self.kinds.of(value),
-                (None, Some(last)) if matches!(last.kind, ExprKind::Varargs) => Kind::Unknown,
-                (None, _) => Kind::Nothing,
+                (None, Some(last)) if matches!(last.kind, ExprKind::Varargs) => ValueKind::Unknown,
+                (None, _) => ValueKind::Nothing,
             };
             // A table written out here may be filled later.
             let kind = match kind {
-                Kind::Table(_) => Kind::Unknown,
+                ValueKind::Table(_) => ValueKind::Unknown,
                 kind => kind,
             };
             self.kinds.bind(*id, kind);
@@ -242,12 +243,12 @@ impl<'a> Walk<'a> {
             ExprKind::Call(callee, arguments) if matches!(&callee.kind, ExprKind::Global(name) if name == "ipairs" || name == "pairs") => {
                 arguments
                     .first()
-                    .map_or(Kind::Unknown, |list| self.kinds.of(list))
+                    .map_or(ValueKind::Unknown, |list| self.kinds.of(list))
             }
             _ => self.kinds.of(one),
         };
-        if let (Kind::List(of), [index, item, ..]) = (list, ids) {
-            self.kinds.bind(*index, Kind::Number(None));
+        if let (ValueKind::List(of), [index, item, ..]) = (list, ids) {
+            self.kinds.bind(*index, ValueKind::Number(None));
             self.kinds.bind(*item, of_type(of));
         }
     }
@@ -257,7 +258,7 @@ impl<'a> Walk<'a> {
             ExprKind::Global(_) | ExprKind::Local(_) => {}
             ExprKind::Field(object, name, _) => {
                 self.expr(object);
-                if let Kind::Namespace(owner) = self.kinds.of(object) {
+                if let ValueKind::Namespace(owner) = self.kinds.of(object) {
                     let message = format!("{owner}.{name} cannot be set");
                     self.error(target.span, message).help =
                         Some("keep your own values in a local variable".to_owned());
@@ -280,7 +281,7 @@ impl<'a> Walk<'a> {
                 }
                 ExprKind::Unary(operator, operand) if operator == "not" => parts.push(operand),
                 _ => {
-                    if let Kind::Native(function) = self.kinds.of(part) {
+                    if let ValueKind::Native(function) = self.kinds.of(part) {
                         let path = function.path;
                         let message = format!("{path} is a function here, which is always true");
                         self.warning(part.span, message).help =
@@ -294,7 +295,7 @@ impl<'a> Walk<'a> {
     fn unused(&mut self, call: &'a Expr) {
         let function = match &call.kind {
             ExprKind::Call(callee, _) => match self.kinds.of(callee) {
-                Kind::Native(function) => function,
+                ValueKind::Native(function) => function,
                 _ => return,
             },
             ExprKind::Method(object, name, ..) => {
@@ -307,7 +308,7 @@ impl<'a> Walk<'a> {
         };
         if function.pure {
             let message = format!(
-                "{} only answers, and nobody looks at the answer",
+                "{} only returns a value, and the value is not used",
                 function.path
             );
             let result = function

@@ -5,11 +5,13 @@ use std::time::Duration;
 use clap::Subcommand;
 use serde_json::{Value, json};
 
+use super::remote::RemoteArgs;
 use super::running::{ask, nonsense, run_of};
-use super::runs::clock;
+use super::runs::time;
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Exit, Failure, print};
+use crate::clock::Span;
 use crate::control::{Answer, Change, Client, Errand, Listed};
 use crate::link::Target;
 
@@ -26,13 +28,14 @@ const HEAD: [(&str, Side); 5] = [
 
 /// Start, stop and restart the behaviours of a run that is on, or list them
 ///
-/// Asks the `spykee run` or `spykee serve` of this data folder, by its private socket there. A script is
-/// read from its file when it starts; one with a mistake is refused.
+/// Asks the `spykee run` or `spykee serve` of this data folder, by its private socket there, or with
+/// --url a service on another computer. A script is read from its file when it starts; one with a
+/// mistake is refused.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     subcommand_required = true,
     arg_required_else_help = true,
-    after_help = "Examples:\n  spykee behaviour list\n  spykee behaviour start patrol\n  spykee behaviour restart guard"
+    after_help = "Examples:\n  spykee behaviour list\n  spykee behaviour start patrol --for 30m\n  spykee behaviour restart guard"
 )]
 pub(super) struct BehaviourArgs {
     #[command(subcommand)]
@@ -44,7 +47,7 @@ enum BehaviourCommand {
     /// List the behaviours of the run and what each does
     List(ListArgs),
     /// Start a behaviour that does not run
-    Start(NameArgs),
+    Start(StartArgs),
     /// End a behaviour; it is not restarted
     Stop(NameArgs),
     /// End a behaviour if it runs, and start it from its file as that is now
@@ -68,12 +71,32 @@ struct NameArgs {
     which: WhichArgs,
 }
 
+#[derive(Debug, Clone, clap::Args)]
+struct StartArgs {
+    /// End it after it has run for so long, such as 30m or 1h30m, unless it has ended by itself
+    #[arg(long = "for", value_name = "TIME", value_parser = some_time)]
+    lasts: Option<Span>,
+    #[command(flatten)]
+    name: NameArgs,
+}
+
+/// At least a second.
+fn some_time(text: &str) -> Result<Span, String> {
+    let span: Span = text.parse()?;
+    match span.get().is_zero() {
+        true => Err("it would end before it begins".to_owned()),
+        false => Ok(span),
+    }
+}
+
 /// Which run.
 #[derive(Debug, Clone, clap::Args)]
 struct WhichArgs {
     /// The run that has this robot; without it the only run that is on
     #[arg(long, value_name = "HOST[:PORT]")]
     robot: Option<Target>,
+    #[command(flatten)]
+    remote: RemoteArgs,
     #[command(flatten)]
     settings: SettingsArgs,
 }
@@ -83,9 +106,8 @@ impl BehaviourArgs {
     pub(super) fn settings(&self) -> &SettingsArgs {
         match &self.command {
             BehaviourCommand::List(args) => &args.which.settings,
-            BehaviourCommand::Start(args)
-            | BehaviourCommand::Stop(args)
-            | BehaviourCommand::Restart(args) => &args.which.settings,
+            BehaviourCommand::Start(args) => &args.name.which.settings,
+            BehaviourCommand::Stop(args) | BehaviourCommand::Restart(args) => &args.which.settings,
         }
     }
 }
@@ -93,11 +115,14 @@ impl BehaviourArgs {
 /// Asks the run.
 ///
 /// # Errors
-/// No run is on, several are and nobody said which, or it refuses.
+/// No run is on, several are and none was named, or it refuses.
 pub(super) fn run(args: &BehaviourArgs) -> Result<Exit, Failure> {
     match &args.command {
         BehaviourCommand::List(args) => list(args),
-        BehaviourCommand::Start(args) => change(args, Change::Start),
+        BehaviourCommand::Start(StartArgs { lasts, name }) => {
+            let begin = lasts.map_or(Change::Start, |lasts| Change::StartFor(lasts.get()));
+            change(name, begin)
+        }
         BehaviourCommand::Stop(args) => change(args, Change::Stop),
         BehaviourCommand::Restart(args) => change(args, Change::Restart),
     }
@@ -127,9 +152,10 @@ fn change(args: &NameArgs, change: Change) -> Result<Exit, Failure> {
         None => Ok(Exit::Interrupted),
         Some(Answer::Done) => {
             let done = match change {
-                Change::Start => "runs",
-                Change::Stop => "has ended",
-                Change::Restart => "runs anew",
+                Change::Start => "runs".to_owned(),
+                Change::StartFor(lasts) => format!("runs, for {} at most", time(lasts)),
+                Change::Stop => "has ended".to_owned(),
+                Change::Restart => "runs anew".to_owned(),
             };
             print(&format!("{} {done}\n", args.name))?;
             Ok(Exit::Done)
@@ -140,7 +166,7 @@ fn change(args: &NameArgs, change: Change) -> Result<Exit, Failure> {
 
 impl WhichArgs {
     fn client(&self) -> Result<Client, Failure> {
-        let found = run_of(&self.settings, self.robot.as_ref())?;
+        let found = run_of(&self.settings, self.robot.as_ref(), &self.remote)?;
         let data = self.settings.config()?.data_folder().display();
         found.ok_or_else(|| {
             Failure::new(Exit::Unreachable, format_args!("no run is on in {data}"))
@@ -153,7 +179,7 @@ fn row(one: &Listed) -> Vec<String> {
     vec![
         one.name.clone(),
         one.state.clone(),
-        one.running.map_or_else(|| "-".to_owned(), clock),
+        one.running.map_or_else(|| "-".to_owned(), time),
         one.priority.0.to_string(),
         one.ending.as_ref().map_or_else(
             || "-".to_owned(),

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use image::RgbImage;
 use serde_json::json;
 
-use super::album::Album;
+use super::marked_pictures::MarkedPictures;
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Console, Exit, Failure, colours, picture, print};
@@ -68,7 +68,7 @@ pub(super) struct BlobsArgs {
     #[arg(long)]
     merge: bool,
 
-    /// Show at most so many blobs of a picture, the largest
+    /// Show at most this many blobs of a picture, the largest
     #[arg(long, value_name = "NUMBER", default_value_t = BlobOptions::default().max_blobs)]
     max_blobs: usize,
 
@@ -95,7 +95,7 @@ struct Search<'a> {
     colours: Vec<Colour>,
     options: BlobOptions,
     eyes: Eyes,
-    album: Option<Album>,
+    album: Option<MarkedPictures>,
 }
 
 /// Looks at each picture and prints what was found. A picture that cannot be used is told on
@@ -142,7 +142,7 @@ impl<'a> Search<'a> {
         let config = args.settings.config()?;
         let colours = colours::of_names(&args.colours, config)?;
         let album = args.annotate.as_deref();
-        let album = album.map(|out| Album::open(out, &args.images));
+        let album = album.map(|out| MarkedPictures::open(out, &args.images));
         Ok(Search {
             args,
             colours,

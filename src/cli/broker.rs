@@ -50,7 +50,7 @@ pub(super) fn account(settings: &Effective) -> Result<Option<Account>, Failure> 
 }
 
 /// The broker by which a run may be asked, if the config names one. A config that was found in the current
-/// folder may have come from anywhere: it hands the robot and its camera to nobody.
+/// folder may have come from anywhere: it must not hand the robot and its camera to a stranger's broker.
 ///
 /// # Errors
 /// See [`account`]; or a config that was found and not named.

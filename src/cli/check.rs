@@ -54,9 +54,10 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
     } else {
         report(&findings, count)
     };
-    match args.json {
-        true => print(&text)?,
-        false => print_coloured(&text, colours())?,
+    if args.json {
+        print(&text)?
+    } else {
+        print_coloured(&text, colours())?
     }
     Ok(if has_errors(&findings) {
         Exit::Check

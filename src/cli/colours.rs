@@ -11,7 +11,7 @@ const MAX_SHOWN: usize = 40;
 /// The colours of these names, in their order. A name of the config wins over a built-in one.
 ///
 /// # Errors
-/// A name that nobody knows, with the nearest that is known; too many names.
+/// An unknown name, with the nearest known one; too many names.
 pub(super) fn of_names(names: &[String], config: &Config) -> Result<Vec<Colour>, Failure> {
     if names.len() > MAX_COLOURS {
         return Err(Failure::usage(format_args!(
@@ -35,9 +35,10 @@ fn unknown(name: &str, config: &Config) -> Failure {
     let known = own.iter().copied().chain(Colour::NAMES);
     let what = format!("there is no colour '{shown}'{}", suggestion(name, known));
     let built_in = Colour::NAMES.join(", ");
-    let help = match own.is_empty() {
-        true => format!("colours: {built_in}, and those of --config FILE under colours:"),
-        false => format!("colours: {built_in}; of the config: {}", own.join(", ")),
+    let help = if own.is_empty() {
+        format!("colours: {built_in}, and those of --config FILE under colours:")
+    } else {
+        format!("colours: {built_in}; of the config: {}", own.join(", "))
     };
     Failure::usage(what).help(help)
 }

@@ -146,8 +146,9 @@ fn line(setting: &Setting, origin: bool) -> String {
         Json::String(text) => text,
         other => other.to_string(),
     };
-    match origin {
-        true => format!("{:<28} {value:<16} {}\n", setting.key, setting.origin),
-        false => format!("{:<28} {value}\n", setting.key),
+    if origin {
+        format!("{:<28} {value:<16} {}\n", setting.key, setting.origin)
+    } else {
+        format!("{:<28} {value}\n", setting.key)
     }
 }

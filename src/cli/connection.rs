@@ -15,7 +15,7 @@ const MAX_LOGIN_CHARS: usize = 255;
 
 /// Which robot.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Place {
+pub enum RobotChoice {
     /// One on the network.
     Robot(Target),
     /// A simulated one inside this program, in this world or the built-in one.
@@ -55,9 +55,9 @@ pub struct LoginArgs {
 
 impl ConnectionArgs {
     /// Which robot was asked for; `None` leaves it to the config.
-    pub fn place(&self) -> Option<Place> {
-        let robot = self.robot.clone().map(Place::Robot);
-        robot.or_else(|| self.sim.clone().map(Place::Sim))
+    pub fn place(&self) -> Option<RobotChoice> {
+        let robot = self.robot.clone().map(RobotChoice::Robot);
+        robot.or_else(|| self.sim.clone().map(RobotChoice::Sim))
     }
 
     /// In `--sim patrol.lua` the file is meant as a behaviour, not as a world: takes it out.
@@ -151,10 +151,13 @@ mod tests {
     fn a_robot_or_a_simulator_or_what_the_config_says_but_not_both() {
         let place = |args| parse(args).unwrap().place();
         let robot = "172.17.6.1".parse().unwrap();
-        assert_eq!(place(&["--robot", "172.17.6.1"]), Some(Place::Robot(robot)));
-        assert_eq!(place(&["--sim"]), Some(Place::Sim(None)));
+        assert_eq!(
+            place(&["--robot", "172.17.6.1"]),
+            Some(RobotChoice::Robot(robot))
+        );
+        assert_eq!(place(&["--sim"]), Some(RobotChoice::Sim(None)));
         let world = Some(PathBuf::from("w.yaml"));
-        assert_eq!(place(&["--sim", "w.yaml"]), Some(Place::Sim(world)));
+        assert_eq!(place(&["--sim", "w.yaml"]), Some(RobotChoice::Sim(world)));
         assert_eq!(place(&[]), None);
         assert!(parse(&["--sim", "--robot", "172.17.6.1"]).is_err());
     }
@@ -172,10 +175,13 @@ mod tests {
     fn a_behaviour_behind_sim_is_not_taken_for_a_world() {
         let mut args = parse(&["--sim", "patrol.lua"]).unwrap();
         assert_eq!(args.take_misplaced_behaviour(), Some("patrol.lua".into()));
-        assert_eq!(args.place(), Some(Place::Sim(None)));
+        assert_eq!(args.place(), Some(RobotChoice::Sim(None)));
         let mut args = parse(&["--sim", "room.yaml"]).unwrap();
         assert_eq!(args.take_misplaced_behaviour(), None);
-        assert_eq!(args.place(), Some(Place::Sim(Some("room.yaml".into()))));
+        assert_eq!(
+            args.place(),
+            Some(RobotChoice::Sim(Some("room.yaml".into())))
+        );
         assert_eq!(parse(&[]).unwrap().take_misplaced_behaviour(), None);
     }
 }

@@ -12,8 +12,8 @@ const HEAD: [(&str, Side); 3] = [
     ("ADDRESS", Side::Left),
     ("CONNECTED USER", Side::Left),
 ];
-const NOBODY: &str = "no robot answered";
-const NOBODY_HELP: &str = "is the robot on, and is this computer in its Wi-Fi (SPYKEE...)? A firewall \
+const NO_ANSWER: &str = "no robot answered";
+const NO_ANSWER_HELP: &str = "is the robot on, and is this computer in its Wi-Fi (SPYKEE...)? A firewall \
                            must let UDP port 9000 through. `spykee sim` starts a simulated one";
 
 /// List the robots in reach
@@ -45,7 +45,7 @@ fn parse_timeout(text: &str) -> Result<Duration, String> {
 /// Asks, and prints who answered.
 ///
 /// # Errors
-/// Nobody answered, or there is no network to ask.
+/// No robot answered, or there is no network to ask.
 pub(super) fn run(args: &DiscoverArgs, _console: &Console) -> Result<Exit, Failure> {
     let found = block_on(async {
         if args.ask.is_empty() {
@@ -66,7 +66,7 @@ pub(super) fn run(args: &DiscoverArgs, _console: &Console) -> Result<Exit, Failu
         print(&table(&found))?;
     }
     if found.is_empty() {
-        return Err(Failure::new(Exit::Unreachable, NOBODY).help(NOBODY_HELP));
+        return Err(Failure::new(Exit::Unreachable, NO_ANSWER).help(NO_ANSWER_HELP));
     }
     Ok(Exit::Done)
 }

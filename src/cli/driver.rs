@@ -7,7 +7,7 @@ use tokio::sync::mpsc;
 use tokio_util::sync::CancellationToken;
 
 use super::interrupt::obey;
-use super::run::{driving_core, pulse};
+use super::startup::{driving_core, pulse};
 use super::{Exit, Failure};
 use crate::agent::{AgentError, Docked, Flight, Preflight, Seat, SeatError};
 use crate::behaviour::{Launch, Launcher};

@@ -44,7 +44,7 @@ impl Examiner {
     /// A behaviour's own file, and then its modules.
     ///
     /// # Errors
-    /// If a file has broken whoever looked at it.
+    /// If a file has crashed its inspector.
     pub(super) fn behaviour(&mut self, source: &[u8], options: &Options) -> Result<(), Failure> {
         let folder = Path::new(&options.chunk).parent().unwrap_or(Path::new(""));
         let (folder, library) = (folder.to_owned(), Library::new(folder.to_owned()));
@@ -61,7 +61,7 @@ impl Examiner {
             for module in required {
                 match library.fetch(&module.name) {
                     Ok(module) => files.push_back(of_module(module, &folder, options)),
-                    Err(why) => self.missing(&file, &module, &why, &found),
+                    Err(why) => self.missing(&file, &module, &why.to_string(), &found),
                 }
             }
             self.findings.extend(found);

@@ -6,7 +6,7 @@ use std::convert::Infallible;
 use std::fmt;
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -15,19 +15,21 @@ use tokio::time::{MissedTickBehavior, interval, sleep};
 
 use super::interrupt::EndingSignals;
 use super::live::Ahead;
-use super::run::STATUS_PERIOD;
+use super::startup::STATUS_PERIOD;
 use super::status::StatusLine;
 use super::trace::TraceFile;
-use super::waiting::Tries;
 use super::{Console, Exit, Failure};
-use crate::agent::{AgentError, Behaviour, Outcome};
+use crate::agent::{AgentError, Behaviour, Bus, Outcome, Tries};
+use crate::config::Config;
 use crate::control;
+use crate::journal::{self, LabJournal};
 use crate::lab::{self, Lab, Recorder, Running};
 use crate::live::Simulation;
 use crate::pilot::Status;
 use crate::robot::Streams;
 use crate::script;
 use crate::sim::{Handle, World};
+use crate::timetable::View;
 
 /// A script that cannot be interrupted for so long ends the run.
 const STUCK: Duration = Duration::from_secs(5);
@@ -44,6 +46,35 @@ pub(super) struct Fast {
     pub(super) trace: Option<TraceFile>,
     /// The page that shows it, and holds the clock of the options.
     pub(super) page: Option<Ahead>,
+    /// Where it is remembered.
+    pub(super) journal: Option<Keeping>,
+}
+
+/// A journal in virtual time, and where it is. One is kept if the config says so in so many words: what
+/// is only tried does not belong among what has happened.
+pub(super) struct Keeping {
+    data: PathBuf,
+    options: journal::Options,
+}
+
+impl Keeping {
+    /// What this config says.
+    pub(super) fn of(config: &Config) -> Option<Keeping> {
+        let wanted = config.journal.record == journal::When::On;
+        wanted.then(|| Keeping {
+            data: config.data_folder().to_owned(),
+            options: config.journal,
+        })
+    }
+
+    /// Begins it, within the laboratory.
+    pub(super) fn start(self, bus: &Bus) -> LabJournal {
+        let about = journal::About {
+            target: "a simulated robot".to_owned(),
+            simulated: true,
+        };
+        LabJournal::start(bus, &self.data, self.options, about)
+    }
 }
 
 /// What can be seen of a laboratory from outside.
@@ -133,7 +164,9 @@ impl Fast {
     ) -> std::io::Result<Result<Run, Failure>> {
         let (behaviours, limit, trace) = (self.behaviours, self.limit, self.trace);
         let (page, tempo, streams) = (self.page, self.options.tempo.clone(), self.options.streams);
+        let (journal, bus) = (self.journal, self.options.bus.clone());
         lab::run(self.world, self.options, async |lab: &Lab| {
+            let journal = journal.map(|journal| journal.start(&bus));
             let run = lab.start(behaviours, limit);
             let simulation = Simulation {
                 robot: lab.sim().clone(),
@@ -143,6 +176,9 @@ impl Fast {
             let _page = page.transpose()?;
             let _ = opened.send((run.status(), lab.sim().clone()));
             let outcome = run.outcome().await;
+            if let Some(journal) = journal {
+                journal.finish().await;
+            }
             if let Some(Err(failure)) = trace.map(|trace| trace.write(lab.sim())) {
                 tracing::error!("{}", failure.report());
             }
@@ -158,11 +194,14 @@ fn asked(run: &Running, streams: Streams) -> control::Run {
         roster: run.roster(),
         status: run.status(),
         pictures: run.pictures(),
+        reactions: run.reactions(),
         stop: run.stopper(),
         streams,
         target: "a simulation".to_owned(),
         simulated: true,
         began: tokio::time::Instant::now(),
+        // A single run has no timetable.
+        view: View::channel().1,
     }
 }
 

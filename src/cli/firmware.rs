@@ -1,4 +1,4 @@
-//! `--firmware FILE.yaml`: how a simulated robot behaves where nobody knows how a real one does.
+//! `--firmware FILE.yaml`: what a simulated robot does where the real one's behaviour is unknown.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ use crate::sim::Firmware;
 /// Which firmware a simulated robot has.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(super) struct FirmwareArgs {
-    /// What nobody knows of the robot's firmware, for the simulated robot: a YAML file such as the README's
+    /// How the simulated robot behaves where the real firmware's behaviour is unknown: a YAML file such as the README's
     #[arg(long, value_name = "FILE.yaml")]
     firmware: Option<PathBuf>,
 }

@@ -31,20 +31,20 @@ pub(super) struct HistoryArgs {
     #[arg(value_enum, default_value_t = Topic::All)]
     topic: Topic,
 
-    /// From then on: so long ago (30m, 12h, 7d), a day (2026-11-01), or a day and a time of day
+    /// Only what happened since then: a time ago (30m, 12h, 7d), a day (2026-11-01), or a day and a time of day
     /// (2026-11-01T21:30)
     #[arg(long, value_name = "WHEN", value_parser = moment::parse)]
     since: Option<moment::Moment>,
 
-    /// Until then
+    /// Only what happened until then
     #[arg(long, value_name = "WHEN", value_parser = moment::parse)]
     until: Option<moment::Moment>,
 
-    /// Of this robot alone
+    /// Only of this robot
     #[arg(long, value_name = "UID")]
     robot: Option<String>,
 
-    /// The newest so many; without --since 1000 of them are told
+    /// At most this many entries, the newest; 1000 without --since
     #[arg(long, value_name = "NUMBER")]
     newest: Option<u32>,
 

@@ -30,7 +30,7 @@ const HEAD: [(&str, Side); 6] = [
 ///
 /// Prints YAML: the colour under colours:, and in comments how many pixels of each picture it
 /// finds inside and outside of the part, and whether the largest blob is the thing. Pictures
-/// under different lights, with the thing in the same part, make the colour surer.
+/// under different lights, with the thing in the same part, make the colour more reliable.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct LearnArgs {
     /// JPEG pictures of the thing, such as scripts save with frame:save
@@ -105,9 +105,10 @@ pub(super) fn run(args: &LearnArgs, console: &Console) -> Result<Exit, Failure> 
         Err(refusal) => return refuse(refusal, args.json),
     };
     let proofs = prove(&images, args.roi, &learned.colour);
-    print(&match args.json {
-        true => format!("{}\n", json(&args.name, &learned, &proofs)),
-        false => yaml(&args.name, &learned, &proofs),
+    print(&if args.json {
+        format!("{}\n", json(&args.name, &learned, &proofs))
+    } else {
+        yaml(&args.name, &learned, &proofs)
     })?;
     Ok(exit)
 }

@@ -126,9 +126,12 @@ impl<'writer> FormatFields<'writer> for Plain {
         if let Some(message) = &reading.message {
             parts.push(clean::message(message, names.chain(RESERVED)));
         }
-        let dimmed = |name: &str| match writer.has_ansi_escapes() {
-            true => format!("\x1b[3m{name}\x1b[0m\x1b[2m=\x1b[0m"),
-            false => format!("{name}="),
+        let dimmed = |name: &str| {
+            if writer.has_ansi_escapes() {
+                format!("\x1b[3m{name}\x1b[0m\x1b[2m=\x1b[0m")
+            } else {
+                format!("{name}=")
+            }
         };
         for (name, value) in &reading.fields {
             parts.push(format!("{}{value}", dimmed(name)));

@@ -1,7 +1,6 @@
 //! The `spykee` command: one file for each subcommand; parse, dispatch, exit code. What a command
 //! does lives on lower floors.
 
-mod album;
 mod api;
 mod behaviour;
 mod blobs;
@@ -29,11 +28,15 @@ mod learn;
 mod lesson;
 mod live;
 mod logging;
+mod marked_pictures;
 mod new;
 mod notify;
+mod outcome;
 mod params;
 mod picture;
 mod privileges;
+mod reach;
+mod remote;
 mod repl;
 mod robot;
 mod run;
@@ -47,13 +50,13 @@ mod service;
 mod settings;
 mod sim;
 mod source;
+mod startup;
 mod status;
 mod table;
 mod terminal;
 mod test;
 mod token;
 mod trace;
-mod waiting;
 mod world;
 mod world_name;
 
@@ -71,7 +74,7 @@ use crate::scenario::{TRIAL, trial_main};
 use crate::walls::{WORKER_ARGUMENT, keep_descriptors};
 use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 
-pub use connection::{ConnectionArgs, LoginArgs, Place};
+pub use connection::{ConnectionArgs, LoginArgs, RobotChoice};
 pub use console::Console;
 pub use failure::{Exit, Failure};
 use settings::SettingsArgs;

@@ -33,11 +33,11 @@ enum Action {
         #[arg(value_name = "TARGET")]
         targets: Vec<String>,
 
-        /// What it says
+        /// The text of the message
         #[arg(long, default_value = "a test of spykee's notifications")]
         text: String,
 
-        /// A JPEG that goes with it
+        /// A JPEG to attach
         #[arg(long, value_name = "FILE.jpg")]
         picture: Option<PathBuf>,
 
@@ -106,7 +106,7 @@ fn chosen<'a>(
     names: &[String],
 ) -> Result<Vec<(&'a String, &'a Target)>, Failure> {
     if options.targets.is_empty() {
-        return Err(Failure::usage("the config names nobody to tell").help(
+        return Err(Failure::usage("the config names no target to notify").help(
             "notify: { targets: { phone: { url: \"https://ntfy.sh/your-topic\" } } }; \
              behaviours/README.md has more",
         ));

@@ -1,4 +1,4 @@
-//! A service that was started as root goes on as somebody else.
+//! A service that was started as root drops its privileges.
 
 use std::ffi::CString;
 use std::os::unix::fs::{DirBuilderExt as _, chown};
@@ -12,7 +12,7 @@ use super::Failure;
 /// folder is made for the user if it is not there.
 ///
 /// # Errors
-/// Nobody was named, there is no such user, or the system does not let us.
+/// No user was named, there is no such user, or the system does not let us.
 pub(super) fn leave_root(user: Option<&str>, data: &Path) -> Result<(), Failure> {
     if !Uid::effective().is_root() {
         return Ok(());

@@ -12,16 +12,18 @@ use std::time::Duration;
 
 use tokio::signal::unix::Signal;
 use tokio::sync::mpsc;
-use tokio::time::{Instant, sleep_until};
+use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
 use super::interrupt::{listen, obey, obey_at_prompt};
-use super::run::{dial, driving_core, place, pulse, reach, rescue};
+use super::reach::{dial, place, reach};
 use super::settings::SettingsArgs;
+use super::startup::{driving_core, pulse, rescue};
 use super::terminal::Terminal;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::agent::{AgentError, Preflight, Talk, TalkError};
-use crate::behaviour::{Launch, Launcher, Library, Order, Said};
+use crate::behaviour::{Launch, Launcher, Library, PromptCommand, Said};
+use crate::clock::until;
 use crate::config::Config;
 use crate::robot::EndReason;
 use crate::script::{self, Evaluated, Level, LogLine};
@@ -43,7 +45,7 @@ pub(super) struct ReplArgs {
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
 
-    /// Of math.random and of the simulator's noise; without it a new one
+    /// Seed for math.random and simulator noise [default: random]
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
 
@@ -112,15 +114,12 @@ async fn converse(talk: Talk, terminal: &Terminal, console: &Console) -> Result<
     let stop = CancellationToken::new();
     let interactive = std::io::stdin().is_terminal();
     let (core, requests) = (talk.flight.core().clone(), talk.flight.requests());
-    let mut interruption = match interactive {
-        true => {
-            obey_at_prompt(&core, requests, stop.clone(), terminal.clone())?;
-            Some(listen(libc::SIGINT)?)
-        }
-        false => {
-            obey(&core, requests, stop.clone())?;
-            None
-        }
+    let mut interruption = if interactive {
+        obey_at_prompt(&core, requests, stop.clone(), terminal.clone())?;
+        Some(listen(libc::SIGINT)?)
+    } else {
+        obey(&core, requests, stop.clone())?;
+        None
     };
     let mut repl = Repl {
         order: Some(order),
@@ -145,20 +144,13 @@ async fn converse(talk: Talk, terminal: &Terminal, console: &Console) -> Result<
             ended = &mut session => return repl.exit(ended, stop.is_cancelled()),
             () = next(&mut interruption) => repl.interrupted(&stop),
             Some(said) = said.recv() => repl.hear(said),
-            () = at(repl.patience) => repl.give_up_on_terminal(),
+            () = until(repl.patience) => repl.give_up_on_terminal(),
             typed = typed.recv(), if repl.order.is_some() => match typed {
                 Some(typed) => repl.take(typed),
-                // A prompt that is gone: nobody can type any more.
+                // A prompt that is gone: no more input can come.
                 None => drop(repl.order.take()),
             },
         }
-    }
-}
-
-async fn at(moment: Option<Instant>) {
-    match moment {
-        Some(moment) => sleep_until(moment).await,
-        None => std::future::pending().await,
     }
 }
 
@@ -172,7 +164,7 @@ async fn next(signal: &mut Option<Signal>) {
 /// What stands between the prompt and the behaviour.
 struct Repl {
     /// `None`: no further orders, the session ends.
-    order: Option<mpsc::Sender<Order>>,
+    order: Option<mpsc::Sender<PromptCommand>>,
     tell: mpsc::Sender<Told>,
     console: Console,
     /// A person types; otherwise lines come from a pipe.
@@ -193,10 +185,10 @@ impl Repl {
             Typed::Ready => self.patience = None,
             Typed::Line { text, more } => {
                 self.running = true;
-                self.order(Order::Evaluate { text, more });
+                self.order(PromptCommand::Evaluate { text, more });
             }
             Typed::Interrupt => {
-                self.order(Order::Interrupt);
+                self.order(PromptCommand::Interrupt);
                 self.finish(Next::Prompt);
             }
             Typed::End => {
@@ -207,7 +199,7 @@ impl Repl {
     }
 
     /// One that finds no room ends the session: better than a robot that does not hear.
-    fn order(&mut self, order: Order) {
+    fn order(&mut self, order: PromptCommand) {
         let sent = self.order.as_ref().map(|orders| orders.try_send(order));
         if sent.is_some_and(|sent| sent.is_err()) {
             self.order = None;
@@ -217,7 +209,7 @@ impl Repl {
     /// A session that waits for nothing but a robot with a low battery is ended by it.
     fn interrupted(&mut self, stop: &CancellationToken) {
         match self.order {
-            Some(_) => self.order(Order::Interrupt),
+            Some(_) => self.order(PromptCommand::Interrupt),
             None => stop.cancel(),
         }
     }
@@ -278,7 +270,7 @@ impl Repl {
 
     fn give_up_on_terminal(&mut self) {
         self.patience = None;
-        self.order(Order::Interrupt);
+        self.order(PromptCommand::Interrupt);
         tracing::warn!("the terminal takes no output: everything was stopped");
     }
 

@@ -1,6 +1,5 @@
 //! `spykee run`: behaviours on a robot, or on a simulated one inside this program.
 
-use std::convert::Infallible;
 use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -8,41 +7,36 @@ use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use tokio::sync::watch;
-use tokio::time::{Instant, MissedTickBehavior, interval};
+use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
 use super::cast::{Cast, Casting};
 use super::embedded::{EmbeddedSim, Simulated};
-use super::fast::{EventFile, Fast};
+use super::fast::{EventFile, Fast, Keeping};
 use super::firmware::FirmwareArgs;
 use super::interrupt::obey;
 use super::live::Ahead;
+use super::outcome::exit;
 use super::params::Param;
+use super::reach::{dial, place, reach_with};
 use super::settings::SettingsArgs;
+use super::startup::{JOURNAL_END, driving_core, journal, pulse, rescue, serve, show};
 use super::status::StatusLine;
 use super::trace::TraceFile;
-use super::waiting::{Tries, until_answered};
-use super::{ConnectionArgs, Console, Exit, Failure, Place, broker, check, notify};
-use crate::agent::{self, Agent, AgentError, Behaviour, Bus, Outcome, Plan, RESCUE_NAME};
-use crate::behaviour::{Launch, Launcher, RestartPolicy, is_failure};
+use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, check, notify};
+use crate::agent::{Agent, Behaviour, Bus, Plan, Tries, until_answered};
+use crate::behaviour::{Launcher, RestartPolicy};
 use crate::clock::{Clock, Date, Zone};
 use crate::config::{Config, Entry};
 use crate::control::{self, Desk};
-use crate::guardian::Guardian;
-use crate::journal::{self, Journal};
+use crate::journal;
 use crate::lab::{self, Tempo};
-use crate::link::{self, LinkError, Target};
 use crate::live::{Script, Simulation};
 use crate::mqtt::Account;
-use crate::pilot::{Dial, DrivingCore, Pulse, Status};
-use crate::robot::EndReason;
 use crate::sim;
+use crate::timetable::View;
 use crate::wire::Login;
 
-/// How often the status line is drawn anew.
-pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
-/// How long the journal may take at the end to write what it has.
-pub(super) const JOURNAL_END: Duration = Duration::from_secs(2);
 /// The longest `--for`: a year.
 const LONGEST_RUN: f64 = 366.0 * 86_400.0;
 
@@ -60,11 +54,11 @@ pub(super) struct RunArgs {
     #[arg(long, conflicts_with = "fast")]
     wait: bool,
 
-    /// End after so many seconds, from the first connection on
+    /// End this many seconds after the first connection
     #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
     limit: Option<Duration>,
 
-    /// Of math.random and of the simulator's noise; without it a new one for each run
+    /// Seed for math.random and simulator noise [default: random]
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
 
@@ -78,7 +72,7 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "POLICY", value_parser = restart_words())]
     restart: Option<RestartPolicy>,
 
-    /// Load a behaviour anew whenever its file is saved; Ctrl-C ends the run
+    /// Reload a behaviour whenever its file is saved; Ctrl-C ends the run
     #[arg(long, conflicts_with = "fast")]
     watch: bool,
 
@@ -86,7 +80,7 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "FILE.png", value_parser = super::world::parse_png)]
     trace: Option<PathBuf>,
 
-    /// With --sim: in virtual time, as fast as it goes. The same seed gives the same run
+    /// With --sim: run in virtual time, as fast as possible. The same seed gives the same run
     #[arg(long)]
     fast: bool,
 
@@ -105,7 +99,7 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "IP:PORT", num_args = 0..=1, require_equals = true)]
     live: Option<Option<SocketAddr>>,
 
-    /// Run without looking for mistakes first
+    /// Skip the check for mistakes before the run
     #[arg(long)]
     no_check: bool,
 
@@ -160,7 +154,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         check::before_run(&behaviours, console)?;
     }
     let place = place(&args.connection, &config)?;
-    let simulated = matches!(place, Place::Sim(_));
+    let simulated = matches!(place, RobotChoice::Sim(_));
     let trace = trace_file(&args, simulated)?;
     args.firmware.refuse_unless(simulated)?;
     if args.date.is_some() && !simulated {
@@ -203,9 +197,10 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     })?;
     let names = names(&behaviours);
     let (link, tries) = (config.link.clone(), Tries::default());
-    let dial = match args.wait {
-        true => until_answered(target, login, link, seed, tries.clone()),
-        false => dial(target, login, link),
+    let dial = if args.wait {
+        until_answered(dial(target, login, link.clone()), link, seed, tries.clone())
+    } else {
+        dial(target, login, link)
     };
     let core = driving_core()?;
     let bus = Bus::default();
@@ -226,7 +221,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     };
     let account = broker::of_run(args.settings.load()?)?;
     let journal = match config.journal.record {
-        journal::When::On => journal(&config, &bus, &about),
+        journal::When::On => journal(&config, &bus, &about, clock(&args, &config)),
         _ => None,
     };
     let voice = notify::start(args.settings.load()?, &bus)?;
@@ -272,31 +267,17 @@ fn page(config: &Config, behaviours: &[Behaviour], bus: &Bus) -> Ahead {
     Ahead::of(config, watch::channel(scripts.into()).1, bus)
 }
 
-/// A journal. What runs without one drives all the same.
-pub(super) fn journal(
-    config: &Config,
-    bus: &Bus,
-    (target, simulated): &(String, bool),
-) -> Option<Journal> {
-    let about = journal::About {
-        target: target.clone(),
-        simulated: *simulated,
-    };
-    let started = Journal::start(bus, config.data_folder(), config.journal, about);
-    started.map_err(|error| tracing::warn!("{error}")).ok()
-}
-
 /// The whole run in virtual time, in this process.
 fn fast(
     (args, trace): (&RunArgs, Option<TraceFile>),
     config: &Config,
-    place: Place,
+    place: RobotChoice,
     behaviours: Vec<Behaviour>,
     login: Login,
     seed: u64,
     console: &Console,
 ) -> Result<Exit, Failure> {
-    let Place::Sim(world) = place else {
+    let RobotChoice::Sim(world) = place else {
         let why = "--fast goes with --sim only: a real robot's time cannot be hurried";
         return Err(Failure::usage(why).help("spykee run FILE.lua --sim --fast"));
     };
@@ -329,6 +310,7 @@ fn fast(
         limit: args.limit,
         trace,
         page,
+        journal: Keeping::of(config),
     };
     let outcome = fast.run(names, console)?;
     events.map_or(Ok(()), EventFile::finish)?;
@@ -352,11 +334,14 @@ async fn drive(
         roster: agent.roster(),
         status: status.clone(),
         pictures: agent.pictures(),
+        reactions: agent.reactions(),
         stop: stop.clone(),
         streams,
         target,
         simulated,
         began: Instant::now(),
+        // A single run has no timetable.
+        view: View::channel().1,
     };
     let page = page.map(|(page, sim)| page.serve(run.clone(), sim.map(Simulation::from), console));
     // Ends with the run.
@@ -372,175 +357,18 @@ async fn drive(
     outcome
 }
 
-/// A run without a desk drives all the same.
-pub(super) async fn serve(desk: io::Result<Desk>, run: control::Run) -> Infallible {
-    let served = match desk {
-        Ok(desk) => desk.serve(run).await,
-        Err(error) => Err(error),
-    };
-    if let Err(error) = served {
-        tracing::warn!(
-            "`spykee status` and `spykee robot` cannot ask this run: no socket in its data folder: \
-             {error}"
-        );
-    }
-    std::future::pending().await
-}
-
-/// The heartbeat of a run, with a guardian unless the robot is simulated in this program and ends with
-/// it.
-pub(super) fn pulse(simulated: bool) -> Pulse {
-    if simulated {
-        return Pulse::new(None);
-    }
-    let started = std::env::current_exe().and_then(|executable| Guardian::start(&executable));
-    Pulse::new(match started {
-        Ok(guardian) => Some(guardian),
-        Err(error) => {
-            tracing::warn!(
-                "this run has no guardian ({error}): if this program is killed or stopped, nobody \
-                 stops the robot"
-            );
-            None
-        }
-    })
-}
-
-/// The rescue behaviour that the config wants.
-pub(super) fn rescue(config: &Config, seed: u64) -> Result<Option<Launch>, Failure> {
-    let choice = &config.watchdog.rescue;
-    let options = config.script(RESCUE_NAME, choice.to_string(), seed);
-    agent::rescue(choice, options).map_err(|error| {
-        Failure::usage(format_args!(
-            "cannot read the rescue behaviour {choice}: {error}"
-        ))
-        .help("watchdog: { rescue: builtin } uses the one that comes along")
-    })
-}
-
-/// The thread on which the pilot runs.
-pub(super) fn driving_core() -> Result<DrivingCore, Failure> {
-    DrivingCore::start()
-        .map_err(|error| Failure::usage(format_args!("no thread to drive on: {error}")))
-}
-
-fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
-    let outcome = match outcome {
-        Ok(outcome) => outcome,
-        Err(AgentError::Link(error)) => return Err(unreachable(error)),
-        Err(error @ AgentError::Broken(_)) => return Err(Failure::new(Exit::Script, error)),
-    };
-    let ended_by = |is: fn(EndReason) -> bool| {
-        let mut endings = outcome.endings.iter();
-        endings.any(|(_, ending)| is(ending.reason))
-    };
-    Ok(if outcome.interrupted && outcome.safety {
-        Exit::Safety
-    } else if outcome.interrupted {
-        Exit::Interrupted
-    } else if ended_by(is_failure) {
-        Exit::Script
-    } else if outcome.safety || ended_by(|reason| reason == EndReason::Safety) {
-        Exit::Safety
-    } else {
-        Exit::Done
-    })
-}
-
-/// Of the first connection.
-fn unreachable(error: LinkError) -> Failure {
-    if error.is_final() {
-        return error.into();
-    }
-    let help = error.help();
-    Failure::from(error).help(format!(
-        "{help}; `spykee run --wait` dials until it answers"
-    ))
-}
-
-/// Shows how things stand, on a terminal or in a file.
-pub(super) async fn show(
-    mut line: StatusLine,
-    status: watch::Receiver<Status>,
-    console: &Console,
-) -> Infallible {
-    let mut beat = interval(STATUS_PERIOD);
-    beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    loop {
-        beat.tick().await;
-        let newest = *status.borrow();
-        if console.has_status_line() {
-            console.status(line.draw(&newest));
-        } else if let Some(text) = line.news(&newest) {
-            console.status_line_plain(&text);
-        }
-    }
-}
-
-pub(super) fn place(connection: &ConnectionArgs, config: &Config) -> Result<Place, Failure> {
-    let from_config = || config.robot.clone().map(Place::Robot);
-    connection.place().or_else(from_config).ok_or_else(|| {
-        Failure::usage("which robot? neither --robot nor --sim was given").help(
-            "--sim runs on a simulated robot; --robot HOST[:PORT] on yours \
-             (spykee discover finds it)",
-        )
-    })
-}
-
-pub(super) fn reach(
-    place: Place,
-    login: &Login,
-    seed: u64,
-) -> Result<(Target, Option<EmbeddedSim>), Failure> {
-    reach_with(place, login, seed, Simulated::default())
-}
-
-/// As [`reach`], with a simulated robot of this kind.
-pub(super) fn reach_with(
-    place: Place,
-    login: &Login,
-    seed: u64,
-    kind: Simulated,
-) -> Result<(Target, Option<EmbeddedSim>), Failure> {
-    match place {
-        Place::Robot(target) => Ok((target, None)),
-        Place::Sim(world) => {
-            let sim = EmbeddedSim::start(world.as_deref(), login, seed, kind)?;
-            let address = sim.address();
-            let target = Target {
-                host: address.ip().to_string(),
-                port: address.port(),
-            };
-            Ok((target, Some(sim)))
-        }
-    }
-}
-
-pub(super) fn dial(target: Target, login: Login, options: link::Options) -> Dial {
-    Box::new(move |last_words| {
-        let (target, login, options) = (target.clone(), login.clone(), options.clone());
-        Box::pin(async move { link::connect(&target, &login, last_words, &options).await })
-    })
-}
-
 fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
     let named = |file: &PathBuf| Entry::of(file.clone());
-    let entries: Vec<Entry> = match args.files.is_empty() {
-        true => config.behaviours.clone(),
-        false => args.files.iter().map(named).collect(),
+    let entries: Vec<Entry> = if args.files.is_empty() {
+        config.behaviours.clone()
+    } else {
+        args.files.iter().map(named).collect()
     };
     // With a page there is always something to do: driving by hand.
     if entries.is_empty() && args.live.is_none() {
         let failure = Failure::usage("what to run? no behaviour was named");
         return Err(failure.help("spykee run behaviours/patrol.lua --sim"));
     }
-    // A fast run is the same on every computer.
-    let fast = config.time_zone.clone().unwrap_or_else(Zone::utc);
-    let zone = if args.fast { fast } else { config.zone() };
-    let clock = match args.date {
-        Some(date) if !args.fast => Clock::set_to(date.at(&zone)),
-        _ => Clock::default(),
-    };
     Casting {
         config,
         file: args.settings.file(),
@@ -550,8 +378,22 @@ fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
         checked: !args.no_check,
         watch: args.watch,
         seed,
-        clock,
-        zone,
+        clock: clock(args, config),
+        zone: zone(args, config),
     }
     .cast(&entries)
+}
+
+/// A fast run is the same on every computer.
+fn zone(args: &RunArgs, config: &Config) -> Zone {
+    let fast = || config.time_zone.clone().unwrap_or_else(Zone::utc);
+    if args.fast { fast() } else { config.zone() }
+}
+
+/// The time of day that scripts are told, and that the journal has.
+fn clock(args: &RunArgs, config: &Config) -> Clock {
+    match args.date {
+        Some(date) if !args.fast => Clock::set_to(date.at(&zone(args, config))),
+        _ => Clock::default(),
+    }
 }

@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use super::interrupt::interruption;
+use super::remote::RemoteArgs;
 use super::settings::SettingsArgs;
 use super::{ConnectionArgs, Exit, Failure, block_on};
 use crate::control::{self, Answer, Client, Errand};
@@ -17,25 +18,41 @@ pub(super) const AT_ONCE: Duration = Duration::from_secs(5);
 /// the only run. With --sim a robot of its own is meant.
 ///
 /// # Errors
-/// A config that cannot be used; several runs, and nobody said which.
+/// A config that cannot be used; several runs, and none was named.
 pub(super) fn run_on(
     settings: &SettingsArgs,
     connection: &ConnectionArgs,
+    remote: &RemoteArgs,
 ) -> Result<Option<Client>, Failure> {
     match connection.sim {
+        Some(_) if remote.is_named() => Err(Failure::usage(
+            "--url asks a service, and --sim a robot of its own",
+        )),
         Some(_) => Ok(None),
-        None => run_of(settings, connection.robot.as_ref()),
+        None => run_of(settings, connection.robot.as_ref(), remote),
     }
 }
 
-/// The run that has this robot; without one, the config's, or else the only run.
+/// The run that has this robot; without one, the service of the command line or the config, the run
+/// that has the config's robot, or else the only run.
 ///
 /// # Errors
 /// As [`run_on`].
 pub(super) fn run_of(
     settings: &SettingsArgs,
     robot: Option<&Target>,
+    remote: &RemoteArgs,
 ) -> Result<Option<Client>, Failure> {
+    if robot.is_some() && remote.is_named() {
+        return Err(Failure::usage(
+            "--url asks a service, which has its robot: not with --robot",
+        ));
+    }
+    if robot.is_none()
+        && let Some(service) = remote.client(settings)?
+    {
+        return Ok(Some(service));
+    }
     let config = settings.config()?;
     let (mut runs, silent) = block_on(control::runs(config.data_folder()))?;
     if silent > 0 {
@@ -69,26 +86,26 @@ pub(super) fn ask(
     errand: &Errand,
     limit: Duration,
 ) -> Result<Option<Answer>, Failure> {
-    let pid = run.overview.pid;
+    let name = run.name();
     let answer = block_on(async {
         let interrupted = interruption()?;
         tokio::select! {
             biased;
             () = interrupted => Ok(None),
             answer = run.ask(errand, limit) => answer.map(Some).map_err(|error| {
-                Failure::new(Exit::Unreachable, format_args!("{error} (process {pid})"))
+                Failure::new(Exit::Unreachable, format_args!("{error} ({name})"))
                     .help("`spykee status` lists the runs that are on")
             }),
         }
     })??;
     match answer {
         Some(Answer::Offline) => {
-            let what = format!("the run (process {pid}) has lost the robot and is connecting anew");
+            let what = format!("the run ({name}) has lost the robot and is connecting anew");
             let failure = Failure::new(Exit::Unreachable, what);
             Err(failure.help("is the robot still in reach of its Wi-Fi?"))
         }
         Some(Answer::Refused(why)) => {
-            let what = format!("the run (process {pid}) refuses it: {why}");
+            let what = format!("the run ({name}) refuses it: {why}");
             Err(Failure::new(Exit::Script, what).help("`spykee status` tells how things stand"))
         }
         answer => Ok(answer),
@@ -105,8 +122,9 @@ pub(super) fn nonsense() -> Failure {
 pub(super) fn taken(run: &Client) -> Failure {
     let overview = &run.overview;
     let what = format!(
-        "a run has the robot {} (process {}), and this needs it alone",
-        overview.target, overview.pid
+        "a run has the robot {} ({}), and this needs it alone",
+        overview.target,
+        run.name()
     );
     Failure::new(Exit::Unreachable, what).help("end the run first: `spykee robot stop` does")
 }

@@ -2,35 +2,38 @@
 
 use std::time::Duration;
 
-use serde_json::{Value, json};
-
+use super::remote::RemoteArgs;
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Exit, Failure, block_on, print};
-use crate::control::{self, Overview};
+use crate::clock::{self, Zone};
+use crate::control::{self, Overview, Report};
 use crate::robot::Battery;
 
-const HEAD: [(&str, Side); 7] = [
+const HEAD: [(&str, Side); 8] = [
     ("ROBOT", Side::Left),
     ("STATE", Side::Left),
     ("BATTERY", Side::Left),
     ("PLACE", Side::Left),
     ("RUNNING", Side::Right),
     ("PROCESS", Side::Right),
+    ("NEXT START", Side::Left),
     ("BEHAVIOURS", Side::Left),
 ];
 
-/// Tell which runs are on: robot, battery, place, behaviours
+/// Tell which runs are on: robot, battery, place, behaviours, the timetable's next start
 ///
 /// Asks every `spykee run` of this data folder, by its private socket there. `spykee robot battery`,
 /// `info`, `snapshot`, `dock`, `undock`, `stop`, `led`, `play`, `volume` and `say` go through a run that
-/// has the robot, too.
+/// has the robot, too. With --url a service on another computer is asked.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee status --json")]
 pub(super) struct StatusArgs {
     /// Print a JSON list
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    remote: RemoteArgs,
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
 }
@@ -40,8 +43,12 @@ pub(super) struct StatusArgs {
 /// # Errors
 /// A config that cannot be used.
 pub(super) fn run(args: &StatusArgs) -> Result<Exit, Failure> {
-    let data = args.settings.config()?.data_folder();
-    let (runs, silent) = block_on(control::runs(data))?;
+    let config = args.settings.config()?;
+    let data = config.data_folder();
+    let (runs, silent) = match args.remote.client(&args.settings)? {
+        Some(service) => (vec![service], 0),
+        None => block_on(control::runs(data))?,
+    };
     if silent > 0 {
         tracing::warn!(
             "runs that do not answer: {silent}; are they stopped by Ctrl-Z, or of another version?"
@@ -49,18 +56,20 @@ pub(super) fn run(args: &StatusArgs) -> Result<Exit, Failure> {
     }
     let runs: Vec<Overview> = runs.into_iter().map(|run| run.overview).collect();
     if args.json {
-        let runs: Vec<Value> = runs.iter().map(object).collect();
-        print(&format!("{}\n", Value::Array(runs)))?;
+        let runs: Vec<Report> = runs.iter().map(Report::from).collect();
+        let text = serde_json::to_string(&runs).map_err(Failure::usage)?;
+        print(&format!("{text}\n"))?;
     } else if runs.is_empty() {
         print(&format!("no run is on in {}\n", data.display()))?;
     } else {
-        let rows: Vec<Vec<String>> = runs.iter().map(row).collect();
+        let zone = config.zone();
+        let rows: Vec<Vec<String>> = runs.iter().map(|run| row(run, &zone)).collect();
         print(&aligned(&HEAD, &rows))?;
     }
     Ok(Exit::Done)
 }
 
-fn row(run: &Overview) -> Vec<String> {
+fn row(run: &Overview, zone: &Zone) -> Vec<String> {
     let simulated = if run.simulated { " (simulated)" } else { "" };
     let behaviours = run.behaviours.iter().map(|one| one.name.as_str());
     vec![
@@ -68,8 +77,15 @@ fn row(run: &Overview) -> Vec<String> {
         run.state.clone(),
         run.battery.map_or_else(|| "-".to_owned(), words),
         run.place.clone(),
-        clock(run.running),
+        time(run.running),
         run.pid.to_string(),
+        run.next.as_ref().map_or_else(
+            || "-".to_owned(),
+            |next| {
+                let at = clock::words(&zone.time(next.time()));
+                format!("{} {at}", next.behaviour)
+            },
+        ),
         behaviours.collect::<Vec<_>>().join(" "),
     ]
 }
@@ -84,31 +100,10 @@ pub(super) fn words(battery: Battery) -> String {
 }
 
 /// Hours, minutes and seconds.
-pub(super) fn clock(time: Duration) -> String {
-    let seconds = time.as_secs();
+pub(super) fn time(lasted: Duration) -> String {
+    let seconds = lasted.as_secs();
     let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
     format!("{hours}:{minutes:02}:{:02}", seconds % 60)
-}
-
-fn object(run: &Overview) -> Value {
-    let robot = run.robot.as_ref();
-    let behaviours = run.behaviours.iter();
-    let behaviours: Vec<Value> = behaviours
-        .map(|one| json!({ "name": one.name, "priority": one.priority.0 }))
-        .collect();
-    let battery = run.battery.map(|battery| {
-        json!({
-            "percent": battery.percent.get(), "charging": battery.charging,
-            "minutes_left": battery.minutes_left,
-        })
-    });
-    json!({
-        "process": run.pid, "robot": run.target, "simulated": run.simulated,
-        "seconds": run.running.as_secs(), "online": run.online,
-        "uid": robot.map(|robot| &robot.uid), "name": robot.map(|robot| &robot.name),
-        "address": robot.map(|robot| &robot.address), "state": run.state, "place": run.place,
-        "docked": run.docked, "low": run.low, "battery": battery, "behaviours": behaviours,
-    })
 }
 
 #[cfg(test)]
@@ -126,6 +121,6 @@ mod tests {
         assert_eq!(words(battery(false, None)), "42 %");
         assert_eq!(words(battery(true, None)), "42 %, charging");
         assert_eq!(words(battery(false, Some(17.6))), "42 %, 18 minutes left");
-        assert_eq!(clock(Duration::from_secs(3725)), "1:02:05");
+        assert_eq!(time(Duration::from_secs(3725)), "1:02:05");
     }
 }

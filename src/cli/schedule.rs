@@ -19,12 +19,12 @@ const HEAD: [(&str, Side); 4] = [
 
 /// Say what the timetable of the config will do, and what it will not and why
 ///
-/// Goes by the config alone: whether the robot is there, and what a person starts meanwhile, nobody can
+/// Goes by the config alone: whether the robot is there, and what a person starts meanwhile, no plan can
 /// foresee.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee schedule --next 20 --from \"2026-03-28 12:00\"")]
 pub(super) struct ScheduleArgs {
-    /// So many starts
+    /// How many starts to show
     #[arg(long, value_name = "COUNT", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=1000))]
     next: u16,
 
@@ -76,9 +76,10 @@ fn row(one: &Outlook, zone: &Zone) -> Vec<String> {
     let day = zone.time(one.at).date();
     let until = one.until.map(|until| {
         let until = zone.time(until);
-        match until.date() == day {
-            true => until.strftime("%H:%M").to_string(),
-            false => clock::words(&until),
+        if until.date() == day {
+            until.strftime("%H:%M").to_string()
+        } else {
+            clock::words(&until)
         }
     });
     let notes: Vec<&str> = one.reasons.iter().map(|reason| words(*reason)).collect();

@@ -76,7 +76,7 @@ fn start_anew(pipe: &OwnedFd) {
     }
 }
 
-/// Empties the pipe; what is left of it says nothing to anybody.
+/// Empties the pipe, so that the secret does not stay in it.
 fn take_over(number: &OsStr) -> Option<Vec<u8>> {
     let number: u32 = number.to_str()?.parse().ok()?;
     let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::CLOEXEC;
@@ -147,7 +147,7 @@ pub(super) fn of_named_file(path: &Path) -> Result<String, Failure> {
     first_line(path, text)
 }
 
-/// The first line of a file that a config names which nobody named: found in the current folder, it may
+/// The first line of a file named by a config that was found, not given: found in the current folder, it may
 /// have come from anywhere. So the file is beside or below it, and this user's alone; else its first
 /// line would be sent to whatever robot that config names.
 ///

@@ -17,12 +17,13 @@ use super::embedded::{EmbeddedSim, Simulated};
 use super::interrupt::{listen, obey_as_service};
 use super::live::Ahead;
 use super::privileges::leave_root;
-use super::run::{self, driving_core, parse_seconds, place, pulse, reach_with, rescue, show};
+use super::reach::{dial, place, reach_with};
+use super::run::parse_seconds;
 use super::settings::SettingsArgs;
+use super::startup::{self, driving_core, pulse, rescue, show};
 use super::status::StatusLine;
-use super::waiting::{Tries, until_answered};
-use super::{ConnectionArgs, Console, Exit, Failure, Place, broker, notify};
-use crate::agent::{Agent, AgentError, Bus, Outcome, Plan};
+use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, notify};
+use crate::agent::{Agent, AgentError, Bus, Outcome, Plan, Tries, until_answered};
 use crate::behaviour::Launcher;
 use crate::clock::{Clock, Date, Zone};
 use crate::config::Config;
@@ -37,7 +38,7 @@ use crate::timetable::Record;
 
 /// Look after a robot for good: behaviours by timetable, always, or when asked
 ///
-/// Waits for a robot that is not there, or that somebody else uses. Behaviours of the config run from the
+/// Waits for a robot that is not there, or that another program uses. Behaviours of the config run from the
 /// beginning, unless the timetable has them or `start: asked` says otherwise; `spykee behaviour start`
 /// starts any. An idle robot is sent to its station. SIGHUP reads the config anew; what did not change
 /// goes on. SIGTERM ends it in order; what the timetable had under way goes on with the next start.
@@ -56,16 +57,17 @@ pub(super) struct ServeArgs {
     #[arg(long, value_name = "DATE")]
     date: Option<Date>,
 
-    /// Of math.random and of the simulator's noise; without it a new one each time
+    /// Seed for math.random and simulator noise [default: random]
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
 
     /// With --sim: in virtual time, as fast as it goes, for as long as --for says. The same seed gives the
-    /// same days; nothing is kept of what the timetable has under way
+    /// same days; nothing is kept of what the timetable has under way, and a journal only with `journal:
+    /// { record: on }`
     #[arg(long, requires = "limit")]
     fast: bool,
 
-    /// End after so many seconds
+    /// End after this many seconds
     #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
     limit: Option<Duration>,
 
@@ -73,7 +75,7 @@ pub(super) struct ServeArgs {
     #[arg(long, value_name = "FILE", requires = "fast")]
     events: Option<PathBuf>,
 
-    /// Start without looking for mistakes in the scripts first
+    /// Skip the check of the scripts before the start
     #[arg(long)]
     no_check: bool,
 
@@ -89,7 +91,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     let config = args.settings.config()?.clone();
     let place = place(&args.connection, &config)?;
     let login = args.connection.login.login(args.settings.load()?)?;
-    let simulated = matches!(place, Place::Sim(_));
+    let simulated = matches!(place, RobotChoice::Sim(_));
     let clock = clock(args, &config, simulated)?;
     if !simulated || config.service.user.is_some() {
         leave_root(config.service.user.as_deref(), config.data_folder())?;
@@ -134,8 +136,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         stays: true,
         settings: config.pilot(simulated, seed),
         dial: until_answered(
-            target.clone(),
-            login,
+            dial(target.clone(), login, config.link.clone()),
             config.link.clone(),
             seed,
             tries.clone(),
@@ -149,7 +150,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     };
     let journal = match config.journal.record {
         When::Off => None,
-        _ => run::journal(&config, &bus, &(target.to_string(), simulated)),
+        _ => startup::journal(&config, &bus, &(target.to_string(), simulated), clock),
     };
     let account = broker::of_run(args.settings.load()?)?;
     let (known, shown) = watch::channel(order.known.clone());
@@ -177,7 +178,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     ));
     drop(core);
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
-    journal.map(|journal| journal.finish(run::JOURNAL_END));
+    journal.map(|journal| journal.finish(startup::JOURNAL_END));
     voice.map(|voice| voice.finish(notify::END));
     drop(sim);
     exit(outcome?)
@@ -215,16 +216,19 @@ async fn serve(
     let (agent, status) = Agent::new(plan);
     let hangup = listen(libc::SIGHUP)?;
     obey_as_service(&core, agent.requests(), stop.clone())?;
+    let (view, seen) = View::channel();
     let asked = control::Run {
         requests: agent.requests(),
         roster: agent.roster(),
         status: status.clone(),
         pictures: agent.pictures(),
+        reactions: agent.reactions(),
         stop: stop.clone(),
         streams: settings.streams,
         target: means.target.to_string(),
         simulated: settings.simulated,
         began: Instant::now(),
+        view: seen,
     };
     let (reload, reloads) = mpsc::channel(1);
     let page =
@@ -240,7 +244,7 @@ async fn serve(
         record: means.record,
         herald: herald.clone(),
         bus,
-        view: View::channel().0,
+        view,
         reloads,
     };
     let showing = async {
@@ -253,7 +257,7 @@ async fn serve(
     let outcome = tokio::select! {
         outcome = service.run(stop) => outcome,
         never = showing => match never {},
-        never = run::serve(desk, asked) => match never {},
+        never = startup::serve(desk, asked) => match never {},
         never = herald.pass_on(means.beats) => match never {},
         never = reader.obey(hangup, reload, known, (config, order)) => match never {},
     };

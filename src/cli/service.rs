@@ -111,9 +111,10 @@ impl UnitArgs {
 fn install(text: &str, config: &Path, to: &Path, force: bool) -> Result<(), Failure> {
     let mut options = std::fs::OpenOptions::new();
     options.write(true).mode(0o644);
-    match force {
-        true => options.create(true).truncate(true),
-        false => options.create_new(true),
+    if force {
+        options.create(true).truncate(true)
+    } else {
+        options.create_new(true)
     };
     let written = options
         .open(to)
@@ -127,9 +128,10 @@ fn install(text: &str, config: &Path, to: &Path, force: bool) -> Result<(), Fail
         }
     })?;
     let name = to.file_name().unwrap_or_default().to_string_lossy();
-    let config = match config.exists() {
-        true => String::new(),
-        false => format!("write its config, {}, and then\n", config.display()),
+    let config = if config.exists() {
+        String::new()
+    } else {
+        format!("write its config, {}, and then\n", config.display())
     };
     print(&format!(
         "wrote {}\n{config}sudo systemctl daemon-reload\nsudo systemctl enable --now {name}\n",

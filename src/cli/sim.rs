@@ -31,7 +31,7 @@ pub(super) struct SimArgs {
     #[arg(long, value_name = "NUMBER", value_parser = parse_fps)]
     fps: Option<f64>,
 
-    /// Of all noise: the same seed and the same commands give the same run
+    /// Seed for all noise: the same seed and the same commands give the same run
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     seed: u64,
 
@@ -116,7 +116,7 @@ async fn show_status(handle: &Handle, console: &Console) {
 }
 
 fn status(state: &State) -> String {
-    let user = state.user.as_deref().unwrap_or("nobody");
+    let user = state.user.as_deref().unwrap_or("no client");
     let charging = if state.charging { ", charging" } else { "" };
     let doing = match state {
         State {

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::waiting::Tries;
+use crate::agent::Tries;
 use crate::pilot::{LinkState, Status};
 use crate::robot::Battery;
 use crate::safety::WatchdogState;

@@ -43,10 +43,15 @@ fn line(row: &[String], columns: &[(usize, Side)]) -> String {
     format!("{}\n", cells.join("  ").trim_end())
 }
 
-/// Quoted where need be, and never read as a formula: the text may be anybody's.
+/// What begins a formula; some programs take the wide forms of East Asia for them too.
+const FORMULAS: [char; 8] = [
+    '=', '+', '-', '@', '\u{ff1d}', '\u{ff0b}', '\u{ff0d}', '\u{ff20}',
+];
+
+/// Quoted where need be, and never read as a formula: the text is untrusted.
 pub(super) fn csv_cell(text: &str) -> String {
     let mut text = clean::text(text, false).replace(['\n', '\r', '\t'], " ");
-    if text.starts_with(['=', '+', '-', '@']) {
+    if text.starts_with(FORMULAS) {
         text.insert(0, '\'');
     }
     if text.contains([',', '"', ';']) {
@@ -84,6 +89,7 @@ mod tests {
             ("a, b", "\"a, b\""),
             ("it \"drives\"\naway", "\"it \"\"drives\"\" away\""),
             ("=HYPERLINK(1)", "'=HYPERLINK(1)"),
+            ("\u{ff1d}1", "'\u{ff1d}1"),
         ] {
             assert_eq!(csv_cell(text), cell);
         }

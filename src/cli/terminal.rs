@@ -1,5 +1,4 @@
-//! The terminal's settings: whoever was editing a line when a session ended or was stopped, they are
-//! as before.
+//! The terminal's settings: however a session ends or is stopped, they are restored.
 
 use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
 

@@ -38,11 +38,11 @@ pub(super) struct TestArgs {
     #[arg(long, value_name = "NUMBER", conflicts_with = "seeds")]
     seed: Option<u64>,
 
-    /// Play so many at a time [default: one for each processor]
+    /// Scenarios to play in parallel [default: one for each processor]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
 
-    /// End each run that takes longer than so many seconds of real time, and count it as failed
+    /// End each run that takes longer than this many seconds of real time, and count it as failed
     #[arg(long, value_name = "SECONDS", default_value = "300", value_parser = parse_timeout)]
     timeout: Duration,
 
@@ -120,9 +120,10 @@ pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
         })?;
     }
     console.status("");
-    match args.json {
-        true => print(&format!("{:#}\n", report.json()))?,
-        false => print(&format!("{}{}", report.whole_pages(), report.summary()))?,
+    if args.json {
+        print(&format!("{:#}\n", report.json()))?
+    } else {
+        print(&format!("{}{}", report.whole_pages(), report.summary()))?
     }
     Ok(match (stop.is_cancelled(), report.has_failed()) {
         (true, _) => Exit::Interrupted,

@@ -26,7 +26,7 @@ enum Action {
     New {
         /// What you call it, such as the program that uses it
         name: String,
-        /// What it is good for
+        /// What it allows
         #[arg(long, value_enum, default_value_t = Wanted::Viewer)]
         role: Wanted,
     },

@@ -21,6 +21,11 @@ impl Span {
         Span(minutes * 60)
     }
 
+    /// Of so many seconds, at most a year.
+    pub fn seconds(seconds: u64) -> Span {
+        Span(seconds.min(LONGEST))
+    }
+
     /// As the rest of the program counts.
     pub fn get(self) -> Duration {
         Duration::from_secs(self.0)

@@ -95,9 +95,10 @@ fn name<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> 
 
         fn visit_str<E: Error>(self, name: &str) -> Result<Option<String>, E> {
             let usual = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-            match name.chars().all(usual) && (1..=MAX_NAME).contains(&name.len()) {
-                true => Ok(Some(name.to_owned())),
-                false => Err(E::invalid_value(serde::de::Unexpected::Str(name), &self)),
+            if name.chars().all(usual) && (1..=MAX_NAME).contains(&name.len()) {
+                Ok(Some(name.to_owned()))
+            } else {
+                Err(E::invalid_value(serde::de::Unexpected::Str(name), &self))
             }
         }
     }

@@ -29,7 +29,7 @@ pub enum Origin {
         /// From 1.
         line: usize,
     },
-    /// Nobody has said anything.
+    /// The default.
     Default,
 }
 

@@ -38,6 +38,6 @@ pub enum Idle {
     /// It stays: the battery is watched over.
     #[default]
     Keep,
-    /// A robot on its station is let go of, so that somebody else can log in.
+    /// The link to a robot on its station is released, so that another program can log in.
     Release,
 }

@@ -12,14 +12,15 @@ use tokio::time::{Instant, sleep, timeout};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info};
 
-use super::errand::{Answer, Change, Errand, Listed, MAX_SPEECH, Overview};
+use super::errand::{Answer, Change, Errand, Listed, MAX_SPEECH, Next, Overview};
 use super::folder::{Bound, Folder};
 use super::pipe::Pipe;
 use crate::agent::{Docked, Member, MemberState, Roster, Seat, SeatError};
-use crate::pilot::{LinkState, Status};
+use crate::pilot::{LinkState, Reactions, Status};
 use crate::robot::channel::{Crew, Request, Role};
 use crate::robot::{BehaviourId, Intent, Pictures, Priority, Streams, Use};
 use crate::safety::WatchdogState;
+use crate::timetable::View;
 use crate::wire::Stream;
 
 /// Clients that are served at a time; more wait in the system's queue.
@@ -63,6 +64,10 @@ pub struct Run {
     pub simulated: bool,
     /// Since when.
     pub began: Instant,
+    /// What comes next.
+    pub view: watch::Receiver<View>,
+    /// How long it takes from a frame to a track command.
+    pub reactions: Reactions,
 }
 
 /// The socket of a run. Dropping it takes it away.
@@ -225,6 +230,7 @@ impl Run {
     async fn change(&self, name: &str, change: Change) -> Answer {
         let changed = match change {
             Change::Start => self.roster.start(name).await,
+            Change::StartFor(lasts) => self.roster.start_for(name, lasts).await,
             Change::Stop => self.roster.stop(name).await,
             Change::Restart => self.roster.restart(name).await,
         };
@@ -312,7 +318,7 @@ impl Run {
             Some(crew) => crew,
             None => return Answer::Refused("the run is coming to its end".to_owned()),
         };
-        let status = *self.status.borrow();
+        let (status, view) = (*self.status.borrow(), self.view.borrow().clone());
         Answer::Overview(Box::new(Overview {
             pid: std::process::id(),
             target: self.target.clone(),
@@ -330,6 +336,8 @@ impl Run {
             low: status.low,
             battery: status.battery,
             behaviours: crew.aboard,
+            next: Next::of(&view),
+            quiet: view.quiet,
         }))
     }
 
@@ -387,7 +395,7 @@ fn words(errand: &Errand) -> String {
 
 fn verb(change: Change) -> &'static str {
     match change {
-        Change::Start => "start",
+        Change::Start | Change::StartFor(_) => "start",
         Change::Stop => "stop",
         Change::Restart => "restart",
     }

@@ -2,10 +2,12 @@
 
 use std::time::Duration;
 
+use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
 use crate::robot::channel::Aboard;
 use crate::robot::{Battery, DockEnd, DockPlan, EndReason, Percent, Priority, RobotInfo};
+use crate::timetable::View;
 use crate::wire::{Led, Sound};
 
 /// The most speech in one errand: half a minute, s16, mono, 16 kHz.
@@ -55,6 +57,8 @@ pub enum Errand {
 pub enum Change {
     /// It begins.
     Start,
+    /// It begins, and is ended after it has run for so long.
+    StartFor(Duration),
     /// It ends.
     Stop,
     /// It ends if it runs, and begins anew from its file.
@@ -118,6 +122,35 @@ pub struct Overview {
     pub battery: Option<Battery>,
     /// The behaviours that run now.
     pub behaviours: Vec<Aboard>,
+    /// The next start of the timetable, if there is one.
+    pub next: Option<Next>,
+    /// It is a quiet hour.
+    pub quiet: bool,
+}
+
+/// A start of the timetable.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Next {
+    /// When; seconds since 1970.
+    pub at: i64,
+    /// The behaviour.
+    pub behaviour: String,
+}
+
+impl Next {
+    /// What a service will do next.
+    pub fn of(view: &View) -> Option<Next> {
+        let next = view.next.as_ref();
+        next.map(|(at, behaviour)| Next {
+            at: at.as_second(),
+            behaviour: behaviour.clone(),
+        })
+    }
+
+    /// When.
+    pub fn time(&self) -> Timestamp {
+        Timestamp::from_second(self.at).unwrap_or(Timestamp::MAX)
+    }
 }
 
 /// A behaviour of a run.

@@ -118,7 +118,7 @@ impl Guardian {
                 self.given_up = true;
                 error!(
                     "this run has no guardian any more: no other one can be started; if this \
-                     program is killed now, nobody stops the robot"
+                     program is killed now, nothing stops the robot"
                 );
             }
             Started::Never => {}

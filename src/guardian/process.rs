@@ -46,7 +46,7 @@ pub fn guardian_main() -> ExitCode {
     }
 }
 
-/// Closes what the agent has got from whoever started it: files, pipes and terminals stay open for as
+/// Closes what the agent has inherited: files, pipes and terminals stay open for as
 /// long as any process holds them. Standard input is the way from the agent, standard output and error
 /// lead nowhere.
 fn close_inherited() {

@@ -2,7 +2,7 @@
 //! it is answered.
 //!
 //! A connection carries one request (`Connection: close`), so that the time for its head counts from
-//! the beginning.
+//! the beginning. That for its body is kept at the gate.
 
 use std::future::Future;
 use std::io;

@@ -1,6 +1,8 @@
 //! What every request passes: the guard before it is served, the headers of its answer after.
 
+use std::io;
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::body::Body;
 use axum::extract::{ConnectInfo, FromRequestParts, Request, State};
@@ -9,6 +11,9 @@ use axum::http::request::Parts;
 use axum::http::{Method, StatusCode};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use futures_util::StreamExt as _;
+use futures_util::stream::unfold;
+use tokio::time::{Instant, timeout_at};
 
 use super::access::{Access, Denied};
 use super::door::Peer;
@@ -16,6 +21,8 @@ use super::guard::{Addressed, Reason};
 use super::refusal::Refusal;
 use super::role::{Role, Visitor};
 
+/// How long the body of a request may take.
+const BODY: Duration = Duration::from_secs(15);
 /// The session's cookie.
 pub(super) const COOKIE: &str = "spykee_session";
 /// The page loads what we serve and nothing else; nothing in it is run but our own files.
@@ -51,11 +58,28 @@ pub async fn guarded(
     let response = match admit(&access, &peer, &request) {
         Ok(visitor) => {
             request.extensions_mut().insert(Somebody(visitor));
-            next.run(request).await
+            next.run(request.map(in_time)).await
         }
         Err(refusal) => refusal.into_response(),
     };
     completed(response)
+}
+
+/// The same body; what has not come in time is an error. Without that a few who send theirs without end
+/// would keep everybody else out.
+fn in_time(body: Body) -> Body {
+    let until = Instant::now() + BODY;
+    let pieces = unfold(Some(body.into_data_stream()), move |pieces| async move {
+        let mut pieces = pieces?;
+        match timeout_at(until, pieces.next()).await {
+            Ok(piece) => Some((piece?, Some(pieces))),
+            Err(_) => Some((
+                Err(axum::Error::new(io::Error::from(io::ErrorKind::TimedOut))),
+                None,
+            )),
+        }
+    });
+    Body::from_stream(pieces)
 }
 
 fn admit(

@@ -8,7 +8,8 @@ use rusqlite::{Connection, OpenFlags, params_from_iter};
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
 
-use super::ledger::{JournalError, journal_file};
+use super::error::JournalError;
+use super::ledger::{FILE, folder};
 use super::schema;
 
 /// So long a reader waits for a writer.
@@ -91,11 +92,18 @@ impl History {
     /// # Errors
     /// It cannot be read, or a newer program has written it.
     pub fn open(data: &Path) -> Result<Option<History>, JournalError> {
-        let path = journal_file(data);
-        if !path.is_file() {
+        // SQLite follows no link to the file; its folder is resolved first.
+        let Ok(folder) = folder(data).canonicalize() else {
+            return Ok(None);
+        };
+        let path = folder.join(FILE);
+        let kind = path.symlink_metadata().map(|found| found.file_type());
+        if !kind.is_ok_and(|kind| kind.is_file()) {
             return Ok(None);
         }
-        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        let flags = OpenFlags::SQLITE_OPEN_READ_WRITE
+            | OpenFlags::SQLITE_OPEN_NO_MUTEX
+            | OpenFlags::SQLITE_OPEN_NOFOLLOW;
         let connection = Connection::open_with_flags(path, flags)?;
         connection.busy_timeout(BUSY)?;
         connection.pragma_update(None, "query_only", true)?;
@@ -104,6 +112,7 @@ impl History {
             let newer = schema::SchemaError::Newer { found };
             return Err(newer.into());
         }
+        schema::judge(&connection, found)?;
         // Made, and not written yet.
         Ok((found > 0).then_some(History(connection)))
     }
@@ -161,9 +170,9 @@ impl History {
             false => format!("WHERE {}", conditions.join(" AND ")),
         };
         let limit = span.newest.map_or(-1, i64::from);
-        let select = format!(
-            "SELECT {columns} FROM {table} {condition} ORDER BY at DESC, rowid DESC LIMIT {limit}"
-        );
+        // As they happened, whatever the clock showed: it may have been set back in between.
+        let select =
+            format!("SELECT {columns} FROM {table} {condition} ORDER BY rowid DESC LIMIT {limit}");
         let mut statement = self.0.prepare(&select)?;
         let rows = statement.query_map(params_from_iter(values), |row| {
             Ok(Record {

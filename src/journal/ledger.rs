@@ -5,87 +5,25 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use jiff::Timestamp;
-use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior, params};
+use rusqlite::{Connection, OpenFlags, Transaction, TransactionBehavior, params};
 
+use super::error::{FREE, JournalError};
 use super::options::{About, Options};
+use super::retention::{self, page_size};
 use super::row::{Content, Row};
-use super::schema::{self, SchemaError};
+use super::schema;
 use crate::files::Folder;
 
 /// The journal's folder within the data folder. No behaviour has a folder of this name.
 const FOLDER: &str = ".journal";
 /// Its file.
-const FILE: &str = "journal.db";
+pub(super) const FILE: &str = "journal.db";
 /// So long a write waits for another process that writes.
 const BUSY: Duration = Duration::from_secs(5);
 /// After so many pages the log of writes goes into the file.
 const CHECKPOINT_PAGES: u32 = 256;
 /// The log of writes is cut to this when it is empty, in bytes.
 const LOG_LEN: u32 = 1 << 20;
-/// What is forgotten in one go, so that no transaction grows large.
-const FORGOTTEN_AT_ONCE: i64 = 2000;
-/// Of a file that is too large, this part of each table goes in one go.
-const PART: i64 = 16;
-/// So many goes in one clean-up.
-const MOST_GOES: u32 = 200;
-/// So many bytes of the disk stay free: below that nothing is written.
-const FREE: u64 = 16 << 20;
-
-/// Why a journal cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum JournalError {
-    /// The system says so.
-    #[error("{path}: {source}")]
-    Io {
-        /// Of what.
-        path: String,
-        /// Its words.
-        source: io::Error,
-    },
-    /// SQLite says so.
-    #[error("{0}")]
-    Sql(#[from] rusqlite::Error),
-    /// It is of another version.
-    #[error("{0}")]
-    Version(String),
-    /// The disk is nearly full.
-    #[error("the disk has less than {FREE} bytes left")]
-    Disk,
-    /// No thread to write it.
-    #[error("no thread for the journal: {0}")]
-    Thread(io::Error),
-}
-
-impl From<SchemaError> for JournalError {
-    fn from(error: SchemaError) -> JournalError {
-        match error {
-            SchemaError::Sql(error) => error.into(),
-            newer @ SchemaError::Newer { .. } => JournalError::Version(newer.to_string()),
-        }
-    }
-}
-
-impl JournalError {
-    /// The file is no journal any more.
-    pub(super) fn is_damage(&self) -> bool {
-        let JournalError::Sql(error) = self else {
-            return false;
-        };
-        let code = error.sqlite_error_code();
-        matches!(
-            code,
-            Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase)
-        )
-    }
-
-    /// The file has reached its size.
-    pub(super) fn is_full(&self) -> bool {
-        let JournalError::Sql(error) = self else {
-            return false;
-        };
-        error.sqlite_error_code() == Some(ErrorCode::DiskFull)
-    }
-}
 
 /// The journal's folder of a data folder.
 pub fn folder(data: &Path) -> PathBuf {
@@ -107,11 +45,13 @@ pub(super) struct Ledger {
 }
 
 impl Ledger {
-    /// Opens the journal of a data folder, makes it if there is none, and begins a session.
+    /// Opens the journal of a data folder, makes it if there is none, and begins a session at this time
+    /// of day.
     pub(super) fn open(
         data: &Path,
         options: Options,
         about: &About,
+        now: Timestamp,
     ) -> Result<Ledger, JournalError> {
         let path = folder(data);
         let failed = |source| JournalError::Io {
@@ -133,7 +73,7 @@ impl Ledger {
         let most = u32::try_from(pages + pages / 4 + 256).unwrap_or(u32::MAX);
         // What a clean-up cannot keep within bounds in time, this does.
         connection.pragma_update(None, "max_page_count", most)?;
-        let began = Timestamp::now().as_millisecond();
+        let began = now.as_millisecond();
         connection.execute(
             "INSERT INTO session (began, pid, target, simulated) VALUES (?, ?, ?, ?)",
             params![began, std::process::id(), about.target, about.simulated],
@@ -148,9 +88,9 @@ impl Ledger {
     }
 
     /// Renames the file of a journal that is none any more. Its new name.
-    pub(super) fn set_aside(data: &Path) -> io::Result<String> {
+    pub(super) fn set_aside(data: &Path, now: Timestamp) -> io::Result<String> {
         let private = Folder::open(&folder(data))?;
-        let aside = format!("{FILE}.damaged-{}", Timestamp::now().as_second());
+        let aside = format!("{FILE}.damaged-{}", now.as_second());
         private.rename(FILE, &aside)?;
         for rest in ["-wal", "-shm"] {
             let _ = private.remove(&format!("{FILE}{rest}"));
@@ -158,8 +98,14 @@ impl Ledger {
         Ok(aside)
     }
 
-    /// Writes all rows, or none. On the disk when it returns.
-    pub(super) fn write(&mut self, rows: &[Row], lost: u64) -> Result<(), JournalError> {
+    /// Writes all rows, or none, and how many happenings are lost at this time of day. On the disk when
+    /// it returns.
+    pub(super) fn write(
+        &mut self,
+        rows: &[Row],
+        lost: u64,
+        now: Timestamp,
+    ) -> Result<(), JournalError> {
         if self.folder.free().is_ok_and(|free| free < FREE) {
             return Err(JournalError::Disk);
         }
@@ -170,7 +116,7 @@ impl Ledger {
             insert(&transaction, session, row)?;
         }
         if lost > 0 {
-            let (at, content) = (Timestamp::now().as_millisecond(), Content::of_lost(lost));
+            let (at, content) = (now.as_millisecond(), Content::of_lost(lost));
             let robot = rows.last().and_then(|row| row.robot.clone());
             insert(&transaction, session, &Row { at, robot, content })?;
         }
@@ -178,40 +124,18 @@ impl Ledger {
     }
 
     /// The session is over.
-    pub(super) fn end(&self) -> Result<(), JournalError> {
-        let ended = Timestamp::now().as_millisecond();
+    pub(super) fn end(&self, now: Timestamp) -> Result<(), JournalError> {
+        let ended = now.as_millisecond();
         let update = "UPDATE session SET ended = ? WHERE id = ?";
         self.connection
             .execute(update, params![ended, self.session])?;
         Ok(())
     }
 
-    /// Forgets what is too old, then the oldest until the file is small enough. How many rows went.
-    pub(super) fn forget(&mut self) -> Result<u64, JournalError> {
-        let day = 86_400_000;
-        let days = i64::try_from(self.options.keep_days).unwrap_or(i64::MAX);
-        let before = Timestamp::now()
-            .as_millisecond()
-            .saturating_sub(days.saturating_mul(day));
-        let mut gone = 0;
-        for _ in 0..MOST_GOES {
-            let went = self.forget_some(before, |_| FORGOTTEN_AT_ONCE)?;
-            gone += went;
-            if went == 0 {
-                break;
-            }
-        }
-        let most = self.options.max_mib.saturating_mul(1 << 20);
-        for _ in 0..MOST_GOES {
-            if self.bytes()? <= most {
-                break;
-            }
-            let went = self.forget_some(i64::MAX, |rows| rows / PART + 1)?;
-            gone += went;
-            if went == 0 {
-                break;
-            }
-        }
+    /// Forgets what is too old at this time of day, then the oldest until the file is small enough. How
+    /// many rows went.
+    pub(super) fn forget(&mut self, now: Timestamp) -> Result<u64, JournalError> {
+        let gone = retention::forget(&self.connection, &self.options, now)?;
         if gone > 0 {
             let sessions = "DELETE FROM session WHERE id <> ?1
                 AND id NOT IN (SELECT session FROM event) AND id NOT IN (SELECT session FROM battery)";
@@ -219,33 +143,6 @@ impl Ledger {
             self.connection.execute_batch("PRAGMA incremental_vacuum")?;
         }
         Ok(gone)
-    }
-
-    /// The oldest rows of each table that are older than this; of so many rows at most so many.
-    fn forget_some(&self, before: i64, most: impl Fn(i64) -> i64) -> Result<u64, JournalError> {
-        let mut went = 0;
-        for table in ["event", "battery"] {
-            let count = format!("SELECT count(*) FROM {table}");
-            let rows = self.connection.query_row(&count, [], |row| row.get(0))?;
-            let delete = format!(
-                "DELETE FROM {table} WHERE rowid IN
-                    (SELECT rowid FROM {table} WHERE at < ? ORDER BY at LIMIT ?)"
-            );
-            went += self
-                .connection
-                .execute(&delete, params![before, most(rows)])?;
-        }
-        Ok(went as u64)
-    }
-
-    /// What the file holds, free pages left out.
-    fn bytes(&self) -> Result<u64, JournalError> {
-        let number = |name: &str| {
-            let query = |row: &rusqlite::Row<'_>| row.get::<_, i64>(0);
-            self.connection.pragma_query_value(None, name, query)
-        };
-        let pages = number("page_count")? - number("freelist_count")?;
-        Ok(u64::try_from(pages).unwrap_or(0) * page_size(&self.connection)?)
     }
 }
 
@@ -270,11 +167,6 @@ fn prepared(connection: Connection) -> Result<Connection, rusqlite::Error> {
     // In KiB: little is ever read twice.
     connection.pragma_update(None, "cache_size", -512)?;
     Ok(connection)
-}
-
-fn page_size(connection: &Connection) -> Result<u64, rusqlite::Error> {
-    let size: i64 = connection.pragma_query_value(None, "page_size", |row| row.get(0))?;
-    Ok(u64::try_from(size).unwrap_or(4096).max(512))
 }
 
 fn insert(transaction: &Transaction<'_>, session: i64, row: &Row) -> Result<(), rusqlite::Error> {
@@ -313,6 +205,10 @@ mod tests {
         }
     }
 
+    fn now() -> Timestamp {
+        Timestamp::from_second(1_767_258_000).unwrap()
+    }
+
     fn event(at: i64, text: &str) -> Row {
         let content = Content::Event {
             kind: "link_down",
@@ -337,8 +233,8 @@ mod tests {
     #[test]
     fn its_files_are_this_users_alone() {
         let data = tempfile::tempdir().unwrap();
-        let mut ledger = Ledger::open(data.path(), Options::default(), &about()).unwrap();
-        ledger.write(&[event(1, "x")], 0).unwrap();
+        let mut ledger = Ledger::open(data.path(), Options::default(), &about(), now()).unwrap();
+        ledger.write(&[event(1, "x")], 0, now()).unwrap();
         let mode = |path: &Path| path.metadata().unwrap().permissions().mode() & 0o777;
         let folder = folder(data.path());
         assert_eq!(mode(&folder), 0o700);
@@ -353,14 +249,14 @@ mod tests {
     fn links_are_not_followed() {
         let (data, elsewhere) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
         symlink(elsewhere.path(), folder(data.path())).unwrap();
-        let error = Ledger::open(data.path(), Options::default(), &about()).unwrap_err();
+        let error = Ledger::open(data.path(), Options::default(), &about(), now()).unwrap_err();
         assert!(error.to_string().contains("symbolic link"), "{error}");
         std::fs::remove_file(folder(data.path())).unwrap();
         std::fs::create_dir(folder(data.path())).unwrap();
         let target = elsewhere.path().join("x");
         std::fs::write(&target, "").unwrap();
         symlink(&target, journal_file(data.path())).unwrap();
-        Ledger::open(data.path(), Options::default(), &about()).unwrap();
+        Ledger::open(data.path(), Options::default(), &about(), now()).unwrap();
         assert_eq!(target.metadata().unwrap().len(), 0);
         assert!(
             journal_file(data.path())
@@ -378,29 +274,29 @@ mod tests {
             max_mib: 1,
             ..Options::default()
         };
-        let mut ledger = Ledger::open(data.path(), options, &about()).unwrap();
-        let now = Timestamp::now().as_millisecond();
+        let mut ledger = Ledger::open(data.path(), options, &about(), now()).unwrap();
+        let today = now().as_millisecond();
         let old: Vec<Row> = (0..50)
-            .map(|at| event(now - 11 * 86_400_000 + at, "old"))
+            .map(|at| event(today - 11 * 86_400_000 + at, "old"))
             .collect();
-        ledger.write(&old, 0).unwrap();
-        ledger.write(&[event(now, "new")], 0).unwrap();
-        assert_eq!(ledger.forget().unwrap(), 50);
+        ledger.write(&old, 0, now()).unwrap();
+        ledger.write(&[event(today, "new")], 0, now()).unwrap();
+        assert_eq!(ledger.forget(now()).unwrap(), 50);
         assert_eq!(count(data.path()), 1);
         let long = "x".repeat(2000);
         for round in 0..6 {
             let rows: Vec<Row> = (0..100)
-                .map(|at| event(now + round * 100 + at, &long))
+                .map(|at| event(today + round * 100 + at, &long))
                 .collect();
-            ledger.write(&rows, 0).unwrap();
-            ledger.forget().unwrap();
-            assert!(ledger.bytes().unwrap() <= 1 << 20);
+            ledger.write(&rows, 0, now()).unwrap();
+            ledger.forget(now()).unwrap();
+            assert!(retention::bytes(&ledger.connection).unwrap() <= 1 << 20);
         }
         let history = History::open(data.path()).unwrap().unwrap();
         let last = history.records(&Kinds::All, &Span::default()).unwrap();
         assert_eq!(
             last.last().unwrap().at.as_millisecond(),
-            now + 599,
+            today + 599,
             "the newest stays"
         );
     }
@@ -412,20 +308,20 @@ mod tests {
             max_mib: 1,
             ..Options::default()
         };
-        let mut ledger = Ledger::open(data.path(), options, &about()).unwrap();
+        let mut ledger = Ledger::open(data.path(), options, &about(), now()).unwrap();
         let long = "x".repeat(10_000);
         let rows: Vec<Row> = (0..50).map(|at| event(at, &long)).collect();
         let mut written = 0;
         let error = loop {
-            match ledger.write(&rows, 0) {
+            match ledger.write(&rows, 0, now()) {
                 Ok(()) => written += 50,
                 Err(error) => break error,
             }
         };
         assert!(error.is_full(), "{error}");
         assert_eq!(count(data.path()), written);
-        ledger.forget().unwrap();
-        ledger.write(&rows[..1], 50).unwrap();
+        ledger.forget(now()).unwrap();
+        ledger.write(&rows[..1], 50, now()).unwrap();
         let kinds = Kinds::Of(&["lost"]);
         let history = History::open(data.path()).unwrap().unwrap();
         let lost = history.records(&kinds, &Span::default()).unwrap();
@@ -437,10 +333,10 @@ mod tests {
         let data = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder(data.path())).unwrap();
         std::fs::write(journal_file(data.path()), vec![7; 8192]).unwrap();
-        let error = Ledger::open(data.path(), Options::default(), &about()).unwrap_err();
+        let error = Ledger::open(data.path(), Options::default(), &about(), now()).unwrap_err();
         assert!(error.is_damage(), "{error}");
-        let aside = Ledger::set_aside(data.path()).unwrap();
-        Ledger::open(data.path(), Options::default(), &about()).unwrap();
+        let aside = Ledger::set_aside(data.path(), now()).unwrap();
+        Ledger::open(data.path(), Options::default(), &about(), now()).unwrap();
         let kept = std::fs::read(folder(data.path()).join(aside)).unwrap();
         assert_eq!(kept, vec![7; 8192]);
     }

@@ -6,17 +6,20 @@
 //! does not: what does not fit is counted, and the count is written once there is room. A process
 //! that is killed loses what happened within its last half second.
 
+mod error;
 mod history;
 mod ledger;
+mod local;
 mod options;
 mod pending;
 mod recorder;
+mod retention;
 mod row;
 mod schema;
-mod wall;
 
+pub use error::JournalError;
 pub use history::{History, Kinds, Record, Span};
-pub use ledger::{JournalError, folder, journal_file};
+pub use ledger::{folder, journal_file};
+pub use local::LabJournal;
 pub use options::{About, Options, When};
 pub use recorder::Journal;
-pub use wall::wall;

@@ -5,16 +5,18 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::time::Duration;
 
+use jiff::{SignedDuration, Timestamp};
 use tokio::runtime::Builder;
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
-use super::ledger::{JournalError, Ledger};
+use super::error::JournalError;
+use super::ledger::Ledger;
 use super::options::{About, Options};
 use super::pending::Pending;
-use super::wall::wall;
 use crate::budget::Repeats;
+use crate::clock::{Clock, until};
 use crate::robot::{Bus, Heard, Listener};
 
 /// How often the journal is looked over for what is too old.
@@ -31,7 +33,8 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Remembers in this data folder all that is said on the bus from now on. Waits for no disk.
+    /// Remembers in this data folder all that is said on the bus from now on, with the time that this
+    /// clock shows. Waits for no disk.
     ///
     /// # Errors
     /// If the system gives no thread. Whatever is wrong with the file is said in the log, and tried
@@ -41,20 +44,14 @@ impl Journal {
         data: &Path,
         options: Options,
         about: About,
+        clock: Clock,
     ) -> Result<Journal, JournalError> {
         let stop = CancellationToken::new();
         let (alive, ended) = mpsc::sync_channel::<()>(1);
         let (listener, stopped) = (bus.listen(), stop.clone());
         let runtime = Builder::new_current_thread().enable_time().build();
         let runtime = runtime.map_err(JournalError::Thread)?;
-        let recorder = Recorder {
-            data: data.to_owned(),
-            options,
-            about,
-            ledger: None,
-            pending: Pending::default(),
-            said: Repeats::new(SAID_EVERY),
-        };
+        let recorder = Recorder::new(data, options, about, clock);
         let life = move || {
             runtime.block_on(recorder.live(listener, stopped));
             drop(alive);
@@ -84,25 +81,48 @@ impl Drop for Journal {
     }
 }
 
-struct Recorder {
+/// Hears what is said on the bus, and writes it.
+pub(super) struct Recorder {
     data: PathBuf,
     options: Options,
     about: About,
+    clock: Clock,
     ledger: Option<Ledger>,
     pending: Pending,
     said: Repeats<()>,
 }
 
 impl Recorder {
-    async fn live(mut self, mut listener: Listener, stop: CancellationToken) {
+    pub(super) fn new(data: &Path, options: Options, about: About, clock: Clock) -> Recorder {
+        Recorder {
+            data: data.to_owned(),
+            options,
+            about,
+            clock,
+            ledger: None,
+            pending: Pending::default(),
+            said: Repeats::new(SAID_EVERY),
+        }
+    }
+
+    /// The time of day of a moment that is not long ago. A clock that was put right in between counts as
+    /// it is now.
+    fn wall(&self, at: Instant) -> Timestamp {
+        let ago = SignedDuration::try_from(at.elapsed()).unwrap_or_default();
+        let now = self.clock.now();
+        now.checked_sub(ago).unwrap_or(now)
+    }
+
+    /// Until `stop` is cancelled or all speakers are gone; then it writes what waits, and ends.
+    pub(super) async fn live(mut self, mut listener: Listener, stop: CancellationToken) {
         let mut forgets = Instant::now();
         loop {
             let (due, samples) = (self.pending.due(), self.pending.samples_at());
             tokio::select! {
                 biased;
                 () = stop.cancelled() => break,
-                () = at(due) => self.write(),
-                () = at(samples) => self.sample(),
+                () = until(due) => self.write(),
+                () = until(samples) => self.sample(),
                 () = sleep_until(forgets), if self.ledger.is_some() => {
                     self.forget();
                     forgets = Instant::now() + FORGET_EVERY;
@@ -127,7 +147,7 @@ impl Recorder {
         let now = Instant::now();
         match heard {
             Heard::Happening(one) => {
-                let at = wall(one.at).as_millisecond();
+                let at = self.wall(one.at).as_millisecond();
                 self.pending.hear(&one.what, at, now);
             }
             Heard::Missed(count) => self.pending.miss(count, now),
@@ -138,7 +158,7 @@ impl Recorder {
 
     fn sample(&mut self) {
         let now = Instant::now();
-        self.pending.sample(wall(now).as_millisecond(), now);
+        self.pending.sample(self.wall(now).as_millisecond(), now);
     }
 
     fn write(&mut self) {
@@ -161,16 +181,19 @@ impl Recorder {
     }
 
     fn try_write(&mut self) -> Result<(), JournalError> {
+        let now = self.clock.now();
         let ledger = match &mut self.ledger {
             Some(ledger) => ledger,
             None => {
-                let opened = Ledger::open(&self.data, self.options, &self.about)?;
+                let opened = Ledger::open(&self.data, self.options, &self.about, now)?;
                 self.ledger.insert(opened)
             }
         };
         let (rows, lost) = self.pending.rows();
-        match ledger.write(rows, lost) {
-            Err(error) if error.is_full() && ledger.forget()? > 0 => ledger.write(rows, lost),
+        match ledger.write(rows, lost, now) {
+            Err(error) if error.is_full() && ledger.forget(now)? > 0 => {
+                ledger.write(rows, lost, now)
+            }
             written => written,
         }
     }
@@ -178,7 +201,7 @@ impl Recorder {
     /// A file that is no journal makes room for a new one, and is kept.
     fn set_aside(&mut self, error: &JournalError) {
         self.ledger = None;
-        match Ledger::set_aside(&self.data) {
+        match Ledger::set_aside(&self.data, self.clock.now()) {
             Ok(aside) => {
                 warn!("the journal is damaged ({error}); it is kept as {aside}, a new one begins")
             }
@@ -193,7 +216,8 @@ impl Recorder {
     }
 
     fn forget(&mut self) {
-        match self.ledger.as_mut().map(Ledger::forget) {
+        let now = self.clock.now();
+        match self.ledger.as_mut().map(|ledger| ledger.forget(now)) {
             Some(Ok(gone)) if gone > 0 => info!(gone, "the journal has forgotten its oldest rows"),
             Some(Err(error)) => debug!("the journal is not looked over: {error}"),
             _ => {}
@@ -210,15 +234,9 @@ impl Recorder {
         if unwritten > 0 {
             warn!(unwritten, "what has happened is not all in the journal");
         }
-        if let Some(Err(error)) = self.ledger.as_ref().map(Ledger::end) {
+        let now = self.clock.now();
+        if let Some(Err(error)) = self.ledger.as_ref().map(|ledger| ledger.end(now)) {
             debug!("the journal's session has no end: {error}");
         }
-    }
-}
-
-async fn at(moment: Option<Instant>) {
-    match moment {
-        Some(moment) => sleep_until(moment).await,
-        None => std::future::pending().await,
     }
 }

@@ -43,6 +43,9 @@ pub(super) enum SchemaError {
     /// A newer program has written it.
     #[error("a newer spykee has written it (version {found}; this one knows {VERSION})")]
     Newer { found: usize },
+    /// Its tables are not those that this program makes.
+    #[error("its tables are not those of a journal")]
+    Foreign,
     /// SQLite's words.
     #[error(transparent)]
     Sql(#[from] rusqlite::Error),
@@ -52,6 +55,34 @@ pub(super) enum SchemaError {
 pub(super) fn version(connection: &Connection) -> rusqlite::Result<usize> {
     let version: u32 = connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
     Ok(version as usize)
+}
+
+/// What a file is made of: tables, indices, and what somebody else may have put there.
+fn parts(connection: &Connection) -> rusqlite::Result<Vec<[Option<String>; 3]>> {
+    let select = "SELECT type, name, sql FROM sqlite_schema ORDER BY type, name";
+    let mut select = connection.prepare(select)?;
+    let rows = select.query_map([], |row| Ok([row.get(0)?, row.get(1)?, row.get(2)?]))?;
+    rows.collect()
+}
+
+/// Whether a file of this version is made of the same as one that this program has made, to the letter.
+/// A view or a trigger of somebody else could go on without end, whenever it is read or written.
+///
+/// # Errors
+/// [`SchemaError::Foreign`], or SQLite's words.
+pub(super) fn judge(connection: &Connection, version: usize) -> Result<(), SchemaError> {
+    judge_by(STEPS, connection, version)
+}
+
+fn judge_by(steps: &[&str], connection: &Connection, version: usize) -> Result<(), SchemaError> {
+    let own = Connection::open_in_memory()?;
+    for step in steps.iter().take(version) {
+        own.execute_batch(step)?;
+    }
+    match parts(connection)? == parts(&own)? {
+        true => Ok(()),
+        false => Err(SchemaError::Foreign),
+    }
 }
 
 /// Brings a file, an empty one too, to this program's version: all steps that are missing, or none.
@@ -66,6 +97,7 @@ fn migrate_by(steps: &[&str], connection: &mut Connection) -> Result<(), SchemaE
     if found > steps.len() {
         return Err(SchemaError::Newer { found });
     }
+    judge_by(steps, &transaction, found)?;
     for step in &steps[found..] {
         transaction.execute_batch(step)?;
     }
@@ -99,6 +131,28 @@ mod tests {
         assert!(migrate_by(&broken, &mut connection).is_err());
         assert_eq!(version(&connection).unwrap(), 0);
         migrate(&mut connection).unwrap();
+    }
+
+    #[test]
+    fn a_file_with_somebody_elses_parts_is_refused() {
+        for foreign in [
+            "CREATE TRIGGER t AFTER INSERT ON event BEGIN DELETE FROM event; END",
+            "DROP TABLE event; CREATE VIEW event AS SELECT 1 AS at",
+            "CREATE TABLE more (x)",
+            "ALTER TABLE event ADD COLUMN more",
+            "CREATE INDEX more ON event (printf('%1000000000d', at))",
+            "DROP INDEX event_at",
+        ] {
+            let mut connection = Connection::open_in_memory().unwrap();
+            migrate(&mut connection).unwrap();
+            judge(&connection, VERSION).unwrap();
+            connection.execute_batch(foreign).unwrap();
+            assert!(
+                matches!(judge(&connection, VERSION), Err(SchemaError::Foreign)),
+                "{foreign}"
+            );
+            assert!(migrate(&mut connection).is_err(), "{foreign}");
+        }
     }
 
     #[test]

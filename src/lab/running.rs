@@ -12,7 +12,7 @@ use super::options::Options;
 use crate::agent::{self, Agent, AgentError, Behaviour, Outcome, Plan, RESCUE_NAME, Roster};
 use crate::behaviour::{Launch, Launcher};
 use crate::link;
-use crate::pilot::{Dial, Settings, Status};
+use crate::pilot::{Dial, Reactions, Settings, Status};
 use crate::robot::Pictures;
 use crate::robot::channel::Request;
 use crate::script;
@@ -32,6 +32,7 @@ pub struct Running {
     requests: mpsc::Sender<Request>,
     roster: Roster,
     pictures: watch::Receiver<Pictures>,
+    reactions: Reactions,
     agent: JoinHandle<Result<Outcome, AgentError>>,
 }
 
@@ -50,6 +51,7 @@ impl Running {
         let stop = options.stop.child_token();
         let (agent, status) = Agent::new(plan);
         let (requests, roster, pictures) = (agent.requests(), agent.roster(), agent.pictures());
+        let reactions = agent.reactions();
         let agent = tokio::task::spawn_local(agent.run(stop.clone()));
         Running {
             stop,
@@ -57,6 +59,7 @@ impl Running {
             requests,
             roster,
             pictures,
+            reactions,
             agent,
         }
     }
@@ -89,6 +92,11 @@ impl Running {
     /// What the camera shows.
     pub fn pictures(&self) -> watch::Receiver<Pictures> {
         self.pictures.clone()
+    }
+
+    /// How long it takes from a frame to a track command.
+    pub fn reactions(&self) -> Reactions {
+        self.reactions.clone()
     }
 
     /// Waits until it has ended. Without a limit, a call to [`Running::stop`] or a behaviour that

@@ -138,7 +138,7 @@ async fn send_all(socket: &UdpSocket, targets: &[SocketAddr]) {
 }
 
 /// One datagram; `None` if it is no reply, as our own request is not. An error is the echo of an
-/// earlier send to where nobody listens.
+/// earlier send to a closed port.
 async fn receive(socket: &UdpSocket) -> Option<Found> {
     let mut datagram = [0; MAX_REPLY_LEN];
     let (length, addr) = socket.recv_from(&mut datagram).await.ok()?;

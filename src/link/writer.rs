@@ -22,10 +22,10 @@ use crate::wire::Command;
 /// How often it is looked whether the robot has acknowledged what was written.
 const LOOK_AGAIN: Duration = Duration::from_millis(2);
 
-/// The write half of a [`super::Session`]. Whoever owns it, and nobody else, moves the robot.
+/// The write half of a [`super::Session`]. Its owner is the only code that moves the robot.
 ///
 /// [`Writer::send`] and [`Writer::say`] never wait: what the robot does not take at once is written
-/// while somebody waits for [`Writer::progress`] or [`Writer::written`].
+/// while a caller waits for [`Writer::progress`] or [`Writer::written`].
 ///
 /// Dropped without [`Writer::close`], be it by a panic, it says its last words as
 /// [`Writer::say_last_words`] does.
@@ -59,7 +59,7 @@ impl Writer {
         }
     }
 
-    /// From now on a drop says the last words. Before the login is accepted nobody would heed them.
+    /// From now on a drop says the last words. Before the login is accepted the robot ignores them.
     pub(super) fn arm(&mut self) {
         self.armed = true;
     }

@@ -11,23 +11,30 @@ use axum::{Json, Router};
 use serde::Deserialize;
 
 use super::hub::Hub;
-use super::order::{Done, Order, perform};
+use super::order::{Done, Order, Turn, UNDOCK, errand, good, in_words, perform};
 use super::past::{self, Past};
 use super::scripts::{self, Behaviour, Text};
-use super::shapes::{Become, Health, Lamp, Outcome, Tune, Tuned, Volume};
+use super::shapes::{Become, Dock, Docking, Health, Lamp, Outcome, Patience, Tune, Tuned, Volume};
 use super::state::{self, Rate};
 use super::ticket::Ticket;
 use super::{messages, openapi, viewer};
-use crate::control::{Answer, Errand, MAX_SPEECH};
+use crate::control::{Answer, Change, Errand, MAX_SPEECH, Report};
 use crate::http::{Driver, Refusal, Visitor};
 use crate::pilot::LinkState;
+use crate::robot::DockPlan;
 
 /// Bytes of what is asked for; speech is longer.
 const MAX_BODY: usize = 16 * 1024;
 /// The most days of the past in one answer.
 const MOST_DAYS: u8 = 31;
-/// How long a picture may take.
+/// How long a picture may take unless told, and at most.
 const PICTURE: Duration = Duration::from_secs(5);
+const LONGEST_PICTURE: Duration = Duration::from_secs(600);
+/// One search for the station at most, and how often it may be tried again.
+const LONGEST_SEARCH: Duration = Duration::from_secs(3600);
+const MOST_RETRIES: u32 = 20;
+/// How long an undocking may take at most.
+const LONGEST_UNDOCKING: Duration = Duration::from_secs(600);
 
 type Shared = State<Arc<Hub>>;
 type Reply<T> = Result<Json<T>, Refusal>;
@@ -41,6 +48,7 @@ pub(super) fn routes(hub: Arc<Hub>) -> Router {
         .route("/api/openapi.json", get(async || Json(openapi::document())))
         .route("/api/messages.json", get(async || Json(messages::schema())))
         .route("/api/status", get(status))
+        .route("/api/run", get(run))
         .route("/api/behaviours", get(behaviours))
         .route("/api/behaviours/{name}", post(change))
         .route("/api/behaviours/{name}/params", post(tune))
@@ -51,14 +59,8 @@ pub(super) fn routes(hub: Arc<Hub>) -> Router {
         .route("/api/picture", get(picture))
         .route("/api/stop", post(stop))
         .route("/api/let-go", post(let_go))
-        .route(
-            "/api/dock",
-            post(async |hub: Shared, who: Driver| order(hub, who, Order::Dock).await),
-        )
-        .route(
-            "/api/undock",
-            post(async |hub: Shared, who: Driver| order(hub, who, Order::Undock).await),
-        )
+        .route("/api/dock", post(dock))
+        .route("/api/undock", post(undock))
         .route("/api/led", post(led))
         .route("/api/play", post(play))
         .route(
@@ -119,6 +121,15 @@ async fn status(State(hub): Shared, _: Visitor) -> Json<state::State> {
     ))
 }
 
+/// As `spykee status --json` tells it.
+async fn run(State(hub): Shared, _: Visitor) -> Reply<Report> {
+    match hub.run.perform(Errand::Overview).await {
+        Answer::Overview(overview) => Ok(Json(Report::from(&*overview))),
+        Answer::Refused(why) => Err(Refusal::new(StatusCode::CONFLICT, why)),
+        _ => Err(out_of_reach()),
+    }
+}
+
 async fn behaviours(State(hub): Shared, _: Visitor) -> Json<Vec<Behaviour>> {
     Json(hub.list())
 }
@@ -127,9 +138,17 @@ async fn change(
     hub: Shared,
     who: Driver,
     Path(name): Path<String>,
-    Json(Become { change }): Json<Become>,
+    Json(Become { change, lasts }): Json<Become>,
 ) -> Reply<Outcome> {
-    order(hub, who, Order::Behaviour { name, change }).await
+    let Some(lasts) = lasts else {
+        return order(hub, who, Order::Behaviour { name, change }).await;
+    };
+    if change != Turn::Start || lasts.get().is_zero() {
+        let why = "`for` goes with `start`, and is a second at least";
+        return Err(Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, why));
+    }
+    let change = Change::StartFor(lasts.get());
+    done(hub.0.run.perform(Errand::Behaviour { name, change }).await)
 }
 
 async fn tune(
@@ -198,15 +217,75 @@ async fn kept(
     Ok(([(header::CONTENT_TYPE, "image/jpeg")], jpeg).into_response())
 }
 
-async fn picture(State(hub): Shared, _: Visitor) -> Result<Response, Refusal> {
-    match hub.run.perform(Errand::Picture(PICTURE)).await {
+async fn picture(
+    State(hub): Shared,
+    _: Visitor,
+    Query(Patience { seconds }): Query<Patience>,
+) -> Result<Response, Refusal> {
+    let limit = seconds.map_or(PICTURE, |seconds| patience(seconds, LONGEST_PICTURE));
+    match hub.run.perform(Errand::Picture(limit)).await {
         Answer::Picture(jpeg) => Ok(([(header::CONTENT_TYPE, "image/jpeg")], jpeg).into_response()),
         Answer::Refused(why) => Err(Refusal::new(StatusCode::CONFLICT, why)),
-        _ => Err(Refusal::new(
-            StatusCode::SERVICE_UNAVAILABLE,
-            "no picture came in time",
-        )),
+        Answer::NoPicture => {
+            let why = "no picture came in time";
+            Err(Refusal::new(StatusCode::GATEWAY_TIMEOUT, why))
+        }
+        _ => Err(out_of_reach()),
     }
+}
+
+async fn dock(State(hub): Shared, _: Driver, body: Option<Json<Dock>>) -> Response {
+    let asked = body.map_or_else(Dock::default, |Json(asked)| asked);
+    let usual = DockPlan::DEFAULT;
+    let plan = DockPlan {
+        timeout: asked
+            .seconds
+            .map_or(usual.timeout, |seconds| patience(seconds, LONGEST_SEARCH)),
+        retries: asked
+            .retries
+            .map_or(usual.retries, |retries| retries.min(MOST_RETRIES)),
+        ..usual
+    };
+    docking(hub.run.perform(Errand::Dock(plan)).await)
+}
+
+async fn undock(State(hub): Shared, _: Driver, body: Option<Json<Patience>>) -> Response {
+    let seconds = body.and_then(|Json(asked)| asked.seconds);
+    let limit = seconds.map_or(UNDOCK, |seconds| patience(seconds, LONGEST_UNDOCKING));
+    docking(hub.run.perform(Errand::Undock(limit)).await)
+}
+
+/// At least a second, and at most so long.
+fn patience(seconds: u64, most: Duration) -> Duration {
+    Duration::from_secs(seconds.max(1)).min(most)
+}
+
+/// One that has not worked is a conflict with how things stand, and says how it ended all the same.
+fn docking(answer: Answer) -> Response {
+    let (end, attempts, took) = match answer {
+        Answer::Docked {
+            end,
+            attempts,
+            took,
+        } => (end, Some(attempts), Some(took)),
+        Answer::Undocked(end) => (end, None, None),
+        other => return done(other).into_response(),
+    };
+    let ok = good(end);
+    let docking = Docking {
+        ok,
+        text: end.name().to_owned(),
+        error: (!ok).then(|| end.name().to_owned()),
+        end: end.name(),
+        attempts,
+        seconds: took.map(|took| took.as_secs_f64()),
+    };
+    let status = if ok {
+        StatusCode::OK
+    } else {
+        StatusCode::CONFLICT
+    };
+    (status, Json(docking)).into_response()
 }
 
 /// Anybody who may look may stop the robot.
@@ -241,15 +320,26 @@ async fn volume(
 
 /// s16 little-endian, mono, 16 kHz.
 async fn say(State(hub): Shared, _: Driver, samples: bytes::Bytes) -> Reply<Outcome> {
-    match hub.run.perform(Errand::Say(samples.to_vec())).await {
-        Answer::Done => outcome((true, String::new())),
-        Answer::Refused(why) => outcome((false, why)),
-        _ => outcome((false, "the robot is out of reach".to_owned())),
-    }
+    done(hub.run.perform(Errand::Say(samples.to_vec())).await)
 }
 
 async fn order(State(hub): Shared, _: Driver, order: Order) -> Reply<Outcome> {
-    outcome(perform(order, &hub.run, hub.sim.as_ref()).await)
+    match errand(order) {
+        Ok(errand) => done(hub.run.perform(errand).await),
+        Err(order) => outcome(perform(*order, &hub.run, hub.sim.as_ref()).await),
+    }
+}
+
+/// A robot that is out of reach will be there again: that is no conflict.
+fn done(answer: Answer) -> Reply<Outcome> {
+    match answer {
+        Answer::Offline => Err(out_of_reach()),
+        answer => outcome(in_words(answer)),
+    }
+}
+
+fn out_of_reach() -> Refusal {
+    Refusal::new(StatusCode::SERVICE_UNAVAILABLE, "the robot is out of reach")
 }
 
 /// What is not done is a conflict with how things stand.

@@ -75,6 +75,7 @@ impl Hub {
         most_viewers: u16,
     ) -> Arc<Hub> {
         let empty = || watch::Sender::new(Utf8Bytes::default());
+        let metrics = Metrics::new(run.reactions.clone());
         Arc::new(Hub {
             run,
             sim,
@@ -83,7 +84,7 @@ impl Hub {
             reading: Semaphore::new(READERS),
             camera: Camera::new(),
             book: Book::new(),
-            metrics: Metrics::new(),
+            metrics,
             found: broadcast::Sender::new(FOUND),
             state: empty(),
             map: empty(),

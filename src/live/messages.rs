@@ -15,7 +15,7 @@ use crate::http::Role;
 use crate::robot::Finding;
 
 /// From the page.
-#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum FromPage {
     /// What the page shows now; nothing else is sent.
@@ -53,7 +53,7 @@ pub(super) enum FromPage {
 }
 
 /// What a page shows.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Watch {
     /// The camera's frames.
@@ -164,6 +164,14 @@ pub fn schema() -> Value {
         "from_page": schemars::schema_for!(FromPage),
         "to_page": schemars::schema_for!(ToPage<'static>),
     })
+}
+
+/// What a page says with this text, written again as it was understood.
+///
+/// # Errors
+/// If it is no message of a page: the parser's words.
+pub fn understood(text: &str) -> serde_json::Result<String> {
+    serde_json::to_string(&serde_json::from_str::<FromPage>(text)?)
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Figures for Prometheus, in its text format.
 
-use prometheus_client::encoding::{EncodeLabelSet, text};
+use prometheus_client::encoding::{EncodeLabelSet, EncodeMetric, MetricEncoder, NoLabelSet, text};
+use prometheus_client::metrics::MetricType;
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
@@ -9,7 +10,7 @@ use prometheus_client::registry::{Metric, Registry, Unit};
 use std::sync::atomic::AtomicU64;
 
 use crate::control::Run;
-use crate::pilot::LinkState;
+use crate::pilot::{LinkState, Reactions, Tally};
 use crate::robot::Occurrence;
 
 /// The watchdog's acts, by kind.
@@ -28,6 +29,25 @@ struct Dock {
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct End {
     reason: &'static str,
+}
+
+/// Of the pilot, as a histogram.
+#[derive(Debug)]
+struct FrameToMove(Reactions);
+
+impl EncodeMetric for FrameToMove {
+    fn encode(&self, mut encoder: MetricEncoder<'_>) -> Result<(), std::fmt::Error> {
+        let Tally {
+            buckets,
+            sum,
+            count,
+        } = self.0.tally();
+        encoder.encode_histogram::<NoLabelSet>(sum, count, &buckets, None)
+    }
+
+    fn metric_type(&self) -> MetricType {
+        MetricType::Histogram
+    }
 }
 
 /// See the module.
@@ -59,7 +79,7 @@ fn figure<M: Metric + Clone + Default>(registry: &mut Registry, name: &str, help
 }
 
 impl Metrics {
-    pub(super) fn new() -> Metrics {
+    pub(super) fn new(reactions: Reactions) -> Metrics {
         let mut registry = Registry::with_prefix("spykee");
         let one = &mut registry;
         let bytes = Counter::default();
@@ -68,6 +88,12 @@ impl Metrics {
             "Frames that have come",
             Unit::Bytes,
             bytes.clone(),
+        );
+        one.register_with_unit(
+            "frame_to_move",
+            "From the last byte of a frame to the first MOVE after it that a behaviour asked for",
+            Unit::Seconds,
+            FrameToMove(reactions),
         );
         Metrics {
             bytes,

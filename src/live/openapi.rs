@@ -5,14 +5,17 @@ use serde_json::{Map, Value, json};
 
 use super::past::{Past, Start};
 use super::scripts::{Behaviour, Text};
-use super::shapes::{Become, Health, Lamp, Outcome, Tune, Tuned, Volume};
+use super::shapes::{Become, Dock, Docking, Health, Lamp, Outcome, Patience, Tune, Tuned, Volume};
 use super::state::State;
+use crate::control::Report;
 use crate::http::Me;
 
 /// What a call takes.
 enum Body {
     Nothing,
     Json(Value),
+    /// It may be left out.
+    Optional(Value),
     Samples,
 }
 
@@ -96,6 +99,12 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
         Gives::Json(shape!(State)),
     );
     get(
+        "/api/run",
+        "How things stand, as `spykee status --json` tells it.",
+        Some("viewer"),
+        Gives::Json(shape!(Report)),
+    );
+    get(
         "/api/behaviours",
         "All behaviours.",
         Some("viewer"),
@@ -154,13 +163,6 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
         Body::Nothing,
     );
     post(
-        "/api/dock",
-        "Drive to the station; answered when it is there, or has given up.",
-        "driver",
-        Body::Nothing,
-    );
-    post("/api/undock", "Leave the station.", "driver", Body::Nothing);
-    post(
         "/api/stop-sound",
         "Stop the music.",
         "driver",
@@ -182,7 +184,7 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
         ),
         (
             "/api/behaviours/{name}",
-            "Start, stop or restart a behaviour.",
+            "Start, stop or restart a behaviour; with `for` it is ended after that time.",
             shape_of::<Become>(generator),
         ),
         (
@@ -200,6 +202,27 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
             role,
             takes,
             gives,
+        });
+    }
+    let dockings = [
+        (
+            "/api/dock",
+            "Drive to the station; answered when it is there, or has given up: then with 409.",
+            shape_of::<Dock>(generator),
+        ),
+        (
+            "/api/undock",
+            "Leave the station; answered when it has left, or has not: then with 409.",
+            shape_of::<Patience>(generator),
+        ),
+    ];
+    for (path, about, body) in dockings {
+        calls.push(Call {
+            path,
+            about,
+            role: Some("driver"),
+            takes: Some(Body::Optional(body)),
+            gives: Gives::Json(shape_of::<Docking>(generator)),
         });
     }
     calls
@@ -238,10 +261,21 @@ fn operation(call: Call) -> Value {
     if !parameters.is_empty() {
         operation["parameters"] = parameters.into();
     }
+    if call.path == "/api/picture" {
+        operation["parameters"] = json!([
+            { "name": "seconds", "in": "query", "required": false,
+              "description": "How long to wait for it, 1..=600; 5 unless given.",
+              "schema": { "type": "integer" } },
+        ]);
+    }
     match call.takes {
         Some(Body::Json(schema)) => {
             let content = json!({ "application/json": { "schema": schema } });
             operation["requestBody"] = json!({ "required": true, "content": content });
+        }
+        Some(Body::Optional(schema)) => {
+            let content = json!({ "application/json": { "schema": schema } });
+            operation["requestBody"] = json!({ "required": false, "content": content });
         }
         Some(Body::Samples) => {
             let content = json!({ "application/octet-stream": {} });
@@ -268,18 +302,47 @@ mod tests {
         }
     }
 
+    /// Paths and methods of the routes, as the source has them.
+    fn routes(source: &str) -> std::collections::BTreeSet<(String, &'static str)> {
+        let routes = source.split(".route(").skip(1).map(|route| {
+            let path = route.split('"').nth(1).unwrap().to_owned();
+            let method = if route.contains("post(") {
+                "post"
+            } else {
+                "get"
+            };
+            // The next route's method is its own.
+            let post = route.find("post(").unwrap_or(usize::MAX);
+            let get = route.find("get(").unwrap_or(usize::MAX);
+            (path, if get < post { "get" } else { method })
+        });
+        routes.collect()
+    }
+
     #[test]
-    fn the_description_is_whole_and_names_every_call() {
+    fn the_description_and_the_routes_agree() {
+        let mut served = routes(include_str!("api.rs"));
+        served.extend(routes(include_str!("../http/login.rs")));
+        let own = [
+            "/live",
+            "/api/openapi.json",
+            "/api/messages.json",
+            "/api/login",
+            "/api/logout",
+        ];
+        served.retain(|(path, _)| !own.contains(&path.as_str()));
         let document = document();
-        for path in [
-            "/healthz",
-            "/metrics",
-            "/api/status",
-            "/api/stop",
-            "/api/behaviours/{name}",
-        ] {
-            assert!(document["paths"].get(path).is_some(), "{path}");
-        }
+        let described = document["paths"].as_object().unwrap().iter();
+        let described = described.flat_map(|(path, methods)| {
+            let methods = methods.as_object().unwrap().keys();
+            methods.map(move |method| (path.clone(), if method == "post" { "post" } else { "get" }))
+        });
+        assert_eq!(described.collect::<std::collections::BTreeSet<_>>(), served);
+    }
+
+    #[test]
+    fn the_description_is_whole() {
+        let document = document();
         let mut found = Vec::new();
         references(&document, &mut found);
         assert!(!found.is_empty());

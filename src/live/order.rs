@@ -13,16 +13,16 @@ use super::world::Simulation;
 use crate::control::{self, Answer, Errand, Run};
 use crate::lab::{Factor, Tempo};
 use crate::robot::{DockEnd, DockPlan, Percent};
-use crate::sim::{Fault, FaultsError, Handle, Point, Pose};
+use crate::sim::{DocumentError, Fault, Handle, Point, Pose};
 use crate::wire;
 
 /// How long an undocking may take.
-const UNDOCK: Duration = Duration::from_secs(15);
+pub(super) const UNDOCK: Duration = Duration::from_secs(15);
 /// Places are no farther away than this, metres.
 const FAR: f64 = 1000.0;
 
 /// One thing to do.
-#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum Order {
     /// Drive to the station.
@@ -106,7 +106,7 @@ pub(super) enum Light {
 }
 
 /// A change of the simulated world, with the words of scenarios (`sim:place` and so on).
-#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "sim", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum Change {
     /// Carry the robot somewhere.
@@ -180,17 +180,23 @@ pub(super) type Done = (bool, String);
 
 /// Does it. Dropping the wait gives it up.
 pub(super) async fn perform(order: Order, run: &Run, sim: Option<&Simulation>) -> Done {
-    let errand = match order {
-        Order::Sim { change } => {
-            return match sim {
-                Some(sim) => told(alter(change, sim)),
-                None => (false, "this robot is no simulated one".to_owned()),
-            };
-        }
-        Order::Param { name, param, value } => {
-            let turned = run.roster.turn(&name, &param, value.into());
-            return told(turned.map_err(|error| error.to_string()));
-        }
+    match errand(order) {
+        Ok(errand) => in_words(run.perform(errand).await),
+        Err(order) => match (*order, sim) {
+            (Order::Sim { change }, Some(sim)) => told(alter(change, sim)),
+            (Order::Param { name, param, value }, _) => {
+                let turned = run.roster.turn(&name, &param, value.into());
+                told(turned.map_err(|error| error.to_string()))
+            }
+            (Order::Play { sound }, _) => (false, format!("there is no sound `{}`", short(&sound))),
+            _ => (false, "this robot is no simulated one".to_owned()),
+        },
+    }
+}
+
+/// What the run's desk can do for it; what that cannot is given back.
+pub(super) fn errand(order: Order) -> Result<Errand, Box<Order>> {
+    Ok(match order {
         Order::Dock => Errand::Dock(DockPlan::DEFAULT),
         Order::Undock => Errand::Undock(UNDOCK),
         Order::Led { light, on } => Errand::Led {
@@ -203,12 +209,12 @@ pub(super) async fn perform(order: Order, run: &Run, sim: Option<&Simulation>) -
             change: change.into(),
         },
         Order::Volume { percent } => Errand::Volume(percent),
-        Order::Play { sound } => match wire::Sound::from_name(&sound) {
+        Order::Play { ref sound } => match wire::Sound::from_name(sound) {
             Some(sound) => Errand::Play(sound),
-            None => return (false, format!("there is no sound `{}`", short(&sound))),
+            None => return Err(Box::new(order)),
         },
-    };
-    in_words(run.perform(errand).await)
+        other @ (Order::Param { .. } | Order::Sim { .. }) => return Err(Box::new(other)),
+    })
 }
 
 impl From<Light> for wire::Led {
@@ -221,7 +227,7 @@ impl From<Light> for wire::Led {
     }
 }
 
-fn in_words(answer: Answer) -> Done {
+pub(super) fn in_words(answer: Answer) -> Done {
     match answer {
         Answer::Done | Answer::Overview(_) | Answer::Picture(_) | Answer::Behaviours(_) => {
             (true, String::new())
@@ -234,7 +240,7 @@ fn in_words(answer: Answer) -> Done {
     }
 }
 
-fn good(end: DockEnd) -> bool {
+pub(super) fn good(end: DockEnd) -> bool {
     matches!(
         end,
         DockEnd::Done | DockEnd::AlreadyDocked | DockEnd::NotDocked
@@ -305,10 +311,7 @@ fn within(is: bool, what: &str) -> Result<(), String> {
 /// As in the YAML of `spykee sim --faults`, which is JSON too.
 fn begin(fault: Map<String, Value>, sim: &Handle) -> Result<(), String> {
     let list = json!({ "faults": [fault] }).to_string();
-    let faults = Fault::list_from_yaml(&list, "fault").map_err(|error| match error {
-        FaultsError::Invalid { message, .. } => message,
-        other => other.to_string(),
-    })?;
+    let faults = Fault::list_from_yaml(&list, "fault").map_err(DocumentError::into_message)?;
     faults.into_iter().for_each(|fault| sim.begin(fault));
     Ok(())
 }

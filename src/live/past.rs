@@ -20,7 +20,7 @@ const LEVELS: usize = 600;
 /// Events in one answer: the newest.
 const EVENTS: u32 = 200;
 /// Starts that are foreseen.
-const STARTS: usize = 12;
+const STARTS: usize = 6;
 /// Bytes of a picture.
 const MAX_PICTURE: u64 = 4 << 20;
 /// What people want to see of the past.

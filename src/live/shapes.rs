@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::order::{Light, Turn};
 use super::scripts::Plain;
+use crate::clock::Span;
 use crate::robot::Percent;
 
 /// Whether the program serves, and whether the robot does.
@@ -67,4 +68,46 @@ pub(super) struct Tuned {
 pub(super) struct Become {
     /// This.
     pub change: Turn,
+    /// With `start`: it is ended after it has run for so long, such as `30m`.
+    #[serde(rename = "for")]
+    #[schemars(with = "Option<String>")]
+    pub lasts: Option<Span>,
+}
+
+/// A docking; what is left out is as `robot.dock` has it.
+#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Dock {
+    /// The longest search of one try, 1..=3600 s.
+    pub seconds: Option<u64>,
+    /// Tries after the first, 0..=20.
+    pub retries: Option<u32>,
+}
+
+/// How long something may take.
+#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Patience {
+    /// In whole seconds, 1..=600.
+    pub seconds: Option<u64>,
+}
+
+/// How a docking or undocking ended, whether well or not.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Docking {
+    /// The robot is where it was wanted.
+    pub ok: bool,
+    /// As `end`.
+    pub text: String,
+    /// As `end`, if it did not work.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// `done`, `already_docked`, `not_docked`, `base_not_found`, `timeout` and so on, as scripts are told.
+    pub end: &'static str,
+    /// Tries made; not of an undocking.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attempts: Option<u32>,
+    /// Time taken; not of an undocking.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seconds: Option<f64>,
 }

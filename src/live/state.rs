@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use tokio::time::Instant;
 
-use crate::control::Run;
+use crate::control::{Next, Run, Start};
 use crate::robot::{RobotInfo, Use};
 use crate::safety::{Place, WatchdogState};
 use crate::wire::Stream;
@@ -53,6 +53,10 @@ pub(super) struct State {
     pub driver: Option<Person>,
     /// How many look.
     pub viewers: usize,
+    /// The next start of the timetable, if there is one.
+    pub next: Option<Start>,
+    /// It is a quiet hour.
+    pub quiet: bool,
 }
 
 /// The battery.
@@ -143,6 +147,7 @@ pub(super) fn state(
     now: Instant,
 ) -> State {
     let status = *run.status.borrow();
+    let view = run.view.borrow().clone();
     let percent = |power: i8| (f32::from(power) / 0.9).round() as i8;
     let tracks = status.shown.tracks;
     State {
@@ -168,6 +173,8 @@ pub(super) fn state(
         running: now.saturating_duration_since(run.began).as_secs(),
         driver: people.driver,
         viewers: people.viewers,
+        next: Next::of(&view).as_ref().map(Start::from),
+        quiet: view.quiet,
     }
 }
 

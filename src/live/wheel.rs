@@ -7,10 +7,11 @@
 use std::time::Duration;
 
 use tokio::sync::watch;
-use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until};
+use tokio::time::{Instant, MissedTickBehavior, interval};
 use tracing::info;
 
 use crate::agent::SeatError;
+use crate::clock::until;
 use crate::control::Run;
 use crate::robot::{Event, Setpoint};
 
@@ -41,12 +42,12 @@ async fn steer(run: &Run, name: &str, wishes: &mut watch::Receiver<Wish>) -> Res
     seat.drive(Setpoint::STOP).await?;
     let mut beat = interval(BEAT);
     beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let mut until = None;
+    let mut ends = None;
     loop {
         tokio::select! {
             biased;
-            () = at(until) => {
-                until = None;
+            () = until(ends) => {
+                ends = None;
                 seat.drive(Setpoint::STOP).await?;
             }
             changed = wishes.changed() => {
@@ -57,7 +58,7 @@ async fn steer(run: &Run, name: &str, wishes: &mut watch::Receiver<Wish>) -> Res
                 let dies = came + LIFE;
                 // Of one that has waited too long nothing is left.
                 let alive = !setpoint.is_stop() && dies > Instant::now();
-                until = alive.then_some(dies);
+                ends = alive.then_some(dies);
                 seat.drive(if alive { setpoint } else { Setpoint::STOP }).await?;
             }
             _ = beat.tick() => seat.alive().await?,
@@ -77,7 +78,7 @@ pub(super) async fn hold(run: Run, mut held: watch::Receiver<bool>) {
         loop {
             tokio::select! {
                 () = until_free(&mut held) => return Ok::<(), SeatError>(()),
-                () = at(take) => {
+                () = until(take) => {
                     take = None;
                     seat.drive(Setpoint::STOP).await?;
                 }
@@ -98,11 +99,4 @@ pub(super) async fn hold(run: Run, mut held: watch::Receiver<bool>) {
 /// Also if nobody is there any more who could let go of it here.
 async fn until_free(held: &mut watch::Receiver<bool>) {
     let _ = held.wait_for(|held| !held).await;
-}
-
-async fn at(moment: Option<Instant>) {
-    match moment {
-        Some(moment) => sleep_until(moment).await,
-        None => std::future::pending().await,
-    }
 }

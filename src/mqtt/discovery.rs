@@ -79,6 +79,11 @@ fn components(topics: &Topics, behaviours: &[String]) -> Value {
     let charging = sensor("battery_charging", charging);
     all.add("binary_sensor", "charging", "Charging".into(), charging);
     all.add("binary_sensor", "problem", "Problem".into(), problem);
+    let mut next = sensor("timestamp", "{{ value_json.next }}");
+    next["json_attributes_topic"] = state.clone().into();
+    next["json_attributes_template"] =
+        "{{ {'behaviour': value_json.next_behaviour} | tojson }}".into();
+    all.add("sensor", "next", "Next start".into(), next);
     let camera = json!({ "topic": topics.picture() });
     all.add("camera", "camera", "Camera".into(), camera);
     let event = json!({ "state_topic": topics.event(), "event_types": EVENTS });

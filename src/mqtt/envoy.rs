@@ -12,12 +12,14 @@ use tracing::{debug, info, warn};
 use super::discovery::{EVENTS, discovery};
 use super::errands::{Errands, Over};
 use super::line::{Account, Full, Line, Message, Will, Word};
-use super::order::{Answer, Order};
+use super::order::{Answer, Order, OrderError};
 use super::presence::Presence;
 use super::report::Report;
+use super::scribe::Scribe;
 use super::topics::Topics;
 use crate::agent::Member;
-use crate::control::Run;
+use crate::clock::until;
+use crate::control::{Next, Run};
 use crate::link::{self, Backoff};
 use crate::robot::{Heard, Listener, Occurrence, RobotInfo};
 
@@ -27,6 +29,8 @@ const GATHER: Duration = Duration::from_millis(100);
 const GOODBYE: Duration = Duration::from_secs(1);
 /// How long orders may take that are under way at the end.
 const ANSWERS: Duration = Duration::from_millis(500);
+/// The longest name of a behaviour that can be chosen, in bytes.
+const LONGEST_CHOICE: usize = 256;
 /// A connection that lived so long was a good one: the next pause is short.
 const GOOD: Duration = Duration::from_secs(60);
 
@@ -49,6 +53,7 @@ pub(super) struct Envoy {
     dropped: u64,
     /// What the last break was, so that it is logged once.
     complained: bool,
+    scribe: Scribe,
 }
 
 /// How it is with the line.
@@ -99,6 +104,7 @@ impl Envoy {
             rng: StdRng::seed_from_u64(rand::random()),
             dropped: 0,
             complained: false,
+            scribe: Scribe::new(),
         }
     }
 
@@ -106,6 +112,7 @@ impl Envoy {
     pub(super) async fn live(mut self, stop: &CancellationToken) {
         let mut status = self.run.status.clone();
         let mut members = self.run.roster.members();
+        let mut view = self.run.view.clone();
         loop {
             let turn = tokio::select! {
                 biased;
@@ -115,7 +122,8 @@ impl Envoy {
                 heard = self.listener.next() => Turn::Heard(heard),
                 Ok(()) = status.changed() => Turn::Changed,
                 Ok(()) = members.changed() => Turn::Changed,
-                () = at(self.due) => Turn::Tell,
+                Ok(()) = view.changed() => Turn::Changed,
+                () = until(self.due) => Turn::Tell,
             };
             match turn {
                 Turn::Stop | Turn::Heard(Heard::Closed) => break,
@@ -230,7 +238,10 @@ impl Envoy {
             line.keep(&topics.discovery(), entities.to_string().into_bytes())?;
             told.discovery = Some(entities);
         }
-        let state = self.report.state(&self.run.status.borrow(), &members);
+        let next = Next::of(&self.run.view.borrow());
+        let state = self
+            .report
+            .state(&self.run.status.borrow(), &members, next.as_ref());
         if told.state.as_ref() != Some(&state) {
             line.keep(&topics.state(), state.to_string().into_bytes())?;
             told.state = Some(state);
@@ -275,26 +286,34 @@ impl Envoy {
             }
             return;
         }
-        if message.retained {
-            warn!(
-                "an order that the broker has kept is ignored, it may be old: {}",
-                message.topic
-            );
+        let read = if message.topic == self.topics.command() {
+            Order::parse(&message.payload)
+        } else if message.topic == self.topics.behaviour() {
+            choice(&message.payload).map(|order| (order, None))
+        } else {
+            // A broker may say anything; nobody has asked for this.
             return;
-        }
-        let read = match message.topic == self.topics.behaviour() {
-            true => Ok((choice(&message.payload), None)),
-            false => Order::parse(&message.payload),
         };
+        if message.retained {
+            let topic = &message.topic;
+            return self.scribe.warn(&format!(
+                "an order that the broker has kept is ignored, it may be old: {topic}"
+            ));
+        }
         let (order, id) = match read {
             Ok(read) => read,
-            Err(error) => return warn!("an order by the broker is not understood: {error}"),
+            Err(error) => {
+                let line = format!("an order by the broker is not understood: {error}");
+                return self.scribe.warn(&line);
+            }
         };
-        info!("a person asks by the broker: {order}");
+        self.scribe
+            .info(&format!("a person asks by the broker: {order}"));
         let members = self.members();
         if let Order::Choose(name) = &order {
             if !self.report.choose(name, &members) {
-                warn!("no behaviour is called `{name}`");
+                self.scribe
+                    .warn(&format!("no behaviour is called `{name}`"));
             }
             return self.touch();
         }
@@ -306,7 +325,8 @@ impl Envoy {
         let Answer { order, text, .. } = &answer;
         if !answer.done {
             let why = text.as_deref().unwrap_or_default();
-            warn!("the broker asked for {order}, which is not done: {why}");
+            let line = format!("the broker asked for {order}, which is not done: {why}");
+            self.scribe.warn(&line);
         }
         let Side::Up(line, _) = &self.side else {
             return;
@@ -353,9 +373,13 @@ fn topics(account: &Account, uid: &str) -> Topics {
     Topics::new(&options.prefix, &options.discovery_prefix, uid)
 }
 
-/// The name of a behaviour; one that is no text is nobody's.
-fn choice(payload: &[u8]) -> Order {
-    Order::Choose(String::from_utf8_lossy(payload).trim().to_owned())
+/// The name of a behaviour.
+fn choice(payload: &[u8]) -> Result<Order, OrderError> {
+    if payload.len() > LONGEST_CHOICE {
+        return Err(OrderError::TooLong);
+    }
+    let name = std::str::from_utf8(payload).map_err(|_| OrderError::NoText)?;
+    Ok(Order::Choose(name.trim().to_owned()))
 }
 
 /// What the line has to say, or the time to make one. Cancel-safe.
@@ -367,12 +391,5 @@ async fn turn(side: &mut Side) -> Turn {
             Turn::Dial
         }
         Side::Nameless => std::future::pending().await,
-    }
-}
-
-async fn at(time: Option<Instant>) {
-    match time {
-        Some(time) => sleep_until(time).await,
-        None => std::future::pending().await,
     }
 }

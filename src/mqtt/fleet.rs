@@ -15,6 +15,10 @@ use super::topics::Topics;
 const OPENING: Duration = Duration::from_secs(10);
 /// What a broker has kept it says at once: after such a silence that was all.
 const SILENCE: Duration = Duration::from_millis(700);
+/// What it has kept ends by then, however much more it has to say.
+const LISTENING: Duration = Duration::from_secs(5);
+/// A longer state is none, in bytes.
+const LONGEST_STATE: usize = 16 << 10;
 /// More agents are not listed.
 const MOST: usize = 10_000;
 
@@ -76,7 +80,7 @@ impl Fleet {
 
     async fn look(&mut self) -> Result<(), String> {
         let mut until = Instant::now() + OPENING;
-        let mut missing = 3;
+        let (mut missing, mut latest) = (3, None);
         loop {
             match timeout_at(until, self.line.next()).await {
                 Ok(Word::Up) => {
@@ -93,7 +97,12 @@ impl Fleet {
                 Err(_) => return Err("it does not let us listen in time".to_owned()),
             }
             if missing <= 0 {
-                until = Instant::now() + SILENCE;
+                let now = Instant::now();
+                let latest = *latest.get_or_insert(now + LISTENING);
+                if now >= latest {
+                    return Ok(());
+                }
+                until = (now + SILENCE).min(latest);
             }
         }
     }
@@ -107,7 +116,9 @@ impl Fleet {
             _ => None,
         };
         let state = match what {
-            "state" => serde_json::from_slice(&message.payload).ok(),
+            "state" if message.payload.len() <= LONGEST_STATE => {
+                serde_json::from_slice(&message.payload).ok()
+            }
             _ => None,
         };
         if (presence.is_none() && state.is_none()) || self.found.len() >= MOST {
@@ -155,7 +166,7 @@ impl Fleet {
         let until = Instant::now() + limit;
         let (mut answers, mut waiting) = (BTreeMap::new(), robots.iter());
         let mut next = waiting.next();
-        while answers.len() < robots.len() {
+        while answers.len() < robots.len() && Instant::now() < until {
             // What finds no room is asked when something of it has gone.
             while let Some(robot) = next {
                 let topics = Topics::new(&self.account.options.prefix, "", robot);

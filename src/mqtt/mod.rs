@@ -19,11 +19,12 @@ mod line;
 mod order;
 mod presence;
 mod report;
+mod scribe;
 mod thread;
 mod topics;
 
 pub use fleet::{Fleet, FleetError, Found};
 pub use line::Account;
-pub use order::{Answer, Order};
+pub use order::{Answer, Order, OrderError};
 pub use presence::Presence;
 pub use thread::{Mqtt, MqttError};

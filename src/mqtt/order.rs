@@ -29,9 +29,9 @@ pub enum Order {
 
 /// Why a text is no order.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub(super) enum OrderError {
+pub enum OrderError {
     /// Longer than any order.
-    #[error("it is longer than {LONGEST} bytes")]
+    #[error("it is longer than any order")]
     TooLong,
     /// Not UTF-8.
     #[error("it is no text")]
@@ -55,7 +55,10 @@ struct Written {
 
 impl Order {
     /// Reads one, with its id if it has one.
-    pub(super) fn parse(payload: &[u8]) -> Result<(Order, Option<String>), OrderError> {
+    ///
+    /// # Errors
+    /// See [`OrderError`].
+    pub fn parse(payload: &[u8]) -> Result<(Order, Option<String>), OrderError> {
         if payload.len() > LONGEST {
             return Err(OrderError::TooLong);
         }
@@ -85,7 +88,7 @@ impl Order {
     }
 
     /// As JSON, to be asked with an id.
-    pub(super) fn to_json(&self, id: &str) -> String {
+    pub fn to_json(&self, id: &str) -> String {
         let (order, id) = (self.to_string(), Some(id.to_owned()));
         // A struct of texts can always be written.
         serde_json::to_string(&Written { order, id }).unwrap_or_default()

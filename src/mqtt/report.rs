@@ -6,6 +6,7 @@ use serde_json::{Value, json};
 
 use crate::agent::{Member, MemberState};
 use crate::behaviour::is_failure;
+use crate::control::Next;
 use crate::pilot::{LinkState, Status};
 use crate::robot::{DockEnd, Occurrence};
 use crate::safety::WatchdogState;
@@ -109,7 +110,7 @@ impl Report {
     }
 
     /// The payload of the topic `state`.
-    pub(super) fn state(&self, status: &Status, members: &[Member]) -> Value {
+    pub(super) fn state(&self, status: &Status, members: &[Member], next: Option<&Next>) -> Value {
         let running: Vec<&str> = members
             .iter()
             .filter(|member| matches!(member.state, MemberState::Running { .. }))
@@ -129,6 +130,8 @@ impl Report {
             "reason": reason,
             "running": running,
             "behaviour": self.chosen(members),
+            "next": next.map(|next| next.time().to_string()),
+            "next_behaviour": next.map(|next| &next.behaviour),
         })
     }
 }
@@ -189,7 +192,7 @@ mod tests {
     fn what_the_robot_is_at_is_said_in_home_assistants_words() {
         let report = Report::default();
         let said = |status: Status, runs| {
-            let state = report.state(&status, &[member("patrol", runs)]);
+            let state = report.state(&status, &[member("patrol", runs)], None);
             state["state"].as_str().unwrap().to_owned()
         };
         assert_eq!(said(Status::default(), true), "error");
@@ -208,9 +211,9 @@ mod tests {
     fn a_problem_has_its_reason_until_it_is_over() {
         let mut report = Report::default();
         let free = up(WatchdogState::Free);
-        assert_eq!(report.state(&free, &[])["problem"], false);
+        assert_eq!(report.state(&free, &[], None)["problem"], false);
         report.hear(&ended(EndReason::Error));
-        let state = report.state(&free, &[]);
+        let state = report.state(&free, &[], None);
         assert_eq!(state["reason"], "patrol failed: patrol.lua:3: no");
         let lost = Status {
             link: LinkState::Lost,
@@ -218,13 +221,13 @@ mod tests {
         };
         let reason = "no answer".to_owned();
         report.hear(&Occurrence::LinkDown { reason });
-        let state = report.state(&lost, &[]);
+        let state = report.state(&lost, &[], None);
         assert_eq!(state["reason"], "the robot is out of reach: no answer");
         let behaviour = "patrol".to_owned();
         report.hear(&Occurrence::Started { behaviour });
-        assert_eq!(report.state(&free, &[])["reason"], Value::Null);
+        assert_eq!(report.state(&free, &[], None)["reason"], Value::Null);
         report.hear(&ended(EndReason::Cancelled));
-        assert_eq!(report.state(&free, &[])["problem"], false);
+        assert_eq!(report.state(&free, &[], None)["problem"], false);
     }
 
     #[test]
@@ -236,5 +239,18 @@ mod tests {
         assert!(report.choose("b", &members) && !report.choose("c", &members));
         assert_eq!(report.chosen(&members).as_deref(), Some("b"));
         assert_eq!(report.chosen(&members[..1]).as_deref(), Some("a"));
+    }
+
+    #[test]
+    fn the_next_start_is_told_as_home_assistant_reads_times() {
+        let next = Next {
+            at: 1_790_000_000,
+            behaviour: "patrol".to_owned(),
+        };
+        let state = Report::default().state(&Status::default(), &[], Some(&next));
+        assert_eq!(state["next"], "2026-09-21T14:13:20Z");
+        assert_eq!(state["next_behaviour"], "patrol");
+        let state = Report::default().state(&Status::default(), &[], None);
+        assert_eq!(state["next"], Value::Null);
     }
 }

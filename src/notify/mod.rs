@@ -22,3 +22,4 @@ pub use notice::{Notice, Rule};
 pub use notifier::{Notifier, NotifyError};
 pub use options::{Options, PictureWay, Target};
 pub use sender::deliver;
+pub use webhook::request;

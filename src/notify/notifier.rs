@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use jiff::{SignedDuration, Timestamp};
 use tokio::runtime::Builder;
-use tokio::time::{Instant, sleep_until};
+use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, warn};
 
@@ -18,6 +18,7 @@ use super::queue::Queue;
 use super::rules::{Rules, Said};
 use super::sender::Sender;
 use super::share::Share;
+use crate::clock::until;
 use crate::robot::{Bus, Heard, Listener};
 
 /// Why there are no notifications.
@@ -126,7 +127,7 @@ impl Voice {
             tokio::select! {
                 biased;
                 () = stop.cancelled() => break,
-                () = at(self.rules.deadline()) => {
+                () = until(self.rules.deadline()) => {
                     let now = Instant::now();
                     let said = self.rules.poll(now);
                     self.tell(said, now);
@@ -209,12 +210,5 @@ impl Desk {
         }
         // If there is no room it is awake already.
         let _ = self.wake.try_send(());
-    }
-}
-
-async fn at(moment: Option<Instant>) {
-    match moment {
-        Some(moment) => sleep_until(moment).await,
-        None => std::future::pending().await,
     }
 }

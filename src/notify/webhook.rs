@@ -1,5 +1,6 @@
 //! A message to a webhook.
 
+use std::borrow::Cow;
 use std::time::Duration;
 
 use serde_json::Value;
@@ -10,15 +11,13 @@ use super::notice::Notice;
 use super::options::{PictureWay, Target};
 use super::template::{Place, fill, fill_json};
 
-/// Separates the parts of a form. No picture and no honest text holds it.
-const BOUNDARY: &str = "spykee-5f1d8a7c40b2496e9d3e-form";
 /// So often a webhook may send us elsewhere.
 const REDIRECTS: u32 = 3;
 
 /// What is sent.
 #[derive(Debug, PartialEq)]
 struct Content {
-    kind: &'static str,
+    kind: Cow<'static, str>,
     bytes: Vec<u8>,
 }
 
@@ -37,7 +36,11 @@ pub(super) fn send(
     }
 }
 
-fn request(
+/// What a webhook is asked with, all names in braces filled in.
+///
+/// # Errors
+/// In words, without the address and the token.
+pub fn request(
     target: &Target,
     url: &str,
     token: &str,
@@ -48,7 +51,7 @@ fn request(
     let url = fill(url, notice, token, Place::Url);
     let request = Request::builder().method(target.method.as_str()).uri(url);
     let mut request = request
-        .header("content-type", content.kind)
+        .header("content-type", content.kind.as_ref())
         .body(content.bytes)
         .map_err(|_| "its url is none".to_owned())?;
     for (name, value) in &target.headers {
@@ -71,23 +74,24 @@ fn content(target: &Target, token: &str, notice: &Notice, picture: Option<&[u8]>
     let text = || fill(body, notice, token, Place::Plain);
     match (picture, target.picture, json) {
         (Some(picture), PictureWay::Body, _) => Content {
-            kind: "image/jpeg",
+            kind: "image/jpeg".into(),
             bytes: picture.to_vec(),
         },
         (Some(picture), PictureWay::Form, json) => {
             let name = notice.picture.as_ref().and_then(|path| path.file_name());
             let name = name.unwrap_or_default().to_string_lossy();
+            let boundary = boundary();
             Content {
-                kind: "multipart/form-data; boundary=spykee-5f1d8a7c40b2496e9d3e-form",
-                bytes: form(&fields(json, text), &name, picture),
+                kind: format!("multipart/form-data; boundary={boundary}").into(),
+                bytes: form(&boundary, &fields(json, text), &name, picture),
             }
         }
         (_, _, Some(json)) => Content {
-            kind: "application/json",
+            kind: "application/json".into(),
             bytes: json.to_string().into_bytes(),
         },
         _ => Content {
-            kind: "text/plain; charset=utf-8",
+            kind: "text/plain; charset=utf-8".into(),
             bytes: text().into_bytes(),
         },
     }
@@ -106,27 +110,32 @@ fn fields(json: Option<Value>, text: impl Fn() -> String) -> Vec<(String, String
         .collect()
 }
 
+/// Separates the parts of a form. Nobody can know it before, so no text and no picture of a script or a
+/// robot makes a part of its own.
+fn boundary() -> String {
+    format!("spykee-{:032x}", rand::random::<u128>())
+}
+
 /// Of a form; names of fields come from the config, their texts from anywhere.
-fn form(fields: &[(String, String)], name: &str, picture: &[u8]) -> Vec<u8> {
+fn form(boundary: &str, fields: &[(String, String)], name: &str, picture: &[u8]) -> Vec<u8> {
     let quoted = |text: &str| text.replace(['"', '\r', '\n', '\\'], "_");
     let mut bytes = Vec::new();
     for (key, value) in fields {
         let key = quoted(key);
-        let value = value.replace(BOUNDARY, "");
         let part = format!(
-            "--{BOUNDARY}\r\nContent-Disposition: form-data; name=\"{key}\"\r\n\
+            "--{boundary}\r\nContent-Disposition: form-data; name=\"{key}\"\r\n\
              Content-Type: text/plain; charset=utf-8\r\n\r\n{value}\r\n"
         );
         bytes.extend_from_slice(part.as_bytes());
     }
     let name = quoted(name);
     let head = format!(
-        "--{BOUNDARY}\r\nContent-Disposition: form-data; name=\"attachment\"; filename=\"{name}\"\r\n\
+        "--{boundary}\r\nContent-Disposition: form-data; name=\"attachment\"; filename=\"{name}\"\r\n\
          Content-Type: image/jpeg\r\n\r\n"
     );
     bytes.extend_from_slice(head.as_bytes());
     bytes.extend_from_slice(picture);
-    bytes.extend_from_slice(format!("\r\n--{BOUNDARY}--\r\n").as_bytes());
+    bytes.extend_from_slice(format!("\r\n--{boundary}--\r\n").as_bytes());
     bytes
 }
 

@@ -68,9 +68,10 @@ impl Pilot {
             Command::Engine(Engage::Dock | Engage::Undock) => None,
             other => Some(other.clone()),
         };
-        match self.halt.on {
-            true => commands.iter().filter_map(still).collect(),
-            false => commands.to_vec(),
+        if self.halt.on {
+            commands.iter().filter_map(still).collect()
+        } else {
+            commands.to_vec()
         }
     }
 }

@@ -5,25 +5,26 @@ use bytes::Bytes;
 use tokio::time::Instant;
 use tracing::{debug, info, warn};
 
-use super::line::{Greeting, News};
+use super::line::{Greeting, LinkEvent};
 use super::lost::{HearError, LinkLost};
 use super::{FAILED_EVERY, Pilot};
 use crate::budget::Repeats;
+use crate::link::Heard;
 use crate::robot::{Coming, Event, Frame, Pictures, RobotInfo};
 use crate::safety::Fact;
 use crate::vision::validate_markers;
 use crate::wire::{Accepted, EngineNews, Report};
 
 impl Pilot {
-    pub(super) fn hear(&mut self, news: News) -> Result<(), HearError> {
+    pub(super) fn hear(&mut self, event: LinkEvent) -> Result<(), HearError> {
         self.wake()?;
-        match news {
-            News::Up(greeting) => self.connected(*greeting)?,
-            News::Report(report) => self.report(report)?,
-            News::Coming(beginning) => self.coming(beginning),
-            News::Lost(error) => return Err(LinkLost::from(error).into()),
-            News::Failed(error) if self.info.is_none() => return Err(HearError::First(error)),
-            News::Failed(error) => self.say_failed(&error.to_string()),
+        match event {
+            LinkEvent::Up(greeting) => self.connected(*greeting)?,
+            LinkEvent::Heard(Heard::Report(report)) => self.report(report)?,
+            LinkEvent::Heard(Heard::Coming(beginning)) => self.coming(beginning),
+            LinkEvent::Lost(error) => return Err(LinkLost::from(error).into()),
+            LinkEvent::Failed(error) if self.info.is_none() => return Err(HearError::First(error)),
+            LinkEvent::Failed(error) => self.say_failed(&error.to_string()),
         }
         Ok(())
     }
@@ -148,6 +149,7 @@ impl Pilot {
         });
         match validate_markers(&jpeg) {
             Ok(_) => {
+                self.stopwatch.frame(at);
                 let newest = Some(Frame { seq, at, jpeg });
                 let coming = None;
                 self.pictures.send_replace(Pictures { newest, coming });
@@ -181,7 +183,9 @@ impl Pilot {
     /// A broken robot, or one that only claims to be one, may say the same a thousand times a second.
     fn say_engine(&mut self, news: EngineNews) {
         let said = match news {
-            EngineNews::Unknown(code) => self.unknown.note(Kind::Engine(code), Instant::now()),
+            EngineNews::Unknown(code) => {
+                self.unknown.note(UnknownKind::Engine(code), Instant::now())
+            }
             known => self.engine_said.note(known, Instant::now()),
         };
         match said {
@@ -192,19 +196,21 @@ impl Pilot {
     }
 
     fn say_unknown(&mut self, kind: u8) {
-        if let Some(repeated) = self.unknown.note(Kind::Message(kind), Instant::now()) {
+        if let Some(repeated) = self
+            .unknown
+            .note(UnknownKind::Message(kind), Instant::now())
+        {
             info!(
                 kind,
-                repeated,
-                "a message of a type or length that nobody knows; said once per type and minute"
+                repeated, "a message of unknown type or length; logged once per type and minute"
             );
         }
     }
 }
 
-/// What nobody knows: one of each is said a minute.
+/// Unknown values: one of each is logged a minute.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Kind {
+pub(super) enum UnknownKind {
     Message(u8),
     Engine(u8),
 }
@@ -215,6 +221,6 @@ fn words(news: EngineNews) -> String {
         EngineNews::Undocked => "off the station".to_owned(),
         EngineNews::Charged => "the battery is full".to_owned(),
         EngineNews::BaseNotFound => "station not found".to_owned(),
-        EngineNews::Unknown(code) => format!("ENGINE {code}, which nobody knows"),
+        EngineNews::Unknown(code) => format!("ENGINE {code}, an unknown value"),
     }
 }

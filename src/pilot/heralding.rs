@@ -1,4 +1,4 @@
-//! What the pilot says on the bus of what has happened: nothing here waits, whoever listens.
+//! What the pilot publishes on the bus. Nothing here waits for a listener.
 
 use super::{Pilot, Status};
 use crate::robot::{BehaviourId, DockEnd, Event, Occurrence, RobotInfo};

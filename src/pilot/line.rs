@@ -5,7 +5,6 @@ use std::net::SocketAddr;
 use std::pin::Pin;
 use std::time::Duration;
 
-use bytes::Bytes;
 use rand::SeedableRng;
 use rand::rngs::StdRng;
 use tokio::time::{Sleep, sleep};
@@ -35,13 +34,11 @@ pub(super) struct Greeting {
 }
 
 /// What the line has to say.
-pub(super) enum News {
+pub(super) enum LinkEvent {
     /// Connected and logged in.
     Up(Box<Greeting>),
-    /// A message from the robot.
-    Report(Report),
-    /// A frame on its way, as far as it has come.
-    Coming(Bytes),
+    /// A message from the robot, or a part of one.
+    Heard(Heard),
     /// An open link is gone.
     Lost(LinkError),
     /// A try has failed; another will be made.
@@ -85,7 +82,7 @@ impl Line {
         }
     }
 
-    /// While it rests nobody is dialled; an open link is not closed by that.
+    /// While it rests it dials no robot; an open link stays open.
     pub(super) fn rest(&mut self, rest: bool) {
         if rest == self.resting {
             return;
@@ -102,8 +99,8 @@ impl Line {
         self.last_words = last_words;
     }
 
-    /// The next news. Cancel-safe.
-    pub(super) async fn next(&mut self) -> News {
+    /// The next event. Cancel-safe.
+    pub(super) async fn next(&mut self) -> LinkEvent {
         loop {
             match &mut self.state {
                 State::Parting(parting) => {
@@ -119,9 +116,8 @@ impl Line {
                 }
                 State::Up(reader) => {
                     return match reader.hear().await {
-                        Ok(Heard::Report(report)) => News::Report(report),
-                        Ok(Heard::Coming(beginning)) => News::Coming(beginning),
-                        Err(error) => News::Lost(error),
+                        Ok(heard) => LinkEvent::Heard(heard),
+                        Err(error) => LinkEvent::Lost(error),
                     };
                 }
             }
@@ -129,12 +125,12 @@ impl Line {
         }
     }
 
-    fn dialled(&mut self, result: Result<Session, LinkError>) -> News {
+    fn dialled(&mut self, result: Result<Session, LinkError>) -> LinkEvent {
         match result {
             Ok(session) => self.up(session),
             Err(error) => {
                 self.redial();
-                News::Failed(error)
+                LinkEvent::Failed(error)
             }
         }
     }
@@ -163,7 +159,7 @@ impl Line {
         }
     }
 
-    fn up(&mut self, session: Session) -> News {
+    fn up(&mut self, session: Session) -> LinkEvent {
         let Session {
             accepted,
             power,
@@ -174,7 +170,7 @@ impl Line {
         } = session;
         self.state = State::Up(reader);
         self.backoff.reset();
-        News::Up(Box::new(Greeting {
+        LinkEvent::Up(Box::new(Greeting {
             accepted,
             power,
             peer,

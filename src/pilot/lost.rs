@@ -23,7 +23,7 @@ impl From<LinkError> for LinkLost {
     }
 }
 
-/// What news can end.
+/// What an event of the link can end.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum HearError {
     /// The link.

@@ -36,7 +36,7 @@ impl Pulse {
         }
     }
 
-    /// Each beat is told here too, for whoever watches over the driving core.
+    /// Each beat is published here too, for supervisors of the driving core.
     #[must_use]
     pub fn heard_by(mut self, heard: Arc<Notify>) -> Pulse {
         self.heard = Some(heard);

@@ -7,7 +7,7 @@ use tracing::warn;
 
 use super::distress::Distress;
 use super::throttle::{Throttle, Together};
-use crate::robot::channel::{Aboard, Outbox, Role};
+use crate::robot::channel::{Aboard, EventSender, Role};
 use crate::robot::{BehaviourId, EndReason, Event, Priority, Streams, Use};
 use crate::wire::{Command, Stream};
 
@@ -16,7 +16,7 @@ struct Seat {
     name: String,
     priority: Priority,
     role: Role,
-    outbox: Outbox,
+    outbox: EventSender,
     streams: BTreeSet<Stream>,
     throttle: Throttle,
 }
@@ -45,7 +45,7 @@ pub(super) struct Seats {
 }
 
 impl Seats {
-    /// Nobody yet; the streams are used so.
+    /// Empty; the streams are used so.
     pub(super) fn new(usage: Streams) -> Seats {
         Seats {
             usage,
@@ -60,7 +60,7 @@ impl Seats {
         name: String,
         priority: Priority,
         role: Role,
-        mut outbox: Outbox,
+        mut outbox: EventSender,
         welcome: &[Event],
     ) {
         welcome.iter().for_each(|event| outbox.tell(event.clone()));
@@ -183,9 +183,10 @@ impl Seats {
         let Some(seat) = self.seats.get_mut(&by) else {
             return;
         };
-        match on {
-            true => seat.streams.insert(stream),
-            false => seat.streams.remove(&stream),
+        if on {
+            seat.streams.insert(stream)
+        } else {
+            seat.streams.remove(&stream)
         };
     }
 
@@ -194,7 +195,7 @@ impl Seats {
         self.streaming.contains(&stream)
     }
 
-    /// Whether a stream must stay off, whoever wants it.
+    /// Whether a stream must stay off, even when a behaviour wants it.
     pub(super) fn forbids(&self, stream: Stream) -> bool {
         self.usage.usage(stream) == Use::Off
     }
@@ -246,7 +247,7 @@ impl Seats {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::channel::{Told, events};
+    use crate::robot::channel::{PilotMessage, events};
 
     const ONE: BehaviourId = BehaviourId(1);
     const TWO: BehaviourId = BehaviourId(2);
@@ -356,6 +357,6 @@ mod tests {
         assert_eq!(seats.priority(ONE), Some(Priority(3)));
         seats.kill(ONE, EndReason::Cpu);
         assert_eq!(seats.priority(ONE), None);
-        assert_eq!(inbox.next().await, Told::Kill(EndReason::Cpu));
+        assert_eq!(inbox.next().await, PilotMessage::Kill(EndReason::Cpu));
     }
 }

@@ -74,35 +74,35 @@ impl Pilot {
         priority: Priority,
         intent: Intent,
     ) -> Result<(), LinkLost> {
-        let command = match intent {
+        match intent {
             Intent::Move {
                 motion,
                 setpoint,
                 duration,
             } => {
-                return self.ask(
-                    by,
-                    priority,
-                    Ask::Move {
-                        motion,
-                        setpoint,
-                        duration,
-                    },
-                );
+                let ask = Ask::Move {
+                    motion,
+                    setpoint,
+                    duration,
+                };
+                self.stopwatch.serving(true);
+                let asked = self.ask(by, priority, ask);
+                self.stopwatch.serving(false);
+                asked
             }
             Intent::Release { motion } => {
                 let ask = Ask::Release(motion);
                 self.defer(Fact::Asked { by, priority, ask });
-                return Ok(());
+                Ok(())
             }
-            Intent::Stop => return self.ask(by, priority, Ask::Stop),
+            Intent::Stop => self.ask(by, priority, Ask::Stop),
             Intent::Dock { call, plan } => {
                 let find = Command::Engine(Engage::Dock);
                 if !self.seats.admits(by, &find, Instant::now()) {
                     self.seats.tell(by, refused_docking(call));
                     return Ok(());
                 }
-                return self.ask(by, priority, Ask::Dock(call, plan));
+                self.ask(by, priority, Ask::Dock(call, plan))
             }
             Intent::Undock { call, timeout } => {
                 let leave = Command::Engine(Engage::Undock);
@@ -111,33 +111,39 @@ impl Pilot {
                     self.seats.tell(by, Event::UndockEnded { call, end });
                     return Ok(());
                 }
-                return self.ask(by, priority, Ask::Undock(call, timeout));
+                self.ask(by, priority, Ask::Undock(call, timeout))
             }
-            Intent::CancelDock => return self.ask(by, priority, Ask::CancelDock),
-            Intent::Stream { stream, on } => {
-                self.seats.want(by, stream, on);
-                let command = Command::Stream { stream, on };
-                let now = Instant::now();
-                if self.seats.admits(by, &command, now) {
-                    return self.apply_streams(false);
-                }
-                self.streams_due.get_or_insert(now + STREAMS_LATER);
-                return Ok(());
-            }
-            Intent::Led { led, on } => Command::Led { led, on },
-            Intent::Play(sound) => Command::Play(sound),
-            Intent::StopSound => Command::StopSound,
-            Intent::Volume(percent) => Command::Volume(percent.get()),
-            Intent::Say(_) if self.seats.forbids(Stream::AudioOut) => return Ok(()),
-            Intent::Say(samples) => return self.say(by, samples.into()),
-        };
+            Intent::CancelDock => self.ask(by, priority, Ask::CancelDock),
+            Intent::Stream { stream, on } => self.stream(by, stream, on),
+            Intent::Led { led, on } => self.signal(by, Command::Led { led, on }),
+            Intent::Play(sound) => self.signal(by, Command::Play(sound)),
+            Intent::StopSound => self.signal(by, Command::StopSound),
+            Intent::Volume(percent) => self.signal(by, Command::Volume(percent.get())),
+            Intent::Say(_) if self.seats.forbids(Stream::AudioOut) => Ok(()),
+            Intent::Say(samples) => self.say(by, samples.into()),
+        }
+    }
+
+    /// Switches a stream now, or a little later if the behaviour switches too often.
+    fn stream(&mut self, by: BehaviourId, stream: Stream, on: bool) -> Result<(), LinkLost> {
+        self.seats.want(by, stream, on);
+        let now = Instant::now();
+        if self.seats.admits(by, &Command::Stream { stream, on }, now) {
+            return self.apply_streams(false);
+        }
+        self.streams_due.get_or_insert(now + STREAMS_LATER);
+        Ok(())
+    }
+
+    /// Sends a light or a sound if it changes anything and the behaviour may have it.
+    fn signal(&mut self, by: BehaviourId, command: Command) -> Result<(), LinkLost> {
         if !self.allows(by, &command)
             || !self.lights.is_news(&command)
             || !self.seats.admits(by, &command, Instant::now())
         {
             return Ok(());
         }
-        self.settle()?;
+        self.flush_deferred()?;
         self.send(&[command])
     }
 
@@ -158,7 +164,7 @@ impl Pilot {
         if let Some(writer) = self.writer.as_mut().filter(|_| !noise.is_empty()) {
             writer.drop_audio();
         }
-        self.settle()?;
+        self.flush_deferred()?;
         self.send(noise)
     }
 
@@ -170,23 +176,24 @@ impl Pilot {
             return Ok(());
         }
         let before = std::mem::replace(&mut self.released, release);
-        match release && !before {
-            true => Err(LinkLost::because("let go of, nothing runs")),
-            false => Ok(()),
+        if release && !before {
+            Err(LinkLost::because("let go of, nothing runs"))
+        } else {
+            Ok(())
         }
     }
 
     /// A behaviour that lets go of the tracks may take them again at once, and what waits below it
-    /// must not drive for that instant: what comes of it is seen when all that has come is served.
+    /// must not drive for that instant: the consequences are evaluated once all pending requests are served.
     /// Nothing is written in between.
     fn defer(&mut self, fact: Fact) {
         self.watchdog.absorb(fact, Instant::now());
-        self.unsettled = true;
+        self.has_deferred = true;
     }
 
     /// Does what was deferred.
-    pub(super) fn settle(&mut self) -> Result<(), LinkLost> {
-        if !std::mem::take(&mut self.unsettled) {
+    pub(super) fn flush_deferred(&mut self) -> Result<(), LinkLost> {
+        if !std::mem::take(&mut self.has_deferred) {
             return Ok(());
         }
         let acts = self.watchdog.tick(Instant::now());
@@ -200,7 +207,7 @@ impl Pilot {
             return Ok(());
         }
         self.alarm_due = false;
-        self.settle()?;
+        self.flush_deferred()?;
         let alarm: Vec<Command> = ALARM
             .into_iter()
             .filter(|command| self.hush.allows_alarm(command))
@@ -213,7 +220,7 @@ impl Pilot {
         if !self.allows(by, &command) || !self.seats.admits(by, &command, Instant::now()) {
             return Ok(());
         }
-        self.settle()?;
+        self.flush_deferred()?;
         if let Some(writer) = &mut self.writer
             && !writer.say(&samples)?
         {
@@ -243,7 +250,7 @@ impl Pilot {
         if commands.is_empty() || self.writer.is_none() {
             return Ok(());
         }
-        self.settle()?;
+        self.flush_deferred()?;
         let listening = self.seats.streams(Stream::Video) || self.seats.streams(Stream::AudioIn);
         self.take(Fact::Listening(listening))?;
         self.send(&commands)

@@ -1,5 +1,5 @@
 //! A robot whose system acknowledges everything while its program is dead: notices that nothing is
-//! heard any more, even when no stream is on. Nobody knows how often a real robot says its battery
+//! heard any more, even when no stream is on. It is not known how often a real robot reports its battery
 //! level, or whether it answers when asked (`PROTOCOL.md`, *Not known*), so silence means something
 //! only after the robot has shown that it talks. Pure: knows no clock.
 

@@ -14,7 +14,7 @@ pub enum LinkState {
     Up,
     /// Was up; connecting anew.
     Lost,
-    /// Let go of, so that somebody else can log in.
+    /// Released, so that another program can log in.
     Released,
 }
 
@@ -59,9 +59,9 @@ pub struct Status {
     pub place: Place,
     /// The battery is nearly empty: scripts have neither lights nor sounds nor streams.
     pub shed: bool,
-    /// Frames that have come so far, damaged ones included. Counting alone wakes nobody who waits for a change.
+    /// Frames that have come so far, damaged ones included. Counting alone does not wake those who wait for a change.
     pub frames: u64,
-    /// A person has stopped the robot, and nobody has let go yet.
+    /// A person has stopped the robot, and the stop still holds.
     pub halted: bool,
     /// What the robot was told last.
     pub shown: Shown,

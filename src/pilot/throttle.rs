@@ -7,7 +7,7 @@ use tokio::time::Instant;
 
 use crate::wire::{Command, Engage};
 
-/// Lights, sounds, volumes, streams and what comes of dockings: so many at once, and so many a second.
+/// Lights, sounds, volumes, streams and dockings: so many at once, and so many a second.
 const COMMANDS: f64 = 100.0;
 /// The same of all behaviours together.
 const TOGETHER: f64 = 200.0;

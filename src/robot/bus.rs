@@ -1,6 +1,6 @@
-//! The bus on which an agent says what has happened: whoever wants to know, a journal, notifications, a
-//! page or a broker, listens. Saying it never waits: a listener that is too slow loses the oldest and
-//! knows how many.
+//! The bus on which an agent publishes what has happened, for a journal, notifications, a
+//! page or a broker. Publishing never waits: a listener that is too slow loses the oldest events and is
+//! told how many.
 
 use std::sync::Arc;
 
@@ -26,7 +26,7 @@ pub struct Happening {
 pub struct Bus(broadcast::Sender<Arc<Happening>>);
 
 impl Default for Bus {
-    /// Nobody listens yet.
+    /// Without listeners.
     fn default() -> Bus {
         Bus(broadcast::Sender::new(MOST_WAITING))
     }
@@ -36,7 +36,7 @@ impl Bus {
     /// Says what has happened just now.
     pub fn tell(&self, what: Occurrence) {
         let at = Instant::now();
-        // Without a listener there is nobody to tell.
+        // Fails only without listeners.
         let _ = self.0.send(Arc::new(Happening { at, what }));
     }
 

@@ -27,7 +27,7 @@ pub enum Request {
         /// What it is there for.
         role: Role,
         /// Where it is told.
-        outbox: Outbox,
+        outbox: EventSender,
     },
     /// A behaviour asks for something.
     Intent(BehaviourId, Intent),
@@ -39,9 +39,9 @@ pub enum Request {
     Alarm,
     /// Who is aboard?
     Crew(oneshot::Sender<Crew>),
-    /// Let nothing move the robot, whoever wants it, the watchdog included; or let it move again.
+    /// Let nothing move the robot, not even the watchdog; or let it move again.
     Halt(bool),
-    /// Let go of the link, so that somebody else can log in, or dial again. A robot that runs a
+    /// Release the link, so that another program can log in, or dial again. A robot that runs a
     /// behaviour, or whose battery is low off its station, is not let go of.
     Release(bool),
     /// What must not be heard or seen from now on.
@@ -102,18 +102,18 @@ impl std::fmt::Debug for Sleep {
 }
 
 /// Makes the two ends of a behaviour's line from the pilot.
-pub fn events() -> (Outbox, Inbox) {
+pub fn events() -> (EventSender, EventReceiver) {
     let (events, received) = mpsc::channel(MAX_EVENTS);
     let (kill, killed) = watch::channel(None);
     let picture = Arc::new(Notify::new());
     (
-        Outbox {
+        EventSender {
             events,
             kill,
             picture: picture.clone(),
             dropped: 0,
         },
-        Inbox {
+        EventReceiver {
             events: received,
             killed,
             picture,
@@ -123,14 +123,14 @@ pub fn events() -> (Outbox, Inbox) {
 
 /// The pilot's end. Never waits.
 #[derive(Debug)]
-pub struct Outbox {
+pub struct EventSender {
     events: mpsc::Sender<Event>,
     kill: watch::Sender<Option<EndReason>>,
     picture: Arc<Notify>,
     dropped: u64,
 }
 
-impl Outbox {
+impl EventSender {
     /// Passes an event on, or drops it if the queue is full. An answer that does not fit ends the
     /// behaviour: it does not read, and would wait for ever.
     pub fn tell(&mut self, event: Event) {
@@ -163,7 +163,7 @@ impl Outbox {
 
 /// The supervisor's end.
 #[derive(Debug)]
-pub struct Inbox {
+pub struct EventReceiver {
     events: mpsc::Receiver<Event>,
     killed: watch::Receiver<Option<EndReason>>,
     picture: Arc<Notify>,
@@ -171,7 +171,7 @@ pub struct Inbox {
 
 /// What the pilot tells a supervisor.
 #[derive(Debug, PartialEq)]
-pub enum Told {
+pub enum PilotMessage {
     /// Something has happened.
     Event(Event),
     /// End the host now.
@@ -180,24 +180,24 @@ pub enum Told {
     Closed,
 }
 
-impl Inbox {
+impl EventReceiver {
     /// Notified when there is a newer picture.
     pub fn picture(&self) -> Arc<Notify> {
         self.picture.clone()
     }
 
     /// The next word from the pilot; a kill overtakes every event. Cancel-safe.
-    pub async fn next(&mut self) -> Told {
+    pub async fn next(&mut self) -> PilotMessage {
         if let Some(reason) = *self.killed.borrow_and_update() {
-            return Told::Kill(reason);
+            return PilotMessage::Kill(reason);
         }
         tokio::select! {
             biased;
             changed = self.killed.changed() => match (changed, *self.killed.borrow()) {
-                (Ok(()), Some(reason)) => Told::Kill(reason),
-                _ => Told::Closed,
+                (Ok(()), Some(reason)) => PilotMessage::Kill(reason),
+                _ => PilotMessage::Closed,
             },
-            event = self.events.recv() => event.map_or(Told::Closed, Told::Event),
+            event = self.events.recv() => event.map_or(PilotMessage::Closed, PilotMessage::Event),
         }
     }
 }
@@ -212,7 +212,7 @@ mod tests {
         let (mut outbox, mut inbox) = events();
         outbox.tell(Event::Docked);
         outbox.kill(EndReason::Cpu);
-        assert_eq!(inbox.next().await, Told::Kill(EndReason::Cpu));
+        assert_eq!(inbox.next().await, PilotMessage::Kill(EndReason::Cpu));
     }
 
     #[tokio::test]
@@ -220,19 +220,19 @@ mod tests {
         let (mut outbox, mut inbox) = events();
         (0..MAX_EVENTS + 3).for_each(|_| outbox.tell(Event::Docked));
         assert_eq!(outbox.dropped(), 3);
-        assert_eq!(inbox.next().await, Told::Event(Event::Docked));
+        assert_eq!(inbox.next().await, PilotMessage::Event(Event::Docked));
         outbox.tell(Event::Docked);
         outbox.tell(Event::MotionEnded {
             motion: MotionId(1),
             end: MotionEnd::Done,
         });
-        assert_eq!(inbox.next().await, Told::Kill(EndReason::Cpu));
+        assert_eq!(inbox.next().await, PilotMessage::Kill(EndReason::Cpu));
     }
 
     #[tokio::test]
     async fn without_a_pilot_the_line_is_closed() {
         let (outbox, mut inbox) = events();
         drop(outbox);
-        assert_eq!(inbox.next().await, Told::Closed);
+        assert_eq!(inbox.next().await, PilotMessage::Closed);
     }
 }

@@ -1,4 +1,4 @@
-//! What scripts find in the camera's frames, for people who look on. Nobody waits for it: who is slow
+//! What scripts find in the camera's frames, for people who look on. No sender waits: a slow receiver
 //! misses some.
 
 use serde::{Deserialize, Serialize};
@@ -56,7 +56,7 @@ impl Default for Lookout {
 }
 
 impl Lookout {
-    /// Tells whoever looks on; a host that has been broken may say anything, but not much of it.
+    /// Tells those who look on. A compromised host may send anything, so the length is bounded.
     pub fn tell(&self, mut found: Findings) {
         found.list.truncate(MOST);
         for one in &mut found.list {
@@ -64,7 +64,7 @@ impl Lookout {
                 one.text.truncate(at);
             }
         }
-        // Fails if nobody looks on.
+        // Fails only without receivers.
         let _ = self.found.send(found);
     }
 

@@ -1,4 +1,4 @@
-//! What can happen in the life of an agent, as it is told to whoever wants to know. As JSON each is a
+//! What can happen in the life of an agent, as listeners are told. As JSON each is a
 //! flat object whose `event` says which: `{"event":"link_down","reason":"..."}`.
 
 use std::path::PathBuf;
@@ -138,7 +138,7 @@ pub enum Occurrence {
         /// What it says of it; an object.
         data: Value,
     },
-    /// A behaviour wants somebody to be told.
+    /// A behaviour sends a notification.
     Notify {
         /// Its name.
         behaviour: String,
@@ -187,7 +187,7 @@ pub enum Remark {
         /// A JSON object.
         json: String,
     },
-    /// Somebody is to be told.
+    /// A notification.
     Notify {
         /// What.
         text: String,

@@ -30,6 +30,11 @@ pub struct Streams {
     pub audio_out: Use,
 }
 
+/// A stream that the config keeps off.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the config keeps {0} off; it has streams: {{ {0}: off }}")]
+pub struct StreamOff(&'static str);
+
 impl Streams {
     /// When this one is on.
     pub fn usage(&self, stream: Stream) -> Use {
@@ -41,11 +46,15 @@ impl Streams {
         }
     }
 
-    /// Why a script cannot have a stream, if so.
-    pub fn refusal(&self, stream: Stream) -> Option<String> {
-        let name = stream.name();
-        (self.usage(stream) == Use::Off)
-            .then(|| format!("the config keeps {name} off; it has streams: {{ {name}: off }}"))
+    /// Whether a script may have a stream.
+    ///
+    /// # Errors
+    /// The config keeps it off.
+    pub fn allow(&self, stream: Stream) -> Result<(), StreamOff> {
+        if self.usage(stream) == Use::Off {
+            return Err(StreamOff(stream.name()));
+        }
+        Ok(())
     }
 
     /// Those that are used so.

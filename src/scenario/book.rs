@@ -14,7 +14,7 @@ use super::options::Options;
 use crate::behaviour::{Library, read_source};
 use crate::check;
 use crate::robot::EndReason;
-use crate::script::{self, Ending, Output, Place, Script, Stage, suggestion};
+use crate::script::{self, Ending, Output, Script, SourceLocation, Stage, suggestion};
 use crate::sim::World;
 
 /// Scenarios of one file.
@@ -169,7 +169,8 @@ impl Book {
                     let folder = self.folder.clone();
                     let file = folder
                         .map_or_else(Library::default, Library::new)
-                        .fetch(&name);
+                        .fetch(&name)
+                        .map_err(|error| error.to_string());
                     script.deliver_module(&name, file, Instant::now());
                 }
                 Output::Intent(_)
@@ -233,7 +234,12 @@ struct Declaring {
 }
 
 impl Stage for Declaring {
-    fn ask(&self, call: &str, arguments: &[Value], place: Option<Place>) -> Result<Value, String> {
+    fn ask(
+        &self,
+        call: &str,
+        arguments: &[Value],
+        place: Option<SourceLocation>,
+    ) -> Result<Value, String> {
         if call != "scenario" {
             return Err(
                 "this can be asked inside of a scenario only, in its function(sim) ... end"

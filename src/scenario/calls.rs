@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use super::arguments::Arguments;
 use super::stage::PlayStage;
 use crate::clock::{self, Date};
-use crate::sim::{Fault, FaultsError, Point, Pose, What};
+use crate::sim::{DocumentError, Fault, Point, Pose, What};
 
 impl PlayStage {
     pub(super) fn call(&self, call: &str, given: Arguments<'_>) -> Result<Value, String> {
@@ -130,10 +130,7 @@ impl PlayStage {
     /// As in the YAML of `spykee sim --faults`, which is JSON too.
     fn begin_fault(&self, given: Arguments<'_>) -> Result<Value, String> {
         let list = json!({"faults": [given.value(0)]}).to_string();
-        let faults = Fault::list_from_yaml(&list, "fault").map_err(|error| match error {
-            FaultsError::Invalid { message, .. } => message,
-            other => other.to_string(),
-        })?;
+        let faults = Fault::list_from_yaml(&list, "fault").map_err(DocumentError::into_message)?;
         for fault in faults {
             self.sim.begin(fault);
         }

@@ -18,12 +18,13 @@ use tracing::subscriber::{NoSubscriber, with_default};
 use super::book::{Book, Scenario, load_world};
 use super::cast::Cast;
 use super::chronicle::Chronicle;
-use super::stage::{Order, PlayStage};
+use super::stage::{PlayStage, StageCommand};
 use crate::agent::{AgentError, Outcome};
+use crate::clock::until;
 use crate::config::Config;
 use crate::lab::{self, Lab};
 use crate::robot::{Bus, EndReason};
-use crate::script::{Place, Script};
+use crate::script::{Script, SourceLocation};
 use crate::sim::{self, Pose};
 
 /// Lines that a scenario's script wrote, at most.
@@ -40,7 +41,7 @@ pub struct Setting {
     /// Within it behaviours keep what they keep, until the scenario is over; the system's own folder
     /// for such things unless given.
     pub data: Option<PathBuf>,
-    /// What nobody knows of the robot's firmware.
+    /// How the simulated firmware behaves where the real one is unknown.
     pub firmware: sim::Firmware,
     /// Ends all that is played when cancelled.
     pub stop: CancellationToken,
@@ -65,7 +66,7 @@ pub struct Failure {
     /// What kind of thing that is.
     pub cause: Cause,
     /// The line of the scenario.
-    pub place: Option<Place>,
+    pub place: Option<SourceLocation>,
     /// The text of that line.
     pub line: Option<String>,
     /// What happened last, oldest first, each with its time.
@@ -126,7 +127,7 @@ pub enum Cause {
 struct Trouble {
     cause: Cause,
     message: String,
-    place: Option<Place>,
+    place: Option<SourceLocation>,
 }
 
 impl Book {
@@ -233,7 +234,7 @@ impl Play<'_> {
                 }
             });
             self.obey();
-            if let Some(end) = self.judge(&script) {
+            if let Some(end) = self.verdict(&script) {
                 return end;
             }
             if script.is_ready() {
@@ -253,18 +254,18 @@ impl Play<'_> {
     fn obey(&mut self) {
         while let Some(order) = self.stage.take_order() {
             match order {
-                Order::Run(behaviours) => {
+                StageCommand::Run(behaviours) => {
                     let running = self.lab.start(behaviours, None);
                     self.agent = Some(Agent {
                         stop: running.stopper(),
                         outcome: Box::pin(running.outcome()),
                     });
                 }
-                Order::Stop => match &self.agent {
+                StageCommand::Stop => match &self.agent {
                     Some(agent) => agent.stop.cancel(),
                     None => self.stage.has_stopped(),
                 },
-                Order::Vanish => {
+                StageCommand::Vanish => {
                     self.agent = None;
                     self.stage.has_stopped();
                 }
@@ -282,7 +283,7 @@ impl Play<'_> {
     }
 
     /// Whether it is over, and how.
-    fn judge(&self, script: &Script) -> Option<Result<(), Trouble>> {
+    fn verdict(&self, script: &Script) -> Option<Result<(), Trouble>> {
         let failed = self.stage.chronicle.failed();
         if let Some(failed) = failed.filter(|_| !self.scenario.options.may_fail) {
             let text = format!("the behaviour {} failed: {}", failed.behaviour, failed.text);
@@ -315,7 +316,7 @@ impl Play<'_> {
     fn raised(&self, raised: String) -> Trouble {
         let shown = self.book.file().display().to_string();
         let (place, text) = match split_place(&raised, &shown) {
-            Some((line, text)) => (Some(Place { file: shown, line }), text.to_owned()),
+            Some((line, text)) => (Some(SourceLocation { file: shown, line }), text.to_owned()),
             None => (self.stage.last_place(), in_words(&raised).to_owned()),
         };
         Trouble {
@@ -346,7 +347,7 @@ impl Play<'_> {
         let sim = self.lab.sim();
         let state = sim.state();
         sim.note("it failed here");
-        let own = |place: &Place| place.file == self.book.file().display().to_string();
+        let own = |place: &SourceLocation| place.file == self.book.file().display().to_string();
         let line = trouble.place.as_ref().filter(|place| own(place));
         Failure {
             line: line.and_then(|place| self.book.line(place.line)),
@@ -367,13 +368,6 @@ impl Play<'_> {
 async fn outcome(agent: &mut Option<Agent>) -> Result<Outcome, AgentError> {
     match agent {
         Some(agent) => agent.outcome.as_mut().await,
-        None => pending().await,
-    }
-}
-
-async fn until(deadline: Option<Instant>) {
-    match deadline {
-        Some(deadline) => sleep_until(deadline).await,
         None => pending().await,
     }
 }

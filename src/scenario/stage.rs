@@ -11,11 +11,11 @@ use super::arguments::Arguments;
 use super::cast::Cast;
 use super::chronicle::Chronicle;
 use crate::agent::Behaviour;
-use crate::script::{Place, Stage};
+use crate::script::{SourceLocation, Stage};
 use crate::sim::Handle;
 
 /// What the laboratory is asked to do when the script waits.
-pub(super) enum Order {
+pub(super) enum StageCommand {
     Run(Vec<Behaviour>),
     Stop,
     Vanish,
@@ -30,11 +30,11 @@ pub(super) struct PlayStage {
     /// The place of the scenario in its file, from 0.
     wanted: usize,
     declared: Cell<usize>,
-    orders: RefCell<VecDeque<Order>>,
+    orders: RefCell<VecDeque<StageCommand>>,
     running: Cell<bool>,
     end: RefCell<Option<Result<(), String>>>,
-    place: RefCell<Option<Place>>,
-    expected: RefCell<Option<(Option<Place>, String)>>,
+    place: RefCell<Option<SourceLocation>>,
+    expected: RefCell<Option<(Option<SourceLocation>, String)>>,
 }
 
 impl PlayStage {
@@ -55,7 +55,7 @@ impl PlayStage {
     }
 
     /// What is to be done next.
-    pub(super) fn take_order(&self) -> Option<Order> {
+    pub(super) fn take_order(&self) -> Option<StageCommand> {
         self.orders.borrow_mut().pop_front()
     }
 
@@ -65,12 +65,12 @@ impl PlayStage {
     }
 
     /// The line of the script that asked last.
-    pub(super) fn last_place(&self) -> Option<Place> {
+    pub(super) fn last_place(&self) -> Option<SourceLocation> {
         self.place.borrow().clone()
     }
 
     /// The `expect` that did not hold: where, and its message.
-    pub(super) fn take_expected(&self) -> Option<(Option<Place>, String)> {
+    pub(super) fn take_expected(&self) -> Option<(Option<SourceLocation>, String)> {
         self.expected.borrow_mut().take()
     }
 
@@ -100,17 +100,22 @@ impl PlayStage {
         let behaviours = self.cast.behaviours(named)?;
         self.chronicle.begin();
         self.running.set(true);
-        self.order(Order::Run(behaviours))
+        self.order(StageCommand::Run(behaviours))
     }
 
-    fn order(&self, order: Order) -> Result<Value, String> {
+    fn order(&self, order: StageCommand) -> Result<Value, String> {
         self.orders.borrow_mut().push_back(order);
         Ok(Value::Null)
     }
 }
 
 impl Stage for PlayStage {
-    fn ask(&self, call: &str, arguments: &[Value], place: Option<Place>) -> Result<Value, String> {
+    fn ask(
+        &self,
+        call: &str,
+        arguments: &[Value],
+        place: Option<SourceLocation>,
+    ) -> Result<Value, String> {
         let given = Arguments(arguments);
         if call == "expected" {
             let message = given.text(0).unwrap_or_default().to_owned();
@@ -136,12 +141,12 @@ impl Stage for PlayStage {
             "sim:wait" | "sim:wait_until" => Ok(Value::Null),
             "running" => Ok(self.running.get().into()),
             "sim:run" => self.run(arguments),
-            "sim:stop" => self.order(Order::Stop),
+            "sim:stop" => self.order(StageCommand::Stop),
             "sim:kill" => {
                 self.sim.cut();
                 Ok(Value::Null)
             }
-            "vanish" => self.order(Order::Vanish),
+            "vanish" => self.order(StageCommand::Vanish),
             _ => self.call(call, given),
         }
     }

@@ -107,7 +107,7 @@ impl Trials {
         Ok(book.with(declared.map_err(BookError::Invalid)?))
     }
 
-    /// As [`Book::play`]; `None` if nobody wants to know any more: [`Setting::stop`].
+    /// As [`Book::play`]; `None` if it was cancelled: [`Setting::stop`].
     ///
     /// # Errors
     /// If the system gives no folder for what behaviours keep.

@@ -42,7 +42,7 @@ pub(super) struct Saved {
 
 /// What is said once an hour.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Kind {
+enum Complaint {
     Removed,
     Day,
     Disk,
@@ -58,7 +58,7 @@ pub(super) struct Album {
     day: Budget,
     /// What the folder holds, once that was looked at.
     held: Option<Held>,
-    said: Repeats<Kind>,
+    said: Repeats<Complaint>,
 }
 
 /// Files of a folder.
@@ -119,24 +119,24 @@ impl Album {
                 "it is larger than all pictures may be, {} bytes",
                 self.quota
             );
-            return Err(self.refuse(Kind::TooLarge, &why, now));
+            return Err(self.refuse(Complaint::TooLarge, &why, now));
         }
         if folder
             .free()
             .is_ok_and(|free| free < self.free.saturating_add(heavy))
         {
             let why = format!("the disk has less than {} bytes left", self.free);
-            return Err(self.refuse(Kind::Disk, &why, now));
+            return Err(self.refuse(Complaint::Disk, &why, now));
         }
         if !self.day.take(heavy, now) {
             let why = format!("{} bytes of pictures a day are used up", self.day.per_day());
-            return Err(self.refuse(Kind::Day, &why, now));
+            return Err(self.refuse(Complaint::Day, &why, now));
         }
         let gone = self.make_room(&folder, name, heavy)?;
         folder.replace(name, bytes)?;
         self.keep(&folder, name)?;
         let gone = (gone > 0)
-            .then(|| self.tell(Kind::Removed, gone, now))
+            .then(|| self.tell(Complaint::Removed, gone, now))
             .flatten();
         Ok(Saved {
             path: path.join(name),
@@ -175,7 +175,7 @@ impl Album {
         Ok(())
     }
 
-    fn refuse(&mut self, kind: Kind, why: &str, now: Instant) -> NotSaved {
+    fn refuse(&mut self, kind: Complaint, why: &str, now: Instant) -> NotSaved {
         let words = self.said.note(kind, now).map(|before| match before {
             0 => format!("a picture is not kept: {why}"),
             before => format!("a picture is not kept, nor were {before} before it: {why}"),
@@ -183,7 +183,7 @@ impl Album {
         NotSaved::Quota(words)
     }
 
-    fn tell(&mut self, kind: Kind, gone: u64, now: Instant) -> Option<String> {
+    fn tell(&mut self, kind: Complaint, gone: u64, now: Instant) -> Option<String> {
         let before = self.said.note(kind, now)?;
         let quota = self.quota;
         Some(format!(

@@ -13,7 +13,7 @@ use super::output::Evaluated;
 use super::sandbox;
 use super::scheduler::Outcome;
 use super::state::State;
-use super::task::{Answer, Kind};
+use super::task::{Answer, TaskKind};
 
 /// Entries of a table that are shown.
 const MAX_ENTRIES: usize = 16;
@@ -64,7 +64,7 @@ impl Script {
         match begun {
             Ok(thread) => {
                 let start = Answer::Start(LuaMultiValue::new());
-                state.tasks.add(thread, Kind::Line, start, None, now);
+                state.tasks.add(thread, TaskKind::Line, start, None, now);
             }
             Err(answer) => state.outbox.answer(answer),
         }

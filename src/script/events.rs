@@ -9,7 +9,7 @@ use tokio::time::Instant;
 
 use super::held::HeldFrame;
 use super::ids::{SubscriptionId, TaskId, Timer};
-use super::way_back::Place;
+use super::way_back::Waypoint;
 pub(super) use crate::api::EventName;
 use crate::robot::{Event, Percent};
 
@@ -68,7 +68,7 @@ pub(super) struct Loan {
     pub(super) seconds: Duration,
     pub(super) power: Percent,
     pub(super) low_for: Duration,
-    pub(super) way_back: Option<Vec<Place>>,
+    pub(super) way_back: Option<Vec<Waypoint>>,
 }
 
 /// One `robot.on` or `robot.once`.

@@ -26,7 +26,7 @@ const DEEPEST: c_int = 64;
 /// Makes `lua` ask at every safepoint whether it may go on.
 pub(super) fn install(lua: &Lua) -> LuaResult<()> {
     // SAFETY: the state is the one of `lua`, alive for the whole call; the callbacks' structure
-    // belongs to it and nobody else sets its interrupt.
+    // belongs to it and no other code sets its interrupt.
     unsafe {
         lua.exec_raw::<()>((), |state| {
             (*ffi::lua_callbacks(state)).interrupt = Some(interrupt);

@@ -69,14 +69,14 @@ use api::Shared;
 use events::EventName;
 use life::{Life, is_kill};
 use state::State;
-use task::{Answer, Kind};
+use task::{Answer, TaskKind};
 
 pub(crate) use album::{NAMES as PICTURE_NAMES, file_name as picture_name};
 pub(crate) use budget::{only_simulated, running, stuck, when_stuck};
 pub use complaints::Explain;
 pub(crate) use declaration::{Declaration, settle};
 pub(crate) use failure::printable;
-pub use failure::{Ending, Failure, Place};
+pub use failure::{Ending, Failure, SourceLocation};
 pub use modules::{ModuleFile, ModuleName};
 pub(crate) use modules::{Target, resolve};
 pub use nearest::suggestion;
@@ -128,7 +128,7 @@ impl Script {
         Script::load_with(source, options, api::Surroundings::Stage(stage), now)
     }
 
-    /// Such a script with nothing in it and nobody to ask.
+    /// Such a script with no source and no stage behind it.
     pub(crate) fn on_empty_stage(options: Options, now: Instant) -> Result<Script, Failure> {
         Script::on_stage(b"", options, Rc::new(Empty), now)
     }
@@ -173,7 +173,7 @@ impl Script {
         state
             .borrow_mut()
             .tasks
-            .add(main, Kind::Main, start, None, now);
+            .add(main, TaskKind::Main, start, None, now);
         Ok(Script { lua, state })
     }
 
@@ -204,7 +204,7 @@ impl Script {
         }
     }
 
-    /// Gives the script a frame; it takes the place of one that nobody has looked at.
+    /// Gives the script a frame; it replaces one that no handler has taken.
     pub fn deliver_frame(&mut self, frame: Frame, now: Instant) {
         let mut state = self.state.borrow_mut();
         state.tick(now);
@@ -234,8 +234,9 @@ impl Script {
             state.ring();
         }
         let next = self.state.borrow_mut().tasks.next_ready();
-        if let Some(next) = next {
-            self.run(next);
+        match next {
+            Some(next) => self.run(next),
+            None => self.state.borrow_mut().look_where_it_goes(),
         }
         self.settle();
         self.state.borrow_mut().drop_unused_streams();
@@ -243,15 +244,14 @@ impl Script {
 
     /// Whether [`run_ready`](Script::run_ready) has something to do at the time of the last call.
     pub fn is_ready(&self) -> bool {
-        let state = self.state.borrow();
-        !state.has_ended() && state.tasks.is_ready()
+        self.state.borrow().is_ready()
     }
 
     /// When [`run_ready`](Script::run_ready) should be called next; in the past when something is
     /// ready. `None`: only an event brings it on.
     pub fn next_deadline(&self) -> Option<Instant> {
         let state = self.state.borrow();
-        if !state.has_ended() && state.tasks.is_ready() {
+        if state.is_ready() {
             return Some(state.now);
         }
         state.next_deadline()
@@ -350,7 +350,7 @@ impl Stage for Empty {
         &self,
         call: &str,
         _: &[serde_json::Value],
-        _: Option<Place>,
+        _: Option<SourceLocation>,
     ) -> Result<serde_json::Value, String> {
         Err(format!("{call} is not possible here"))
     }

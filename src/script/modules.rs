@@ -72,27 +72,55 @@ pub(crate) enum Target {
     File(ModuleName),
 }
 
+/// Why `require` refuses a path or a module; in words for the script's author.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum RequireError {
+    #[error("the path is too long: at most {LONGEST} bytes")]
+    TooLong,
+    #[error(
+        "'{path}': a path begins with ./ or ../, such as require(\"./lib/pid\"), or is one of {known}"
+    )]
+    NoPrefix { path: String, known: String },
+    #[error("'{0}' leaves the behaviour's folder; modules must be in it")]
+    Outside(String),
+    #[error("'{0}' is not a path to a module; use letters, digits, _ and -")]
+    NotAPath(String),
+    #[error("there is no module '{path}'{near} (known: {known})")]
+    Unknown {
+        path: String,
+        near: String,
+        known: String,
+    },
+    #[error("a script may load at most {MAX_MODULES} modules")]
+    TooMany,
+    #[error(
+        "{0}: the modules of a script may have {MAX_BYTES} bytes (1 MiB) together, and have more"
+    )]
+    TooLarge(String),
+    #[error("{0}: modules that need each other: take what both need into a third")]
+    Circle(String),
+    #[error("{0} is the behaviour itself, and not a module")]
+    Main(String),
+}
+
 /// Finds out what a path means in a file of this folder, which is relative to the behaviour's.
-pub(crate) fn resolve(folder: &str, path: &str) -> Result<Target, String> {
+pub(crate) fn resolve(folder: &str, path: &str) -> Result<Target, RequireError> {
     if path.len() > LONGEST {
-        return Err(format!("the path is too long: at most {LONGEST} bytes"));
+        return Err(RequireError::TooLong);
     }
     if path.starts_with('@') {
         return library(path);
     }
     if !path.starts_with("./") && !path.starts_with("../") {
-        let words = "a path begins with ./ or ../, such as require(\"./lib/pid\"), or is one of";
-        let known = names().collect::<Vec<_>>().join(", ");
-        return Err(format!("'{path}': {words} {known}"));
+        let (path, known) = (path.to_owned(), known_names());
+        return Err(RequireError::NoPrefix { path, known });
     }
     let mut segments: Vec<&str> = folder.split('/').filter(|one| !one.is_empty()).collect();
     for segment in path.split('/') {
         match segment {
             "." => {}
             ".." if segments.pop().is_none() => {
-                return Err(format!(
-                    "'{path}' leaves the behaviour's folder; modules must be in it"
-                ));
+                return Err(RequireError::Outside(path.to_owned()));
             }
             ".." => {}
             segment => segments.push(segment),
@@ -103,7 +131,7 @@ pub(crate) fn resolve(folder: &str, path: &str) -> Result<Target, String> {
         .iter()
         .find_map(|ending| name.strip_suffix(ending))
         .unwrap_or(&name);
-    let refused = |_| format!("'{path}' is not a path to a module; use letters, digits, _ and -");
+    let refused = |_| RequireError::NotAPath(path.to_owned());
     Ok(Target::File(name.to_owned().try_into().map_err(refused)?))
 }
 
@@ -111,14 +139,18 @@ fn names() -> impl Iterator<Item = &'static str> {
     stdlib::modules().iter().map(|(name, _)| *name)
 }
 
-fn library(path: &str) -> Result<Target, String> {
+fn known_names() -> String {
+    names().collect::<Vec<_>>().join(", ")
+}
+
+fn library(path: &str) -> Result<Target, RequireError> {
     let found = stdlib::modules().iter().find(|(name, _)| *name == path);
     found
         .map(|(name, source)| Target::Library(name, source))
-        .ok_or_else(|| {
-            let near = suggestion(path, names());
-            let known = names().collect::<Vec<_>>().join(", ");
-            format!("there is no module '{path}'{near} (known: {known})")
+        .ok_or_else(|| RequireError::Unknown {
+            path: path.to_owned(),
+            near: suggestion(path, names()),
+            known: known_names(),
         })
 }
 
@@ -149,7 +181,7 @@ struct Module {
     source: String,
 }
 
-/// Somebody in the first wants the second.
+/// The first module requires the second.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Want {
     from: ModuleId,
@@ -216,9 +248,9 @@ impl Modules {
     }
 
     /// A module of this name, not loaded yet.
-    pub(super) fn add(&mut self, key: &str, progress: Progress) -> Result<ModuleId, String> {
+    pub(super) fn add(&mut self, key: &str, progress: Progress) -> Result<ModuleId, RequireError> {
         if self.all.len() > MAX_MODULES {
-            return Err(format!("a script may load at most {MAX_MODULES} modules"));
+            return Err(RequireError::TooMany);
         }
         let chunk = if key.starts_with(LIBRARY) {
             key.to_owned()
@@ -241,7 +273,11 @@ impl Modules {
     }
 
     /// Takes note of a file's name and size; what messages will call it.
-    pub(super) fn arrived(&mut self, id: ModuleId, file: &ModuleFile) -> Result<String, String> {
+    pub(super) fn arrived(
+        &mut self,
+        id: ModuleId,
+        file: &ModuleFile,
+    ) -> Result<String, RequireError> {
         self.bytes += file.source.len();
         let chunk = format!("{}{}", self.shown, file.file);
         if let Some(module) = self.all.get_mut(id.0) {
@@ -249,9 +285,7 @@ impl Modules {
             module.source = String::from_utf8_lossy(&file.source).into_owned();
         }
         if self.bytes > MAX_BYTES {
-            Err(format!(
-                "{chunk}: the modules of a script may have {MAX_BYTES} bytes (1 MiB) together, and have more"
-            ))
+            Err(RequireError::TooLarge(chunk))
         } else {
             Ok(chunk)
         }
@@ -276,7 +310,7 @@ impl Modules {
         to: ModuleId,
         task: TaskId,
         lives: impl Fn(TaskId) -> bool,
-    ) -> Result<(), String> {
+    ) -> Result<(), RequireError> {
         self.wants.retain(|want| lives(want.task));
         if let Some(chain) = self.chain(to, from, &mut Vec::new()) {
             let names: Vec<&str> = chain
@@ -284,12 +318,10 @@ impl Modules {
                 .chain([&to])
                 .map(|id| self.chunk(*id))
                 .collect();
-            let words = "modules that need each other: take what both need into a third";
-            return Err(format!("{}: {words}", names.join(" -> ")));
+            return Err(RequireError::Circle(names.join(" -> ")));
         }
         if to == MAIN {
-            let main = self.chunk(MAIN);
-            return Err(format!("{main} is the behaviour itself, and not a module"));
+            return Err(RequireError::Main(self.chunk(MAIN).to_owned()));
         }
         let want = Want { from, to, task };
         if !self.wants.contains(&want) {
@@ -342,10 +374,11 @@ mod tests {
     use proptest::prelude::*;
 
     fn file(folder: &str, path: &str) -> Result<String, String> {
-        resolve(folder, path).map(|target| match target {
-            Target::File(name) => name.into(),
-            Target::Library(name, _) => name.to_owned(),
-        })
+        match resolve(folder, path) {
+            Ok(Target::File(name)) => Ok(name.into()),
+            Ok(Target::Library(name, _)) => Ok(name.to_owned()),
+            Err(error) => Err(error.to_string()),
+        }
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! What a script sends out: wishes and log lines, both bounded.
+//! What a script sends out: intents and log lines, both bounded.
 
 use std::time::Duration;
 
@@ -23,7 +23,7 @@ const LONGEST_TEXT: usize = 1024;
 /// What a script sends out.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Output {
-    /// A wish.
+    /// Something that the robot is to do.
     Intent(Intent),
     /// A line for the log.
     Log(LogLine),
@@ -90,7 +90,7 @@ impl LogLine {
 
 /// What waits to be taken.
 #[derive(Debug)]
-pub(super) struct Outbox {
+pub(super) struct OutputQueue {
     waiting: Vec<Output>,
     intents: usize,
     speech: usize,
@@ -103,9 +103,9 @@ pub(super) struct Outbox {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Mark(usize);
 
-impl Outbox {
-    pub(super) fn new(now: Instant) -> Outbox {
-        Outbox {
+impl OutputQueue {
+    pub(super) fn new(now: Instant) -> OutputQueue {
+        OutputQueue {
             waiting: Vec::new(),
             intents: 0,
             speech: 0,
@@ -178,7 +178,7 @@ impl Outbox {
         }
     }
 
-    /// When [`Outbox::unfold`] has something to say.
+    /// When [`OutputQueue::unfold`] has something to say.
     pub(super) fn unfolds_at(&self) -> Option<Instant> {
         (self.folded > 0).then(|| self.window + WINDOW)
     }

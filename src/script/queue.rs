@@ -9,7 +9,7 @@ use tokio::time::Instant;
 
 use super::ids::{SubscriptionId, TaskId, Timer};
 use super::pace::{Pace, SHORTEST_WAIT};
-use super::task::{Answer, Cancel, Handle, Kind, Phase, Status, Task, Wait};
+use super::task::{Answer, Cancel, Handle, Status, Task, TaskKind, TaskPhase, Wait};
 
 /// What a timer is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,7 +76,7 @@ impl Tasks {
     pub(super) fn add(
         &mut self,
         thread: LuaThread,
-        kind: Kind,
+        kind: TaskKind,
         answer: Answer,
         start: Option<Instant>,
         now: Instant,
@@ -93,7 +93,7 @@ impl Tasks {
     fn insert(
         &mut self,
         thread: LuaThread,
-        kind: Kind,
+        kind: TaskKind,
         answer: Answer,
         now: Instant,
     ) -> Rc<Handle> {
@@ -108,7 +108,7 @@ impl Tasks {
         let task = Task {
             thread,
             kind,
-            phase: Phase::Ready(answer),
+            phase: TaskPhase::Ready(answer),
             started: false,
             cancel: Cancel::No,
             timer: None,
@@ -124,7 +124,7 @@ impl Tasks {
     pub(super) fn add_running(
         &mut self,
         thread: LuaThread,
-        kind: Kind,
+        kind: TaskKind,
         answer: Answer,
         now: Instant,
     ) -> TaskId {
@@ -143,7 +143,7 @@ impl Tasks {
     /// A task begins to wait, at most until `deadline`.
     pub(super) fn wait(&mut self, id: TaskId, wait: Wait, deadline: Option<Instant>) {
         if let Some(task) = self.all.get_mut(&id) {
-            task.phase = Phase::Waiting(wait);
+            task.phase = TaskPhase::Waiting(wait);
         }
         if let Some(at) = deadline {
             self.set_timer(id, at, Due::Wait(id));
@@ -155,7 +155,7 @@ impl Tasks {
         let Some(task) = self.all.get_mut(&id) else {
             return;
         };
-        task.phase = Phase::Ready(answer);
+        task.phase = TaskPhase::Ready(answer);
         if let Some(timer) = task.timer.take() {
             self.timers.remove(&timer);
         }
@@ -225,7 +225,7 @@ impl Tasks {
 
     /// The tasks that wait for what `wanted` says, in the order of their making.
     pub(super) fn waiting_for(&self, wanted: impl Fn(&Wait) -> bool) -> Vec<TaskId> {
-        let waits = |task: &Task| matches!(&task.phase, Phase::Waiting(wait) if wanted(wait));
+        let waits = |task: &Task| matches!(&task.phase, TaskPhase::Waiting(wait) if wanted(wait));
         self.all
             .iter()
             .filter(|(_, task)| waits(task))

@@ -2,7 +2,7 @@
 //! that can be decided without running a line of the script.
 //!
 //! The order is the same in every run: tasks become ready in a queue, timers ring by time and then
-//! by age, and whoever waits for the same thing is woken in the order of its making.
+//! by age, and tasks that wait for the same thing wake in the order of their creation.
 
 use mlua::prelude::LuaMultiValue;
 
@@ -13,7 +13,7 @@ use super::motion::Owner;
 use super::output::Level;
 use super::queue::Due;
 use super::state::State;
-use super::task::{Answer, Cancel, Kind, Phase, Status, SubscriptionId, TaskId, Wait};
+use super::task::{Answer, Cancel, Status, SubscriptionId, TaskId, TaskKind, TaskPhase, Wait};
 use crate::robot::{EndReason, Intent};
 
 /// What a cancelled task's wait raises.
@@ -65,7 +65,7 @@ impl State {
 
     /// The time of a wait is over.
     fn time_out(&mut self, id: TaskId) {
-        let Some(Phase::Waiting(wait)) = self.tasks.get(id).map(|task| &task.phase) else {
+        let Some(TaskPhase::Waiting(wait)) = self.tasks.get(id).map(|task| &task.phase) else {
             return;
         };
         let answer = match *wait {
@@ -96,10 +96,10 @@ impl State {
         }
         task.cancel = Cancel::Told;
         match &mut task.phase {
-            Phase::Running => task.cancel = Cancel::Asked,
-            Phase::Ready(_) if !task.started => self.finish(id, Outcome::Cancelled),
-            Phase::Ready(answer) => *answer = Answer::Cancelled,
-            Phase::Waiting(wait) => {
+            TaskPhase::Running => task.cancel = Cancel::Asked,
+            TaskPhase::Ready(_) if !task.started => self.finish(id, Outcome::Cancelled),
+            TaskPhase::Ready(answer) => *answer = Answer::Cancelled,
+            TaskPhase::Waiting(wait) => {
                 let wait = *wait;
                 self.give_up(wait);
                 self.tasks.wake(id, Answer::Cancelled, self.now);
@@ -107,7 +107,7 @@ impl State {
         }
     }
 
-    /// Nobody waits for this any more.
+    /// No task waits for this any more.
     fn give_up(&mut self, wait: Wait) {
         match wait {
             Wait::Motion(motion) if self.motion.current() == Some(motion) => {
@@ -133,14 +133,14 @@ impl State {
             self.tasks.wake(waiter, answer, self.now);
         }
         match (task.kind, outcome) {
-            (Kind::Child(group, index), outcome) => self.child_ended(group, index, outcome),
-            (Kind::Handler(subscription), outcome) => self.handled(subscription, &outcome),
-            (Kind::Main, Outcome::Failed(text)) => self.fail(text),
-            (Kind::Line, outcome) => {
+            (TaskKind::Child(group, index), outcome) => self.child_ended(group, index, outcome),
+            (TaskKind::Handler(subscription), outcome) => self.handled(subscription, &outcome),
+            (TaskKind::Main, Outcome::Failed(text)) => self.fail(text),
+            (TaskKind::Line, outcome) => {
                 let answer = self.evaluated(outcome);
                 self.outbox.answer(answer);
             }
-            (Kind::Spawned | Kind::Farewell, Outcome::Failed(text)) => self.complain(&text),
+            (TaskKind::Spawned | TaskKind::Farewell, Outcome::Failed(text)) => self.complain(&text),
             _ => {}
         }
     }

@@ -5,6 +5,7 @@ use std::rc::Rc;
 
 use tokio::time::Instant;
 
+use super::blockage::Going;
 use super::held::HeldFrame;
 use super::options::Options;
 use super::sighting::Witness;
@@ -18,6 +19,8 @@ pub(super) struct Sight {
     pub(super) eyes: Eyes,
     /// Trackers and motion detectors that live.
     pub(super) watchers: Rc<Cell<u32>>,
+    /// A frame that is still to be looked at for the robot's own movement.
+    pub(super) look: Option<Look>,
     /// Of the last frame that was looked at while the robot turned.
     pub(super) skyline: Option<Skyline>,
     /// When the last frame came during which the tracks turned the robot.
@@ -28,6 +31,15 @@ pub(super) struct Sight {
     pub(super) witness: Option<Witness>,
 }
 
+/// What is to be found out from a frame about the robot's own movement, as things stood when it came.
+pub(super) struct Look {
+    pub(super) held: Rc<HeldFrame>,
+    /// The timed motion that was on.
+    pub(super) going: Option<Going>,
+    /// Radians by which the tracks should have turned the robot since the frame before.
+    pub(super) turn: Option<f64>,
+}
+
 impl Sight {
     pub(super) fn new(options: &Options) -> Sight {
         Sight {
@@ -35,6 +47,7 @@ impl Sight {
             held_bytes: Rc::default(),
             eyes: Eyes::new(options.camera),
             watchers: Rc::default(),
+            look: None,
             skyline: None,
             turned: None,
             damage: Damage::default(),

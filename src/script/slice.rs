@@ -14,7 +14,7 @@ use super::life::Life;
 use super::queue::Ready;
 use super::sandbox;
 use super::scheduler::Outcome;
-use super::task::{Answer, Cancel, Kind, Phase, SubscriptionId, TaskId, Wait};
+use super::task::{Answer, Cancel, SubscriptionId, TaskId, TaskKind, TaskPhase, Wait};
 use crate::robot::EndReason;
 
 /// How a slice ended.
@@ -57,7 +57,7 @@ impl Script {
         let answer = Answer::Deliver(payload);
         let task = state
             .tasks
-            .add_running(thread, Kind::Handler(id), answer, now);
+            .add_running(thread, TaskKind::Handler(id), answer, now);
         if let Some(subscription) = state.subscriptions.get_mut(&id) {
             subscription.busy = Busy::Running(task);
             if subscription.once {
@@ -102,13 +102,13 @@ impl Script {
     fn take_answer(&mut self, id: TaskId) -> Option<(LuaThread, Answer)> {
         let mut state = self.state.borrow_mut();
         let task = state.tasks.get_mut(id)?;
-        if !matches!(task.phase, Phase::Ready(_)) {
+        if !matches!(task.phase, TaskPhase::Ready(_)) {
             return None;
         }
         task.started = true;
-        match std::mem::replace(&mut task.phase, Phase::Running) {
-            Phase::Ready(answer) => Some((task.thread.clone(), answer)),
-            Phase::Waiting(_) | Phase::Running => None,
+        match std::mem::replace(&mut task.phase, TaskPhase::Running) {
+            TaskPhase::Ready(answer) => Some((task.thread.clone(), answer)),
+            TaskPhase::Waiting(_) | TaskPhase::Running => None,
         }
     }
 
@@ -126,7 +126,7 @@ impl Script {
             && thread.status() == ThreadStatus::Resumable
             && yielded.front() != Some(&sandbox::mark())
         {
-            // A yield to nobody: it gets an error at its place.
+            // A yield that no scheduler awaits: an error at its line.
             result = thread.resume::<LuaMultiValue>(sandbox::mark());
         }
         let spent = budget::end();
@@ -186,7 +186,7 @@ impl Script {
         if let Some(words) = state.params.refused.take() {
             return Some(words);
         }
-        let loads = |wait: &Phase| matches!(wait, Phase::Waiting(Wait::Module(_)));
+        let loads = |wait: &TaskPhase| matches!(wait, TaskPhase::Waiting(Wait::Module(_)));
         let loading = matches!(slice, Slice::Waits)
             && state.tasks.get(id).is_some_and(|task| loads(&task.phase));
         let fails = matches!(slice, Slice::Over(Outcome::Failed(_)));
@@ -285,7 +285,9 @@ impl Script {
         if let (Ok(thread), Ok(reason)) = (thread, reason) {
             let values = LuaMultiValue::from_iter([mlua::Value::String(reason)]);
             let start = Answer::Start(values);
-            state.tasks.add(thread, Kind::Farewell, start, None, now);
+            state
+                .tasks
+                .add(thread, TaskKind::Farewell, start, None, now);
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use serde_json::Value;
 
-use super::failure::Place;
+use super::failure::SourceLocation;
 
 /// What a scenario's script asks, by way of `scenario`, `expect` and `sim`.
 pub trait Stage {
@@ -12,5 +12,10 @@ pub trait Stage {
     ///
     /// # Errors
     /// What is wrong with the call, for the script's author; it becomes an error of that line.
-    fn ask(&self, call: &str, arguments: &[Value], place: Option<Place>) -> Result<Value, String>;
+    fn ask(
+        &self,
+        call: &str,
+        arguments: &[Value],
+        place: Option<SourceLocation>,
+    ) -> Result<Value, String>;
 }

@@ -1,16 +1,21 @@
 //! Everything that a script's natives and its scheduler share.
 
+mod delivery;
+mod known;
+mod streams;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 use std::time::Duration;
 
 use tokio::time::Instant;
 
+use self::known::Known;
 use super::album::Album;
 use super::blockage::{Blockage, Going};
 use super::complaints::{Complaints, Telling};
 use super::declaration::Declaration;
-use super::events::{EventName, Loan, Payload, Subscriptions};
+use super::events::{EventName, Payload, Subscriptions};
 use super::group::Group;
 use super::held::HeldFrame;
 use super::life::{Exit, Life};
@@ -18,28 +23,18 @@ use super::modules::Modules;
 use super::motion::{Motion, Owner};
 use super::odometry::{Driver, Odometry, drive_of};
 use super::options::Options;
-use super::output::{Level, LogLine, Outbox};
+use super::output::{Level, LogLine, OutputQueue};
 use super::params::ParamValue;
 use super::queue::Tasks;
 use super::shares::Shares;
-use super::sight::Sight;
+use super::sight::{Look, Sight};
 use super::sighting::{Seen, Sighting};
-use super::sound::Loudness;
 use super::stage::Stage;
 use super::store::Store;
-use super::streams::{Demand, WantedStreams};
-use super::task::{Answer, GroupId, Kind, SubscriptionId, Wait};
-use super::way_back::way_back;
-use crate::robot::{Battery, Event, Frame, Intent, MotionEnd, MotionId, RobotInfo};
+use super::streams::WantedStreams;
+use super::task::{Answer, GroupId, TaskKind, Wait};
+use crate::robot::{Frame, Intent, MotionEnd, MotionId};
 use crate::vision::{FrameError, Skyline, validate_markers};
-use crate::wire::Stream;
-
-/// After so long without a loud sound the next one is another noise.
-const QUIET: Duration = Duration::from_secs(1);
-/// The motors may be heard for so long after the robot has moved.
-const MOTOR: Duration = Duration::from_secs(1);
-/// A sound may be heard for so long after it has begun.
-const SOUND: Duration = Duration::from_secs(5);
 
 /// A turn from one frame to the next that is looked for in the pictures, radians.
 const LEAST_TURN: f64 = 0.02;
@@ -47,51 +42,6 @@ const LEAST_TURN: f64 = 0.02;
 const ROLLING_OUT: Duration = Duration::from_millis(500);
 /// A turn is looked for so far from what is expected, at least; radians.
 const LEAST_REACH: f64 = 0.15;
-
-/// What the script knows of the robot, from the events it was told.
-#[derive(Debug, Default)]
-pub(super) struct Known {
-    pub(super) info: Option<RobotInfo>,
-    pub(super) connected: bool,
-    pub(super) docked: bool,
-    pub(super) battery: Option<(Battery, Instant)>,
-    /// Something moves the robot, be it this script or not.
-    moving: bool,
-}
-
-impl Known {
-    fn note(&mut self, event: &Event, now: Instant) {
-        match event {
-            Event::Connected { info, docked } => {
-                self.info = Some(info.clone());
-                self.connected = true;
-                self.docked = *docked;
-            }
-            Event::Disconnected { .. } => self.connected = false,
-            Event::Battery(battery) | Event::BatteryLow(battery) | Event::BatteryOk(battery) => {
-                self.battery = Some((*battery, now));
-                self.docked |= battery.charging;
-            }
-            Event::Charging { on } => self.docked |= on,
-            Event::Docked => self.docked = true,
-            Event::Undocked => self.docked = false,
-            Event::Moving { on } => self.moving = *on,
-            _ => {}
-        }
-    }
-}
-
-/// Whether an event says that the robot has moved by itself.
-fn shows_motion(event: &Event) -> bool {
-    matches!(
-        event,
-        Event::Moving { .. }
-            | Event::Connected { .. }
-            | Event::Docked
-            | Event::Undocked
-            | Event::BaseNotFound
-    )
-}
 
 /// What a script has used.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -139,14 +89,14 @@ pub(super) struct State {
     /// Whom a script asks that drives no robot.
     pub(super) stage: Option<Rc<dyn Stage>>,
     pub(super) params: Declared,
-    pub(super) outbox: Outbox,
+    pub(super) outbox: OutputQueue,
     pub(super) life: Life,
     pub(super) exit: Exit,
     /// No coroutine of the running task stands where it cannot yield.
     pub(super) can_wait: bool,
     pub(super) usage: Usage,
     pub(super) last_call: u64,
-    /// When the robot last moved, whoever moved it.
+    /// When the robot last moved, for any reason.
     moved: Option<Instant>,
     /// When it was last loud.
     loud: Option<Instant>,
@@ -191,7 +141,7 @@ impl State {
             modules,
             stage: None,
             params: Declared::default(),
-            outbox: Outbox::new(now),
+            outbox: OutputQueue::new(now),
             life: Life::Running,
             exit: Exit::default(),
             can_wait: true,
@@ -215,77 +165,30 @@ impl State {
         self.outbox.unfold(self.now);
     }
 
-    /// Whether the robot has moved within the last `time`, whoever moved it.
+    /// Whether the robot has moved within the last `time`, for any reason.
     pub(super) fn has_moved_within(&self, time: Duration) -> bool {
         let lately = |at: Instant| self.now.saturating_duration_since(at) < time;
         self.motion.is_on() || self.known.moving || self.moved.is_some_and(lately)
     }
 
-    /// Takes note of an event and hands it on.
-    pub(super) fn deliver(&mut self, event: Event) {
-        self.known.note(&event, self.now);
-        if shows_motion(&event) {
-            self.moved = Some(self.now);
-        }
-        if event == Event::Sounding {
-            self.sounded = Some(self.now);
-        }
-        match event {
-            Event::MotionEnded { motion, end } => {
-                self.motion.ended(motion);
-                self.answer(Wait::Motion(motion), || Answer::Motion(end));
-            }
-            Event::DockEnded {
-                call,
-                end,
-                attempts,
-                took,
-            } => self.answer(Wait::Dock(call), || Answer::Dock {
-                end,
-                attempts,
-                took,
-            }),
-            Event::UndockEnded { call, end } => {
-                self.answer(Wait::Undock(call), || Answer::Undock(end));
-            }
-            Event::Audio(ref samples) => {
-                self.hear(samples);
-                self.publish(EventName::Audio, Payload::Event(Rc::new(event)));
-            }
-            Event::Loan {
-                seconds,
-                power,
-                low_for,
-                way,
-            } => {
-                let calibration = self.options.calibration;
-                let loan = Loan {
-                    seconds,
-                    power,
-                    low_for,
-                    way_back: way.map(|way| way_back(&way, calibration)),
-                };
-                self.publish(EventName::Loan, Payload::Loan(Rc::new(loan)));
-            }
-            event => {
-                if let Some(name) = EventName::of(&event) {
-                    self.publish(name, Payload::Event(Rc::new(event)));
-                }
-            }
-        }
-    }
-
-    /// The newest frame takes the place of those that nobody has looked at. One that its markers
+    /// The newest frame replaces those that no handler has taken. One that its markers
     /// already give away as no picture is counted and goes no further.
     pub(super) fn deliver_frame(&mut self, frame: Frame) {
+        // A script that is always busy: the last frame before its memory is taken.
+        self.look_where_it_goes();
         let size = match validate_markers(&frame.jpeg) {
             Ok(size) => size,
             Err(error) => return self.note_damage(frame.seq, &error),
         };
         let held = Rc::new(HeldFrame::new(frame, size, &self.sight.held_bytes));
         self.sight.newest = Some(Rc::clone(&held));
-        self.look_where_it_goes(&held);
+        self.plan_look(&held);
         self.publish(EventName::Frame, Payload::Frame(held));
+    }
+
+    /// Whether a task can run, or a frame is to be looked at for the robot's own movement.
+    pub(super) fn is_ready(&self) -> bool {
+        !self.has_ended() && (self.tasks.is_ready() || self.sight.look.is_some())
     }
 
     /// What drives the robot, as far as the script knows.
@@ -299,8 +202,9 @@ impl State {
         }
     }
 
-    /// While the script drives for a time, its pictures tell whether the robot turns, and whether it moves.
-    fn look_where_it_goes(&mut self, held: &HeldFrame) {
+    /// While the script drives for a time, its pictures tell whether the robot turns, and whether it moves:
+    /// after the script's own handlers, whose answer does not wait for that.
+    fn plan_look(&mut self, held: &Rc<HeldFrame>) {
         let at = held.frame().at;
         self.odometry.mark(at);
         let calibration = self.options.calibration;
@@ -319,12 +223,21 @@ impl State {
         if going.is_none() && turn.is_none() {
             return self.sight.skyline = None;
         }
-        let camera = self.options.camera;
-        let Ok(image) = self.sight.eyes.look(held.frame().seq, &held.frame().jpeg) else {
+        let held = Rc::clone(held);
+        self.sight.look = Some(Look { held, going, turn });
+    }
+
+    /// Looks at the last frame as planned, once.
+    pub(super) fn look_where_it_goes(&mut self) {
+        let Some(Look { held, going, turn }) = self.sight.look.take() else {
+            return;
+        };
+        let (camera, frame) = (self.options.camera, held.frame());
+        let Ok(image) = self.sight.eyes.look(frame.seq, &frame.jpeg) else {
             return;
         };
         let skyline = Skyline::of(image, camera);
-        let held_since = going.and_then(|going| self.blockage.look(image, at, camera, going));
+        let held_since = going.and_then(|going| self.blockage.look(image, frame.at, camera, going));
         if let (Some(turn), Some(before)) = (turn, &self.sight.skyline) {
             let reach = (turn.abs() * 0.6).max(LEAST_REACH);
             if let Some(seen) = skyline.turned_since(before, turn, reach) {
@@ -332,12 +245,17 @@ impl State {
             }
         }
         self.sight.skyline = Some(skyline);
-        if let (Some(since), Some(going)) = (held_since, going) {
+        if let (Some(since), Some(going)) = (held_since, going)
+            && self
+                .motion
+                .timed()
+                .is_some_and(|(motion, ..)| motion == going.motion)
+        {
             self.end_blocked(going.motion, since);
         }
     }
 
-    /// A motion leads nowhere: the tracks rest, and whoever waits for its end is told why.
+    /// A motion leads nowhere: the tracks rest, and the waiting call returns the reason.
     fn end_blocked(&mut self, motion: MotionId, since: Instant) {
         self.odometry.rewind(since);
         self.motion.ended(motion);
@@ -358,70 +276,6 @@ impl State {
         let busy = !self.has_ended() && self.tasks.is_ready();
         let witness = self.sight.witness.as_mut()?;
         witness.take_if(|sighting| !busy || newest != Some(sighting.frame.seq))
-    }
-
-    fn hear(&mut self, samples: &[u8]) {
-        if self.is_heard(EventName::Noise) {
-            let dbfs = Loudness::of(samples).dbfs();
-            if dbfs > self.options.limits.noise_dbfs && self.becomes_loud() {
-                let own = self.may_hear_itself();
-                self.publish(EventName::Noise, Payload::Noise { dbfs, own });
-            }
-        }
-    }
-
-    /// It is loud now; whether it was quiet before. A bell is one noise, however long it rings, and so are
-    /// the motors that a script starts because of it.
-    fn becomes_loud(&mut self) -> bool {
-        let before = self.loud.replace(self.now);
-        before.is_none_or(|at| self.now.saturating_duration_since(at) >= QUIET)
-    }
-
-    /// Whether what is heard may be the robot's own motors or loudspeaker.
-    fn may_hear_itself(&self) -> bool {
-        let lately = |at: Instant| self.now.saturating_duration_since(at) < SOUND;
-        self.has_moved_within(MOTOR) || self.sounded.is_some_and(lately)
-    }
-
-    /// Whether anyone listens to this event or waits for it.
-    pub(super) fn is_heard(&self, name: EventName) -> bool {
-        let listens = self.subscriptions.values().any(|one| one.event == name);
-        listens
-            || !self
-                .tasks
-                .waiting_for(|wait| *wait == Wait::Event(name))
-                .is_empty()
-    }
-
-    /// Wakes those who wait for exactly this.
-    pub(super) fn answer(&mut self, awaited: Wait, answer: impl Fn() -> Answer) {
-        for id in self.tasks.waiting_for(|wait| *wait == awaited) {
-            self.tasks.wake(id, answer(), self.now);
-        }
-    }
-
-    fn publish(&mut self, name: EventName, payload: Payload) {
-        self.answer(Wait::Event(name), || Answer::Event(payload.clone()));
-        let listeners: Vec<SubscriptionId> = self
-            .subscriptions
-            .iter()
-            .filter(|(_, one)| one.event == name)
-            .map(|(id, _)| *id)
-            .collect();
-        for id in listeners {
-            let dropped = self
-                .subscriptions
-                .get_mut(&id)
-                .and_then(|one| one.push(payload.clone()));
-            if let Some(count) = dropped {
-                let name = name.name();
-                self.log(
-                    Level::Warn,
-                    &format!("'{name}' events come faster than they are handled: {count} dropped"),
-                );
-            }
-            self.schedule(id);
-        }
     }
 
     /// Writes a line of the runtime's own into the script's log.
@@ -461,8 +315,8 @@ impl State {
     pub(super) fn owner(&mut self) -> Option<Owner> {
         let task = self.tasks.running()?;
         Some(match task.kind {
-            Kind::Handler(id) => Owner::Subscription(id),
-            Kind::Line => Owner::Lines,
+            TaskKind::Handler(id) => Owner::Subscription(id),
+            TaskKind::Line => Owner::Lines,
             _ => Owner::Task(task.handle.id),
         })
     }
@@ -472,48 +326,6 @@ impl State {
         if let Some(motion) = self.motion.release(owner) {
             self.outbox.send(Intent::Release { motion });
         }
-    }
-
-    /// Switches a stream on unless it is, or must stay off: then it says so.
-    pub(super) fn want(&mut self, stream: Stream, by: Demand) -> Result<(), String> {
-        if let Some(why) = self.options.streams.refusal(stream) {
-            return Err(why);
-        }
-        if self.streams.want(stream, by, self.now) {
-            self.outbox.send(Intent::Stream { stream, on: true });
-        }
-        Ok(())
-    }
-
-    /// Whether anything listens to a stream or waits for it.
-    fn is_used(&self, stream: Stream) -> bool {
-        let mut events = EventName::ALL.iter().copied();
-        events.any(|event| event.stream() == Some(stream) && self.is_heard(event))
-    }
-
-    /// Before anything happens: what listens to a stream now still uses it.
-    fn note_used_streams(&mut self) {
-        for stream in self.streams.lent() {
-            if self.is_used(stream) {
-                self.streams.note_use(stream, self.now);
-            }
-        }
-    }
-
-    /// Switches off the streams that nothing has used for a while.
-    pub(super) fn drop_unused_streams(&mut self) {
-        for stream in self.streams.lent() {
-            if !self.is_used(stream) && self.streams.drop_if_unused(stream, self.now) {
-                self.outbox.send(Intent::Stream { stream, on: false });
-            }
-        }
-    }
-
-    /// When the next stream is switched off because nothing uses it.
-    fn next_stream_end(&self) -> Option<Instant> {
-        let unused = |stream: &Stream| !self.is_used(*stream);
-        let lent = self.streams.lent().into_iter().filter(unused);
-        lent.filter_map(|stream| self.streams.end_of(stream)).min()
     }
 
     /// A number for a docking or undocking.

@@ -48,7 +48,7 @@ pub(super) struct Handle {
 
 /// What a task is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum TaskKind {
     /// The file itself.
     Main,
     /// `task.spawn`, `task.delay`, `task.every`, `robot.blink`.
@@ -122,7 +122,7 @@ pub(super) enum Answer {
 }
 
 /// Waits, or will run.
-pub(super) enum Phase {
+pub(super) enum TaskPhase {
     Ready(Answer),
     Waiting(Wait),
     Running,
@@ -131,8 +131,8 @@ pub(super) enum Phase {
 /// One coroutine of the script that the scheduler knows.
 pub(super) struct Task {
     pub(super) thread: LuaThread,
-    pub(super) kind: Kind,
-    pub(super) phase: Phase,
+    pub(super) kind: TaskKind,
+    pub(super) phase: TaskPhase,
     pub(super) started: bool,
     pub(super) cancel: Cancel,
     pub(super) timer: Option<Timer>,

@@ -13,32 +13,32 @@ const STEP: f64 = 0.05;
 
 /// Metres: `x` ahead of the robot, `y` to its left.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Place {
+pub(super) struct Waypoint {
     pub(super) x: f64,
     pub(super) y: f64,
 }
 
-impl Place {
-    fn distance(self, other: Place) -> f64 {
+impl Waypoint {
+    fn distance(self, other: Waypoint) -> f64 {
         (self.x - other.x).hypot(self.y - other.y)
     }
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Pose {
-    at: Place,
+    at: Waypoint,
     /// Radians, to the left.
     heading: f64,
 }
 
 /// The places from where the robot stands to where the strokes began, the nearest first; loops are left
 /// out. Without a stroke that leads anywhere: none.
-pub(super) fn way_back(strokes: &[Stroke], calibration: Calibration) -> Vec<Place> {
+pub(super) fn way_back(strokes: &[Stroke], calibration: Calibration) -> Vec<Waypoint> {
     let poses = walk(strokes, calibration);
     let Some(&now) = poses.last() else {
         return vec![];
     };
-    let mut way: Vec<Place> = Vec::new();
+    let mut way: Vec<Waypoint> = Vec::new();
     for pose in poses.iter().rev() {
         let place = seen_from(now, pose.at);
         if let Some(crossed) = way.iter().position(|old| old.distance(place) < CROSSING) {
@@ -58,7 +58,7 @@ pub(super) fn way_back(strokes: &[Stroke], calibration: Calibration) -> Vec<Plac
 /// All poses on the way, the oldest first.
 fn walk(strokes: &[Stroke], calibration: Calibration) -> Vec<Pose> {
     let mut pose = Pose {
-        at: Place { x: 0.0, y: 0.0 },
+        at: Waypoint { x: 0.0, y: 0.0 },
         heading: 0.0,
     };
     let mut poses = vec![pose];
@@ -70,7 +70,7 @@ fn walk(strokes: &[Stroke], calibration: Calibration) -> Vec<Pose> {
         for _ in 0..steps as usize {
             let (way, heading) = ((left + right) / 2.0, pose.heading + turn / 2.0);
             pose = Pose {
-                at: Place {
+                at: Waypoint {
                     x: pose.at.x + way * heading.cos(),
                     y: pose.at.y + way * heading.sin(),
                 },
@@ -82,10 +82,10 @@ fn walk(strokes: &[Stroke], calibration: Calibration) -> Vec<Pose> {
     poses
 }
 
-fn seen_from(pose: Pose, place: Place) -> Place {
+fn seen_from(pose: Pose, place: Waypoint) -> Waypoint {
     let (x, y) = (place.x - pose.at.x, place.y - pose.at.y);
     let (sin, cos) = pose.heading.sin_cos();
-    Place {
+    Waypoint {
         x: x * cos + y * sin,
         y: y * cos - x * sin,
     }
@@ -187,7 +187,7 @@ mod tests {
             let poses = walk(&strokes, CALIBRATION);
             let began = seen_from(*poses.last().unwrap(), poses[0].at);
             let places = way_back(&strokes, CALIBRATION);
-            let last = places.last().copied().unwrap_or(Place { x: 0.0, y: 0.0 });
+            let last = places.last().copied().unwrap_or(Waypoint { x: 0.0, y: 0.0 });
             prop_assert!(last.distance(began) < CROSSING + SPACING);
             for (index, place) in places.iter().enumerate() {
                 for other in &places[..index] {

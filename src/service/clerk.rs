@@ -6,42 +6,25 @@ use std::convert::Infallible;
 use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
-use tokio::task::JoinSet;
 use tokio::time::{Instant, sleep};
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
 
 use super::idle::{self, IdleRobot, Wish};
+use super::orders::{Orders, Outcome};
 use super::record::is_news;
 use super::{Duties, Listeners, Reload, View, words};
-use crate::agent::{Docked, Member, MemberState, Occurrence, Roster, RosterError, Seat, SeatError};
+use crate::agent::{Member, MemberState, Occurrence, Roster, RosterError};
 use crate::clock::{self, Clock};
 use crate::pilot::{LinkState, Status};
-use crate::robot::channel::{Quiet, Request, Role};
-use crate::robot::{BehaviourId, DockPlan, Priority};
+use crate::robot::channel::{Quiet, Request};
 use crate::timetable::{Act, Facts, Planner, Record, Told};
 
-/// The seat from which an idle robot is sent home; behind the persons', before the rescue behaviour's.
-const ME: BehaviourId = BehaviourId(0xFFFD);
-/// Behind everybody.
-const LAST: Priority = Priority(i16::MIN);
 /// The longest pause between two looks.
 const LONGEST: Duration = Duration::from_secs(15);
 
-/// What was ordered, and how that went.
-#[derive(Debug)]
-enum Outcome {
-    /// A start.
-    Started(String, Result<(), RosterError>),
-    /// A stop or a restart.
-    Changed(String, Result<(), RosterError>),
-    /// An idle robot was sent home.
-    Home(Result<Docked, SeatError>),
-}
-
 /// See the module.
 pub(super) struct Clerk {
-    roster: Roster,
     members: watch::Receiver<Vec<Member>>,
     requests: mpsc::Sender<Request>,
     status: watch::Receiver<Status>,
@@ -49,9 +32,7 @@ pub(super) struct Clerk {
     planner: Planner,
     duties: Duties,
     idle: IdleRobot,
-    orders: JoinSet<Outcome>,
-    /// Given and not answered yet, by name.
-    ordered: BTreeSet<String>,
+    orders: Orders,
     /// Those that run or are about to, when it was looked last.
     running: BTreeSet<String>,
     /// Those that run always and were not started yet.
@@ -77,7 +58,6 @@ impl Clerk {
     ) -> Clerk {
         Clerk {
             members: roster.members(),
-            roster,
             requests,
             status,
             clock,
@@ -85,8 +65,7 @@ impl Clerk {
             idle: IdleRobot::new(duties.idle),
             waiting: duties.always.iter().cloned().collect(),
             duties,
-            orders: JoinSet::new(),
-            ordered: BTreeSet::new(),
+            orders: Orders::new(roster),
             running: BTreeSet::new(),
             way_home: None,
             quiet: Quiet::Off,
@@ -110,12 +89,7 @@ impl Clerk {
             tokio::select! {
                 biased;
                 () = stop.cancelled() => std::future::pending().await,
-                Some(done) = self.orders.join_next() => {
-                    // One that was called off says nothing.
-                    if let Ok(outcome) = done {
-                        self.done(outcome);
-                    }
-                }
+                Some(outcome) = self.orders.next() => self.done(outcome),
                 Some(reload) = reloads.recv() => self.reload(reload).await,
                 Ok(()) = self.members.changed() => {}
                 Ok(()) = self.status.changed() => {}
@@ -145,7 +119,7 @@ impl Clerk {
         self.complain_of_clock(now);
         let facts = idle::Facts {
             now: at,
-            busy: !running.is_empty() || !self.ordered.is_empty() || self.planner.is_due(),
+            busy: !running.is_empty() || !self.orders.is_empty() || self.planner.is_due(),
             link: status.link,
             docked: status.docked,
             low: status.low,
@@ -167,7 +141,7 @@ impl Clerk {
         let running: BTreeSet<String> = running.map(|one| one.name.clone()).collect();
         drop(members);
         for name in self.running.difference(&running) {
-            if !self.ordered.contains(name) {
+            if !self.orders.has(name) {
                 self.planner.ended(name);
             }
         }
@@ -177,10 +151,13 @@ impl Clerk {
 
     /// As soon as the robot is there.
     fn begin_always(&mut self, up: bool) {
-        let waiting = self.waiting.difference(&self.ordered).cloned();
-        let waiting: Vec<String> = waiting.filter(|_| up).collect();
+        let waiting = self
+            .waiting
+            .iter()
+            .filter(|name| up && !self.orders.has(name));
+        let waiting: Vec<String> = waiting.cloned().collect();
         for name in waiting {
-            self.start(name);
+            self.orders.start(name);
         }
     }
 
@@ -212,16 +189,11 @@ impl Clerk {
                         "starts by the timetable, planned for {planned}"
                     ),
                 }
-                self.start(run);
+                self.orders.start(run);
             }
             Act::End { run } => {
                 info!(behaviour = run, "its time is over");
-                self.ordered.insert(run.clone());
-                let roster = self.roster.clone();
-                self.orders.spawn(async move {
-                    let stopped = roster.stop(&run).await;
-                    Outcome::Changed(run, stopped)
-                });
+                self.orders.stop(run);
             }
             Act::Tell(told) => self.tell(&told),
         }
@@ -251,15 +223,6 @@ impl Clerk {
         }
     }
 
-    fn start(&mut self, run: String) {
-        self.ordered.insert(run.clone());
-        let roster = self.roster.clone();
-        self.orders.spawn(async move {
-            let started = roster.start(&run).await;
-            Outcome::Started(run, started)
-        });
-    }
-
     fn grant(&mut self, wish: Wish) {
         match wish {
             Wish::Take => self.ask(Request::Release(false)),
@@ -271,11 +234,7 @@ impl Clerk {
             }
             Wish::Dock => {
                 info!("nothing runs and the robot is off its station: it is sent there");
-                let requests = self.requests.clone();
-                let way = self
-                    .orders
-                    .spawn(async move { Outcome::Home(send_home(requests).await) });
-                self.way_home = Some(way);
+                self.way_home = Some(self.orders.send_home(self.requests.clone()));
             }
         }
     }
@@ -290,7 +249,6 @@ impl Clerk {
     fn done(&mut self, outcome: Outcome) {
         match outcome {
             Outcome::Started(run, started) => {
-                self.ordered.remove(&run);
                 let later = matches!(started, Err(RosterError::Offline | RosterError::Busy));
                 if later && self.waiting.contains(&run) {
                     return;
@@ -305,18 +263,12 @@ impl Clerk {
                 }
             }
             Outcome::Changed(run, changed) => {
-                self.ordered.remove(&run);
                 match changed {
                     Ok(()) | Err(RosterError::DoesNotRun(_)) => {}
                     Err(why) => error!(behaviour = run, "{why}"),
                 }
-                if !self
-                    .roster
-                    .members()
-                    .borrow()
-                    .iter()
-                    .any(|one| one.name == run && one.state != MemberState::Idle)
-                {
+                let runs = |one: &Member| one.name == run && one.state != MemberState::Idle;
+                if !self.members.borrow().iter().any(runs) {
                     self.planner.ended(&run);
                 }
             }
@@ -334,7 +286,7 @@ impl Clerk {
     /// What did not change goes on.
     async fn reload(&mut self, reload: Reload) {
         let Reload { duties, changed } = reload;
-        if let Err(why) = self.roster.define(duties.blueprints.clone()).await {
+        if let Err(why) = self.orders.define(duties.blueprints.clone()).await {
             return error!("the new settings are not taken: {why}");
         }
         let known: BTreeSet<&str> = duties.blueprints.iter().map(|one| one.name()).collect();
@@ -343,15 +295,10 @@ impl Clerk {
             if !gone && !changed.contains(&run) {
                 continue;
             }
-            self.ordered.insert(run.clone());
-            let roster = self.roster.clone();
-            self.orders.spawn(async move {
-                let done = match gone {
-                    true => roster.stop(&run).await,
-                    false => roster.restart(&run).await,
-                };
-                Outcome::Changed(run, done)
-            });
+            match gone {
+                true => self.orders.stop(run),
+                false => self.orders.restart(run),
+            }
         }
         let before = std::mem::replace(&mut self.duties, duties);
         let always = &self.duties.always;
@@ -370,8 +317,7 @@ impl Clerk {
             return;
         };
         let record = self.planner.record();
-        if is_news(self.kept.as_ref(), &record) {
-            file.keep(record.clone());
+        if is_news(self.kept.as_ref(), &record) && file.keep(record.clone()) {
             self.kept = Some(record);
         }
     }
@@ -396,10 +342,4 @@ impl Clerk {
             self.said = text;
         }
     }
-}
-
-/// Gives way to everybody. Dropping it is giving up.
-async fn send_home(requests: mpsc::Sender<Request>) -> Result<Docked, SeatError> {
-    let seat = Seat::join(requests, ME, "an idle robot", LAST, Role::Person).await;
-    seat?.dock(DockPlan::DEFAULT).await
 }

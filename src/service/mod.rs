@@ -8,6 +8,7 @@
 mod clerk;
 mod herald;
 mod idle;
+mod orders;
 mod record;
 mod unit;
 mod words;
@@ -27,6 +28,7 @@ use crate::agent::{Agent, AgentError, Blueprint, Bus, Outcome};
 use crate::clock::{Clock, is_plausible};
 use crate::pilot::Status;
 use crate::robot::channel::Quiet;
+pub use crate::timetable::View;
 use crate::timetable::{Planner, Record, Timetable};
 
 /// What a service does: all that a reload may change.
@@ -74,22 +76,6 @@ pub struct Reload {
     pub duties: Duties,
     /// Behaviours of which something has changed: those that run are restarted.
     pub changed: Vec<String>,
-}
-
-/// What a service will do, and does now.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct View {
-    /// The next start of the timetable: when, and the behaviour.
-    pub next: Option<(Timestamp, String)>,
-    /// It is a quiet hour.
-    pub quiet: bool,
-}
-
-impl View {
-    /// Where a service tells, and where that is seen.
-    pub fn channel() -> (watch::Sender<View>, watch::Receiver<View>) {
-        watch::channel(View::default())
-    }
 }
 
 /// Who is told by the clerk.

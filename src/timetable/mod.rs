@@ -6,14 +6,20 @@
 //! been changed; on a day on which it is put back, a time that comes twice counts once, the first time.
 //! A pattern that names no hours (`*/15 * * * *`) counts intervals: it goes on through both changes.
 
+mod act;
 mod outlook;
 mod pattern;
 mod planner;
 mod quiet;
+mod record;
 mod rule;
+mod view;
 
+pub use act::{Act, Told};
 pub use outlook::{Outlook, Reason, outlook};
 pub use pattern::Pattern;
-pub use planner::{Act, Facts, Planner, Record, Told, UnderWay};
+pub use planner::{Facts, Planner};
 pub use quiet::Quiet;
+pub use record::{Record, UnderWay};
 pub use rule::{Rule, Timetable};
+pub use view::View;

@@ -4,10 +4,11 @@
 use std::time::Duration;
 
 use jiff::{SignedDuration, Timestamp};
-use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
-use super::Timetable;
+use super::act::{Act, Told};
+use super::record::{Record, UnderWay};
+use super::rule::Timetable;
 use crate::clock::is_plausible;
 
 /// A start this late is still in time: the service looks at the clock several times a minute.
@@ -32,89 +33,15 @@ pub struct Facts<'a> {
     pub running: &'a [String],
 }
 
-/// What is to be done.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Act {
-    /// Start a behaviour. How that went is told by [`Planner::ended`], if it failed.
-    Start {
-        /// Which.
-        run: String,
-        /// When that was planned.
-        planned: Timestamp,
-        /// It will be ended after this.
-        lasts: Option<Duration>,
-        /// It was under way when the program ended.
-        resumed: bool,
-    },
-    /// End a behaviour: its time is over.
-    End {
-        /// Which.
-        run: String,
-    },
-    /// Tell a person.
-    Tell(Told),
-}
-
-/// What a person should know.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Told {
-    /// A start was missed: the program did not run then.
-    Missed {
-        /// Which behaviour.
-        run: String,
-        /// The newest that was missed.
-        planned: Timestamp,
-        /// How many.
-        count: usize,
-    },
-    /// A start was missed: there was no robot until it was too late.
-    NoRobot {
-        /// Which behaviour.
-        run: String,
-        /// When that was planned.
-        planned: Timestamp,
-    },
-    /// A start is refused: the behaviour still runs.
-    Overlap {
-        /// Which behaviour.
-        run: String,
-        /// When that was planned.
-        planned: Timestamp,
-    },
-    /// The clock was set, by so many seconds.
-    ClockSet {
-        /// Negative: back.
-        seconds: i64,
-    },
-}
-
-/// What a program that starts must know of the one before.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Record {
-    /// Starts up to here are dealt with; seconds since 1970.
-    pub looked: Option<i64>,
-    /// What was started and has not ended.
-    pub under_way: Vec<UnderWay>,
-}
-
-/// A run that the timetable has started.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct UnderWay {
-    /// Which behaviour.
-    pub run: String,
-    /// When that was planned; seconds since 1970.
-    pub planned: i64,
-    /// When it is to be ended; seconds since 1970.
-    pub until: Option<i64>,
-}
-
 /// A start whose time has come.
 #[derive(Debug, Clone)]
 struct Due {
     run: String,
     planned: Timestamp,
     lasts: Option<Duration>,
+    /// It was under way before, and its time may be over already when there is a robot again.
     resumed: bool,
+    over: Option<Instant>,
 }
 
 /// One that the timetable has started.
@@ -248,7 +175,7 @@ impl Planner {
     fn see_clock(&mut self, facts: Facts<'_>, acts: &mut Vec<Act>) -> bool {
         let seen = self.seen.replace((facts.now, facts.at));
         let (Some((before, at)), Some(looked)) = (seen, self.looked) else {
-            self.begin(facts.now);
+            self.begin(facts);
             return true;
         };
         let passed = SignedDuration::try_from(facts.at.saturating_duration_since(at));
@@ -265,7 +192,8 @@ impl Planner {
     }
 
     /// The first look at a clock.
-    fn begin(&mut self, now: Timestamp) {
+    fn begin(&mut self, facts: Facts<'_>) {
+        let now = facts.now;
         let earliest = now
             .checked_sub(self.table.catch_up.get())
             .unwrap_or(Timestamp::MIN);
@@ -290,6 +218,7 @@ impl Planner {
                 planned,
                 lasts,
                 resumed: true,
+                over: lasts.map(|lasts| facts.at + lasts),
             });
         }
     }
@@ -338,6 +267,7 @@ impl Planner {
                     planned,
                     lasts: rule.lasts.map(|lasts| lasts.get()),
                     resumed: false,
+                    over: None,
                 });
             }
         }
@@ -354,7 +284,14 @@ impl Planner {
     }
 
     fn start_due(&mut self, facts: Facts<'_>, acts: &mut Vec<Act>) {
-        for due in std::mem::take(&mut self.due) {
+        for mut due in std::mem::take(&mut self.due) {
+            if let Some(over) = due.over {
+                let left = over.saturating_duration_since(facts.at);
+                if left.is_zero() {
+                    continue;
+                }
+                due.lasts = Some(left);
+            }
             let Due { run, planned, .. } = due.clone();
             let busy = facts.running.contains(&run);
             let busy = busy || self.started.iter().any(|one| one.run == run);
@@ -378,6 +315,7 @@ impl Planner {
             planned,
             lasts,
             resumed,
+            ..
         } = due;
         let until = lasts.map(|lasts| {
             let shown = facts.now.checked_add(lasts).unwrap_or(Timestamp::MAX);

@@ -19,6 +19,7 @@ mod damage;
 mod drawing;
 mod eyes;
 mod finders;
+mod growth;
 mod jpeg;
 mod line;
 mod motion;
@@ -31,7 +32,10 @@ mod turn;
 mod vectors;
 
 pub use blobs::{Blob, BlobFinder, BlobOptions};
-pub use calibration::{Board, Calibrated, CalibrationError, Sighting, calibrate, find_chessboard};
+pub use calibration::{
+    Board, Calibrated, CalibrationError, DistanceError, Measure, Sighting, calibrate,
+    field_of_view, find_chessboard,
+};
 pub use camera::{Camera, Direction};
 pub use colour::learn::{LearnRefusal, Learned, learn};
 pub use colour::palette::{MAX_COLOURS, Palette};
@@ -40,6 +44,7 @@ pub use damage::Damage;
 pub use drawing::annotate::{Mark, annotate, annotate_enlarged};
 pub use eyes::Eyes;
 pub use finders::{MAX_FILLED, MAX_FINDERS, MAX_STEPS, QrWork};
+pub use growth::{Breadth, Growth};
 pub use jpeg::decoder::Decoder;
 pub use jpeg::encoder::{Encoder as JpegEncoder, Subsampling};
 pub use jpeg::frame::{FrameError, MAX_JPEG_LEN, validate_markers};

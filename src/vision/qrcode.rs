@@ -2,11 +2,17 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use image::imageops::{self, FilterType};
+use image::{GrayImage, Luma};
+
 use super::finders::{Bitmap, QrWork};
 use crate::vision::picture::image::Image;
 
 /// Most codes of one picture that are read.
 pub const MAX_CODES: usize = 8;
+
+/// Wider pictures are not enlarged.
+const WIDEST_ENLARGED: u32 = 400;
 
 /// A QR code that could be read.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -31,13 +37,37 @@ pub fn find_qrcodes_counting(image: &Image) -> (Vec<QrCode>, QrWork) {
     read.ok().flatten().unwrap_or_default()
 }
 
+/// Once as it is; and once more twice as large if there are squares of a code, but too small to be read.
 fn search(image: &Image) -> Option<(Vec<QrCode>, QrWork)> {
     let size = image.size();
     if size.width == 0 || size.height == 0 {
         return None;
     }
-    let (width, height) = (size.width as usize, size.height as usize);
-    let grey = |x: usize, y: usize| image.luma_row(y as u32)[x];
+    let grey = |x: u32, y: u32| Luma([image.luma_row(y)[x as usize]]);
+    let picture = GrayImage::from_fn(size.width, size.height, grey);
+    let (codes, work) = search_in(&picture)?;
+    if !codes.is_empty() || work.finders == 0 || size.width > WIDEST_ENLARGED {
+        return Some((codes, work));
+    }
+    let (width, height) = (2 * size.width, 2 * size.height);
+    let enlarged = imageops::resize(&picture, width, height, FilterType::CatmullRom);
+    let Some((mut codes, again)) = search_in(&enlarged) else {
+        return Some((codes, work));
+    };
+    let corners = codes.iter_mut().flat_map(|code| &mut code.corners);
+    corners.flatten().for_each(|place| *place /= 2);
+    let work = QrWork {
+        finders: work.finders.max(again.finders),
+        filled: work.filled.max(again.filled),
+        steps: work.steps.max(again.steps),
+        decoded: work.decoded.max(again.decoded),
+    };
+    Some((codes, work))
+}
+
+fn search_in(picture: &GrayImage) -> Option<(Vec<QrCode>, QrWork)> {
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let grey = |x: usize, y: usize| picture.get_pixel(x as u32, y as u32).0[0];
     let prepared = rqrr::PreparedImage::prepare_from_greyscale(width, height, grey);
     let mut bitmap = Bitmap::new(width, height, |x, y| prepared.get_pixel_at(x, y) != 0u8);
     let mut work = bitmap.tame()?;

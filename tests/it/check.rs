@@ -61,14 +61,17 @@ fn findings_come_as_json_too_and_files_that_cannot_be_read_end_in_2() {
     assert_eq!(output.status.code(), Some(4));
 }
 
+/// A file of a folder with this text.
+fn written(folder: &Path, name: &str, text: &str) -> String {
+    let path = folder.join(name);
+    std::fs::write(&path, text).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
 #[test]
 fn the_colours_of_the_config_are_known() {
     let folder = tempfile::tempdir().unwrap();
-    let file = |name: &str, text: &str| {
-        let path = folder.path().join(name);
-        std::fs::write(&path, text).unwrap();
-        path.to_str().unwrap().to_owned()
-    };
+    let file = |name: &str, text: &str| written(folder.path(), name, text);
     let script = file(
         "a.lua",
         "robot.on('frame', function(frame) print(#frame:find_blobs('sock')) end)",
@@ -82,11 +85,7 @@ fn the_colours_of_the_config_are_known() {
 #[test]
 fn params_of_the_config_are_held_against_what_the_script_declares() {
     let folder = tempfile::tempdir().unwrap();
-    let file = |name: &str, text: &str| {
-        let path = folder.path().join(name);
-        std::fs::write(&path, text).unwrap();
-        path.to_str().unwrap().to_owned()
-    };
+    let file = |name: &str, text: &str| written(folder.path(), name, text);
     let script = file(
         "a.lua",
         "local p = params.declare({ speed = { default = 40, max = 100 } })\nprint(p.speed)\n",

@@ -1,6 +1,8 @@
 //! Field of view and distortion: measured from pictures of a chessboard by the real program.
 
 use image::{GrayImage, Luma};
+use spykee::sim::{Firmware, Pose, Robot, World};
+use spykee::wire::{Command, Report, Stream};
 
 use crate::rig::Rig;
 
@@ -191,6 +193,57 @@ async fn pictures_that_tell_nothing_are_refused_with_what_to_do() {
         (&["none.jpg"], "cannot read the picture none.jpg"),
     ] {
         let mut run = rig.spykee(&[&["calibrate", "camera"], arguments].concat());
+        assert_eq!(run.code().await, Some(2), "{}", run.text());
+        assert!(run.text().contains(words), "{words}: {}", run.text());
+    }
+}
+
+/// A picture of the station by the simulated camera, so far from its lens.
+fn of_the_station(distance: f64) -> Vec<u8> {
+    let yaml = "room: { width: 6, depth: 4 }\nstation: { at: [0, 2], heading_degrees: 0 }\nstart: { at: [3, 2], heading_degrees: 180 }\n";
+    let world = World::from_yaml(yaml, "test").unwrap();
+    let mut robot = Robot::new(world, Firmware::default(), 1);
+    robot.begin_session();
+    robot.obey(&Command::Stream {
+        stream: Stream::Video,
+        on: true,
+    });
+    // The station's front is 0.1 m before the wall, the lens 0.1 m before the robot's middle.
+    robot.place(Pose::new(0.2 + distance, 2.0, std::f64::consts::PI));
+    let mut frame = Vec::new();
+    for _ in 0..30 {
+        robot.step(std::time::Duration::from_millis(20));
+        for report in robot.take_reports() {
+            if let Report::Video(jpeg) = report {
+                frame = jpeg.to_vec();
+            }
+        }
+    }
+    frame
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn pictures_of_the_station_from_known_distances_tell_the_field_of_view() {
+    let rig = Rig::quiet().await;
+    let names = ["a.jpg", "b.jpg", "c.jpg"];
+    for (name, distance) in names.iter().zip([1.0, 1.5, 2.0]) {
+        std::fs::write(rig.folder().join(name), of_the_station(distance)).unwrap();
+    }
+    let calibrate =
+        |rest: &[&str]| rig.spykee(&[&["calibrate", "camera"][..], &names[..], rest].concat());
+    let mut run = calibrate(&["--station", "1,1.5,2", "--json"]);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let text = run.text();
+    let line = text.lines().find(|line| line.starts_with('{')).unwrap();
+    let found: serde_json::Value = serde_json::from_str(line).unwrap();
+    let degrees = found["hfov"].as_f64().unwrap().to_degrees();
+    assert!((degrees - 45.6).abs() < 1.0, "{found}");
+    for (distances, words) in [
+        ("1,1.5", "2 distances for 3 pictures"),
+        ("1,3,2", "are the distances right"),
+        ("1,1.5,99", "from 0.3 to 5 metres"),
+    ] {
+        let mut run = calibrate(&["--station", distances]);
         assert_eq!(run.code().await, Some(2), "{}", run.text());
         assert!(run.text().contains(words), "{words}: {}", run.text());
     }

@@ -1,6 +1,6 @@
 //! The page and the API of a run, as a browser meets them, and what the robot hears.
 
-mod browser;
+pub mod browser;
 
 use std::os::unix::fs::PermissionsExt as _;
 use std::time::Duration;

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use spykee::link;
 use spykee::pilot::{Dial, Ending, Pilot, Settings};
-use spykee::robot::channel::{Inbox, MAX_REQUESTS, Request, Told, events};
+use spykee::robot::channel::{EventReceiver, MAX_REQUESTS, PilotMessage, Request, events};
 use spykee::robot::{BehaviourId, Event, Intent, MotionEnd, MotionId, Percent, Priority, Setpoint};
 use spykee::safety::Limits;
 use spykee::wire::{Command, Led, Login, Stream};
@@ -19,7 +19,7 @@ const WHO: BehaviourId = BehaviourId(0);
 /// A pilot at work and one behaviour aboard that is played by the test.
 struct Cockpit {
     requests: mpsc::Sender<Request>,
-    inbox: Inbox,
+    inbox: EventReceiver,
     ending: Ending,
     flight: JoinHandle<()>,
 }
@@ -81,6 +81,11 @@ impl Cockpit {
             .unwrap();
     }
 
+    /// Wants a stream on.
+    async fn want(&self, stream: Stream) {
+        self.ask(Intent::Stream { stream, on: true }).await;
+    }
+
     async fn drive(&self, percent: f64, duration: Option<Duration>) {
         let setpoint = Setpoint::from_percent(percent, percent).unwrap();
         self.ask(Intent::Move {
@@ -96,8 +101,8 @@ impl Cockpit {
         let told = async {
             loop {
                 match self.inbox.next().await {
-                    Told::Event(event) if wanted(&event) => return event,
-                    Told::Event(_) => {}
+                    PilotMessage::Event(event) if wanted(&event) => return event,
+                    PilotMessage::Event(_) => {}
                     other => panic!("{other:?}"),
                 }
             }
@@ -146,7 +151,7 @@ async fn a_behaviour_that_shows_no_life_is_stopped_and_ended() {
     cockpit.drive(50.0, None).await;
     let moving = rig.heard_motion(0).await;
     let held = rig.heard_stop(moving).await;
-    let killed = async { while !matches!(cockpit.inbox.next().await, Told::Kill(_)) {} };
+    let killed = async { while !matches!(cockpit.inbox.next().await, PilotMessage::Kill(_)) {} };
     timeout(PATIENCE, killed).await.expect("killed");
     let index = rig.heard_stop(held + 1).await + 1;
     cockpit.drive(50.0, None).await;
@@ -174,12 +179,7 @@ async fn commands_go_out_on_change_only() {
             })
             .await;
         cockpit.ask(Intent::Volume(Percent::new(30).unwrap())).await;
-        cockpit
-            .ask(Intent::Stream {
-                stream: Stream::AudioIn,
-                on: true,
-            })
-            .await;
+        cockpit.want(Stream::AudioIn).await;
     }
     cockpit
         .ask(Intent::Led {
@@ -219,12 +219,7 @@ async fn at_the_end_the_stop_is_written_and_streams_are_switched_off() {
     let rig = Rig::quiet().await;
     let mut cockpit = Cockpit::start(&rig).await;
     cockpit.connected().await;
-    cockpit
-        .ask(Intent::Stream {
-            stream: Stream::Video,
-            on: true,
-        })
-        .await;
+    cockpit.want(Stream::Video).await;
     cockpit.drive(50.0, Some(PATIENCE)).await;
     let moving = rig.heard_motion(0).await;
     cockpit.ending.parting.cancel();
@@ -259,12 +254,7 @@ async fn streams_are_switched_on_again_after_a_reconnect() {
     let rig = Rig::quiet().await;
     let mut cockpit = Cockpit::start(&rig).await;
     cockpit.connected().await;
-    cockpit
-        .ask(Intent::Stream {
-            stream: Stream::Video,
-            on: true,
-        })
-        .await;
+    cockpit.want(Stream::Video).await;
     let on = |command: &Command| {
         *command
             == Command::Stream {

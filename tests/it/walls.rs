@@ -154,7 +154,7 @@ async fn a_host_without_motion_that_shows_no_life_is_ended_too() {
     );
 }
 
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod injected {
     use std::ffi::c_void;
 
@@ -165,9 +165,112 @@ mod injected {
 
     use super::*;
 
-    const X32: i64 = 0x4000_0000;
-    /// `syscall`, as bytes in memory are read.
-    const SYSCALL: i64 = 0x050f;
+    /// What differs between processors: the registers of a call, and the calls that only one of them has.
+    #[cfg(target_arch = "x86_64")]
+    mod processor {
+        use super::*;
+
+        pub type Registers = sys::user_regs_struct;
+        const X32: i64 = 0x4000_0000;
+        /// `syscall`, as bytes in memory are read.
+        const SYSCALL: i64 = 0x050f;
+
+        pub fn read(pid: Pid) -> Registers {
+            ptrace::getregs(pid).unwrap()
+        }
+
+        pub fn write(pid: Pid, registers: Registers) {
+            ptrace::setregs(pid, registers).unwrap();
+        }
+
+        /// Where the instruction is by which it waits in the kernel.
+        pub fn gate(pid: Pid, registers: &Registers) -> u64 {
+            let at = registers.rip - 2;
+            let found = ptrace::read(pid, at as *mut c_void).unwrap();
+            assert_eq!(found & 0xffff, SYSCALL, "in no call");
+            at
+        }
+
+        pub fn calling(before: Registers, gate: u64, call: i64, arguments: [u64; 6]) -> Registers {
+            let [rdi, rsi, rdx, r10, r8, r9] = arguments;
+            Registers {
+                rip: gate,
+                rax: call.cast_unsigned(),
+                // No call of its own is to be begun again.
+                orig_rax: u64::MAX,
+                rdi,
+                rsi,
+                rdx,
+                r10,
+                r8,
+                r9,
+                ..before
+            }
+        }
+
+        pub fn answer(registers: &Registers) -> i64 {
+            registers.rax.cast_signed()
+        }
+
+        pub const OWN: &[(&str, i64)] = &[
+            ("execve of x32", X32 | 520),
+            ("ptrace of x32", X32 | 521),
+            ("getpid of x32", X32 | sys::SYS_getpid),
+            ("fork", sys::SYS_fork),
+            ("vfork", sys::SYS_vfork),
+            ("modify_ldt", sys::SYS_modify_ldt),
+            ("arch_prctl", sys::SYS_arch_prctl),
+            ("chmod", sys::SYS_chmod),
+            ("chown", sys::SYS_chown),
+            ("link", sys::SYS_link),
+            ("symlink", sys::SYS_symlink),
+            ("iopl", sys::SYS_iopl),
+            ("ioperm", sys::SYS_ioperm),
+        ];
+    }
+    #[cfg(target_arch = "aarch64")]
+    mod processor {
+        use super::*;
+        use nix::sys::ptrace::regset::NT_PRSTATUS;
+
+        pub type Registers = sys::user_regs_struct;
+        /// `svc #0`.
+        const SYSCALL: i64 = 0xd400_0001;
+
+        pub fn read(pid: Pid) -> Registers {
+            ptrace::getregset::<NT_PRSTATUS>(pid).unwrap()
+        }
+
+        pub fn write(pid: Pid, registers: Registers) {
+            ptrace::setregset::<NT_PRSTATUS>(pid, registers).unwrap();
+        }
+
+        /// Where the instruction is by which it waits in the kernel: before the next one, or the next one if
+        /// the kernel is to begin the call again.
+        pub fn gate(pid: Pid, registers: &Registers) -> u64 {
+            let is_call = |at: &u64| {
+                let found = ptrace::read(pid, *at as *mut c_void).unwrap();
+                found & 0xffff_ffff == SYSCALL
+            };
+            let mut places = [registers.pc - 4, registers.pc].into_iter();
+            places.find(is_call).expect("in no call")
+        }
+
+        pub fn calling(before: Registers, gate: u64, call: i64, arguments: [u64; 6]) -> Registers {
+            let mut registers = before;
+            registers.regs[..6].copy_from_slice(&arguments);
+            registers.regs[8] = call.cast_unsigned();
+            registers.pc = gate;
+            registers
+        }
+
+        pub fn answer(registers: &Registers) -> i64 {
+            registers.regs[0].cast_signed()
+        }
+
+        pub const OWN: &[(&str, i64)] = &[("a call of the processor", 0x0f_0001)];
+    }
+    use processor::{OWN, Registers, answer, calling, gate, read, write};
 
     /// What is refused, with its arguments. Pointers are none: the answer must come before they are
     /// looked at.
@@ -190,11 +293,6 @@ mod injected {
             ("mq_open", sys::SYS_mq_open),
             ("execve", sys::SYS_execve),
             ("execveat", sys::SYS_execveat),
-            ("execve of x32", X32 | 520),
-            ("ptrace of x32", X32 | 521),
-            ("getpid of x32", X32 | sys::SYS_getpid),
-            ("fork", sys::SYS_fork),
-            ("vfork", sys::SYS_vfork),
             ("unshare", sys::SYS_unshare),
             ("setns", sys::SYS_setns),
             ("chroot", sys::SYS_chroot),
@@ -227,15 +325,11 @@ mod injected {
             ("mlockall", sys::SYS_mlockall),
             ("pkey_mprotect", sys::SYS_pkey_mprotect),
             ("remap_file_pages", sys::SYS_remap_file_pages),
-            ("modify_ldt", sys::SYS_modify_ldt),
-            ("arch_prctl", sys::SYS_arch_prctl),
             ("shmat", sys::SYS_shmat),
             ("fchmodat", sys::SYS_fchmodat),
             ("fchmodat2", 452),
             ("fchmod", sys::SYS_fchmod),
-            ("chmod", sys::SYS_chmod),
             ("fchownat", sys::SYS_fchownat),
-            ("chown", sys::SYS_chown),
             ("utimensat", sys::SYS_utimensat),
             ("setxattr", sys::SYS_setxattr),
             ("lsetxattr", sys::SYS_lsetxattr),
@@ -251,9 +345,7 @@ mod injected {
             ("mount_setattr", 442),
             ("mknodat", sys::SYS_mknodat),
             ("linkat", sys::SYS_linkat),
-            ("link", sys::SYS_link),
             ("symlinkat", sys::SYS_symlinkat),
-            ("symlink", sys::SYS_symlink),
             ("truncate", sys::SYS_truncate),
             ("chdir", sys::SYS_chdir),
             ("umask", sys::SYS_umask),
@@ -295,8 +387,6 @@ mod injected {
             ("clock_adjtime", sys::SYS_clock_adjtime),
             ("sethostname", sys::SYS_sethostname),
             ("syslog", sys::SYS_syslog),
-            ("iopl", sys::SYS_iopl),
-            ("ioperm", sys::SYS_ioperm),
             ("timer_create", sys::SYS_timer_create),
             ("signalfd4", sys::SYS_signalfd4),
             ("splice", sys::SYS_splice),
@@ -306,7 +396,8 @@ mod injected {
         let number = |flag: i32| u64::from(flag.unsigned_abs());
         let (anonymous, none) = (number(sys::MAP_PRIVATE | sys::MAP_ANONYMOUS), u64::MAX);
         let page = code & !0xfff;
-        let mut all: Vec<_> = plain.map(|(name, call)| (name, call, [0; 6])).into();
+        let plain = plain.iter().chain(OWN);
+        let mut all: Vec<_> = plain.map(|&(name, call)| (name, call, [0; 6])).collect();
         all.extend([
             (
                 "mmap to write and run",
@@ -373,7 +464,8 @@ mod injected {
     /// A process that is stopped within a system call.
     struct Stopped {
         pid: Pid,
-        registers: sys::user_regs_struct,
+        registers: Registers,
+        gate: u64,
     }
 
     impl Stopped {
@@ -384,43 +476,31 @@ mod injected {
                 return None;
             }
             waitpid(pid, Some(WaitPidFlag::__WALL)).unwrap();
-            let registers = ptrace::getregs(pid).unwrap();
-            let before = (registers.rip - 2) as *mut c_void;
-            assert_eq!(
-                ptrace::read(pid, before).unwrap() & 0xffff,
-                SYSCALL,
-                "in no call"
-            );
-            Some(Stopped { pid, registers })
+            let registers = read(pid);
+            let gate = gate(pid, &registers);
+            Some(Stopped {
+                pid,
+                registers,
+                gate,
+            })
         }
 
         fn call(&self, call: i64, arguments: [u64; 6]) -> i64 {
-            let [rdi, rsi, rdx, r10, r8, r9] = arguments;
-            let registers = sys::user_regs_struct {
-                rip: self.registers.rip - 2,
-                rax: call.cast_unsigned(),
-                // No call of its own is to be begun again.
-                orig_rax: u64::MAX,
-                rdi,
-                rsi,
-                rdx,
-                r10,
-                r8,
-                r9,
-                ..self.registers
-            };
-            ptrace::setregs(self.pid, registers).unwrap();
+            write(
+                self.pid,
+                calling(self.registers, self.gate, call, arguments),
+            );
             ptrace::step(self.pid, None).unwrap();
             let stopped = waitpid(self.pid, Some(WaitPidFlag::__WALL)).unwrap();
             assert!(
                 matches!(stopped, WaitStatus::Stopped(..)),
                 "{call}: {stopped:?}"
             );
-            ptrace::getregs(self.pid).unwrap().rax.cast_signed()
+            answer(&read(self.pid))
         }
 
         fn detach(self) {
-            ptrace::setregs(self.pid, self.registers).unwrap();
+            write(self.pid, self.registers);
             ptrace::detach(self.pid, None).unwrap();
         }
     }
@@ -439,7 +519,7 @@ mod injected {
         let missing = stopped.call(sys::SYS_clone3, [0; 6]);
         assert_eq!(missing, -i64::from(sys::ENOSYS), "clone3");
         let [host, agent] = [host, agent].map(|pid| u64::from(pid.unsigned_abs()));
-        let all = refused(host, agent, stopped.registers.rip);
+        let all = refused(host, agent, stopped.gate);
         let mut broken = Vec::new();
         for (name, call, arguments) in &all {
             let answer = stopped.call(*call, *arguments);

@@ -163,12 +163,18 @@ fn the_line_is_followed_by_the_eye() {
 
 #[test]
 fn signs_are_read() {
-    let mut robot = robot("gallery", 1);
-    robot.place(Pose::new(6.2, 1.4, 0.0));
-    let frame = frame_after(&mut robot, 0.2);
     let mut decoder = Decoder::default();
-    let codes = find_qrcodes(decoder.decode(&frame).unwrap());
-    assert_eq!(codes.first().map(|code| code.text.as_str()), Some("hello"));
+    // From 0.6 to 0.9 m before the lens.
+    for (x, seed) in [(6.3, 1), (6.2, 1), (6.1, 2), (6.0, 3), (6.0, 4)] {
+        let mut robot = robot("gallery", seed);
+        robot.place(Pose::new(x, 1.4, 0.0));
+        let frame = frame_after(&mut robot, 0.2);
+        let codes = find_qrcodes(decoder.decode(&frame).unwrap());
+        let text = codes.first().map(|code| code.text.as_str());
+        assert_eq!(text, Some("hello"), "from x = {x} m");
+        let width = codes[0].corners[1][0] - codes[0].corners[0][0];
+        assert!((40..160).contains(&width), "{:?}", codes[0].corners);
+    }
 }
 
 #[test]

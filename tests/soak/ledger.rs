@@ -3,10 +3,17 @@
 use std::collections::VecDeque;
 use std::fmt;
 
-use super::spell::Loss;
-
 /// The promise that each robot which runs flat puts to the test.
 pub const HOME: &str = "never flat off the station while a way exists and the energy suffices";
+
+/// A robot that ran flat off its station.
+#[derive(Debug, Clone)]
+pub struct Loss {
+    /// A way was there, and time and charge for it.
+    pub avoidable: bool,
+    /// One paragraph.
+    pub story: String,
+}
 
 /// One promise.
 #[derive(Debug, Clone)]

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::time::Duration;
 
+use super::ledger::Loss;
 use spykee::sim::{FULL_SPEED, Pose, State, Ways, World};
 
 /// How fast the watchdog and those that it lends the tracks to may drive, as a share.
@@ -57,15 +58,6 @@ pub struct Spell {
     acts: BTreeMap<String, usize>,
     troubles: Vec<(Duration, String)>,
     placed: bool,
-}
-
-/// A robot that ran flat off its station.
-#[derive(Debug, Clone)]
-pub struct Loss {
-    /// A way was there, and time and charge for it.
-    pub avoidable: bool,
-    /// One paragraph.
-    pub story: String,
 }
 
 /// One look at the robot and at what surrounds it.

@@ -1,6 +1,6 @@
 //! One remark for each kind of failure that the VM knows.
 
-use super::super::kinds::Kind;
+use super::super::kinds::ValueKind;
 use super::super::tree::{Expr, ExprKind, StatementKind};
 use super::reasons::a;
 use super::{Remark, Scene};
@@ -18,7 +18,7 @@ impl<'a> Scene<'a> {
                 Some(&**object)
             }
             ExprKind::Item(object, index) => match self.kinds.of(index) {
-                Kind::Text(Some(text)) if text != key => None,
+                ValueKind::Text(Some(text)) if text != key => None,
                 _ => Some(&**object),
             },
             _ => None,
@@ -167,7 +167,10 @@ impl<'a> Scene<'a> {
         }
         leaves.retain(|leaf| {
             self.may_be(leaf, what)
-                && !matches!(self.kinds.of(leaf), Kind::Text(_) | Kind::Number(_))
+                && !matches!(
+                    self.kinds.of(leaf),
+                    ValueKind::Text(_) | ValueKind::Number(_)
+                )
         });
         leaves.sort_by_key(|leaf| leaf.span.start);
         let statement = self

@@ -1,6 +1,6 @@
 //! What is known of an expression: what it may be, and why it is nil.
 
-use super::super::kinds::Kind;
+use super::super::kinds::ValueKind;
 use super::super::tree::{Expr, ExprKind, each_in_expr};
 use super::Scene;
 use crate::api::{self, Need};
@@ -11,17 +11,17 @@ impl<'a> Scene<'a> {
         let kind = self.kind(expr);
         match what {
             "nil" => match (kind, &expr.bare().kind) {
-                (Kind::Nothing, _) => true,
-                (Kind::Unknown, _) => {
+                (ValueKind::Nothing, _) => true,
+                (ValueKind::Unknown, _) => {
                     !matches!(expr.bare().kind, ExprKind::Function(_) | ExprKind::Table(_))
                 }
                 (
-                    Kind::Namespace(_)
-                    | Kind::Module(_)
-                    | Kind::Params(_)
-                    | Kind::Native(_)
-                    | Kind::Function(_)
-                    | Kind::Table(_),
+                    ValueKind::Namespace(_)
+                    | ValueKind::Module(_)
+                    | ValueKind::Params(_)
+                    | ValueKind::Native(_)
+                    | ValueKind::Function(_)
+                    | ValueKind::Table(_),
                     _,
                 ) => false,
                 (
@@ -33,33 +33,36 @@ impl<'a> Scene<'a> {
                 ) => false,
                 (_, ExprKind::Binary(operator, ..)) => matches!(operator.as_str(), "and" | "or"),
                 (
-                    Kind::Object(_)
-                    | Kind::List(_)
-                    | Kind::Number(_)
-                    | Kind::Text(_)
-                    | Kind::Boolean,
+                    ValueKind::Object(_)
+                    | ValueKind::List(_)
+                    | ValueKind::Number(_)
+                    | ValueKind::Text(_)
+                    | ValueKind::Boolean,
                     _,
                 ) => true,
             },
-            "number" => matches!(kind, Kind::Number(_) | Kind::Unknown),
-            "string" => matches!(kind, Kind::Text(_) | Kind::Unknown),
-            "boolean" => matches!(kind, Kind::Boolean | Kind::Unknown),
+            "number" => matches!(kind, ValueKind::Number(_) | ValueKind::Unknown),
+            "string" => matches!(kind, ValueKind::Text(_) | ValueKind::Unknown),
+            "boolean" => matches!(kind, ValueKind::Boolean | ValueKind::Unknown),
             "table" => matches!(
                 kind,
-                Kind::Table(_)
-                    | Kind::Object(_)
-                    | Kind::List(_)
-                    | Kind::Unknown
-                    | Kind::Namespace(_)
-                    | Kind::Module(_)
-                    | Kind::Params(_)
+                ValueKind::Table(_)
+                    | ValueKind::Object(_)
+                    | ValueKind::List(_)
+                    | ValueKind::Unknown
+                    | ValueKind::Namespace(_)
+                    | ValueKind::Module(_)
+                    | ValueKind::Params(_)
             ),
-            "function" => matches!(kind, Kind::Function(_) | Kind::Native(_) | Kind::Unknown),
-            _ => matches!(kind, Kind::Unknown | Kind::Object(_)),
+            "function" => matches!(
+                kind,
+                ValueKind::Function(_) | ValueKind::Native(_) | ValueKind::Unknown
+            ),
+            _ => matches!(kind, ValueKind::Unknown | ValueKind::Object(_)),
         }
     }
 
-    pub(super) fn kind(&self, expr: &Expr) -> Kind<'a> {
+    pub(super) fn kind(&self, expr: &Expr) -> ValueKind<'a> {
         // The scene's own expressions live as long as its tree.
         let own = self.exprs.iter().find_map(|one| {
             let mut found = None;
@@ -70,7 +73,7 @@ impl<'a> Scene<'a> {
             });
             found
         });
-        own.map_or(Kind::Unknown, |expr| self.kinds.of(expr))
+        own.map_or(ValueKind::Unknown, |expr| self.kinds.of(expr))
     }
 
     pub(super) fn is(&self, expr: &Expr, what: &str) -> String {
@@ -110,7 +113,7 @@ impl<'a> Scene<'a> {
                 )
             }
             ExprKind::Field(object, field, _) => match self.kind(object) {
-                Kind::Object(_) => format!("test it first: if {name} then ... end"),
+                ValueKind::Object(_) => format!("test it first: if {name} then ... end"),
                 _ => format!(
                     "nothing has been put into {field} of {} yet; check the spelling",
                     self.text(object)
@@ -124,7 +127,7 @@ impl<'a> Scene<'a> {
     pub(super) fn reason(&self, value: &Expr, number: usize) -> String {
         match &value.bare().kind {
             ExprKind::Item(list, _) => match self.kind_anywhere(list) {
-                Kind::List(_) => format!("{} has found none; ", self.called(list)),
+                ValueKind::List(_) => format!("{} has found none; ", self.called(list)),
                 _ => String::new(),
             },
             ExprKind::Call(..) | ExprKind::Method(..) => {
@@ -157,7 +160,7 @@ impl<'a> Scene<'a> {
     pub(super) fn native(&self, call: &Expr) -> Option<&'static api::Function> {
         match &call.bare().kind {
             ExprKind::Call(callee, _) => match self.kind_anywhere(callee) {
-                Kind::Native(function) => Some(function),
+                ValueKind::Native(function) => Some(function),
                 _ => None,
             },
             ExprKind::Method(object, name, ..) => {
@@ -168,14 +171,14 @@ impl<'a> Scene<'a> {
     }
 
     /// Also of an expression of another line.
-    pub(super) fn kind_anywhere(&self, expr: &Expr) -> Kind<'a> {
+    pub(super) fn kind_anywhere(&self, expr: &Expr) -> ValueKind<'a> {
         let mut found = None;
         self.kinds.tree.each_expr(&mut |part| {
             if std::ptr::eq(part, expr) {
                 found = Some(part);
             }
         });
-        found.map_or(Kind::Unknown, |expr| self.kinds.of(expr))
+        found.map_or(ValueKind::Unknown, |expr| self.kinds.of(expr))
     }
 }
 

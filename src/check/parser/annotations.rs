@@ -1,6 +1,6 @@
 //! Types, which only the compiler reads: they are passed over.
 
-use super::super::lexer::Kind;
+use super::super::lexer::TokenKind;
 use super::super::tree::StatementKind;
 use super::{Parsed, Parser};
 
@@ -32,8 +32,8 @@ impl<'a> Parser<'a> {
                 self.advance();
             }
             match self.token().kind {
-                Kind::Name => self.skip_named_type()?,
-                Kind::Text => {
+                TokenKind::Name => self.skip_named_type()?,
+                TokenKind::Text => {
                     self.advance();
                 }
                 _ => match self.word() {
@@ -83,7 +83,7 @@ impl<'a> Parser<'a> {
             match self.word() {
                 "(" | "{" | "<" | "[" => open += 1,
                 ")" | "}" | ">" | "]" => open = open.saturating_sub(1),
-                _ if self.token().kind == Kind::End => return Err(self.lost()),
+                _ if self.token().kind == TokenKind::End => return Err(self.lost()),
                 _ => {}
             }
             self.advance();

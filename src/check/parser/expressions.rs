@@ -1,6 +1,6 @@
 //! Expressions, by precedence climbing.
 
-use super::super::lexer::{Kind, Span, Token};
+use super::super::lexer::{Span, Token, TokenKind};
 use super::super::tree::{Entry, Expr, ExprKind, MAX_DEPTH};
 use super::{OPERATORS, Parsed, Parser, UNARY};
 
@@ -87,8 +87,10 @@ impl<'a> Parser<'a> {
         let start = self.token();
         let text = start.span.of(self.source);
         let literal = match (start.kind, self.word()) {
-            (Kind::Number, _) => Some(ExprKind::Number(number(text).ok_or_else(|| self.lost())?)),
-            (Kind::Text, _) => Some(ExprKind::Text(contents(text))),
+            (TokenKind::Number, _) => {
+                Some(ExprKind::Number(number(text).ok_or_else(|| self.lost())?))
+            }
+            (TokenKind::Text, _) => Some(ExprKind::Text(contents(text))),
             (_, "nil") => Some(ExprKind::Nil),
             (_, "true") => Some(ExprKind::Boolean(true)),
             (_, "false") => Some(ExprKind::Boolean(false)),
@@ -149,8 +151,8 @@ impl<'a> Parser<'a> {
         let mut parts = Vec::new();
         loop {
             match self.advance().kind {
-                Kind::PieceLast => return self.made(start, ExprKind::Pieces(parts)),
-                Kind::PieceBefore => parts.push(self.expr()?),
+                TokenKind::PieceLast => return self.made(start, ExprKind::Pieces(parts)),
+                TokenKind::PieceBefore => parts.push(self.expr()?),
                 _ => {
                     self.at -= 1;
                     return Err(self.lost());
@@ -180,7 +182,7 @@ impl<'a> Parser<'a> {
             self.expect("=")?;
             return Ok(Entry::Keyed(key, self.expr()?));
         }
-        if self.token().kind == Kind::Name && self.word_ahead(1) == "=" {
+        if self.token().kind == TokenKind::Name && self.word_ahead(1) == "=" {
             let (name, span) = self.name()?;
             self.advance();
             return Ok(Entry::Named(name.to_owned(), span, self.expr()?));
@@ -232,7 +234,7 @@ impl<'a> Parser<'a> {
 
     pub(super) fn arguments(&mut self) -> Parsed<Option<Vec<Expr>>> {
         let token = self.token();
-        if token.kind == Kind::Text {
+        if token.kind == TokenKind::Text {
             self.advance();
             let text = ExprKind::Text(contents(token.span.of(self.source)));
             return Ok(Some(vec![self.made(token.span, text)?]));

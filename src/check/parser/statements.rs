@@ -1,6 +1,6 @@
 //! Blocks and statements.
 
-use super::super::lexer::{Kind, Span};
+use super::super::lexer::{Span, TokenKind};
 use super::super::tree::{Block, Body, Expr, ExprKind, Statement, StatementKind};
 use super::{Parsed, Parser};
 
@@ -11,7 +11,7 @@ impl<'a> Parser<'a> {
             loop {
                 while parser.accept(";") {}
                 let ends = matches!(parser.word(), "end" | "else" | "elseif" | "until");
-                if ends || parser.token().kind == Kind::End {
+                if ends || parser.token().kind == TokenKind::End {
                     return Ok(block);
                 }
                 block.push(parser.statement()?);
@@ -65,7 +65,7 @@ impl<'a> Parser<'a> {
             "return" => {
                 self.advance();
                 let ends = matches!(self.word(), "end" | "else" | "elseif" | "until" | ";");
-                let values = if ends || self.token().kind == Kind::End {
+                let values = if ends || self.token().kind == TokenKind::End {
                     Vec::new()
                 } else {
                     self.exprs()?
@@ -83,12 +83,12 @@ impl<'a> Parser<'a> {
     /// Statements that begin with a name, the soft keywords among them.
     pub(super) fn other_statement(&mut self) -> Parsed<StatementKind> {
         let exported = self.is_name(0, "export") && self.is_name(1, "type");
-        if exported || (self.is_name(0, "type") && self.ahead(1).kind == Kind::Name) {
+        if exported || (self.is_name(0, "type") && self.ahead(1).kind == TokenKind::Name) {
             self.at += usize::from(exported) + 1;
             return self.type_statement();
         }
         let alone = !matches!(self.word_ahead(1), "." | "[" | ":" | "(" | "=" | "{" | ",")
-            && self.ahead(1).kind != Kind::Text
+            && self.ahead(1).kind != TokenKind::Text
             && !self.begins_pieces(1)
             && !self.word_ahead(1).ends_with('=');
         if self.is_name(0, "continue") && alone {

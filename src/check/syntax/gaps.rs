@@ -1,6 +1,6 @@
 //! What is missing or too much: an `end`, a bracket, a value, a word.
 
-use super::super::lexer::{Kind, Span, Token};
+use super::super::lexer::{Span, Token, TokenKind};
 use super::super::parser;
 use super::{Remark, Scene, closing, word};
 
@@ -108,7 +108,7 @@ impl Scene<'_> {
                 .get(at + 1)
                 .is_some_and(|next| self.text(next) == "(");
             let indented = self.is_followed_by_indent(self.line_of(token));
-            token.kind == Kind::Name
+            token.kind == TokenKind::Name
                 && starts_line
                 && called
                 && indented
@@ -189,7 +189,7 @@ impl Scene<'_> {
         let tokens: Vec<_> = self.on_line();
         let path: Vec<_> = tokens
             .iter()
-            .take_while(|token| token.kind == Kind::Name || self.text(token) == ".")
+            .take_while(|token| token.kind == TokenKind::Name || self.text(token) == ".")
             .collect();
         let (first, last) = (path.first()?, path.last()?);
         let span = first.span.to(last.span);
@@ -197,7 +197,7 @@ impl Scene<'_> {
         let help = match next.map(|next| (next.kind, self.text(next))) {
             None => format!("to call it, write {}()", span.of(self.source)),
             Some((_, "==")) => "to set a variable, write a single =".to_owned(),
-            Some((Kind::Name | Kind::Number | Kind::Keyword, _)) => {
+            Some((TokenKind::Name | TokenKind::Number | TokenKind::Keyword, _)) => {
                 format!(
                     "what a function is given stands in brackets: {}(...)",
                     span.of(self.source)
@@ -224,7 +224,7 @@ impl Scene<'_> {
         let before = self
             .tokens
             .iter()
-            .rfind(|token| token.span.end <= lost.start && token.kind != Kind::End)?;
+            .rfind(|token| token.span.end <= lost.start && token.kind != TokenKind::End)?;
         let found = lost.of(self.source);
         let message = match found {
             "" => format!("a value is missing behind `{}`", self.text(before)),

@@ -1,6 +1,6 @@
 //! What people write who come from elsewhere: quotes, comments and words of other languages.
 
-use super::super::lexer::{Kind, Token};
+use super::super::lexer::{Token, TokenKind};
 use super::{Remark, Scene};
 
 impl Scene<'_> {
@@ -19,7 +19,7 @@ impl Scene<'_> {
         let token = self
             .tokens
             .iter()
-            .find(|token| token.kind == Kind::Unfinished)?;
+            .find(|token| token.kind == TokenKind::Unfinished)?;
         if self.line_of(token) > self.line {
             return None;
         }
@@ -91,7 +91,7 @@ impl Scene<'_> {
                 .iter()
                 .filter(|other| other.span.start > token.span.end);
             next.take(2)
-                .filter(|other| other.kind == Kind::Name)
+                .filter(|other| other.kind == TokenKind::Name)
                 .count()
                 == 2
         });
@@ -108,7 +108,7 @@ impl Scene<'_> {
         for tokens in [self.last_line_before(), self.on_line()] {
             for pair in tokens.windows(3) {
                 let [name, one, two] = pair else { continue };
-                if name.kind == Kind::Name && self.text(one) == "+" && self.text(two) == "+" {
+                if name.kind == TokenKind::Name && self.text(one) == "+" && self.text(two) == "+" {
                     let text = self.text(name);
                     return Some(Remark {
                         at: one.span.to(two.span),
@@ -126,7 +126,7 @@ impl Scene<'_> {
             .lines()
             .next()
             .unwrap_or_default();
-        (name.kind == Kind::Name && behind.starts_with("--")).then(|| Remark {
+        (name.kind == TokenKind::Name && behind.starts_with("--")).then(|| Remark {
             at: name.span,
             message: "there is no --: it begins a comment".to_owned(),
             help: format!("write {} -= 1", self.text(name)),
@@ -145,7 +145,7 @@ impl Scene<'_> {
             let second = tokens
                 .iter()
                 .find(|token| token.span.start > first.span.start);
-            let named = second.is_some_and(|token| matches!(token.kind, Kind::Name));
+            let named = second.is_some_and(|token| matches!(token.kind, TokenKind::Name));
             let help = match self.text(first) {
                 "def" | "func" | "fn" | "fun" | "void" if named => {
                     "a function begins with: function name(...), and ends with end"
@@ -227,7 +227,7 @@ impl Scene<'_> {
             let closed = line
                 .iter()
                 .any(|token| matches!(self.text(token), "then" | "do"));
-            let last = line.iter().rfind(|token| token.kind != Kind::End)?;
+            let last = line.iter().rfind(|token| token.kind != TokenKind::End)?;
             (opens && !closed && self.text(last) == "{").then_some((first, last))
         })?;
         let begin = match self.text(keyword) {

@@ -1,7 +1,7 @@
 //! Calls of the API against its table: how many arguments, of which types, within which
 //! bounds; and the keys of options.
 
-use super::super::kinds::Kind;
+use super::super::kinds::ValueKind;
 use super::super::lexer::Span;
 use super::super::tree::{Entry, Expr, ExprKind};
 use super::Walk;
@@ -61,7 +61,7 @@ impl<'a> Walk<'a> {
     /// be prepared for that.
     fn stream(&mut self, site: Site<'a>) {
         let text = |index: usize| match site.arguments.get(index).map(|one| self.kinds.of(one)) {
-            Some(Kind::Text(text)) => text,
+            Some(ValueKind::Text(text)) => text,
             _ => None,
         };
         let switched_off = || {
@@ -76,8 +76,8 @@ impl<'a> Walk<'a> {
                 .and_then(EventName::stream),
             _ => None,
         };
-        let refusal = wanted.and_then(|stream| self.surroundings.streams.refusal(stream));
-        if let Some(why) = refusal {
+        let streams = self.surroundings.streams;
+        if let Some(Err(why)) = wanted.map(|stream| streams.allow(stream)) {
             self.warning(site.span, format!("{}: {why}", site.function.path));
         }
     }
@@ -94,7 +94,7 @@ impl<'a> Walk<'a> {
                 Some("without the () behind it the function itself is handed over, and called later; its arguments stand behind it".to_owned());
             return;
         }
-        if matches!(kind, Kind::Nothing) {
+        if matches!(kind, ValueKind::Nothing) {
             let call_without_result = matches!(
                 argument.bare().kind,
                 ExprKind::Call(..) | ExprKind::Method(..)
@@ -124,7 +124,7 @@ impl<'a> Walk<'a> {
         let ExprKind::Call(callee, _) = &argument.kind else {
             return None;
         };
-        let Kind::Native(function) = self.kinds.of(callee) else {
+        let ValueKind::Native(function) = self.kinds.of(callee) else {
             return None;
         };
         let first = function.returns.first()?;
@@ -132,10 +132,10 @@ impl<'a> Walk<'a> {
         (!open).then_some(function.path)
     }
 
-    fn fits(&mut self, call: &str, value: &'static Value, argument: &'a Expr, kind: Kind<'a>) {
+    fn fits(&mut self, call: &str, value: &'static Value, argument: &'a Expr, kind: ValueKind<'a>) {
         match (&value.kind, kind) {
-            (_, Kind::Unknown) | (Type::Any | Type::Payload, _) => {}
-            (Type::Number(bounds) | Type::Whole(bounds), Kind::Number(number)) => {
+            (_, ValueKind::Unknown) | (Type::Any | Type::Payload, _) => {}
+            (Type::Number(bounds) | Type::Whole(bounds), ValueKind::Number(number)) => {
                 let Some(number) = number else { return };
                 if let Some(bounds) = bounds.filter(|bounds| !bounds.holds(number)) {
                     let words = bounds.words();
@@ -149,36 +149,40 @@ impl<'a> Walk<'a> {
                     self.error(argument.span, message);
                 }
             }
-            (Type::Boolean, Kind::Boolean)
-            | (Type::Text(_), Kind::Text(_))
-            | (Type::Function(_) | Type::Handler, Kind::Function(_) | Kind::Native(_))
+            (Type::Boolean, ValueKind::Boolean)
+            | (Type::Text(_), ValueKind::Text(_))
+            | (Type::Function(_) | Type::Handler, ValueKind::Function(_) | ValueKind::Native(_))
             | (
                 Type::Roi | Type::Range | Type::Fields,
-                Kind::Table(_) | Kind::Object(_) | Kind::List(_),
+                ValueKind::Table(_) | ValueKind::Object(_) | ValueKind::List(_),
             ) => {}
-            (Type::Choice(choice), Kind::Text(text)) => {
+            (Type::Choice(choice), ValueKind::Text(text)) => {
                 self.name(call, choice, text, argument.span)
             }
             (Type::Colours, _) => self.colour(call, value, argument, kind),
-            (Type::Options(keys), Kind::Table(table)) => self.options(call, keys, table),
-            (Type::Options(_), Kind::Object(_) | Kind::List(_)) => {}
-            (Type::Named(keys), Kind::Table(table)) => {
+            (Type::Options(keys), ValueKind::Table(table)) => self.options(call, keys, table),
+            (Type::Options(_), ValueKind::Object(_) | ValueKind::List(_)) => {}
+            (Type::Named(keys), ValueKind::Table(table)) => {
                 let ExprKind::Table(entries) = &table.kind else {
                     return;
                 };
                 for entry in entries {
-                    if let (Entry::Named(..), Kind::Table(one)) =
+                    if let (Entry::Named(..), ValueKind::Table(one)) =
                         (entry, self.kinds.of(entry.value()))
                     {
                         self.options(call, keys, one);
                     }
                 }
             }
-            (Type::Object(wanted), Kind::Object(object)) if object.name == wanted.name => {}
-            (Type::Object(wanted), Kind::Table(_) | Kind::Object(_)) if !wanted.strict => {}
-            (Type::List(_), Kind::Table(_) | Kind::List(_)) => {}
-            (Type::OneOrMore(_), Kind::Table(_) | Kind::List(_) | Kind::Object(_)) => {}
-            (Type::Buffer, Kind::Object(_)) => {}
+            (Type::Object(wanted), ValueKind::Object(object)) if object.name == wanted.name => {}
+            (Type::Object(wanted), ValueKind::Table(_) | ValueKind::Object(_))
+                if !wanted.strict => {}
+            (Type::List(_), ValueKind::Table(_) | ValueKind::List(_)) => {}
+            (
+                Type::OneOrMore(_),
+                ValueKind::Table(_) | ValueKind::List(_) | ValueKind::Object(_),
+            ) => {}
+            (Type::Buffer, ValueKind::Object(_)) => {}
             (_, kind) => {
                 let Some(got) = self.got(argument, kind) else {
                     return;
@@ -191,7 +195,7 @@ impl<'a> Walk<'a> {
     }
 
     /// What stands there, in words; the word itself for `true` and `false`.
-    fn got(&self, argument: &Expr, kind: Kind<'_>) -> Option<String> {
+    fn got(&self, argument: &Expr, kind: ValueKind<'_>) -> Option<String> {
         match argument.bare().kind {
             ExprKind::Boolean(on) => Some(on.to_string()),
             _ => kind.words(),
@@ -209,9 +213,15 @@ impl<'a> Walk<'a> {
         self.error(span, message).help = Some(format!("known: {}", names.join(", ")));
     }
 
-    fn colour(&mut self, call: &str, value: &'static Value, argument: &'a Expr, kind: Kind<'a>) {
+    fn colour(
+        &mut self,
+        call: &str,
+        value: &'static Value,
+        argument: &'a Expr,
+        kind: ValueKind<'a>,
+    ) {
         match kind {
-            Kind::Text(Some(text)) => {
+            ValueKind::Text(Some(text)) => {
                 let known: Vec<String> = self.surroundings.colour_names();
                 if known.iter().any(|name| name == text) {
                     return;
@@ -222,20 +232,23 @@ impl<'a> Walk<'a> {
                 self.error(argument.span, message).help =
                     Some(format!("known: {}", known.join(", ")));
             }
-            Kind::Table(table) => {
+            ValueKind::Table(table) => {
                 let ExprKind::Table(entries) = &table.kind else {
                     return;
                 };
                 for entry in entries {
                     if let Entry::Item(item) = entry {
                         let kind = self.kinds.of(item);
-                        if !matches!(kind, Kind::Table(_) | Kind::Nothing) {
+                        if !matches!(kind, ValueKind::Table(_) | ValueKind::Nothing) {
                             self.colour(call, value, item, kind);
                         }
                     }
                 }
             }
-            Kind::Number(_) | Kind::Boolean | Kind::Function(_) | Kind::Native(_) => {
+            ValueKind::Number(_)
+            | ValueKind::Boolean
+            | ValueKind::Function(_)
+            | ValueKind::Native(_) => {
                 let Some(got) = self.got(argument, kind) else {
                     return;
                 };
@@ -246,7 +259,7 @@ impl<'a> Walk<'a> {
                 );
                 self.error(argument.span, message);
             }
-            Kind::Object(object) if object.name != "Colour" => {
+            ValueKind::Object(object) if object.name != "Colour" => {
                 let message = format!(
                     "{call}: {} must be {}, got {}",
                     value.name,
@@ -277,7 +290,7 @@ impl<'a> Walk<'a> {
                     continue;
                 }
                 Entry::Keyed(key, _) => match self.kinds.of(key) {
-                    Kind::Text(Some(name)) => (name, key.span),
+                    ValueKind::Text(Some(name)) => (name, key.span),
                     _ => {
                         certain = false;
                         continue;

@@ -1,6 +1,6 @@
 //! Calls, operators and what they are given.
 
-use super::super::kinds::Kind;
+use super::super::kinds::ValueKind;
 use super::super::lexer::Span;
 use super::super::parameters;
 use super::super::tree::{Expr, ExprKind};
@@ -18,12 +18,12 @@ impl<'a> Walk<'a> {
     pub(super) fn called(&mut self, call: &'a Expr, callee: &'a Expr, arguments: &'a [Expr]) {
         self.expr(callee);
         let kind = self.kinds.of(callee);
-        if let Kind::Native(function) = kind {
+        if let ValueKind::Native(function) = kind {
             self.handler(function, arguments);
         }
         self.exprs(arguments);
         match kind {
-            Kind::Native(function) => {
+            ValueKind::Native(function) => {
                 self.call(Site {
                     function,
                     arguments,
@@ -31,11 +31,15 @@ impl<'a> Walk<'a> {
                 });
                 self.special(function, arguments);
             }
-            Kind::Namespace(name) => {
+            ValueKind::Namespace(name) => {
                 self.error(callee.span, format!("{name} is no function"))
                     .help = Some(format!("its functions are called as {name}.NAME()"));
             }
-            Kind::Nothing | Kind::Number(_) | Kind::Boolean | Kind::Text(_) | Kind::List(_) => {
+            ValueKind::Nothing
+            | ValueKind::Number(_)
+            | ValueKind::Boolean
+            | ValueKind::Text(_)
+            | ValueKind::List(_) => {
                 let what = kind.words().unwrap_or_default();
                 let message = format!("'{}' is {what}, not a function", self.words(callee.span));
                 self.error(callee.span, message);
@@ -51,14 +55,14 @@ impl<'a> Walk<'a> {
             return;
         };
         match self.kinds.of(object) {
-            Kind::Namespace(owner)
+            ValueKind::Namespace(owner)
                 if owner != "_G" && !self.is_ours(owner) && !self.has(owner, name) =>
             {
                 self.unknown_field(owner, name, *at);
             }
-            Kind::Object(of) if of.method(name).is_some() => {
+            ValueKind::Object(of) if of.method(name).is_some() => {
                 let again = arguments.first().map(|first| self.kinds.of(first));
-                if !matches!(again, Some(Kind::Object(_) | Kind::Unknown)) {
+                if !matches!(again, Some(ValueKind::Object(_) | ValueKind::Unknown)) {
                     let object = self.words(object.span);
                     let message = format!("{name} is called with a colon: {object}:{name}(...)");
                     self.error(*at, message);
@@ -73,14 +77,16 @@ impl<'a> Walk<'a> {
         self.units(function, arguments);
         let [.., argument] = arguments else { return };
         let wrong = match (function.path, self.kinds.of(argument)) {
-            ("require", Kind::Text(Some(path))) => self.surroundings.missing_module(path),
-            ("params.declare", Kind::Table(table)) => {
+            ("require", ValueKind::Text(Some(path))) => self.surroundings.missing_module(path),
+            ("params.declare", ValueKind::Table(table)) => {
                 parameters::refused(&self.kinds, table, &self.surroundings.params)
             }
-            ("Frame:save", Kind::Text(Some(name))) if picture_name(name).is_none() => {
+            ("Frame:save", ValueKind::Text(Some(name))) if picture_name(name).is_none() => {
                 Some(format!("Frame:save: {PICTURE_NAMES}"))
             }
-            ("store.set", Kind::Function(_) | Kind::Native(_)) if arguments.len() == 2 => {
+            ("store.set", ValueKind::Function(_) | ValueKind::Native(_))
+                if arguments.len() == 2 =>
+            {
                 Some("store.set: a function cannot be kept".to_owned())
             }
             _ => None,
@@ -95,7 +101,7 @@ impl<'a> Walk<'a> {
         let Some(first) = arguments.first() else {
             return;
         };
-        let Kind::Number(Some(number)) = self.kinds.of(first) else {
+        let ValueKind::Number(Some(number)) = self.kinds.of(first) else {
             return;
         };
         let (message, help) = match function.path {
@@ -128,7 +134,7 @@ impl<'a> Walk<'a> {
             let kind = match row.kind {
                 Type::Handler => self.kinds.payload(arguments),
                 Type::Function(luau) => first_parameter(luau),
-                _ => Kind::Unknown,
+                _ => ValueKind::Unknown,
             };
             if let Some(first) = body.parameters.first() {
                 self.kinds.bind(*first, kind);
@@ -146,7 +152,7 @@ impl<'a> Walk<'a> {
         self.expr(object);
         self.exprs(arguments);
         match self.kinds.of(object) {
-            Kind::Namespace(owner) if self.is_ours(owner) => {
+            ValueKind::Namespace(owner) if self.is_ours(owner) => {
                 let path = format!("{owner}.{name}");
                 if self.surroundings.paths.contains(&path) {
                     let message = format!("{path} is called with a dot, not with a colon");
@@ -155,7 +161,7 @@ impl<'a> Walk<'a> {
                     self.unknown_field(owner, name, at);
                 }
             }
-            Kind::Module(module) => {
+            ValueKind::Module(module) => {
                 if module.function(name).is_some() {
                     let path = format!("{}.{name}", module.name);
                     let message = format!("{path} is called with a dot, not with a colon");
@@ -164,7 +170,7 @@ impl<'a> Walk<'a> {
                     self.unknown_field(module.name, name, at);
                 }
             }
-            Kind::Object(of) => match of.method(name) {
+            ValueKind::Object(of) => match of.method(name) {
                 Some(function) => {
                     self.call(Site {
                         function,
@@ -180,7 +186,7 @@ impl<'a> Walk<'a> {
                 }
                 None => self.member(of, name, at),
             },
-            Kind::List(_) | Kind::Nothing => {
+            ValueKind::List(_) | ValueKind::Nothing => {
                 let what = self.kinds.of(object).words().unwrap_or_default();
                 let message = format!(
                     "'{}' is {what}: it has no function '{name}'",
@@ -198,7 +204,10 @@ impl<'a> Walk<'a> {
         let counts = matches!(operator, "+" | "-" | "*" | "/" | "//" | "%" | "^");
         if operator == "=="
             && matches!(left.kind, ExprKind::Unary(ref not, _) if not == "not")
-            && !matches!(self.kinds.of(right), Kind::Boolean | Kind::Unknown)
+            && !matches!(
+                self.kinds.of(right),
+                ValueKind::Boolean | ValueKind::Unknown
+            )
         {
             let help = format!(
                 "write {} ~= {}",
@@ -218,12 +227,12 @@ impl<'a> Walk<'a> {
         for side in [left, right] {
             let kind = self.kinds.of(side);
             let wrong = match kind {
-                Kind::Object(_)
-                | Kind::List(_)
-                | Kind::Nothing
-                | Kind::Native(_)
-                | Kind::Function(_) => true,
-                Kind::Boolean => operator != "==",
+                ValueKind::Object(_)
+                | ValueKind::List(_)
+                | ValueKind::Nothing
+                | ValueKind::Native(_)
+                | ValueKind::Function(_) => true,
+                ValueKind::Boolean => operator != "==",
                 _ => false,
             };
             let what = self.got_words(side, kind);
@@ -244,7 +253,8 @@ impl<'a> Walk<'a> {
                 return;
             }
         }
-        if let (true, Kind::Number(_), Kind::Text(_)) | (true, Kind::Text(_), Kind::Number(_)) =
+        if let (true, ValueKind::Number(_), ValueKind::Text(_))
+        | (true, ValueKind::Text(_), ValueKind::Number(_)) =
             (compares, self.kinds.of(left), self.kinds.of(right))
         {
             self.error(
@@ -257,7 +267,7 @@ impl<'a> Walk<'a> {
 
     /// A text that a name of a set is compared with, and that is none of them.
     fn one_of_names(&mut self, named: &'a Expr, text: &'a Expr) {
-        let (Some(choice), Kind::Text(Some(said))) =
+        let (Some(choice), ValueKind::Text(Some(said))) =
             (self.kinds.choice(named), self.kinds.of(text))
         else {
             return;
@@ -272,7 +282,7 @@ impl<'a> Walk<'a> {
         self.warning(text.span, message).help = Some(format!("known: {}", names.join(", ")));
     }
 
-    pub(super) fn got_words(&self, side: &Expr, kind: Kind<'a>) -> Option<String> {
+    pub(super) fn got_words(&self, side: &Expr, kind: ValueKind<'a>) -> Option<String> {
         match side.bare().kind {
             ExprKind::Nil => Some("nil".to_owned()),
             _ => kind.words(),
@@ -282,19 +292,19 @@ impl<'a> Walk<'a> {
     pub(super) fn what_to_read(
         &self,
         side: &Expr,
-        kind: Kind<'a>,
+        kind: ValueKind<'a>,
         operator: &str,
     ) -> Option<String> {
         let words = self.words(side.span);
         match kind {
-            Kind::Object(object) => {
+            ValueKind::Object(object) => {
                 let field = object.fields.first()?.name;
                 Some(format!("read one of its fields, such as {words}.{field}"))
             }
-            Kind::List(_) => Some(format!("#{words} is how many are in it")),
-            Kind::Native(function) => Some(format!("call it: {}", function.call())),
-            Kind::Function(_) => Some(format!("call it: {words}()")),
-            Kind::Boolean if operator == ".." => {
+            ValueKind::List(_) => Some(format!("#{words} is how many are in it")),
+            ValueKind::Native(function) => Some(format!("call it: {}", function.call())),
+            ValueKind::Function(_) => Some(format!("call it: {words}()")),
+            ValueKind::Boolean if operator == ".." => {
                 Some(format!("tostring({words}) makes a text of it"))
             }
             _ => None,
@@ -303,9 +313,9 @@ impl<'a> Walk<'a> {
 }
 
 /// What `(sim: Sim) -> ()` says of its first parameter.
-fn first_parameter<'a>(luau: &str) -> Kind<'a> {
+fn first_parameter<'a>(luau: &str) -> ValueKind<'a> {
     let inside = luau.strip_prefix('(').unwrap_or_default();
     let first = inside.split([',', ')']).next().unwrap_or_default();
     let name = first.split_once(": ").map_or("", |(_, name)| name);
-    api::object(name).map_or(Kind::Unknown, Kind::Object)
+    api::object(name).map_or(ValueKind::Unknown, ValueKind::Object)
 }

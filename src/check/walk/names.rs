@@ -1,7 +1,7 @@
 //! Names and fields that do not exist.
 
 use super::super::foreign;
-use super::super::kinds::{Kind, parameters};
+use super::super::kinds::{ValueKind, parameters};
 use super::super::lexer::Span;
 use super::super::tree::Expr;
 use super::Walk;
@@ -56,13 +56,13 @@ impl<'a> Walk<'a> {
 
     pub(super) fn field(&mut self, object: &'a Expr, name: &str, at: Span) {
         match self.kinds.of(object) {
-            Kind::Namespace(owner) if self.is_ours(owner) && !self.has(owner, name) => {
+            ValueKind::Namespace(owner) if self.is_ours(owner) && !self.has(owner, name) => {
                 self.unknown_field(owner, name, at);
             }
-            Kind::Module(module) if module.function(name).is_none() => {
+            ValueKind::Module(module) if module.function(name).is_none() => {
                 self.unknown_field(module.name, name, at);
             }
-            Kind::Params(table) => {
+            ValueKind::Params(table) => {
                 let known = parameters(table).unwrap_or_default();
                 if !known.contains(&name) {
                     let near = self.near(name, known.iter().copied());
@@ -70,8 +70,8 @@ impl<'a> Walk<'a> {
                     self.error(at, message).help = Some(format!("declared: {}", known.join(", ")));
                 }
             }
-            Kind::Object(of) => self.member(of, name, at),
-            Kind::List(_) if !self.kinds.fields.contains(name) => {
+            ValueKind::Object(of) => self.member(of, name, at),
+            ValueKind::List(_) if !self.kinds.fields.contains(name) => {
                 let list = self.words(object.span);
                 let message =
                     format!("this is a list: it has no '{name}', only the things in it have");
@@ -79,7 +79,7 @@ impl<'a> Walk<'a> {
                     "take one of it: {list}[1].{name}; there may be none, so test it first"
                 ));
             }
-            Kind::Native(function) => {
+            ValueKind::Native(function) => {
                 let message = format!("{} is a function: it has no '{name}'", function.path);
                 self.error(at, message).help = Some(format!("call it: {}", function.call()));
             }
@@ -128,7 +128,7 @@ impl<'a> Walk<'a> {
     }
 
     pub(super) fn item(&mut self, list: &'a Expr, index: &'a Expr, span: Span) {
-        if let (Kind::List(_), Kind::Number(Some(0.0))) =
+        if let (ValueKind::List(_), ValueKind::Number(Some(0.0))) =
             (self.kinds.of(list), self.kinds.of(index))
         {
             self.error(span, "lists begin at 1: there is nothing at 0")

@@ -1,10 +1,12 @@
-//! `spykee calibrate camera`: pictures of a chessboard tell the camera's field of view and distortion.
+//! `spykee calibrate camera`: pictures of a chessboard tell the camera's field of view and distortion, or those of
+//! the station its field of view.
 
 use std::path::{Path, PathBuf};
 
 use image::GrayImage;
 use serde_json::json;
 
+use super::station;
 use crate::clean;
 use crate::cli::picture;
 use crate::cli::{Exit, Failure, print};
@@ -21,8 +23,14 @@ const HELP: &str = "ten pictures with the whole board in each, from near, tilted
 /// Print a chessboard, glue it to something flat, and take about ten pictures with the whole of it in
 /// each: tilted to another side in each, near enough to fill most of the picture, in some of them in
 /// its corners. How large the fields are does not matter. Prints `camera:` for the config.
+///
+/// Without a chessboard the charging station tells the field of view, but not the distortion: put the robot straight
+/// before it, and name with --station how far the lens was from the station's front in each picture.
 #[derive(Debug, Clone, clap::Args)]
-#[command(after_help = "Example: spykee calibrate camera board/*.jpg --board 9x6")]
+#[command(
+    after_help = "Examples:\n  spykee calibrate camera board/*.jpg --board 9x6\n  \
+                        spykee calibrate camera near.jpg far.jpg --station 1,1.5"
+)]
 pub(super) struct CameraArgs {
     /// Pictures of the board, as the camera took them; all of one size
     #[arg(value_name = "IMAGE.jpg", required = true)]
@@ -32,9 +40,23 @@ pub(super) struct CameraArgs {
     #[arg(long, value_name = "COLUMNSxROWS", default_value = "9x6", value_parser = parse_board)]
     board: Board,
 
+    /// The pictures show the charging station, from so many metres each
+    #[arg(long, value_name = "METRES,...", value_delimiter = ',', value_parser = parse_distance,
+          conflicts_with = "board")]
+    station: Vec<f64>,
+
     /// Print a JSON object
     #[arg(long)]
     json: bool,
+}
+
+fn parse_distance(text: &str) -> Result<f64, String> {
+    let distance = text.trim().parse().ok();
+    let known = distance.filter(|distance| station::DISTANCES.contains(distance));
+    known.ok_or_else(|| {
+        let (near, far) = (station::DISTANCES.start(), station::DISTANCES.end());
+        format!("expected a distance from {near} to {far} metres, such as 1.5")
+    })
 }
 
 fn parse_board(text: &str) -> Result<Board, String> {
@@ -62,6 +84,9 @@ fn parse_board(text: &str) -> Result<Board, String> {
 /// # Errors
 /// Pictures that are none or differ in size, too few with the board, too much alike.
 pub(super) fn run(args: &CameraArgs) -> Result<Exit, Failure> {
+    if !args.station.is_empty() {
+        return station::run(&args.images, &args.station, args.json);
+    }
     let mut seen: Vec<(&Path, Sighting)> = Vec::new();
     let mut missed: Vec<&Path> = Vec::new();
     let mut common: Option<Size> = None;

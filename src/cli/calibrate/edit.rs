@@ -39,7 +39,7 @@ pub(super) fn with_calibration(
     same.then_some(edited).ok_or(EditError::NotUnderstood)
 }
 
-/// To a tenth of a millimetre: nobody measures more.
+/// To a tenth of a millimetre: measurements are no more precise.
 fn round(number: f64) -> f64 {
     (number * 1e4).round() / 1e4
 }

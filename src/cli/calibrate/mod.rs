@@ -1,11 +1,12 @@
 //! `spykee calibrate`: two timed moves and a turn tell how wide and how fast the robot is; pictures of a
-//! chessboard tell what the camera sees.
+//! chessboard, or of the station, tell what the camera sees.
 
 mod camera;
 mod edit;
 mod measure;
 mod person;
 mod simulated;
+mod station;
 
 use std::io::IsTerminal;
 use std::path::Path;
@@ -47,12 +48,12 @@ pub(super) struct CalibrateArgs {
     #[arg(long)]
     yes: bool,
 
-    /// Measure so often, and take the average
+    /// Number of measurements to average
     #[arg(long, value_name = "NUMBER", default_value_t = 1,
           value_parser = clap::value_parser!(u8).range(1..=20))]
     rounds: u8,
 
-    /// Of the simulator's noise
+    /// Seed for the simulator's noise
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
 
@@ -174,7 +175,10 @@ fn write(args: &CalibrateArgs, path: &Path, calibration: Calibration) -> Result<
     person::say(args.json, &format!("\n{shown}:\n{change}"))?;
     if !args.yes {
         if !std::io::stdin().is_terminal() {
-            person::say(args.json, "Not written: nobody to ask. --yes writes it.\n")?;
+            person::say(
+                args.json,
+                "Not written: no terminal to ask at. --yes writes it.\n",
+            )?;
             return Ok(false);
         }
         person::say(args.json, "Write it? [y/N] ")?;
@@ -186,7 +190,7 @@ fn write(args: &CalibrateArgs, path: &Path, calibration: Calibration) -> Result<
     Ok(true)
 }
 
-/// Whoever reads the file sees the old one or the new one, never a half.
+/// Readers see the old file or the new one, never a half.
 fn replace(path: &Path, text: &str) -> std::io::Result<()> {
     let path = path.canonicalize()?;
     let name = format!(".spykee-calibrate-{}", std::process::id());

@@ -102,10 +102,8 @@ pub(super) fn line() -> Result<String, Failure> {
         .read_line(&mut line);
     match read {
         Ok(1..) => Ok(line.trim().to_owned()),
-        Ok(0) => Err(
-            Failure::usage("nobody answers: the calibration needs a person")
-                .help("--sim measures by itself"),
-        ),
+        Ok(0) => Err(Failure::usage("no answer: the calibration needs a person")
+            .help("--sim measures by itself")),
         Err(error) => Err(Failure::usage(format_args!(
             "cannot read the answer: {error}"
         ))),

@@ -17,10 +17,10 @@ const NOTHING: u64 = 10;
 
 pub(super) fn clock() -> Finding {
     let now = SystemTime::now().duration_since(UNIX_EPOCH);
-    judge_clock(now.map_or(0, |now| now.as_secs()))
+    clock_finding(now.map_or(0, |now| now.as_secs()))
 }
 
-fn judge_clock(now: u64) -> Finding {
+fn clock_finding(now: u64) -> Finding {
     match now {
         EARLIEST..LATEST => Finding::ok("clock", "its date can be right"),
         _ => Finding::warn(
@@ -47,7 +47,7 @@ pub(super) fn disk(data: &Path) -> Finding {
         return Finding::fail("disk", found, "choose another `data` in the config");
     }
     match rustix::fs::statvfs(there) {
-        Ok(space) => judge_space(&shown.to_string(), (space.f_bavail * space.f_frsize) >> 20),
+        Ok(space) => space_finding(&shown.to_string(), (space.f_bavail * space.f_frsize) >> 20),
         Err(error) => Finding::warn("disk", format!("{shown}: {error}"), "is the disk mounted?"),
     }
 }
@@ -60,7 +60,7 @@ fn try_to_write(folder: &Path) -> std::io::Result<()> {
     std::fs::remove_file(path)
 }
 
-fn judge_space(folder: &str, mebibytes: u64) -> Finding {
+fn space_finding(folder: &str, mebibytes: u64) -> Finding {
     let found = format!("{folder} can be written, {mebibytes} MiB are free");
     match mebibytes {
         ..NOTHING => Finding::fail("disk", found, "free some space"),
@@ -72,11 +72,11 @@ fn judge_space(folder: &str, mebibytes: u64) -> Finding {
 /// What the kernel answers when it is asked to restrict a thread.
 pub(super) fn landlock() -> Finding {
     let release = std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
-    judge_landlock(Landlock::of_this_kernel(), release.trim())
+    landlock_finding(Landlock::of_this_kernel(), release.trim())
 }
 
-fn judge_landlock(landlock: Landlock, release: &str) -> Finding {
-    let without = "whoever breaks out of a script's sandbox could open your files: run only scripts \
+fn landlock_finding(landlock: Landlock, release: &str) -> Finding {
+    let without = "code that escapes a script's sandbox could open your files: run only scripts \
                    that you trust, or enable landlock (kernel 5.13 or newer, `lsm=landlock,...`)";
     match landlock {
         Landlock::Version(version) => {
@@ -99,21 +99,22 @@ fn judge_landlock(landlock: Landlock, release: &str) -> Finding {
 }
 
 pub(super) fn seccomp() -> Finding {
-    judge_seccomp(Walls::offered().calls)
+    seccomp_finding(Walls::offered().calls)
 }
 
-fn judge_seccomp(offered: bool) -> Finding {
-    match offered {
-        true => Finding::ok(
+fn seccomp_finding(offered: bool) -> Finding {
+    if offered {
+        Finding::ok(
             "seccomp",
             "on: a script's host has a short list of system calls",
-        ),
-        false => Finding::warn(
+        )
+    } else {
+        Finding::warn(
             "seccomp",
             "this kernel, or this kind of processor, has no filters for system calls",
-            "whoever breaks out of a script's sandbox could open sockets: run only scripts that you \
+            "code that escapes a script's sandbox could open sockets: run only scripts that you \
              trust",
-        ),
+        )
     }
 }
 
@@ -145,14 +146,14 @@ mod tests {
 
     #[test]
     fn a_clock_that_was_never_set_is_told() {
-        assert_eq!(judge_clock(1000).verdict, Verdict::Warn);
-        assert_eq!(judge_clock(EARLIEST + 1).verdict, Verdict::Ok);
-        assert_eq!(judge_clock(LATEST).verdict, Verdict::Warn);
+        assert_eq!(clock_finding(1000).verdict, Verdict::Warn);
+        assert_eq!(clock_finding(EARLIEST + 1).verdict, Verdict::Ok);
+        assert_eq!(clock_finding(LATEST).verdict, Verdict::Warn);
     }
 
     #[test]
     fn a_full_disk_fails_and_a_nearly_full_one_warns() {
-        let verdict = |mebibytes| judge_space("x", mebibytes).verdict;
+        let verdict = |mebibytes| space_finding("x", mebibytes).verdict;
         assert_eq!(
             (verdict(0), verdict(50), verdict(5000)),
             (Verdict::Fail, Verdict::Warn, Verdict::Ok)
@@ -174,14 +175,14 @@ mod tests {
 
     #[test]
     fn kernel_features_are_read_from_what_the_kernel_tells() {
-        let landlock = |found| judge_landlock(found, "6.1");
+        let landlock = |found| landlock_finding(found, "6.1");
         let version = landlock(Landlock::Version(3));
         assert_eq!(version.verdict, Verdict::Ok);
         assert!(version.found.contains("version 3") && version.found.contains("network"));
         assert!(!landlock(Landlock::Version(4)).found.contains("network"));
         assert_eq!(landlock(Landlock::Off).verdict, Verdict::Warn);
         assert_eq!(landlock(Landlock::Missing).verdict, Verdict::Warn);
-        assert_eq!(judge_seccomp(true).verdict, Verdict::Ok);
-        assert_eq!(judge_seccomp(false).verdict, Verdict::Warn);
+        assert_eq!(seccomp_finding(true).verdict, Verdict::Ok);
+        assert_eq!(seccomp_finding(false).verdict, Verdict::Warn);
     }
 }

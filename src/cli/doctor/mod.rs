@@ -6,7 +6,7 @@ mod network;
 use serde::Serialize;
 
 use super::settings::SettingsArgs;
-use super::{ConnectionArgs, Exit, Failure, Place, block_on, print};
+use super::{ConnectionArgs, Exit, Failure, RobotChoice, block_on, print};
 use crate::clean;
 use crate::config::Effective;
 
@@ -113,7 +113,7 @@ pub(super) fn run(args: &DoctorArgs) -> Result<Exit, Failure> {
         diagnosis.tell(finding)?;
     }
     let place = args.connection.place();
-    let place = place.or_else(|| config.robot.clone().map(Place::Robot));
+    let place = place.or_else(|| config.robot.clone().map(RobotChoice::Robot));
     block_on(network::examine(
         place,
         &args.connection,
@@ -157,9 +157,10 @@ impl Diagnosis {
             print(&format!("{}\n", serde_json::json!(self.findings)))?;
         }
         let failed = |finding: &Finding| finding.verdict == Verdict::Fail;
-        Ok(match self.findings.iter().any(failed) {
-            true => Exit::Unreachable,
-            false => Exit::Done,
+        Ok(if self.findings.iter().any(failed) {
+            Exit::Unreachable
+        } else {
+            Exit::Done
         })
     }
 }

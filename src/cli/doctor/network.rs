@@ -7,9 +7,9 @@ use tokio::time::{Instant, timeout, timeout_at};
 
 use super::{Diagnosis, Finding};
 use crate::cli::interrupt::interruption;
+use crate::cli::reach::reach;
 use crate::cli::robot::send_home_if_low;
-use crate::cli::run::reach;
-use crate::cli::{ConnectionArgs, Exit, Failure, Place};
+use crate::cli::{ConnectionArgs, Exit, Failure, RobotChoice};
 use crate::config::{Config, Effective};
 use crate::link::{self, LinkError, Session, Target, discover};
 use crate::pilot::DELIVERY;
@@ -29,7 +29,7 @@ const FEW_FRAMES: f64 = 5.0;
 
 /// All checks that need a network; the robot's only if one is named. Ctrl-C ends them.
 pub(super) async fn examine(
-    place: Option<Place>,
+    place: Option<RobotChoice>,
     connection: &ConnectionArgs,
     settings: &Effective,
     diagnosis: &mut Diagnosis,
@@ -94,7 +94,7 @@ async fn discovery() -> Finding {
 }
 
 async fn robot(
-    place: Place,
+    place: RobotChoice,
     connection: &ConnectionArgs,
     settings: &Effective,
     diagnosis: &mut Diagnosis,
@@ -226,14 +226,14 @@ async fn video(session: &mut Session) -> Result<Finding, LinkError> {
     let seconds = first
         .map_or(WATCHING, |first| first.elapsed())
         .as_secs_f64();
-    Ok(judge_video(
+    Ok(video_finding(
         frames,
         damaged,
         f64::from(frames) / seconds.max(0.1),
     ))
 }
 
-fn judge_video(frames: u32, damaged: u32, rate: f64) -> Finding {
+fn video_finding(frames: u32, damaged: u32, rate: f64) -> Finding {
     let found = format!("{rate:.0} frames a second, {damaged} of {frames} damaged");
     if frames == 0 {
         let help = "scripts that look will see nothing: switch the robot off and on again";
@@ -252,7 +252,7 @@ mod tests {
 
     #[test]
     fn few_or_damaged_frames_are_told() {
-        let verdict = |frames, damaged, rate| judge_video(frames, damaged, rate).verdict;
+        let verdict = |frames, damaged, rate| video_finding(frames, damaged, rate).verdict;
         assert_eq!(verdict(45, 0, 15.0), Verdict::Ok);
         assert_eq!(verdict(45, 9, 15.0), Verdict::Warn);
         assert_eq!(verdict(6, 0, 2.0), Verdict::Warn);

@@ -13,12 +13,23 @@ pub(super) struct Run {
     pub(super) began: Option<Timestamp>,
     /// `None`: it runs, or was cut off with its agent.
     pub(super) ended: Option<Timestamp>,
+    /// How long it ran, by its own account.
+    pub(super) seconds: Option<f64>,
     /// Why it ended; empty if it is not known.
     pub(super) reason: String,
     pub(super) message: String,
 }
 
 impl Run {
+    /// How long it ran, in whole seconds. The clock may have been set meanwhile, so what it says itself
+    /// counts first.
+    pub(super) fn lasted(&self) -> Option<i64> {
+        let own = self.seconds.map(|seconds| seconds.round() as i64);
+        let shown = self.began.zip(self.ended);
+        let shown = shown.map(|(began, ended)| ended.duration_since(began).as_secs().max(0));
+        own.or(shown)
+    }
+
     /// It failed.
     pub(super) fn failed(&self) -> bool {
         matches!(self.reason.as_str(), "error" | "cpu" | "memory")
@@ -39,6 +50,7 @@ pub(super) fn runs(records: &[Record]) -> Vec<Run> {
                     behaviour,
                     began: Some(record.at),
                     ended: None,
+                    seconds: None,
                     reason: String::new(),
                     message: String::new(),
                 });
@@ -49,6 +61,7 @@ pub(super) fn runs(records: &[Record]) -> Vec<Run> {
                         behaviour,
                         began: None,
                         ended: None,
+                        seconds: None,
                         reason: String::new(),
                         message: String::new(),
                     });
@@ -56,6 +69,7 @@ pub(super) fn runs(records: &[Record]) -> Vec<Run> {
                 });
                 let run = &mut runs[at];
                 run.ended = Some(record.at);
+                run.seconds = record.number("seconds");
                 run.reason = record.text("reason").to_owned();
                 run.message = record.text("message").to_owned();
             }

@@ -152,8 +152,7 @@ pub(super) fn runs(runs: &[Run], zone: &TimeZone) -> View {
     ];
     let rows = runs.iter().map(|run| {
         let moment = |at: Option<Timestamp>| at.map_or_else(String::new, |at| time(at, zone));
-        let lasted = run.began.zip(run.ended).map(|(began, ended)| {
-            let seconds = ended.duration_since(began).as_secs();
+        let lasted = run.lasted().map(|seconds| {
             format!(
                 "{}:{:02}:{:02}",
                 seconds / 3600,

@@ -41,11 +41,11 @@ pub(super) struct CheckArgs {
     #[arg(long, value_name = "FILE.json")]
     gradescope: Option<PathBuf>,
 
-    /// End each try that takes longer than so many seconds of real time, and count it as failed
+    /// End each try that takes longer than this many seconds of real time, and count it as failed
     #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = parse_timeout)]
     timeout: Duration,
 
-    /// Play so many tries at a time [default: one for each processor]
+    /// Tries to play in parallel [default: one for each processor]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
 }
@@ -67,9 +67,10 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
         hint: args.hint,
     };
     report(args, &feedback)?;
-    Ok(match marks.is_full() {
-        true => Exit::Done,
-        false => Exit::Check,
+    Ok(if marks.is_full() {
+        Exit::Done
+    } else {
+        Exit::Check
     })
 }
 
@@ -112,9 +113,10 @@ pub(super) fn read(file: &Path) -> Result<Vec<u8>, Failure> {
     }
     behaviour::read_source(file).map_err(|error| {
         let shown = file.display();
-        let help = match file.is_dir() {
-            true => "name the script in it",
-            false => "spykee lesson start 1 makes a folder with a script to go on from",
+        let help = if file.is_dir() {
+            "name the script in it"
+        } else {
+            "spykee lesson start 1 makes a folder with a script to go on from"
         };
         Failure::usage(format_args!("cannot read {shown}: {error}")).help(help)
     })
@@ -158,8 +160,9 @@ fn report(args: &CheckArgs, feedback: &Feedback<'_>) -> Result<(), Failure> {
     if let (Some(path), Some(scene)) = (&args.picture, scene) {
         save(&scene.picture, path)?;
     }
-    print(&match args.json {
-        true => format!("{:#}\n", feedback.json()),
-        false => feedback.text(),
+    print(&if args.json {
+        format!("{:#}\n", feedback.json())
+    } else {
+        feedback.text()
     })
 }

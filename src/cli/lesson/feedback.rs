@@ -50,9 +50,10 @@ impl Feedback<'_> {
         }
         if !marks.findings.is_empty() {
             let found: Vec<String> = marks.findings.iter().map(ToString::to_string).collect();
-            text += match marks.cannot_run {
-                true => "The script cannot run yet:\n\n",
-                false => "Look at this too:\n\n",
+            text += if marks.cannot_run {
+                "The script cannot run yet:\n\n"
+            } else {
+                "Look at this too:\n\n"
             };
             text += &format!("{}\n", quoted(&found.join("\n\n")));
         }
@@ -145,7 +146,7 @@ fn tries(mark: &Mark) -> String {
     }
 }
 
-/// In the words of somebody else: each line marked, so that none passes for one of ours.
+/// Quoted text: each line is marked, so that none passes for one of ours.
 fn quoted(words: &str) -> String {
     let words = clean::text(words.trim_end(), false);
     let mut lines = words.lines();

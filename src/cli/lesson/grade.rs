@@ -19,7 +19,7 @@ use crate::cli::test::crew::parse_timeout;
 
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct GradeArgs {
-    /// A folder with a folder or a script for each learner, called by his name
+    /// A folder with a folder or a script for each learner, named after the learner
     #[arg(value_name = "FOLDER")]
     folder: PathBuf,
 
@@ -27,7 +27,7 @@ pub(super) struct GradeArgs {
     #[arg(long, value_name = "LESSON", value_parser = LessonParser, hide_possible_values = true)]
     lesson: &'static Lesson,
 
-    /// A file with the names of the class, one a line: who is not in the folder has handed in nothing
+    /// A file with the names of the class, one a line; a name without a folder counts as not handed in
     #[arg(long, value_name = "FILE")]
     names: Option<PathBuf>,
 
@@ -39,11 +39,11 @@ pub(super) struct GradeArgs {
     #[arg(long)]
     json: bool,
 
-    /// End each try that takes longer than so many seconds of real time, and count it as failed
+    /// End each try that takes longer than this many seconds of real time, and count it as failed
     #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = parse_timeout)]
     timeout: Duration,
 
-    /// Play so many tries at a time [default: one for each processor]
+    /// Tries to play in parallel [default: one for each processor]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
 }

@@ -61,7 +61,7 @@ pub(super) enum Next {
 
 type Lines = Editor<Names, FileHistory>;
 
-/// Until there is nothing more to read, or nobody who listens.
+/// Until the input ends or the receiver is dropped.
 pub(super) fn serve(typed: &mpsc::Sender<Typed>, told: mpsc::Receiver<Told>, console: &Console) {
     let mut prompt = match open() {
         Ok(lines) => Prompt {
@@ -88,7 +88,7 @@ pub(super) fn serve(typed: &mpsc::Sender<Typed>, told: mpsc::Receiver<Told>, con
         let Some(what) = prompt.read(next) else {
             return;
         };
-        // At the end the printer above the prompt goes with it: nobody would read what it is given.
+        // At the end the printer above the prompt goes with it: its output would be lost.
         let ends = matches!(what, Typed::End);
         if typed.blocking_send(what).is_err() || ends {
             return;
@@ -111,7 +111,7 @@ struct Prompt {
     lines: Lines,
     told: mpsc::Receiver<Told>,
     history: Option<PathBuf>,
-    /// Somebody types; otherwise lines come from a pipe.
+    /// A person types; otherwise lines come from a pipe.
     person: bool,
     /// The lines so far of an input that goes on.
     pending: String,
@@ -161,9 +161,10 @@ impl Prompt {
             } else {
                 PROMPTS.1
             };
-            let read = match self.person {
-                true => self.lines.readline(prompt),
-                false => self.piped(),
+            let read = if self.person {
+                self.lines.readline(prompt)
+            } else {
+                self.piped()
             };
             match read {
                 Ok(line) => {
@@ -185,7 +186,7 @@ impl Prompt {
         }
     }
 
-    /// A line that nobody types. Of one that is too long no more is kept than shows that it is.
+    /// A line that no person types. Of one that is too long no more is kept than shows that it is.
     fn piped(&mut self) -> rustyline::Result<String> {
         bounded_line(&mut io::stdin().lock(), MAX_SOURCE + 1)
     }

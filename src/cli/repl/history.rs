@@ -16,7 +16,7 @@ pub(super) fn path() -> Option<PathBuf> {
     Some(state.join("spykee").join("history"))
 }
 
-/// Makes the file, and its folder, so that nobody else can look into it.
+/// Makes the file, and its folder, readable by this user alone.
 pub(super) fn prepare(path: &Path) -> io::Result<()> {
     if let Some(folder) = path.parent() {
         DirBuilder::new()

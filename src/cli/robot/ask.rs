@@ -45,7 +45,7 @@ pub(super) struct LogArgs {
     pub(super) aim: AimArgs,
 }
 
-/// What is told of a robot, whoever tells it.
+/// What is known of a robot, from a run or from the robot itself.
 struct Facts {
     uid: String,
     name: String,

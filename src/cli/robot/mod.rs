@@ -19,9 +19,11 @@ use clap::Subcommand;
 
 use super::driver::Means;
 use super::embedded::EmbeddedSim;
-use super::run::{dial, place, reach, rescue};
+use super::reach::{dial, place, reach};
+use super::remote::RemoteArgs;
 use super::running::run_on;
 use super::settings::SettingsArgs;
+use super::startup::rescue;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::config::Config;
 use crate::control::Client;
@@ -30,10 +32,10 @@ use crate::wire::{self, Login};
 
 /// Ask the robot for one thing: battery, docking, lights, a picture, its settings
 ///
-/// Low battery, the station and a dead link are watched over as in a run. The robot serves one user at
+/// The watchdog looks after a low battery, the station and a dead link as in a run. The robot serves one user at
 /// a time. If that is a `spykee run` of the same data folder, battery, info, snapshot, dock, undock,
-/// stop, led, play, volume and say go through it; without --robot the only run that is on is meant. End
-/// other programs first.
+/// stop, led, play, volume and say go through it; without --robot the only run that is on is meant. With
+/// --url they go through a service on another computer. End other programs first.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     subcommand_required = true,
@@ -118,6 +120,9 @@ pub(super) struct AimArgs {
 
     #[command(flatten)]
     pub(super) connection: ConnectionArgs,
+
+    #[command(flatten)]
+    pub(super) remote: RemoteArgs,
 }
 
 /// A robot that can be dialled. The simulator, if it is one, ends with this.
@@ -134,7 +139,7 @@ impl AimArgs {
     /// # Errors
     /// See [`run_on`].
     pub(super) fn run_on(&self) -> Result<Option<Client>, Failure> {
-        run_on(&self.settings, &self.connection)
+        run_on(&self.settings, &self.connection, &self.remote)
     }
 
     /// Resolves flags and config, and starts the simulator if that is what was asked for.

@@ -15,7 +15,7 @@ use crate::wire::{
     Command, Network, Report, Setting, join_settings, parse_networks, parse_settings,
 };
 
-/// In place of a value that is nobody's business.
+/// In place of a secret value.
 const HIDDEN: &str = "***";
 /// A key with one of these in it is kept secret.
 const SECRETS: [&str; 7] = ["key", "pass", "psk", "pwd", "secret", "wep", "wpa"];
@@ -74,9 +74,10 @@ pub(super) fn config(args: &ConfigArgs) -> Result<Exit, Failure> {
         if !wanted.is_empty() {
             settings = change(talk, args, &settings, &wanted).await?;
         }
-        match args.json {
-            true => print(&format!("{}\n", Value::Object(object(&settings))))?,
-            false => print(&table(&settings))?,
+        if args.json {
+            print(&format!("{}\n", Value::Object(object(&settings))))?
+        } else {
+            print(&table(&settings))?
         }
         Ok(Exit::Done)
     })
@@ -183,7 +184,7 @@ fn confirm(uid: &str, args: &ChangeArgs, wanted: &[Setting]) -> Result<(), Failu
     let typed = match &args.yes_i_mean {
         Some(typed) => typed.clone(),
         None if !std::io::stdin().is_terminal() => {
-            let failure = Failure::usage("nobody is at a terminal to confirm the change");
+            let failure = Failure::usage("no terminal to confirm the change at");
             return Err(failure.help("scripts name the robot: --yes-i-mean ID (`robot info`)"));
         }
         None => {
@@ -268,9 +269,10 @@ fn concerns_network(key: &str) -> bool {
 
 /// The value, or stars.
 fn shown(setting: &Setting) -> &str {
-    match is_secret(&setting.key) && !setting.value.is_empty() {
-        true => HIDDEN,
-        false => &setting.value,
+    if is_secret(&setting.key) && !setting.value.is_empty() {
+        HIDDEN
+    } else {
+        &setting.value
     }
 }
 

@@ -44,7 +44,7 @@ pub(super) struct DockArgs {
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot undock --robot 172.17.6.1")]
 pub(super) struct UndockArgs {
-    /// How long to wait for the robot's word that it has left
+    /// How long to wait for the robot to report that it has left
     #[arg(long, value_name = "SECONDS", default_value_t = 15,
           value_parser = clap::value_parser!(u64).range(1..=600))]
     timeout: u64,

@@ -9,7 +9,7 @@ use super::{Aim, AimArgs};
 use crate::cli::interrupt::interruption;
 use crate::cli::running::{AT_ONCE, ask};
 use crate::cli::{Exit, Failure, block_on, print};
-use crate::control::Errand;
+use crate::control::{Client, Errand};
 use crate::link::{LinkError, farewell};
 use crate::pilot::{DELIVERY, Delivery};
 use crate::safety::{Fact, Watchdog};
@@ -27,11 +27,12 @@ const PAUSE: Duration = Duration::from_millis(200);
 /// sends it home.
 ///
 /// A `spykee run` that has the robot is told to stop it at once, whatever drives, and to end. While any
-/// other program is connected the robot lets nobody else in: that program must stop it.
+/// other program is connected the robot refuses further logins: that program must stop it. A service that
+/// is asked by --url goes on, and holds the robot until its page lets go.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot stop --robot 172.17.6.1")]
 pub(super) struct StopArgs {
-    /// Try for so long
+    /// Give up after this time
     #[arg(long, value_name = "SECONDS", default_value_t = 10,
           value_parser = clap::value_parser!(u64).range(1..=600))]
     timeout: u64,
@@ -41,6 +42,9 @@ pub(super) struct StopArgs {
 
 pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
     let running = args.aim.run_on()?;
+    if let Some(run) = running.as_ref().filter(|run| run.is_remote()) {
+        return hold(run);
+    }
     let mut aim = args.aim.clone();
     if let Some(run) = &running {
         tracing::info!(
@@ -83,6 +87,15 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
             None => Ok(Exit::Interrupted),
         }
     })?
+}
+
+/// A service goes on, and nothing moves its robot until somebody lets it go.
+fn hold(run: &Client) -> Result<Exit, Failure> {
+    if ask(run, &Errand::Stop, AT_ONCE)?.is_none() {
+        return Ok(Exit::Interrupted);
+    }
+    print("stopped: nothing moves the robot until the page, or POST /api/let-go, lets it go\n")?;
+    Ok(Exit::Done)
 }
 
 /// What became of the last try that got through; `None`: ended before one did.

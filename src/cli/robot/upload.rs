@@ -93,7 +93,7 @@ async fn send(talk: &mut Talk, chunks: &[Command], console: &Console) -> Result<
     Ok(())
 }
 
-/// The robot reads in order: whoever answers the last question has read all that came before it.
+/// The robot reads in order: an answer to the last question acknowledges all messages before it.
 /// CONFIG is only sent when asked for, so that no other news can pass for the answer.
 async fn confirm(talk: &mut Talk) -> Result<(), Failure> {
     talk.say(&[Command::ConfigQuery]).await?;

@@ -2,11 +2,11 @@
 
 use super::order::Order;
 use super::{ServeArgs, exit};
-use crate::agent::Agent;
+use crate::agent::{Agent, Tries, until_answered};
 use crate::cli::embedded;
-use crate::cli::fast::EventFile;
+use crate::cli::fast::{EventFile, Keeping};
 use crate::cli::interrupt::EndingSignals;
-use crate::cli::{Console, Exit, Failure, Place};
+use crate::cli::{Console, Exit, Failure, RobotChoice};
 use crate::clock::{Clock, Zone};
 use crate::config::Config;
 use crate::lab::{self, Lab};
@@ -21,12 +21,12 @@ use crate::wire::Login;
 /// A real robot, a world that cannot be used, no thread.
 pub(super) fn serve(
     args: &ServeArgs,
-    place: Place,
+    place: RobotChoice,
     login: Login,
     (config, order): (&Config, Order),
     (seed, console): (u64, &Console),
 ) -> Result<Exit, Failure> {
-    let Place::Sim(world) = place else {
+    let RobotChoice::Sim(world) = place else {
         let why = "--fast goes with --sim only: a real robot's time cannot be hurried";
         return Err(Failure::usage(why).help("spykee serve --sim --fast --for 86400"));
     };
@@ -49,6 +49,7 @@ pub(super) fn serve(
     let world = embedded::load(world.as_deref())?;
     end_at_a_signal(stop.clone())?;
     let (limit, last) = (args.limit, console.clone());
+    let (keeping, link) = (Keeping::of(config), config.link.clone());
     crate::script::when_stuck(STUCK, move |file| {
         let words = format!("error: {}", crate::script::stuck(file));
         last.end(Some(&words), crate::cli::CONSOLE_LIMIT);
@@ -58,7 +59,9 @@ pub(super) fn serve(
         let mut plan = lab.plan(Vec::new());
         (plan.stays, plan.limit) = (true, limit);
         plan.blueprints = order.duties.blueprints.clone();
+        plan.dial = until_answered(plan.dial, link, lab.seed(), Tries::default());
         let bus = plan.bus.clone();
+        let journal = keeping.map(|keeping| keeping.start(&bus));
         let (agent, status) = Agent::new(plan);
         let (_none, reloads) = tokio::sync::mpsc::channel(1);
         let service = Service {
@@ -72,7 +75,11 @@ pub(super) fn serve(
             view: View::channel().0,
             reloads,
         };
-        service.run(stop).await
+        let outcome = service.run(stop).await;
+        if let Some(journal) = journal {
+            journal.finish().await;
+        }
+        outcome
     });
     let outcome = outcome
         .map_err(|error| Failure::usage(format_args!("cannot start the simulation: {error}")))?;

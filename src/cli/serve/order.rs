@@ -72,9 +72,10 @@ impl Reader {
         if let Some(unknown) = table.unknown(&names).first() {
             let what =
                 format_args!("the timetable runs `{unknown}`, and no behaviour is called so");
-            let known = match names.is_empty() {
-                true => "the config names no behaviours".to_owned(),
-                false => format!("there are {}", names.join(", ")),
+            let known = if names.is_empty() {
+                "the config names no behaviours".to_owned()
+            } else {
+                format!("there are {}", names.join(", "))
             };
             return Err(Failure::usage(what).help(known));
         }

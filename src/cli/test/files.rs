@@ -14,12 +14,11 @@ const MAX_DEPTH: u32 = 16;
 /// A path that does not exist or cannot be read.
 pub(super) fn collect(path: &Path, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
     let cannot = |error| Failure::usage(format_args!("cannot read {}: {error}", path.display()));
-    match std::fs::metadata(path).map_err(cannot)?.is_dir() {
-        true => search(path, 0, files),
-        false => {
-            files.push(path.to_owned());
-            Ok(())
-        }
+    if std::fs::metadata(path).map_err(cannot)?.is_dir() {
+        search(path, 0, files)
+    } else {
+        files.push(path.to_owned());
+        Ok(())
     }
 }
 

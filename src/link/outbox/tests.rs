@@ -136,6 +136,8 @@ fn samples_among_commands_are_speech() {
     assert!(rig.outbox.is_calm() && !rig.outbox.is_empty());
     rig.outbox.drop_audio();
     assert!(rig.outbox.is_empty());
+    rig.push(&[GO]);
+    assert!(!rig.outbox.is_calm());
 }
 
 #[test]

@@ -102,6 +102,9 @@ export function past(connection) {
   return card;
 }
 
+/** Of `Sun 2026-03-29 01:30` the time alone, if it is of the same day as the beginning. */
+const ending = (at, until) => (until.slice(0, -5) === at.slice(0, -5) ? until.slice(-5) : until);
+
 export function schedule(connection) {
   const list = h("ol", { class: "starts" });
   let timer = null;
@@ -116,7 +119,7 @@ export function schedule(connection) {
     card.hidden = false;
     list.replaceChildren(...starts.map(({ at, run, until, notes }) => h("li", {},
       h("time", {}, at), h("strong", {}, run),
-      h("span", { class: "quiet" }, [until ? t("until", { time: until }) : "", ...notes.map((note) => t(`start_${note}`))].filter((one) => one).join(" · ")))));
+      h("span", { class: "quiet" }, [until ? t("until", { time: ending(at, until) }) : "", ...notes.map((note) => t(`start_${note}`))].filter((one) => one).join(" · ")))));
   }
 
   const card = h("section", { class: "card schedule", "aria-labelledby": "schedule-title", hidden: true },

@@ -79,9 +79,8 @@ pub(super) fn wait_for_event(
 ) -> Answered {
     call.may_wait()?;
     let streams = call.state.options.streams;
-    let refusal = event.stream().and_then(|stream| streams.refusal(stream));
-    match refusal {
-        Some(why) if time.is_none() => return Err(call.args.misuse(&why)),
+    match event.stream().map(|stream| streams.allow(stream)) {
+        Some(Err(why)) if time.is_none() => return Err(call.args.misuse(&why.to_string())),
         _ => listen(call, event),
     }
     call.wait(Wait::Event(event), time)

@@ -39,7 +39,7 @@ use mlua::prelude::{
 
 use super::arguments::{Args, Refusal, describe};
 use super::budget;
-use super::failure::{Place, is_ours};
+use super::failure::{SourceLocation, is_ours};
 use super::sandbox::{self, Prelude};
 use super::stage::Stage;
 use super::state::State;
@@ -148,7 +148,7 @@ impl Call<'_> {
             .misuse("the script is ending, nothing new can begin"))
     }
 
-    /// Sends a wish, unless too many wait already.
+    /// Sends an intent, unless too many wait already.
     fn send(&mut self, intent: crate::robot::Intent) -> Result<(), Refusal> {
         self.make_room(0)?;
         self.state.outbox.send(intent);
@@ -158,7 +158,7 @@ impl Call<'_> {
     /// Switches a stream on, unless it is, until the script switches it off.
     fn switch_on(&mut self, stream: Stream) -> Result<(), Refusal> {
         let wanted = self.state.want(stream, Demand::Asked);
-        wanted.map_err(|why| self.args.misuse(&why))
+        wanted.map_err(|why| self.args.misuse(&why.to_string()))
     }
 
     fn make_room(&self, speech: usize) -> Result<(), Refusal> {
@@ -242,13 +242,13 @@ fn globals(builder: &Builder<'_>) -> LuaResult<()> {
 }
 
 /// The innermost line of the script itself.
-fn place(lua: &Lua) -> Option<Place> {
+fn place(lua: &Lua) -> Option<SourceLocation> {
     (0..64)
         .map_while(|level| {
             lua.inspect_stack(level, |frame| {
                 let file = frame.source().short_src?.into_owned();
                 let line = u32::try_from(frame.current_line()?).ok()?;
-                (!is_ours(&file)).then_some(Place { file, line })
+                (!is_ours(&file)).then_some(SourceLocation { file, line })
             })
         })
         .flatten()

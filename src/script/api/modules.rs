@@ -114,7 +114,7 @@ fn open(call: &mut Call<'_>) -> Answered {
     drop(bytes);
     let from = from(call);
     let target = resolve(call.state.modules.folder(from), &path);
-    let target = target.map_err(|words| call.args.misuse(&printable(&words, 400)))?;
+    let target = target.map_err(|why| call.args.misuse(&printable(&why.to_string(), 400)))?;
     let Some(task) = call.state.tasks.current else {
         return Err(call.args.misuse("nothing can be loaded here"));
     };
@@ -142,10 +142,10 @@ fn find(call: &Call<'_>, target: &Target) -> Option<ModuleId> {
 fn want(call: &mut Call<'_>, from: ModuleId, to: ModuleId, task: TaskId) -> Result<(), Refusal> {
     let (tasks, modules) = (&call.state.tasks, &mut call.state.modules);
     let wanted = modules.want(from, to, task, |id| tasks.get(id).is_some());
-    wanted.map_err(|words| call.args.misuse(&words))
+    wanted.map_err(|why| call.args.misuse(&why.to_string()))
 }
 
-/// A module that nobody has asked for before.
+/// A module that is required for the first time.
 fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
     let added = match target {
         Target::Library(name, source) => {
@@ -162,7 +162,7 @@ fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
             added
         }
     };
-    added.map_err(|words| call.args.misuse(&words))
+    added.map_err(|why| call.args.misuse(&why.to_string()))
 }
 
 /// What the prelude does next.
@@ -177,7 +177,7 @@ fn go_on(call: &mut Call<'_>, id: ModuleId, task: TaskId) -> Answered {
             "'{key}' is still being loaded by this very task; its file must not wait in coroutine.yield"
         ))),
         Progress::Running(by, function) if call.state.tasks.get(by).is_none() => {
-            // Whoever ran it was ended in the middle.
+            // The task that ran it was ended in the middle.
             run(call, id, key, task, function)
         }
         Progress::Asked | Progress::Running(..) => {
@@ -266,7 +266,7 @@ impl Script {
         let progress = match file {
             Err(words) => Progress::Missing(printable(&words, 400)),
             Ok(file) => match state.modules.arrived(id, &file) {
-                Err(words) => Progress::Missing(words),
+                Err(why) => Progress::Missing(why.to_string()),
                 Ok(chunk) => compile(&self.lua, &file.source, &chunk),
             },
         };

@@ -59,7 +59,7 @@ fn declare(call: &mut Call<'_>) -> Answered {
             call.reply(table)
         }
         Err(words) => {
-            // No pcall may go on with a value that nobody wanted.
+            // A pcall must not continue with a refused value.
             call.state.params.refused = Some(words);
             budget::latch_stopped();
             call.reply(())

@@ -6,7 +6,7 @@ use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
 use super::super::events::{EventName, Loan, Payload};
 use super::super::sound;
-use super::super::way_back::Place;
+use super::super::way_back::Waypoint;
 use super::{frame, of_row};
 use crate::api;
 use crate::robot::{Battery, Event};
@@ -61,7 +61,7 @@ fn loan_table(lua: &Lua, loan: &Loan) -> LuaResult<LuaTable> {
     table.raw_set("low_for", loan.low_for.as_secs_f64())?;
     if let Some(places) = &loan.way_back {
         let way = lua.create_table_with_capacity(places.len(), 0)?;
-        for Place { x, y } in places {
+        for Waypoint { x, y } in places {
             let place = lua.create_table_with_capacity(0, 2)?;
             place.raw_set("x", *x)?;
             place.raw_set("y", *y)?;

@@ -10,7 +10,9 @@ use tokio::time::Instant;
 use super::super::arguments::{Refusal, describe};
 use super::super::group::{Group, Rule};
 
-use super::super::task::{Answer, GroupId, Handle, Kind, MAX_TASKS, SHORTEST_WAIT, Status, Wait};
+use super::super::task::{
+    Answer, GroupId, Handle, MAX_TASKS, SHORTEST_WAIT, Status, TaskKind, Wait,
+};
 use super::{Answered, Builder, Call, Natives};
 use crate::api;
 
@@ -125,7 +127,7 @@ pub(super) fn begin(
     values: LuaMultiValue,
     start: Option<Instant>,
 ) -> Answered {
-    let handle = add(call, function, Kind::Spawned, values, start)?;
+    let handle = add(call, function, TaskKind::Spawned, values, start)?;
     let object = call.lua.create_any_userdata(TaskObject(handle))?;
     call.reply(object)
 }
@@ -133,7 +135,7 @@ pub(super) fn begin(
 fn add(
     call: &mut Call<'_>,
     function: &LuaFunction,
-    kind: Kind,
+    kind: TaskKind,
     values: LuaMultiValue,
     start: Option<Instant>,
 ) -> Result<Rc<Handle>, Refusal> {
@@ -195,7 +197,7 @@ fn run_group(
     let id = GroupId(call.state.tasks.next_id());
     let mut children = Vec::new();
     for (index, (function, values)) in functions.into_iter().enumerate() {
-        match add(call, &function, Kind::Child(id, index), values, None) {
+        match add(call, &function, TaskKind::Child(id, index), values, None) {
             Ok(handle) => children.push(handle.id),
             Err(refusal) => {
                 // Those that were made before must not stay behind.

@@ -26,7 +26,8 @@ fn runs(path: &str, source: &str) {
 
 #[test]
 fn every_example_runs() {
-    let of_behaviours = api::namespaces().filter(|one| one.place != api::Place::Scenario);
+    let of_behaviours =
+        api::namespaces().filter(|one| one.availability != api::Availability::Scenario);
     for namespace in of_behaviours {
         for function in namespace.functions {
             runs(function.path, function.example);

@@ -46,6 +46,34 @@ pub(super) fn show(rig: &mut Rig, seq: u64, jpeg: &Bytes) {
     rig.run();
 }
 
+#[test]
+fn a_handler_answers_a_frame_before_it_is_looked_at_for_the_robots_own_movement() {
+    let source = "robot.on('frame', function() robot.led('left', true) end)
+        robot.turn(math.pi)";
+    let mut rig = Rig::new(source);
+    let jpeg = picture(&[((100, 50, 40, 20), RED)]);
+    for seq in 1..=2 {
+        rig.now += Duration::from_millis(100);
+        let (at, jpeg) = (rig.now, jpeg.clone());
+        rig.script.deliver_frame(Frame { seq, at, jpeg }, rig.now);
+        rig.intents.clear();
+        rig.script.run_ready(rig.now);
+        rig.collect();
+        assert!(
+            matches!(rig.intents[..], [Intent::Led { .. }]),
+            "{:?}",
+            rig.intents
+        );
+        assert_eq!(decoded(&rig), seq - 1);
+        rig.run();
+        assert_eq!(decoded(&rig), seq);
+    }
+}
+
+fn decoded(rig: &Rig) -> u64 {
+    rig.script.state.borrow().sight.eyes.decoded()
+}
+
 /// What a script prints about one frame.
 fn seen(body: &str, jpeg: &Bytes) -> Vec<String> {
     let mut rig = looking(body, |_| {});

@@ -6,12 +6,8 @@ use std::time::Duration;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::files::{self, ReadError};
+use crate::sim::yaml::document::{self, DocumentError, DocumentKind};
 use crate::sim::yaml::{locate, number};
-use crate::yaml;
-
-/// Bytes of a file, at most.
-const MAX_FILE_LEN: u64 = yaml::MAX_LEN;
 
 /// The unknowns as settings; the defaults are the worst case for a client that drives the robot, where
 /// one is the worst.
@@ -79,70 +75,21 @@ impl Default for Firmware {
     }
 }
 
-/// A firmware that cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum FirmwareError {
-    /// The file cannot be read.
-    #[error("cannot read the firmware {name}: {source}")]
-    Read {
-        /// The file.
-        name: String,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The file is too long.
-    #[error("{name} is longer than {MAX_FILE_LEN} bytes: does it describe a firmware?")]
-    TooLong {
-        /// The file.
-        name: String,
-    },
-    /// The YAML does not describe a firmware.
-    #[error("{name}:{line}:{column}: {message}")]
-    Invalid {
-        /// The file, or what else the text came from.
-        name: String,
-        /// Counted from 1.
-        line: usize,
-        /// Counted from 1.
-        column: usize,
-        /// What was found and what was expected.
-        message: String,
-    },
-}
-
 impl Firmware {
     /// Reads a firmware; what it leaves out is as by default. `name` is what errors call the text.
     ///
     /// # Errors
-    /// [`FirmwareError::Invalid`] with line and column: unknown keys, values out of range.
-    pub fn from_yaml(text: &str, name: &str) -> Result<Firmware, FirmwareError> {
-        let firmware: Option<Firmware> =
-            locate::read(text).map_err(|((line, column), message)| {
-                let name = name.to_owned();
-                FirmwareError::Invalid {
-                    name,
-                    line,
-                    column,
-                    message,
-                }
-            })?;
-        Ok(firmware.unwrap_or_default())
+    /// [`DocumentError::Invalid`] with line and column: unknown keys, values out of range.
+    pub fn from_yaml(text: &str, name: &str) -> Result<Firmware, DocumentError> {
+        locate::read::<Option<Firmware>>(text, name).map(Option::unwrap_or_default)
     }
 
     /// Reads a firmware from a file.
     ///
     /// # Errors
     /// As [`Firmware::from_yaml`], or the file cannot be read.
-    pub fn load(path: &Path) -> Result<Firmware, FirmwareError> {
-        let name = path.display().to_string();
-        match files::read_text(path, MAX_FILE_LEN) {
-            Ok(text) => Firmware::from_yaml(&text, &name),
-            Err(ReadError::TooLong { .. }) => Err(FirmwareError::TooLong { name }),
-            Err(error) => Err(FirmwareError::Read {
-                name,
-                source: error.into(),
-            }),
-        }
+    pub fn load(path: &Path) -> Result<Firmware, DocumentError> {
+        document::load(path, DocumentKind::Firmware, Firmware::from_yaml)
     }
 }
 

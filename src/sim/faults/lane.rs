@@ -1,6 +1,5 @@
 //! One direction of a connection through the proxy: spoils bytes as the faults of the moment say.
 
-use std::future::pending;
 use std::time::Duration;
 
 use bytes::BytesMut;
@@ -8,12 +7,13 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, ReadHalf, WriteHalf};
 use tokio::sync::{broadcast, mpsc, watch};
-use tokio::time::{Instant, sleep_until};
+use tokio::time::Instant;
 
 use super::fault::{Fault, Towards, Trouble};
 use super::mangle::{self, Splitter, Stretch};
 use super::outlet::{End, Outlet, Parcel};
 use super::troubles::Conditions;
+use crate::clock::until;
 
 const READ_LEN: usize = 8 * 1024;
 /// Reads that may wait on their way; then the sender waits. More than a delay of seconds needs.
@@ -90,7 +90,7 @@ impl Lane {
                     Err(broadcast::error::RecvError::Lagged(_)) => vec![],
                     Err(broadcast::error::RecvError::Closed) => return,
                 },
-                () = at(self.given_up) => {
+                () = until(self.given_up) => {
                     send(&queue, vec![Parcel::Reset]).await;
                     return;
                 }
@@ -198,13 +198,6 @@ impl Lane {
         }
         self.last_due = self.last_due.max(due);
         self.last_due
-    }
-}
-
-async fn at(time: Option<Instant>) {
-    match time {
-        Some(time) => sleep_until(time).await,
-        None => pending().await,
     }
 }
 

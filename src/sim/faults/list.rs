@@ -7,45 +7,11 @@ use serde::Deserialize;
 
 use super::entry::Entry;
 use super::fault::Fault;
-use crate::files::{self, ReadError};
+use crate::sim::yaml::document::{self, DocumentError, DocumentKind};
 use crate::sim::yaml::locate::{self, Step};
-use crate::yaml;
 
-/// Bytes of a list's file, at most.
-const MAX_FILE_LEN: u64 = yaml::MAX_LEN;
 /// Faults in one list; each is polled at every step.
 const MAX_FAULTS: usize = 200;
-
-/// A list of faults that cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum FaultsError {
-    /// The file cannot be read.
-    #[error("cannot read the faults {name}: {source}")]
-    Read {
-        /// The file.
-        name: String,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The file is too long.
-    #[error("{name} is longer than {MAX_FILE_LEN} bytes: is it a list of faults?")]
-    TooLong {
-        /// The file.
-        name: String,
-    },
-    /// The YAML does not describe faults.
-    #[error("{name}:{line}:{column}: {message}")]
-    Invalid {
-        /// The file, or what else the text came from.
-        name: String,
-        /// Counted from 1.
-        line: usize,
-        /// Counted from 1.
-        column: usize,
-        /// What was found, what was expected, what to do.
-        message: String,
-    },
-}
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -57,25 +23,21 @@ impl Fault {
     /// Reads a list of faults; `name` is what errors call the text, usually its file's name.
     ///
     /// # Errors
-    /// [`FaultsError::Invalid`] with line and column: unknown keys and faults, values out of range,
+    /// [`DocumentError::Invalid`] with line and column: unknown keys and faults, values out of range,
     /// values that mean nothing for this fault.
-    pub fn list_from_yaml(text: &str, name: &str) -> Result<Vec<Fault>, FaultsError> {
-        let invalid = |(line, column): (usize, usize), message: String| FaultsError::Invalid {
-            name: name.to_owned(),
-            line,
-            column,
-            message,
+    pub fn list_from_yaml(text: &str, name: &str) -> Result<Vec<Fault>, DocumentError> {
+        let invalid = |path: &[Step], message| {
+            DocumentError::invalid(name, locate::find(text, path), message)
         };
-        let Document { faults } =
-            locate::read(text).map_err(|(place, message)| invalid(place, message))?;
+        let Document { faults } = locate::read(text, name)?;
         if faults.len() > MAX_FAULTS {
             let message = format!("{} faults are too many: at most {MAX_FAULTS}", faults.len());
-            return Err(invalid(locate::find(text, &[Step::Key("faults")]), message));
+            return Err(invalid(&[Step::Key("faults")], message));
         }
         for (index, entry) in faults.iter().enumerate() {
             entry.check().map_err(|(key, message)| {
                 let path = [Step::Key("faults"), Step::Index(index), Step::Key(key)];
-                invalid(locate::find(text, &path), message)
+                invalid(&path, message)
             })?;
         }
         Ok(faults.iter().map(Entry::fault).collect())
@@ -85,16 +47,8 @@ impl Fault {
     ///
     /// # Errors
     /// As [`Fault::list_from_yaml`], or the file cannot be read.
-    pub fn load_list(path: &Path) -> Result<Vec<Fault>, FaultsError> {
-        let name = path.display().to_string();
-        match files::read_text(path, MAX_FILE_LEN) {
-            Ok(text) => Fault::list_from_yaml(&text, &name),
-            Err(ReadError::TooLong { .. }) => Err(FaultsError::TooLong { name }),
-            Err(error) => Err(FaultsError::Read {
-                name,
-                source: error.into(),
-            }),
-        }
+    pub fn load_list(path: &Path) -> Result<Vec<Fault>, DocumentError> {
+        document::load(path, DocumentKind::Faults, Fault::list_from_yaml)
     }
 }
 

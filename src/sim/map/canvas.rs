@@ -88,35 +88,57 @@ impl Canvas {
         self.paper.write((x, y), text, script);
     }
 
-    /// A name beside a place, on the side where nothing is written yet.
+    /// A name beside a place, on a side where nothing is written yet, or below it if there is none.
     pub(crate) fn label(&mut self, place: Point, away: f32, text: &str, script: Script) {
-        if text.is_empty() {
-            return;
+        let (x, y) = self.at(place);
+        let (width, _) = script.size(text);
+        let at = self.free_side(place, away, text, script);
+        self.write_on_paper(at.unwrap_or((x - width / 2.0, y + away)), text, script);
+    }
+
+    /// The same for what is left out where there is no room for it.
+    pub(crate) fn label_if_room(&mut self, place: Point, away: f32, text: &str, script: Script) {
+        if let Some(at) = self.free_side(place, away, text, script) {
+            self.write_on_paper(at, text, script);
         }
+    }
+
+    /// Where a name has room beside a place: its top left corner.
+    fn free_side(&self, place: Point, away: f32, text: &str, script: Script) -> Option<(f32, f32)> {
         let ((x, y), (width, height)) = (self.at(place), script.size(text));
         let (edge_x, edge_y) = self.paper.size();
+        let (left, right) = (x - away.abs() - width, x + away.abs());
         let sides = [
             (x - width / 2.0, y + away),
             (x - width / 2.0, y - away - height),
             (x + away, y - height / 2.0),
             (x - away - width, y - height / 2.0),
+            (right, y + away.abs()),
+            (left, y + away.abs()),
+            (right, y - away.abs() - height),
+            (left, y - away.abs() - height),
             (x - width / 2.0, y + away + height),
             (x - width / 2.0, y - away - 2.0 * height),
         ];
-        let free = |(x, y): &&(f32, f32)| {
+        sides.into_iter().find(|(x, y)| {
             let own = [*x, *y, x + width, y + height];
             let inside = *x >= 0.0 && *y >= 0.0 && own[2] < edge_x && own[3] < edge_y;
             inside && !self.taken.iter().any(|other| overlap(&own, other))
-        };
-        let (x, y) = *sides.iter().find(free).unwrap_or(&sides[0]);
-        let paper = [255, 255, 255, 190];
+        })
+    }
+
+    fn write_on_paper(&mut self, (x, y): (f32, f32), text: &str, script: Script) {
+        if text.is_empty() {
+            return;
+        }
+        let (width, height) = script.size(text);
         let corners = [
             (x - 2.0, y),
             (x + width + 2.0, y),
             (x + width + 2.0, y + height),
             (x - 2.0, y + height),
         ];
-        self.fill_pixels(&corners, paper);
+        self.fill_pixels(&corners, [255, 255, 255, 190]);
         self.write((x, y), text, script);
     }
 
@@ -128,4 +150,24 @@ impl Canvas {
 
 fn overlap(a: &Frame, b: &Frame) -> bool {
     a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_of_a_short_run_are_left_out_rather_than_written_over_each_other() {
+        let mut canvas = Canvas::new((300, 300), 100.0, (20.0, 280.0)).unwrap();
+        let script = Script::small([0, 0, 0, 255]);
+        for step in 0..20 {
+            let place = Point::new(1.0 + 0.01 * f64::from(step), 1.0);
+            canvas.label_if_room(place, 8.0, "1:00", script);
+        }
+        let taken = &canvas.taken;
+        assert!(taken.len() > 2 && taken.len() < 20, "{}", taken.len());
+        for (number, one) in taken.iter().enumerate() {
+            assert!(!taken[number + 1..].iter().any(|other| overlap(one, other)));
+        }
+    }
 }

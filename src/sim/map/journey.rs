@@ -117,7 +117,7 @@ fn draw_clocks(canvas: &mut Canvas, samples: &[Sample]) {
         }
         canvas.dot(sample.pose.point(), 3.5, PALE);
         let script = Script::small([60, 62, 70, 255]);
-        canvas.label(
+        canvas.label_if_room(
             sample.pose.point(),
             8.0,
             &clock(sample.at.as_secs_f64()),

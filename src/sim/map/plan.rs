@@ -260,6 +260,20 @@ fn frame(world: &World, canvas: &mut Canvas) {
     canvas.rule((x, y - 6.0), (x, y + 6.0), 3.0, DARK);
     canvas.rule((end, y - 6.0), (end, y + 6.0), 3.0, DARK);
     canvas.write((end + 10.0, y - 8.0), "1 m", NAME);
+    explain_the_beacon(canvas, (end + 60.0, y));
+}
+
+/// What the coloured area is, at a pixel.
+fn explain_the_beacon(canvas: &mut Canvas, (x, y): (f32, f32)) {
+    let corners = [
+        (x, y - 7.0),
+        (x + 22.0, y - 7.0),
+        (x + 22.0, y + 7.0),
+        (x, y + 7.0),
+    ];
+    // Darker than on the map, where it lies on the floor's colour.
+    canvas.fill_pixels(&corners, [BEACON[0], BEACON[1], BEACON[2], 60]);
+    canvas.write((x + 30.0, y - 8.0), "the station's beacon", NAME);
 }
 
 fn names(world: &World, canvas: &mut Canvas) {

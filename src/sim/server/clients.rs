@@ -9,7 +9,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::wire::{Login, Refusal, Report};
 
-use super::outbox::Outbox;
+use super::report_queue::ReportQueue;
 
 /// Connections at once, those that have not logged in included.
 const MAX_CLIENTS: usize = 8;
@@ -17,7 +17,7 @@ const MAX_CLIENTS: usize = 8;
 const LOGIN_LIMIT: Duration = Duration::from_secs(30);
 
 struct Client {
-    outbox: Arc<Outbox>,
+    outbox: Arc<ReportQueue>,
     cut: CancellationToken,
     since: Instant,
 }
@@ -35,7 +35,7 @@ pub(crate) struct Clients {
 const STRANGER: u64 = u64::MAX;
 
 /// A new client's number, its outbox and the token that cuts it off.
-pub(crate) type Admission = (u64, Arc<Outbox>, CancellationToken);
+pub(crate) type Admission = (u64, Arc<ReportQueue>, CancellationToken);
 
 impl Clients {
     /// Lets a connection in; `None` if there are too many.
@@ -43,7 +43,11 @@ impl Clients {
         if self.all.len() >= MAX_CLIENTS {
             return None;
         }
-        let (id, outbox, cut) = (self.next, Arc::new(Outbox::new()), CancellationToken::new());
+        let (id, outbox, cut) = (
+            self.next,
+            Arc::new(ReportQueue::new()),
+            CancellationToken::new(),
+        );
         self.next += 1;
         self.all.insert(
             id,

@@ -12,7 +12,7 @@ use tokio_util::sync::CancellationToken;
 
 use crate::wire::{Command, Decoder, FramingError};
 
-use super::outbox::Outbox;
+use super::report_queue::ReportQueue;
 
 const READ_LEN: usize = 8 * 1024;
 /// From one message to the next, at least.
@@ -43,7 +43,7 @@ pub(crate) enum Event {
 /// A connection's ties to the server.
 pub(crate) struct Line {
     pub(crate) client: u64,
-    pub(crate) outbox: Arc<Outbox>,
+    pub(crate) outbox: Arc<ReportQueue>,
     pub(crate) events: mpsc::Sender<Event>,
     pub(crate) muted: watch::Receiver<bool>,
     /// Counts the reads of all connections.

@@ -6,7 +6,7 @@ pub(crate) mod connection;
 pub(crate) mod handle;
 pub(crate) mod journal;
 mod options;
-mod outbox;
+mod report_queue;
 mod site;
 mod sockets;
 

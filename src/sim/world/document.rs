@@ -134,12 +134,6 @@ impl World {
         self.obstacles().without_movers()
     }
 
-    /// Metres from a place to the middle of the nearest line on the floor; `None` without lines.
-    pub fn line_distance(&self, place: Point) -> Option<f64> {
-        let distances = self.lines.iter().map(|line| line.distance(place));
-        distances.min_by(f64::total_cmp)
-    }
-
     /// All ways of balls and walkers, and where the document names them.
     pub(super) fn routes(&self) -> impl Iterator<Item = (&'static str, usize, &Route)> {
         let balls = self.balls.iter().enumerate();

@@ -4,44 +4,10 @@ use std::path::Path;
 
 use super::document::World;
 use super::mistakes;
-use crate::files::{self, ReadError};
+use crate::sim::yaml::document::{self, DocumentError, DocumentKind};
 use crate::sim::yaml::locate;
-use crate::yaml;
 
 const DEFAULT_WORLD: &str = include_str!("../../../behaviours/worlds/living_room.yaml");
-/// Bytes of a world's file, at most.
-const MAX_FILE_LEN: u64 = yaml::MAX_LEN;
-
-/// A world that cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum WorldError {
-    /// The file cannot be read.
-    #[error("cannot read the world {name}: {source}")]
-    Read {
-        /// The file.
-        name: String,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// The file is too long for a world.
-    #[error("{name} is longer than {MAX_FILE_LEN} bytes: is it a world?")]
-    TooLong {
-        /// The file.
-        name: String,
-    },
-    /// The YAML does not describe a world.
-    #[error("{name}:{line}:{column}: {message}")]
-    Invalid {
-        /// The file, or what else the text came from.
-        name: String,
-        /// Counted from 1.
-        line: usize,
-        /// Counted from 1.
-        column: usize,
-        /// What was found, what was expected, what to do.
-        message: String,
-    },
-}
 
 impl World {
     /// The world that is built in: a living room.
@@ -53,19 +19,13 @@ impl World {
     /// Reads a world; `name` is what errors call the text, usually its file's name.
     ///
     /// # Errors
-    /// [`WorldError::Invalid`] with line and column: unknown keys, wrong types, values out of
+    /// [`DocumentError::Invalid`] with line and column: unknown keys, wrong types, values out of
     /// range, things that stand outside the room or in the robot's way at the start.
-    pub fn from_yaml(text: &str, name: &str) -> Result<World, WorldError> {
-        let invalid = |(line, column): (usize, usize), message: String| WorldError::Invalid {
-            name: name.to_owned(),
-            line,
-            column,
-            message,
-        };
-        let world: World =
-            locate::read(text).map_err(|(place, message)| invalid(place, message))?;
-        mistakes::check(&world)
-            .map_err(|mistake| invalid(locate::find(text, &mistake.path), mistake.message))?;
+    pub fn from_yaml(text: &str, name: &str) -> Result<World, DocumentError> {
+        let world: World = locate::read(text, name)?;
+        mistakes::check(&world).map_err(|mistake| {
+            DocumentError::invalid(name, locate::find(text, &mistake.path), mistake.message)
+        })?;
         Ok(world)
     }
 
@@ -73,16 +33,8 @@ impl World {
     ///
     /// # Errors
     /// As [`World::from_yaml`], or the file cannot be read.
-    pub fn load(path: &Path) -> Result<World, WorldError> {
-        let name = path.display().to_string();
-        match files::read_text(path, MAX_FILE_LEN) {
-            Ok(text) => World::from_yaml(&text, &name),
-            Err(ReadError::TooLong { .. }) => Err(WorldError::TooLong { name }),
-            Err(error) => Err(WorldError::Read {
-                name,
-                source: error.into(),
-            }),
-        }
+    pub fn load(path: &Path) -> Result<World, DocumentError> {
+        document::load(path, DocumentKind::World, World::from_yaml)
     }
 }
 

@@ -8,6 +8,7 @@ use serde::de::{
     Visitor,
 };
 
+use super::document::DocumentError;
 use crate::yaml;
 
 /// One step into a YAML document.
@@ -28,13 +29,15 @@ pub(crate) fn find(text: &str, path: &[Step]) -> (usize, usize) {
     }
 }
 
-/// Reads a document.
+/// Reads a document; `name` is what errors call the text.
 ///
 /// # Errors
-/// Line and column, from 1, and what is wrong there.
-pub(crate) fn read<T: DeserializeOwned>(text: &str) -> Result<T, ((usize, usize), String)> {
-    yaml::examine(text).map_err(|no| ((no.line, no.column), no.what.to_owned()))?;
-    serde_yaml::from_str(text).map_err(|error| (place_of(&error), explain(&error)))
+/// [`DocumentError::Invalid`] with line and column.
+pub(crate) fn read<T: DeserializeOwned>(text: &str, name: &str) -> Result<T, DocumentError> {
+    yaml::examine(text)
+        .map_err(|no| DocumentError::invalid(name, (no.line, no.column), no.what))?;
+    serde_yaml::from_str(text)
+        .map_err(|error| DocumentError::invalid(name, place_of(&error), explain(&error)))
 }
 
 /// Line and column, from 1, of an error; of the document's start if it has none.

@@ -208,6 +208,31 @@ fn a_run_that_a_power_cut_has_ended_goes_on_for_the_rest_of_its_time() {
 }
 
 #[test]
+fn a_run_that_goes_on_ends_when_it_was_to_however_late_the_robot_comes() {
+    let mut world = World::new(patrol(), "2026-05-04 09:00");
+    world.pass(5 * MINUTE);
+    let record = world.planner.record();
+    let waiting = |minutes: u32| {
+        let mut next = World::after(patrol(), "2026-05-04 09:10", record.clone());
+        next.ready = false;
+        next.pass(minutes * MINUTE);
+        // A second power cut does not make it longer.
+        let mut third = World::after(patrol(), "2026-05-04 09:25", next.planner.record());
+        next.ready = true;
+        next.pass(60 * MINUTE);
+        third.pass(60 * MINUTE);
+        (next, third)
+    };
+    let (next, third) = waiting(15);
+    for world in [next, third] {
+        assert_eq!(world.starts(), ["patrol 04 09:25"]);
+        assert_eq!(world.acts[1].0, when("2026-05-04 09:30"));
+    }
+    let (late, _) = waiting(30);
+    assert!(late.acts.is_empty(), "{:?}", late.acts);
+}
+
+#[test]
 fn a_run_that_has_ended_does_not_go_on() {
     let mut world = World::new(patrol(), "2026-05-04 09:00");
     world.pass(5 * MINUTE);

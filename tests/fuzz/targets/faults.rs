@@ -2,12 +2,12 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spykee::sim::{Fault, FaultsError};
+use spykee::sim::{DocumentError, Fault};
 
 fuzz_target!(|text: &str| {
     match Fault::list_from_yaml(text, "fuzz.yaml") {
         Ok(faults) => assert!(faults.len() <= 200, "{} faults", faults.len()),
-        Err(FaultsError::Invalid {
+        Err(DocumentError::Invalid {
             line,
             column,
             message,

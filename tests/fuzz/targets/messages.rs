@@ -8,10 +8,13 @@ use libfuzzer_sys::fuzz_target;
 use spykee::behaviour::{FromHost, ToHost};
 use spykee::robot::{BehaviourId, Intent, Priority};
 use spykee::safety::{Act, Ask, Fact, Limits, Watchdog};
+use spykee::script::Output;
 use spykee::wire::{Command, EngineNews, Power};
 use tokio::time::Instant;
 
 const WHO: BehaviourId = BehaviourId(0);
+/// The most power with which the watchdog moves a low robot between its searches.
+const OWN_LEGS: i8 = 27;
 
 fuzz_target!(|bytes: &[u8]| {
     if let Ok(message) = postcard::from_bytes::<ToHost>(bytes) {
@@ -21,7 +24,7 @@ fuzz_target!(|bytes: &[u8]| {
     let mut rig = Rig::new();
     let mut rest = bytes;
     while let Ok((message, tail)) = postcard::take_from_bytes::<FromHost>(rest) {
-        if let FromHost::Intent(intent) = message {
+        if let FromHost::Output(Output::Intent(intent)) = message {
             rig.ask(intent);
         }
         // A host's messages have lengths in front; here a byte between two says what else happens.
@@ -69,22 +72,25 @@ impl Rig {
             Intent::CancelDock => Ask::CancelDock,
             _ => return,
         };
-        self.take(Fact::Asked {
+        let low = self.dog.low().is_some();
+        let acts = self.take(Fact::Asked {
             by: WHO,
             priority: Priority(0),
             ask,
         });
+        let moves = |command: Command| matches!(command, Command::Move { left, right } if (left, right) != (0, 0));
+        assert!(!low || !acts.iter().filter_map(Act::command).any(moves), "a script moves a low robot");
     }
 
     fn happen(&mut self, happens: u8) {
         let (what, how) = (happens & 7, happens >> 3);
         match what {
-            0 => self.take(Fact::Engine(EngineNews::from(how))),
-            1 | 2 => self.take(Fact::Power(Power {
+            0 => drop(self.take(Fact::Engine(EngineNews::from(how)))),
+            1 | 2 => drop(self.take(Fact::Power(Power {
                 percent: how * 4,
                 charging: what == 2,
-            })),
-            3 => self.take(Fact::Alive(WHO)),
+            }))),
+            3 => drop(self.take(Fact::Alive(WHO))),
             _ => {
                 self.now += Duration::from_millis(1 << how.min(20));
                 let acts = self.dog.tick(self.now);
@@ -93,17 +99,20 @@ impl Rig {
         }
     }
 
-    fn take(&mut self, fact: Fact) {
+    fn take(&mut self, fact: Fact) -> Vec<Act> {
         let acts = self.dog.take(fact, self.now);
         self.check(&acts);
+        acts
     }
 
     fn check(&self, acts: &[Act]) {
         for command in acts.iter().filter_map(Act::command) {
             if let Command::Move { left, right } = command {
                 let still = (left, right) == (0, 0);
-                assert!(still || (self.dog.low().is_none() && !self.dog.docked()));
-                assert!((-90..=90).contains(&left) && (-90..=90).contains(&right));
+                assert!(still || !self.dog.docked(), "it moves off its station");
+                // A low robot is moved between its searches, by the watchdog itself and slowly.
+                let most = if self.dog.low().is_some() { OWN_LEGS } else { 90 };
+                assert!((-most..=most).contains(&left) && (-most..=most).contains(&right));
             }
         }
         assert!(self.dog.next_deadline().is_none_or(|due| due > self.now));

@@ -139,6 +139,7 @@ fn happen(script: &mut Script, slice: u32, now: Instant) {
         2 => Event::Battery(Battery {
             percent: Percent::saturating(50),
             charging: false,
+            minutes_left: None,
         }),
         3 => Event::Audio(Bytes::from_static(&[7; 321])),
         4 => Event::Docked,

@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use libfuzzer_sys::fuzz_target;
-use spykee::sim::{Firmware, Robot, World, WorldError};
+use spykee::sim::{DocumentError, Firmware, Robot, World};
 use spykee::vision::validate_markers;
 use spykee::wire::{Command, Engage, Report, Stream};
 
@@ -14,7 +14,7 @@ const STEPS: u32 = 50;
 fuzz_target!(|text: &str| {
     match World::from_yaml(text, "fuzz.yaml") {
         Ok(world) => live_in(world),
-        Err(WorldError::Invalid {
+        Err(DocumentError::Invalid {
             line,
             column,
             message,

@@ -126,7 +126,12 @@ impl Page {
         }
         frame.extend([0; 4]);
         frame.extend(payload);
-        let _ = self.stream.write_all(&frame).await;
+        self.raw(&frame).await;
+    }
+
+    /// Bytes as they are.
+    pub async fn raw(&mut self, bytes: &[u8]) {
+        let _ = self.stream.write_all(bytes).await;
     }
 
     /// The next message; answers pings meanwhile.

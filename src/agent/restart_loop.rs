@@ -13,8 +13,8 @@ use tracing::{error, info, warn};
 
 use super::Behaviour;
 use crate::behaviour::{
-    Handle, Inspector, Launch, Launcher, Patience, Prepared, Reload, RestartPolicy, Supervisor,
-    Verdict,
+    Handle, Inspector, Launch, Launcher, Prepared, Reload, RestartPolicy, RestartTracker,
+    Supervisor, Verdict,
 };
 use crate::check;
 use crate::robot::channel::{Request, Role};
@@ -49,7 +49,7 @@ struct Loaded {
 type Loading = Pin<Box<dyn Future<Output = Result<Loaded, Ending>> + Send>>;
 
 /// A behaviour and what is to be made of it.
-pub(super) struct Keeper {
+pub(super) struct RestartLoop {
     around: Surroundings,
     by: BehaviourId,
     role: Role,
@@ -58,19 +58,19 @@ pub(super) struct Keeper {
     launch: Launch,
     checked: bool,
     policy: RestartPolicy,
-    patience: Patience,
+    restarts: RestartTracker,
     reloads: Option<mpsc::Receiver<Reload>>,
     /// The text as last saved cannot be loaded: what ran before is not started again.
     outdated: bool,
 }
 
-impl Keeper {
+impl RestartLoop {
     pub(super) fn new(
         around: Surroundings,
         by: BehaviourId,
         role: Role,
         plan: Behaviour,
-    ) -> Keeper {
+    ) -> RestartLoop {
         let Behaviour {
             priority,
             launch,
@@ -78,12 +78,12 @@ impl Keeper {
             restart: policy,
             reloads,
         } = plan;
-        Keeper {
+        RestartLoop {
             around,
             by,
             role,
             priority,
-            patience: Patience::new(policy, launch.options.seed),
+            restarts: RestartTracker::new(policy, launch.options.seed),
             launch,
             checked,
             policy,
@@ -167,7 +167,7 @@ impl Keeper {
                 Some(reload) = saved(&mut self.reloads) => loading = Some(self.load(reload.source)),
                 loaded = done(&mut loading) => {
                     loading = None;
-                    if let Some(loaded) = self.judge(loaded, "the old script still runs") {
+                    if let Some(loaded) = self.accept(loaded, "the old script still runs") {
                         successor = Some(loaded);
                         handle.stop(EndReason::Reload);
                     }
@@ -185,9 +185,10 @@ impl Keeper {
 
     /// What comes after an ending that no save has brought about; `None`: nothing.
     async fn come_back(&mut self, ending: &Ending) -> Option<Result<Prepared, Ending>> {
-        let verdict = match self.outdated {
-            true => Verdict::Over,
-            false => self.patience.ended(ending.reason, Instant::now()),
+        let verdict = if self.outdated {
+            Verdict::Over
+        } else {
+            self.restarts.ended(ending.reason, Instant::now())
         };
         let Verdict::Again { pause, number } = verdict else {
             if verdict == Verdict::GivenUp {
@@ -250,7 +251,7 @@ impl Keeper {
         }
     }
 
-    /// Waits for a save that can be loaded; `None`: nobody watches, or the run ends.
+    /// Waits for a save that can be loaded; `None`: no file is watched, or the run ends.
     async fn mended(&mut self, mut reload: Option<Reload>) -> Option<Prepared> {
         if !self.is_watched() {
             return None;
@@ -283,12 +284,12 @@ impl Keeper {
         tokio::select! {
             biased;
             _ = stopped(&mut self.around.stop) => None,
-            loaded = loading => self.judge(loaded, "nothing runs in its place"),
+            loaded = loading => self.accept(loaded, "nothing runs in its place"),
         }
     }
 
     /// A saved text is good, or said to be not.
-    fn judge(&mut self, loaded: Result<Loaded, Ending>, meanwhile: &str) -> Option<Loaded> {
+    fn accept(&mut self, loaded: Result<Loaded, Ending>, meanwhile: &str) -> Option<Loaded> {
         let behaviour = &self.launch.options.name;
         self.outdated = loaded.is_err();
         match loaded {
@@ -310,7 +311,7 @@ impl Keeper {
     /// A new text begins with a clean record.
     fn succeed(&mut self, loaded: Loaded) -> Prepared {
         self.launch.source = loaded.source;
-        self.patience.forget();
+        self.restarts.forget();
         loaded.host
     }
 

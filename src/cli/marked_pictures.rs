@@ -13,20 +13,20 @@ const HELP: &str =
 
 /// Where marked pictures go.
 #[derive(Debug)]
-pub(super) enum Album {
+pub(super) enum MarkedPictures {
     /// One picture, one file.
     File(PathBuf),
     /// A folder, and the names in it that are taken.
     Folder(PathBuf, BTreeSet<String>),
 }
 
-impl Album {
+impl MarkedPictures {
     /// For marked copies of these pictures; makes the folder.
     ///
     /// # Errors
     /// A file where a folder is needed, a file that is no PNG or is one of the pictures, a folder
     /// that cannot be made.
-    pub(super) fn open(out: &Path, images: &[PathBuf]) -> Result<Album, Failure> {
+    pub(super) fn open(out: &Path, images: &[PathBuf]) -> Result<MarkedPictures, Failure> {
         let is_png = out
             .extension()
             .is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
@@ -37,7 +37,7 @@ impl Album {
                 let what = format_args!("{shown} is no folder, and there are several pictures");
                 return Err(Failure::usage(what).help(HELP));
             }
-            return Album::folder(out);
+            return MarkedPictures::folder(out);
         }
         if !is_png {
             return Err(Failure::usage(format_args!("{shown} does not end in .png")).help(HELP));
@@ -47,17 +47,17 @@ impl Album {
             let what = format_args!("{shown} is the picture itself and would be lost");
             return Err(Failure::usage(what).help("choose another name for --annotate"));
         }
-        Ok(Album::File(out.to_owned()))
+        Ok(MarkedPictures::File(out.to_owned()))
     }
 
-    fn folder(out: &Path) -> Result<Album, Failure> {
+    fn folder(out: &Path) -> Result<MarkedPictures, Failure> {
         std::fs::create_dir_all(out).map_err(|error| {
             Failure::usage(format_args!(
                 "cannot make the folder {}: {error}",
                 out.display()
             ))
         })?;
-        Ok(Album::Folder(out.to_owned(), BTreeSet::new()))
+        Ok(MarkedPictures::Folder(out.to_owned(), BTreeSet::new()))
     }
 
     /// Writes the marked copy of a picture.
@@ -66,8 +66,8 @@ impl Album {
     /// What the system says.
     pub(super) fn keep(&mut self, image: &Path, marked: &RgbImage) -> Result<(), Failure> {
         let path = match self {
-            Album::File(path) => path.clone(),
-            Album::Folder(folder, taken) => folder.join(name(image, taken)),
+            MarkedPictures::File(path) => path.clone(),
+            MarkedPictures::Folder(folder, taken) => folder.join(name(image, taken)),
         };
         let cannot = |error: String| {
             Failure::usage(format_args!("cannot write {}: {error}", path.display()))
@@ -122,23 +122,23 @@ mod tests {
         let out = |name: &str| folder.path().join(name);
         let images = ["a.jpg", "b.jpg"].map(PathBuf::from);
         let refused = |out: PathBuf, images: &[PathBuf]| {
-            let report = Album::open(&out, images).unwrap_err().report();
+            let report = MarkedPictures::open(&out, images).unwrap_err().report();
             assert!(report.contains("--annotate"), "{report}");
         };
         refused(out("out.png"), &images);
         refused(out("out.jpg"), &images[..1]);
         refused(out("out"), &images[..1]);
         assert!(matches!(
-            Album::open(&out("out.PNG"), &images[..1]),
-            Ok(Album::File(_))
+            MarkedPictures::open(&out("out.PNG"), &images[..1]),
+            Ok(MarkedPictures::File(_))
         ));
         assert!(matches!(
-            Album::open(&out("new"), &images),
-            Ok(Album::Folder(..))
+            MarkedPictures::open(&out("new"), &images),
+            Ok(MarkedPictures::Folder(..))
         ));
         assert!(matches!(
-            Album::open(&out("new"), &images[..1]),
-            Ok(Album::Folder(..))
+            MarkedPictures::open(&out("new"), &images[..1]),
+            Ok(MarkedPictures::Folder(..))
         ));
         std::fs::write(out("taken"), "").unwrap();
         refused(out("taken"), &images);
@@ -149,7 +149,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let picture = folder.path().join("shot.png");
         std::fs::write(&picture, "picture").unwrap();
-        let failure = Album::open(&picture, std::slice::from_ref(&picture)).unwrap_err();
+        let failure = MarkedPictures::open(&picture, std::slice::from_ref(&picture)).unwrap_err();
         assert!(failure.to_string().contains("would be lost"), "{failure}");
     }
 }

@@ -31,7 +31,7 @@ const SLOW_PACE: Duration = Duration::from_secs(60);
 
 /// See the module.
 #[derive(Debug)]
-pub(super) struct Keeper {
+pub(super) struct StoreWriter {
     folder: PathBuf,
     /// `None` before the first write, and at the end.
     writer: Option<Writer>,
@@ -40,7 +40,7 @@ pub(super) struct Keeper {
     /// What the thread was too busy for.
     held: Option<Vec<u8>>,
     told: Option<String>,
-    /// Nothing is written before the end: see [`Keeper::at_the_end`].
+    /// Nothing is written before the end: see [`StoreWriter::at_the_end`].
     late: bool,
     day: Budget,
     /// So much of the disk stays free.
@@ -56,10 +56,10 @@ struct Writer {
     thread: JoinHandle<()>,
 }
 
-impl Keeper {
+impl StoreWriter {
     /// Of the store in this folder.
-    pub(super) fn new(folder: PathBuf, limits: &Limits) -> Keeper {
-        Keeper {
+    pub(super) fn new(folder: PathBuf, limits: &Limits) -> StoreWriter {
+        StoreWriter {
             folder,
             writer: None,
             next: None,
@@ -72,12 +72,12 @@ impl Keeper {
         }
     }
 
-    /// As [`Keeper::new`], for virtual time, in which a disk would be an hour late and a different
+    /// As [`StoreWriter::new`], for virtual time, in which a disk would be an hour late and a different
     /// one each time: the file is written once, when the script ends or is ended.
-    pub(super) fn at_the_end(folder: PathBuf, limits: &Limits) -> Keeper {
-        let mut keeper = Keeper::new(folder, limits);
-        keeper.late = true;
-        keeper
+    pub(super) fn at_the_end(folder: PathBuf, limits: &Limits) -> StoreWriter {
+        let mut writer = StoreWriter::new(folder, limits);
+        writer.late = true;
+        writer
     }
 
     /// What an earlier run kept; `None` if there was none.
@@ -187,7 +187,7 @@ impl Keeper {
 }
 
 /// A host that is ended by force in virtual time keeps what one in a process of its own keeps.
-impl Drop for Keeper {
+impl Drop for StoreWriter {
     fn drop(&mut self) {
         if let Some(content) = self.held.take().filter(|_| self.late) {
             let _ = replace(&self.folder, &content, self.free);
@@ -237,15 +237,15 @@ mod tests {
     fn the_last_content_is_there_at_the_end_and_private() {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("data");
-        let mut keeper = Keeper::new(folder.clone(), &Limits::default());
-        assert!(keeper.read().unwrap().is_none());
+        let mut writer = StoreWriter::new(folder.clone(), &Limits::default());
+        assert!(writer.read().unwrap().is_none());
         let now = Instant::now();
         for number in 0..20 {
-            keeper.offer(Some(format!("{number}").into_bytes()), now);
+            writer.offer(Some(format!("{number}").into_bytes()), now);
         }
-        assert!(!keeper.is_due(now) && keeper.is_due(now + PACE));
-        assert_eq!(keeper.finish(None), None);
-        assert_eq!(keeper.read().unwrap().unwrap(), b"19");
+        assert!(!writer.is_due(now) && writer.is_due(now + PACE));
+        assert_eq!(writer.finish(None), None);
+        assert_eq!(writer.read().unwrap().unwrap(), b"19");
         let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
         assert_eq!((mode(&folder), mode(&folder.join(NAME))), (0o700, 0o600));
         assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
@@ -255,15 +255,15 @@ mod tests {
     fn in_virtual_time_it_is_written_once_however_the_host_ends() {
         let root = tempfile::tempdir().unwrap();
         let file = root.path().join(NAME);
-        let mut keeper = Keeper::at_the_end(root.path().to_owned(), &Limits::default());
-        keeper.offer(Some(b"one".to_vec()), Instant::now());
-        keeper.offer(Some(b"two".to_vec()), Instant::now());
-        assert!(!file.exists() && !keeper.is_behind());
-        drop(keeper);
+        let mut writer = StoreWriter::at_the_end(root.path().to_owned(), &Limits::default());
+        writer.offer(Some(b"one".to_vec()), Instant::now());
+        writer.offer(Some(b"two".to_vec()), Instant::now());
+        assert!(!file.exists() && !writer.is_behind());
+        drop(writer);
         assert_eq!(fs::read(&file).unwrap(), b"two");
-        let mut keeper = Keeper::at_the_end(root.path().to_owned(), &Limits::default());
-        keeper.offer(Some(b"three".to_vec()), Instant::now());
-        assert_eq!(keeper.finish(None), None);
+        let mut writer = StoreWriter::at_the_end(root.path().to_owned(), &Limits::default());
+        writer.offer(Some(b"three".to_vec()), Instant::now());
+        assert_eq!(writer.finish(None), None);
         assert_eq!(fs::read(&file).unwrap(), b"three");
     }
 
@@ -272,10 +272,10 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         fs::write(root.path().join(".store-77"), "{\"a\": ").unwrap();
         fs::write(root.path().join(NAME), "{}").unwrap();
-        let mut keeper = Keeper::new(root.path().to_owned(), &Limits::default());
-        assert_eq!(keeper.read().unwrap().unwrap(), b"{}");
-        assert_eq!(keeper.finish(Some(b"new".to_vec())), None);
-        assert_eq!(keeper.read().unwrap().unwrap(), b"new");
+        let mut writer = StoreWriter::new(root.path().to_owned(), &Limits::default());
+        assert_eq!(writer.read().unwrap().unwrap(), b"{}");
+        assert_eq!(writer.finish(Some(b"new".to_vec())), None);
+        assert_eq!(writer.read().unwrap().unwrap(), b"new");
         assert_eq!(fs::read_dir(root.path()).unwrap().count(), 1);
     }
 
@@ -283,7 +283,7 @@ mod tests {
     fn a_damaged_file_is_kept_aside() {
         let root = tempfile::tempdir().unwrap();
         fs::write(root.path().join(NAME), "{ torn").unwrap();
-        let said = Keeper::new(root.path().to_owned(), &Limits::default()).set_aside("torn");
+        let said = StoreWriter::new(root.path().to_owned(), &Limits::default()).set_aside("torn");
         assert!(
             said.contains("store.json.bad") && said.contains("torn"),
             "{said}"
@@ -299,10 +299,10 @@ mod tests {
         fs::create_dir(path("elsewhere")).unwrap();
         fs::write(path("elsewhere/store.json"), "{}").unwrap();
         symlink(path("elsewhere"), path("data")).unwrap();
-        let mut keeper = Keeper::new(path("data"), &Limits::default());
-        assert!(keeper.read().is_err());
+        let mut writer = StoreWriter::new(path("data"), &Limits::default());
+        assert!(writer.read().is_err());
         assert!(
-            keeper
+            writer
                 .finish(Some(b"1".to_vec()))
                 .unwrap()
                 .contains("symbolic link")
@@ -310,9 +310,9 @@ mod tests {
         assert_eq!(fs::read(path("elsewhere/store.json")).unwrap(), b"{}");
         fs::create_dir(path("own")).unwrap();
         symlink(path("elsewhere/store.json"), path("own/store.json")).unwrap();
-        let mut keeper = Keeper::new(path("own"), &Limits::default());
-        assert!(keeper.read().is_err());
-        assert_eq!(keeper.finish(Some(b"1".to_vec())), None);
+        let mut writer = StoreWriter::new(path("own"), &Limits::default());
+        assert!(writer.read().is_err());
+        assert_eq!(writer.finish(Some(b"1".to_vec())), None);
         assert_eq!(fs::read(path("elsewhere/store.json")).unwrap(), b"{}");
         assert_eq!(fs::read(path("own/store.json")).unwrap(), b"1");
     }
@@ -324,16 +324,16 @@ mod tests {
             store_bytes_a_day: 48,
             ..Limits::default()
         };
-        let mut keeper = Keeper::new(root.path().to_owned(), &limits);
+        let mut writer = StoreWriter::new(root.path().to_owned(), &limits);
         let now = Instant::now();
-        keeper.offer(Some(b"12".to_vec()), now);
-        assert!(keeper.is_due(now + PACE) && keeper.trouble().is_none());
-        keeper.offer(Some(b"34".to_vec()), now + PACE);
-        assert!(!keeper.is_due(now + PACE + PACE) && keeper.is_due(now + PACE + SLOW_PACE));
-        assert!(keeper.trouble().unwrap().contains("a minute old"));
-        assert!(keeper.trouble().is_none());
-        assert_eq!(keeper.finish(Some(b"56".to_vec())), None);
-        assert_eq!(keeper.read().unwrap().unwrap(), b"56");
+        writer.offer(Some(b"12".to_vec()), now);
+        assert!(writer.is_due(now + PACE) && writer.trouble().is_none());
+        writer.offer(Some(b"34".to_vec()), now + PACE);
+        assert!(!writer.is_due(now + PACE + PACE) && writer.is_due(now + PACE + SLOW_PACE));
+        assert!(writer.trouble().unwrap().contains("a minute old"));
+        assert!(writer.trouble().is_none());
+        assert_eq!(writer.finish(Some(b"56".to_vec())), None);
+        assert_eq!(writer.read().unwrap().unwrap(), b"56");
     }
 
     #[test]
@@ -343,8 +343,8 @@ mod tests {
             free_bytes: 1 << 50,
             ..Limits::default()
         };
-        let mut keeper = Keeper::new(root.path().to_owned(), &limits);
-        let said = keeper.finish(Some(b"1".to_vec())).unwrap();
+        let mut writer = StoreWriter::new(root.path().to_owned(), &limits);
+        let said = writer.finish(Some(b"1".to_vec())).unwrap();
         assert!(said.contains("disk"), "{said}");
         assert!(!root.path().join(NAME).exists());
     }
@@ -354,7 +354,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let file = root.path().join("file");
         fs::write(&file, "").unwrap();
-        let mut keeper = Keeper::new(file.join("data"), &Limits::default());
-        assert!(keeper.finish(Some(b"1".to_vec())).is_some());
+        let mut writer = StoreWriter::new(file.join("data"), &Limits::default());
+        assert!(writer.finish(Some(b"1".to_vec())).is_some());
     }
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use crate::budget::{Budget, Repeats};
-use crate::script::LogLine;
+use crate::script::{Level, LogLine};
 
 /// Lines of one second: an honest host sends 100, and a few of its own.
 const MAX_LINES: u32 = 120;
@@ -22,7 +22,7 @@ const OVERHEAD: usize = 80;
 
 /// See the module.
 #[derive(Debug)]
-pub(super) struct Quill {
+pub(super) struct LogLimiter {
     day: Budget,
     window: Option<Instant>,
     lines: u32,
@@ -40,10 +40,10 @@ pub(super) enum Fate {
     Silent,
 }
 
-impl Quill {
+impl LogLimiter {
     /// Of a behaviour that may log so many bytes a day.
-    pub(super) fn new(per_day: u64) -> Quill {
-        Quill {
+    pub(super) fn new(per_day: u64) -> LogLimiter {
+        LogLimiter {
             day: Budget::new(per_day),
             window: None,
             lines: 0,
@@ -51,7 +51,7 @@ impl Quill {
         }
     }
 
-    pub(super) fn judge(&mut self, line: LogLine, now: Instant) -> Fate {
+    pub(super) fn admit(&mut self, line: LogLine, now: Instant) -> Fate {
         let line = cut(line);
         if self.has_room(now) && self.day.take(cost(&line), now) {
             return Fate::Written(line);
@@ -93,6 +93,23 @@ fn cost(line: &LogLine) -> u64 {
     (OVERHEAD + line.text.len() + fields) as u64
 }
 
+/// A script's line in the agent's log.
+pub(super) fn log(behaviour: &str, line: &LogLine) {
+    let fields: Vec<String> = line
+        .fields
+        .iter()
+        .map(|(key, value)| format!("{key}={value}"))
+        .collect();
+    let text = [&[line.text.clone()][..], &fields].concat().join(" ");
+    let at = line.line;
+    match line.level {
+        Level::Debug => tracing::debug!(target: "spykee::script", behaviour, line = at, "{text}"),
+        Level::Info => tracing::info!(target: "spykee::script", behaviour, line = at, "{text}"),
+        Level::Warn => tracing::warn!(target: "spykee::script", behaviour, line = at, "{text}"),
+        Level::Error => tracing::error!(target: "spykee::script", behaviour, line = at, "{text}"),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -107,19 +124,21 @@ mod tests {
         }
     }
 
-    fn written(quill: &mut Quill, now: Instant) -> bool {
-        matches!(quill.judge(line("x".into()), now), Fate::Written(_))
+    fn written(log_limiter: &mut LogLimiter, now: Instant) -> bool {
+        matches!(log_limiter.admit(line("x".into()), now), Fate::Written(_))
     }
 
     #[test]
     fn a_flood_is_cut_to_so_many_lines_a_second_and_said_once_a_minute() {
-        let (mut quill, mut now) = (Quill::new(1 << 30), Instant::now());
-        let passed = (0..10_000).filter(|_| written(&mut quill, now)).count();
+        let (mut log_limiter, mut now) = (LogLimiter::new(1 << 30), Instant::now());
+        let passed = (0..10_000)
+            .filter(|_| written(&mut log_limiter, now))
+            .count();
         assert_eq!(passed, MAX_LINES as usize);
         now += WINDOW;
-        assert!(written(&mut quill, now));
+        assert!(written(&mut log_limiter, now));
         now += SAID_EVERY;
-        let flood = (0..200).map(|_| quill.judge(line("x".into()), now));
+        let flood = (0..200).map(|_| log_limiter.admit(line("x".into()), now));
         let said: Vec<_> = flood
             .filter(|fate| matches!(fate, Fate::LeftOut(_)))
             .collect();
@@ -128,19 +147,19 @@ mod tests {
 
     #[test]
     fn a_day_has_its_bytes_and_a_line_its_length() {
-        let (mut quill, mut now) = (Quill::new(24 * 1000), Instant::now());
+        let (mut log_limiter, mut now) = (LogLimiter::new(24 * 1000), Instant::now());
         let mut passed = 0;
         for _ in 0..3600 {
             now += WINDOW;
-            passed += usize::from(written(&mut quill, now));
+            passed += usize::from(written(&mut log_limiter, now));
         }
         assert!((12..=25).contains(&passed), "{passed}");
-        let mut quill = Quill::new(1 << 30);
+        let mut log_limiter = LogLimiter::new(1 << 30);
         let long = LogLine {
             fields: vec![("k".repeat(9000), "v".repeat(9000)); 900],
             ..line("ä".repeat(100_000))
         };
-        let Fate::Written(cut) = quill.judge(long, now) else {
+        let Fate::Written(cut) = log_limiter.admit(long, now) else {
             panic!("left out");
         };
         assert_eq!(cut.text.chars().count(), LONGEST);

@@ -9,7 +9,7 @@ use tokio::sync::Notify;
 
 use crate::wire::Report;
 
-/// Bytes of messages, pictures and sound not counted, that may wait. Whoever asks for more
+/// Bytes of messages, pictures and sound not counted, that may wait. A client that asks for more
 /// without reading is cut off.
 const MAX_WAITING: usize = 256 * 1024;
 /// Audio chunks that may wait; older ones are dropped.
@@ -36,7 +36,7 @@ struct Waiting {
 
 /// The queue of one client.
 #[derive(Debug)]
-pub(crate) struct Outbox {
+pub(crate) struct ReportQueue {
     waiting: Mutex<Waiting>,
     news: Notify,
 }
@@ -45,9 +45,9 @@ pub(crate) struct Outbox {
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Overflow;
 
-impl Outbox {
+impl ReportQueue {
     /// Empty.
-    pub(crate) fn new() -> Outbox {
+    pub(crate) fn new() -> ReportQueue {
         let waiting = Waiting {
             messages: VecDeque::new(),
             length: 0,
@@ -57,7 +57,7 @@ impl Outbox {
             opening: Opening::Waiting,
             closing: false,
         };
-        Outbox {
+        ReportQueue {
             waiting: Mutex::new(waiting),
             news: Notify::new(),
         }
@@ -171,7 +171,7 @@ mod tests {
 
     #[tokio::test]
     async fn only_the_newest_frame_waits_and_messages_go_first() {
-        let outbox = Outbox::new();
+        let outbox = ReportQueue::new();
         for report in [frame(1), frame(2), power(), frame(3)] {
             outbox.push(&report).unwrap();
         }
@@ -182,7 +182,7 @@ mod tests {
 
     #[tokio::test]
     async fn what_waits_is_written_before_the_end() {
-        let outbox = Outbox::new();
+        let outbox = ReportQueue::new();
         outbox.push(&power()).unwrap();
         outbox.close();
         assert_eq!(outbox.next().await.unwrap(), power().to_bytes());
@@ -199,7 +199,7 @@ mod tests {
             docked: false,
             tail: Bytes::new(),
         };
-        let outbox = Outbox::new();
+        let outbox = ReportQueue::new();
         outbox.push(&power()).unwrap();
         outbox.push(&Report::Accepted(accepted)).unwrap();
         outbox.next().await.unwrap();
@@ -213,7 +213,7 @@ mod tests {
 
     #[test]
     fn a_client_that_never_reads_overflows_by_messages_alone() {
-        let outbox = Outbox::new();
+        let outbox = ReportQueue::new();
         for _ in 0..10_000 {
             outbox.push(&frame(0)).unwrap();
             outbox

@@ -1,0 +1,67 @@
+//! For who waits for a robot that is not there yet: the first connection is tried until the robot
+//! answers. What comes later is the pilot's: it dials anew whenever a link is lost.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use rand::SeedableRng as _;
+use rand::rngs::StdRng;
+use tokio::sync::Mutex;
+use tokio::time::sleep;
+
+use crate::link::{Backoff, LinkError, Options, Session};
+use crate::pilot::Dial;
+use crate::wire::Command;
+
+/// Tries to reach a robot that have failed so far. Cheap to clone.
+#[derive(Debug, Clone, Default)]
+pub struct Tries(Arc<AtomicU32>);
+
+impl Tries {
+    /// How many.
+    pub fn count(&self) -> u32 {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Dials as `dial` does once each time but the first: then again and again, with growing pauses, until
+/// the robot lets us in. Only a password that it refuses ends that.
+pub fn until_answered(dial: Dial, options: Options, seed: u64, tries: Tries) -> Dial {
+    // The pilot dials one call after the other, so nobody waits for this lock.
+    let dial = Arc::new(Mutex::new(dial));
+    let mut first = true;
+    Box::new(move |last_words| {
+        let (dial, options, tries) = (dial.clone(), options.clone(), tries.clone());
+        let insists = std::mem::take(&mut first);
+        Box::pin(async move {
+            let mut dial = dial.lock().await;
+            match insists {
+                true => insist(&mut dial, last_words, &options, seed, &tries).await,
+                false => (*dial)(last_words).await,
+            }
+        })
+    })
+}
+
+async fn insist(
+    dial: &mut Dial,
+    last_words: Vec<Command>,
+    options: &Options,
+    seed: u64,
+    tries: &Tries,
+) -> Result<Session, LinkError> {
+    let mut backoff = Backoff::new(options);
+    let (mut rng, mut told) = (StdRng::seed_from_u64(seed), String::new());
+    loop {
+        let error = match dial(last_words.clone()).await {
+            Err(error) if !error.is_final() => error.to_string(),
+            answered => return answered,
+        };
+        tries.0.fetch_add(1, Ordering::Relaxed);
+        if error != told {
+            tracing::info!("{error}; dialling until it answers, Ctrl-C ends");
+            told = error;
+        }
+        sleep(backoff.next(&mut rng)).await;
+    }
+}

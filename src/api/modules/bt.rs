@@ -1,0 +1,147 @@
+//! `@spykee/bt`: behaviour trees.
+
+use super::shapes::{OK, module};
+use crate::api::bounds::Bounds;
+use crate::api::make::{bounded, call, function, number, options, text, value};
+use crate::api::terms::{Namespace, Type, Value};
+
+const NODE: Value = function("node", "(...any) -> boolean", "returns true or false");
+const NODES: &str = "nodes";
+const MADE: &[Value] = &[function("node", "(...any) -> boolean", "a node")];
+const TIMES: Value = value(
+    "times",
+    Type::Number(Some(Bounds::Between(1.0, 1e9))),
+    "how often at most",
+);
+
+pub(super) const BT: Namespace = module(
+    "bt",
+    "behaviour trees: a node is a function that does something, waits as long as it needs, and returns true (success) or false (failure); nodes are built of nodes, and halting a node is awaited",
+    &[
+        call(
+            "bt.run",
+            &[NODE],
+            OK,
+            "Runs a tree once.",
+            "print(bt.run(function() return true end))",
+        )
+        .and("handed to every node")
+        .waiting(),
+        call(
+            "bt.action",
+            &[options(&[
+                function("run", "(...any) -> boolean", "the node"),
+                function(
+                    "halt",
+                    "(...any) -> ...any",
+                    "runs when the node is cut short; should not wait",
+                ),
+            ])
+            .required()],
+            MADE,
+            "A node that is told when it is cut short.",
+            "local drive = bt.action({\n\trun = function() return (robot.forward(1)) end,\n\thalt = function() robot.stop() end,\n})\nprint(bt.run(drive))",
+        ),
+        call(
+            "bt.sequence",
+            &[NODE],
+            MADE,
+            "Runs one node after the other until one fails; true if none does.",
+            "print(bt.run(bt.sequence(function() return true end)))",
+        )
+        .and(NODES),
+        call(
+            "bt.fallback",
+            &[NODE],
+            MADE,
+            "Runs one node after the other until one succeeds; false if none does.",
+            "print(bt.run(bt.fallback(function() return true end)))",
+        )
+        .and(NODES),
+        call(
+            "bt.parallel",
+            &[
+                options(&[
+                    number("succeed", "so many must succeed; all unless given").optional(),
+                    number("fail", "so many may not fail").default(1.0),
+                ])
+                .required(),
+                NODE,
+            ],
+            MADE,
+            "Runs nodes side by side until enough have succeeded or failed; the others are halted.",
+            "print(bt.run(bt.parallel({ succeed = 1 }, function() return true end)))",
+        )
+        .and(NODES),
+        call(
+            "bt.guard",
+            &[
+                function("condition", "(...any) -> boolean", "returns true or false"),
+                NODE,
+                bounded(
+                    "seconds",
+                    Bounds::Above(0.0, 30.0 * 86_400.0),
+                    "from one look at the condition to the next",
+                )
+                .unit("s")
+                .default(0.1),
+            ],
+            MADE,
+            "Runs a node while a condition is true, which is asked before and over and over; once it is false the node is halted and has failed.",
+            "print(bt.run(bt.guard(function() return true end, function() return true end)))",
+        ),
+        call(
+            "bt.retry",
+            &[TIMES, NODE],
+            MADE,
+            "Runs a node until it succeeds.",
+            "print(bt.run(bt.retry(3, function() return true end)))",
+        ),
+        call(
+            "bt.loop",
+            &[TIMES, NODE],
+            MADE,
+            "Runs a node so often, or until it fails.",
+            "print(bt.run(bt.loop(3, function() return true end)))",
+        ),
+        call(
+            "bt.timeout",
+            &[
+                bounded("seconds", Bounds::Between(0.0, f64::MAX), "").unit("s"),
+                NODE,
+            ],
+            MADE,
+            "Fails if the node takes longer, and halts it.",
+            "print(bt.run(bt.timeout(5, function() return true end)))",
+        ),
+        call(
+            "bt.invert",
+            &[NODE],
+            MADE,
+            "Turns success into failure, and failure into success.",
+            "print(bt.run(bt.invert(function() return false end)))",
+        ),
+        call(
+            "bt.succeed",
+            &[NODE],
+            MADE,
+            "Runs a node and succeeds in any case.",
+            "print(bt.run(bt.succeed(function() return false end)))",
+        ),
+        call(
+            "bt.fail",
+            &[NODE],
+            MADE,
+            "Runs a node and fails in any case.",
+            "print(bt.run(bt.fail(function() return true end)))",
+        ),
+        call(
+            "bt.name",
+            &[text("name", "a name of your own"), NODE],
+            MADE,
+            "Gives a node a name for the log and for errors.",
+            "print(bt.run(bt.name(\"the last way\", function() return true end)))",
+        ),
+    ],
+    "local bt = require(\"@spykee/bt\")\nlocal function has_power() local battery = robot.battery() return battery ~= nil and battery.percent > 30 end\nlocal function drive() return (robot.forward(1)) end\nlocal function go_home() return (robot.dock()) end\nlocal tree = bt.fallback(\n\tbt.guard(has_power, bt.timeout(10, drive)),\n\tgo_home\n)\nprint(bt.run(tree))",
+);

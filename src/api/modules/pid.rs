@@ -1,0 +1,51 @@
+//! `@spykee/pid`: PID controllers.
+
+use super::shapes::{module, open};
+use crate::api::make::{call, number, object, options};
+use crate::api::terms::{Namespace, Object};
+
+pub(super) const PID: Namespace = module(
+    "pid",
+    "PID controllers, for \"keep this at that\": a distance, a bearing, a level of sound",
+    &[call(
+        "pid.new",
+        &[options(&[
+            number("kp", "for the error").default(0.0),
+            number("ki", "for the sum of error times seconds").default(0.0),
+            number("kd", "for the change of the measurement a second").default(0.0),
+            number("setpoint", "what is wanted").default(0.0),
+            number("min", "the least output").optional(),
+            number("max", "the greatest output").optional(),
+        ])
+        .required()],
+        &[object("controller", &CONTROLLER, "")],
+        "Makes a controller.",
+        "local steer = pid.new({ kp = 2, ki = 0.1, min = -1.5, max = 1.5 })\nprint(steer:update(0.3))",
+    )],
+    "local pid = require(\"@spykee/pid\")\nlocal steer = pid.new({ kp = 2, ki = 0.1, kd = 0.2, min = -1.5, max = 1.5 })\nrobot.on(\"frame\", function(frame)\n\tlocal ball = frame:find_blobs(\"red\")[1]\n\tif ball then\n\t\trobot.drive(0.2, -steer:update(ball.bearing))\n\tend\nend)",
+);
+
+pub(super) const CONTROLLER: Object = open(
+    "Controller",
+    "A PID controller; made by `pid.new`. The sum stands still while the output is at its limit and the error would drive it further; the derivative is that of the measurement.",
+    &[],
+    &[
+        call(
+            "controller:update",
+            &[
+                number("measurement", ""),
+                number("setpoint", "from now on").optional(),
+            ],
+            &[number("output", "")],
+            "Computes what to do about a measurement; the time comes from `task.now()`.",
+            "local steer = require(\"@spykee/pid\").new({ kp = 2 })\nprint(steer:update(0.3))",
+        ),
+        call(
+            "controller:reset",
+            &[],
+            &[],
+            "Forgets the past: call it after a pause.",
+            "local steer = require(\"@spykee/pid\").new({ kp = 2 })\nsteer:reset()",
+        ),
+    ],
+);

@@ -1,0 +1,82 @@
+use std::time::Duration;
+
+use bytes::Bytes;
+use tokio::time::timeout;
+
+use super::*;
+use crate::behaviour::Library;
+use crate::script::Options;
+
+const JPEG: &[u8] = include_bytes!("../../../tests/fixtures/ball-422.jpg");
+
+/// A host of a script, and what goes in and out.
+async fn host_of(source: &str) -> (Sender<ToHost>, Receiver<FromHost>) {
+    let (near, far) = tokio::io::duplex(1 << 20);
+    let (reader, writer) = tokio::io::split(far);
+    tokio::task::spawn_local(serve(reader, writer, Time::Virtual));
+    let (reader, writer) = tokio::io::split(near);
+    let (mut to, from) = (Sender::new(writer), Receiver::new(reader));
+    let launch = Launch {
+        source: source.into(),
+        options: Options::new("test", "test.lua"),
+        library: Library::default(),
+    };
+    to.send(&ToHost::Load(Box::new(launch))).await.unwrap();
+    to.send(&ToHost::Go).await.unwrap();
+    (to, from)
+}
+
+fn frame(seq: u64) -> ToHost {
+    let (age, jpeg) = (Duration::ZERO, Bytes::from_static(JPEG));
+    ToHost::Frame { seq, age, jpeg }
+}
+
+/// Whether the host wants to look ahead, the next time that it wants a frame; and what the script
+/// has written before.
+async fn wish(from: &mut Receiver<FromHost>) -> (bool, Vec<String>) {
+    let mut lines = Vec::new();
+    loop {
+        let message = timeout(Duration::from_secs(60), from.next()).await.unwrap();
+        match message.unwrap().unwrap() {
+            FromHost::Output(Output::Log(line)) => lines.push(line.text),
+            FromHost::WantFrame { ahead } => return (ahead, lines),
+            _ => {}
+        }
+    }
+}
+
+#[tokio::test(flavor = "local")]
+async fn a_script_that_looks_sees_the_same_frame_in_whatever_parts_it_comes() {
+    let look = "robot.on('frame', function(f) print(f:find_blobs('red')[1].pixels) end)";
+    let (mut to, mut from) = host_of(look).await;
+    assert!(!wish(&mut from).await.0);
+    to.send(&frame(1)).await.unwrap();
+    let (ahead, seen) = wish(&mut from).await;
+    assert!(ahead && seen.len() == 1, "{ahead} {seen:?}");
+    for (number, cuts) in [[700, 1500], [100, JPEG.len() - 1], [0, 0]]
+        .iter()
+        .enumerate()
+    {
+        let mut at = 0;
+        for &cut in cuts {
+            let jpeg = Bytes::from_static(&JPEG[at..cut]);
+            to.send(&ToHost::Ahead { at, jpeg }).await.unwrap();
+            at = cut;
+        }
+        to.send(&frame(number as u64 + 2)).await.unwrap();
+        assert_eq!(wish(&mut from).await, (true, seen.clone()));
+    }
+    // A part in between was lost.
+    let jpeg = Bytes::from_static(&JPEG[900..]);
+    to.send(&ToHost::Ahead { at: 900, jpeg }).await.unwrap();
+    to.send(&frame(9)).await.unwrap();
+    assert_eq!(wish(&mut from).await, (true, seen));
+}
+
+#[tokio::test(flavor = "local")]
+async fn nothing_is_decoded_for_a_script_that_does_not_look() {
+    let (mut to, mut from) = host_of("robot.on('frame', function(f) print(f.seq) end)").await;
+    wish(&mut from).await;
+    to.send(&frame(1)).await.unwrap();
+    assert_eq!(wish(&mut from).await, (false, vec!["1".to_owned()]));
+}

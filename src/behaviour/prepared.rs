@@ -1,0 +1,178 @@
+//! A behaviour whose host has loaded its script and does not run it yet: the host's process, the two ends of
+//! its pipe, and the modules that it asks for.
+
+use std::io;
+use std::time::Duration;
+
+use tokio::runtime::Handle as Runtime;
+use tokio::sync::mpsc;
+use tokio::task::AbortHandle;
+use tokio::time::timeout;
+
+use super::library::Library;
+use super::log_limiter::LogLimiter;
+use super::message::{FromHost, Launch, ToHost};
+use super::name::validate_name;
+use super::pipe::{Receiver, Sender};
+use super::process::{HostProcess, Launcher, PipeReader, PipeWriter};
+use super::remarks::Remarks;
+use crate::robot::{BehaviourId, EndReason, Priority};
+use crate::script::{Ending, ModuleName};
+
+/// Messages that may wait for a host that does not read.
+const MAX_WAITING: usize = 128;
+/// Modules that a host may ask for in its life; an honest one asks for fewer.
+const MAX_MODULES: usize = 256;
+/// How long a host may take to load its script.
+const LOAD_TIME: Duration = Duration::from_secs(5);
+/// How long a host may take to exit once it said that it has ended.
+pub(super) const EXIT_TIME: Duration = Duration::from_millis(100);
+
+/// A behaviour whose script is loaded and does not run yet.
+#[derive(Debug)]
+pub struct Prepared {
+    pub(super) by: BehaviourId,
+    pub(super) name: String,
+    pub(super) priority: Priority,
+    pub(super) process: HostProcess,
+    pub(super) from_host: Receiver<FromHost>,
+    pub(super) to_host: mpsc::Sender<ToHost>,
+    pub(super) modules: mpsc::Sender<ModuleName>,
+    pump: AbortHandle,
+    /// In virtual time no sign of life is expected.
+    pub(super) in_real_time: bool,
+    pub(super) log_limiter: LogLimiter,
+    pub(super) remarks: Remarks,
+}
+
+impl Prepared {
+    /// Starts a host and has it load the script. Its pipe is served by the runtime of `core`.
+    ///
+    /// # Errors
+    /// The script's own failure as an [`Ending`], in words for its author; a host that cannot be
+    /// started likewise.
+    pub async fn start(
+        launcher: &Launcher,
+        core: &Runtime,
+        by: BehaviourId,
+        priority: Priority,
+        launch: Launch,
+    ) -> Result<Prepared, Ending> {
+        let name = launch.options.name.clone();
+        let broken = |error: io::Error| {
+            ending(
+                EndReason::Error,
+                &format!("{name}: its host cannot be started: {error}"),
+            )
+        };
+        validate_name(&name).map_err(|error| ending(EndReason::Error, &error.to_string()))?;
+        let log_limiter = LogLimiter::new(launch.options.limits.log_bytes_a_day);
+        let folder = launch.options.data_dir.clone();
+        let remarks = Remarks::new(name.clone(), folder, &launch.options.limits);
+        let started = launcher.start(&launch.options.folders(), core);
+        let (process, reader, writer) = started.map_err(broken)?;
+        let (from_host, to_host, pump) = connect(reader, writer, core);
+        let modules = librarian(
+            launch.library.clone(),
+            to_host.clone(),
+            launcher.is_in_this_thread(),
+        );
+        let mut prepared = Prepared {
+            by,
+            name: name.clone(),
+            priority,
+            process,
+            from_host,
+            to_host,
+            modules,
+            pump,
+            in_real_time: !launcher.is_in_this_thread(),
+            log_limiter,
+            remarks,
+        };
+        let _ = prepared.to_host.try_send(ToHost::Load(Box::new(launch)));
+        match timeout(LOAD_TIME, prepared.from_host.next()).await {
+            Ok(Ok(Some(FromHost::Ready))) => Ok(prepared),
+            Ok(Ok(Some(FromHost::Ended(ending)))) => Err(ending),
+            Ok(Ok(_)) => Err(prepared.broken().await),
+            Ok(Err(error)) => Err(broken(error)),
+            Err(_) => Err(broken(io::ErrorKind::TimedOut.into())),
+        }
+    }
+
+    /// The script's name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The ending of a host that ended without saying why.
+    pub(super) async fn broken(&mut self) -> Ending {
+        let status = match timeout(EXIT_TIME, self.process.wait()).await {
+            Ok(status) => status,
+            Err(_) => self.process.kill().await,
+        };
+        let status = status.map_or_else(|error| error.to_string(), |status| status.to_string());
+        let words = timeout(EXIT_TIME, self.process.last_words())
+            .await
+            .unwrap_or_default();
+        let text = format!(
+            "{}: its process ended unexpectedly ({status}) {words}",
+            self.name
+        );
+        ending(EndReason::Error, text.trim_end())
+    }
+}
+
+impl Drop for Prepared {
+    fn drop(&mut self) {
+        self.pump.abort();
+    }
+}
+
+fn connect(
+    reader: PipeReader,
+    writer: PipeWriter,
+    core: &Runtime,
+) -> (Receiver<FromHost>, mpsc::Sender<ToHost>, AbortHandle) {
+    let (to_host, waiting) = mpsc::channel(MAX_WAITING);
+    let pump = core.spawn(Sender::new(writer).pump(waiting)).abort_handle();
+    (Receiver::new(reader), to_host, pump)
+}
+
+/// Reads modules for a host, one after the other, on a thread that may wait for a disk; or `here`,
+/// where virtual time waits for nothing else. Ends with the behaviour.
+fn librarian(
+    library: Library,
+    to_host: mpsc::Sender<ToHost>,
+    here: bool,
+) -> mpsc::Sender<ModuleName> {
+    let (ask, mut asked) = mpsc::channel::<ModuleName>(MAX_MODULES);
+    tokio::spawn(async move {
+        let mut left = MAX_MODULES;
+        while let Some(name) = asked.recv().await {
+            left = match left.checked_sub(1) {
+                Some(left) => left,
+                None => return,
+            };
+            let (shelf, wanted) = (library.clone(), name.clone());
+            let fetch = move || shelf.fetch(&wanted).map_err(|error| error.to_string());
+            let file = if here {
+                fetch()
+            } else {
+                let fetched = tokio::task::spawn_blocking(fetch).await;
+                fetched.unwrap_or_else(|error| Err(error.to_string()))
+            };
+            if to_host.send(ToHost::Module(name, file)).await.is_err() {
+                return;
+            }
+        }
+    });
+    ask
+}
+
+pub(super) fn ending(reason: EndReason, message: &str) -> Ending {
+    Ending {
+        reason,
+        message: Some(message.to_owned()),
+    }
+}

@@ -1,0 +1,144 @@
+//! `spykee calibrate camera --station`: pictures of the charging station from known distances tell the field of view.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use crate::clean;
+use crate::cli::picture;
+use crate::cli::{Exit, Failure, print};
+use crate::vision::{
+    Blob, BlobOptions, Camera, Colour, DistanceError, Eyes, FrameError, Measure, Size,
+    field_of_view,
+};
+
+/// The station: a dark box with a white plate, metres.
+const WIDTH: f64 = 0.36;
+const HEIGHT: f64 = 0.34;
+/// Its box may be so much flatter or slimmer than that.
+const SHAPE: f64 = 0.25;
+/// Its plate is brighter than this, of 255.
+const PLATE: f32 = 110.0;
+/// Distances from which it can be measured, metres.
+pub(super) const DISTANCES: std::ops::RangeInclusive<f64> = 0.3..=5.0;
+const HELP: &str = "put the robot straight before the station, measure from the lens to the station's front, and take \
+                    pictures from 0.8, 1, 1.5 and 2 m";
+
+/// Finds the station in each picture, and says what the field of view is.
+///
+/// # Errors
+/// As many distances as pictures are needed; pictures that show no station, or contradict each other.
+pub(super) fn run(images: &[PathBuf], distances: &[f64], as_json: bool) -> Result<Exit, Failure> {
+    if images.len() != distances.len() {
+        let what = format_args!(
+            "{} distances for {} pictures",
+            distances.len(),
+            images.len()
+        );
+        return Err(Failure::usage(what).help("give one distance for each picture, in their order"));
+    }
+    let camera = Camera::default();
+    let mut eyes = Eyes::new(camera);
+    let (mut measures, mut names, mut common) = (Vec::new(), Vec::new(), None);
+    for (number, (path, distance)) in images.iter().zip(distances).enumerate() {
+        let (size, station) = look(&mut eyes, number as u64, path)?;
+        if *common.get_or_insert(size) != size {
+            let what = format_args!("{} has another size than those before it", path.display());
+            return Err(Failure::usage(what).help("take all of them with the same camera"));
+        }
+        let Some(blob) = station else {
+            tracing::warn!(
+                "no station is seen in {}: it does not count",
+                path.display()
+            );
+            continue;
+        };
+        let left = f64::from(blob.x) - 0.5;
+        measures.push(Measure {
+            distance: *distance,
+            edges: [left, left + f64::from(blob.w)],
+            row: f64::from(blob.y) + f64::from(blob.h) / 2.0,
+        });
+        names.push(path.display().to_string());
+    }
+    let size = common.ok_or_else(|| Failure::usage("no pictures"))?;
+    let found = field_of_view(&measures, WIDTH, camera.distortion, size).map_err(|error| {
+        let help = match error {
+            DistanceError::Apart { .. } => {
+                "are the distances right, in metres, and in the order of the pictures?"
+            }
+            _ => HELP,
+        };
+        Failure::usage(error).help(help)
+    })?;
+    print(&if as_json {
+        json_of(&found, camera, &names)
+    } else {
+        text_of(&found, camera, &names)
+    })?;
+    Ok(Exit::Done)
+}
+
+/// The picture's size, and the largest thing in it that looks like the station from its front.
+fn look(eyes: &mut Eyes, key: u64, path: &Path) -> Result<(Size, Option<Blob>), Failure> {
+    let jpeg = picture::read(path)?;
+    let unusable = |error: FrameError| picture::unusable(path, &error);
+    let size = eyes.look(key, &jpeg).map_err(unusable)?.size();
+    let dark = Colour::lab([0.0, 34.0], [-14.0, 14.0], [-18.0, 14.0]).map_err(Failure::usage)?;
+    let options = BlobOptions {
+        pixels_threshold: 20,
+        merge: true,
+        margin: 2,
+        ..BlobOptions::default()
+    };
+    let blobs = eyes
+        .find_blobs(key, &jpeg, &[dark], &options)
+        .map_err(unusable)?;
+    let blobs = blobs.to_vec();
+    let image = eyes.look(key, &jpeg).map_err(unusable)?;
+    let is_station = |blob: &&Blob| {
+        let shape = f64::from(blob.w) / f64::from(blob.h) / (WIDTH / HEIGHT);
+        // Above the middle its plate is white from side to side.
+        let (column, row) = (blob.x + blob.w / 2, blob.y + blob.h / 5);
+        let plate = image.pixel(column, row).unwrap_or_default().map(f32::from);
+        let light = plate.iter().sum::<f32>() / 3.0;
+        !blob.edge && (shape - 1.0).abs() < SHAPE && light > PLATE
+    };
+    Ok((size, blobs.iter().find(is_station).copied()))
+}
+
+type Found = (f64, f64, Vec<f64>);
+
+fn text_of((hfov, sure, each): &Found, camera: Camera, names: &[String]) -> String {
+    let [k1, k2] = camera.distortion;
+    let widest = names.iter().map(|name| name.chars().count()).max();
+    let width = widest.unwrap_or(0);
+    let rows = names.iter().zip(each);
+    let rows: String = rows
+        .map(|(name, hfov)| {
+            format!(
+                "{:width$}  {:.1} degrees\n",
+                clean::line(name),
+                hfov.to_degrees()
+            )
+        })
+        .collect();
+    format!(
+        "{rows}\nfield of view {:.1} degrees, give or take {:.1}\n\n\
+         camera: {{ hfov: {hfov:.4}, distortion: [{k1:.4}, {k2:.4}] }}\n\
+         Paste it into your config. The distortion is the usual one: a chessboard tells yours.\n",
+        hfov.to_degrees(),
+        (2.0 * sure).to_degrees().max(0.1),
+    )
+}
+
+fn json_of((hfov, sure, each): &Found, camera: Camera, names: &[String]) -> String {
+    let pictures = names.iter().zip(each);
+    let pictures: Vec<_> = pictures
+        .map(|(name, hfov)| json!({ "file": name, "hfov": hfov }))
+        .collect();
+    let object = json!({
+        "hfov": hfov, "distortion": camera.distortion, "hfov_deviation": sure, "pictures": pictures,
+    });
+    format!("{object}\n")
+}

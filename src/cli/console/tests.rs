@@ -1,0 +1,161 @@
+use super::*;
+use std::sync::mpsc::{Sender, channel};
+
+const LIMIT: Duration = Duration::from_secs(20);
+const TERMINAL: Features = Features {
+    redraw: true,
+    colour: true,
+};
+const FILE: Features = Features {
+    redraw: false,
+    colour: false,
+};
+
+/// Keeps what is written; each write waits for a permit while there are gates.
+#[derive(Clone)]
+struct Paper {
+    written: Arc<Mutex<Vec<u8>>>,
+    gate: Option<Arc<Mutex<Receiver<()>>>>,
+}
+
+impl Paper {
+    fn new() -> Paper {
+        Paper {
+            written: Arc::default(),
+            gate: None,
+        }
+    }
+
+    /// As long as the sender lives and is not used, every write blocks.
+    fn blocked() -> (Paper, Sender<()>) {
+        let (open, gate) = channel();
+        let gate = Some(Arc::new(Mutex::new(gate)));
+        (
+            Paper {
+                gate,
+                ..Paper::new()
+            },
+            open,
+        )
+    }
+
+    fn text(&self) -> String {
+        String::from_utf8(self.written.lock().unwrap().clone()).unwrap()
+    }
+}
+
+impl Write for Paper {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if let Some(gate) = &self.gate {
+            let _ = gate.lock().unwrap().recv();
+        }
+        self.written.lock().unwrap().extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+fn console(paper: &Paper, features: Features, format: LogFormat) -> Console {
+    Console::over(paper.clone(), features, || 20, format, Budget::new(1 << 40)).unwrap()
+}
+
+#[test]
+fn lines_and_status_share_a_terminal() {
+    let paper = Paper::new();
+    let console = console(&paper, TERMINAL, LogFormat::Text);
+    console.status("driving");
+    console.end(None, LIMIT);
+    console.say("INFO", "hello");
+    console.status_line_plain("not here");
+    console.end(None, LIMIT);
+    assert_eq!(paper.text(), "\r\x1b[Kdriving\r\x1b[K\r\x1b[Khello\n");
+}
+
+#[test]
+fn a_file_gets_the_status_only_when_told() {
+    let paper = Paper::new();
+    let console = console(&paper, FILE, LogFormat::Text);
+    console.status("driving");
+    console.status_line_plain("docked");
+    console.end(None, LIMIT);
+    assert_eq!(paper.text(), "docked\n");
+}
+
+#[test]
+fn a_day_has_its_bytes_and_the_last_words_are_said_all_the_same() {
+    let paper = Paper::new();
+    let day = Budget::new(24 * 1000);
+    let console = Console::over(paper.clone(), FILE, || 20, LogFormat::Text, day).unwrap();
+    for number in 0..300 {
+        console.say("INFO", &format!("line {number} of a flood"));
+    }
+    console.end(Some("last words"), LIMIT);
+    let text = paper.text();
+    let said = text
+        .lines()
+        .filter(|line| line.starts_with("line "))
+        .count();
+    assert!((20..=60).contains(&said), "{said}");
+    assert_eq!(text.matches("24000 bytes a day are used up").count(), 1);
+    assert!(text.ends_with("last words\n"), "{text}");
+}
+
+#[test]
+fn a_blocked_stderr_stalls_nobody_and_what_was_lost_is_counted() {
+    let (paper, open) = Paper::blocked();
+    let console = console(&paper, FILE, LogFormat::Text);
+    for number in 0..MAX_WAITING * 4 {
+        console.say("INFO", &format!("line {number}"));
+        console.status("driving");
+    }
+    console.end(Some("last words"), Duration::from_millis(50));
+    assert_eq!(paper.text(), "");
+    drop(open);
+    console.end(None, LIMIT);
+    let text = paper.text();
+    let lines = text
+        .lines()
+        .filter(|line| line.starts_with("line "))
+        .count();
+    let dropped: usize = text
+        .lines()
+        .filter_map(|line| {
+            line.split_once(" log lines were dropped")?
+                .0
+                .parse::<usize>()
+                .ok()
+        })
+        .sum();
+    assert_eq!(lines + dropped, MAX_WAITING * 4);
+    assert!(dropped > 0 && lines > 0);
+}
+
+#[test]
+fn in_json_every_line_is_an_object() {
+    let paper = Paper::new();
+    let console = console(&paper, FILE, LogFormat::Json);
+    console.say("ERROR", "two\nlines \x1b[2J");
+    console.end(None, LIMIT);
+    let value: serde_json::Value = serde_json::from_str(&paper.text()).unwrap();
+    assert_eq!(value["message"], "two\nlines \x1b[2J");
+
+    let mut record = console.make_writer();
+    record.write_all(&[b'x'; 3 * MAX_RECORD_LEN]).unwrap();
+    drop(record);
+    console.end(None, LIMIT);
+    let text = paper.text();
+    let value: serde_json::Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
+    assert_eq!(value["message"], TOO_LONG);
+}
+
+#[test]
+fn a_long_record_is_cut() {
+    let paper = Paper::new();
+    let console = console(&paper, FILE, LogFormat::Text);
+    console.say("INFO", &"x".repeat(3 * MAX_RECORD_LEN));
+    console.end(None, LIMIT);
+    assert_eq!(paper.text().trim_end().len(), MAX_RECORD_LEN);
+}

@@ -1,0 +1,54 @@
+//! How a robot is reached: which one is meant, and a link to it, or to a simulated one that is started here.
+
+use super::embedded::{EmbeddedSim, Simulated};
+use super::{ConnectionArgs, Failure, RobotChoice};
+use crate::config::Config;
+use crate::link::{self, Target};
+use crate::pilot::Dial;
+use crate::wire::Login;
+
+pub(super) fn place(connection: &ConnectionArgs, config: &Config) -> Result<RobotChoice, Failure> {
+    let from_config = || config.robot.clone().map(RobotChoice::Robot);
+    connection.place().or_else(from_config).ok_or_else(|| {
+        Failure::usage("which robot? neither --robot nor --sim was given").help(
+            "--sim runs on a simulated robot; --robot HOST[:PORT] on yours \
+             (spykee discover finds it)",
+        )
+    })
+}
+
+pub(super) fn reach(
+    place: RobotChoice,
+    login: &Login,
+    seed: u64,
+) -> Result<(Target, Option<EmbeddedSim>), Failure> {
+    reach_with(place, login, seed, Simulated::default())
+}
+
+/// As [`reach`], with a simulated robot of this kind.
+pub(super) fn reach_with(
+    place: RobotChoice,
+    login: &Login,
+    seed: u64,
+    kind: Simulated,
+) -> Result<(Target, Option<EmbeddedSim>), Failure> {
+    match place {
+        RobotChoice::Robot(target) => Ok((target, None)),
+        RobotChoice::Sim(world) => {
+            let sim = EmbeddedSim::start(world.as_deref(), login, seed, kind)?;
+            let address = sim.address();
+            let target = Target {
+                host: address.ip().to_string(),
+                port: address.port(),
+            };
+            Ok((target, Some(sim)))
+        }
+    }
+}
+
+pub(super) fn dial(target: Target, login: Login, options: link::Options) -> Dial {
+    Box::new(move |last_words| {
+        let (target, login, options) = (target.clone(), login.clone(), options.clone());
+        Box::pin(async move { link::connect(&target, &login, last_words, &options).await })
+    })
+}

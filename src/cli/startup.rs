@@ -1,0 +1,111 @@
+//! What every command that runs an agent starts beside it: heartbeat and guardian, driving core, rescue
+//! behaviour, journal, the desk for other commands, and the status line.
+
+use std::convert::Infallible;
+use std::io;
+use std::time::Duration;
+
+use tokio::sync::watch;
+use tokio::time::{MissedTickBehavior, interval};
+
+use super::status::StatusLine;
+use super::{Console, Failure};
+use crate::agent::{self, Bus, RESCUE_NAME};
+use crate::behaviour::Launch;
+use crate::clock::Clock;
+use crate::config::Config;
+use crate::control::{self, Desk};
+use crate::guardian::Guardian;
+use crate::journal::{self, Journal};
+use crate::pilot::{DrivingCore, Pulse, Status};
+
+/// How often the status line is drawn anew.
+pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
+/// How long the journal may take at the end to write what it has.
+pub(super) const JOURNAL_END: Duration = Duration::from_secs(2);
+
+/// A journal. What runs without one drives all the same.
+pub(super) fn journal(
+    config: &Config,
+    bus: &Bus,
+    (target, simulated): &(String, bool),
+    clock: Clock,
+) -> Option<Journal> {
+    let about = journal::About {
+        target: target.clone(),
+        simulated: *simulated,
+    };
+    let started = Journal::start(bus, config.data_folder(), config.journal, about, clock);
+    started.map_err(|error| tracing::warn!("{error}")).ok()
+}
+
+/// A run without a desk drives all the same.
+pub(super) async fn serve(desk: io::Result<Desk>, run: control::Run) -> Infallible {
+    let served = match desk {
+        Ok(desk) => desk.serve(run).await,
+        Err(error) => Err(error),
+    };
+    if let Err(error) = served {
+        tracing::warn!(
+            "`spykee status` and `spykee robot` cannot ask this run: no socket in its data folder: \
+             {error}"
+        );
+    }
+    std::future::pending().await
+}
+
+/// The heartbeat of a run, with a guardian unless the robot is simulated in this program and ends with
+/// it.
+pub(super) fn pulse(simulated: bool) -> Pulse {
+    if simulated {
+        return Pulse::new(None);
+    }
+    let started = std::env::current_exe().and_then(|executable| Guardian::start(&executable));
+    Pulse::new(match started {
+        Ok(guardian) => Some(guardian),
+        Err(error) => {
+            tracing::warn!(
+                "this run has no guardian ({error}): if this program is killed or stopped, nothing \
+                 stops the robot"
+            );
+            None
+        }
+    })
+}
+
+/// The rescue behaviour that the config wants.
+pub(super) fn rescue(config: &Config, seed: u64) -> Result<Option<Launch>, Failure> {
+    let choice = &config.watchdog.rescue;
+    let options = config.script(RESCUE_NAME, choice.to_string(), seed);
+    agent::rescue(choice, options).map_err(|error| {
+        Failure::usage(format_args!(
+            "cannot read the rescue behaviour {choice}: {error}"
+        ))
+        .help("watchdog: { rescue: builtin } uses the one that comes along")
+    })
+}
+
+/// The thread on which the pilot runs.
+pub(super) fn driving_core() -> Result<DrivingCore, Failure> {
+    DrivingCore::start()
+        .map_err(|error| Failure::usage(format_args!("no thread to drive on: {error}")))
+}
+
+/// Shows how things stand, on a terminal or in a file.
+pub(super) async fn show(
+    mut line: StatusLine,
+    status: watch::Receiver<Status>,
+    console: &Console,
+) -> Infallible {
+    let mut beat = interval(STATUS_PERIOD);
+    beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    loop {
+        beat.tick().await;
+        let newest = *status.borrow();
+        if console.has_status_line() {
+            console.status(line.draw(&newest));
+        } else if let Some(text) = line.news(&newest) {
+            console.status_line_plain(&text);
+        }
+    }
+}

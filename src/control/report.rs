@@ -1,0 +1,220 @@
+//! How things stand with a run, as JSON: what `spykee status --json` prints and `/api/run` answers.
+
+use std::time::Duration;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::errand::{Next, Overview};
+use crate::robot::channel::Aboard;
+use crate::robot::{Battery, Percent, Priority, RobotInfo};
+
+/// How things stand with a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Report {
+    /// Of the run's process.
+    pub process: u32,
+    /// The robot as the run was told to reach it.
+    pub robot: String,
+    /// In the run's own program.
+    pub simulated: bool,
+    /// How long it has been running, in whole seconds.
+    pub seconds: u64,
+    /// The link is up.
+    pub online: bool,
+    /// What the robot says of itself, if it was ever there: such as `SPYKEE0001`.
+    pub uid: Option<String>,
+    /// The robot's name.
+    pub name: Option<String>,
+    /// Such as `1.0.22`.
+    pub firmware: Option<String>,
+    /// `host:port` of the connection.
+    pub address: Option<String>,
+    /// What the watchdog is at, in words.
+    pub state: String,
+    /// Where the robot is, in words.
+    pub place: String,
+    /// On its station, as far as is known.
+    pub docked: bool,
+    /// The battery is low, and the watchdog has the robot.
+    pub low: bool,
+    /// The battery, as far as it is believed.
+    pub battery: Option<Level>,
+    /// The behaviours that run now.
+    pub behaviours: Vec<Runs>,
+    /// The next start of the timetable, if there is one.
+    pub next: Option<Start>,
+    /// It is a quiet hour.
+    pub quiet: bool,
+}
+
+/// The battery's level.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Level {
+    /// 0..=100.
+    pub percent: u8,
+    /// On the charger.
+    pub charging: bool,
+    /// Until it is empty, if it goes on as of late.
+    pub minutes_left: Option<f32>,
+}
+
+/// A behaviour that runs.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Runs {
+    /// What it is called.
+    pub name: String,
+    /// Who wins when several want to drive.
+    pub priority: i16,
+}
+
+/// A start of the timetable.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Start {
+    /// When, in RFC 3339, universal time: `2026-05-04T07:00:00Z`.
+    #[schemars(extend("format" = "date-time"))]
+    pub at: String,
+    /// The behaviour.
+    pub behaviour: String,
+}
+
+impl From<&Next> for Start {
+    fn from(next: &Next) -> Start {
+        Start {
+            at: next.time().to_string(),
+            behaviour: next.behaviour.clone(),
+        }
+    }
+}
+
+impl From<Battery> for Level {
+    fn from(battery: Battery) -> Level {
+        Level {
+            percent: battery.percent.get(),
+            charging: battery.charging,
+            minutes_left: battery.minutes_left,
+        }
+    }
+}
+
+impl From<&Overview> for Report {
+    fn from(run: &Overview) -> Report {
+        let robot = run.robot.as_ref();
+        let of = |text: fn(&RobotInfo) -> &String| robot.map(|robot| text(robot).clone());
+        let behaviours = run.behaviours.iter().map(|one| Runs {
+            name: one.name.clone(),
+            priority: one.priority.0,
+        });
+        Report {
+            process: run.pid,
+            robot: run.target.clone(),
+            simulated: run.simulated,
+            seconds: run.running.as_secs(),
+            online: run.online,
+            uid: of(|robot| &robot.uid),
+            name: of(|robot| &robot.name),
+            firmware: of(|robot| &robot.firmware),
+            address: of(|robot| &robot.address),
+            state: run.state.clone(),
+            place: run.place.clone(),
+            docked: run.docked,
+            low: run.low,
+            battery: run.battery.map(Level::from),
+            behaviours: behaviours.collect(),
+            next: run.next.as_ref().map(Start::from),
+            quiet: run.quiet,
+        }
+    }
+}
+
+/// Of a run that was asked by its API.
+impl From<Report> for Overview {
+    fn from(report: Report) -> Overview {
+        let simulated = report.simulated;
+        let robot = report.uid.map(|uid| RobotInfo {
+            uid,
+            name: report.name.unwrap_or_default(),
+            firmware: report.firmware.unwrap_or_default(),
+            address: report.address.unwrap_or_default(),
+            simulated,
+        });
+        let next = report.next.and_then(|next| {
+            let at: jiff::Timestamp = next.at.parse().ok()?;
+            Some(Next {
+                at: at.as_second(),
+                behaviour: next.behaviour,
+            })
+        });
+        let battery = report.battery.map(|level| Battery {
+            percent: Percent::saturating(level.percent),
+            charging: level.charging,
+            minutes_left: level.minutes_left,
+        });
+        let behaviours = report.behaviours.into_iter().map(|one| Aboard {
+            name: one.name,
+            priority: Priority(one.priority),
+        });
+        Overview {
+            pid: report.process,
+            target: report.robot,
+            simulated,
+            running: Duration::from_secs(report.seconds),
+            online: report.online,
+            robot,
+            state: report.state,
+            place: report.place,
+            docked: report.docked,
+            low: report.low,
+            battery,
+            behaviours: behaviours.collect(),
+            next,
+            quiet: report.quiet,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_told_as_json_is_understood_as_it_was_meant() {
+        let overview = Overview {
+            pid: 7,
+            target: "10.0.0.2".to_owned(),
+            simulated: true,
+            running: Duration::from_secs(61),
+            online: true,
+            robot: Some(RobotInfo {
+                uid: "SPYKEE7".to_owned(),
+                name: "Rover".to_owned(),
+                firmware: "1.0.22".to_owned(),
+                address: "10.0.0.2:9000".to_owned(),
+                simulated: true,
+            }),
+            state: "docked".to_owned(),
+            place: "on its station".to_owned(),
+            docked: true,
+            low: false,
+            battery: Some(Battery {
+                percent: Percent::saturating(71),
+                charging: true,
+                minutes_left: None,
+            }),
+            behaviours: vec![Aboard {
+                name: "patrol".to_owned(),
+                priority: Priority(-3),
+            }],
+            next: Some(Next {
+                at: 1_790_000_000,
+                behaviour: "patrol".to_owned(),
+            }),
+            quiet: true,
+        };
+        let report = Report::from(&overview);
+        assert_eq!(report.next.as_ref().unwrap().at, "2026-09-21T14:13:20Z");
+        let json = serde_json::to_string(&report).unwrap();
+        let back: Report = serde_json::from_str(&json).unwrap();
+        assert_eq!(Overview::from(back), overview);
+    }
+}

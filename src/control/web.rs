@@ -1,0 +1,342 @@
+//! A run on another computer, asked by its JSON API: each errand is one of the calls that
+//! `/api/openapi.json` describes, and its answer is the one that the private socket would give.
+
+use std::io;
+use std::time::Duration;
+
+use serde::Deserialize;
+use serde_json::{Value, json};
+use ureq::http::{HeaderValue, Request};
+
+use super::errand::{Answer, Change, Errand, Listed};
+use super::error::AskError;
+use super::report::Report;
+use crate::clean;
+use crate::clock::Span;
+use crate::robot::{DockEnd, EndReason, Priority};
+
+/// The longest answer: a picture.
+const LONGEST: u64 = 4 << 20;
+/// Words of an answer that are shown.
+const SHOWN: usize = 300;
+
+/// Where a service is, and what it is shown to be let in.
+#[derive(Debug, Clone)]
+pub struct Remote {
+    url: String,
+    token: Option<HeaderValue>,
+}
+
+/// Why there can be no service there.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum RemoteError {
+    /// It is no address of a service.
+    #[error("`{0}` is no address of a service: expected http://HOST:PORT or https://HOST")]
+    Url(String),
+    /// It cannot stand in a header field.
+    #[error("the token has characters that no token has")]
+    Token,
+}
+
+impl Remote {
+    /// A service at this address, `http://HOST:PORT` or `https://HOST`, with this token.
+    ///
+    /// # Errors
+    /// See [`RemoteError`].
+    pub fn new(url: &str, token: Option<&str>) -> Result<Remote, RemoteError> {
+        let wrong = || RemoteError::Url(clean::line(url));
+        let url = url.trim_end_matches('/');
+        let parsed: ureq::http::Uri = url.parse().map_err(|_| wrong())?;
+        let known = matches!(parsed.scheme_str(), Some("http" | "https"));
+        let host = parsed.host().is_some_and(|host| !host.is_empty());
+        let plain = parsed.path() == "/" && parsed.query().is_none();
+        if !(known && host && plain) || url.contains('@') {
+            return Err(wrong());
+        }
+        let token = token.map(|token| {
+            let field = HeaderValue::from_str(&format!("Bearer {token}"));
+            field.map(|mut field| {
+                field.set_sensitive(true);
+                field
+            })
+        });
+        let token = token.transpose().map_err(|_| RemoteError::Token)?;
+        let url = url.to_owned();
+        Ok(Remote { url, token })
+    }
+
+    /// As it was named.
+    pub fn url(&self) -> &str {
+        &self.url
+    }
+
+    /// Asks for one thing, and waits so long for the answer, in the caller's thread.
+    ///
+    /// # Errors
+    /// See [`AskError`].
+    pub fn ask(&self, errand: &Errand, limit: Duration) -> Result<Answer, AskError> {
+        let call = Call::of(errand);
+        let method = if call.body.is_some() { "POST" } else { "GET" };
+        let (kind, body) = call.body.unwrap_or_default();
+        let request = Request::builder()
+            .method(method)
+            .uri(format!("{}{}", self.url, call.path))
+            .header("content-type", kind)
+            .body(body);
+        // Scheme, host and path were looked at; what is in the path is encoded.
+        let mut request = request.map_err(|error| AskError::Io(io::Error::other(error)))?;
+        if let Some(token) = &self.token {
+            request.headers_mut().insert("authorization", token.clone());
+        }
+        let agent: ureq::Agent = ureq::Agent::config_builder()
+            .timeout_global(Some(limit))
+            .http_status_as_error(false)
+            .max_redirects(0)
+            .user_agent(concat!("spykee/", env!("CARGO_PKG_VERSION")))
+            .build()
+            .into();
+        let failed = |error: ureq::Error| match error {
+            ureq::Error::Timeout(_) => AskError::Silent(limit),
+            ureq::Error::Io(error) => AskError::Io(error),
+            other => AskError::Io(io::Error::other(other)),
+        };
+        let mut answer = agent.run(request).map_err(failed)?;
+        let status = answer.status().as_u16();
+        let body = answer.body_mut().with_config().limit(LONGEST);
+        let body = body.read_to_vec().map_err(failed)?;
+        understand(errand, status, body)
+    }
+}
+
+/// One call of the API; with a body and its kind it is a POST.
+struct Call {
+    path: String,
+    body: Option<(&'static str, Vec<u8>)>,
+}
+
+impl Call {
+    fn of(errand: &Errand) -> Call {
+        let get = |path: &str| Call {
+            path: path.to_owned(),
+            body: None,
+        };
+        let post = |path: String, body: Value| Call {
+            path,
+            body: Some(("application/json", body.to_string().into_bytes())),
+        };
+        let bare = |path: &str| post(path.to_owned(), json!({}));
+        match errand {
+            Errand::Overview => get("/api/run"),
+            Errand::Behaviours => get("/api/behaviours"),
+            Errand::Picture(limit) => get(&format!("/api/picture?seconds={}", seconds(*limit))),
+            Errand::Dock(plan) => {
+                let body = json!({ "seconds": seconds(plan.timeout), "retries": plan.retries });
+                post("/api/dock".to_owned(), body)
+            }
+            Errand::Undock(limit) => post(
+                "/api/undock".to_owned(),
+                json!({ "seconds": seconds(*limit) }),
+            ),
+            Errand::Stop => bare("/api/stop"),
+            Errand::StopSound => bare("/api/stop-sound"),
+            Errand::Led { led, on } => post(
+                "/api/led".to_owned(),
+                json!({ "light": led.name(), "on": on }),
+            ),
+            Errand::Play(sound) => post("/api/play".to_owned(), json!({ "sound": sound.name() })),
+            Errand::Volume(percent) => post(
+                "/api/volume".to_owned(),
+                json!({ "percent": percent.get() }),
+            ),
+            Errand::Say(samples) => Call {
+                path: "/api/say".to_owned(),
+                body: Some(("application/octet-stream", samples.clone())),
+            },
+            Errand::Behaviour { name, change } => {
+                let body = match change {
+                    Change::Start => json!({ "change": "start" }),
+                    Change::StartFor(lasts) => {
+                        let lasts = Span::seconds(lasts.as_secs()).to_string();
+                        json!({ "change": "start", "for": lasts })
+                    }
+                    Change::Stop => json!({ "change": "stop" }),
+                    Change::Restart => json!({ "change": "restart" }),
+                };
+                post(format!("/api/behaviours/{}", encoded(name)), body)
+            }
+        }
+    }
+}
+
+/// Whole ones, at least one.
+fn seconds(time: Duration) -> u64 {
+    time.as_secs_f64().ceil().max(1.0) as u64
+}
+
+/// As a part of a path.
+fn encoded(name: &str) -> String {
+    let byte = |byte: u8| match byte {
+        b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'_' => char::from(byte).to_string(),
+        byte => format!("%{byte:02X}"),
+    };
+    name.bytes().map(byte).collect()
+}
+
+/// How a docking ended, whether well or not.
+#[derive(Deserialize)]
+struct Docking {
+    end: DockEnd,
+    #[serde(default)]
+    attempts: u32,
+    #[serde(default)]
+    seconds: f64,
+}
+
+#[derive(Deserialize)]
+struct Behaviour {
+    name: String,
+    priority: i16,
+    state: String,
+    running: Option<u64>,
+    ending: Option<End>,
+}
+
+#[derive(Deserialize)]
+struct End {
+    reason: EndReason,
+    text: String,
+}
+
+fn understand(errand: &Errand, status: u16, body: Vec<u8>) -> Result<Answer, AskError> {
+    match (errand, status) {
+        (Errand::Dock(_) | Errand::Undock(_), 200 | 409) => match read::<Docking>(&body) {
+            Ok(docking) => Ok(docking.answer(errand)),
+            Err(_) if status == 409 => Ok(Answer::Refused(why(&body))),
+            Err(error) => Err(error),
+        },
+        (Errand::Overview, 200) => {
+            let report: Report = read(&body)?;
+            Ok(Answer::Overview(Box::new(report.into())))
+        }
+        (Errand::Behaviours, 200) => {
+            let all: Vec<Behaviour> = read(&body)?;
+            Ok(Answer::Behaviours(
+                all.into_iter().map(Behaviour::listed).collect(),
+            ))
+        }
+        (Errand::Picture(_), 200) => Ok(Answer::Picture(body)),
+        (_, 200) => Ok(Answer::Done),
+        (_, 409) => Ok(Answer::Refused(why(&body))),
+        (_, 503) => Ok(Answer::Offline),
+        (Errand::Picture(_), 504) => Ok(Answer::NoPicture),
+        (_, 401 | 403 | 421 | 429) => Err(AskError::Denied(why(&body))),
+        _ => Err(AskError::Strange(status)),
+    }
+}
+
+fn read<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Result<T, AskError> {
+    let strange = |error: serde_json::Error| {
+        AskError::Io(io::Error::other(format!(
+            "its answer is not understood: {error}"
+        )))
+    };
+    serde_json::from_slice(body).map_err(strange)
+}
+
+/// The sentence of a refusal, harmless for a terminal.
+fn why(body: &[u8]) -> String {
+    let body: Result<Value, _> = serde_json::from_slice(body);
+    let sentence = body
+        .ok()
+        .and_then(|body| body["error"].as_str().map(clean::line));
+    let sentence = sentence.unwrap_or_else(|| "it does not say why".to_owned());
+    sentence.chars().take(SHOWN).collect()
+}
+
+impl Docking {
+    fn answer(self, errand: &Errand) -> Answer {
+        let Docking {
+            end,
+            attempts,
+            seconds,
+        } = self;
+        match errand {
+            Errand::Undock(_) => Answer::Undocked(end),
+            _ => Answer::Docked {
+                end,
+                attempts,
+                took: Duration::try_from_secs_f64(seconds).unwrap_or_default(),
+            },
+        }
+    }
+}
+
+impl Behaviour {
+    fn listed(self) -> Listed {
+        Listed {
+            name: clean::line(&self.name),
+            priority: Priority(self.priority),
+            state: clean::line(&self.state),
+            running: self.running.map(Duration::from_secs),
+            ending: self.ending.map(|end| (end.reason, clean::line(&end.text))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_is_one_of_a_service_and_a_token_shows_itself_nowhere() {
+        let remote = Remote::new("http://10.0.0.7:7788/", Some("s3cr3t")).unwrap();
+        assert_eq!(remote.url(), "http://10.0.0.7:7788");
+        assert!(!format!("{remote:?}").contains("s3cr3t"));
+        assert!(Remote::new("https://robot.example", None).is_ok());
+        for wrong in [
+            "",
+            "10.0.0.7:7788",
+            "ftp://host",
+            "http://",
+            "http://host/path",
+            "http://host?x=1",
+            "http://user:word@host",
+        ] {
+            assert!(Remote::new(wrong, None).is_err(), "{wrong}");
+        }
+        assert_eq!(
+            Remote::new("http://host", Some("a\nb")).unwrap_err(),
+            RemoteError::Token
+        );
+    }
+
+    #[test]
+    fn a_name_stays_within_its_part_of_the_path() {
+        assert_eq!(encoded("guard-2"), "guard-2");
+        assert_eq!(encoded("a/../b?c"), "a%2F%2E%2E%2Fb%3Fc");
+    }
+
+    #[test]
+    fn an_answer_means_what_that_of_the_socket_means() {
+        let overview =
+            |status, body: &str| understand(&Errand::StopSound, status, body.as_bytes().to_vec());
+        assert_eq!(overview(200, "{}").unwrap(), Answer::Done);
+        assert_eq!(overview(503, "").unwrap(), Answer::Offline);
+        let refused = overview(409, r#"{"error":"no\u001b[2J"}"#).unwrap();
+        assert!(matches!(refused, Answer::Refused(why) if !why.contains('\u{1b}')));
+        assert!(matches!(overview(401, "{}"), Err(AskError::Denied(_))));
+        assert!(matches!(overview(404, ""), Err(AskError::Strange(404))));
+        let dock = |status, body: &str| {
+            let plan = crate::robot::DockPlan::DEFAULT;
+            understand(&Errand::Dock(plan), status, body.as_bytes().to_vec()).unwrap()
+        };
+        let body = r#"{"error":"x","end":"base_not_found","attempts":3,"seconds":1.5}"#;
+        let docked = Answer::Docked {
+            end: DockEnd::BaseNotFound,
+            attempts: 3,
+            took: Duration::from_millis(1500),
+        };
+        assert_eq!(dock(409, body), docked);
+        assert_eq!(dock(409, r#"{"error":"x"}"#), Answer::Refused("x".into()));
+    }
+}

@@ -1,0 +1,68 @@
+//! What is logged of strangers' doings: anybody at a broker can send orders without end, and no disk is
+//! filled with them.
+
+use tokio::time::Instant;
+use tracing::{info, warn};
+
+use crate::budget::Budget;
+
+/// Bytes of a day.
+const PER_DAY: u64 = 1 << 20;
+
+/// Writes lines within a budget, and counts those that are left out.
+#[derive(Debug)]
+pub(super) struct Scribe {
+    budget: Budget,
+    left_out: u64,
+}
+
+impl Scribe {
+    pub(super) fn new() -> Scribe {
+        Scribe {
+            budget: Budget::new(PER_DAY),
+            left_out: 0,
+        }
+    }
+
+    pub(super) fn info(&mut self, line: &str) {
+        if let Some(left_out) = self.take(line, Instant::now()) {
+            info!("{line}{left_out}");
+        }
+    }
+
+    pub(super) fn warn(&mut self, line: &str) {
+        if let Some(left_out) = self.take(line, Instant::now()) {
+            warn!("{line}{left_out}");
+        }
+    }
+
+    /// Whether this one is written, and what is to be said of those before it.
+    fn take(&mut self, line: &str, now: Instant) -> Option<String> {
+        if !self.budget.take(line.len() as u64, now) {
+            self.left_out += 1;
+            return None;
+        }
+        Some(match std::mem::take(&mut self.left_out) {
+            0 => String::new(),
+            left_out => format!(" ({left_out} lines about the broker's messages were left out)"),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn a_flood_is_cut_and_counted_and_later_lines_are_written() {
+        let (mut scribe, mut now) = (Scribe::new(), Instant::now());
+        let line = "x".repeat(100);
+        let written = (0..10_000).filter(|_| scribe.take(&line, now).is_some());
+        assert!((100..1000).contains(&written.count()));
+        now += Duration::from_secs(3600);
+        let said = scribe.take(&line, now).unwrap();
+        assert!(said.contains("lines about the broker's messages"), "{said}");
+        assert_eq!(scribe.take(&line, now).as_deref(), Some(""));
+    }
+}

@@ -1,0 +1,73 @@
+//! What the watchdog wants, done: all commands of one batch in one write, then the rest.
+
+use tokio::time::Instant;
+use tracing::warn;
+
+use super::Pilot;
+use super::last_words::tell_guardian;
+use super::lost::LinkLost;
+use crate::robot::Event;
+use crate::safety::Act;
+use crate::wire::Command;
+
+impl Pilot {
+    /// Does what the watchdog wants: first all commands in one write, then the rest.
+    pub(super) fn perform(&mut self, acts: Vec<Act>) -> Result<(), LinkLost> {
+        let commands = acts.iter().filter_map(Act::command);
+        let commands: Vec<Command> = commands
+            .filter(|command| self.hush.allows_alarm(command))
+            .collect();
+        let mut done = self.send(&commands);
+        for act in acts {
+            match act {
+                Act::Send(_) => {}
+                Act::Tell(by, event) => {
+                    self.herald_answer(by, &event);
+                    self.seats.tell(by, event);
+                }
+                Act::Announce(event) => {
+                    if let Event::Safety { action, reason } = &event {
+                        warn!(%action, "watchdog: {reason}");
+                    }
+                    self.herald_announcement(&event);
+                    self.seats.tell_all(&event);
+                }
+                Act::Kill(by, reason) => self.seats.kill(by, reason),
+                Act::Reconnect(reason) => done = done.and(Err(LinkLost::because(reason))),
+            }
+        }
+        done
+    }
+
+    /// Never waits. Without a link nothing is kept for later: the robot's next login begins with a
+    /// stop.
+    pub(super) fn send(&mut self, commands: &[Command]) -> Result<(), LinkLost> {
+        let commands = &*self.held(commands);
+        for command in commands {
+            if self.simulated && self.writer.is_some() {
+                self.lights.tell(command);
+            }
+            self.lights.note(command);
+            self.shown.note(command);
+        }
+        if commands
+            .iter()
+            .any(|command| matches!(command, Command::Play(_)))
+        {
+            self.tell_sound();
+        }
+        if commands.is_empty() {
+            return Ok(());
+        }
+        self.renew_last_words();
+        let Some(writer) = &mut self.writer else {
+            return Ok(());
+        };
+        writer.queue(commands, Instant::now())?;
+        // Before the robot hears them: the guardian may have to say them in our place.
+        tell_guardian(&mut self.pulse, writer);
+        writer.write_ready()?;
+        self.stopwatch.wrote(commands, Instant::now());
+        Ok(())
+    }
+}

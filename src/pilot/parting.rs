@@ -1,0 +1,85 @@
+//! How the pilot leaves a link: one that is lost, and the last one, at the end of the run.
+
+use std::pin::pin;
+
+use tokio::time::Instant;
+use tracing::{debug, info, warn};
+
+use super::line::Line;
+use super::lost::LinkLost;
+use super::pulse::Pulse;
+use super::{DELIVERY, Pilot};
+use crate::clock::until;
+use crate::link::{Delivery, farewell};
+use crate::robot::Event;
+use crate::safety::Fact;
+
+impl Pilot {
+    /// The link is gone: the last words are tried without waiting, and the line sees to them.
+    pub(super) fn lose(&mut self, lost: &LinkLost, line: &mut Line) {
+        self.deposit(line);
+        let Some(mut writer) = self.writer.take() else {
+            return line.hang_up(None);
+        };
+        writer.say_last_words();
+        line.hang_up(Some(writer));
+        if self.released {
+            info!("disconnected: {lost}; the robot is free for others")
+        } else {
+            warn!("disconnected: {lost}; connecting anew")
+        }
+        let acts = self.watchdog.take(Fact::LinkDown, Instant::now());
+        // Without a link nothing is sent, so nothing can fail.
+        let _ = self.perform(acts);
+        self.release_guard();
+        let reason = lost.to_string();
+        self.herald_loss(&reason);
+        self.seats.tell_all(&Event::Disconnected { reason });
+    }
+
+    /// The last words, streams off, and closed when that has arrived.
+    pub(super) async fn close(mut self, mut line: Line) -> Delivery {
+        let parting = self.take(Fact::Parting);
+        let off = self.seats.streams_off();
+        if let Err(lost) = parting.and_then(|()| self.send(&off)) {
+            warn!("at the end: {lost}");
+        }
+        if let Some(words) = self.damage.rest() {
+            warn!("{words}");
+        }
+        self.deposit(&mut line);
+        let delivery = match (self.writer.take(), line.into_reader()) {
+            (Some(writer), Some(reader)) => {
+                self.beat_during(farewell(reader, writer, DELIVERY)).await
+            }
+            _ => Delivery::Offline,
+        };
+        match delivery {
+            Delivery::Acknowledged => info!("{delivery}"),
+            Delivery::Offline if self.info.is_none() => debug!("never connected"),
+            Delivery::NotAcknowledged { .. } | Delivery::Offline => warn!("{delivery}"),
+        }
+        // What has not arrived yet is the guardian's, which says it again.
+        if delivery == Delivery::Acknowledged {
+            self.release_guard();
+        }
+        delivery
+    }
+
+    /// The guardian has nothing to do yet.
+    pub(super) async fn beat_during<T>(&mut self, work: impl Future<Output = T>) -> T {
+        let mut work = pin!(work);
+        loop {
+            let due = self.pulse.as_ref().map(Pulse::due);
+            tokio::select! {
+                biased;
+                done = &mut work => return done,
+                () = until(due) => {
+                    if let Some(pulse) = &mut self.pulse {
+                        pulse.beat(Instant::now());
+                    }
+                }
+            }
+        }
+    }
+}

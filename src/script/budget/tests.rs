@@ -1,0 +1,60 @@
+use super::*;
+
+#[test]
+fn what_the_machine_did_not_run_is_over_late_and_in_a_simulation_later() {
+    let limit = Duration::from_millis(100);
+    let is_over = |wall: u64, processor: u64, patience| {
+        let [wall, processor] = [wall, processor].map(Duration::from_millis);
+        is_too_long(wall, processor, limit, patience)
+    };
+    for patience in [WALL_FACTOR, SIMULATED_WALL_FACTOR] {
+        assert!(is_over(100, 50, patience));
+        assert!(!is_over(499, 49, patience));
+    }
+    assert!(is_over(500, 0, WALL_FACTOR));
+    assert!(!is_over(9_999, 49, SIMULATED_WALL_FACTOR));
+    assert!(is_over(10_000, 0, SIMULATED_WALL_FACTOR));
+}
+
+#[test]
+fn what_passes_no_safepoint_is_told_with_its_file_and_what_does_is_not() {
+    let slot = Slot::default();
+    slot.script().push_str("stuck.lua");
+    let looks = |count: u64, from: u64| (from..from + count).for_each(|now| slot.look(now));
+    looks(100, 1);
+    assert_eq!(slot.unanswered.load(Ordering::Relaxed), 0, "nothing runs");
+    slot.look_at.store(150, Ordering::Release);
+    looks(50, 100);
+    assert_eq!(
+        slot.unanswered.load(Ordering::Relaxed),
+        0,
+        "within its budget"
+    );
+    looks(20, 150);
+    assert_eq!(slot.unanswered.load(Ordering::Relaxed), 20);
+    // The VM has answered and may go on for a while.
+    slot.look_at.store(180, Ordering::Release);
+    slot.flag.store(CALM, Ordering::Release);
+    looks(10, 170);
+    assert_eq!(slot.unanswered.load(Ordering::Relaxed), 0);
+}
+
+#[test]
+fn a_slice_that_is_stuck_is_told_once_with_its_file() {
+    let (told, tell) = std::sync::mpsc::channel();
+    when_stuck(Duration::from_millis(100), move |file| {
+        let _ = told.send((file.to_owned(), running()));
+    });
+    begin(Duration::from_millis(1), "stuck.lua");
+    let (file, running) = tell.recv_timeout(Duration::from_secs(60)).unwrap();
+    let _ = end();
+    assert_eq!(file, "stuck.lua");
+    assert!(running.contains(&file), "{running:?}");
+}
+
+#[test]
+fn a_thread_of_simulations_is_as_patient_as_that() {
+    assert_eq!(PATIENCE.get(), WALL_FACTOR);
+    only_simulated();
+    assert_eq!(PATIENCE.get(), SIMULATED_WALL_FACTOR);
+}

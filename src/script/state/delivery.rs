@@ -1,0 +1,142 @@
+//! How events reach a script: calls that wait for them are answered, and listeners get their payload.
+
+use std::rc::Rc;
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use super::State;
+use super::known::shows_motion;
+use crate::robot::Event;
+use crate::script::events::{EventName, Loan, Payload};
+use crate::script::output::Level;
+use crate::script::sound::Loudness;
+use crate::script::task::{Answer, SubscriptionId, Wait};
+use crate::script::way_back::way_back;
+
+/// After so long without a loud sound the next one is another noise.
+const QUIET: Duration = Duration::from_secs(1);
+/// The motors may be heard for so long after the robot has moved.
+const MOTOR: Duration = Duration::from_secs(1);
+/// A sound may be heard for so long after it has begun.
+const SOUND: Duration = Duration::from_secs(5);
+
+impl State {
+    /// Takes note of an event and hands it on.
+    pub(in crate::script) fn deliver(&mut self, event: Event) {
+        self.known.note(&event, self.now);
+        if shows_motion(&event) {
+            self.moved = Some(self.now);
+        }
+        if event == Event::Sounding {
+            self.sounded = Some(self.now);
+        }
+        match event {
+            Event::MotionEnded { motion, end } => {
+                self.motion.ended(motion);
+                self.answer(Wait::Motion(motion), || Answer::Motion(end));
+            }
+            Event::DockEnded {
+                call,
+                end,
+                attempts,
+                took,
+            } => self.answer(Wait::Dock(call), || Answer::Dock {
+                end,
+                attempts,
+                took,
+            }),
+            Event::UndockEnded { call, end } => {
+                self.answer(Wait::Undock(call), || Answer::Undock(end));
+            }
+            Event::Audio(ref samples) => {
+                self.hear(samples);
+                self.publish(EventName::Audio, Payload::Event(Rc::new(event)));
+            }
+            Event::Loan {
+                seconds,
+                power,
+                low_for,
+                way,
+            } => {
+                let calibration = self.options.calibration;
+                let loan = Loan {
+                    seconds,
+                    power,
+                    low_for,
+                    way_back: way.map(|way| way_back(&way, calibration)),
+                };
+                self.publish(EventName::Loan, Payload::Loan(Rc::new(loan)));
+            }
+            event => {
+                if let Some(name) = EventName::of(&event) {
+                    self.publish(name, Payload::Event(Rc::new(event)));
+                }
+            }
+        }
+    }
+
+    pub(super) fn hear(&mut self, samples: &[u8]) {
+        if self.is_heard(EventName::Noise) {
+            let dbfs = Loudness::of(samples).dbfs();
+            if dbfs > self.options.limits.noise_dbfs && self.becomes_loud() {
+                let own = self.may_hear_itself();
+                self.publish(EventName::Noise, Payload::Noise { dbfs, own });
+            }
+        }
+    }
+
+    /// It is loud now; whether it was quiet before. A bell is one noise, however long it rings, and so are
+    /// the motors that a script starts because of it.
+    pub(super) fn becomes_loud(&mut self) -> bool {
+        let before = self.loud.replace(self.now);
+        before.is_none_or(|at| self.now.saturating_duration_since(at) >= QUIET)
+    }
+
+    /// Whether what is heard may be the robot's own motors or loudspeaker.
+    pub(super) fn may_hear_itself(&self) -> bool {
+        let lately = |at: Instant| self.now.saturating_duration_since(at) < SOUND;
+        self.has_moved_within(MOTOR) || self.sounded.is_some_and(lately)
+    }
+
+    /// Whether anyone listens to this event or waits for it.
+    pub(in crate::script) fn is_heard(&self, name: EventName) -> bool {
+        let listens = self.subscriptions.values().any(|one| one.event == name);
+        listens
+            || !self
+                .tasks
+                .waiting_for(|wait| *wait == Wait::Event(name))
+                .is_empty()
+    }
+
+    /// Wakes those who wait for exactly this.
+    pub(in crate::script) fn answer(&mut self, awaited: Wait, answer: impl Fn() -> Answer) {
+        for id in self.tasks.waiting_for(|wait| *wait == awaited) {
+            self.tasks.wake(id, answer(), self.now);
+        }
+    }
+
+    pub(super) fn publish(&mut self, name: EventName, payload: Payload) {
+        self.answer(Wait::Event(name), || Answer::Event(payload.clone()));
+        let listeners: Vec<SubscriptionId> = self
+            .subscriptions
+            .iter()
+            .filter(|(_, one)| one.event == name)
+            .map(|(id, _)| *id)
+            .collect();
+        for id in listeners {
+            let dropped = self
+                .subscriptions
+                .get_mut(&id)
+                .and_then(|one| one.push(payload.clone()));
+            if let Some(count) = dropped {
+                let name = name.name();
+                self.log(
+                    Level::Warn,
+                    &format!("'{name}' events come faster than they are handled: {count} dropped"),
+                );
+            }
+            self.schedule(id);
+        }
+    }
+}

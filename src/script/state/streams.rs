@@ -1,0 +1,54 @@
+//! The streams that a script has on: from its first use of one until nothing has used it for a while.
+
+use tokio::time::Instant;
+
+use super::State;
+use crate::robot::{Intent, StreamOff};
+use crate::script::events::EventName;
+use crate::script::streams::Demand;
+use crate::wire::Stream;
+
+impl State {
+    /// Switches a stream on unless it is.
+    ///
+    /// # Errors
+    /// The config keeps it off.
+    pub(in crate::script) fn want(&mut self, stream: Stream, by: Demand) -> Result<(), StreamOff> {
+        self.options.streams.allow(stream)?;
+        if self.streams.want(stream, by, self.now) {
+            self.outbox.send(Intent::Stream { stream, on: true });
+        }
+        Ok(())
+    }
+
+    /// Whether anything listens to a stream or waits for it.
+    pub(super) fn is_used(&self, stream: Stream) -> bool {
+        let mut events = EventName::ALL.iter().copied();
+        events.any(|event| event.stream() == Some(stream) && self.is_heard(event))
+    }
+
+    /// Before anything happens: what listens to a stream now still uses it.
+    pub(super) fn note_used_streams(&mut self) {
+        for stream in self.streams.lent() {
+            if self.is_used(stream) {
+                self.streams.note_use(stream, self.now);
+            }
+        }
+    }
+
+    /// Switches off the streams that nothing has used for a while.
+    pub(in crate::script) fn drop_unused_streams(&mut self) {
+        for stream in self.streams.lent() {
+            if !self.is_used(stream) && self.streams.drop_if_unused(stream, self.now) {
+                self.outbox.send(Intent::Stream { stream, on: false });
+            }
+        }
+    }
+
+    /// When the next stream is switched off because nothing uses it.
+    pub(super) fn next_stream_end(&self) -> Option<Instant> {
+        let unused = |stream: &Stream| !self.is_used(*stream);
+        let lent = self.streams.lent().into_iter().filter(unused);
+        lent.filter_map(|stream| self.streams.end_of(stream)).min()
+    }
+}

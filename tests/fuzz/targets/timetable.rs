@@ -1,0 +1,68 @@
+//! Any lines as the words of a timetable: pattern, zone, quiet hours, length, date. What is understood
+//! is written and read back as the same, and the starts that it means lie ahead, in order, and no more
+//! of them than were asked for.
+#![no_main]
+
+use std::fmt::{Debug, Display};
+use std::str::FromStr;
+
+use libfuzzer_sys::fuzz_target;
+use spykee::clock::{Date, Span, Zone};
+use spykee::timetable::{Pattern, Quiet, Rule, Timetable, outlook};
+
+/// Starts that are looked at.
+const STARTS: usize = 6;
+
+fuzz_target!(|text: &str| {
+    let mut lines = text.split('\n');
+    let mut line = || lines.next().unwrap_or_default();
+    let (pattern, zone, quiet) = (line(), line(), line());
+    let (lasts, date) = (line(), line());
+    let zone = again::<Zone>(zone).unwrap_or_else(Zone::utc);
+    let quiet = again::<Quiet>(quiet);
+    let lasts = again::<Span>(lasts);
+    let date: Date = date.parse().or("2026-03-29 01:30".parse()).expect("the latter is a date");
+    let Some(pattern) = again::<Pattern>(pattern) else {
+        return;
+    };
+    let begin = date.at(&zone);
+    let mut at = begin;
+    for _ in 0..STARTS {
+        let Some(next) = pattern.next_after(at, &zone) else {
+            break;
+        };
+        assert!(next > at, "{pattern}: {next} is not after {at}");
+        at = next;
+    }
+    let rule = |run: &str| Rule {
+        run: run.to_owned(),
+        at: pattern.clone(),
+        lasts,
+    };
+    let table = Timetable {
+        rules: vec![rule("patrol"), rule("stranger"), rule("patrol")],
+        zone,
+        quiet,
+        catch_up: Span::minutes(10),
+    };
+    let found = outlook(&table, &["patrol".to_owned()], begin, STARTS);
+    assert!(found.len() <= STARTS, "{} starts", found.len());
+    assert!(found.iter().all(|one| one.at > begin), "{found:?}");
+    assert!(found.windows(2).all(|pair| pair[0].at <= pair[1].at), "{found:?}");
+    assert!(found.iter().all(|one| one.happens() <= (one.run == "patrol")), "{found:?}");
+});
+
+/// What a text means; written and read again it means the same. What is refused is refused in words.
+fn again<T: FromStr<Err = String> + Display + Debug + PartialEq>(text: &str) -> Option<T> {
+    match text.parse::<T>() {
+        Ok(value) => {
+            let written = value.to_string();
+            assert_eq!(written.parse::<T>(), Ok(value), "{text:?} is written {written:?}");
+            written.parse().ok()
+        }
+        Err(why) => {
+            assert!(!why.is_empty() && why.len() <= 2 * text.len() + 300, "{why}");
+            None
+        }
+    }
+}

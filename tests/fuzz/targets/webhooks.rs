@@ -1,0 +1,93 @@
+//! Any template of a webhook, filled with any words of robots and scripts and any picture: one request
+//! to the same place, with the header fields that the config names, whose body has the parts that the
+//! config names and not one more.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+use serde_json::Value;
+use spykee::notify::{Notice, Options, PictureWay, Rule, Target, request};
+
+const TOKEN: &str = "t0ken&/ \r\n\"";
+
+fuzz_target!(|bytes: &[u8]| {
+    let Some((&how, rest)) = bytes.split_first() else {
+        return;
+    };
+    let mut parts = rest.split(|byte| *byte == 0);
+    let mut part = || parts.next().unwrap_or_default();
+    let mut text = || String::from_utf8_lossy(part()).into_owned();
+    let (path, field, body, words, robot) = (text(), text(), text(), text(), text());
+    let picture = part();
+    let json = (how & 1 != 0).then(|| serde_json::from_str(&body).ok()).flatten();
+    let ways = [PictureWay::None, PictureWay::Body, PictureWay::Form];
+    let url = format!("http://hook.example:81/{path}?t={{token}}");
+    let target = Target {
+        url: Some(url.clone()),
+        headers: [("x-words".to_owned(), field.clone())].into(),
+        body: json.is_none().then_some(body),
+        json,
+        picture: ways[usize::from(how >> 1) % ways.len()],
+        token_env: Some("TOKEN".to_owned()),
+        ..Target::default()
+    };
+    let mut options = Options::default();
+    options.targets.insert("hook".to_owned(), target.clone());
+    if options.check().is_err() {
+        return;
+    }
+    let notice = Notice {
+        rule: Rule::Script,
+        text: words,
+        robot,
+        at: i64::from(how) << 40,
+        picture: Some("data/guard/seen.jpg".into()),
+    };
+    let picture = (how & 0x80 != 0).then_some(picture);
+    let made = match request(&target, &url, TOKEN, &notice, picture) {
+        Ok(made) => made,
+        Err(why) => return assert!(!why.contains(TOKEN) && why.len() < 200, "{why}"),
+    };
+    assert_eq!(made.uri().authority().map(|place| place.as_str()), Some("hook.example:81"));
+    assert_eq!(made.method().as_str(), "POST");
+    assert_eq!(made.headers().len(), 2, "{:?}", made.headers());
+    let value = made.headers()["x-words"].as_bytes();
+    assert!(value.iter().all(|byte| (0x20..0x7f).contains(byte)), "{value:?}");
+    let kind = made.headers()["content-type"].to_str().expect("it is ours");
+    match (kind.split_once("boundary="), picture) {
+        (Some((_, boundary)), Some(picture)) => form(made.body(), boundary, &target, picture),
+        _ if kind == "application/json" => {
+            let sent: Value = serde_json::from_slice(made.body()).expect("it is JSON");
+            let template = target.json.as_ref().expect("the config has it");
+            assert!(alike(template, &sent), "{template} became {sent}");
+        }
+        _ => {}
+    }
+});
+
+/// A field for each that the config names, and the picture as it was.
+fn form(body: &[u8], boundary: &str, target: &Target, picture: &[u8]) {
+    let fields = match &target.json {
+        Some(Value::Object(map)) => map.len(),
+        _ => 1,
+    };
+    let line = format!("--{boundary}");
+    let found = body.windows(line.len()).filter(|part| *part == line.as_bytes()).count();
+    assert_eq!(found, fields + 2, "a field that nobody named");
+    let end = format!("\r\n{line}--\r\n");
+    assert!(body.ends_with(&[picture, end.as_bytes()].concat()), "not the picture as it was");
+}
+
+/// The same but for what stands in texts.
+fn alike(one: &Value, other: &Value) -> bool {
+    match (one, other) {
+        (Value::String(_), Value::String(_)) => true,
+        (Value::Array(one), Value::Array(other)) => {
+            one.len() == other.len() && one.iter().zip(other).all(|(one, other)| alike(one, other))
+        }
+        (Value::Object(one), Value::Object(other)) => {
+            one.len() == other.len()
+                && one.iter().all(|(key, value)| other.get(key).is_some_and(|with| alike(value, with)))
+        }
+        (one, other) => one == other,
+    }
+}

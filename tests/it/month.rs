@@ -1,0 +1,21 @@
+//! Two days of a service in virtual time, with troubles; `scripts/month` has thirty.
+
+#[path = "../month/mod.rs"]
+mod days;
+
+#[test]
+fn two_days_alone_with_troubles_are_in_the_history_as_they_were() {
+    let folder = tempfile::tempdir().unwrap();
+    let more = std::env::var("SPYKEE_MONTH_DAYS");
+    let days = more.map_or(2, |days| days.parse().unwrap());
+    let ledger = days::serve(days, 1, folder.path(), &mut |day, size, bytes| {
+        println!("{day} d: {} KiB, {bytes} bytes of data", size.resident_kib);
+    });
+    println!("{}\n{ledger}", ledger.summary());
+    assert!(ledger.is_kept(), "\n{ledger}");
+    let untested = ledger.untested(&days::CORE);
+    assert!(
+        untested.is_empty(),
+        "never put to the test: {untested:?}\n{ledger}"
+    );
+}

@@ -1,0 +1,264 @@
+//! The command line's tools against a service on another computer, by its JSON API: the same words and
+//! the same exit codes as by the private socket.
+
+use rustix::process::Signal;
+use serde_json::Value;
+use spykee::wire::Command;
+
+use crate::rig::{PATIENCE, Rig, Run};
+
+const CONFIG: &str = "link: { longest_pause: 0.3 }\ntime_zone: UTC\nservice: { user: root }\n\
+    live: { listen: '127.0.0.1:0' }\nbehaviours:\n- { file: asked.lua, start: asked }\n\
+    - { file: broken.lua, start: asked }\nschedule:\n- { run: asked, at: '0 4 29 2 *' }\n";
+
+/// A service of this robot, and where it is.
+async fn serve(rig: &Rig) -> (Run, String) {
+    rig.file("asked.lua", "robot.volume(44) task.wait(600)");
+    rig.file("broken.lua", "error('no')");
+    rig.file("spykee.yaml", CONFIG);
+    let args = [
+        "serve",
+        "--no-check",
+        "--config",
+        "spykee.yaml",
+        "--robot",
+        &rig.address,
+    ];
+    let run = rig.spykee(&args);
+    run.says("the page is at ").await;
+    run.says("connected").await;
+    let text = run.text();
+    let url = text.split("the page is at ").nth(1).unwrap();
+    let url = url.split_whitespace().next().unwrap();
+    let url = url.split("/?").next().unwrap().split("/#").next().unwrap();
+    (run, url.trim_end_matches('/').to_owned())
+}
+
+async fn tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
+    let mut run = rig.spykee(args);
+    let code = run.code().await;
+    (code, run.text())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn tools_work_on_a_service_elsewhere_with_the_same_words_and_codes() {
+    let (rig, elsewhere) = (Rig::quiet().await, Rig::quiet().await);
+    let (mut run, url) = serve(&rig).await;
+    // What both ways say, but for how they call the run.
+    let pairs: [&[&str]; 4] = [
+        &["robot", "volume", "37"],
+        &["robot", "play", "laser"],
+        &["behaviour", "stop", "asked"],
+        &["behaviour", "start", "askd"],
+    ];
+    for args in pairs {
+        let here = tool(&rig, args).await;
+        let there = tool(&elsewhere, &[args, &["--url", &url]].concat()).await;
+        assert_eq!(here.0, there.0, "{args:?}: {} | {}", here.1, there.1);
+        let process = format!("process {}", run.pid().as_raw_nonzero());
+        assert_eq!(here.1.replace(&process, &url), there.1, "{args:?}");
+    }
+    rig.heard(0, |command| *command == Command::Volume(37))
+        .await;
+    let there = ["--url", &url];
+    for (args, words) in [
+        (&["robot", "info"][..], "SPYKEE"),
+        (&["robot", "battery", "--json"], "\"percent\":"),
+        (&["robot", "undock", "--json"], "{\"end\":\"not_docked\"}"),
+    ] {
+        let (code, text) = tool(&elsewhere, &[args, &there[..]].concat()).await;
+        assert_eq!(
+            (code, text.contains(words)),
+            (Some(0), true),
+            "{args:?}: {text}"
+        );
+    }
+    let status = ["status", "--json", "--url", &url];
+    let (code, text) = tool(&elsewhere, &status).await;
+    let told: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(
+        (code, &told[0]["online"]),
+        (Some(0), &Value::Bool(true)),
+        "{text}"
+    );
+    let next = told[0]["next"].clone();
+    assert_eq!(next["behaviour"], "asked");
+    assert!(
+        next["at"].as_str().unwrap().ends_with("-02-29T04:00:00Z"),
+        "{text}"
+    );
+    let (_, here) = tool(&rig, &["status", "--json"]).await;
+    let here: Value = serde_json::from_str(&here).unwrap();
+    assert_eq!(here[0]["next"], next);
+    let (_, table) = tool(&elsewhere, &["status", "--url", &url]).await;
+    assert!(
+        table.contains("NEXT START") && table.contains("-02-29 04:00"),
+        "{table}"
+    );
+    // A picture goes over too.
+    let shot = [
+        "robot",
+        "snapshot",
+        "-o",
+        "room.jpg",
+        "--timeout",
+        "30",
+        "--url",
+        &url,
+    ];
+    let (code, text) = tool(&elsewhere, &shot).await;
+    assert_eq!(code, Some(0), "{text}");
+    assert!(image::open(elsewhere.folder().join("room.jpg")).is_ok());
+    run.signal(Signal::TERM);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let (code, text) = tool(&elsewhere, &["status", "--url", &url]).await;
+    assert_eq!(code, Some(3), "{text}");
+    assert!(text.contains("does it serve there"), "{text}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_behaviour_that_was_started_for_a_time_ends_when_it_is_over() {
+    let (rig, elsewhere) = (Rig::quiet().await, Rig::quiet().await);
+    let (mut run, url) = serve(&rig).await;
+    for (place, more) in [(&rig, &[][..]), (&elsewhere, &["--url", &url][..])] {
+        let from = rig.sim.heard_count();
+        let start = [&["behaviour", "start", "asked", "--for", "1s"][..], more].concat();
+        let (code, text) = tool(place, &start).await;
+        assert_eq!(code, Some(0), "{text}");
+        assert!(text.contains("runs, for 0:00:01 at most"), "{text}");
+        rig.heard(from, |command| *command == Command::Volume(44))
+            .await;
+        let listed = ["behaviour", "list", "--json"];
+        let over = async {
+            loop {
+                let (_, text) = tool(place, &[&listed[..], more].concat()).await;
+                if text.contains("\"idle\"")
+                    && text.contains("cancelled")
+                    && !text.contains("running")
+                {
+                    return;
+                }
+            }
+        };
+        tokio::time::timeout(PATIENCE, over).await.expect("it ends");
+    }
+    assert_eq!(
+        run.text().matches("its time is over").count(),
+        2,
+        "{}",
+        run.text()
+    );
+    let zero = ["behaviour", "start", "asked", "--for", "0s"];
+    assert_eq!(tool(&rig, &zero).await.0, Some(2));
+    run.signal(Signal::TERM);
+    run.code().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn without_its_token_nobody_asks_and_what_needs_the_robot_alone_is_refused() {
+    let (rig, elsewhere) = (Rig::quiet().await, Rig::quiet().await);
+    rig.file("spykee.yaml", CONFIG);
+    let (code, made) = tool(&rig, &["token", "new", "sofa", "--role", "driver"]).await;
+    assert_eq!(code, Some(0), "{made}");
+    let token = made.lines().find(|line| line.starts_with("spykee_"));
+    let token = token.unwrap_or_else(|| panic!("{made}"));
+    let (mut run, url) = serve(&rig).await;
+    let wrong = elsewhere.file("wrong", "spykee_0000");
+    let wrong = wrong.to_str().unwrap();
+    let (code, text) = tool(
+        &elsewhere,
+        &["status", "--url", &url, "--token-file", wrong],
+    )
+    .await;
+    assert_eq!(
+        (code, text.contains("does not let us in")),
+        (Some(3), true),
+        "{text}"
+    );
+    elsewhere.file("token", token);
+    let right = ["--url", &url, "--token-file", "token"];
+    let (code, text) = tool(
+        &elsewhere,
+        &[&["robot", "volume", "38"], &right[..]].concat(),
+    )
+    .await;
+    assert_eq!(code, Some(0), "{text}");
+    rig.heard(0, |command| *command == Command::Volume(38))
+        .await;
+    let (code, text) = tool(&elsewhere, &[&["robot", "log"], &right[..]].concat()).await;
+    assert_eq!(
+        (code, text.contains("needs it alone")),
+        (Some(3), true),
+        "{text}"
+    );
+    // STOP holds, and the service goes on.
+    let (code, text) = tool(&elsewhere, &[&["robot", "stop"], &right[..]].concat()).await;
+    assert_eq!((code, text.contains("let-go")), (Some(0), true), "{text}");
+    assert!(run.lives());
+    // The config can name it.
+    elsewhere.file(
+        "spykee.yaml",
+        &format!("remote: {{ url: '{url}', token_file: token }}\n"),
+    );
+    let named = ["status", "--config", "spykee.yaml"];
+    let (code, text) = tool(&elsewhere, &named).await;
+    assert_eq!(
+        (code, text.contains("stopped by a person")),
+        (Some(0), true),
+        "{text}"
+    );
+    run.signal(Signal::TERM);
+    run.code().await;
+}
+
+/// The body of an answer.
+fn fetch(url: &str, path: &str) -> String {
+    use std::io::{Read as _, Write as _};
+    let host = url.trim_start_matches("http://");
+    let mut stream = std::net::TcpStream::connect(host).unwrap();
+    write!(
+        stream,
+        "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n"
+    )
+    .unwrap();
+    let mut text = String::new();
+    stream.read_to_string(&mut text).unwrap();
+    text
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_time_from_a_frame_to_the_move_that_a_behaviour_makes_of_it_is_in_the_figures() {
+    let rig = Rig::quiet().await;
+    let follows = "robot.on('frame', function() robot.move(20, 20) end) task.wait(600)";
+    let (mut run, url) = serve(&rig).await;
+    rig.file("asked.lua", follows);
+    let (code, text) = tool(&rig, &["behaviour", "start", "asked"]).await;
+    assert_eq!(code, Some(0), "{text}");
+    let counted = |text: &str| {
+        let line = text
+            .lines()
+            .find_map(|line| line.strip_prefix("spykee_frame_to_move_seconds_count "));
+        line.and_then(|count| count.trim().parse::<u64>().ok())
+            .unwrap_or_else(|| panic!("{text}"))
+    };
+    let some = async {
+        loop {
+            let (at, path) = (url.clone(), "/metrics");
+            let text = tokio::task::spawn_blocking(move || fetch(&at, path))
+                .await
+                .unwrap();
+            if counted(&text) >= 3 {
+                return text;
+            }
+        }
+    };
+    let text = tokio::time::timeout(PATIENCE, some)
+        .await
+        .expect("it reacts");
+    assert!(
+        text.contains("spykee_frame_to_move_seconds_bucket{le=\"+Inf\"}"),
+        "{text}"
+    );
+    run.signal(Signal::TERM);
+    run.code().await;
+}

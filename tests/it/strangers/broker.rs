@@ -1,0 +1,385 @@
+//! Brokers that are none, or mean ill. Written byte by byte, not with the client's own library.
+
+use std::time::Duration;
+
+use spykee::wire::{Command, Sound};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::time::{sleep, timeout};
+
+use super::{DRIVES, drove_on};
+use crate::rig::{PATIENCE, Rig, Run};
+
+const COMMAND: &str = "spykee/SPYKEE0001/command";
+const CHOICE: &str = "spykee/SPYKEE0001/behaviour/set";
+/// What a flood may add to the log, in lines and bytes.
+const MOST_LINES: usize = 1000;
+const MOST_BYTES: usize = 128 * 1024;
+
+/// A length as MQTT writes it.
+fn length(mut length: usize) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    loop {
+        let more = length > 127;
+        bytes.push((length % 128) as u8 | if more { 128 } else { 0 });
+        length /= 128;
+        if !more {
+            return bytes;
+        }
+    }
+}
+
+fn packet(head: u8, body: &[u8]) -> Vec<u8> {
+    [&[head], &length(body.len())[..], body].concat()
+}
+
+/// A message of quality 0.
+fn message(topic: &[u8], payload: &[u8]) -> Vec<u8> {
+    let size = u16::try_from(topic.len()).unwrap().to_be_bytes();
+    packet(0x30, &[&size, topic, payload].concat())
+}
+
+fn order(payload: &[u8]) -> Vec<u8> {
+    message(COMMAND.as_bytes(), payload)
+}
+
+/// An agent that drives, and a broker that has let it in and heard what it wants to hear.
+struct Visit {
+    rig: Rig,
+    run: Run,
+    listener: TcpListener,
+    line: TcpStream,
+    from: usize,
+}
+
+/// The whole of the next packet; `None`: it is gone.
+async fn next(line: &mut TcpStream) -> Option<(u8, Vec<u8>)> {
+    let head = line.read_u8().await.ok()?;
+    let (mut size, mut shift) = (0, 0);
+    loop {
+        let byte = usize::from(line.read_u8().await.ok()?);
+        size |= (byte & 127) << shift;
+        shift += 7;
+        if byte < 128 {
+            break;
+        }
+    }
+    let mut body = vec![0; size];
+    line.read_exact(&mut body).await.ok()?;
+    Some((head, body))
+}
+
+async fn accept(listener: &TcpListener) -> TcpStream {
+    let accepted = timeout(PATIENCE, listener.accept()).await;
+    accepted.expect("the agent comes").unwrap().0
+}
+
+impl Visit {
+    async fn begin() -> Visit {
+        let rig = Rig::quiet().await;
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let port = listener.local_addr().unwrap().port();
+        rig.file("script.lua", DRIVES);
+        let run = rig.run_config(&format!(
+            "data: data\nbehaviours: [{{ file: script.lua }}]\nmqtt: {{ host: 127.0.0.1, port: {port} }}\n"
+        ));
+        rig.heard_motion(0).await;
+        let line = accept(&listener).await;
+        let from = rig.sim.heard_count();
+        Visit {
+            rig,
+            run,
+            listener,
+            line,
+            from,
+        }
+    }
+
+    /// Lets it in, and hears its three wishes.
+    async fn welcome(&mut self) {
+        let mut wishes = 0;
+        while wishes < 3 {
+            let coming = timeout(PATIENCE, next(&mut self.line))
+                .await
+                .expect("it talks");
+            let (head, body) = coming.expect("it stays");
+            match head >> 4 {
+                1 => self.say(&[0x20, 2, 0, 0]).await,
+                8 => {
+                    wishes += 1;
+                    self.say(&[0x90, 3, body[0], body[1], 1]).await;
+                }
+                _ => {}
+            }
+        }
+    }
+
+    async fn say(&mut self, bytes: &[u8]) {
+        let _ = self.line.write_all(bytes).await;
+    }
+
+    /// The agent takes what it is sent as long as the line holds; true: it does as an honest order says.
+    async fn listens(&mut self) -> bool {
+        let laser = |command: &Command| *command == Command::Play(Sound::Laser);
+        let mut rest = vec![0; 1 << 16];
+        let until = tokio::time::Instant::now() + PATIENCE;
+        while tokio::time::Instant::now() < until {
+            if self.line.write_all(&order(b"locate")).await.is_err() {
+                return false;
+            }
+            let pause = sleep(Duration::from_millis(200));
+            tokio::select! {
+                () = pause => {}
+                read = self.line.read(&mut rest) => if !matches!(read, Ok(1..)) { return false },
+            }
+            if self.rig.commands(self.from).iter().any(laser) {
+                return true;
+            }
+        }
+        panic!("it neither obeys nor hangs up:\n{}", self.run.text());
+    }
+
+    /// The robot was left alone, the log is short, and the agent ends when it is told to.
+    async fn end(mut self, what: &str) {
+        let (bytes, lines) = (self.run.text().len(), self.run.text().lines().count());
+        assert!(
+            bytes <= MOST_BYTES && lines <= MOST_LINES,
+            "{what}: {bytes} bytes, {lines} lines"
+        );
+        drove_on(&self.rig, &mut self.run, self.from, what).await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_broker_that_lets_nobody_in_or_speaks_something_else_changes_nothing() {
+    let refused = |code: u8| packet(0x20, &[0, code]);
+    let cases: Vec<(&str, Vec<u8>)> = vec![
+        ("silent", Vec::new()),
+        ("refused: version", refused(1)),
+        ("refused: name", refused(2)),
+        ("refused: away", refused(3)),
+        ("refused: password", refused(4)),
+        ("refused: rights", refused(5)),
+        ("refused: no such reason", refused(200)),
+        (
+            "a web server",
+            b"HTTP/1.1 400 Bad Request\r\n\r\n<html>".to_vec(),
+        ),
+        ("TLS", b"\x15\x03\x01\x00\x02\x02\x28".to_vec()),
+        (
+            "a length without end",
+            vec![0x20, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff],
+        ),
+        (
+            "256 MB to come",
+            vec![0x30, 0xff, 0xff, 0xff, 0x7f, 0, 1, b'a'],
+        ),
+        ("a message before the welcome", order(b"stop")),
+        ("half a welcome", vec![0x20, 2, 0]),
+        ("a welcome too long", packet(0x20, &[0; 100])),
+        ("zeros", vec![0; 4096]),
+        ("ones", vec![0xff; 4096]),
+    ];
+    for (what, said) in cases {
+        let mut visit = Visit::begin().await;
+        visit.say(&said).await;
+        if what != "silent" {
+            let _ = timeout(Duration::from_millis(500), next(&mut visit.line)).await;
+        }
+        visit.end(what).await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn messages_that_are_mad_are_left_or_end_the_line_and_stop_no_robot() {
+    let deep = format!("{{\"order\": {}", "[".repeat(900));
+    let long = vec![b'a'; 60_000];
+    let huge = vec![b'a'; 10 << 20];
+    let kept = |payload: &[u8]| {
+        let mut bytes = order(payload);
+        bytes[0] |= 1;
+        bytes
+    };
+    let cases: Vec<(&str, Vec<u8>)> = vec![
+        ("no order", order(b"fly")),
+        ("an empty order", order(b"")),
+        ("zeros", order(&[0; 100])),
+        ("no UTF-8", order(&[0xff, 0xfe, 0xc0, 0x80])),
+        ("escape sequences", order(b"\x1b[2Jrun \x1b]0;title\x07")),
+        ("right to left", order("run \u{202e}lortap".as_bytes())),
+        ("too long an order", order(&long)),
+        ("deep JSON", order(deep.as_bytes())),
+        ("JSON that is none", order(b"{\"order\": stop}")),
+        (
+            "JSON with a wrong type",
+            order(b"{\"order\": 7, \"id\": {}}"),
+        ),
+        (
+            "a behaviour that leads elsewhere",
+            order(b"run ../../etc/passwd"),
+        ),
+        (
+            "a behaviour with markup",
+            order(b"run <script>alert(1)</script>"),
+        ),
+        (
+            "a behaviour that is SQL",
+            order(b"run x'); DROP TABLE event;--"),
+        ),
+        ("a long choice", message(CHOICE.as_bytes(), &long)),
+        (
+            "a choice that is no text",
+            message(CHOICE.as_bytes(), &[0xff; 40_000]),
+        ),
+        ("an order that was kept", kept(b"stop")),
+        ("an order to nobody", message(b"spykee/+/command", b"stop")),
+        ("an order to all", message(b"#", b"stop")),
+        (
+            "an order to another robot",
+            message(b"spykee/SPYKEE0002/command", b"stop"),
+        ),
+        (
+            "an order elsewhere",
+            message(b"spykee/SPYKEE0001/state", b"stop"),
+        ),
+        ("an order without a topic", message(b"", b"stop")),
+        ("a topic that is no text", message(&[0xff, 0xc0], b"stop")),
+        (
+            "a topic longer than its message",
+            vec![0x30, 4, 0xff, 0xff, b'a', b'b'],
+        ),
+        (
+            "a birth that is none",
+            message(b"homeassistant/status", &long),
+        ),
+        (
+            "a message of quality 3",
+            [&[0x36][..], &order(b"stop")[1..]].concat(),
+        ),
+        ("a huge message", order(&huge)),
+        ("thanks for nothing", packet(0x40, &[0x77, 0x77])),
+        ("a promise of nothing", packet(0x50, &[0x77, 0x77])),
+        ("a wish refused", packet(0x90, &[0, 9, 0x80])),
+        ("a second welcome", packet(0x20, &[0, 0])),
+        (
+            "what only clients say",
+            packet(0x10, b"\0\x04MQTT\x04\0\0\0\0\0"),
+        ),
+        ("no such packet", packet(0xf0, b"")),
+    ];
+    for (what, said) in cases {
+        let mut visit = Visit::begin().await;
+        visit.welcome().await;
+        visit.say(&said).await;
+        let held = visit.listens().await;
+        if !held {
+            // It comes again.
+            drop(std::mem::replace(
+                &mut visit.line,
+                accept(&visit.listener).await,
+            ));
+        }
+        let text = visit.run.text();
+        assert!(
+            !text.contains('\u{1b}') && !text.contains('\u{202e}'),
+            "{what}: {text}"
+        );
+        visit.end(what).await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_flood_of_messages_fills_no_log_and_keeps_no_robot_from_driving() {
+    let choice = message(CHOICE.as_bytes(), &[b'a'; 200]);
+    let birth = message(b"homeassistant/status", b"online");
+    let mut kept = order(b"stop");
+    kept[0] |= 1;
+    let pings = packet(0xd0, b"");
+    for (what, one) in [
+        ("what is no order", order(b"fly to the moon")),
+        ("orders that cannot be done", order(b"run nobody")),
+        ("choices of nobody", choice),
+        ("orders that were kept", kept),
+        ("births", birth),
+        (
+            "orders to another robot",
+            message(b"spykee/SPYKEE0002/command", b"stop"),
+        ),
+        ("answers to no ping", pings),
+    ] {
+        let mut visit = Visit::begin().await;
+        visit.welcome().await;
+        let many = one.repeat(1000);
+        let (mut reader, mut writer) = visit.line.split();
+        let mut rest = vec![0; 1 << 16];
+        let flood = async {
+            for _ in 0..10 {
+                if writer.write_all(&many).await.is_err() {
+                    break;
+                }
+            }
+        };
+        let drain = async { while matches!(reader.read(&mut rest).await, Ok(1..)) {} };
+        let flooded = async {
+            tokio::select! { () = flood => {}, () = drain => {} }
+        };
+        timeout(PATIENCE, flooded)
+            .await
+            .unwrap_or_else(|_| panic!("{what}: it takes nothing"));
+        visit.listens().await;
+        visit.end(what).await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_fleet_is_listed_in_time_however_much_a_broker_has_to_say() {
+    let rig = Rig::quiet().await;
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let port = listener.local_addr().unwrap().port();
+    rig.file(
+        "fleet.yaml",
+        &format!("mqtt: {{ host: 127.0.0.1, port: {port} }}\n"),
+    );
+    let mut list = rig.spykee(&["fleet", "list", "--config", "fleet.yaml"]);
+    let mut line = accept(&listener).await;
+    let talks = async {
+        while let Some((head, body)) = next(&mut line).await {
+            match head >> 4 {
+                1 => line.write_all(&[0x20, 2, 0, 0]).await.unwrap(),
+                8 => {
+                    line.write_all(&[0x90, 3, body[0], body[1], 1])
+                        .await
+                        .unwrap();
+                    if body[1] == 3 {
+                        break;
+                    }
+                }
+                _ => {}
+            }
+        }
+        let hostile = message(b"spykee/<b>\x1b[2J\xe2\x80\xae/connection", b"ONLINE");
+        let _ = line.write_all(&hostile).await;
+        let deep = message(b"spykee/A/state", "[".repeat(60_000).as_bytes());
+        let _ = line.write_all(&deep).await;
+        let state = message(
+            b"spykee/A/state",
+            b"{\"state\": \"\\u001b[2J\", \"battery\": {}, \"running\": 7}",
+        );
+        for _ in 0.. {
+            if line.write_all(&state).await.is_err() {
+                break;
+            }
+            sleep(Duration::from_millis(50)).await;
+        }
+    };
+    let code = tokio::select! {
+        code = list.code() => code,
+        () = talks => list.code().await,
+    };
+    let text = list.text();
+    assert_eq!(code, Some(0), "{text}");
+    assert!(
+        text.contains("ONLINE") && !text.contains('\u{1b}') && !text.contains('\u{202e}'),
+        "{text}"
+    );
+}

@@ -1,0 +1,187 @@
+//! Journals that came along with somebody's folder, or that somebody has put something else in place of.
+
+use std::os::unix::fs::symlink;
+use std::path::Path;
+
+use rusqlite::Connection;
+use rustix::fs::{CWD, FileType, Mode, mknodat};
+
+use super::{DRIVES, drove_on};
+use crate::rig::Rig;
+
+const CONFIG: &str = "data: data\njournal: { record: on }\nbehaviours: [{ file: script.lua }]\n";
+const SECRET: &str = "not for others";
+
+/// Puts something where the journal's file is to be, which is an honest journal. Beside the data there is
+/// a private file.
+type Deed = fn(&Path, &Path);
+
+fn sql(path: &Path, text: &str) {
+    Connection::open(path).unwrap().execute_batch(text).unwrap();
+}
+
+/// In its place.
+fn instead(path: &Path) -> &Path {
+    std::fs::remove_file(path).unwrap();
+    path
+}
+
+/// Rows without end.
+const ENDLESS: &str = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)";
+
+const DEEDS: &[(&str, Deed)] = &[
+    ("a link to a private file", |path, private| {
+        symlink(private, instead(path)).unwrap()
+    }),
+    ("a link to a journal elsewhere", |path, private| {
+        let elsewhere = private.with_file_name("elsewhere.db");
+        std::fs::rename(path, &elsewhere).unwrap();
+        symlink(elsewhere, path).unwrap();
+    }),
+    ("a link to zeros without end", |path, _| {
+        symlink("/dev/zero", instead(path)).unwrap()
+    }),
+    ("a link to itself", |path, _| {
+        symlink("journal.db", instead(path)).unwrap()
+    }),
+    ("a folder", |path, _| {
+        std::fs::create_dir(instead(path)).unwrap()
+    }),
+    ("a pipe", |path, _| {
+        mknodat(
+            CWD,
+            instead(path),
+            FileType::Fifo,
+            Mode::RUSR | Mode::WUSR,
+            0,
+        )
+        .unwrap()
+    }),
+    ("garbage", |path, _| {
+        std::fs::write(path, vec![7; 100_000]).unwrap()
+    }),
+    ("a script", |path, _| {
+        std::fs::write(path, "#!/bin/sh\nrm -rf /\n").unwrap()
+    }),
+    ("nothing but a hole", |path, _| {
+        std::fs::File::create(path)
+            .unwrap()
+            .set_len(8 << 30)
+            .unwrap();
+    }),
+    ("the head of a journal and garbage", |path, _| {
+        let mut bytes = std::fs::read(path).unwrap();
+        bytes.truncate(4096);
+        bytes[100..].fill(0xff);
+        std::fs::write(path, bytes).unwrap();
+    }),
+    ("half a journal", |path, _| {
+        let bytes = std::fs::read(path).unwrap();
+        std::fs::write(path, &bytes[..bytes.len() / 2 + 100]).unwrap();
+    }),
+    ("a journal of the future", |path, _| {
+        sql(path, "PRAGMA user_version = 77")
+    }),
+    ("a journal whose log is a link", |path, private| {
+        let _ = std::fs::remove_file(path.with_file_name("journal.db-wal"));
+        symlink(private, path.with_file_name("journal.db-wal")).unwrap();
+    }),
+    ("a journal whose log is a folder", |path, _| {
+        let log = path.with_file_name("journal.db-wal");
+        let _ = std::fs::remove_file(&log);
+        std::fs::create_dir(log).unwrap();
+    }),
+    ("another program's tables", |path, _| {
+        sql(
+            instead(path),
+            "CREATE TABLE event (x); PRAGMA user_version = 1",
+        )
+    }),
+    ("a journal that never ends to be read", |path, _| {
+        sql(path, &format!(
+            "DROP TABLE event; DROP TABLE battery; CREATE VIEW event AS {ENDLESS} SELECT i AS at, i AS session, 'x' AS robot, 'entry' AS kind,
+                'x' AS behaviour, '{{}}' AS data, i AS rowid FROM n;
+             CREATE VIEW battery AS {ENDLESS} SELECT i AS at, i AS session, 'x' AS robot, 1 AS percent,
+                0 AS charging, i AS rowid FROM n"
+        ));
+    }),
+    ("a journal that never ends to be written", |path, _| {
+        sql(path, &format!(
+        "CREATE TABLE sink (x);
+         CREATE TRIGGER endless AFTER INSERT ON event BEGIN
+            INSERT INTO sink SELECT a.rowid FROM event a, event b, event c, event d;
+            INSERT INTO sink SELECT count(*) FROM (SELECT 1 FROM (VALUES {0}), (VALUES {0}), (VALUES {0}),
+                (VALUES {0}), (VALUES {0}), (VALUES {0}), (VALUES {0}), (VALUES {0})); END;",
+        ["(1)"; 60].join(",")
+    ))
+    }),
+    ("a journal that forgets what is written", |path, _| {
+        sql(
+            path,
+            "CREATE TRIGGER gone AFTER INSERT ON event BEGIN DELETE FROM event; END",
+        )
+    }),
+    ("rows that are none", |path, _| {
+        sql(
+            path,
+            "INSERT INTO event VALUES (NULL, 9223372036854775807, -1, x'ff', 'entry', x'00', x'ffff');
+         INSERT INTO event VALUES (NULL, -9223372036854775808, 'a', NULL, 'dock', NULL, '[[[[');
+         INSERT INTO battery VALUES ('soon', 1, NULL, 'full', 'yes');
+         INSERT INTO battery VALUES (1767258000000, 1, NULL, 9223372036854775807, 7)",
+        )
+    }),
+    ("rows with escape sequences", |path, _| {
+        sql(path,
+        "INSERT INTO event VALUES (NULL, 1767258000000, 1, char(27) || '[2J', 'entry', 'x',
+            '{\"event\":\"entry\",\"behaviour\":\"\\u001b[2J\",\"kind\":\"\\u202e\",\"data\":{\"a\":\"=1+1\"}}')")
+    }),
+];
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_journal_that_is_something_else_is_said_or_set_aside_and_nobody_waits_for_it() {
+    let rig = Rig::quiet().await;
+    rig.file("script.lua", "journal.add('before')");
+    let mut run = rig.run_config(CONFIG);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let honest = std::fs::read(rig.folder().join("data/.journal/journal.db")).unwrap();
+    for (what, deed) in DEEDS {
+        let rig = Rig::quiet().await;
+        let private = rig.file("private", SECRET);
+        let folder = rig.folder().join("data/.journal");
+        std::fs::create_dir_all(&folder).unwrap();
+        let path = folder.join("journal.db");
+        std::fs::write(&path, &honest).unwrap();
+        deed(&path, &private);
+        // The first to read it is one who asks what has happened.
+        rig.file("spykee.yaml", CONFIG);
+        for topic in [
+            &["all"][..],
+            &["battery"],
+            &["all", "--csv"],
+            &["all", "--plot", "a.png"],
+        ] {
+            let args = [&["history", "--config", "spykee.yaml"], topic].concat();
+            let mut history = rig.spykee(&args);
+            history
+                .code()
+                .await
+                .unwrap_or_else(|| panic!("{what}: it was killed"));
+            let text = history.text();
+            assert!(
+                !text.contains(SECRET) && !text.contains('\u{1b}') && !text.contains('\u{202e}'),
+                "{what}: {text}"
+            );
+            assert!(!text.contains("panicked"), "{what}: {text}");
+        }
+        rig.file("script.lua", &format!("journal.add('here') {DRIVES}"));
+        let mut run = rig.run_config(CONFIG);
+        let from = rig.heard_motion(0).await;
+        drove_on(&rig, &mut run, from, what).await;
+        assert_eq!(
+            std::fs::read_to_string(&private).unwrap(),
+            SECRET,
+            "{what}: a private file was written"
+        );
+        assert!(!run.text().contains("panicked"), "{what}: {}", run.text());
+    }
+}

@@ -1,0 +1,283 @@
+//! Weeks of `serve` in virtual time: a timetable, outages, a robot that is gone for a night, a clock that
+//! is set back, power cuts on one data folder, a charging robot. Then the history's own account is held
+//! against the simulator's, and what should not grow is measured.
+
+mod calendar;
+mod compare;
+mod house;
+// Its losses are the soak's.
+#[allow(dead_code)]
+#[path = "../soak/ledger.rs"]
+mod ledger;
+#[path = "../soak/process.rs"]
+mod process;
+mod witness;
+
+use std::path::Path;
+use std::sync::Mutex;
+use std::time::Duration;
+
+use jiff::Zoned;
+use spykee::clock;
+use spykee::lab::{self, Lab, Recorder};
+use spykee::sim::{Fault, World};
+use tokio::time::sleep;
+
+use calendar::{BEGINS, Trouble, Wall};
+use compare::Comparison;
+use house::{House, KEEPS};
+pub use ledger::Ledger;
+pub use process::Size;
+use witness::{LOOK_EVERY, Witness, note};
+
+/// A month without one of these put to the test proves nothing.
+pub const CORE: [&str; 12] = [
+    compare::RUNS,
+    compare::NO_OTHERS,
+    compare::STARTS,
+    compare::ENDS,
+    compare::NO_REASON,
+    compare::DOCKS,
+    compare::DOCKED,
+    compare::ALARMS,
+    compare::LEVELS,
+    compare::MINUTES,
+    compare::LOOKS,
+    RESUMES,
+];
+const RESUMES: &str = "after a power cut the patrol goes on with the leg that it had not finished";
+const LIVES: &str = "the service ends only when it is told to";
+const SMALL: &str = "the journal stays within its size, and forgets what is too old";
+const FILES: &str = "files do not pile up in the data folder";
+const BACK: &str = "no error but those of robots that are gone";
+
+const DAY: Duration = Duration::from_secs(86_400);
+/// The process is as large as it gets.
+const WARM: Duration = Duration::from_secs(6 * 3600);
+/// A computer that is switched off says nothing to the robot.
+const SILENT: &str = "{ fault: half_open, for: 20 }";
+
+/// Tells how far it is, after each virtual day.
+pub type Progress<'a> = &'a mut (dyn FnMut(u64, &Size, u64) + Send);
+
+/// The service, and what surrounds it.
+struct Month<'a> {
+    lab: &'a Lab,
+    data: &'a Path,
+    seed: u64,
+    house: Option<House>,
+    witness: Witness,
+    wall: Wall,
+    ledger: Ledger,
+}
+
+/// So many days of service on this data folder.
+pub fn serve(days: u64, seed: u64, data: &Path, progress: Progress<'_>) -> Ledger {
+    let world = World::from_yaml(include_str!("world.yaml"), "month").unwrap();
+    let (told, events) = std::sync::mpsc::sync_channel(100_000);
+    let begins = BEGINS.parse::<Zoned>().unwrap().timestamp();
+    let options = lab::Options {
+        seed,
+        events: Some(Recorder::new(move |event| drop(told.try_send(event)))),
+        date: Some(begins),
+        sim: spykee::sim::Options {
+            fps: Some(1.0),
+            faults: Some(Vec::new()),
+            ..spykee::sim::Options::default()
+        },
+        ..lab::Options::default()
+    };
+    let events = Mutex::new(events);
+    lab::run(world, options, async |lab: &Lab| {
+        let mut month = Month {
+            lab,
+            data,
+            seed,
+            house: Some(House::open(lab, data, seed)),
+            witness: Witness::new(events),
+            wall: Wall::new(begins),
+            ledger: Ledger::default(),
+        };
+        note(&mut month.witness.alive, Duration::ZERO, true);
+        month.live(days, progress).await;
+        month.judge(days).await
+    })
+    .unwrap()
+}
+
+impl Month<'_> {
+    async fn live(&mut self, days: u64, progress: Progress<'_>) {
+        let mut troubles = calendar::troubles(days, self.seed).into_iter().peekable();
+        let (mut day, mut first) = (0, None);
+        while self.lab.now() < DAY * u32::try_from(days).unwrap() {
+            let now = self.lab.now();
+            while let Some((_, trouble)) = troubles.next_if(|(at, _)| *at <= now) {
+                self.happen(trouble).await;
+            }
+            self.pass(LOOK_EVERY).await;
+            if first.is_none() && now >= WARM {
+                first = Some(Size::now());
+            }
+            if now >= DAY * (day + 1) {
+                day += 1;
+                progress(u64::from(day), &Size::now(), folder_bytes(self.data));
+            }
+        }
+        if let Some(first) = first {
+            first.compare(&Size::now(), &mut self.ledger);
+        }
+    }
+
+    /// Time passes, and the robot is looked at.
+    async fn pass(&mut self, time: Duration) {
+        let until = self.lab.now() + time;
+        while self.lab.now() < until {
+            sleep(LOOK_EVERY).await;
+            self.witness.look(self.lab);
+        }
+        let over = self.house.as_ref().is_some_and(House::is_over);
+        let now = self.lab.now();
+        self.ledger
+            .note(LIVES, over.then(|| format!("it had ended at {now:.0?}")));
+        if over {
+            self.house = Some(House::open(self.lab, self.data, self.seed));
+        }
+    }
+
+    async fn happen(&mut self, trouble: Trouble) {
+        let (sim, now) = (self.lab.sim(), self.lab.now());
+        match trouble {
+            Trouble::Fault(fault, lasts) => {
+                begin(
+                    self.lab,
+                    &fault.replace("SECONDS", &lasts.as_secs().to_string()),
+                );
+                self.witness.trouble(now, lasts);
+            }
+            Trouble::Battery(percent) => sim.set_battery(percent.min(sim.state().battery)),
+            Trouble::PowerCut(dark) => {
+                begin(self.lab, SILENT);
+                self.witness.trouble(now, dark);
+                self.cut(dark).await;
+            }
+            Trouble::Killed => {
+                self.witness.trouble(now, Duration::ZERO);
+                self.cut(Duration::from_secs(2)).await;
+            }
+            Trouble::ClockBack => {
+                let shown = self.wall.set_back(now, DAY);
+                clock::begin_virtual(Some(shown));
+            }
+        }
+    }
+
+    /// The service ends without a word, and is there again after so long.
+    async fn cut(&mut self, dark: Duration) {
+        let before = self.witness.legs.last().map(|(_, leg)| leg.clone());
+        let patrols = self.witness.lights.last().is_some_and(|(_, on)| *on);
+        if let Some(house) = self.house.take() {
+            house.cut();
+        }
+        note(&mut self.witness.alive, self.lab.now(), false);
+        self.pass(dark).await;
+        let now = self.lab.now();
+        note(&mut self.witness.alive, now, true);
+        self.house = Some(House::open(self.lab, self.data, self.seed));
+        if !patrols || dark > Duration::from_secs(600) {
+            return;
+        }
+        // It may have been at home, where it charges first.
+        let until = now + Duration::from_secs(1200);
+        while self.lab.now() < until && self.witness.legs.last().is_none_or(|(at, _)| *at < now) {
+            self.pass(LOOK_EVERY).await;
+        }
+        let after = self.witness.legs.last().filter(|(at, _)| *at >= now);
+        if let (Some(before), Some((_, after))) = (before, after) {
+            let kept = *after == before || *after == next(&before);
+            self.ledger.note(
+                RESUMES,
+                (!kept).then(|| format!("at {now:.0?}: {after} after {before}")),
+            );
+        }
+    }
+
+    async fn judge(mut self, days: u64) -> Ledger {
+        self.lab.sim().clear_faults();
+        self.pass(Duration::from_secs(300)).await;
+        let until = self.lab.now();
+        let house = self.house.take().unwrap();
+        note(&mut self.witness.alive, until, false);
+        let ended = house.close().await;
+        self.ledger
+            .note(LIVES, (!ended).then(|| "it did not end well".to_owned()));
+        let kept = Duration::from_secs(KEEPS.keep_days * 86_400);
+        // What was set back is a day younger, and is looked over each hour.
+        let since = until.saturating_sub(kept.saturating_sub(DAY + DAY / 12));
+        Comparison {
+            witness: &self.witness,
+            wall: &self.wall,
+            ledger: &mut self.ledger,
+            until,
+            since,
+        }
+        .make(self.data);
+        let errors = self.witness.errors.iter();
+        let broken = errors.filter(|text| text.contains("internal") || text.contains("panic"));
+        let broken: Vec<&String> = broken.collect();
+        self.ledger
+            .note(BACK, broken.first().map(|text| (*text).clone()));
+        self.sizes(days);
+        self.ledger
+    }
+
+    fn sizes(&mut self, days: u64) {
+        let journal = self.data.join(".journal");
+        let bytes = folder_bytes(&journal);
+        let most = KEEPS.max_mib * (1 << 20);
+        self.ledger.note(
+            SMALL,
+            (bytes > most).then(|| format!("{bytes} bytes after {days} days")),
+        );
+        let files = files(self.data);
+        // The journal's three at most, the record, a store, a picture, and what may be beside them.
+        self.ledger.note(
+            FILES,
+            (files.len() > 12).then(|| format!("{} files", files.len())),
+        );
+    }
+}
+
+fn begin(lab: &Lab, fault: &str) {
+    let yaml = format!("faults: [ {fault} ]");
+    let faults = Fault::list_from_yaml(&yaml, "month").unwrap();
+    faults.into_iter().for_each(|fault| lab.sim().begin(fault));
+}
+
+/// The leg after `round 2, leg 4`, of four.
+fn next(leg: &str) -> String {
+    let numbers = leg.split(|c: char| !c.is_ascii_digit());
+    let numbers: Vec<u64> = numbers.filter_map(|part| part.parse().ok()).collect();
+    match numbers[..] {
+        [round, 4] => format!("round {}, leg 1", round + 1),
+        [round, leg] => format!("round {round}, leg {}", leg + 1),
+        _ => leg.to_owned(),
+    }
+}
+
+fn files(folder: &Path) -> Vec<std::path::PathBuf> {
+    let mut all = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap().flatten() {
+        match entry.path().is_dir() {
+            true => all.extend(files(&entry.path())),
+            false => all.push(entry.path()),
+        }
+    }
+    all
+}
+
+/// What is in a folder, in bytes.
+pub fn folder_bytes(folder: &Path) -> u64 {
+    let files = files(folder);
+    let bytes = files.iter().filter_map(|file| file.metadata().ok());
+    bytes.map(|file| file.len()).sum()
+}
