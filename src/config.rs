@@ -95,7 +95,7 @@ pub struct Config {
     pub logging: Logging,
     /// What is remembered of what happens.
     pub journal: journal::Options,
-    /// Who is told of what happens, by webhooks and commands.
+    /// Who is told of what happens, by webhooks, topics and commands.
     pub notify: notify::Options,
     /// The broker of MQTT by which others see the robot and ask for it.
     pub mqtt: Mqtt,
@@ -303,6 +303,12 @@ impl Config {
         config.watchdog.check().map_err(invalid)?;
         config.notify.check().map_err(invalid)?;
         config.mqtt.check().map_err(invalid)?;
+        if let (Some(target), None) = (config.notify.needs_broker(), &config.mqtt.host) {
+            return Err(invalid(format!(
+                "notify.targets.{target}: its topic is one of the broker that `mqtt: {{ host: ... }}` \
+                 names, and none is named"
+            )));
+        }
         Ok(config)
     }
 }

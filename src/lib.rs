@@ -110,7 +110,7 @@
 //! | 2 | `safety` | watchdog, arbiter, docking: pure rules |
 //! | 2 | `link` | connect, log in, reconnect, discover |
 //! | 2 | `journal` | what has happened, in a SQLite file |
-//! | 2 | `notify` | what people are told of it, by webhooks and commands |
+//! | 2 | `notify` | what people are told of it, by webhooks, topics and commands |
 //! | 3 | `script` | the VM: sandbox, tasks, the natives behind the API |
 //! | 3 | `pilot` | the task that owns the socket |
 //! | 4 | `check` | what is wrong in a script, before it runs and when it failed |

@@ -5,7 +5,7 @@
 //! However this task ends, by order, by a panic or by being dropped, the [`Writer`]'s own drop says
 //! the last words that the watchdog has left with it.
 //!
-//! Nothing here waits for the robot to take a command: see [`Writer::send`].
+//! Nothing here waits for the robot to take a command: see [`Writer::queue`].
 
 mod acting;
 mod core;

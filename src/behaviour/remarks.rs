@@ -32,7 +32,7 @@ pub(super) struct Remarks {
 #[derive(Debug, PartialEq)]
 pub(super) enum Fate {
     /// It is told.
-    Told(Occurrence),
+    Passed(Occurrence),
     /// It is not, which is to be said: so many before it were not either.
     LeftOut(u64),
     /// It is not, and has been said lately.
@@ -53,7 +53,7 @@ impl Remarks {
 
     pub(super) fn admit(&mut self, remark: Remark, now: Instant) -> Fate {
         match self.occurrence(remark, now) {
-            Some(what) => Fate::Told(what),
+            Some(what) => Fate::Passed(what),
             None => self.said.note((), now).map_or(Fate::Silent, Fate::LeftOut),
         }
     }
@@ -136,7 +136,7 @@ mod tests {
     fn a_broken_host_cannot_name_files_of_others() {
         let now = Instant::now();
         let mut remarks = remarks();
-        let told = |fate| matches!(fate, Fate::Told(_));
+        let told = |fate| matches!(fate, Fate::Passed(_));
         for name in [
             "../two/1.jpg",
             "/etc/passwd",
@@ -148,7 +148,7 @@ mod tests {
             assert!(!told(remarks.admit(picture(name), now)), "{name}");
             assert!(!told(remarks.admit(notice(Some(name)), now)), "{name}");
         }
-        let Fate::Told(Occurrence::Picture { path, .. }) = remarks.admit(picture("1.jpg"), now)
+        let Fate::Passed(Occurrence::Picture { path, .. }) = remarks.admit(picture("1.jpg"), now)
         else {
             panic!("left out");
         };
@@ -176,11 +176,16 @@ mod tests {
         let fates: Vec<_> = (0..1000)
             .map(|_| remarks.admit(notice(None), now))
             .collect();
-        let told = fates.iter().filter(|fate| matches!(fate, Fate::Told(_)));
+        let told = fates.iter().filter(|fate| matches!(fate, Fate::Passed(_)));
         assert_eq!(told.count(), 2);
         let said = fates.iter().filter(|fate| matches!(fate, Fate::LeftOut(_)));
         assert_eq!(said.count(), 1);
         let entries = (0..1000).map(|_| remarks.admit(entry("moved", "{}"), now));
-        assert!(entries.filter(|fate| matches!(fate, Fate::Told(_))).count() < 10);
+        assert!(
+            entries
+                .filter(|fate| matches!(fate, Fate::Passed(_)))
+                .count()
+                < 10
+        );
     }
 }

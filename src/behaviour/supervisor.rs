@@ -290,7 +290,7 @@ impl Supervisor {
 
     fn remark(&mut self, remark: Remark) {
         match self.host.remarks.admit(remark, Instant::now()) {
-            remarks::Fate::Told(what) => self.bus.tell(what),
+            remarks::Fate::Passed(what) => self.bus.tell(what),
             remarks::Fate::LeftOut(before) => warn!(
                 behaviour = %self.host.name,
                 before,

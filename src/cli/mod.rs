@@ -194,11 +194,17 @@ impl Command {
             Command::Robot(args) => robot::run(&args, console),
             Command::Calibrate(args) => calibrate::run(&args),
             Command::Doctor(args) => doctor::run(&args),
-            Command::Completions(args) => completions::run(&args, Cli::command()),
+            Command::Completions(args) => completions::run(&args, command()),
             Command::World(args) => world::run(&args),
             Command::Token(args) => token::run(&args),
         }
     }
+}
+
+/// The definition of the command line, from which manual pages are made.
+#[must_use]
+pub fn command() -> clap::Command {
+    Cli::command()
 }
 
 /// Parses the command line, does what it says, and tells how it went.

@@ -2,20 +2,22 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 use jiff::Timestamp;
 
 use super::settings::SettingsArgs;
-use super::{Exit, Failure, print, secret};
+use super::{Exit, Failure, broker, print, secret};
 use crate::agent::Bus;
 use crate::config::{Effective, Named};
-use crate::notify::{Delivery, Notice, Notifier, Options, Rule, Target, deliver};
+use crate::mqtt::{PostError, publish};
+use crate::notify::{Delivery, Letter, Notice, Notifier, Options, Post, Rule, Target, deliver};
 
 /// How long the targets may take at the end of a run.
 pub(super) const END: Duration = Duration::from_secs(3);
 
-/// Try the targets that people are told by: webhooks and commands of the config
+/// Try the targets that people are told by: webhooks, topics and commands of the config
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct NotifyArgs {
     #[command(subcommand)]
@@ -69,6 +71,7 @@ pub(super) fn run(args: &NotifyArgs) -> Result<Exit, Failure> {
     let options = &settings.config.notify;
     let chosen = chosen(options, targets)?;
     let tokens = tokens(settings, options)?;
+    let post = post(settings)?;
     let notice = Notice {
         rule: Rule::Test,
         text: text.clone(),
@@ -79,7 +82,7 @@ pub(super) fn run(args: &NotifyArgs) -> Result<Exit, Failure> {
     let mut exit = Exit::Done;
     for (name, target) in chosen {
         let token = tokens.get(name).map_or("", String::as_str);
-        let outcome = match deliver(target, token, &notice) {
+        let outcome = match deliver(target, token, &post, &notice) {
             Delivery::Done => "told".to_owned(),
             Delivery::Later(why) | Delivery::Refused(why) => {
                 exit = Exit::Check;
@@ -134,8 +137,33 @@ pub(super) fn start(settings: &Effective, bus: &Bus) -> Result<Option<Notifier>,
         return Ok(None);
     }
     let tokens = tokens(settings, options)?;
-    let started = Notifier::start(bus, settings.config.data_folder(), options, &tokens);
+    let data = settings.config.data_folder();
+    let started = Notifier::start(bus, data, options, &tokens, &post(settings)?);
     Ok(started.map_err(|error| tracing::warn!("{error}")).ok())
+}
+
+/// The way to the broker, if a target is a topic.
+fn post(settings: &Effective) -> Result<Post, Failure> {
+    if settings.config.notify.needs_broker().is_none() {
+        return Ok(None);
+    }
+    let account = broker::account(settings)?;
+    Ok(
+        account.map(|account| -> Arc<dyn Fn(Letter) -> Delivery + Send + Sync> {
+            Arc::new(move |letter| {
+                let Letter {
+                    topic,
+                    payload,
+                    limit,
+                } = letter;
+                match publish(&account, &topic, payload, limit) {
+                    Ok(()) => Delivery::Done,
+                    Err(error @ PostError::TooLong) => Delivery::Refused(error.to_string()),
+                    Err(error) => Delivery::Later(error.to_string()),
+                }
+            })
+        }),
+    )
 }
 
 /// The secrets of the targets that have one, by name.
@@ -156,11 +184,12 @@ fn tokens(settings: &Effective, options: &Options) -> Result<BTreeMap<String, St
     Ok(tokens)
 }
 
-/// A config that was found in the current folder may have come from anywhere: it starts no programs and
-/// sends nothing of the environment.
+/// A config that was found in the current folder may have come from anywhere: it starts no programs,
+/// talks to no broker and sends nothing of the environment.
 fn trusted(name: &str, target: &Target, config: &Path) -> Result<(), Failure> {
     let what = match target {
         Target { command, .. } if !command.is_empty() => "runs a program",
+        Target { topic: Some(_), .. } => "goes to a broker",
         Target {
             token_env: Some(_), ..
         } => "sends a variable of the environment",

@@ -27,7 +27,7 @@ use crate::clock::until;
 use crate::config::Config;
 use crate::robot::EndReason;
 use crate::script::{self, Evaluated, Level, LogLine};
-use editor::{Next, Told, Typed};
+use editor::{EditorCommand, Next, Typed};
 
 /// What the session is called in logs, and its data folder.
 const NAME: &str = "repl";
@@ -165,7 +165,7 @@ async fn next(signal: &mut Option<Signal>) {
 struct Repl {
     /// `None`: no further orders, the session ends.
     order: Option<mpsc::Sender<PromptCommand>>,
-    tell: mpsc::Sender<Told>,
+    tell: mpsc::Sender<EditorCommand>,
     console: Console,
     /// A person types; otherwise lines come from a pipe.
     interactive: bool,
@@ -258,14 +258,14 @@ impl Repl {
         }
         // The last place is for what becomes of the line.
         if self.tell.capacity() > 1 {
-            let _ = self.tell.try_send(Told::Print(text.to_owned()));
+            let _ = self.tell.try_send(EditorCommand::Print(text.to_owned()));
         }
     }
 
     fn finish(&mut self, next: Next) {
         self.running = false;
         self.patience = Some(Instant::now() + TERMINAL_LIMIT);
-        let _ = self.tell.try_send(Told::Done(next));
+        let _ = self.tell.try_send(EditorCommand::Done(next));
     }
 
     fn give_up_on_terminal(&mut self) {

@@ -57,6 +57,10 @@ struct UnitArgs {
     #[arg(long, value_name = "FILE")]
     password_file: Option<PathBuf>,
 
+    /// A user of this computer who runs the service; without it systemd makes one of its own
+    #[arg(long, value_name = "NAME", value_parser = user)]
+    user: Option<String>,
+
     /// The program; without it this one
     #[arg(long, value_name = "FILE")]
     program: Option<PathBuf>,
@@ -104,7 +108,17 @@ impl UnitArgs {
             program: &program,
             config: &self.config,
             password: self.password_file.as_deref(),
+            user: self.user.as_deref(),
         }))
+    }
+}
+
+/// A name as systemd takes it: it must stay one word of one line.
+fn user(name: &str) -> Result<String, String> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+    match !name.is_empty() && name.len() <= 31 && name.chars().all(plain) {
+        true => Ok(name.to_owned()),
+        false => Err("a user's name has letters, digits, -, _ and dots, at most 31".to_owned()),
     }
 }
 

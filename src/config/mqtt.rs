@@ -9,6 +9,8 @@ use crate::robot::{Seconds, whole_within};
 
 /// The longest prefix of topics.
 const LONGEST_PREFIX: usize = 64;
+/// Less would be a storm at a broker that is gone.
+const SHORTEST_PAUSE: Seconds = Seconds::from_millis(100);
 
 /// A broker of MQTT. Without a host there is none.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -33,6 +35,8 @@ pub struct Mqtt {
     /// A silent connection shows life so often, in seconds; after one and a half of it without life the
     /// broker says that it is broken.
     pub keep_alive: Seconds,
+    /// Pauses between two tries to reach the broker grow up to this, in seconds.
+    pub longest_pause: Seconds,
 }
 
 /// How the connection to a broker is encrypted.
@@ -55,6 +59,7 @@ impl Default for Mqtt {
             prefix: "spykee".to_owned(),
             discovery_prefix: "homeassistant".to_owned(),
             keep_alive: Seconds::from_secs(20),
+            longest_pause: Seconds::from_secs(30),
         }
     }
 }
@@ -80,6 +85,9 @@ impl Mqtt {
         }
         if self.keep_alive < Seconds::from_secs(1) {
             return Err("mqtt.keep_alive: at least 1 second".to_owned());
+        }
+        if self.longest_pause < SHORTEST_PAUSE {
+            return Err("mqtt.longest_pause: at least 0.1 seconds".to_owned());
         }
         if self.password_file.is_some() && self.user.is_none() {
             return Err(
@@ -128,6 +136,7 @@ mod tests {
             ("{ discovery_prefix: 'a//b' }", "mqtt.discovery_prefix"),
             ("{ port: 0 }", "a port"),
             ("{ keep_alive: 0.5 }", "keep_alive"),
+            ("{ longest_pause: 0 }", "longest_pause"),
             ("{ password_file: a }", "mqtt.user"),
         ] {
             let error = checked(text).unwrap_err();

@@ -67,6 +67,14 @@ fn numbers_that_would_switch_a_limit_off_or_mean_nothing_are_refused_with_their_
 }
 
 #[test]
+fn a_topic_without_a_broker_is_refused() {
+    let target = "notify: { targets: { house: { topic: a } } }\n";
+    assert!(error(target).contains("notify.targets.house"));
+    let named = format!("{target}mqtt: {{ host: broker.local }}\n");
+    Config::parse(&named, "spykee.yaml").unwrap();
+}
+
+#[test]
 fn levels_that_do_not_rise_are_refused() {
     assert!(error("watchdog: { low: 60 }").contains("must rise"));
 }

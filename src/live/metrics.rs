@@ -54,7 +54,7 @@ impl EncodeMetric for FrameToMove {
 pub(super) struct Metrics {
     registry: Registry,
     percent: Gauge<f64, AtomicU64>,
-    minutes: Gauge<f64, AtomicU64>,
+    left: Gauge<f64, AtomicU64>,
     charging: Gauge,
     low: Gauge,
     docked: Gauge,
@@ -83,6 +83,13 @@ impl Metrics {
         let mut registry = Registry::with_prefix("spykee");
         let one = &mut registry;
         let bytes = Counter::default();
+        let left = Gauge::<f64, AtomicU64>::default();
+        one.register_with_unit(
+            "battery_left",
+            "Until it is empty; NaN: unknown",
+            Unit::Seconds,
+            left.clone(),
+        );
         one.register_with_unit(
             "camera",
             "Frames that have come",
@@ -98,11 +105,7 @@ impl Metrics {
         Metrics {
             bytes,
             percent: figure(one, "battery_percent", "Level of the battery; NaN: unknown"),
-            minutes: figure(
-                one,
-                "battery_minutes_left",
-                "Until it is empty; NaN: unknown",
-            ),
+            left,
             charging: figure(one, "battery_charging", "1 while it charges"),
             low: figure(one, "battery_low", "1 while the watchdog has the robot"),
             docked: figure(one, "docked", "1 on the station"),
@@ -158,7 +161,8 @@ impl Metrics {
         self.percent
             .set(battery.map_or(f64::NAN, |battery| f64::from(battery.percent.get())));
         let minutes = battery.and_then(|battery| battery.minutes_left);
-        self.minutes.set(minutes.map_or(f64::NAN, f64::from));
+        let seconds = minutes.map_or(f64::NAN, |minutes| 60.0 * f64::from(minutes));
+        self.left.set(seconds);
         self.charging
             .set(battery.is_some_and(|battery| battery.charging).into());
         self.low.set(status.low.into());

@@ -89,6 +89,10 @@ enum Turn {
 impl Envoy {
     pub(super) fn new(account: Account, run: Run, listener: Listener) -> Envoy {
         let topics = topics(&account, "");
+        let pauses = link::Options {
+            longest_pause: account.options.longest_pause.get(),
+            ..link::Options::default()
+        };
         Envoy {
             account,
             errands: Errands::new(run.clone()),
@@ -100,7 +104,7 @@ impl Envoy {
             side: Side::Nameless,
             due: None,
             told: Told::default(),
-            backoff: Backoff::new(&link::Options::default()),
+            backoff: Backoff::new(&pauses),
             rng: StdRng::seed_from_u64(rand::random()),
             dropped: 0,
             complained: false,

@@ -20,7 +20,7 @@ const MOST_COMING: usize = 64;
 /// The longest message that is taken: an order, a state, a birth.
 const LONGEST_COMING: usize = 64 << 10;
 /// The longest message that is sent: a picture.
-const LONGEST_SENT: usize = 1 << 20;
+pub(super) const LONGEST_SENT: usize = 1 << 20;
 /// A broker answers within this time.
 const CONNECTING: u64 = 10;
 

@@ -12,7 +12,7 @@ use rustix::process::{Pid, Signal, kill_process_group};
 use super::delivery::Delivery;
 use super::notice::Notice;
 use super::options::Target;
-use super::template::{Place, fill};
+use super::template::{Slot, fill};
 
 /// How often is looked whether it has ended.
 const LOOK_EVERY: Duration = Duration::from_millis(25);
@@ -22,7 +22,7 @@ pub(super) fn send(target: &Target, notice: &Notice, picture: Option<&Path>) -> 
     let words: Vec<String> = target
         .command
         .iter()
-        .map(|word| fill(word, notice, "", Place::Plain).replace('\0', ""))
+        .map(|word| fill(word, notice, "", Slot::Plain).replace('\0', ""))
         .collect();
     let Some((program, arguments)) = words.split_first() else {
         return Delivery::Refused("it names no program".to_owned());

@@ -1,11 +1,13 @@
-//! A voice for those who are elsewhere: what happens on an agent's bus goes, by rules, to webhooks and
-//! commands that the config names.
+//! A voice for those who are elsewhere: what happens on an agent's bus goes, by rules, to webhooks,
+//! topics of a broker and commands that the config names.
 //!
 //! A thread listens and puts messages into queues on the disk; a thread for each target sends them. What
 //! if a target hangs, refuses or is gone? Its own queue waits, with growing pauses, and is bounded;
 //! nobody else waits. Secrets of a target are in no log, no error and no queue.
 
+mod broker;
 mod command;
+mod content;
 mod delivery;
 mod notice;
 mod notifier;
@@ -17,6 +19,7 @@ mod share;
 mod template;
 mod webhook;
 
+pub use broker::{Letter, Post};
 pub use delivery::Delivery;
 pub use notice::{Notice, Rule};
 pub use notifier::{Notifier, NotifyError};

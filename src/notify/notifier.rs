@@ -12,6 +12,7 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, warn};
 
+use super::broker::Post;
 use super::notice::Notice;
 use super::options::Options;
 use super::queue::Queue;
@@ -38,7 +39,7 @@ pub struct Notifier {
 
 impl Notifier {
     /// Tells the targets of these options what is said on the bus from now on; `tokens` are theirs by
-    /// name. What waits is kept in this data folder. Waits for no disk and no network.
+    /// name, `post` is the way to the broker for those that are topics. What waits is kept in this data folder. Waits for no disk and no network.
     ///
     /// # Errors
     /// If the system gives no threads.
@@ -47,6 +48,7 @@ impl Notifier {
         data: &Path,
         options: &Options,
         tokens: &BTreeMap<String, String>,
+        post: &Post,
     ) -> Result<Notifier, NotifyError> {
         let stop = CancellationToken::new();
         let (alive, ended) = mpsc::sync_channel::<()>(1);
@@ -58,6 +60,7 @@ impl Notifier {
                 name: name.clone(),
                 target: target.clone(),
                 token: tokens.get(name).cloned().unwrap_or_default(),
+                post: post.clone(),
                 data: data.to_owned(),
             };
             let alive = alive.clone();

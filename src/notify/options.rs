@@ -15,6 +15,8 @@ use crate::robot::{Seconds, whole_within};
 const MOST_TARGETS: usize = 8;
 /// The longest name of a target.
 const LONGEST_NAME: usize = 40;
+/// The longest topic.
+const LONGEST_TOPIC: usize = 200;
 /// What a webhook may be asked with.
 const METHODS: &[&str] = &["POST", "PUT", "PATCH"];
 
@@ -44,7 +46,7 @@ impl Default for Options {
     }
 }
 
-/// A webhook, by `url`, or a command. `{text}`, `{event}`, `{robot}`, `{time}`, `{picture}` (the file's
+/// A webhook, by `url`, a message at the broker of `mqtt:`, by `topic`, or a command. `{text}`, `{event}`, `{robot}`, `{time}`, `{picture}` (the file's
 /// name) and, for webhooks, `{token}` in its texts are filled in.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -56,11 +58,13 @@ pub struct Target {
     pub method: String,
     /// Header fields of a webhook.
     pub headers: BTreeMap<String, String>,
-    /// What a webhook is sent, as text; `{text}` unless something is said here or at `json`.
+    /// Where the broker of `mqtt:` is told.
+    pub topic: Option<String>,
+    /// What a webhook or a topic is sent, as text; `{text}` unless something is said here or at `json`.
     pub body: Option<String>,
     /// What it is sent, as JSON: the texts within are filled in.
     pub json: Option<Value>,
-    /// How a picture goes with it.
+    /// How a picture goes with it; to a topic `none` or `body`.
     pub picture: PictureWay,
     /// The file whose first line is `{token}`.
     pub token_file: Option<PathBuf>,
@@ -80,6 +84,7 @@ impl Default for Target {
             url: None,
             method: "POST".to_owned(),
             headers: BTreeMap::new(),
+            topic: None,
             body: None,
             json: None,
             picture: PictureWay::default(),
@@ -92,7 +97,7 @@ impl Default for Target {
     }
 }
 
-/// How a picture goes with a message to a webhook.
+/// How a picture goes with a message to a webhook or a topic.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 #[schemars(rename = "NotifyPicture")]
@@ -130,9 +135,13 @@ impl Target {
     }
 
     fn check(&self) -> Result<(), String> {
-        let web = self.url.is_some();
-        if web != self.command.is_empty() {
-            return Err("it needs either `url` or `command`".to_owned());
+        let ways = [
+            self.url.is_some(),
+            self.topic.is_some(),
+            !self.command.is_empty(),
+        ];
+        if ways.iter().filter(|way| **way).count() != 1 {
+            return Err("it needs one of `url`, `topic` and `command`".to_owned());
         }
         for text in self.templates() {
             template::check(text)?;
@@ -153,17 +162,45 @@ impl Target {
             if !METHODS.contains(&self.method.as_str()) {
                 return Err(format!("its method must be one of {}", METHODS.join(", ")));
             }
-            if self.body.is_some() && self.json.is_some() {
-                return Err("it has both `body` and `json`; one of them is sent".to_owned());
-            }
-        } else if has_token {
-            return Err("a command gets no token: it would stand in lists of processes".to_owned());
         }
-        Ok(())
+        if self.body.is_some() && self.json.is_some() {
+            return Err("it has both `body` and `json`; one of them is sent".to_owned());
+        }
+        match &self.topic {
+            Some(topic) => self.check_topic(topic, has_token),
+            None if self.url.is_none() && has_token => {
+                Err("a command gets no token: it would stand in lists of processes".to_owned())
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn check_topic(&self, topic: &str, has_token: bool) -> Result<(), String> {
+        let plain = |c: char| !c.is_control() && !matches!(c, '+' | '#' | '{' | '}');
+        let good = !topic.is_empty() && topic.len() <= LONGEST_TOPIC && !topic.starts_with('$');
+        if !good || !topic.chars().all(plain) {
+            return Err(format!(
+                "its topic must be one topic, such as `house/robot`, at most {LONGEST_TOPIC} bytes, \
+                 without +, # and braces"
+            ));
+        }
+        if has_token {
+            return Err("a topic takes no token: the broker's is `mqtt.password_file`".to_owned());
+        }
+        match self.picture {
+            PictureWay::Form => Err("a topic takes a picture as `body` only, or none".to_owned()),
+            PictureWay::None | PictureWay::Body => Ok(()),
+        }
     }
 }
 
 impl Options {
+    /// The first target, by name, that needs the broker of `mqtt:`.
+    pub fn needs_broker(&self) -> Option<&str> {
+        let mut targets = self.targets.iter();
+        targets.find_map(|(name, target)| target.topic.as_ref().map(|_| name.as_str()))
+    }
+
     /// What no type can say.
     ///
     /// # Errors
@@ -203,10 +240,16 @@ mod tests {
     #[test]
     fn what_makes_no_target_is_refused_in_words() {
         for (target, words) in [
-            ("{}", "either `url` or `command`"),
+            ("{}", "one of `url`, `topic` and `command`"),
+            ("{ url: 'http://a', command: [x] }", "one of `url`"),
+            ("{ url: 'http://a', topic: a }", "one of `url`"),
+            ("{ topic: 'house/+' }", "one topic"),
+            ("{ topic: 'house/{robot}' }", "one topic"),
+            ("{ topic: '$SYS/a' }", "one topic"),
+            ("{ topic: a, picture: form }", "`body` only"),
             (
-                "{ url: 'http://a', command: [x] }",
-                "either `url` or `command`",
+                "{ topic: a, body: '{token}', token_env: A }",
+                "mqtt.password_file",
             ),
             ("{ url: 'ftp://a' }", "https://"),
             ("{ url: 'http://a/{token}' }", "needs `token_file`"),
@@ -229,5 +272,6 @@ mod tests {
         }
         checked("{ url: 'https://a/{token}', token_env: A, on: [alarm, script] }").unwrap();
         checked("{ command: [notify-send, '{robot}', '{text}'] }").unwrap();
+        checked("{ topic: house/robot, json: { says: '{text}' }, picture: body }").unwrap();
     }
 }

@@ -8,6 +8,7 @@ use jiff::Timestamp;
 use tokio::time::Instant;
 use tracing::{info, warn};
 
+use super::broker::{self, Post};
 use super::command;
 use super::delivery::Delivery;
 use super::notice::Notice;
@@ -25,16 +26,17 @@ const LOOK_EVERY: Duration = Duration::from_secs(30);
 /// A larger picture is left out, in bytes.
 const LARGEST_PICTURE: u64 = 8 << 20;
 
-/// Sends one message now.
-pub fn deliver(target: &Target, token: &str, notice: &Notice) -> Delivery {
-    match &target.url {
-        Some(url) => {
-            let wanted = target.picture != PictureWay::None;
-            let path = notice.picture.as_deref().filter(|_| wanted);
-            let picture = path.and_then(read_picture);
-            webhook::send(target, url, token, notice, picture.as_deref())
-        }
-        None => command::send(target, notice, notice.picture.as_deref()),
+/// Sends one message now; `post` is the way to the broker.
+pub fn deliver(target: &Target, token: &str, post: &Post, notice: &Notice) -> Delivery {
+    let picture = || {
+        let wanted = target.picture != PictureWay::None;
+        let path = notice.picture.as_deref().filter(|_| wanted);
+        path.and_then(read_picture)
+    };
+    match (&target.url, &target.topic) {
+        (Some(url), _) => webhook::send(target, url, token, notice, picture().as_deref()),
+        (None, Some(topic)) => broker::send((target, topic), post, notice, picture().as_deref()),
+        (None, None) => command::send(target, notice, notice.picture.as_deref()),
     }
 }
 
@@ -51,6 +53,7 @@ pub(super) struct Sender {
     pub(super) name: String,
     pub(super) target: Target,
     pub(super) token: String,
+    pub(super) post: Post,
     pub(super) data: PathBuf,
 }
 
@@ -89,7 +92,7 @@ impl Sender {
                 Ok(None) => return true,
                 Err(_) => return false,
             };
-            match deliver(&self.target, &self.token, &waiting.notice) {
+            match deliver(&self.target, &self.token, &self.post, &waiting.notice) {
                 Delivery::Done => {
                     let event = waiting.notice.rule.name();
                     info!(target = self.name, event, "people are told");

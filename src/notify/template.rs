@@ -14,7 +14,7 @@ const DEEPEST: u32 = 16;
 
 /// Where a text goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum Slot {
     /// As it is.
     Plain,
     /// What is filled in is a part of a path or query.
@@ -38,7 +38,7 @@ pub(super) fn check(template: &str) -> Result<(), String> {
 }
 
 /// The text with all names filled in.
-pub(super) fn fill(template: &str, notice: &Notice, token: &str, place: Place) -> String {
+pub(super) fn fill(template: &str, notice: &Notice, token: &str, place: Slot) -> String {
     let mut filled = String::new();
     for part in parts(template) {
         match part {
@@ -46,22 +46,22 @@ pub(super) fn fill(template: &str, notice: &Notice, token: &str, place: Place) -
             Err(name) => {
                 let value = value(name, notice, token);
                 match place {
-                    Place::Url => encode(&value, &mut filled),
-                    Place::Plain | Place::Header => filled.push_str(&value),
+                    Slot::Url => encode(&value, &mut filled),
+                    Slot::Plain | Slot::Header => filled.push_str(&value),
                 }
             }
         }
     }
     match place {
-        Place::Header => header(&filled),
-        Place::Plain | Place::Url => filled,
+        Slot::Header => header(&filled),
+        Slot::Plain | Slot::Url => filled,
     }
 }
 
 /// The same of every text in a JSON value.
 pub(super) fn fill_json(template: &Value, notice: &Notice, token: &str) -> Value {
     match template {
-        Value::String(text) => Value::String(fill(text, notice, token, Place::Plain)),
+        Value::String(text) => Value::String(fill(text, notice, token, Slot::Plain)),
         Value::Array(list) => {
             let filled = list.iter().map(|one| fill_json(one, notice, token));
             Value::Array(filled.collect())
@@ -192,7 +192,7 @@ mod tests {
         }
     }
 
-    fn filled(template: &str, place: Place) -> String {
+    fn filled(template: &str, place: Slot) -> String {
         fill(template, &notice("a b&c \"q\" ä\r\nX: y"), "s3", place)
     }
 
@@ -200,7 +200,7 @@ mod tests {
     fn names_in_braces_are_filled_in_and_other_braces_stay() {
         let text = filled(
             "{robot} {event} {time} {picture} {token} {} {no word} {",
-            Place::Plain,
+            Slot::Plain,
         );
         assert_eq!(
             text,
@@ -212,10 +212,10 @@ mod tests {
     #[test]
     fn what_is_filled_in_stays_within_its_place() {
         assert_eq!(
-            filled("http://h/{text}?q=1", Place::Url),
+            filled("http://h/{text}?q=1", Slot::Url),
             "http://h/a%20b%26c%20%22q%22%20%C3%A4%0D%0AX%3A%20y?q=1"
         );
-        let header = filled("{text}", Place::Header);
+        let header = filled("{text}", Slot::Header);
         assert!(header.starts_with("=?UTF-8?B?") && header.is_ascii());
         assert!(!header.contains(['\r', '\n']));
         let json = fill_json(
@@ -243,7 +243,7 @@ mod tests {
         #[test]
         fn no_template_panics_and_text_without_braces_stays(template in "\\PC{0,40}") {
             let _ = check(&template);
-            let text = filled(&template, Place::Plain);
+            let text = filled(&template, Slot::Plain);
             if !template.contains('{') {
                 prop_assert_eq!(text, template);
             }

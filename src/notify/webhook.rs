@@ -1,25 +1,17 @@
 //! A message to a webhook.
 
-use std::borrow::Cow;
 use std::time::Duration;
 
-use serde_json::Value;
 use ureq::http::{HeaderName, HeaderValue, Request};
 
+use super::content::content;
 use super::delivery::Delivery;
 use super::notice::Notice;
-use super::options::{PictureWay, Target};
-use super::template::{Place, fill, fill_json};
+use super::options::Target;
+use super::template::{Slot, fill};
 
 /// So often a webhook may send us elsewhere.
 const REDIRECTS: u32 = 3;
-
-/// What is sent.
-#[derive(Debug, PartialEq)]
-struct Content {
-    kind: Cow<'static, str>,
-    bytes: Vec<u8>,
-}
 
 /// Sends it, and waits for the answer. What goes wrong is told without the address, which may hold
 /// a secret.
@@ -48,14 +40,14 @@ pub fn request(
     picture: Option<&[u8]>,
 ) -> Result<Request<Vec<u8>>, String> {
     let content = content(target, token, notice, picture);
-    let url = fill(url, notice, token, Place::Url);
+    let url = fill(url, notice, token, Slot::Url);
     let request = Request::builder().method(target.method.as_str()).uri(url);
     let mut request = request
         .header("content-type", content.kind.as_ref())
         .body(content.bytes)
         .map_err(|_| "its url is none".to_owned())?;
     for (name, value) in &target.headers {
-        let value = fill(value, notice, token, Place::Header);
+        let value = fill(value, notice, token, Slot::Header);
         let field = HeaderName::from_bytes(name.as_bytes());
         let (Ok(field), Ok(value)) = (field, HeaderValue::from_str(&value)) else {
             return Err(format!("its header field `{name}` is none"));
@@ -63,80 +55,6 @@ pub fn request(
         request.headers_mut().insert(field, value);
     }
     Ok(request)
-}
-
-fn content(target: &Target, token: &str, notice: &Notice, picture: Option<&[u8]>) -> Content {
-    let json = target
-        .json
-        .as_ref()
-        .map(|json| fill_json(json, notice, token));
-    let body = target.body.as_deref().unwrap_or("{text}");
-    let text = || fill(body, notice, token, Place::Plain);
-    match (picture, target.picture, json) {
-        (Some(picture), PictureWay::Body, _) => Content {
-            kind: "image/jpeg".into(),
-            bytes: picture.to_vec(),
-        },
-        (Some(picture), PictureWay::Form, json) => {
-            let name = notice.picture.as_ref().and_then(|path| path.file_name());
-            let name = name.unwrap_or_default().to_string_lossy();
-            let boundary = boundary();
-            Content {
-                kind: format!("multipart/form-data; boundary={boundary}").into(),
-                bytes: form(&boundary, &fields(json, text), &name, picture),
-            }
-        }
-        (_, _, Some(json)) => Content {
-            kind: "application/json".into(),
-            bytes: json.to_string().into_bytes(),
-        },
-        _ => Content {
-            kind: "text/plain; charset=utf-8".into(),
-            bytes: text().into_bytes(),
-        },
-    }
-}
-
-fn fields(json: Option<Value>, text: impl Fn() -> String) -> Vec<(String, String)> {
-    let Some(Value::Object(map)) = json else {
-        return vec![("body".to_owned(), text())];
-    };
-    let plain = |value: Value| match value {
-        Value::String(text) => text,
-        value => value.to_string(),
-    };
-    map.into_iter()
-        .map(|(key, value)| (key, plain(value)))
-        .collect()
-}
-
-/// Separates the parts of a form. Nobody can know it before, so no text and no picture of a script or a
-/// robot makes a part of its own.
-fn boundary() -> String {
-    format!("spykee-{:032x}", rand::random::<u128>())
-}
-
-/// Of a form; names of fields come from the config, their texts from anywhere.
-fn form(boundary: &str, fields: &[(String, String)], name: &str, picture: &[u8]) -> Vec<u8> {
-    let quoted = |text: &str| text.replace(['"', '\r', '\n', '\\'], "_");
-    let mut bytes = Vec::new();
-    for (key, value) in fields {
-        let key = quoted(key);
-        let part = format!(
-            "--{boundary}\r\nContent-Disposition: form-data; name=\"{key}\"\r\n\
-             Content-Type: text/plain; charset=utf-8\r\n\r\n{value}\r\n"
-        );
-        bytes.extend_from_slice(part.as_bytes());
-    }
-    let name = quoted(name);
-    let head = format!(
-        "--{boundary}\r\nContent-Disposition: form-data; name=\"attachment\"; filename=\"{name}\"\r\n\
-         Content-Type: image/jpeg\r\n\r\n"
-    );
-    bytes.extend_from_slice(head.as_bytes());
-    bytes.extend_from_slice(picture);
-    bytes.extend_from_slice(format!("\r\n--{boundary}--\r\n").as_bytes());
-    bytes
 }
 
 fn ask(request: Request<Vec<u8>>, limit: Duration) -> Delivery {
@@ -180,8 +98,8 @@ fn failed(error: &ureq::Error, limit: Duration) -> Delivery {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::notify::Rule;
-    use serde_json::json;
+    use crate::notify::{PictureWay, Rule};
+    use serde_json::{Value, json};
 
     fn notice() -> Notice {
         Notice {

@@ -11,6 +11,8 @@ pub struct Unit<'a> {
     pub config: &'a Path,
     /// A file with the robot's password, which the manager hands over; none: the robot's usual one.
     pub password: Option<&'a Path>,
+    /// A user of this computer who runs it; none: systemd makes one, called spykee.
+    pub user: Option<&'a str>,
 }
 
 /// The text of the unit.
@@ -19,7 +21,12 @@ pub fn unit(unit: &Unit<'_>) -> String {
     let password = unit.password.map_or_else(String::new, |path| {
         format!("LoadCredential=password:{}\n", escaped(path))
     });
+    let user = match unit.user {
+        Some(name) => format!("User={}", name.replace('%', "%%")),
+        None => "DynamicUser=yes\nUser=spykee".to_owned(),
+    };
     TEMPLATE
+        .replace("@USER@", &user)
         .replace("@PROGRAM@", &program)
         .replace("@CONFIG@", &config)
         .replace("@PASSWORD@\n", &password)
@@ -46,6 +53,7 @@ mod tests {
             program: Path::new("/opt/my robot/spykee"),
             config: Path::new("/etc/spykee/100%.yaml"),
             password: Some(Path::new("/etc/spykee/password")),
+            user: None,
         };
         let text = unit(&of);
         assert!(
@@ -54,11 +62,15 @@ mod tests {
             )
         );
         assert!(text.contains("LoadCredential=password:/etc/spykee/password\n"));
+        assert!(text.contains("DynamicUser=yes\nUser=spykee\n"));
         assert!(!text.contains("@PROGRAM@") && !text.contains("@CONFIG@"));
         let without = unit(&Unit {
             password: None,
+            user: Some("rover"),
             ..of
         });
         assert!(!without.contains("LoadCredential") && !without.contains("@PASSWORD@"));
+        assert!(without.contains("\nUser=rover\n") && !without.contains("DynamicUser"));
+        assert!(!without.contains("@USER@"));
     }
 }

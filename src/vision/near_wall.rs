@@ -28,29 +28,19 @@ pub fn nearer_than(glance: &Glance, camera: Camera) -> Option<f64> {
     let (w, h) = glance.size();
     let part = |share: f64, of: usize| (share * of as f64) as usize;
     let (left, right) = (part(COLUMNS.0, w), part(COLUMNS.1, w));
-    let strip = (right - left) / STRIPS;
-    if strip == 0 {
+    let (top, strip) = (part(TOP, h), (right - left) / STRIPS);
+    if strip == 0 || h < top + 2 * REACH + 1 {
         return None;
     }
     let plain = (0..STRIPS).all(|number| {
         let from = left + number * strip;
-        is_plain_strip(glance, from, from + strip)
+        let rows: Vec<f64> = (top..h)
+            .map(|y| mean(&glance.row(y)[from..from + strip]))
+            .collect();
+        is_plain(&rows)
     });
     let focal = camera.focal_length(w as u32);
     plain.then(|| focal * LENS_HEIGHT / (h as f64 / 2.0))
-}
-
-/// Whether columns from `left` to before `right` show no edge from above the horizon to the bottom: no floor.
-pub(super) fn is_plain_strip(glance: &Glance, left: usize, right: usize) -> bool {
-    let h = glance.size().1;
-    let top = (TOP * h as f64) as usize;
-    if h < top + 2 * REACH + 1 {
-        return false;
-    }
-    let rows: Vec<f64> = (top..h)
-        .map(|y| mean(&glance.row(y)[left..right]))
-        .collect();
-    is_plain(&rows)
 }
 
 /// How far below the horizon the edge is that will be the last to leave the picture at its bottom when the robot

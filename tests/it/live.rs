@@ -11,7 +11,8 @@ use serde_json::{Value, json};
 use spykee::wire::{Command, Engage, Led};
 use tokio::time::{sleep, timeout};
 
-use self::browser::{Heard, Page, address, ask, get};
+pub use self::browser::get;
+use self::browser::{Heard, Page, address, ask};
 use crate::rig::{PATIENCE, Rig, Run, moves};
 
 const IDLE: &str = "task.wait(600)";
@@ -19,7 +20,7 @@ const DRIVE: &str = "while true do robot.move(30, 30, 0.5) end";
 const LOOK: &str = "robot.on('frame', function(f) f:find_blobs('red') end)";
 
 /// A run with a page, and where that is.
-async fn live(rig: &Rig, script: &str, more: &[&str]) -> (Run, String) {
+pub async fn live(rig: &Rig, script: &str, more: &[&str]) -> (Run, String) {
     let path = rig.file("script.lua", script);
     let path = path.to_str().unwrap().to_owned();
     let args = [

@@ -30,6 +30,7 @@ mod lens;
 mod lessons;
 mod link;
 mod live;
+mod metrics;
 mod month;
 mod mqtt;
 mod new;

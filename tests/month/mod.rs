@@ -5,10 +5,11 @@
 mod calendar;
 mod compare;
 mod house;
-// Its losses are the soak's.
-#[allow(dead_code)]
+// Its losses are the soak's. Both are test programs of their own, and both are in `tests/it`.
+#[allow(dead_code, clippy::duplicate_mod)]
 #[path = "../soak/ledger.rs"]
 mod ledger;
+#[allow(clippy::duplicate_mod)]
 #[path = "../soak/process.rs"]
 mod process;
 mod witness;

@@ -2,11 +2,11 @@
 //! again and again, by lot, beside a script that itself fails. An observer looks at the robot five times
 //! a second and keeps a ledger of promises.
 
+mod fault_feed;
 mod ledger;
 mod observer;
 mod process;
 mod spell;
-mod weather;
 
 use std::path::Path;
 use std::time::Duration;
@@ -19,10 +19,10 @@ use spykee::script;
 use spykee::sim::{Firmware, World};
 use tokio::time::{Instant, sleep, timeout};
 
+use fault_feed::FaultFeed;
 pub use ledger::Ledger;
 use observer::{LOOK_EVERY, Observer};
 use process::Size;
-use weather::Weather;
 
 /// An hour without one of these put to the test proves nothing.
 pub const CORE: [&str; 4] = [
@@ -67,15 +67,15 @@ pub fn soak(
     lab::run(world, options, async |lab: &Lab| {
         let run = lab.start(behaviours, None);
         let mut observer = Observer::new(lab, events, firmware.power_late);
-        let mut weather = Weather::new(seed);
+        let mut faults = FaultFeed::new(seed);
         let began = Instant::now();
         let (mut first, mut hour) = (None, 0);
         while began.elapsed() < Duration::from_secs(hours * 3600) {
             sleep(LOOK_EVERY).await;
-            if let Some(what) = weather.blow(lab.sim(), began.elapsed()) {
+            if let Some(what) = faults.blow(lab.sim(), began.elapsed()) {
                 observer.trouble(lab.now(), &what);
             }
-            observer.look(lab, &weather);
+            observer.look(lab, &faults);
             if first.is_none() && began.elapsed() >= WARM {
                 first = Some(Size::now());
             }
@@ -87,7 +87,7 @@ pub fn soak(
         if let Some(first) = first {
             first.compare(&Size::now(), observer.ledger());
         }
-        weather.clear(lab.sim());
+        faults.clear(lab.sim());
         // Whatever is wrong with the link just now: it comes back.
         let up = lab.sim().wait_state(|state| state.user.is_some());
         let up = timeout(Duration::from_secs(120), up).await.is_ok();

@@ -10,9 +10,9 @@ use spykee::sim::{State, Tracks};
 use spykee::wire::{Command, Engage};
 
 use super::Ledger;
+use super::fault_feed::FaultFeed;
 use super::ledger::HOME;
 use super::spell::{Account, Look, Spell};
-use super::weather::Weather;
 
 /// How often it looks, in virtual time.
 pub const LOOK_EVERY: Duration = Duration::from_millis(200);
@@ -44,7 +44,7 @@ pub struct Observer {
     heard: usize,
     /// The first command after the login of each connection was a stop, or is still to come.
     clients: BTreeMap<u64, bool>,
-    /// Since when the battery is low, off the station, with a user and calm weather.
+    /// Since when the battery is low, off the station, with a user and no fault on.
     low_since: Option<Duration>,
     /// Times of setpoints within the last second.
     moves: Vec<Duration>,
@@ -84,26 +84,26 @@ impl Observer {
     }
 
     /// One look.
-    pub fn look(&mut self, lab: &Lab, weather: &Weather) {
+    pub fn look(&mut self, lab: &Lab, faults: &FaultFeed) {
         let (state, now) = (lab.sim().state(), lab.now());
-        let calm = weather.is_calm(now);
+        let calm = faults.is_calm(now);
         self.read_events();
         self.listen(lab, calm);
-        self.watch_battery(&state, now, calm && !weather.has_carried());
+        self.watch_battery(&state, now, calm && !faults.has_carried());
         self.watch_spell(&Look {
             state: &state,
             now,
             lasted: LOOK_EVERY,
             online: state.user.as_deref() == Some(OURS),
-            disturbed: weather.is_bad(now),
+            disturbed: faults.is_bad(now),
         });
-        if let Some(spell) = self.spell.as_mut().filter(|_| weather.has_carried()) {
+        if let Some(spell) = self.spell.as_mut().filter(|_| faults.has_carried()) {
             spell.carried();
         }
         self.help_up(lab, &state, now);
     }
 
-    /// Something goes wrong now, by the weather's will.
+    /// Something goes wrong now, by the fault feed.
     pub fn trouble(&mut self, now: Duration, what: &str) {
         let at = now.as_secs_f64();
         self.ledger.happened(format!("{at:.2} s {what}"));

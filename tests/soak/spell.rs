@@ -152,7 +152,7 @@ impl Spell {
         excuse
     }
 
-    /// Something went wrong, by the weather's will.
+    /// Something went wrong, by the fault feed.
     pub fn trouble(&mut self, now: Duration, what: &str) {
         self.troubles.push((now, what.to_owned()));
     }

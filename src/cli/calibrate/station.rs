@@ -8,7 +8,7 @@ use crate::clean;
 use crate::cli::picture;
 use crate::cli::{Exit, Failure, print};
 use crate::vision::{
-    Blob, BlobOptions, Camera, Colour, DistanceError, Eyes, FrameError, Measure, Size,
+    Blob, BlobOptions, Camera, Colour, DistanceError, Eyes, FrameError, Image, Measure, Size,
     field_of_view,
 };
 
@@ -17,12 +17,20 @@ const WIDTH: f64 = 0.36;
 const HEIGHT: f64 = 0.34;
 /// Its box may be so much flatter or slimmer than that.
 const SHAPE: f64 = 0.25;
-/// Its plate is brighter than this, of 255.
-const PLATE: f32 = 110.0;
+/// Its sides are darker than this, of 255, its plate and the wall behind it brighter.
+const MIDDLE: f32 = 110.0;
+/// So many pixels beside what is dark may be, too.
+const BLUR: u32 = 2;
 /// Distances from which it can be measured, metres.
 pub(super) const DISTANCES: std::ops::RangeInclusive<f64> = 0.3..=5.0;
 const HELP: &str = "put the robot straight before the station, measure from the lens to the station's front, and take \
                     pictures from 0.8, 1, 1.5 and 2 m";
+
+/// The station's front in a picture, pixels.
+struct Front {
+    edges: [f64; 2],
+    row: f64,
+}
 
 /// Finds the station in each picture, and says what the field of view is.
 ///
@@ -46,18 +54,17 @@ pub(super) fn run(images: &[PathBuf], distances: &[f64], as_json: bool) -> Resul
             let what = format_args!("{} has another size than those before it", path.display());
             return Err(Failure::usage(what).help("take all of them with the same camera"));
         }
-        let Some(blob) = station else {
+        let Some(Front { edges, row }) = station else {
             tracing::warn!(
                 "no station is seen in {}: it does not count",
                 path.display()
             );
             continue;
         };
-        let left = f64::from(blob.x) - 0.5;
         measures.push(Measure {
             distance: *distance,
-            edges: [left, left + f64::from(blob.w)],
-            row: f64::from(blob.y) + f64::from(blob.h) / 2.0,
+            edges,
+            row,
         });
         names.push(path.display().to_string());
     }
@@ -80,7 +87,7 @@ pub(super) fn run(images: &[PathBuf], distances: &[f64], as_json: bool) -> Resul
 }
 
 /// The picture's size, and the largest thing in it that looks like the station from its front.
-fn look(eyes: &mut Eyes, key: u64, path: &Path) -> Result<(Size, Option<Blob>), Failure> {
+fn look(eyes: &mut Eyes, key: u64, path: &Path) -> Result<(Size, Option<Front>), Failure> {
     let jpeg = picture::read(path)?;
     let unusable = |error: FrameError| picture::unusable(path, &error);
     let size = eyes.look(key, &jpeg).map_err(unusable)?.size();
@@ -96,15 +103,39 @@ fn look(eyes: &mut Eyes, key: u64, path: &Path) -> Result<(Size, Option<Blob>), 
         .map_err(unusable)?;
     let blobs = blobs.to_vec();
     let image = eyes.look(key, &jpeg).map_err(unusable)?;
-    let is_station = |blob: &&Blob| {
-        let shape = f64::from(blob.w) / f64::from(blob.h) / (WIDTH / HEIGHT);
-        // Above the middle its plate is white from side to side.
-        let (column, row) = (blob.x + blob.w / 2, blob.y + blob.h / 5);
-        let plate = image.pixel(column, row).unwrap_or_default().map(f32::from);
-        let light = plate.iter().sum::<f32>() / 3.0;
-        !blob.edge && (shape - 1.0).abs() < SHAPE && light > PLATE
+    Ok((size, blobs.iter().find_map(|blob| station_in(image, blob))))
+}
+
+/// Its sides, if what is dark there is the station's front.
+fn station_in(image: &Image, blob: &Blob) -> Option<Front> {
+    let light = |x: u32, y: u32| {
+        let pixel = image.pixel(x, y).unwrap_or_default().map(f32::from);
+        pixel.iter().sum::<f32>() / 3.0
     };
-    Ok((size, blobs.iter().find(is_station).copied()))
+    let columns = blob.x.saturating_sub(BLUR)..blob.x + blob.w + BLUR;
+    // Its upper half stands before the wall; at its foot other dark things may touch it.
+    let rows = blob.y + blob.h * 15 / 100..=blob.y + blob.h / 2;
+    let sides: Vec<(u32, u32)> = rows
+        .filter_map(|y| {
+            let dark = |x: &u32| light(*x, y) < MIDDLE;
+            let mut columns = columns.clone();
+            let left = columns.find(dark)?;
+            Some((left, columns.rfind(dark)?))
+        })
+        .collect();
+    let middle = |side: fn(&(u32, u32)) -> u32| {
+        let mut places: Vec<u32> = sides.iter().map(side).collect();
+        places.sort_unstable();
+        places.get(places.len() / 2).copied().map(f64::from)
+    };
+    let (left, right) = (middle(|side| side.0)? - 0.5, middle(|side| side.1)? + 0.5);
+    let shape = (right - left) / f64::from(blob.h) / (WIDTH / HEIGHT);
+    let plate = light(((left + right) / 2.0) as u32, blob.y + blob.h / 5);
+    let is_it = !blob.edge && (shape - 1.0).abs() < SHAPE && plate > MIDDLE;
+    is_it.then_some(Front {
+        edges: [left, right],
+        row: f64::from(blob.y) + f64::from(blob.h) / 3.0,
+    })
 }
 
 type Found = (f64, f64, Vec<f64>);

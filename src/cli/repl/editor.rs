@@ -47,7 +47,7 @@ pub(super) enum Typed {
 
 /// To the prompt.
 #[derive(Debug)]
-pub(super) enum Told {
+pub(super) enum EditorCommand {
     Print(String),
     Done(Next),
 }
@@ -62,7 +62,11 @@ pub(super) enum Next {
 type Lines = Editor<Names, FileHistory>;
 
 /// Until the input ends or the receiver is dropped.
-pub(super) fn serve(typed: &mpsc::Sender<Typed>, told: mpsc::Receiver<Told>, console: &Console) {
+pub(super) fn serve(
+    typed: &mpsc::Sender<Typed>,
+    told: mpsc::Receiver<EditorCommand>,
+    console: &Console,
+) {
     let mut prompt = match open() {
         Ok(lines) => Prompt {
             lines,
@@ -109,7 +113,7 @@ fn open() -> rustyline::Result<Lines> {
 
 struct Prompt {
     lines: Lines,
-    told: mpsc::Receiver<Told>,
+    told: mpsc::Receiver<EditorCommand>,
     history: Option<PathBuf>,
     /// A person types; otherwise lines come from a pipe.
     person: bool,
@@ -143,8 +147,8 @@ impl Prompt {
     fn wait(&mut self) -> Option<Next> {
         loop {
             match self.told.blocking_recv()? {
-                Told::Print(text) => show(&text),
-                Told::Done(next) => return Some(next),
+                EditorCommand::Print(text) => show(&text),
+                EditorCommand::Done(next) => return Some(next),
             }
         }
     }

@@ -76,7 +76,7 @@ pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
                     took,
                 };
                 show_docked(args.json, docked)?;
-                judge(end, run.overview.low)
+                exit_of(end, run.overview.low)
             }
             Some(_) => Err(nonsense()),
         };
@@ -86,7 +86,7 @@ pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
     let docking = drive(aim.means(seed)?, async |driver| {
         let docked = driver.dock(plan).await?;
         show_docked(args.json, docked)?;
-        judge(docked.end, driver.status().low)
+        exit_of(docked.end, driver.status().low)
     });
     block_on(docking)?
 }
@@ -112,7 +112,7 @@ pub(super) fn undock(args: &UndockArgs) -> Result<Exit, Failure> {
             None => Ok(Exit::Interrupted),
             Some(Answer::Undocked(end)) => {
                 show_undocked(args.json, end)?;
-                judge(end, run.overview.low)
+                exit_of(end, run.overview.low)
             }
             Some(_) => Err(nonsense()),
         };
@@ -122,7 +122,7 @@ pub(super) fn undock(args: &UndockArgs) -> Result<Exit, Failure> {
     let undocking = drive(aim.means(seed)?, async |driver| {
         let end = driver.undock(limit).await?;
         show_undocked(args.json, end)?;
-        judge(end, driver.status().low)
+        exit_of(end, driver.status().low)
     });
     block_on(undocking)?
 }
@@ -136,7 +136,7 @@ fn show_undocked(as_json: bool, end: DockEnd) -> Result<(), Failure> {
 }
 
 /// Where the robot was wanted is a success, also if it stood there before.
-fn judge(end: DockEnd, low: bool) -> Result<Exit, Failure> {
+fn exit_of(end: DockEnd, low: bool) -> Result<Exit, Failure> {
     let (exit, what, help) = match end {
         DockEnd::Done => return Ok(Exit::Done),
         DockEnd::AlreadyDocked => {

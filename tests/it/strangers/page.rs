@@ -364,7 +364,13 @@ async fn a_thousand_connections_keep_no_open_page_from_stopping_the_robot() {
     let (mut run, at) = driving(&rig).await;
     let from = rig.sim.heard_count();
     let mut page = Page::open(&at, "").await.unwrap();
-    let held = stuck(&at, 1000, "GET / HTTP/1.1\r\n").await;
+    let door = at.clone();
+    let crowd = tokio::spawn(async move { stuck(&door, 1000, "GET / HTTP/1.1\r\n").await });
+    // Shows life meanwhile, as pages do.
+    while !crowd.is_finished() {
+        page.hear().await;
+    }
+    let held = crowd.await.unwrap();
     page.say("{\"type\":\"stop\"}").await;
     rig.heard_stop(from).await;
     drop(held);

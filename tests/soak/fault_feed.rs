@@ -38,7 +38,7 @@ const FAULTS: [&str; 21] = [
 ];
 
 /// All that may go wrong.
-pub struct Weather {
+pub struct FaultFeed {
     rng: StdRng,
     next: Duration,
     bad_until: Duration,
@@ -46,9 +46,9 @@ pub struct Weather {
     pub troubles: u64,
 }
 
-impl Weather {
-    pub fn new(seed: u64) -> Weather {
-        Weather {
+impl FaultFeed {
+    pub fn new(seed: u64) -> FaultFeed {
+        FaultFeed {
             rng: StdRng::seed_from_u64(seed),
             next: Duration::from_secs(120),
             bad_until: Duration::ZERO,

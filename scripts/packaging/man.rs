@@ -1,0 +1,90 @@
+//! The manual pages, made from the definition of the command line: a page for each subcommand. Part of
+//! `scripts/package`: `cargo bench --profile dev --bench man -- FOLDER`.
+#![allow(missing_docs)]
+
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use clap_mangen::Man;
+
+/// What `--help` says nowhere.
+const REST: &str = r#".SH "EXIT STATUS"
+.TP
+0
+Done.
+.TP
+1
+A script failed, or the robot did not do what a tool asked.
+.TP
+2
+The command line, the config or a file cannot be used.
+.TP
+3
+The robot cannot be reached or does not let us in.
+.TP
+4
+A mistake was found in a script, or a scenario failed.
+.TP
+5
+At the end the watchdog had the robot: its battery is low.
+.TP
+130
+Interrupted by a signal.
+.SH ENVIRONMENT
+.TP
+SPYKEE_PASSWORD
+The robot's password.
+.TP
+SPYKEE_CONFIG
+The config, if \-\-config names none.
+.TP
+SPYKEE_...
+A single setting: SPYKEE_WATCHDOG_LOW for low in watchdog.
+.TP
+RUST_LOG
+What is logged.
+.TP
+NO_COLOR
+No colours.
+.SH FILES
+.TP
+spykee.yaml
+The config of the current folder, if no other is named.
+.TP
+/etc/spykee/spykee.yaml
+The config of the service (Debian package).
+.TP
+/var/lib/spykee
+What the service keeps (Debian package).
+.TP
+/usr/share/spykee/behaviours
+Behaviours, worlds and lessons that come along, and README.md, the guide to writing scripts (Debian package).
+"#;
+
+fn main() -> io::Result<()> {
+    // `cargo bench` adds an argument of its own.
+    let named = std::env::args_os().skip(1).find(|word| word != "--bench");
+    let Some(folder) = named.map(PathBuf::from) else {
+        return Err(io::Error::other("say into which folder"));
+    };
+    std::fs::create_dir_all(&folder)?;
+    let mut command = spykee::cli::command().disable_help_subcommand(true);
+    command.build();
+    write(&command, &folder, true)
+}
+
+/// One page, and those of what is below it.
+fn write(command: &clap::Command, folder: &Path, is_first: bool) -> io::Result<()> {
+    let man = Man::new(command.clone()).source(concat!("spykee ", env!("CARGO_PKG_VERSION")));
+    let mut page = Vec::new();
+    man.render(&mut page)?;
+    if is_first {
+        page.write_all(REST.as_bytes())?;
+    }
+    std::fs::write(folder.join(man.get_filename()), page)?;
+    let shown = command.get_subcommands().filter(|one| !one.is_hide_set());
+    for subcommand in shown {
+        write(subcommand, folder, false)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,96 @@
+//! What a webhook or a broker is sent: a text, JSON, a picture, or a form with both.
+
+use std::borrow::Cow;
+
+use serde_json::Value;
+
+use super::notice::Notice;
+use super::options::{PictureWay, Target};
+use super::template::{Slot, fill, fill_json};
+
+/// What is sent.
+#[derive(Debug, PartialEq)]
+pub(super) struct Content {
+    pub(super) kind: Cow<'static, str>,
+    pub(super) bytes: Vec<u8>,
+}
+
+/// The content of a message by this target's templates.
+pub(super) fn content(
+    target: &Target,
+    token: &str,
+    notice: &Notice,
+    picture: Option<&[u8]>,
+) -> Content {
+    let json = target
+        .json
+        .as_ref()
+        .map(|json| fill_json(json, notice, token));
+    let body = target.body.as_deref().unwrap_or("{text}");
+    let text = || fill(body, notice, token, Slot::Plain);
+    match (picture, target.picture, json) {
+        (Some(picture), PictureWay::Body, _) => Content {
+            kind: "image/jpeg".into(),
+            bytes: picture.to_vec(),
+        },
+        (Some(picture), PictureWay::Form, json) => {
+            let name = notice.picture.as_ref().and_then(|path| path.file_name());
+            let name = name.unwrap_or_default().to_string_lossy();
+            let boundary = boundary();
+            Content {
+                kind: format!("multipart/form-data; boundary={boundary}").into(),
+                bytes: form(&boundary, &fields(json, text), &name, picture),
+            }
+        }
+        (_, _, Some(json)) => Content {
+            kind: "application/json".into(),
+            bytes: json.to_string().into_bytes(),
+        },
+        _ => Content {
+            kind: "text/plain; charset=utf-8".into(),
+            bytes: text().into_bytes(),
+        },
+    }
+}
+
+fn fields(json: Option<Value>, text: impl Fn() -> String) -> Vec<(String, String)> {
+    let Some(Value::Object(map)) = json else {
+        return vec![("body".to_owned(), text())];
+    };
+    let plain = |value: Value| match value {
+        Value::String(text) => text,
+        value => value.to_string(),
+    };
+    map.into_iter()
+        .map(|(key, value)| (key, plain(value)))
+        .collect()
+}
+
+/// Separates the parts of a form. Nobody can know it before, so no text and no picture of a script or a
+/// robot makes a part of its own.
+fn boundary() -> String {
+    format!("spykee-{:032x}", rand::random::<u128>())
+}
+
+/// Of a form; names of fields come from the config, their texts from anywhere.
+fn form(boundary: &str, fields: &[(String, String)], name: &str, picture: &[u8]) -> Vec<u8> {
+    let quoted = |text: &str| text.replace(['"', '\r', '\n', '\\'], "_");
+    let mut bytes = Vec::new();
+    for (key, value) in fields {
+        let key = quoted(key);
+        let part = format!(
+            "--{boundary}\r\nContent-Disposition: form-data; name=\"{key}\"\r\n\
+             Content-Type: text/plain; charset=utf-8\r\n\r\n{value}\r\n"
+        );
+        bytes.extend_from_slice(part.as_bytes());
+    }
+    let name = quoted(name);
+    let head = format!(
+        "--{boundary}\r\nContent-Disposition: form-data; name=\"attachment\"; filename=\"{name}\"\r\n\
+         Content-Type: image/jpeg\r\n\r\n"
+    );
+    bytes.extend_from_slice(head.as_bytes());
+    bytes.extend_from_slice(picture);
+    bytes.extend_from_slice(format!("\r\n--{boundary}--\r\n").as_bytes());
+    bytes
+}

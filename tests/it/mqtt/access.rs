@@ -1,0 +1,98 @@
+//! Who may ask for which robot is the broker's business: the access list of the README.
+
+use std::os::unix::fs::PermissionsExt as _;
+
+use spykee::wire::{Command, Engage, Sound};
+
+use super::broker::{Broker, Ear};
+use super::{A, IDLE, robot};
+use crate::rig::{Rig, Run};
+
+/// As in README.md: `rover1` and `rover2` are agents, `anna` may ask for the first, `bruno` for the second.
+const ACCESS: &str = "
+user rover1
+topic readwrite spykee/SPYKEE0001/#
+topic write homeassistant/device/SPYKEE0001/config
+topic read homeassistant/status
+
+user rover2
+topic readwrite spykee/SPYKEE0002/#
+topic write homeassistant/device/SPYKEE0002/config
+topic read homeassistant/status
+
+user anna
+topic read spykee/SPYKEE0001/#
+topic write spykee/SPYKEE0001/command
+topic write spykee/SPYKEE0001/behaviour/set
+
+user bruno
+topic read spykee/SPYKEE0002/#
+topic write spykee/SPYKEE0002/command
+topic write spykee/SPYKEE0002/behaviour/set
+";
+
+const USERS: &[(&str, &str)] = &[
+    ("rover1", "r1"),
+    ("rover2", "r2"),
+    ("anna", "a"),
+    ("bruno", "b"),
+];
+
+/// The config of somebody at this broker.
+fn config(rig: &Rig, broker: &Broker, name: &str, user: usize) -> String {
+    let (user, password) = USERS[user];
+    let secret = rig.file(&format!("{name}.password"), password);
+    std::fs::set_permissions(secret, std::fs::Permissions::from_mode(0o600)).unwrap();
+    let port = broker.port;
+    format!(
+        "mqtt: {{ host: 127.0.0.1, port: {port}, user: {user}, password_file: {name}.password }}\n"
+    )
+}
+
+fn agent(rig: &Rig, broker: &Broker, user: usize) -> Run {
+    rig.file("patrol.lua", IDLE);
+    let broker = config(rig, broker, "agent", user);
+    rig.run_config(&format!("behaviours: [{{ file: patrol.lua }}]\n{broker}"))
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_may_ask_for_one_robot_can_neither_drive_nor_see_nor_be_another() {
+    let lines = "password_file @/users\nacl_file @/access\n";
+    let Some(mut broker) = Broker::start_with(lines, USERS) else {
+        return;
+    };
+    broker.file("access", ACCESS);
+    broker.restart();
+    let (first, second) = (robot(A).await, robot("SPYKEE0002").await);
+    let (anna, bruno) = (
+        Ear::of(&broker, Some(USERS[2])).await,
+        Ear::of(&broker, Some(USERS[3])).await,
+    );
+    let _first = agent(&first, &broker, 0);
+    let _second = agent(&second, &broker, 1);
+    anna.hears_word(0, "spykee/SPYKEE0001/connection", "ONLINE")
+        .await;
+    bruno
+        .hears_word(0, "spykee/SPYKEE0002/connection", "ONLINE")
+        .await;
+    for order in ["return_to_base", "stop"] {
+        bruno.say("spykee/SPYKEE0001/command", order, false).await;
+    }
+    bruno
+        .say("spykee/SPYKEE0002/command", "locate", false)
+        .await;
+    let laser = |one: &Command| *one == Command::Play(Sound::Laser);
+    second.heard(0, laser).await;
+    // The broker had bruno's orders before this one.
+    anna.say("spykee/SPYKEE0001/command", "locate", false).await;
+    first.heard(0, laser).await;
+    let dock = |one: &&Command| **one == Command::Engine(Engage::Dock);
+    assert_eq!(first.commands(0).iter().find(dock), None);
+    assert!(!bruno.heard_of("spykee/SPYKEE0001") && !anna.heard_of("spykee/SPYKEE0002"));
+    first.file("fleet.yaml", &config(&first, &broker, "bruno", 3));
+    let fleet = ["fleet", "stop", A, "--config", "fleet.yaml"];
+    let mut stop = first.spykee(&fleet);
+    assert_eq!(stop.code().await, Some(2), "{}", stop.text());
+    let unknown = "no robot SPYKEE0001 has been at this broker";
+    assert!(stop.text().contains(unknown), "{}", stop.text());
+}

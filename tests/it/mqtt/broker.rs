@@ -1,0 +1,231 @@
+//! A broker of the test's own, and somebody who listens there.
+
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command as Process, Stdio};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use rumqttc::{AsyncClient, Event, MqttOptions, Packet, QoS};
+use rustix::process::Signal;
+use serde_json::Value;
+
+use crate::rig::PATIENCE;
+
+/// A broker of the test's own.
+pub struct Broker {
+    child: Child,
+    pub port: u16,
+    folder: tempfile::TempDir,
+}
+
+impl Drop for Broker {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Where Debian puts it, which not every search path has.
+fn mosquitto() -> Option<PathBuf> {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let folders = std::env::split_paths(&path).chain([PathBuf::from("/usr/sbin")]);
+    let found = folders
+        .map(|one| one.join("mosquitto"))
+        .find(|one| one.is_file());
+    if found.is_none() {
+        eprintln!("skipped: mosquitto is not installed (scripts/check installs it)");
+    }
+    found
+}
+
+impl Broker {
+    /// Everybody may do everything there.
+    pub fn start() -> Option<Broker> {
+        Broker::start_with("allow_anonymous true\n", &[])
+    }
+
+    /// With these lines in its config, in which `@` is its folder, and these users and passwords.
+    pub fn start_with(lines: &str, users: &[(&str, &str)]) -> Option<Broker> {
+        let executable = mosquitto()?;
+        let folder = tempfile::tempdir().unwrap();
+        let place = folder.path().display().to_string();
+        std::fs::write(folder.path().join("users"), "").unwrap();
+        for (user, password) in users {
+            let mut add = Process::new("mosquitto_passwd");
+            add.arg("-b")
+                .arg(folder.path().join("users"))
+                .args([user, password]);
+            assert!(add.status().unwrap().success());
+        }
+        let free = TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = free.local_addr().unwrap().port();
+        drop(free);
+        // Started by root it would become another user, who cannot write here.
+        let config = format!(
+            "listener {port} 127.0.0.1\npersistence true\n\
+             persistence_location {place}/\nuser root\n{}",
+            lines.replace('@', &place)
+        );
+        std::fs::write(folder.path().join("mosquitto.conf"), config).unwrap();
+        let child = Broker::spawn(&executable, folder.path());
+        Some(Broker {
+            child,
+            port,
+            folder,
+        })
+    }
+
+    fn spawn(executable: &Path, folder: &Path) -> Child {
+        let mut process = Process::new(executable);
+        process.arg("-c").arg(folder.join("mosquitto.conf"));
+        process.stdout(Stdio::null()).stderr(Stdio::null());
+        process.spawn().unwrap()
+    }
+
+    /// It ends as a broker ends that is restarted, and begins with what it has kept.
+    pub fn restart(&mut self) {
+        self.stop();
+        self.begin();
+    }
+
+    pub fn stop(&mut self) {
+        let pid = rustix::process::Pid::from_child(&self.child);
+        rustix::process::kill_process(pid, Signal::TERM).unwrap();
+        self.child.wait().unwrap();
+    }
+
+    /// It begins anew, at the same address.
+    pub fn begin(&mut self) {
+        self.child = Broker::spawn(&mosquitto().unwrap(), self.folder.path());
+    }
+
+    /// What it has kept is lost.
+    pub fn forget(&self) {
+        std::fs::remove_file(self.folder.path().join("mosquitto.db")).unwrap();
+    }
+
+    /// A file in its folder.
+    pub fn file(&self, name: &str, text: &str) {
+        std::fs::write(self.folder.path().join(name), text).unwrap();
+    }
+
+    pub fn config(&self) -> String {
+        format!("mqtt: {{ host: 127.0.0.1, port: {} }}\n", self.port)
+    }
+}
+
+/// A topic and what was published there.
+type Published = (String, Vec<u8>);
+
+/// Somebody who hears all that is said at the broker.
+pub struct Ear {
+    client: AsyncClient,
+    heard: Arc<Mutex<Vec<Published>>>,
+    task: tokio::task::JoinHandle<()>,
+}
+
+impl Drop for Ear {
+    fn drop(&mut self) {
+        self.task.abort();
+    }
+}
+
+impl Ear {
+    pub async fn at(broker: &Broker) -> Ear {
+        Ear::of(broker, None).await
+    }
+
+    /// As this user, with this password.
+    pub async fn of(broker: &Broker, user: Option<(&str, &str)>) -> Ear {
+        let id = format!("ear-{}", rand::random::<u32>());
+        let mut options = MqttOptions::new(id, "127.0.0.1", broker.port);
+        options.set_max_packet_size(1 << 20, 1 << 20);
+        if let Some((user, password)) = user {
+            options.set_credentials(user, password);
+        }
+        let (client, mut events) = AsyncClient::new(options, 100);
+        let heard = Arc::new(Mutex::new(Vec::new()));
+        let (kept, subscriber) = (heard.clone(), client.clone());
+        let task = tokio::spawn(async move {
+            loop {
+                match events.poll().await {
+                    Ok(Event::Incoming(Packet::ConnAck(_))) => {
+                        subscriber.try_subscribe("#", QoS::AtLeastOnce).unwrap();
+                    }
+                    Ok(Event::Incoming(Packet::Publish(one))) => {
+                        let mut heard: std::sync::MutexGuard<'_, Vec<(String, Vec<u8>)>> =
+                            kept.lock().unwrap();
+                        heard.push((one.topic, one.payload.to_vec()));
+                    }
+                    Ok(_) => {}
+                    Err(_) => tokio::time::sleep(Duration::from_millis(50)).await,
+                }
+            }
+        });
+        Ear {
+            client,
+            heard,
+            task,
+        }
+    }
+
+    pub async fn say(&self, topic: &str, payload: &str, retain: bool) {
+        let said = self
+            .client
+            .publish(topic, QoS::AtLeastOnce, retain, payload);
+        said.await.unwrap();
+    }
+
+    pub fn len(&self) -> usize {
+        self.heard.lock().unwrap().len()
+    }
+
+    /// Waits for a message from a place on, and gives it.
+    pub async fn hears(&self, from: usize, topic: &str, wanted: impl Fn(&[u8]) -> bool) -> Vec<u8> {
+        let until = std::time::Instant::now() + PATIENCE;
+        loop {
+            let heard = self.heard.lock().unwrap()[from..].to_vec();
+            let found = heard
+                .iter()
+                .find(|(of, payload)| of == topic && wanted(payload));
+            if let Some((_, payload)) = found {
+                return payload.clone();
+            }
+            let topics: Vec<_> = heard
+                .iter()
+                .map(|(topic, payload)| (topic, String::from_utf8_lossy(payload)))
+                .collect();
+            assert!(
+                std::time::Instant::now() < until,
+                "not {topic}, but {topics:?}"
+            );
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    }
+
+    /// Whether anything came from below a topic.
+    pub fn heard_of(&self, below: &str) -> bool {
+        let heard = self.heard.lock().unwrap();
+        heard.iter().any(|(topic, _)| topic.starts_with(below))
+    }
+
+    pub async fn hears_word(&self, from: usize, topic: &str, word: &str) {
+        self.hears(from, topic, |payload| payload == word.as_bytes())
+            .await;
+    }
+
+    pub async fn hears_state(
+        &self,
+        from: usize,
+        robot: &str,
+        wanted: impl Fn(&Value) -> bool,
+    ) -> Value {
+        let read = |payload: &[u8]| serde_json::from_slice::<Value>(payload).unwrap();
+        let topic = format!("spykee/{robot}/state");
+        let state = self
+            .hears(from, &topic, |payload| wanted(&read(payload)))
+            .await;
+        read(&state)
+    }
+}

@@ -1,0 +1,140 @@
+//! Several agents at one broker: `SPYKEE_FLEET=30` makes the largest one larger (`scripts/fleet`).
+
+use std::time::{Duration, Instant};
+
+use rustix::process::Signal;
+use serde_json::Value;
+
+use super::broker::{Broker, Ear};
+use super::{A, IDLE, robot, start};
+use crate::rig::{Rig, Run};
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_killed_agent_is_told_by_its_broker() {
+    let Some(broker) = Broker::start() else {
+        return;
+    };
+    let (rig, ear) = (robot(A).await, Ear::at(&broker).await);
+    let run = start(&rig, &broker, IDLE);
+    ear.hears_word(0, "spykee/SPYKEE0001/connection", "ONLINE")
+        .await;
+    run.signal(Signal::KILL);
+    ear.hears_word(0, "spykee/SPYKEE0001/connection", "CONNECTIONBROKEN")
+        .await;
+    rig.file("fleet.yaml", &broker.config());
+    let mut list = rig.spykee(&["fleet", "list", "--config", "fleet.yaml"]);
+    assert_eq!(list.code().await, Some(0), "{}", list.text());
+    let text = list.text();
+    assert!(text.contains("SPYKEE0001  CONNECTIONBROKEN"), "{text}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_fleet_runs_and_stops_together_and_every_robot_hears_it() {
+    let Some(broker) = Broker::start() else {
+        return;
+    };
+    let ear = Ear::at(&broker).await;
+    let names = ["SPYKEE0001", "SPYKEE0002", "SPYKEE0003"];
+    let mut rigs = Vec::new();
+    for name in names {
+        rigs.push(robot(name).await);
+    }
+    let drive = "robot.move(40, 40) while true do task.wait(1) end";
+    let mut runs: Vec<Run> = rigs.iter().map(|rig| start(rig, &broker, drive)).collect();
+    for (name, rig) in names.iter().zip(&rigs) {
+        ear.hears_word(0, &format!("spykee/{name}/connection"), "ONLINE")
+            .await;
+        rig.heard_motion(0).await;
+        let two = |state: &Value| state["running"].as_array().unwrap().len() == 2;
+        ear.hears_state(0, name, two).await;
+    }
+    rigs[0].file("fleet.yaml", &broker.config());
+    let fleet = |args: &[&str]| {
+        rigs[0].spykee(&[&["fleet"][..], args, &["--config", "fleet.yaml"]].concat())
+    };
+    let mut again = fleet(&["run", "patrol", "--on", "all"]);
+    assert_eq!(again.code().await, Some(4), "{}", again.text());
+    let refused = again
+        .text()
+        .matches("not done: `patrol` runs already")
+        .count();
+    assert_eq!(refused, 3, "{}", again.text());
+    let places: Vec<usize> = rigs.iter().map(|rig| rig.commands(0).len()).collect();
+    let mut stop = fleet(&["stop", "all"]);
+    assert_eq!(stop.code().await, Some(0), "{}", stop.text());
+    assert_eq!(stop.text().matches(": done").count(), 3, "{}", stop.text());
+    for (rig, place) in rigs.iter().zip(places) {
+        rig.heard_stop(place).await;
+    }
+    // Nothing is left to run.
+    for run in &mut runs {
+        assert_eq!(run.code().await, Some(0), "{}", run.text());
+    }
+}
+
+/// One that hangs says nothing for so long until its broker gives it up: 1.5 times this, in seconds.
+const KEEP_ALIVE: u64 = 4;
+/// A broker looks every few seconds only, and machines are slow.
+const SLACK: Duration = Duration::from_secs(20);
+
+#[tokio::test(flavor = "multi_thread")]
+async fn of_many_agents_those_that_die_or_hang_are_told_and_all_others_stop() {
+    let Some(broker) = Broker::start() else {
+        return;
+    };
+    let count = std::env::var("SPYKEE_FLEET").map_or(4, |text| text.parse().unwrap());
+    let ear = Ear::at(&broker).await;
+    let names: Vec<String> = (1..=count)
+        .map(|number| format!("SPYKEE{number:04}"))
+        .collect();
+    let mut rigs: Vec<Rig> = Vec::new();
+    let mut runs: Vec<Run> = Vec::new();
+    for name in &names {
+        let rig = robot(name).await;
+        rig.file("drive.lua", "while true do robot.move(40, 40, 0.5) end");
+        let port = broker.port;
+        runs.push(rig.run_config(&format!(
+            "behaviours: [{{ file: drive.lua }}]\n\
+             mqtt: {{ host: 127.0.0.1, port: {port}, keep_alive: {KEEP_ALIVE} }}\n"
+        )));
+        rigs.push(rig);
+    }
+    for (name, rig) in names.iter().zip(&rigs) {
+        rig.heard_motion(0).await;
+        ear.hears_word(0, &format!("spykee/{name}/connection"), "ONLINE")
+            .await;
+    }
+    let places: Vec<usize> = rigs.iter().map(|rig| rig.commands(0).len()).collect();
+    let gone = async |name: &str, since: Instant| {
+        let topic = format!("spykee/{name}/connection");
+        ear.hears_word(0, &topic, "CONNECTIONBROKEN").await;
+        since.elapsed()
+    };
+    let since = Instant::now();
+    runs[0].signal(Signal::STOP);
+    runs[1].signal(Signal::KILL);
+    let killed = gone(&names[1], since).await;
+    let hung = gone(&names[0], since).await;
+    eprintln!("{count} agents; told after {killed:?} (killed) and {hung:?} (hung)");
+    let most = Duration::from_secs(KEEP_ALIVE) * 3 / 2;
+    assert!(
+        killed < SLACK && hung < most + SLACK,
+        "{killed:?}, {hung:?}"
+    );
+    let since = Instant::now();
+    rigs[0].file("fleet.yaml", &broker.config());
+    let mut stop = rigs[0].spykee(&["fleet", "stop", "all", "--config", "fleet.yaml"]);
+    assert_eq!(stop.code().await, Some(4), "{}", stop.text());
+    eprintln!("stop all: {:?}", since.elapsed());
+    let text = stop.text();
+    let said = |what| text.matches(what).count();
+    let broken = ": not asked, it is CONNECTIONBROKEN";
+    assert_eq!((said(": done"), said(broken)), (count - 2, 2), "{text}");
+    // Those that nobody could ask were stopped by their guardians.
+    for (rig, place) in rigs.iter().zip(places) {
+        rig.heard_stop(place).await;
+    }
+    for run in &mut runs[2..] {
+        assert_eq!(run.code().await, Some(0), "{}", run.text());
+    }
+}

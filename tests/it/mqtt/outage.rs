@@ -1,0 +1,89 @@
+//! A broker that is gone for long, and back. Its time is compressed: the longest pause is short.
+
+use std::io::Read as _;
+use std::net::TcpListener;
+use std::time::{Duration, Instant};
+
+use spykee::wire::{Command, Led, Sound};
+
+use super::broker::{Broker, Ear};
+use super::{A, robot};
+use crate::rig::PATIENCE;
+
+/// Upper end of the pauses, in seconds.
+const LONGEST_PAUSE: u64 = 2;
+/// So many tries while the broker is gone.
+const KNOCKS: usize = 6;
+
+/// Stands where the broker was, and hangs up on everybody: when the agent came.
+fn knocks(port: u16) -> Vec<Instant> {
+    let door = TcpListener::bind(("127.0.0.1", port)).unwrap();
+    let mut came = Vec::new();
+    for stream in door.incoming() {
+        let mut stream = stream.unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        let mut said = [0; 256];
+        let length = stream.read(&mut said).unwrap_or(0);
+        let is_agent = String::from_utf8_lossy(&said[..length]).contains("spykee-SPYKEE0001");
+        came.extend(is_agent.then(Instant::now));
+        if came.len() == KNOCKS {
+            break;
+        }
+    }
+    came
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn after_a_long_outage_all_is_told_anew_and_no_old_order_runs() {
+    let Some(mut broker) = Broker::start() else {
+        return;
+    };
+    let (rig, ear) = (robot(A).await, Ear::at(&broker).await);
+    let blinks = "local on = true
+        while true do robot.led('left', on) on = not on task.wait(0.2) end";
+    rig.file("patrol.lua", blinks);
+    let run = rig.run_config(&format!(
+        "behaviours: [{{ file: patrol.lua }}]\n\
+         mqtt: {{ host: 127.0.0.1, port: {}, longest_pause: {LONGEST_PAUSE} }}\n",
+        broker.port
+    ));
+    ear.hears_word(0, "spykee/SPYKEE0001/connection", "ONLINE")
+        .await;
+    let laser = |one: &Command| *one == Command::Play(Sound::Laser);
+    ear.say("spykee/SPYKEE0001/command", "locate", false).await;
+    rig.heard(0, laser).await;
+    broker.stop();
+    broker.forget();
+    let (gone, port) = (rig.sim.heard_count(), broker.port);
+    let came = tokio::task::spawn_blocking(move || knocks(port));
+    let came = tokio::time::timeout(PATIENCE * 2, came)
+        .await
+        .unwrap()
+        .unwrap();
+    // Pauses are drawn from the upper half of steps that grow up to the longest.
+    let last = came[KNOCKS - 1] - came[KNOCKS - 4];
+    let least = Duration::from_secs(LONGEST_PAUSE) * 3 / 2;
+    assert!(
+        last + Duration::from_millis(100) > least,
+        "{last:?}: they do not grow"
+    );
+    // The robot did not notice.
+    for on in [true, false, true] {
+        let light = move |one: &Command| *one == Command::Led { led: Led::Left, on };
+        rig.heard(gone, light).await;
+    }
+    let from = ear.len();
+    broker.begin();
+    ear.hears_word(from, "spykee/SPYKEE0001/connection", "ONLINE")
+        .await;
+    ear.hears(from, "homeassistant/device/SPYKEE0001/config", |_| true)
+        .await;
+    ear.hears_state(from, A, |state| state["problem"] == false)
+        .await;
+    assert_eq!(rig.commands(0).iter().filter(|one| laser(one)).count(), 1);
+    let back = rig.sim.heard_count();
+    ear.say("spykee/SPYKEE0001/command", "locate", false).await;
+    rig.heard(back, laser).await;
+    let told = "no broker at 127.0.0.1";
+    assert_eq!(run.text().matches(told).count(), 1, "{}", run.text());
+}

@@ -1,0 +1,77 @@
+//! Notifications that are published at a topic.
+
+use serde_json::Value;
+
+use super::broker::{Broker, Ear};
+use super::{A, robot};
+use crate::rig::Rig;
+
+const SENDS: &str = "local path = robot.wait_frame(20):save('seen')
+    notify.send('look at this', { picture = path })";
+
+/// Two targets: words as JSON, and pictures.
+fn config(rig: &Rig, broker: &Broker) {
+    rig.file(
+        "spykee.yaml",
+        &format!(
+            "data: data\nbehaviours: [{{ file: one.lua }}]\n\
+             notify:\n  targets:\n    \
+             words: {{ topic: house/says, on: [script], json: {{ event: '{{event}}', text: '{{text}}' }} }}\n    \
+             sights: {{ topic: house/sees, on: [script], picture: body }}\n{}",
+            broker.config()
+        ),
+    );
+}
+
+fn waiting(rig: &Rig) -> usize {
+    let folder = rig.folder().join("data/.notify/words");
+    std::fs::read_dir(folder).map_or(0, |files| files.count())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_scripts_send_is_published_with_its_picture_and_outlives_a_broker_that_is_gone() {
+    let Some(mut broker) = Broker::start() else {
+        return;
+    };
+    let (rig, ear) = (robot(A).await, Ear::at(&broker).await);
+    rig.file("one.lua", SENDS);
+    config(&rig, &broker);
+    let run = || rig.spykee(&["run", "--config", "spykee.yaml", "--robot", &rig.address]);
+    let mut first = run();
+    assert_eq!(first.code().await, Some(0), "{}", first.text());
+    let said = ear.hears(0, "house/says", |_| true).await;
+    let said: Value = serde_json::from_slice(&said).unwrap();
+    assert_eq!(
+        said,
+        serde_json::json!({ "event": "script", "text": "look at this" })
+    );
+    let seen = ear.hears(0, "house/sees", |_| true).await;
+    assert!(seen.starts_with(&[0xff, 0xd8]));
+    assert_eq!(waiting(&rig), 0);
+    broker.stop();
+    let mut second = run();
+    assert_eq!(second.code().await, Some(0), "{}", second.text());
+    let text = second.text();
+    assert!(
+        text.contains("not told yet: no connection with the broker"),
+        "{text}"
+    );
+    assert_eq!(waiting(&rig), 1);
+    let from = ear.len();
+    broker.begin();
+    rig.file("one.lua", "task.wait(1)");
+    let mut third = run();
+    ear.hears(from, "house/says", |_| true).await;
+    assert_eq!(third.code().await, Some(0), "{}", third.text());
+    assert_eq!(waiting(&rig), 0);
+    let mut test = rig.spykee(&["notify", "test", "words", "--config", "spykee.yaml"]);
+    assert_eq!(test.code().await, Some(0), "{}", test.text());
+    ear.hears(from, "house/says", |payload| {
+        String::from_utf8_lossy(payload).contains("a test of")
+    })
+    .await;
+    let mut found = rig.spykee(&["notify", "test", "words"]);
+    assert_eq!(found.code().await, Some(2), "{}", found.text());
+    let why = "goes to a broker";
+    assert!(found.text().contains(why), "{}", found.text());
+}
