@@ -10,7 +10,9 @@ use tokio::sync::{broadcast, mpsc, oneshot, watch};
 use tokio::time::{Instant, timeout};
 
 use super::Behaviour;
-use crate::robot::{BehaviourId, EndReason, Findings, Lookout, Priority};
+use crate::robot::{
+    BehaviourId, EndReason, Findings, Knobs, Lookout, ParamValue, Priority, Turned,
+};
 use crate::script::{Ending, suggestion};
 
 /// Orders that may wait; one that finds the queue full is refused.
@@ -139,6 +141,9 @@ pub enum RosterError {
     /// So many run that there is no room for another.
     #[error("{0} behaviours run already, and that is the most")]
     Full(usize),
+    /// A parameter that is not there, cannot be changed, or must be something else; in words.
+    #[error("{0}")]
+    WrongParam(String),
     /// There is no robot that it could drive.
     #[error("the robot is not connected")]
     Offline,
@@ -258,6 +263,43 @@ impl Roster {
     /// What the behaviours find in frames from now on; who is slow misses some.
     pub fn findings(&self) -> broadcast::Receiver<Findings> {
         self.lookout.look()
+    }
+
+    /// The parameters of the behaviours that run; changes can be waited for.
+    pub fn knobs(&self) -> watch::Receiver<Knobs> {
+        self.lookout.console().knobs()
+    }
+
+    /// Changes a parameter of a behaviour that runs, until it is started anew. Who has declared it has
+    /// the last word: what it refuses after all it says in its log.
+    ///
+    /// # Errors
+    /// See [`RosterError`].
+    pub fn turn(&self, behaviour: &str, name: &str, value: ParamValue) -> Result<(), RosterError> {
+        let knobs = self.knobs();
+        let knobs = knobs.borrow();
+        let runs = || RosterError::DoesNotRun(behaviour.to_owned());
+        let list = knobs.get(behaviour).ok_or_else(runs)?;
+        let Some(knob) = list.iter().find(|knob| knob.name == name) else {
+            let near = suggestion(name, list.iter().map(|knob| knob.name.as_str()));
+            let words = format!("`{behaviour}` has no parameter of this name{near}");
+            return Err(RosterError::WrongParam(words));
+        };
+        if !knob.live {
+            let words = format!("`{name}` cannot be changed while `{behaviour}` runs");
+            return Err(RosterError::WrongParam(words));
+        }
+        if !knob.allows(&value) {
+            let words = format!("`{name}` must be {}", knob.expected());
+            return Err(RosterError::WrongParam(words));
+        }
+        let (behaviour, name) = (behaviour.to_owned(), name.to_owned());
+        self.lookout.console().turn(Turned {
+            behaviour,
+            name,
+            value,
+        });
+        Ok(())
     }
 
     async fn order(&self, order: impl FnOnce(Reply) -> RosterCommand) -> Result<(), RosterError> {

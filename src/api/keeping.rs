@@ -21,6 +21,11 @@ const PARAMETER: &[Value] = &[
         "of a text: these and no others",
     )
     .optional(),
+    boolean(
+        "live",
+        "a person may change it while the script runs, such as at the page: read it anew each time",
+    )
+    .optional(),
     text("doc", "what it is for").optional(),
 ];
 

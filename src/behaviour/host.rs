@@ -265,6 +265,7 @@ impl Host {
             }
             ToHost::Ahead { at, jpeg } => self.look_ahead(at, &jpeg),
             ToHost::Evaluate { text, more } => self.script.evaluate(&text, more, now),
+            ToHost::Turn { name, value } => self.script.turn_param(&name, value, now),
             ToHost::Interrupt => self.script.interrupt(now),
             ToHost::Module(name, file) => self.script.deliver_module(&name, file, now),
             ToHost::Stop(reason) => self.script.stop(reason, now),

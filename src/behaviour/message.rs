@@ -7,7 +7,7 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
 use super::library::Library;
-use crate::robot::{EndReason, Event, Finding};
+use crate::robot::{EndReason, Event, Finding, ParamValue};
 use crate::script::{Ending, ModuleFile, ModuleName, Options, Output};
 
 /// A script and all it needs; no secrets.
@@ -53,6 +53,13 @@ pub enum ToHost {
         text: String,
         /// Whether further lines may follow.
         more: bool,
+    },
+    /// A person gives a parameter another value.
+    Turn {
+        /// Which.
+        name: String,
+        /// This.
+        value: ParamValue,
     },
     /// Bring to rest what typed lines have begun.
     Interrupt,

@@ -6,7 +6,7 @@
 use std::time::Duration;
 
 use tokio::runtime::Handle as Runtime;
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{broadcast, mpsc, watch};
 use tokio::time::{Instant, sleep_until, timeout};
 use tokio_util::task::AbortOnDropHandle;
 use tracing::{debug, warn};
@@ -20,7 +20,7 @@ use super::prepared::{EXIT_TIME, Prepared, ending};
 use super::remarks;
 use crate::clock::until;
 use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
-use crate::robot::{Bus, Coming, EndReason, Findings, Lookout, Pictures, Remark};
+use crate::robot::{Bus, Coming, EndReason, Findings, Lookout, Pictures, Remark, Turned};
 use crate::script::{Ending, LogLine, Output};
 
 /// How long a script's last words may take (`API.md`, `script.on_stop`), and the host's way out.
@@ -64,6 +64,8 @@ pub struct Supervisor {
     dialogue: Option<Dialogue>,
     liveness: Option<Liveness>,
     lookout: Lookout,
+    /// Parameters that people change.
+    turned: broadcast::Receiver<Turned>,
     bus: Bus,
 }
 
@@ -84,6 +86,7 @@ impl Supervisor {
             outbox,
         };
         let _ = requests.send(join).await;
+        let lookout = Lookout::default();
         Supervisor {
             host,
             requests,
@@ -96,7 +99,8 @@ impl Supervisor {
             dropped: 0,
             dialogue: None,
             liveness: None,
-            lookout: Lookout::default(),
+            turned: lookout.console().turned(),
+            lookout,
             bus: Bus::default(),
         }
     }
@@ -110,7 +114,11 @@ impl Supervisor {
     /// What it finds in frames is told here.
     #[must_use]
     pub fn with_lookout(self, lookout: Lookout) -> Supervisor {
-        Supervisor { lookout, ..self }
+        Supervisor {
+            turned: lookout.console().turned(),
+            lookout,
+            ..self
+        }
     }
 
     /// A person at a prompt types lines for the script and reads its output.
@@ -157,6 +165,7 @@ impl Supervisor {
     ) -> (Supervisor, Option<Ending>) {
         let ending = self.serve(&mut stop).await;
         let _ = self.requests.send(Request::Gone(self.host.by)).await;
+        self.lookout.console().forget(&self.host.name);
         if self.dropped > 0 {
             warn!(behaviour = %self.host.name, dropped = self.dropped, "events did not reach it");
         }
@@ -191,6 +200,12 @@ impl Supervisor {
                     last_moment = Some((Instant::now() + STOP_TIME, reason));
                 }
                 Some(reason) = at(last_moment) => return Some(self.killed(reason)),
+                Ok(turned) = self.turned.recv() => {
+                    if turned.behaviour == self.host.name {
+                        let (name, value) = (turned.name, turned.value);
+                        self.pass_on(ToHost::Turn { name, value });
+                    }
+                }
                 order = dialogue::next(&mut self.dialogue) => {
                     if !self.pass_on(order.into()) {
                         return Some(self.deaf());
@@ -234,6 +249,9 @@ impl Supervisor {
                     frame,
                     list,
                 });
+            }
+            FromHost::Output(Output::Params(knobs)) => {
+                return self.lookout.console().declare(&self.host.name, knobs);
             }
             FromHost::Output(Output::Log(line)) => return self.write(line),
             FromHost::Output(Output::Remark(remark)) => return self.remark(remark),

@@ -57,6 +57,8 @@ fn declaration(kinds: &Kinds<'_>, about: &Expr) -> Option<Declaration> {
         max: number("max")?,
         unit: None,
         choices,
+        live: false,
+        doc: String::new(),
     })
 }
 

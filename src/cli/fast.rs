@@ -14,17 +14,22 @@ use tokio::sync::{oneshot, watch};
 use tokio::time::{MissedTickBehavior, interval, sleep};
 
 use super::interrupt::EndingSignals;
+use super::live::Ahead;
 use super::startup::STATUS_PERIOD;
 use super::status::StatusLine;
 use super::trace::TraceFile;
 use super::{Console, Exit, Failure};
 use crate::agent::{AgentError, Behaviour, Bus, Outcome, Tries};
 use crate::config::Config;
+use crate::control;
 use crate::journal::{self, LabJournal};
-use crate::lab::{self, Lab, Recorder};
+use crate::lab::{self, Lab, Recorder, Running};
+use crate::live::Simulation;
 use crate::pilot::Status;
+use crate::robot::Streams;
 use crate::script;
 use crate::sim::{Handle, World};
+use crate::timetable::View;
 
 /// A script that cannot be interrupted for so long ends the run.
 const STUCK: Duration = Duration::from_secs(5);
@@ -39,6 +44,8 @@ pub(super) struct Fast {
     pub(super) limit: Option<Duration>,
     /// Where the way of the robot is drawn at the end.
     pub(super) trace: Option<TraceFile>,
+    /// The page that shows it, and holds the clock of the options.
+    pub(super) page: Option<Ahead>,
     /// Where it is remembered.
     pub(super) journal: Option<Keeping>,
 }
@@ -111,8 +118,9 @@ impl Fast {
         let last = console.clone();
         let (opened, view) = oneshot::channel();
         let (ended, mut end) = oneshot::channel();
+        let shown = console.clone();
         let life = move || {
-            let _ = ended.send(self.live(opened));
+            let _ = ended.send(self.live(opened, &shown));
         };
         let thread = std::thread::Builder::new()
             .name("fast".into())
@@ -140,7 +148,7 @@ impl Fast {
         };
         let joined = thread.join();
         match (result, joined) {
-            (Ok(result), Ok(())) => result.map_err(no_lab),
+            (Ok(result), Ok(())) => result.map_err(no_lab)?,
             _ => Err(Failure::new(
                 Exit::Script,
                 AgentError::Broken("the laboratory"),
@@ -149,12 +157,23 @@ impl Fast {
     }
 
     /// On a thread without any runtime.
-    fn live(self, opened: oneshot::Sender<View>) -> std::io::Result<Run> {
+    fn live(
+        self,
+        opened: oneshot::Sender<View>,
+        console: &Console,
+    ) -> std::io::Result<Result<Run, Failure>> {
         let (behaviours, limit, trace) = (self.behaviours, self.limit, self.trace);
+        let (page, tempo, streams) = (self.page, self.options.tempo.clone(), self.options.streams);
         let (journal, bus) = (self.journal, self.options.bus.clone());
         lab::run(self.world, self.options, async |lab: &Lab| {
             let journal = journal.map(|journal| journal.start(&bus));
             let run = lab.start(behaviours, limit);
+            let simulation = Simulation {
+                robot: lab.sim().clone(),
+                tempo,
+            };
+            let page = page.map(|page| page.serve(asked(&run, streams), Some(simulation), console));
+            let _page = page.transpose()?;
             let _ = opened.send((run.status(), lab.sim().clone()));
             let outcome = run.outcome().await;
             if let Some(journal) = journal {
@@ -163,8 +182,26 @@ impl Fast {
             if let Some(Err(failure)) = trace.map(|trace| trace.write(lab.sim())) {
                 tracing::error!("{}", failure.report());
             }
-            (outcome, lab.now())
+            Ok((outcome, lab.now()))
         })
+    }
+}
+
+/// The run as the page asks it.
+fn asked(run: &Running, streams: Streams) -> control::Run {
+    control::Run {
+        requests: run.requests(),
+        roster: run.roster(),
+        status: run.status(),
+        pictures: run.pictures(),
+        reactions: run.reactions(),
+        stop: run.stopper(),
+        streams,
+        target: "a simulation".to_owned(),
+        simulated: true,
+        began: tokio::time::Instant::now(),
+        // A single run has no timetable.
+        view: View::channel().1,
     }
 }
 

@@ -10,26 +10,25 @@ use crate::agent::Behaviour;
 use crate::config::Config;
 use crate::control::Run;
 use crate::http::Options;
-use crate::live::{self, Live, LiveError, Script, Shown};
+use crate::live::{self, Known, Live, LiveError, Script, Shown, Simulation};
 use crate::robot::{Bus, Listener};
 use crate::script::ParamValue;
-use crate::sim::Handle;
 
 /// What the page needs of a run before it has begun.
 pub(super) struct Ahead {
     options: Options,
     data: std::path::PathBuf,
-    scripts: watch::Receiver<Vec<Script>>,
+    known: watch::Receiver<Known>,
     bus: Listener,
 }
 
 impl Ahead {
-    /// Of these scripts, as the config says.
-    pub(super) fn of(config: &Config, scripts: watch::Receiver<Vec<Script>>, bus: &Bus) -> Ahead {
+    /// Of a run of which this is known, as the config says.
+    pub(super) fn of(config: &Config, known: watch::Receiver<Known>, bus: &Bus) -> Ahead {
         Ahead {
             options: config.live.clone(),
             data: config.data_folder().to_owned(),
-            scripts,
+            known,
             bus: bus.listen(),
         }
     }
@@ -41,13 +40,13 @@ impl Ahead {
     pub(super) fn serve(
         self,
         run: Run,
-        sim: Option<Handle>,
+        sim: Option<Simulation>,
         console: &Console,
     ) -> Result<Live, Failure> {
         let Ahead {
             options,
             data,
-            scripts,
+            known,
             bus,
         } = self;
         let log = live::tap();
@@ -55,7 +54,7 @@ impl Ahead {
             Shown {
                 run,
                 sim,
-                scripts,
+                known,
                 bus,
                 log,
                 data,

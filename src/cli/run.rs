@@ -30,7 +30,8 @@ use crate::clock::{Clock, Date, Zone};
 use crate::config::{Config, Entry};
 use crate::control::{self, Desk};
 use crate::journal;
-use crate::lab;
+use crate::lab::{self, Tempo};
+use crate::live::{Script, Simulation};
 use crate::mqtt::Account;
 use crate::sim;
 use crate::timetable::View;
@@ -93,8 +94,9 @@ pub(super) struct RunArgs {
     events: Option<PathBuf>,
 
     /// Show it in the browser and steer it from there; prints the address [default: 127.0.0.1:7788].
-    /// The run goes on when its behaviours have ended; Ctrl-C ends it
-    #[arg(long, value_name = "IP:PORT", num_args = 0..=1, require_equals = true, conflicts_with = "fast")]
+    /// The run goes on when its behaviours have ended; Ctrl-C ends it. With --fast the page holds the
+    /// clock: pause, one step, 1 to 100 times as fast
+    #[arg(long, value_name = "IP:PORT", num_args = 0..=1, require_equals = true)]
     live: Option<Option<SocketAddr>>,
 
     /// Skip the check for mistakes before the run
@@ -202,10 +204,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     };
     let core = driving_core()?;
     let bus = Bus::default();
-    let page = args.live.map(|_| {
-        let scripts = behaviours.iter().map(super::live::script).collect();
-        Ahead::of(&config, watch::channel(scripts).1, &bus)
-    });
+    let page = args.live.map(|_| page(&config, &behaviours, &bus));
     let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
     let plan = Plan {
         behaviours,
@@ -263,6 +262,11 @@ fn names(behaviours: &[Behaviour]) -> String {
     names.collect::<Vec<_>>().join(" ")
 }
 
+fn page(config: &Config, behaviours: &[Behaviour], bus: &Bus) -> Ahead {
+    let scripts: Vec<Script> = behaviours.iter().map(super::live::script).collect();
+    Ahead::of(config, watch::channel(scripts.into()).1, bus)
+}
+
 /// The whole run in virtual time, in this process.
 fn fast(
     (args, trace): (&RunArgs, Option<TraceFile>),
@@ -283,6 +287,8 @@ fn fast(
         sim: sim::Options {
             login,
             firmware: args.firmware.load()?,
+            // Faults of people at the page.
+            faults: args.live.map(|_| Vec::new()),
             ..sim::Options::default()
         },
         limits: config.watchdog.clone(),
@@ -292,15 +298,18 @@ fn fast(
         date: args
             .date
             .map(|date| date.at(&config.time_zone.clone().unwrap_or_else(Zone::utc))),
+        tempo: args.live.map(|_| Tempo::default()),
         ..lab::Options::default()
     };
     let names = names(&behaviours);
+    let page = args.live.map(|_| page(config, &behaviours, &options.bus));
     let fast = Fast {
         world: super::embedded::load(world.as_deref())?,
         behaviours,
         options,
         limit: args.limit,
         trace,
+        page,
         journal: Keeping::of(config),
     };
     let outcome = fast.run(names, console)?;
@@ -334,7 +343,7 @@ async fn drive(
         // A single run has no timetable.
         view: View::channel().1,
     };
-    let page = page.map(|(page, sim)| page.serve(run.clone(), sim, console));
+    let page = page.map(|(page, sim)| page.serve(run.clone(), sim.map(Simulation::from), console));
     // Ends with the run.
     let _page = page.transpose()?;
     let mqtt = broker::start(&bus, &run, account);

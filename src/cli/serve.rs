@@ -30,7 +30,7 @@ use crate::config::Config;
 use crate::control::{self, Desk};
 use crate::journal::When;
 use crate::link::Target;
-use crate::live::Script;
+use crate::live::{Known, Simulation};
 use crate::mqtt::Account;
 use crate::service::{Herald, RecordFile, Service, View};
 use crate::sim::Handle;
@@ -153,7 +153,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         _ => startup::journal(&config, &bus, &(target.to_string(), simulated), clock),
     };
     let account = broker::of_run(args.settings.load()?)?;
-    let (scripts, shown) = watch::channel(order.scripts.clone());
+    let (known, shown) = watch::channel(order.known.clone());
     let page = config.live.listen.map(|_| Ahead::of(&config, shown, &bus));
     let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
     let voice = notify::start(args.settings.load()?, &bus)?;
@@ -172,7 +172,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
             beats,
         },
         (reader, config, order),
-        (page, scripts, account),
+        (page, known, account),
         line,
         console,
     ));
@@ -184,10 +184,10 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     exit(outcome?)
 }
 
-/// What stands beside a service: its page, the scripts that the page shows, and its broker.
+/// What stands beside a service: its page, what that is told of it, and its broker.
 type Beside = (
     Option<(Ahead, Option<Handle>)>,
-    watch::Sender<Vec<Script>>,
+    watch::Sender<Known>,
     Option<Account>,
 );
 
@@ -205,7 +205,7 @@ struct Means {
 async fn serve(
     means: Means,
     (reader, config, order): (Reader, Config, Order),
-    (page, scripts, account): Beside,
+    (page, known, account): Beside,
     line: StatusLine,
     console: &Console,
 ) -> Result<Result<Outcome, AgentError>, Failure> {
@@ -231,7 +231,8 @@ async fn serve(
         view: seen,
     };
     let (reload, reloads) = mpsc::channel(1);
-    let page = page.map(|(page, sim)| page.serve(asked.clone(), sim, console));
+    let page =
+        page.map(|(page, sim)| page.serve(asked.clone(), sim.map(Simulation::from), console));
     let _page = page.transpose()?;
     let mqtt = broker::start(&bus, &asked, account);
     let herald = Herald::of_environment();
@@ -258,7 +259,7 @@ async fn serve(
         never = showing => match never {},
         never = startup::serve(desk, asked) => match never {},
         never = herald.pass_on(means.beats) => match never {},
-        never = reader.obey(hangup, reload, scripts, (config, order)) => match never {},
+        never = reader.obey(hangup, reload, known, (config, order)) => match never {},
     };
     mqtt.map(|mqtt| mqtt.finish(broker::END));
     Ok(outcome)

@@ -16,9 +16,6 @@ const RATE_PERIOD: Duration = Duration::from_secs(1);
 /// In a file, how often the state is told even if nothing has changed.
 const PLAIN_PERIOD: Duration = Duration::from_secs(60);
 
-/// The state of an unused robot.
-const RELEASED: &str = "let go of, free for others";
-
 /// Remembers what was shown.
 pub(super) struct StatusLine {
     behaviours: String,
@@ -89,13 +86,13 @@ impl StatusLine {
 
     fn state(&self, status: &Status) -> String {
         match (status.link, self.tries.count()) {
-            (LinkState::Connecting, 0) => "connecting".to_owned(),
-            (LinkState::Connecting, tries) => {
+            (LinkState::Connecting, tries @ 1..) => {
                 format!("waiting for the robot, tries so far: {tries}")
             }
-            (LinkState::Released, _) => RELEASED.to_owned(),
-            (LinkState::Lost, _) => "link lost, connecting anew".to_owned(),
-            (LinkState::Up, _) => status.safety.to_string(),
+            (link, _) => match link.absence() {
+                Some(words) => words.to_owned(),
+                None => status.safety.to_string(),
+            },
         }
     }
 

@@ -277,13 +277,13 @@ impl Run {
     }
 
     async fn picture(&self, seat: &Seat, limit: Duration) -> Result<Answer, SeatError> {
-        let (stream, asked) = (Stream::Video, Instant::now());
+        let stream = Stream::Video;
         let mut pictures = self.pictures.clone();
+        let number = |pictures: &Pictures| pictures.newest.as_ref().map(|frame| frame.seq);
+        let last = number(&pictures.borrow());
         seat.intend(Intent::Stream { stream, on: true }).await?;
-        let new = |pictures: &Pictures| {
-            let newest = pictures.newest.as_ref();
-            newest.is_some_and(|frame| frame.at > asked)
-        };
+        // By number: a laboratory's time is another than the asker's.
+        let new = |pictures: &Pictures| pictures.newest.is_some() && number(pictures) != last;
         Ok(match timeout(limit, pictures.wait_for(new)).await {
             Ok(Ok(pictures)) => match &pictures.newest {
                 Some(frame) => Answer::Picture(frame.jpeg.to_vec()),
@@ -326,12 +326,10 @@ impl Run {
             running: self.began.elapsed(),
             online: status.link == LinkState::Up,
             robot: crew.robot,
-            state: match status.link {
-                LinkState::Connecting => "connecting".to_owned(),
-                LinkState::Lost => "link lost, connecting anew".to_owned(),
-                LinkState::Up if status.halted => "stopped by a person".to_owned(),
-                LinkState::Released => "let go of, free for others".to_owned(),
-                LinkState::Up => status.safety.to_string(),
+            state: match status.link.absence() {
+                Some(words) => words.to_owned(),
+                None if status.halted => "stopped by a person".to_owned(),
+                None => status.safety.to_string(),
             },
             place: status.place.to_string(),
             docked: status.docked,

@@ -33,6 +33,7 @@ mod event;
 mod options;
 mod recorder;
 mod running;
+mod tempo;
 
 use std::io;
 use std::panic::resume_unwind;
@@ -51,6 +52,7 @@ pub use event::{Event, EventKind};
 pub use options::Options;
 pub use recorder::{Recorder, now};
 pub use running::Running;
+pub use tempo::{Factor, Going, Tempo};
 
 /// A running laboratory.
 pub struct Lab {
@@ -102,6 +104,9 @@ fn live<T>(world: World, options: Options, work: impl AsyncFnOnce(&Lab) -> T) ->
             began,
             options,
         };
+        if let Some(tempo) = lab.options.tempo.clone() {
+            tokio::spawn(tempo.keep(began, lab.options.stop.clone()));
+        }
         let server = tokio::spawn(server.run());
         let result = work(&lab).await;
         lab.record_end();

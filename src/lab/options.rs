@@ -3,6 +3,7 @@
 use tokio_util::sync::CancellationToken;
 
 use super::recorder::Recorder;
+use super::tempo::Tempo;
 use crate::link;
 use crate::robot::{Bus, Streams};
 use crate::safety::Limits;
@@ -28,6 +29,9 @@ pub struct Options {
     pub date: Option<jiff::Timestamp>,
     /// Is given all that happens.
     pub events: Option<Recorder>,
+    /// Holds its clock for people who watch; a run that is watched goes on when its behaviours have
+    /// ended. Without it time jumps whenever everything waits.
+    pub tempo: Option<Tempo>,
     /// Where its agents say what happens.
     pub bus: Bus,
 }

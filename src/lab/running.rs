@@ -4,15 +4,17 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
 use tokio::runtime;
-use tokio::sync::watch;
+use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
 use super::options::Options;
-use crate::agent::{self, Agent, AgentError, Behaviour, Outcome, Plan, RESCUE_NAME};
+use crate::agent::{self, Agent, AgentError, Behaviour, Outcome, Plan, RESCUE_NAME, Roster};
 use crate::behaviour::{Launch, Launcher};
 use crate::link;
-use crate::pilot::{Dial, Settings, Status};
+use crate::pilot::{Dial, Reactions, Settings, Status};
+use crate::robot::Pictures;
+use crate::robot::channel::Request;
 use crate::script;
 use crate::sim::Handle;
 use crate::wire::Login;
@@ -27,6 +29,10 @@ const LINK_LEN: usize = 64 * 1024;
 pub struct Running {
     stop: CancellationToken,
     status: watch::Receiver<Status>,
+    requests: mpsc::Sender<Request>,
+    roster: Roster,
+    pictures: watch::Receiver<Pictures>,
+    reactions: Reactions,
     agent: JoinHandle<Result<Outcome, AgentError>>,
 }
 
@@ -39,14 +45,21 @@ impl Running {
     ) -> Running {
         let plan = Plan {
             limit,
+            stays: options.tempo.is_some(),
             ..plan(sim, options, behaviours)
         };
         let stop = options.stop.child_token();
         let (agent, status) = Agent::new(plan);
+        let (requests, roster, pictures) = (agent.requests(), agent.roster(), agent.pictures());
+        let reactions = agent.reactions();
         let agent = tokio::task::spawn_local(agent.run(stop.clone()));
         Running {
             stop,
             status,
+            requests,
+            roster,
+            pictures,
+            reactions,
             agent,
         }
     }
@@ -64,6 +77,26 @@ impl Running {
     /// The newest status of robot and watchdog, as on the status line.
     pub fn status(&self) -> watch::Receiver<Status> {
         self.status.clone()
+    }
+
+    /// Where its pilot is asked.
+    pub fn requests(&self) -> mpsc::Sender<Request> {
+        self.requests.clone()
+    }
+
+    /// Where its behaviours are started and stopped.
+    pub fn roster(&self) -> Roster {
+        self.roster.clone()
+    }
+
+    /// What the camera shows.
+    pub fn pictures(&self) -> watch::Receiver<Pictures> {
+        self.pictures.clone()
+    }
+
+    /// How long it takes from a frame to a track command.
+    pub fn reactions(&self) -> Reactions {
+        self.reactions.clone()
     }
 
     /// Waits until it has ended. Without a limit, a call to [`Running::stop`] or a behaviour that

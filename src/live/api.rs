@@ -8,21 +8,25 @@ use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
+use serde::Deserialize;
 
 use super::hub::Hub;
 use super::order::{Done, Order, Turn, UNDOCK, errand, good, in_words, perform};
+use super::past::{self, Past};
 use super::scripts::{self, Behaviour, Text};
-use super::shapes::{Become, Dock, Docking, Health, Lamp, Outcome, Patience, Tune, Volume};
+use super::shapes::{Become, Dock, Docking, Health, Lamp, Outcome, Patience, Tune, Tuned, Volume};
 use super::state::{self, Rate};
+use super::ticket::Ticket;
 use super::{messages, openapi, viewer};
 use crate::control::{Answer, Change, Errand, MAX_SPEECH, Report};
 use crate::http::{Driver, Refusal, Visitor};
 use crate::pilot::LinkState;
 use crate::robot::DockPlan;
-use tokio::time::Instant;
 
 /// Bytes of what is asked for; speech is longer.
 const MAX_BODY: usize = 16 * 1024;
+/// The most days of the past in one answer.
+const MOST_DAYS: u8 = 31;
 /// How long a picture may take unless told, and at most.
 const PICTURE: Duration = Duration::from_secs(5);
 const LONGEST_PICTURE: Duration = Duration::from_secs(600);
@@ -47,7 +51,11 @@ pub(super) fn routes(hub: Arc<Hub>) -> Router {
         .route("/api/run", get(run))
         .route("/api/behaviours", get(behaviours))
         .route("/api/behaviours/{name}", post(change))
+        .route("/api/behaviours/{name}/params", post(tune))
         .route("/api/behaviours/{name}/script", get(script))
+        .route("/api/behaviours/{name}/pictures/{file}", get(kept))
+        .route("/api/history", get(history))
+        .route("/api/schedule", get(schedule))
         .route("/api/picture", get(picture))
         .route("/api/stop", post(stop))
         .route("/api/let-go", post(let_go))
@@ -94,7 +102,7 @@ async fn live(
     upgrade: WebSocketUpgrade,
 ) -> Result<Response, Refusal> {
     let full = || Refusal::new(StatusCode::SERVICE_UNAVAILABLE, "too many look already");
-    let ticket = hub.admit(&visitor).ok_or_else(full)?;
+    let ticket = Ticket::admit(&hub, &visitor).ok_or_else(full)?;
     let upgrade = upgrade
         .max_message_size(viewer::MAX_MESSAGE)
         .max_frame_size(viewer::MAX_MESSAGE);
@@ -102,12 +110,14 @@ async fn live(
 }
 
 async fn status(State(hub): Shared, _: Visitor) -> Json<state::State> {
-    let (robot, mut rate) = (hub.robot(), Rate::new(Instant::now()));
+    let (robot, now) = (hub.robot(), hub.now());
+    let mut rate = Rate::new(now);
     Json(state::state(
         &hub.run,
         robot.as_ref(),
         hub.people(),
         &mut rate,
+        now,
     ))
 }
 
@@ -121,9 +131,7 @@ async fn run(State(hub): Shared, _: Visitor) -> Reply<Report> {
 }
 
 async fn behaviours(State(hub): Shared, _: Visitor) -> Json<Vec<Behaviour>> {
-    let members = hub.run.roster.members();
-    let list = scripts::behaviours(&hub.scripts.borrow(), &members.borrow());
-    Json(list)
+    Json(hub.list())
 }
 
 async fn change(
@@ -143,13 +151,70 @@ async fn change(
     done(hub.0.run.perform(Errand::Behaviour { name, change }).await)
 }
 
+async fn tune(
+    hub: Shared,
+    who: Driver,
+    Path(name): Path<String>,
+    Json(Tuned { param, value }): Json<Tuned>,
+) -> Reply<Outcome> {
+    order(hub, who, Order::Param { name, param, value }).await
+}
+
 async fn script(State(hub): Shared, _: Visitor, Path(name): Path<String>) -> Reply<Text> {
-    let found = scripts::find(&hub.scripts.borrow(), &name).cloned();
+    let found = scripts::find(&hub.known.borrow().scripts, &name).cloned();
     let unknown = || Refusal::new(StatusCode::NOT_FOUND, "no script of that name is known");
     let script = found.ok_or_else(unknown)?;
-    let read = tokio::task::spawn_blocking(move || scripts::text(&script)).await;
-    let broken = |_| Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, "it cannot be read");
-    read.map(Json).map_err(broken)
+    read(&hub, move |_| scripts::text(&script)).await.map(Json)
+}
+
+/// Waits for the disk on another thread.
+async fn read<T: Send + 'static>(
+    hub: &Hub,
+    work: impl FnOnce(&std::path::Path) -> T + Send + 'static,
+) -> Result<T, Refusal> {
+    let broken = || Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, "it cannot be read");
+    let _permit = hub.reading.acquire().await.map_err(|_| broken())?;
+    let data = hub.data.clone();
+    let read = tokio::task::spawn_blocking(move || work(&data)).await;
+    read.map_err(|_| broken())
+}
+
+/// Of how many days.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Days {
+    days: Option<u8>,
+}
+
+/// None without a journal.
+async fn history(State(hub): Shared, _: Visitor, Query(asked): Query<Days>) -> Reply<Option<Past>> {
+    let days = asked.days.unwrap_or(1).clamp(1, MOST_DAYS);
+    let past = read(&hub, move |data| past::past(data, days)).await?;
+    past.map(Json).map_err(|error| {
+        tracing::warn!("the page cannot read the journal: {error}");
+        let words = "the journal cannot be read";
+        Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, words)
+    })
+}
+
+/// None without a timetable.
+async fn schedule(State(hub): Shared, _: Visitor) -> Json<Option<Vec<past::Start>>> {
+    let known = hub.known.borrow();
+    let names: Vec<String> = known.scripts.iter().map(|one| one.name.clone()).collect();
+    let starts = |(table, clock): &(_, _)| past::starts(table, &names, *clock);
+    Json(known.timetable.as_ref().map(starts))
+}
+
+/// One that a behaviour has kept.
+async fn kept(
+    State(hub): Shared,
+    _: Visitor,
+    Path((behaviour, name)): Path<(String, String)>,
+) -> Result<Response, Refusal> {
+    let found = read(&hub, move |data| past::picture(data, &behaviour, &name)).await?;
+    let unknown = || Refusal::new(StatusCode::NOT_FOUND, "there is no such picture");
+    let jpeg = found.ok_or_else(unknown)?;
+    Ok(([(header::CONTENT_TYPE, "image/jpeg")], jpeg).into_response())
 }
 
 async fn picture(

@@ -1,13 +1,13 @@
 //! What all viewers of a run share: what they are shown, made once for all, and who drives.
 
-use std::future::Future;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use axum::extract::ws::Utf8Bytes;
 use serde::Serialize;
-use tokio::sync::{broadcast, watch};
+use tokio::sync::{Semaphore, broadcast, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use super::camera::Camera;
@@ -15,15 +15,13 @@ use super::history::History;
 use super::log::Book;
 use super::messages::{Found, ToPage};
 use super::metrics::Metrics;
-use super::scripts::{self, Script};
+use super::scripts::{self, Behaviour, Known};
 use super::state::{self, People, Person, Rate};
 use super::wheel::{self, Wish};
-use super::world;
+use super::world::{self, Simulation};
 use crate::agent::SeatError;
 use crate::control::Run;
-use crate::http::{Role, Visitor};
-use crate::robot::{Findings, Heard, Listener, Occurrence, RobotInfo, Setpoint};
-use crate::sim;
+use crate::robot::{Findings, Heard, Listener, Occurrence, RobotInfo};
 
 /// How often is looked whether anything is new.
 const LOOK: Duration = Duration::from_millis(100);
@@ -31,14 +29,19 @@ const LOOK: Duration = Duration::from_millis(100);
 const BEHAVIOURS: Duration = Duration::from_secs(1);
 /// How often the pilot is asked whether it lives.
 const PULSE: Duration = Duration::from_secs(1);
+/// Threads that may wait for the disk for viewers.
+const READERS: usize = 2;
 /// Findings that a viewer may be behind.
 const FOUND: usize = 32;
 
 /// See the module.
 pub(super) struct Hub {
     pub(super) run: Run,
-    pub(super) sim: Option<sim::Handle>,
-    pub(super) scripts: watch::Receiver<Vec<Script>>,
+    pub(super) sim: Option<Simulation>,
+    pub(super) known: watch::Receiver<Known>,
+    pub(super) data: PathBuf,
+    /// So many read the disk at a time.
+    pub(super) reading: Semaphore,
     pub(super) camera: Camera,
     pub(super) book: Book,
     pub(super) metrics: Metrics,
@@ -52,52 +55,23 @@ pub(super) struct Hub {
     robot: watch::Sender<Option<RobotInfo>>,
     /// The pilot answers.
     alive: AtomicBool,
-    most_viewers: usize,
+    pub(super) most_viewers: usize,
     /// STOP holds: its seat is kept until this is false.
-    held: watch::Sender<bool>,
+    pub(super) held: watch::Sender<bool>,
 }
 
 /// Who looks, and who has the wheel.
 #[derive(Debug, Default)]
-struct Folk {
-    viewers: usize,
-    driver: Option<(Person, watch::Sender<Wish>)>,
-}
-
-/// Counts the viewers of this program.
-static NUMBER: AtomicU32 = AtomicU32::new(1);
-
-/// One who looks, until it is dropped: then he has not the wheel any more.
-pub(super) struct Ticket {
-    hub: Arc<Hub>,
-    pub(super) id: u32,
-    pub(super) role: Role,
-    name: Mutex<String>,
-}
-
-impl Drop for Ticket {
-    fn drop(&mut self) {
-        self.leave_wheel();
-        self.hub.folk().viewers -= 1;
-    }
-}
-
-/// Why the wheel is not had.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum NoWheel {
-    /// Viewers do not drive.
-    Viewer,
-    /// STOP holds.
-    Halted,
-    /// He has it.
-    Taken(String),
+pub(super) struct Folk {
+    pub(super) viewers: usize,
+    pub(super) driver: Option<(Person, watch::Sender<Wish>)>,
 }
 
 impl Hub {
     pub(super) fn new(
         run: Run,
-        sim: Option<sim::Handle>,
-        scripts: watch::Receiver<Vec<Script>>,
+        sim: Option<Simulation>,
+        (known, data): (watch::Receiver<Known>, PathBuf),
         most_viewers: u16,
     ) -> Arc<Hub> {
         let empty = || watch::Sender::new(Utf8Bytes::default());
@@ -105,7 +79,9 @@ impl Hub {
         Arc::new(Hub {
             run,
             sim,
-            scripts,
+            known,
+            data,
+            reading: Semaphore::new(READERS),
             camera: Camera::new(),
             book: Book::new(),
             metrics,
@@ -123,25 +99,8 @@ impl Hub {
     }
 
     /// For as long as it takes to look something up.
-    fn folk(&self) -> MutexGuard<'_, Folk> {
+    pub(super) fn folk(&self) -> MutexGuard<'_, Folk> {
         self.people.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// One more looks; `None`: there are too many.
-    pub(super) fn admit(self: &Arc<Hub>, visitor: &Visitor) -> Option<Ticket> {
-        let mut folk = self.folk();
-        if folk.viewers >= self.most_viewers {
-            return None;
-        }
-        folk.viewers += 1;
-        let id = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let name = visitor.token.clone().unwrap_or_else(|| format!("#{id}"));
-        Some(Ticket {
-            hub: self.clone(),
-            id,
-            role: visitor.role,
-            name: Mutex::new(name),
-        })
     }
 
     pub(super) fn viewers(&self) -> usize {
@@ -189,8 +148,10 @@ impl Hub {
         }
     }
 
-    fn is_halted(&self) -> bool {
-        *self.held.borrow() || self.run.status.borrow().halted
+    /// By the clock of the run, which may be a simulated one.
+    pub(super) fn now(&self) -> Instant {
+        let tempo = self.sim.as_ref().and_then(|sim| sim.tempo.as_ref());
+        tempo.map_or_else(Instant::now, |tempo| self.run.began + tempo.now())
     }
 
     /// Serves what is shared for as long as the run is on.
@@ -256,16 +217,17 @@ impl Hub {
 
     /// Makes the messages that all viewers are sent, whenever something is new.
     async fn look(&self) {
-        let mut rate = Rate::new(Instant::now());
+        let mut rate = Rate::new(self.now());
         let mut beat = interval(LOOK);
         beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             beat.tick().await;
             let robot = self.robot();
-            let state = state::state(&self.run, robot.as_ref(), self.people(), &mut rate);
+            let now = self.now();
+            let state = state::state(&self.run, robot.as_ref(), self.people(), &mut rate, now);
             if let Some(battery) = self.run.status.borrow().battery {
                 let mut history = self.history.lock().unwrap_or_else(PoisonError::into_inner);
-                history.note(battery, Instant::now());
+                history.note(battery, now);
             }
             publish(&self.state, &ToPage::State(&state));
             if let Some(sim) = self.sim.as_ref().filter(|_| self.map.receiver_count() > 0) {
@@ -275,20 +237,30 @@ impl Hub {
     }
 
     async fn tell(&self) {
-        let mut members = self.run.roster.members();
+        let (mut members, mut knobs) = (self.run.roster.members(), self.run.roster.knobs());
         let mut beat = interval(BEHAVIOURS);
         beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             let over = tokio::select! {
                 _ = beat.tick() => false,
+                Ok(()) = knobs.changed() => false,
                 changed = members.changed() => changed.is_err(),
             };
-            let list = scripts::behaviours(&self.scripts.borrow(), &members.borrow_and_update());
+            members.mark_unchanged();
+            knobs.mark_unchanged();
+            let list = self.list();
             publish(&self.behaviours, &ToPage::Behaviours { list });
             if over {
                 return;
             }
         }
+    }
+
+    /// All behaviours as they are now.
+    pub(super) fn list(&self) -> Vec<Behaviour> {
+        let (members, knobs) = (self.run.roster.members(), self.run.roster.knobs());
+        let (known, members, knobs) = (self.known.borrow(), members.borrow(), knobs.borrow());
+        scripts::behaviours(&known.scripts, &members, &knobs, self.now())
     }
 
     pub(super) fn people(&self) -> People {
@@ -297,86 +269,6 @@ impl Hub {
         People {
             driver,
             viewers: folk.viewers,
-        }
-    }
-}
-
-impl Ticket {
-    pub(super) fn hub(&self) -> &Arc<Hub> {
-        &self.hub
-    }
-
-    /// What the others call him.
-    pub(super) fn rename(&self, name: &str) {
-        let name = crate::clean::line(name)
-            .chars()
-            .take(24)
-            .collect::<String>();
-        if !name.trim().is_empty() {
-            *self.name() = name.trim().to_owned();
-        }
-    }
-
-    fn name(&self) -> MutexGuard<'_, String> {
-        self.name.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn person(&self) -> Person {
-        Person {
-            id: self.id,
-            name: self.name().clone(),
-        }
-    }
-
-    /// Takes the wheel: the task to be run that drives from now on.
-    ///
-    /// # Errors
-    /// See [`NoWheel`].
-    pub(super) fn take_wheel(
-        &self,
-    ) -> Result<Option<impl Future<Output = ()> + Send + use<>>, NoWheel> {
-        if self.role != Role::Driver {
-            return Err(NoWheel::Viewer);
-        }
-        if self.hub.is_halted() {
-            return Err(NoWheel::Halted);
-        }
-        let mut folk = self.hub.folk();
-        match &folk.driver {
-            Some((person, _)) if person.id == self.id => return Ok(None),
-            Some((person, _)) => return Err(NoWheel::Taken(person.name.clone())),
-            None => {}
-        }
-        let person = self.person();
-        let (wishes, wished) = watch::channel((Setpoint::STOP, Instant::now()));
-        let name = person.name.clone();
-        folk.driver = Some((person, wishes));
-        Ok(Some(wheel::drive(self.hub.run.clone(), name, wished)))
-    }
-
-    /// He drives so from now on, for a moment; whether he has the wheel.
-    pub(super) fn wish(&self, setpoint: Setpoint) -> bool {
-        let mut folk = self.hub.folk();
-        let id = self.id;
-        let Some((_, wishes)) = folk.driver.as_ref().filter(|(person, _)| person.id == id) else {
-            return false;
-        };
-        let drives = wishes.send((setpoint, Instant::now())).is_ok();
-        if !drives {
-            // The seat has ended: the watchdog, or the run, has taken it away.
-            folk.driver = None;
-        }
-        drives
-    }
-
-    pub(super) fn leave_wheel(&self) {
-        let mut folk = self.hub.folk();
-        if folk
-            .driver
-            .as_ref()
-            .is_some_and(|(person, _)| person.id == self.id)
-        {
-            folk.driver = None;
         }
     }
 }

@@ -5,7 +5,7 @@ use prometheus_client::metrics::MetricType;
 use prometheus_client::metrics::counter::Counter;
 use prometheus_client::metrics::family::Family;
 use prometheus_client::metrics::gauge::Gauge;
-use prometheus_client::registry::{Registry, Unit};
+use prometheus_client::registry::{Metric, Registry, Unit};
 
 use std::sync::atomic::AtomicU64;
 
@@ -71,88 +71,59 @@ pub(super) struct Metrics {
     ends: Family<End, Counter>,
 }
 
+/// A new figure, registered.
+fn figure<M: Metric + Clone + Default>(registry: &mut Registry, name: &str, help: &str) -> M {
+    let figure = M::default();
+    registry.register(name, help, figure.clone());
+    figure
+}
+
 impl Metrics {
     pub(super) fn new(reactions: Reactions) -> Metrics {
         let mut registry = Registry::with_prefix("spykee");
-        let metrics = Metrics {
-            percent: Gauge::default(),
-            left: Gauge::default(),
-            charging: Gauge::default(),
-            low: Gauge::default(),
-            docked: Gauge::default(),
-            halted: Gauge::default(),
-            up: Gauge::default(),
-            viewers: Gauge::default(),
-            frames: Counter::default(),
-            bytes: Counter::default(),
-            links: Counter::default(),
-            losses: Counter::default(),
-            acts: Family::default(),
-            docks: Family::default(),
-            starts: Counter::default(),
-            ends: Family::default(),
-            registry: Registry::default(),
-        };
-        let one = &metrics;
-        registry.register(
-            "battery_percent",
-            "Level of the battery; NaN: unknown",
-            one.percent.clone(),
-        );
-        registry.register_with_unit(
+        let one = &mut registry;
+        let bytes = Counter::default();
+        let left = Gauge::<f64, AtomicU64>::default();
+        one.register_with_unit(
             "battery_left",
             "Until it is empty; NaN: unknown",
             Unit::Seconds,
-            one.left.clone(),
+            left.clone(),
         );
-        registry.register(
-            "battery_charging",
-            "1 while it charges",
-            one.charging.clone(),
-        );
-        registry.register(
-            "battery_low",
-            "1 while the watchdog has the robot",
-            one.low.clone(),
-        );
-        registry.register("docked", "1 on the station", one.docked.clone());
-        registry.register(
-            "stopped_by_person",
-            "1 while STOP holds",
-            one.halted.clone(),
-        );
-        registry.register("link_up", "1 while the robot is connected", one.up.clone());
-        registry.register("viewers", "Pages that are open", one.viewers.clone());
-        registry.register("camera_frames", "Frames that have come", one.frames.clone());
-        registry.register_with_unit(
+        one.register_with_unit(
             "camera",
             "Frames that have come",
             Unit::Bytes,
-            one.bytes.clone(),
+            bytes.clone(),
         );
-        registry.register("link_logins", "Logins at the robot", one.links.clone());
-        registry.register("link_losses", "Lost links", one.losses.clone());
-        registry.register_with_unit(
+        one.register_with_unit(
             "frame_to_move",
             "From the last byte of a frame to the first MOVE after it that a behaviour asked for",
             Unit::Seconds,
             FrameToMove(reactions),
         );
-        registry.register("safety_acts", "What the watchdog did", one.acts.clone());
-        registry.register("docks", "Dockings by how they ended", one.docks.clone());
-        registry.register(
-            "behaviour_starts",
-            "Behaviours that were started, or started again",
-            one.starts.clone(),
-        );
-        registry.register(
-            "behaviour_ends",
-            "Behaviours that ended, by reason",
-            one.ends.clone(),
-        );
         Metrics {
+            bytes,
+            percent: figure(one, "battery_percent", "Level of the battery; NaN: unknown"),
+            left,
+            charging: figure(one, "battery_charging", "1 while it charges"),
+            low: figure(one, "battery_low", "1 while the watchdog has the robot"),
+            docked: figure(one, "docked", "1 on the station"),
+            halted: figure(one, "stopped_by_person", "1 while STOP holds"),
+            up: figure(one, "link_up", "1 while the robot is connected"),
+            viewers: figure(one, "viewers", "Pages that are open"),
+            frames: figure(one, "camera_frames", "Frames that have come"),
+            links: figure(one, "link_logins", "Logins at the robot"),
+            losses: figure(one, "link_losses", "Lost links"),
+            acts: figure(one, "safety_acts", "What the watchdog did"),
+            docks: figure(one, "docks", "Dockings by how they ended"),
+            starts: figure(
+                one,
+                "behaviour_starts",
+                "Behaviours that were started, or started again",
+            ),
+            ends: figure(one, "behaviour_ends", "Behaviours that ended, by reason"),
             registry,
-            ..metrics
         }
     }
 

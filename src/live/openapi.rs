@@ -3,8 +3,9 @@
 use schemars::generate::{SchemaGenerator, SchemaSettings};
 use serde_json::{Map, Value, json};
 
+use super::past::{Past, Start};
 use super::scripts::{Behaviour, Text};
-use super::shapes::{Become, Dock, Docking, Health, Lamp, Outcome, Patience, Tune, Volume};
+use super::shapes::{Become, Dock, Docking, Health, Lamp, Outcome, Patience, Tune, Tuned, Volume};
 use super::state::State;
 use crate::control::Report;
 use crate::http::Me;
@@ -116,6 +117,24 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
         Gives::Json(shape!(Text)),
     );
     get(
+        "/api/behaviours/{name}/pictures/{file}",
+        "A picture that a behaviour has kept.",
+        Some("viewer"),
+        Gives::Kind("image/jpeg"),
+    );
+    get(
+        "/api/history",
+        "Battery and events of the last day, or with `?days=7` of so many, at most 31; null without a journal.",
+        Some("viewer"),
+        Gives::Json(shape!(Option<Past>)),
+    );
+    get(
+        "/api/schedule",
+        "The next starts of a service's timetable; null without one.",
+        Some("viewer"),
+        Gives::Json(shape!(Option<Vec<Start>>)),
+    );
+    get(
         "/api/picture",
         "A picture that the camera takes now.",
         Some("viewer"),
@@ -167,6 +186,11 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
             "/api/behaviours/{name}",
             "Start, stop or restart a behaviour; with `for` it is ended after that time.",
             shape_of::<Become>(generator),
+        ),
+        (
+            "/api/behaviours/{name}/params",
+            "Change a parameter that the behaviour has declared as live.",
+            shape_of::<Tuned>(generator),
         ),
     ];
     for (path, about, body) in bodies {
@@ -227,10 +251,15 @@ fn operation(call: Call) -> Value {
         operation["description"] = format!("For a {role}.").into();
         operation["security"] = json!([{ "token": [] }]);
     }
-    if call.path.contains("{name}") {
-        operation["parameters"] = json!([
-            { "name": "name", "in": "path", "required": true, "schema": { "type": "string" } },
-        ]);
+    let parts = ["name", "file"];
+    let parts = parts
+        .iter()
+        .filter(|part| call.path.contains(&format!("{{{part}}}")));
+    let parameters: Vec<Value> = parts
+        .map(|part| json!({ "name": part, "in": "path", "required": true, "schema": { "type": "string" } }))
+        .collect();
+    if !parameters.is_empty() {
+        operation["parameters"] = parameters.into();
     }
     if call.path == "/api/picture" {
         operation["parameters"] = json!([

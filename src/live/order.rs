@@ -8,7 +8,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
+use super::scripts::Plain;
+use super::world::Simulation;
 use crate::control::{self, Answer, Errand, Run};
+use crate::lab::{Factor, Tempo};
 use crate::robot::{DockEnd, DockPlan, Percent};
 use crate::sim::{DocumentError, Fault, Handle, Point, Pose};
 use crate::wire;
@@ -51,6 +54,15 @@ pub(super) enum Order {
         name: String,
         /// What is to become of it.
         change: Turn,
+    },
+    /// Change a parameter that a running behaviour has declared as live.
+    Param {
+        /// The behaviour.
+        name: String,
+        /// The parameter.
+        param: String,
+        /// Its new value.
+        value: Plain,
     },
     /// Change the simulated world.
     Sim {
@@ -149,17 +161,33 @@ pub(super) enum Change {
     },
     /// End all faults.
     ClearFaults,
+    /// Hold the simulation's own clock, or let it go on.
+    Pause {
+        /// Hold it.
+        paused: bool,
+    },
+    /// Let a paused clock go on for 0.1 s.
+    Step,
+    /// Let the clock go so many times as fast as the one on the wall.
+    Speed {
+        /// 1..=100.
+        factor: f64,
+    },
 }
 
 /// What became of it: done or not, and in words.
 pub(super) type Done = (bool, String);
 
 /// Does it. Dropping the wait gives it up.
-pub(super) async fn perform(order: Order, run: &Run, sim: Option<&Handle>) -> Done {
+pub(super) async fn perform(order: Order, run: &Run, sim: Option<&Simulation>) -> Done {
     match errand(order) {
         Ok(errand) => in_words(run.perform(errand).await),
         Err(order) => match (*order, sim) {
             (Order::Sim { change }, Some(sim)) => told(alter(change, sim)),
+            (Order::Param { name, param, value }, _) => {
+                let turned = run.roster.turn(&name, &param, value.into());
+                told(turned.map_err(|error| error.to_string()))
+            }
             (Order::Play { sound }, _) => (false, format!("there is no sound `{}`", short(&sound))),
             _ => (false, "this robot is no simulated one".to_owned()),
         },
@@ -185,7 +213,7 @@ pub(super) fn errand(order: Order) -> Result<Errand, Box<Order>> {
             Some(sound) => Errand::Play(sound),
             None => return Err(Box::new(order)),
         },
-        other @ Order::Sim { .. } => return Err(Box::new(other)),
+        other @ (Order::Param { .. } | Order::Sim { .. }) => return Err(Box::new(other)),
     })
 }
 
@@ -226,7 +254,8 @@ fn told(altered: Result<(), String>) -> Done {
     }
 }
 
-fn alter(change: Change, sim: &Handle) -> Result<(), String> {
+fn alter(change: Change, simulation: &Simulation) -> Result<(), String> {
+    let sim = &simulation.robot;
     match change {
         Change::Place { x, y, heading } => {
             let heading = heading.unwrap_or_else(|| sim.state().pose.heading);
@@ -259,8 +288,19 @@ fn alter(change: Change, sim: &Handle) -> Result<(), String> {
         Change::BreakCharger { broken } => sim.set_charging_broken(broken),
         Change::Fault { fault } => begin(fault, sim)?,
         Change::ClearFaults => sim.clear_faults(),
+        Change::Pause { paused } => tempo(simulation)?.pause(paused),
+        Change::Step => tempo(simulation)?.step(),
+        Change::Speed { factor } => {
+            let factor = Factor::new(factor).ok_or("the speed is out of range: 1 to 100")?;
+            tempo(simulation)?.hurry(factor);
+        }
     }
     Ok(())
+}
+
+fn tempo(simulation: &Simulation) -> Result<&Tempo, &'static str> {
+    let none = "this simulation goes by the clock on the wall; with --fast it has one of its own";
+    simulation.tempo.as_ref().ok_or(none)
 }
 
 fn within(is: bool, what: &str) -> Result<(), String> {

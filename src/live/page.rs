@@ -27,6 +27,7 @@ const FILES: &[(&str, &str, &str)] = &[
     ("/log.js", JS, include_str!("page/log.js")),
     ("/login.js", JS, include_str!("page/login.js")),
     ("/map.js", JS, include_str!("page/map.js")),
+    ("/past.js", JS, include_str!("page/past.js")),
     ("/robot.js", JS, include_str!("page/robot.js")),
     ("/schema.js", JS, include_str!("page/schema.js")),
     ("/script.js", JS, include_str!("page/script.js")),

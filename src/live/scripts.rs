@@ -3,10 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use tokio::time::Instant;
 
 use crate::agent::{Member, MemberState};
+use crate::clock::Clock;
 use crate::files;
+use crate::robot::{Knob, Knobs, ParamValue};
+use crate::timetable::Timetable;
 
 /// Bytes of a script that are shown.
 const MAX_LEN: u64 = 256 * 1024;
@@ -24,6 +28,24 @@ pub struct Script {
     pub params: Vec<(String, String)>,
 }
 
+/// What is known of a run besides what runs; it may change.
+#[derive(Debug, Clone, Default)]
+pub struct Known {
+    /// Its scripts.
+    pub scripts: Vec<Script>,
+    /// Its timetable and the clock that this goes by, if it has one.
+    pub timetable: Option<(Timetable, Clock)>,
+}
+
+impl From<Vec<Script>> for Known {
+    fn from(scripts: Vec<Script>) -> Known {
+        Known {
+            scripts,
+            timetable: None,
+        }
+    }
+}
+
 /// A behaviour.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Behaviour {
@@ -39,8 +61,79 @@ pub(super) struct Behaviour {
     pub running: Option<u64>,
     /// The values of its parameters that were given.
     pub params: Vec<(String, String)>,
+    /// The parameters that it has declared, while it runs.
+    pub knobs: Vec<Param>,
     /// How it ended for the last time.
     pub ending: Option<End>,
+}
+
+/// A parameter that a behaviour has declared.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Param {
+    /// Its name.
+    pub name: String,
+    /// Its value.
+    pub value: Plain,
+    /// It may be changed while the behaviour runs.
+    pub live: bool,
+    /// Of a number.
+    pub min: Option<f64>,
+    /// Of a number.
+    pub max: Option<f64>,
+    /// Behind a number, such as `%`.
+    pub unit: Option<String>,
+    /// Of a text; empty: any.
+    pub choices: Vec<String>,
+    /// What it is for.
+    pub doc: String,
+}
+
+/// A parameter's value: true, false, a number or a text.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub(super) enum Plain {
+    /// `true` or `false`.
+    Boolean(bool),
+    /// A finite number.
+    Number(f64),
+    /// A text.
+    Text(String),
+}
+
+impl From<ParamValue> for Plain {
+    fn from(value: ParamValue) -> Plain {
+        match value {
+            ParamValue::Boolean(value) => Plain::Boolean(value),
+            ParamValue::Number(value) => Plain::Number(value),
+            ParamValue::Text(value) => Plain::Text(value),
+        }
+    }
+}
+
+impl From<Plain> for ParamValue {
+    fn from(value: Plain) -> ParamValue {
+        match value {
+            Plain::Boolean(value) => ParamValue::Boolean(value),
+            Plain::Number(value) => ParamValue::Number(value),
+            Plain::Text(value) => ParamValue::Text(value),
+        }
+    }
+}
+
+impl From<&Knob> for Param {
+    fn from(knob: &Knob) -> Param {
+        let knob = knob.clone();
+        Param {
+            name: knob.name,
+            value: knob.value.into(),
+            live: knob.live,
+            min: knob.min,
+            max: knob.max,
+            unit: knob.unit,
+            choices: knob.choices,
+            doc: knob.doc,
+        }
+    }
 }
 
 /// How a behaviour ended.
@@ -68,22 +161,37 @@ pub(super) struct Text {
 }
 
 /// All behaviours that are known or run.
-pub(super) fn behaviours(scripts: &[Script], members: &[Member]) -> Vec<Behaviour> {
+pub(super) fn behaviours(
+    scripts: &[Script],
+    members: &[Member],
+    knobs: &Knobs,
+    now: Instant,
+) -> Vec<Behaviour> {
     let members = members.iter();
-    members
-        .map(|member| behaviour(find(scripts, &member.name), member))
-        .collect()
+    let one = |member: &Member| {
+        let knobs = knobs.get(&member.name).map(Vec::as_slice);
+        behaviour(
+            find(scripts, &member.name),
+            member,
+            knobs.unwrap_or_default(),
+            now,
+        )
+    };
+    members.map(one).collect()
 }
 
 pub(super) fn find<'a>(scripts: &'a [Script], name: &str) -> Option<&'a Script> {
     scripts.iter().find(|script| script.name == name)
 }
 
-fn behaviour(script: Option<&Script>, member: &Member) -> Behaviour {
+fn behaviour(script: Option<&Script>, member: &Member, knobs: &[Knob], now: Instant) -> Behaviour {
     let (state, running) = match member.state {
         MemberState::Idle => ("idle", None),
         MemberState::Loading => ("loading", None),
-        MemberState::Running { since, .. } => ("running", Some(since.elapsed().as_secs())),
+        MemberState::Running { since, .. } => (
+            "running",
+            Some(now.saturating_duration_since(since).as_secs()),
+        ),
         MemberState::Ending => ("ending", None),
     };
     let file = script.map(|script| script.file.display().to_string());
@@ -104,6 +212,7 @@ fn behaviour(script: Option<&Script>, member: &Member) -> Behaviour {
         state,
         running,
         params: script.map_or_else(Vec::new, |script| script.params.clone()),
+        knobs: knobs.iter().map(Param::from).collect(),
         ending,
     }
 }

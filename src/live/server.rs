@@ -14,26 +14,26 @@ use tokio_util::task::AbortOnDropHandle;
 
 use super::hub::Hub;
 use super::log::Line;
-use super::scripts::Script;
+use super::scripts::Known;
+use super::world::Simulation;
 use super::{api, page};
 use crate::control::Run;
 use crate::http::{self, Access, AccessError, Door, Options, Peer};
 use crate::robot::Listener;
-use crate::sim;
 
 /// What there is to see and to steer.
 pub struct Shown {
     /// The run.
     pub run: Run,
     /// Its simulated robot, if it has one.
-    pub sim: Option<sim::Handle>,
-    /// Its scripts; they may become others.
-    pub scripts: watch::Receiver<Vec<Script>>,
+    pub sim: Option<Simulation>,
+    /// Its scripts and its timetable; they may become others.
+    pub known: watch::Receiver<Known>,
     /// What happens in it.
     pub bus: Listener,
     /// Its log, if it is tapped: see [`tap`](super::tap).
     pub log: Option<tokio::sync::mpsc::Receiver<Line>>,
-    /// Where its tokens are.
+    /// Where its tokens, its journal and the pictures of its behaviours are.
     pub data: PathBuf,
 }
 
@@ -154,12 +154,12 @@ async fn serve(door: Door, access: Arc<Access>, shown: Shown, options: &Options)
     let Shown {
         run,
         sim,
-        scripts,
+        known,
         bus,
         log,
-        ..
+        data,
     } = shown;
-    let hub = Hub::new(run, sim, scripts, options.viewers);
+    let hub = Hub::new(run, sim, (known, data), options.viewers);
     let _serving = AbortOnDropHandle::new(tokio::spawn(hub.clone().serve(bus)));
     let keeper = hub.clone();
     let _keeping = log.map(|log| {

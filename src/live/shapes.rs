@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::order::{Light, Turn};
+use super::scripts::Plain;
 use crate::clock::Span;
 use crate::robot::Percent;
 
@@ -49,6 +50,16 @@ pub(super) struct Tune {
 pub(super) struct Volume {
     /// 0..=100.
     pub percent: Percent,
+}
+
+/// A parameter of a behaviour, and what it is to be.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Tuned {
+    /// Its name.
+    pub param: String,
+    /// Its new value.
+    pub value: Plain,
 }
 
 /// What is to become of a behaviour.

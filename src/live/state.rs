@@ -7,7 +7,6 @@ use serde::Serialize;
 use tokio::time::Instant;
 
 use crate::control::{Next, Run, Start};
-use crate::pilot::{LinkState, Status};
 use crate::robot::{RobotInfo, Use};
 use crate::safety::{Place, WatchdogState};
 use crate::wire::Stream;
@@ -18,7 +17,7 @@ const RATE: Duration = Duration::from_secs(1);
 /// See the module.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct State {
-    /// `connecting`, `up` or `lost`.
+    /// `connecting`, `up`, `lost` or `released`.
     pub link: &'static str,
     /// What the watchdog is at: `offline`, `free`, `docked`, `docking`, `going_home` or `alarm`.
     pub safety: &'static str,
@@ -145,13 +144,14 @@ pub(super) fn state(
     robot: Option<&RobotInfo>,
     people: People,
     rate: &mut Rate,
+    now: Instant,
 ) -> State {
-    let (status, now) = (*run.status.borrow(), Instant::now());
+    let status = *run.status.borrow();
     let view = run.view.borrow().clone();
     let percent = |power: i8| (f32::from(power) / 0.9).round() as i8;
     let tracks = status.shown.tracks;
     State {
-        link: link(status),
+        link: status.link.name(),
         safety: safety(status.safety),
         place: place(status.place),
         docked: status.docked,
@@ -170,7 +170,7 @@ pub(super) fn state(
         robot: robot.map(Robot::from),
         target: run.target.clone(),
         simulated: run.simulated,
-        running: run.began.elapsed().as_secs(),
+        running: now.saturating_duration_since(run.began).as_secs(),
         driver: people.driver,
         viewers: people.viewers,
         next: Next::of(&view).as_ref().map(Start::from),
@@ -181,15 +181,6 @@ pub(super) fn state(
 /// Whether the config lets the camera be on.
 pub(super) fn has_camera(run: &Run) -> bool {
     run.streams.usage(Stream::Video) != Use::Off
-}
-
-fn link(status: Status) -> &'static str {
-    match status.link {
-        LinkState::Connecting => "connecting",
-        LinkState::Up => "up",
-        LinkState::Lost => "lost",
-        LinkState::Released => "released",
-    }
 }
 
 fn safety(state: WatchdogState) -> &'static str {

@@ -15,11 +15,12 @@ use tokio::sync::{broadcast, mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 use tokio_util::task::AbortOnDropHandle;
 
-use super::hub::{Hub, NoWheel, Ticket, text};
+use super::hub::{Hub, text};
 use super::log::Line;
 use super::messages::{FromPage, Hello, ToPage, Watch};
 use super::order::{Order, perform};
 use super::state::has_camera;
+use super::ticket::{NoWheel, Ticket};
 use super::world;
 use crate::http::Role;
 use crate::robot::{Frame, Setpoint};
@@ -158,6 +159,7 @@ impl Reader {
             }
             Ok(None) => {}
             Err(NoWheel::Viewer) => self.notice("viewer_only", String::new()),
+            Err(NoWheel::Hurried) => self.notice("wheel_hurried", String::new()),
             Err(NoWheel::Halted) => self.notice("wheel_halted", String::new()),
             Err(NoWheel::Taken(name)) => self.notice("wheel_taken", name),
         }
@@ -268,7 +270,7 @@ impl Writer {
                     let frame = frames.borrow_and_update().clone();
                     if let Some(frame) = frame {
                         self.sent = self.sent.wrapping_add(1);
-                        send(sink, Message::Binary(packed(&frame))).await?;
+                        send(sink, Message::Binary(packed(&frame, hub.now()))).await?;
                     }
                 }
                 text = newest(&mut shows.map) => send_text(sink, text).await?,
@@ -294,14 +296,14 @@ impl Writer {
         let history = self.hub.history.lock();
         let history = history.unwrap_or_else(std::sync::PoisonError::into_inner);
         text(&ToPage::Battery {
-            points: history.points(Instant::now()),
+            points: history.points(self.hub.now()),
         })
     }
 
     async fn turn_to(&mut self, watch: Watch, shows: &mut Shows, sink: &mut Sink) -> Option<()> {
         match (&self.hub.sim, watch.map) {
             (Some(sim), true) if shows.map.is_none() => {
-                send_text(sink, text(&ToPage::World(&world::place(sim)))).await?;
+                send_text(sink, text(&ToPage::World(&world::place(&sim.robot)))).await?;
                 shows.map = Some(self.hub.map.subscribe());
             }
             (_, false) => shows.map = None,
@@ -326,10 +328,11 @@ impl Writer {
 }
 
 /// Number and age before the JPEG as it came.
-fn packed(frame: &Frame) -> Bytes {
+fn packed(frame: &Frame, now: Instant) -> Bytes {
+    let age = now.saturating_duration_since(frame.at).as_millis();
     let mut packed = BytesMut::with_capacity(8 + frame.jpeg.len());
     packed.put_u32(frame.seq as u32);
-    packed.put_u32(u32::try_from(frame.at.elapsed().as_millis()).unwrap_or(u32::MAX));
+    packed.put_u32(u32::try_from(age).unwrap_or(u32::MAX));
     packed.put_slice(&frame.jpeg);
     packed.freeze()
 }

@@ -4,12 +4,27 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::lab::{Going, Tempo};
 use crate::sim::{Handle, Paint, Point, Pose, RADIUS, What};
 
 /// Places of the way that are sent to who begins to look.
 const WAY: usize = 600;
 /// Collisions that are marked: the newest.
 const BUMPS: usize = 30;
+
+/// A simulated robot in this program, and its world.
+pub struct Simulation {
+    /// Both.
+    pub robot: Handle,
+    /// A hold on its clock, if it has one of its own.
+    pub tempo: Option<Tempo>,
+}
+
+impl From<Handle> for Simulation {
+    fn from(robot: Handle) -> Simulation {
+        Simulation { robot, tempo: None }
+    }
+}
 
 /// As a world is at first.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -92,6 +107,8 @@ pub(super) struct Tape {
 pub(super) struct Map {
     /// Simulated seconds since the start.
     pub time: f64,
+    /// What its clock does, if it has one of its own.
+    pub clock: Option<Clock>,
     /// The robot: x, y, heading.
     pub robot: [f64; 3],
     /// It runs into something.
@@ -110,6 +127,22 @@ pub(super) struct Map {
     pub walkers: Vec<[f64; 2]>,
     /// Where it ran into what, the newest last.
     pub bumps: Vec<(f64, f64, String)>,
+}
+
+/// A clock that people hold.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Clock {
+    /// It stands.
+    pub paused: bool,
+    /// So many simulated seconds a second, 1..=100.
+    pub factor: f64,
+}
+
+impl From<Going> for Clock {
+    fn from(Going { paused, factor }: Going) -> Clock {
+        let factor = factor.get();
+        Clock { paused, factor }
+    }
 }
 
 fn pair(point: Point) -> [f64; 2] {
@@ -220,7 +253,8 @@ fn way(sim: &Handle) -> Vec<[f64; 2]> {
 }
 
 /// What moves, as it is now.
-pub(super) fn map(sim: &Handle) -> Map {
+pub(super) fn map(simulation: &Simulation) -> Map {
+    let Simulation { robot: sim, tempo } = simulation;
     let state = sim.state();
     let Pose { x, y, heading } = state.pose;
     let [x, y] = pair(Point::new(x, y));
@@ -240,6 +274,7 @@ pub(super) fn map(sim: &Handle) -> Map {
     });
     Map {
         time: (state.time.as_secs_f64() * 10.0).round() / 10.0,
+        clock: tempo.as_ref().map(|tempo| tempo.going().into()),
         robot: [x, y, (heading * 1000.0).round() / 1000.0],
         blocked: state.blocked,
         searching: state.searching,

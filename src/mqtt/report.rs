@@ -123,12 +123,7 @@ impl Report {
             "charging": status.battery.is_some_and(|battery| battery.charging),
             "docked": status.docked,
             "low": status.low,
-            "link": match status.link {
-                LinkState::Connecting => "connecting",
-                LinkState::Up => "up",
-                LinkState::Lost => "lost",
-                LinkState::Released => "released",
-            },
+            "link": status.link.name(),
             "watchdog": status.safety.to_string(),
             "place": status.place.to_string(),
             "problem": reason.is_some(),

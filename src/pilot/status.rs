@@ -18,6 +18,28 @@ pub enum LinkState {
     Released,
 }
 
+impl LinkState {
+    /// One word for it, as pages and brokers are told.
+    pub fn name(self) -> &'static str {
+        match self {
+            LinkState::Connecting => "connecting",
+            LinkState::Up => "up",
+            LinkState::Lost => "lost",
+            LinkState::Released => "released",
+        }
+    }
+
+    /// In words for people, unless the link is up: then the watchdog's state says more.
+    pub fn absence(self) -> Option<&'static str> {
+        match self {
+            LinkState::Connecting => Some("connecting"),
+            LinkState::Up => None,
+            LinkState::Lost => Some("link lost, connecting anew"),
+            LinkState::Released => Some("let go of, free for others"),
+        }
+    }
+}
+
 /// The newest state of robot and watchdog.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Status {

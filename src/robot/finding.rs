@@ -4,6 +4,8 @@
 use serde::{Deserialize, Serialize};
 use tokio::sync::broadcast;
 
+use super::param::Console;
+
 /// Things of one frame, and letters of each.
 const MOST: usize = 64;
 const LONGEST: usize = 40;
@@ -36,13 +38,20 @@ pub struct Findings {
     pub list: Vec<Finding>,
 }
 
-/// Where they go. Cheap to clone.
+/// Where they go, and what else crosses between behaviours and people who look on: parameters. Cheap to
+/// clone.
 #[derive(Debug, Clone)]
-pub struct Lookout(broadcast::Sender<Findings>);
+pub struct Lookout {
+    found: broadcast::Sender<Findings>,
+    console: Console,
+}
 
 impl Default for Lookout {
     fn default() -> Lookout {
-        Lookout(broadcast::Sender::new(BEHIND))
+        Lookout {
+            found: broadcast::Sender::new(BEHIND),
+            console: Console::default(),
+        }
     }
 }
 
@@ -56,12 +65,17 @@ impl Lookout {
             }
         }
         // Fails only without receivers.
-        let _ = self.0.send(found);
+        let _ = self.found.send(found);
     }
 
     /// What is found from now on.
     pub fn look(&self) -> broadcast::Receiver<Findings> {
-        self.0.subscribe()
+        self.found.subscribe()
+    }
+
+    /// The parameters of behaviours.
+    pub fn console(&self) -> &Console {
+        &self.console
     }
 }
 

@@ -173,7 +173,10 @@ impl Book {
                         .map_err(|error| error.to_string());
                     script.deliver_module(&name, file, Instant::now());
                 }
-                Output::Intent(_) | Output::Evaluated(_) | Output::Remark(_) => {}
+                Output::Intent(_)
+                | Output::Evaluated(_)
+                | Output::Params(_)
+                | Output::Remark(_) => {}
             }
         }
     }

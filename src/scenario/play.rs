@@ -158,6 +158,7 @@ impl Book {
             stop: setting.stop.clone(),
             events: Some(chronicle.recorder()),
             date: None,
+            tempo: None,
             bus: Bus::default(),
         };
         let cast = Cast {

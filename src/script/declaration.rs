@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use super::failure::printable;
 use super::nearest::suggestion;
+use crate::robot::Knob;
+
 use super::params::{GivenParam, ParamOrigin, ParamValue};
 
 /// One declared parameter; its type is that of its default.
@@ -18,26 +20,30 @@ pub(crate) struct Declaration {
     pub(crate) unit: Option<String>,
     /// Of a text; empty: any.
     pub(crate) choices: Vec<String>,
+    /// It may be changed while the script runs.
+    pub(crate) live: bool,
+    /// What it is for.
+    pub(crate) doc: String,
 }
 
 impl Declaration {
+    /// As people who look on see it.
+    pub(super) fn knob(&self, name: &str, value: ParamValue) -> Knob {
+        Knob {
+            name: name.to_owned(),
+            value,
+            live: self.live,
+            min: self.min,
+            max: self.max,
+            unit: self.unit.clone(),
+            choices: self.choices.clone(),
+            doc: self.doc.clone(),
+        }
+    }
+
     /// What a value must be, in words.
     pub(crate) fn expected(&self) -> String {
-        match &self.default {
-            ParamValue::Boolean(_) => "true or false".to_owned(),
-            ParamValue::Text(_) if self.choices.is_empty() => "a text".to_owned(),
-            ParamValue::Text(_) => format!("one of {}", self.choices.join(", ")),
-            ParamValue::Number(_) => {
-                let unit = self.unit.as_ref().map(|unit| format!(" {unit}"));
-                let unit = unit.unwrap_or_default();
-                match (self.min, self.max) {
-                    (Some(min), Some(max)) => format!("a number from {min} to {max}{unit}"),
-                    (Some(min), None) => format!("a number of at least {min}{unit}"),
-                    (None, Some(max)) => format!("a number of at most {max}{unit}"),
-                    (None, None) => format!("a number{}", unit.replacen(' ', " of ", 1)),
-                }
-            }
-        }
+        self.knob("", self.default.clone()).expected()
     }
 
     /// What is said must make sense for the default's type, and hold for the default itself.
@@ -63,18 +69,7 @@ impl Declaration {
 
     /// Whether a value has the right type and lies within the bounds.
     pub(crate) fn allows(&self, value: &ParamValue) -> bool {
-        match (&self.default, value) {
-            (ParamValue::Boolean(_), ParamValue::Boolean(_)) => true,
-            (ParamValue::Number(_), ParamValue::Number(number)) => {
-                number.is_finite()
-                    && self.min.is_none_or(|min| *number >= min)
-                    && self.max.is_none_or(|max| *number <= max)
-            }
-            (ParamValue::Text(_), ParamValue::Text(text)) => {
-                self.choices.is_empty() || self.choices.contains(text)
-            }
-            _ => false,
-        }
+        self.knob("", self.default.clone()).allows(value)
     }
 
     /// The value that was given. On a command line everything is text.
@@ -158,6 +153,8 @@ mod tests {
             max: Some(max),
             unit: Some("%".into()),
             choices: Vec::new(),
+            live: false,
+            doc: String::new(),
         }
     }
 

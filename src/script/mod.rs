@@ -191,6 +191,19 @@ impl Script {
         }
     }
 
+    /// A person gives one of its parameters another value; a refusal is said in its log.
+    pub fn turn_param(&mut self, name: &str, value: ParamValue, now: Instant) {
+        let mut state = self.state.borrow_mut();
+        state.tick(now);
+        if state.has_ended() {
+            return;
+        }
+        if let Err(why) = api::turn_param(&self.lua, &mut state, name, value) {
+            let now = state.now;
+            state.outbox.log(LogLine::new(Level::Warn, &why), now);
+        }
+    }
+
     /// Gives the script a frame; it replaces one that no handler has taken.
     pub fn deliver_frame(&mut self, frame: Frame, now: Instant) {
         let mut state = self.state.borrow_mut();

@@ -7,7 +7,7 @@ use tokio::time::Instant;
 
 use super::failure::printable;
 use super::modules::ModuleName;
-use crate::robot::{Intent, Remark};
+use crate::robot::{Intent, Knob, Remark};
 
 /// Intents that may wait to be taken.
 const MAX_INTENTS: usize = 256;
@@ -29,6 +29,8 @@ pub enum Output {
     Log(LogLine),
     /// What it has done or wants that is not the robot's.
     Remark(Remark),
+    /// Its parameters as they are now.
+    Params(Vec<Knob>),
     /// What became of the line that a person typed.
     Evaluated(Evaluated),
     /// The file of this module is wanted: see [`Script::deliver_module`](super::Script::deliver_module).
@@ -155,6 +157,13 @@ impl OutputQueue {
         self.waiting.push(Output::Remark(remark));
     }
 
+    /// For those who want to know; only the newest counts.
+    pub(super) fn params(&mut self, knobs: Vec<Knob>) {
+        self.waiting
+            .retain(|output| !matches!(output, Output::Params(_)));
+        self.waiting.push(Output::Params(knobs));
+    }
+
     /// Tells what became of a person's line.
     pub(super) fn answer(&mut self, evaluated: Evaluated) {
         self.waiting.push(Output::Evaluated(evaluated));
@@ -195,7 +204,7 @@ impl OutputQueue {
             index += 1;
             let happened = matches!(
                 output,
-                Output::Log(_) | Output::Remark(Remark::Picture { .. })
+                Output::Log(_) | Output::Params(_) | Output::Remark(Remark::Picture { .. })
             );
             index <= mark.0 || happened
         });

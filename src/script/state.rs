@@ -14,6 +14,7 @@ use self::known::Known;
 use super::album::Album;
 use super::blockage::{Blockage, Going};
 use super::complaints::{Complaints, Telling};
+use super::declaration::Declaration;
 use super::events::{EventName, Payload, Subscriptions};
 use super::group::Group;
 use super::held::HeldFrame;
@@ -23,6 +24,7 @@ use super::motion::{Motion, Owner};
 use super::odometry::{Driver, Odometry, drive_of};
 use super::options::Options;
 use super::output::{Level, LogLine, OutputQueue};
+use super::params::ParamValue;
 use super::queue::Tasks;
 use super::shares::Shares;
 use super::sight::{Look, Sight};
@@ -57,6 +59,8 @@ pub struct Usage {
 pub(super) struct Declared {
     /// The names, once it was called.
     pub(super) names: Option<Vec<String>>,
+    /// All of them with their values.
+    pub(super) all: BTreeMap<String, (Declaration, ParamValue)>,
     /// What is wrong with the values that were given to it.
     pub(super) refused: Option<String>,
 }
@@ -103,6 +107,13 @@ pub(super) struct State {
 }
 
 impl State {
+    /// For people who look on.
+    pub(super) fn show_params(&mut self) {
+        let all = self.params.all.iter();
+        let knobs = all.map(|(name, (declaration, value))| declaration.knob(name, value.clone()));
+        self.outbox.params(knobs.collect());
+    }
+
     pub(super) fn new(options: Options, now: Instant) -> State {
         let album = Album::new(options.data_dir.clone(), &options.limits);
         let shares = Shares::new(&options.limits);

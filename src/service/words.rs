@@ -81,11 +81,10 @@ pub(super) fn status<'a>(
     next: Option<(Timestamp, &str)>,
     zone: &Zone,
 ) -> String {
-    let robot = match status.link {
-        LinkState::Connecting => "waiting for the robot".to_owned(),
-        LinkState::Lost => "link lost, connecting anew".to_owned(),
-        LinkState::Released => "let go of, free for others".to_owned(),
-        LinkState::Up => status.safety.to_string(),
+    let robot = match (status.link, status.link.absence()) {
+        (LinkState::Connecting, _) => "waiting for the robot".to_owned(),
+        (_, Some(words)) => words.to_owned(),
+        (_, None) => status.safety.to_string(),
     };
     let running: Vec<&str> = running.collect();
     let running = match running.is_empty() {

@@ -6,9 +6,14 @@
 //! Frames are written in one piece, as on a cable, and packet by packet as Wi-Fi delivers them: then
 //! who decodes what has come is nearly done when the last byte arrives.
 //!
-//! `scripts/bench-reaction` makes the Python environment and calls this.
+//! `scripts/bench-reaction` makes the Python environment and calls this. `scripts/bench-live` has it compare
+//! a run without and with so many open pages (`SPYKEE_BENCH_VIEWERS=10,30`), and tells how old frames are
+//! when they are there.
 
 #![allow(clippy::unwrap_used)]
+
+#[path = "reaction/viewers.rs"]
+mod viewers;
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -63,6 +68,12 @@ fn main() {
         command.arg("run").args(scripts).current_dir(folder.path());
         command
     };
+    if let Ok(numbers) = std::env::var("SPYKEE_BENCH_VIEWERS") {
+        let numbers = numbers.split(',').map(|number| number.parse().unwrap());
+        return viewers::compare(&frames, &numbers.collect::<Vec<usize>>(), || {
+            spykee(&[&follow])
+        });
+    }
     let python = std::env::var_os("SPYKEE_BENCH_PYTHON");
     if python.is_none() {
         eprintln!("no Python client: call scripts/bench-reaction");
@@ -132,7 +143,18 @@ fn newest_frame(robot: &mut Robot) -> Bytes {
 }
 
 /// Has a client drive a robot of ours and takes the time of its answers.
-fn measure(frames: &[Bytes], delivery: Delivery, mut client: Command) -> Vec<Duration> {
+fn measure(frames: &[Bytes], delivery: Delivery, client: Command) -> Vec<Duration> {
+    measure_beside(frames, delivery, client, || {}, |_| {})
+}
+
+/// The same beside what has begun once the client wants frames, and is told when each of them is sent.
+fn measure_beside(
+    frames: &[Bytes],
+    delivery: Delivery,
+    mut client: Command,
+    begin: impl FnOnce(),
+    mut sent: impl FnMut(Instant),
+) -> Vec<Duration> {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     client.args(["--robot", &listener.local_addr().unwrap().to_string()]);
     client
@@ -145,9 +167,11 @@ fn measure(frames: &[Bytes], delivery: Delivery, mut client: Command) -> Vec<Dur
     while !session.video {
         session.wait_for(|_| true);
     }
+    begin();
     let mut answers = Vec::new();
     for frame in frames.iter().cycle().take(ANSWERS + WARM_UP) {
         let due = Instant::now() + PERIOD;
+        sent(Instant::now());
         answers.push(session.show(frame, delivery, due));
         std::thread::sleep(due.saturating_duration_since(Instant::now()));
     }

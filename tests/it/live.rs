@@ -325,7 +325,6 @@ async fn stop_beats_the_watchdog_that_sends_a_low_robot_home_also_at_the_end() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-#[ignore = "fails now and then beside all other tests, never alone: not understood yet"]
 async fn behaviours_are_ended_and_started_and_their_scripts_are_shown() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, DRIVE, &[]).await;
@@ -335,9 +334,12 @@ async fn behaviours_are_ended_and_started_and_their_scripts_are_shown() {
     page.say("{\"type\":\"order\",\"id\":7,\"order\":{\"do\":\"behaviour\",\"name\":\"script\",\"change\":\"stop\"}}").await;
     let answer = page.until("answer", |answer| answer["id"] == 7).await;
     assert_eq!(answer["ok"], true, "{answer}");
-    // The news of it may have come before the answer: a page that opens now is told how it is.
-    let mut page = open(&at).await;
     page.until("behaviours", state("idle")).await;
+    // A page that opens now is told the same, whichever message comes first.
+    for _ in 0..10 {
+        let mut page = open(&at).await;
+        page.until("behaviours", state("idle")).await;
+    }
     let from = rig.sim.heard_count();
     let body = json!({ "change": "start" });
     assert_eq!(post(&at, "/api/behaviours/script", "", body).await.0, 200);
@@ -349,6 +351,65 @@ async fn behaviours_are_ended_and_started_and_their_scripts_are_shown() {
         get(&at, "/api/behaviours/..%2f..%2fetc/script").await.0,
         404
     );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_live_parameter_changes_within_its_bounds_while_the_script_drives() {
+    let rig = Rig::quiet().await;
+    let script =
+        "local p = params.declare{ speed = {default = 30, min = 10, max = 60, live = true},
+        mode = {default = 'calm'} } while true do robot.move(p.speed, p.speed, 0.2) end";
+    let (_run, at) = live(&rig, script, &[]).await;
+    let mut page = open(&at).await;
+    page.until("behaviours", |said| {
+        said["list"][0]["knobs"][1]["value"] == 30.0
+    })
+    .await;
+    let turn = |param: &'static str, value: Value| {
+        let at = at.clone();
+        async move {
+            let body = json!({ "param": param, "value": value });
+            post(&at, "/api/behaviours/script/params", "", body).await
+        }
+    };
+    for (param, value, words) in [
+        ("speed", json!(61), "a number from 10 to 60"),
+        ("speed", json!("fast"), "a number from 10 to 60"),
+        ("mode", json!("wild"), "cannot be changed while"),
+        ("sped", json!(20), "did you mean"),
+    ] {
+        let (status, body) = turn(param, value).await;
+        assert!(status == 409 && body.contains(words), "{status} {body}");
+    }
+    let from = rig.sim.heard_count();
+    assert_eq!(turn("speed", json!(55)).await.0, 200);
+    let faster = |command: &Command| matches!(command, Command::Move { left, .. } if *left > 45);
+    rig.heard(from, faster).await;
+    page.until("behaviours", |said| {
+        said["list"][0]["knobs"][1]["value"] == 55.0
+    })
+    .await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_without_journal_and_timetable_says_so_and_no_path_leads_out_of_its_pictures() {
+    let rig = Rig::quiet().await;
+    rig.file("secret.jpg", "not for everybody");
+    let (_run, at) = live(&rig, IDLE, &[]).await;
+    for path in [
+        "/api/behaviours/script/pictures/1.jpg",
+        "/api/behaviours/../pictures/secret.jpg",
+        "/api/behaviours/..%2f/pictures/secret.jpg",
+        "/api/behaviours/script/pictures/..%2f..%2fsecret.jpg",
+    ] {
+        let (status, body) = get(&at, path).await;
+        assert_eq!(status, 404, "{path}: {body}");
+        assert!(!body.contains("everybody"), "{path}: {body}");
+    }
+    for path in ["/api/history", "/api/history?days=7", "/api/schedule"] {
+        assert_eq!(get(&at, path).await, (200, "null".to_owned()), "{path}");
+    }
+    assert_eq!(get(&at, "/api/history?days=x").await.0, 400);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -13,7 +13,7 @@ use crate::cli::settings::SettingsArgs;
 use crate::cli::{Console, Failure, check, live};
 use crate::clock::{Clock, Zone};
 use crate::config::{Config, Entry, Idle, Service, Start};
-use crate::live::Script;
+use crate::live::Known;
 use crate::service::{Duties, IdlePolicy, Reload};
 use crate::timetable::Timetable;
 
@@ -23,8 +23,8 @@ pub(super) struct Order {
     pub(super) duties: Duties,
     /// Of each behaviour with all that it is started with.
     prints: BTreeMap<String, u64>,
-    /// The behaviours as a page shows them.
-    pub(super) scripts: Vec<Script>,
+    /// What a page shows of them.
+    pub(super) known: Known,
 }
 
 /// Makes duties from the config, at the beginning and anew.
@@ -88,7 +88,10 @@ impl Reader {
         let always = always.map(|(_, name)| name.clone()).collect();
         let prints = names.iter().cloned().zip(behaviours.iter().map(print));
         let prints = prints.collect();
-        let scripts = behaviours.iter().map(live::script).collect();
+        let known = Known {
+            scripts: behaviours.iter().map(live::script).collect(),
+            timetable: (!table.rules.is_empty()).then(|| (table.clone(), self.clock)),
+        };
         Ok(Order {
             duties: Duties {
                 blueprints,
@@ -102,7 +105,7 @@ impl Reader {
                 },
             },
             prints,
-            scripts,
+            known,
         })
     }
 
@@ -111,7 +114,7 @@ impl Reader {
         self,
         mut hangup: Signal,
         reload: mpsc::Sender<Reload>,
-        shown: watch::Sender<Vec<Script>>,
+        shown: watch::Sender<Known>,
         mut now: (Config, Order),
     ) -> Infallible {
         while hangup.recv().await.is_some() {
@@ -127,7 +130,7 @@ impl Reader {
                         .iter()
                         .filter(|(name, print)| before.1.prints.get(*name) != Some(*print));
                     let changed = changed.map(|(name, _)| name.clone()).collect();
-                    shown.send_replace(now.1.scripts.clone());
+                    shown.send_replace(now.1.known.clone());
                     let duties = now.1.duties.clone();
                     let _ = reload.send(Reload { duties, changed }).await;
                 }

@@ -4,11 +4,12 @@ import { battery } from "./battery.js";
 import { behaviours } from "./behaviours.js";
 import { camera } from "./camera.js";
 import { Connection } from "./connection.js";
-import { clock, h, remember, remembered, say } from "./dom.js";
+import { clock, h, remember, remembered, say, visible } from "./dom.js";
 import { drive } from "./drive.js";
 import { log } from "./log.js";
 import { logIn, logOut, me } from "./login.js";
 import { map } from "./map.js";
+import { past, schedule } from "./past.js";
 import { robot } from "./robot.js";
 import { simulation } from "./simulation.js";
 import { language, languages, t } from "./texts.js";
@@ -72,7 +73,7 @@ function build(app, visitor) {
   const parts = {
     camera: camera(connection), drive: drive(connection, order, note), map: map(connection, order),
     battery: battery(connection), robot: robot(connection, order), behaviours: behaviours(connection, order),
-    simulation: simulation(connection, order), log: log(connection),
+    simulation: simulation(connection, order), log: log(connection), past: past(connection), schedule: schedule(connection),
   };
   app.replaceChildren(
     h("header", { class: "top" },
@@ -82,8 +83,8 @@ function build(app, visitor) {
       h("div", { class: "halt" }, letGo, stop)),
     banner,
     h("main", { class: "grid" },
-      h("div", { class: "column" }, parts.camera, parts.log),
-      h("div", { class: "column" }, parts.map, parts.behaviours, parts.simulation),
+      h("div", { class: "column" }, parts.camera, parts.log, parts.past),
+      h("div", { class: "column" }, parts.map, parts.behaviours, parts.schedule, parts.simulation),
       h("div", { class: "column" }, parts.drive, parts.battery, parts.robot)),
     notice,
     h("footer", { class: "row" },
@@ -113,7 +114,7 @@ function build(app, visitor) {
   });
   connection.on("state", (now) => {
     say(title, now.robot?.name ?? "spykee");
-    document.title = `${now.robot?.name ?? "spykee"} · ${now.battery ? `${now.battery.percent} %` : ""}`;
+    document.title = `${visible(now.robot?.name ?? "spykee")} · ${now.battery ? `${now.battery.percent} %` : ""}`;
     say(state, words(now));
     state.className = `state ${now.halted ? "bad" : kind(now)}`;
     const facts = [

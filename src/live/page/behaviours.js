@@ -1,8 +1,44 @@
 // The behaviours of the run: what each does, and starting and ending them.
 
-import { clock, h, say } from "./dom.js";
+import { clock, h, say, visible } from "./dom.js";
 import { showScript } from "./script.js";
 import { t } from "./texts.js";
+
+/** A parameter: something to change it with if it is live, or its value. Changed while nobody holds it. */
+function knob(behaviour, { name, value, live, min, max, unit, choices, doc }, order) {
+  const words = (now) => `${now}${unit ? ` ${unit}` : ""}`;
+  const id = `knob-${behaviour}-${name}`;
+  const label = h("label", { for: id, title: doc || null }, name);
+  const shown = h("output", { for: id });
+  const set = (next) => order({ do: "param", name: behaviour, param: name, value: next });
+  let input = null;
+  if (live && typeof value === "boolean") {
+    input = h("input", { id, type: "checkbox", onchange: () => set(input.checked) });
+  } else if (live && typeof value === "number") {
+    const both = min !== null && max !== null;
+    const step = both && Number.isInteger(min) && Number.isInteger(max) && max - min >= 5 ? 1 : "any";
+    input = h("input", { id, type: both ? "range" : "number", min, max, step, onchange: () => input.value !== "" && set(Number(input.value)), oninput: () => say(shown, words(input.value)) });
+  } else if (live && choices.length > 0) {
+    input = h("select", { id, onchange: () => set(input.value) }, ...choices.map((one) => h("option", {}, one)));
+  } else if (live) {
+    input = h("input", { id, type: "text", maxlength: 200, onchange: () => set(input.value) });
+  }
+  function update(now) {
+    if (input === null || input.type === "range") {
+      say(shown, words(now));
+    }
+    if (input !== null && document.activeElement !== input) {
+      if (input.type === "checkbox") {
+        input.checked = now;
+      } else {
+        input.value = String(now);
+      }
+    }
+  }
+  update(value);
+  const hand = input === null ? null : h("span", { class: "driver-only hand" }, input);
+  return { element: h("div", { class: "knob-row" }, label, hand, shown), update };
+}
 
 /** One of them; made once and then changed, so that the keyboard's place stays. */
 function entry(name, order) {
@@ -18,12 +54,15 @@ function entry(name, order) {
     onclick: () => showScript(name, null),
   }, t("show_script"));
   const params = h("p", { class: "quiet params" });
+  const knobs = h("div", { class: "knobs" });
+  const turns = new Map();
+  let declared = "";
   const trouble = h("p", { class: "trouble" });
   let told = "";
 
   const element = h("li", {},
     h("div", { class: "head" }, dot, h("strong", {}, name), state),
-    params, trouble,
+    params, knobs, trouble,
     h("div", { class: "row" },
       h("span", { class: "row driver-only" }, buttons.start, buttons.stop, buttons.restart), script));
 
@@ -37,12 +76,25 @@ function entry(name, order) {
     buttons.stop.hidden = !running;
     buttons.restart.hidden = !running;
     script.hidden = one.file === null;
-    say(params, one.params.map(([key, value]) => `${key} = ${value}`).join(", "));
+    tune(one.knobs);
+    say(params, one.knobs.length > 0 ? "" : one.params.map(([key, value]) => `${key} = ${value}`).join(", "));
     const key = JSON.stringify(one.ending);
     if (key !== told) {
       told = key;
       explain(one.ending);
     }
+  }
+
+  function tune(list) {
+    // Made anew only if they are others: whoever holds one keeps it.
+    const shape = JSON.stringify(list.map((one) => ({ ...one, value: typeof one.value })));
+    if (shape !== declared) {
+      declared = shape;
+      turns.clear();
+      list.forEach((one) => turns.set(one.name, knob(name, one, order)));
+      knobs.replaceChildren(...[...turns.values()].map(({ element }) => element));
+    }
+    list.forEach((one) => turns.get(one.name).update(one.value));
   }
 
   function explain(ending) {
@@ -55,7 +107,7 @@ function entry(name, order) {
     const line = ending.line && bad ? h("button", {
       type: "button", class: "link", onclick: () => showScript(name, ending.line),
     }, t("show_line", { line: ending.line, name })) : null;
-    trouble.replaceChildren(text, ...(line ? [" ", line] : []));
+    trouble.replaceChildren(visible(text), ...(line ? [" ", line] : []));
   }
 
   return { element, update };

@@ -1,6 +1,6 @@
 // The camera: the newest frame, and what scripts found in it.
 
-import { h, remember, remembered, say } from "./dom.js";
+import { h, remember, remembered, say, visible } from "./dom.js";
 import { t } from "./texts.js";
 
 /** Findings older than this are not drawn, milliseconds. */
@@ -64,7 +64,8 @@ export function camera(connection) {
         found.delete(behaviour);
         continue;
       }
-      for (const { x, y, w, h: high, text } of list) {
+      for (const { x, y, w, h: high, text: said } of list) {
+        const text = visible(said);
         ink.strokeStyle = "#7dff2a";
         ink.strokeRect(x, y, w, high);
         const above = y > 14 ? y - 14 : y + high;

@@ -1,6 +1,14 @@
 // Elements are made here, and nowhere from text: whatever a robot or a script says stays text.
 
 const SVG = "http://www.w3.org/2000/svg";
+/** Characters that do not show, or that make a text read in another order than it stands. */
+const HIDDEN = /[\u0000-\u0008\u000b-\u001f\u007f-\u009f\u061c\u200e\u200f\u2028-\u202e\u2060\u2066-\u2069\ufeff]/g;
+const SPOKEN = ["aria-label", "title", "alt"];
+
+/** A text in which nothing hides: what would is shown as `\u202e`. */
+export function visible(text) {
+  return String(text).replace(HIDDEN, (one) => `\\u${one.charCodeAt(0).toString(16).padStart(4, "0")}`);
+}
 
 function fill(element, attributes, children) {
   for (const [name, value] of Object.entries(attributes)) {
@@ -9,10 +17,11 @@ function fill(element, attributes, children) {
     } else if (value === true) {
       element.setAttribute(name, "");
     } else if (value !== false && value !== null && value !== undefined) {
-      element.setAttribute(name, value);
+      element.setAttribute(name, SPOKEN.includes(name) ? visible(value) : value);
     }
   }
-  element.append(...children.filter((child) => child !== null && child !== undefined));
+  const shown = children.filter((child) => child !== null && child !== undefined);
+  element.append(...shown.map((child) => (child instanceof Node ? child : visible(child))));
   return element;
 }
 
@@ -28,8 +37,9 @@ export function s(name, attributes = {}, ...children) {
 
 /** Changes a text only if it is another: screen readers say what changes. */
 export function say(element, text) {
-  if (element.textContent !== text) {
-    element.textContent = text;
+  const shown = visible(text);
+  if (element.textContent !== shown) {
+    element.textContent = shown;
   }
 }
 

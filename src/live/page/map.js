@@ -1,6 +1,6 @@
 // The map of a simulated world: the robot and its way, what it ran into, and all that moves.
 
-import { clock, h, say } from "./dom.js";
+import { clock, h, say, visible } from "./dom.js";
 import { t } from "./texts.js";
 
 const MARGIN = 0.25;
@@ -18,8 +18,11 @@ export function map(connection, order) {
   let scale = 1;
 
   function palette() {
-    const style = getComputedStyle(document.documentElement);
-    const colour = (name) => style.getPropertyValue(`--${name}`).trim();
+    // Read as the canvas's own colour: then it is the one of the scheme that is shown.
+    const colour = (name) => {
+      canvas.style.color = `var(--${name})`;
+      return getComputedStyle(canvas).color;
+    };
     colours = Object.fromEntries(["floor", "wall", "ink", "quiet", "accent", "danger", "beacon", "grid", "card"].map((name) => [name, colour(name)]));
   }
 
@@ -69,7 +72,7 @@ export function map(connection, order) {
 
   function label(text, px, py) {
     ink.fillStyle = colours.ink;
-    ink.fillText(text, x(px), y(py));
+    ink.fillText(visible(text), x(px), y(py));
   }
 
   function tape({ through, width, closed, rounding, colour }) {
@@ -239,7 +242,7 @@ export function map(connection, order) {
     }
     say(time, `${clock(message.time)} · ${message.distance.toFixed(1)} m`);
     const [px, py] = here.map((one) => one.toFixed(1));
-    canvas.setAttribute("aria-label", t("map_alt", { name: world?.name ?? "", x: px, y: py, collisions: message.collisions }));
+    canvas.setAttribute("aria-label", t("map_alt", { name: visible(world?.name ?? ""), x: px, y: py, collisions: message.collisions }));
     draw();
   });
   new ResizeObserver(() => {

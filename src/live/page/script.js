@@ -1,6 +1,6 @@
 // A script's text, with one line marked.
 
-import { h } from "./dom.js";
+import { h, say } from "./dom.js";
 import { t } from "./texts.js";
 
 const title = h("h2", { id: "script-title" });
@@ -15,8 +15,8 @@ document.body.append(dialog);
 export async function showScript(name, line) {
   const answer = await fetch(`/api/behaviours/${encodeURIComponent(name)}/script`);
   const script = answer.ok ? await answer.json() : { file: name, text: "", changed: false };
-  title.textContent = script.file;
-  note.textContent = answer.ok ? (script.changed ? t("script_changed") : "") : t("script_gone");
+  say(title, script.file);
+  say(note, answer.ok ? (script.changed ? t("script_changed") : "") : t("script_gone"));
   note.hidden = note.textContent === "";
   const rows = script.text.replace(/\n$/, "").split("\n").map((text, index) => {
     const marked = index + 1 === line;

@@ -1,6 +1,6 @@
 // What one can change in a simulated world: the words of scenarios.
 
-import { h } from "./dom.js";
+import { h, say } from "./dom.js";
 import { t } from "./texts.js";
 
 const FAULTS = {
@@ -8,6 +8,32 @@ const FAULTS = {
   take_over: { for: 10 }, truncated_frames: { for: 30 }, flipped_frames: { for: 30 },
   no_power: { for: 60 }, power_jumps: { for: 30 }, dock_lost: { for: 60 },
 };
+
+const SPEEDS = [1, 2, 5, 10, 20, 50, 100];
+
+/** The simulation's own clock, if it has one. */
+function clock(connection, change) {
+  let paused = false;
+  const pause = h("button", { type: "button", onclick: () => change({ sim: "pause", paused: !paused }) }, t("sim_pause"));
+  const step = h("button", { type: "button", onclick: () => change({ sim: "step" }) }, t("sim_step"));
+  const speed = h("select", { id: "sim-speed", onchange: () => change({ sim: "speed", factor: Number(speed.value) }) },
+    ...SPEEDS.map((factor) => h("option", { value: factor }, `${factor}x`)));
+  const row = h("div", { class: "row", hidden: true }, pause, step,
+    h("label", { for: "sim-speed" }, t("sim_speed")), speed);
+  const none = h("p", { class: "quiet" }, t("sim_no_clock"));
+  connection.on("map", ({ clock: now }) => {
+    row.hidden = now === null;
+    none.hidden = now !== null;
+    if (now) {
+      paused = now.paused;
+      say(pause, t(paused ? "sim_go_on" : "sim_pause"));
+      if (document.activeElement !== speed) {
+        speed.value = String(now.factor);
+      }
+    }
+  });
+  return [row, none];
+}
 
 export function simulation(connection, order) {
   const change = (what) => order({ do: "sim", change: what });
@@ -55,6 +81,7 @@ export function simulation(connection, order) {
 
   return h("section", { class: "card simulation driver-only", "aria-labelledby": "simulation-title" },
     h("h2", { id: "simulation-title" }, t("simulation")),
+    ...clock(connection, change),
     h("div", { class: "row" }, h("label", { for: "sim-battery" }, t("sim_battery")), battery),
     h("div", { class: "row" }, h("label", { for: "sim-light" }, t("sim_light")), light),
     h("div", { class: "row" },

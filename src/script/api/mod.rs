@@ -18,6 +18,7 @@ mod looking;
 mod modules;
 mod motion;
 mod params;
+pub(super) use params::turn as turn_param;
 mod payload;
 mod robot;
 mod script;

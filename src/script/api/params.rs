@@ -11,6 +11,7 @@ use super::super::declaration::{self, Declaration};
 use super::super::failure::printable;
 use super::super::nearest::suggestion;
 use super::super::params::ParamValue;
+use super::super::state::State;
 use super::{Answered, Builder, Call, Natives, describe};
 use crate::api::Type;
 
@@ -22,6 +23,8 @@ const MAX_PARAMS: usize = 64;
 const LONGEST: usize = 1000;
 /// Where the error for unknown names is kept.
 const STRICT: &str = "spykee.params";
+/// Where the table of values is kept.
+const VALUES: &str = "spykee.params.values";
 
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     let shared = Rc::clone(builder.shared);
@@ -46,8 +49,14 @@ fn declare(call: &mut Call<'_>) -> Answered {
     let given = &call.state.options.params;
     match declaration::settle(&declared, given) {
         Ok(values) => {
-            let values = to_lua(call.lua, values)?;
-            call.reply(values)
+            let table = to_lua(call.lua, &values)?;
+            call.lua.set_named_registry_value(VALUES, &table)?;
+            let all = declared.into_iter().zip(values.into_values());
+            call.state.params.all = all
+                .map(|((name, declaration), value)| (name, (declaration, value)))
+                .collect();
+            call.state.show_params();
+            call.reply(table)
         }
         Err(words) => {
             // A pcall must not continue with a refused value.
@@ -58,15 +67,55 @@ fn declare(call: &mut Call<'_>) -> Answered {
     }
 }
 
+fn set(table: &LuaTable, name: &str, value: &ParamValue) -> LuaResult<()> {
+    match value {
+        ParamValue::Boolean(value) => table.raw_set(name, *value),
+        ParamValue::Number(value) => table.raw_set(name, *value),
+        ParamValue::Text(value) => table.raw_set(name, value.as_str()),
+    }
+}
+
+/// A person changes a parameter: the script's table has the new value from now on.
+///
+/// # Errors
+/// In words: it is not declared, may not be changed, or must be something else.
+pub(in crate::script) fn turn(
+    lua: &Lua,
+    state: &mut State,
+    name: &str,
+    value: ParamValue,
+) -> Result<(), String> {
+    let Some((declaration, current)) = state.params.all.get_mut(name) else {
+        return Err(format!(
+            "it declares no parameter '{}'",
+            printable(name, 60)
+        ));
+    };
+    if !declaration.live {
+        return Err(format!("{name} cannot be changed while it runs"));
+    }
+    if !declaration.allows(&value) {
+        return Err(format!("{name} must be {}", declaration.expected()));
+    }
+    let changed = lua
+        .named_registry_value::<LuaTable>(VALUES)
+        .and_then(|table| {
+            table.set_readonly(false);
+            let changed = set(&table, name, &value);
+            table.set_readonly(true);
+            changed
+        });
+    changed.map_err(|error| format!("{name} could not be changed: {error}"))?;
+    *current = value;
+    state.show_params();
+    Ok(())
+}
+
 /// A read-only table that knows its names.
-fn to_lua(lua: &Lua, values: BTreeMap<String, ParamValue>) -> LuaResult<LuaTable> {
+fn to_lua(lua: &Lua, values: &BTreeMap<String, ParamValue>) -> LuaResult<LuaTable> {
     let table = lua.create_table()?;
     for (name, value) in values {
-        match value {
-            ParamValue::Boolean(value) => table.raw_set(name, value)?,
-            ParamValue::Number(value) => table.raw_set(name, value)?,
-            ParamValue::Text(value) => table.raw_set(name, value)?,
-        }
+        set(&table, name, value)?;
     }
     let meta = lua.create_table()?;
     let strict: LuaFunction = lua.named_registry_value(STRICT)?;
@@ -157,8 +206,9 @@ impl One<'_> {
             unit: self.text(table, "unit")?,
             choices: self.choices(table)?,
             default,
+            live: self.boolean(table, "live")?,
+            doc: self.text(table, "doc")?.unwrap_or_default(),
         };
-        self.text(table, "doc")?;
         declaration.check().map_err(|words| self.wrong(&words))?;
         Ok(declaration)
     }
@@ -202,6 +252,17 @@ impl One<'_> {
             return Ok(Some(number));
         }
         Err(self.wrong(&format!("{key} must be a finite number, got {number}")))
+    }
+
+    fn boolean(&self, table: &LuaTable, key: &str) -> Result<bool, Refusal> {
+        match table.raw_get(key)? {
+            LuaValue::Nil => Ok(false),
+            LuaValue::Boolean(value) => Ok(value),
+            other => {
+                let words = format!("{key} must be true or false, got {}", describe(&other));
+                Err(self.wrong(&words))
+            }
+        }
     }
 
     fn text(&self, table: &LuaTable, key: &str) -> Result<Option<String>, Refusal> {

@@ -25,7 +25,7 @@ use tokio::time::Instant;
 use super::{
     Ending, Evaluated, Explain, Level, LogLine, ModuleFile, ModuleName, Options, Output, Script,
 };
-use crate::robot::{EndReason, Event, Intent, MotionEnd, Remark, RobotInfo};
+use crate::robot::{EndReason, Event, Intent, Knob, MotionEnd, Remark, RobotInfo};
 
 /// A script and what it has sent.
 struct Rig {
@@ -39,6 +39,8 @@ struct Rig {
     answers: Vec<Evaluated>,
     /// What it told that is not the robot's.
     remarks: Vec<Remark>,
+    /// Its parameters as it told them last.
+    knobs: Vec<Knob>,
 }
 
 impl Rig {
@@ -67,6 +69,7 @@ impl Rig {
             modules: Vec::new(),
             answers: Vec::new(),
             remarks: Vec::new(),
+            knobs: Vec::new(),
         }
     }
 
@@ -89,6 +92,7 @@ impl Rig {
                 Output::Module(name) => self.modules.push(name),
                 Output::Evaluated(answer) => self.answers.push(answer),
                 Output::Remark(remark) => self.remarks.push(remark),
+                Output::Params(knobs) => self.knobs = knobs,
             }
         }
     }

@@ -106,3 +106,69 @@ fn no_metamethod_of_a_declaration_runs() {
         "1"
     );
 }
+
+#[test]
+fn a_parameter_that_is_declared_live_changes_within_its_bounds_while_the_script_runs() {
+    let mut rig = with(
+        "local p = params.declare{ speed = {default = 40, min = 10, max = 100, unit = '%', live = true},
+            mode = {default = 'calm'} }
+        task.every(1, function() print(p.speed, p.mode) end) ",
+        &[],
+    );
+    let told: Vec<_> = rig
+        .knobs
+        .iter()
+        .map(|knob| (&*knob.name, knob.live))
+        .collect();
+    assert_eq!(told, [("mode", false), ("speed", true)]);
+    rig.script
+        .turn_param("speed", ParamValue::Number(55.0), rig.now);
+    rig.pass(1.5);
+    assert_eq!(rig.texts(), ["55 calm"]);
+    assert_eq!(rig.knobs[1].value, ParamValue::Number(55.0));
+    for (name, value, words) in [
+        (
+            "speed",
+            ParamValue::Number(101.0),
+            "speed must be a number from 10 to 100 %",
+        ),
+        (
+            "speed",
+            ParamValue::Number(f64::NAN),
+            "speed must be a number from 10 to 100 %",
+        ),
+        (
+            "speed",
+            ParamValue::Text("60".into()),
+            "speed must be a number from 10 to 100 %",
+        ),
+        (
+            "mode",
+            ParamValue::Text("wild".into()),
+            "mode cannot be changed while it runs",
+        ),
+        (
+            "sped",
+            ParamValue::Number(20.0),
+            "it declares no parameter 'sped'",
+        ),
+    ] {
+        rig.script.turn_param(name, value, rig.now);
+        rig.run();
+        assert_eq!(rig.texts().last(), Some(&words));
+    }
+    rig.pass(1.0);
+    assert_eq!(rig.texts().last(), Some(&"55 calm"));
+}
+
+#[test]
+fn a_script_itself_cannot_change_a_live_parameter() {
+    let rig = with(
+        "local p = params.declare{ speed = {default = 40, live = true} }
+        print(pcall(function() p.speed = 50 end)) print(pcall(rawset, p, 'speed', 50)) print(p.speed)",
+        &[],
+    );
+    let texts = rig.texts();
+    assert!(texts[0].starts_with("false"), "{texts:?}");
+    assert_eq!(texts.last(), Some(&"40"));
+}

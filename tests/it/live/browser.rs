@@ -1,5 +1,7 @@
 //! What a browser does, byte by byte: requests and a WebSocket. Not from the server's own library.
 
+use std::collections::HashMap;
+
 use serde_json::Value;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
@@ -56,6 +58,8 @@ pub async fn get(address: &str, path: &str) -> (u16, String) {
 pub struct Page {
     stream: TcpStream,
     buffer: Vec<u8>,
+    /// The newest of each kind of message that was heard while waiting for another kind.
+    aside: HashMap<String, Value>,
 }
 
 /// What a page hears.
@@ -79,6 +83,7 @@ impl Page {
         let mut page = Page {
             stream,
             buffer: Vec::new(),
+            aside: HashMap::new(),
         };
         loop {
             if let Some(end) = page.buffer.windows(4).position(|four| four == b"\r\n\r\n") {
@@ -168,12 +173,22 @@ impl Page {
         Some((kind, payload))
     }
 
-    /// Waits for a message of this kind that is as wanted.
+    /// Waits for a message of this kind that is as wanted. One that came while another kind was waited
+    /// for counts if it is the newest of its kind: the page is told only what is new.
     pub async fn until(&mut self, kind: &str, wanted: impl Fn(&Value) -> bool) -> Value {
+        if let Some(value) = self.aside.remove(kind)
+            && wanted(&value)
+        {
+            return value;
+        }
         let found = async {
             loop {
                 match self.hear().await {
-                    Heard::Text(value) if value["type"] == kind && wanted(&value) => return value,
+                    Heard::Text(value) if value["type"] != kind => {
+                        let other = value["type"].as_str().unwrap().to_owned();
+                        self.aside.insert(other, value);
+                    }
+                    Heard::Text(value) if wanted(&value) => return value,
                     Heard::Closed => panic!("closed while waiting for {kind}"),
                     _ => {}
                 }

@@ -1,0 +1,160 @@
+//! One who looks: his name, his role, and the wheel if he has it.
+
+use std::future::Future;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use tokio::sync::watch;
+use tokio::time::Instant;
+
+use super::hub::Hub;
+use super::state::Person;
+use super::wheel;
+use crate::http::{Role, Visitor};
+use crate::lab::Factor;
+use crate::robot::Setpoint;
+
+/// Counts the viewers of this program.
+static NUMBER: AtomicU32 = AtomicU32::new(1);
+
+/// One who looks, until it is dropped: then he has not the wheel any more.
+pub(super) struct Ticket {
+    hub: Arc<Hub>,
+    pub(super) id: u32,
+    pub(super) role: Role,
+    name: Mutex<String>,
+}
+
+impl Drop for Ticket {
+    fn drop(&mut self) {
+        self.leave_wheel();
+        self.hub.folk().viewers -= 1;
+    }
+}
+
+/// Why the wheel is not had.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum NoWheel {
+    /// Viewers do not drive.
+    Viewer,
+    /// STOP holds.
+    Halted,
+    /// The simulation's clock does not go as the one on the wall.
+    Hurried,
+    /// He has it.
+    Taken(String),
+}
+
+impl Ticket {
+    /// One more looks; `None`: there are too many.
+    pub(super) fn admit(hub: &Arc<Hub>, visitor: &Visitor) -> Option<Ticket> {
+        let mut folk = hub.folk();
+        if folk.viewers >= hub.most_viewers {
+            return None;
+        }
+        folk.viewers += 1;
+        let id = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let name = visitor.token.clone().unwrap_or_else(|| format!("#{id}"));
+        Some(Ticket {
+            hub: hub.clone(),
+            id,
+            role: visitor.role,
+            name: Mutex::new(name),
+        })
+    }
+
+    pub(super) fn hub(&self) -> &Arc<Hub> {
+        &self.hub
+    }
+
+    /// What the others call him.
+    pub(super) fn rename(&self, name: &str) {
+        let name = crate::clean::line(name)
+            .chars()
+            .take(24)
+            .collect::<String>();
+        if !name.trim().is_empty() {
+            *self.name() = name.trim().to_owned();
+        }
+    }
+
+    fn name(&self) -> MutexGuard<'_, String> {
+        self.name.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn person(&self) -> Person {
+        Person {
+            id: self.id,
+            name: self.name().clone(),
+        }
+    }
+
+    /// Takes the wheel: the task to be run that drives from now on.
+    ///
+    /// # Errors
+    /// See [`NoWheel`].
+    pub(super) fn take_wheel(
+        &self,
+    ) -> Result<Option<impl Future<Output = ()> + Send + use<>>, NoWheel> {
+        if self.role != Role::Driver {
+            return Err(NoWheel::Viewer);
+        }
+        if is_halted(&self.hub) {
+            return Err(NoWheel::Halted);
+        }
+        if is_hurried(&self.hub) {
+            return Err(NoWheel::Hurried);
+        }
+        let mut folk = self.hub.folk();
+        match &folk.driver {
+            Some((person, _)) if person.id == self.id => return Ok(None),
+            Some((person, _)) => return Err(NoWheel::Taken(person.name.clone())),
+            None => {}
+        }
+        let person = self.person();
+        let (wishes, wished) = watch::channel((Setpoint::STOP, Instant::now()));
+        let name = person.name.clone();
+        folk.driver = Some((person, wishes));
+        Ok(Some(wheel::drive(self.hub.run.clone(), name, wished)))
+    }
+
+    /// He drives so from now on, for a moment; whether he has the wheel.
+    pub(super) fn wish(&self, setpoint: Setpoint) -> bool {
+        let hurried = is_hurried(&self.hub);
+        let mut folk = self.hub.folk();
+        let id = self.id;
+        let Some((_, wishes)) = folk.driver.as_ref().filter(|(person, _)| person.id == id) else {
+            return false;
+        };
+        let drives = !hurried && wishes.send((setpoint, Instant::now())).is_ok();
+        if !drives {
+            // The seat has ended: the watchdog, or the run, has taken it away. Or its time is another.
+            folk.driver = None;
+        }
+        drives
+    }
+
+    pub(super) fn leave_wheel(&self) {
+        let mut folk = self.hub.folk();
+        if folk
+            .driver
+            .as_ref()
+            .is_some_and(|(person, _)| person.id == self.id)
+        {
+            folk.driver = None;
+        }
+    }
+}
+
+/// A person's hands go by the clock on the wall: he drives only if the run does, too.
+fn is_hurried(hub: &Hub) -> bool {
+    let tempo = hub.sim.as_ref().and_then(|sim| sim.tempo.as_ref());
+    tempo.is_some_and(|tempo| {
+        let going = tempo.going();
+        going.paused || going.factor != Factor::REAL
+    })
+}
+
+fn is_halted(hub: &Hub) -> bool {
+    *hub.held.borrow() || hub.run.status.borrow().halted
+}

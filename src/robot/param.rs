@@ -1,0 +1,256 @@
+//! Parameters of behaviours: a value, and what a person may do with a parameter of a behaviour that
+//! runs.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::de::Visitor;
+use serde::{Deserialize, Deserializer, Serialize};
+use tokio::sync::{broadcast, watch};
+
+/// Parameters of one behaviour.
+const MOST: usize = 64;
+/// Letters of each text, and texts of one parameter.
+const LONGEST: usize = 200;
+/// Changes that a behaviour may be behind.
+const BEHIND: usize = 32;
+
+/// A value from outside. From a human-readable document it is read as what it looks like: `true`,
+/// `40`, `fast`; nothing else, no list, no map, no null, is a value.
+#[derive(Serialize, Clone, Debug, PartialEq)]
+pub enum ParamValue {
+    /// `true` or `false`.
+    Boolean(bool),
+    /// A finite number.
+    Number(f64),
+    /// A text.
+    Text(String),
+}
+
+/// A parameter that a behaviour has declared, as it is now.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Knob {
+    /// Its name.
+    pub name: String,
+    /// Its value.
+    pub value: ParamValue,
+    /// It may be changed while the behaviour runs.
+    pub live: bool,
+    /// Of a number.
+    pub min: Option<f64>,
+    /// Of a number.
+    pub max: Option<f64>,
+    /// Behind a number, such as `%`.
+    pub unit: Option<String>,
+    /// Of a text; empty: any.
+    pub choices: Vec<String>,
+    /// What it is for.
+    pub doc: String,
+}
+
+impl Knob {
+    /// Whether a value has the right type and lies within the bounds.
+    pub fn allows(&self, value: &ParamValue) -> bool {
+        match (&self.value, value) {
+            (ParamValue::Boolean(_), ParamValue::Boolean(_)) => true,
+            (ParamValue::Number(_), ParamValue::Number(number)) => {
+                number.is_finite()
+                    && self.min.is_none_or(|min| *number >= min)
+                    && self.max.is_none_or(|max| *number <= max)
+            }
+            (ParamValue::Text(_), ParamValue::Text(text)) => {
+                self.choices.is_empty() || self.choices.contains(text)
+            }
+            _ => false,
+        }
+    }
+
+    /// What a value must be, in words such as `a number from 10 to 100 %`.
+    pub fn expected(&self) -> String {
+        match &self.value {
+            ParamValue::Boolean(_) => "true or false".to_owned(),
+            ParamValue::Text(_) if self.choices.is_empty() => "a text".to_owned(),
+            ParamValue::Text(_) => format!("one of {}", self.choices.join(", ")),
+            ParamValue::Number(_) => {
+                let unit = self.unit.as_ref().map(|unit| format!(" {unit}"));
+                let unit = unit.unwrap_or_default();
+                match (self.min, self.max) {
+                    (Some(min), Some(max)) => format!("a number from {min} to {max}{unit}"),
+                    (Some(min), None) => format!("a number of at least {min}{unit}"),
+                    (None, Some(max)) => format!("a number of at most {max}{unit}"),
+                    (None, None) => format!("a number{}", unit.replacen(' ', " of ", 1)),
+                }
+            }
+        }
+    }
+
+    /// A host that has been broken may say anything, but not much of it.
+    fn shorten(&mut self) {
+        let texts = [&mut self.name, &mut self.doc];
+        let texts = texts
+            .into_iter()
+            .chain(&mut self.choices)
+            .chain(&mut self.unit);
+        for text in texts {
+            if let Some((at, _)) = text.char_indices().nth(LONGEST) {
+                text.truncate(at);
+            }
+        }
+        if let ParamValue::Text(text) = &mut self.value
+            && let Some((at, _)) = text.char_indices().nth(LONGEST)
+        {
+            text.truncate(at);
+        }
+        self.choices.truncate(LONGEST);
+    }
+}
+
+/// A person wants a parameter to have another value.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Turned {
+    /// Whose.
+    pub behaviour: String,
+    /// Which.
+    pub name: String,
+    /// This.
+    pub value: ParamValue,
+}
+
+/// The parameters of all behaviours that run. Cheap to clone; nobody waits for it.
+#[derive(Debug, Clone)]
+pub struct Console {
+    knobs: watch::Sender<Knobs>,
+    turned: broadcast::Sender<Turned>,
+}
+
+/// By behaviour.
+pub type Knobs = BTreeMap<String, Vec<Knob>>;
+
+impl Default for Console {
+    fn default() -> Console {
+        Console {
+            knobs: watch::Sender::default(),
+            turned: broadcast::Sender::new(BEHIND),
+        }
+    }
+}
+
+impl Console {
+    /// A behaviour has declared these, or one of them has changed.
+    pub fn declare(&self, behaviour: &str, mut list: Vec<Knob>) {
+        list.truncate(MOST);
+        list.iter_mut().for_each(Knob::shorten);
+        self.knobs
+            .send_modify(|knobs| drop(knobs.insert(behaviour.to_owned(), list)));
+    }
+
+    /// A behaviour has ended.
+    pub fn forget(&self, behaviour: &str) {
+        self.knobs
+            .send_if_modified(|knobs| knobs.remove(behaviour).is_some());
+    }
+
+    /// All that are declared; changes can be waited for.
+    pub fn knobs(&self) -> watch::Receiver<Knobs> {
+        self.knobs.subscribe()
+    }
+
+    /// Passes a change on; the behaviour judges it.
+    pub fn turn(&self, turned: Turned) {
+        // Fails if no behaviour runs.
+        let _ = self.turned.send(turned);
+    }
+
+    /// What is changed from now on.
+    pub fn turned(&self) -> broadcast::Receiver<Turned> {
+        self.turned.subscribe()
+    }
+}
+
+impl<'de> Deserialize<'de> for ParamValue {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<ParamValue, D::Error> {
+        if from.is_human_readable() {
+            return from.deserialize_any(Written);
+        }
+        // Between processes the kind is written down: those formats do not describe themselves.
+        Ok(match Tagged::deserialize(from)? {
+            Tagged::Boolean(value) => ParamValue::Boolean(value),
+            Tagged::Number(value) => ParamValue::Number(value),
+            Tagged::Text(value) => ParamValue::Text(value),
+        })
+    }
+}
+
+/// [`ParamValue`] as its derived [`Serialize`] writes it.
+#[derive(Deserialize)]
+enum Tagged {
+    Boolean(bool),
+    Number(f64),
+    Text(String),
+}
+
+/// Reads what a person wrote.
+struct Written;
+
+impl Visitor<'_> for Written {
+    type Value = ParamValue;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("true, false, a number or a text")
+    }
+
+    fn visit_bool<E>(self, value: bool) -> Result<ParamValue, E> {
+        Ok(ParamValue::Boolean(value))
+    }
+
+    fn visit_i64<E>(self, value: i64) -> Result<ParamValue, E> {
+        Ok(ParamValue::Number(value as f64))
+    }
+
+    fn visit_u64<E>(self, value: u64) -> Result<ParamValue, E> {
+        Ok(ParamValue::Number(value as f64))
+    }
+
+    fn visit_f64<E: serde::de::Error>(self, value: f64) -> Result<ParamValue, E> {
+        if value.is_finite() {
+            return Ok(ParamValue::Number(value));
+        }
+        Err(E::custom(
+            "invalid value: not a finite number, expected true, false, a number or a text",
+        ))
+    }
+
+    fn visit_str<E>(self, value: &str) -> Result<ParamValue, E> {
+        Ok(ParamValue::Text(value.to_owned()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_config_gives_booleans_numbers_and_texts_and_nothing_else() {
+        let read = |text: &str| serde_yaml::from_str::<ParamValue>(text);
+        assert_eq!(read("true").unwrap(), ParamValue::Boolean(true));
+        assert_eq!(read("-3").unwrap(), ParamValue::Number(-3.0));
+        assert_eq!(read("0.5").unwrap(), ParamValue::Number(0.5));
+        assert_eq!(read("'40'").unwrap(), ParamValue::Text("40".into()));
+        for wrong in ["[1]", "{a: 1}", "~", ".nan", ".inf"] {
+            let error = read(wrong).unwrap_err().to_string();
+            assert!(error.contains("true, false, a number or a text"), "{error}");
+        }
+    }
+
+    #[test]
+    fn values_cross_the_pipe_as_they_are() {
+        for value in [
+            ParamValue::Boolean(false),
+            ParamValue::Number(0.1),
+            ParamValue::Text("40".into()),
+        ] {
+            let bytes = postcard::to_allocvec(&value).unwrap();
+            assert_eq!(postcard::from_bytes::<ParamValue>(&bytes).unwrap(), value);
+        }
+    }
+}
