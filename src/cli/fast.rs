@@ -78,7 +78,7 @@ impl Keeping {
 }
 
 /// What can be seen of a laboratory from outside.
-type View = (watch::Receiver<Status>, Handle);
+type LabView = (watch::Receiver<Status>, Handle);
 
 /// How the agent ended and how much virtual time had passed.
 type Run = (Result<Outcome, AgentError>, Duration);
@@ -159,7 +159,7 @@ impl Fast {
     /// On a thread without any runtime.
     fn live(
         self,
-        opened: oneshot::Sender<View>,
+        opened: oneshot::Sender<LabView>,
         console: &Console,
     ) -> std::io::Result<Result<Run, Failure>> {
         let (behaviours, limit, trace) = (self.behaviours, self.limit, self.trace);
@@ -213,7 +213,7 @@ fn end_here(console: &Console, words: &str, exit: Exit) -> ! {
 
 async fn show(
     names: String,
-    view: oneshot::Receiver<View>,
+    view: oneshot::Receiver<LabView>,
     began: Instant,
     console: &Console,
 ) -> Infallible {

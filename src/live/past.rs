@@ -7,7 +7,7 @@ use jiff::{SignedDuration, Timestamp};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::behaviour::judge_name;
+use crate::behaviour::validate_name;
 use crate::clock::{self, Clock};
 use crate::files::Folder;
 use crate::journal::{History, JournalError, Kinds, Record, Span};
@@ -145,7 +145,7 @@ fn happened(record: &Record) -> Happened {
 
 /// A picture that a behaviour has kept; `None` if there is none of this name.
 pub(super) fn picture(data: &Path, behaviour: &str, name: &str) -> Option<Vec<u8>> {
-    judge_name(behaviour).ok()?;
+    validate_name(behaviour).ok()?;
     picture_name(name).filter(|clean| clean == name)?;
     let folder = Folder::open(&data.join(behaviour)).ok()?;
     let bytes = folder.read(name, MAX_PICTURE).ok()??;

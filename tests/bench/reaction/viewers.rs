@@ -15,7 +15,7 @@ type Sent = Arc<Mutex<Vec<Instant>>>;
 type Ages = Arc<Mutex<Vec<Duration>>>;
 
 /// Prints a row for nobody, and one for each number of viewers, with nobody measured again before it.
-pub fn compare(frames: &[Bytes], numbers: &[usize], spykee: impl Fn() -> Command) {
+pub(crate) fn compare(frames: &[Bytes], numbers: &[usize], spykee: impl Fn() -> Command) {
     println!(
         "{:12} {:>9} {:>9} {:>12} {:>12} {:>12}",
         "viewers", "p50 ms", "p99 ms", "p50 to none", "age p50 ms", "age p95 ms"

@@ -55,7 +55,7 @@ pub const SCENARIOS: &[Scenario] = scenarios! {
     "dropped again and again", "{fault: drop, every: 0.8}",
         "every new session begins with a stop, and the script goes on", network::comes_back_each_time, Drives;
     "reset in mid-frame", "{fault: reset}",
-        "half a picture harms nobody; reconnect, a stop first, pictures again", network::comes_back_and_sees, Watches;
+        "half a picture does no harm; reconnect, a stop first, pictures again", network::comes_back_and_sees, Watches;
     "half-open both ways", "{fault: half_open, for: 2}",
         "a driving robot that falls silent is dialled anew; nothing queues behind the dead socket", network::queues_nothing, Cruises;
     "half-open between short ways", "{fault: half_open, for: 2}",
