@@ -11,7 +11,7 @@ use crate::wire::{Led, Sound, Stream};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Intent {
     /// Drive. Holds until changed or released; with a duration it ends by itself. Answered by one
-    /// [`Event::MotionEnded`], also when another motion of the same behaviour replaces it.
+    /// [`Event::MotionEnded`](super::Event::MotionEnded), also when another motion of the same behaviour replaces it.
     Move {
         /// Names this setpoint; larger than that of every earlier one.
         motion: MotionId,
@@ -49,21 +49,21 @@ pub enum Intent {
         /// Wanted.
         on: bool,
     },
-    /// Go to the station. Answered by [`Event::DockEnded`].
+    /// Go to the station. Answered by [`Event::DockEnded`](super::Event::DockEnded).
     Dock {
         /// Names this call.
         call: CallId,
         /// Times and tries.
         plan: DockPlan,
     },
-    /// Leave the station. Answered by [`Event::UndockEnded`].
+    /// Leave the station. Answered by [`Event::UndockEnded`](super::Event::UndockEnded).
     Undock {
         /// Names this call.
         call: CallId,
         /// How long to wait for the robot's word that it has left.
         timeout: Duration,
     },
-    /// Give up a docking under way; it ends as [`DockEnd::Cancelled`].
+    /// Give up a docking under way; it ends as [`DockEnd::Cancelled`](super::DockEnd::Cancelled).
     CancelDock,
 }
 

@@ -218,6 +218,20 @@ mod tests {
 
     const SECOND: Duration = Duration::from_secs(1);
 
+    #[test]
+    fn each_place_has_words() {
+        let told = [
+            Place::Charging,
+            Place::ContactSaid,
+            Place::Left(Word::Login),
+            Place::Unknown,
+        ];
+        let told = told.map(|place| place.to_string());
+        assert_eq!(told[0], "on its station, charging");
+        assert_eq!(told[2], "off its station");
+        assert!(told.iter().all(|words| !words.is_empty()));
+    }
+
     fn nowhere() -> (Whereabouts, Instant) {
         (Whereabouts::new(30 * SECOND), Instant::now())
     }

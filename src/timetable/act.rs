@@ -7,7 +7,7 @@ use jiff::Timestamp;
 /// What is to be done.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Act {
-    /// Start a behaviour. How that went is told by [`Planner::ended`], if it failed.
+    /// Start a behaviour. How that went is told by [`Planner::ended`](super::Planner::ended), if it failed.
     Start {
         /// Which.
         run: String,
