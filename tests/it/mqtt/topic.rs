@@ -1,5 +1,6 @@
 //! Notifications that are published at a topic.
 
+use rustix::process::Signal;
 use serde_json::Value;
 
 use super::broker::{Broker, Ear};
@@ -59,10 +60,11 @@ async fn what_scripts_send_is_published_with_its_picture_and_outlives_a_broker_t
     assert_eq!(waiting(&rig), 1);
     let from = ear.len();
     broker.begin();
-    rig.file("one.lua", "task.wait(1)");
+    rig.file("one.lua", "task.wait(600)");
     let mut third = run();
     ear.hears(from, "house/says", |_| true).await;
-    assert_eq!(third.code().await, Some(0), "{}", third.text());
+    third.signal(Signal::TERM);
+    assert_eq!(third.code().await, Some(130), "{}", third.text());
     assert_eq!(waiting(&rig), 0);
     let mut test = rig.spykee(&["notify", "test", "words", "--config", "spykee.yaml"]);
     assert_eq!(test.code().await, Some(0), "{}", test.text());
