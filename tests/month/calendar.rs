@@ -167,18 +167,22 @@ impl Wall {
     }
 
     /// The moments of a journal's rows, which are in the order in which they were written: a time that
-    /// is hours before the one before is of a clock that was set back.
-    pub fn moments(&self, rows: impl Iterator<Item = Timestamp>) -> Vec<Duration> {
-        let (mut part, mut newest) = (0, Timestamp::MIN);
-        let rows = rows.map(|at| {
-            if newest > at + SignedDuration::from_hours(12) && part + 1 < self.0.len() {
-                (part, newest) = (part + 1, at);
+    /// is hours before the one before is of a clock that was set back. The newest are of the last
+    /// part; the oldest may be of any, since a journal forgets.
+    pub fn moments(&self, rows: impl DoubleEndedIterator<Item = Timestamp>) -> Vec<Duration> {
+        let (mut part, mut oldest) = (self.0.len() - 1, Timestamp::MAX);
+        let rows = rows.rev().map(|at| {
+            let set_back = at.duration_since(oldest) > SignedDuration::from_hours(12);
+            if set_back && part > 0 {
+                (part, oldest) = (part - 1, at);
             }
-            newest = newest.max(at);
+            oldest = oldest.min(at);
             let (since, shown) = self.0[part];
             let after = at.duration_since(shown);
             since.saturating_add(Duration::try_from(after).unwrap_or(Duration::ZERO))
         });
-        rows.collect()
+        let mut moments: Vec<Duration> = rows.collect();
+        moments.reverse();
+        moments
     }
 }

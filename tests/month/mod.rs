@@ -49,7 +49,7 @@ pub const CORE: [&str; 12] = [
 const RESUMES: &str = "after a power cut the patrol goes on with the leg that it had not finished";
 const LIVES: &str = "the service ends only when it is told to";
 const SMALL: &str = "the journal stays within its size, and forgets what is too old";
-const FILES: &str = "files do not pile up in the data folder";
+const FILES: &str = "files do not pile up in the data folder, pictures aside, which have a budget";
 const BACK: &str = "no error but those of robots that are gone";
 
 const DAY: Duration = Duration::from_secs(86_400);
@@ -239,8 +239,9 @@ impl Month<'_> {
             SMALL,
             (bytes > most).then(|| format!("{bytes} bytes after {days} days")),
         );
-        let files = files(self.data);
-        // The journal's three at most, the record, a store, a picture, and what may be beside them.
+        let mut files = files(self.data);
+        files.retain(|path| path.extension().is_none_or(|kind| kind != "jpg"));
+        // The journal's three at most, the record, a store, and what may be beside them.
         self.ledger.note(
             FILES,
             (files.len() > 12).then(|| format!("{} files", files.len())),
