@@ -8,11 +8,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use super::scripts::Plain;
 use super::world::Simulation;
 use crate::control::{self, Answer, Errand, Run};
 use crate::lab::{Factor, Tempo};
-use crate::robot::{DockEnd, DockPlan, Percent};
+use crate::robot::{DockEnd, DockPlan, ParamValue, Percent};
 use crate::sim::{DocumentError, Fault, Handle, Point, Pose};
 use crate::wire;
 
@@ -62,7 +61,7 @@ pub(super) enum Order {
         /// The parameter.
         param: String,
         /// Its new value.
-        value: Plain,
+        value: ParamValue,
     },
     /// Change the simulated world.
     Sim {
@@ -185,7 +184,7 @@ pub(super) async fn perform(order: Order, run: &Run, sim: Option<&Simulation>) -
         Err(order) => match (*order, sim) {
             (Order::Sim { change }, Some(sim)) => told(alter(change, sim)),
             (Order::Param { name, param, value }, _) => {
-                let turned = run.roster.turn(&name, &param, value.into());
+                let turned = run.roster.turn(&name, &param, value);
                 told(turned.map_err(|error| error.to_string()))
             }
             (Order::Play { sound }, _) => (false, format!("there is no sound `{}`", short(&sound))),

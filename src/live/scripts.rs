@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use tokio::time::Instant;
 
 use crate::agent::{Member, MemberState};
 use crate::clock::Clock;
 use crate::files;
-use crate::robot::{Knob, Knobs, ParamValue};
+use crate::robot::{Knob, Knobs};
 use crate::timetable::Timetable;
 
 /// Bytes of a script that are shown.
@@ -62,78 +62,9 @@ pub(super) struct Behaviour {
     /// The values of its parameters that were given.
     pub params: Vec<(String, String)>,
     /// The parameters that it has declared, while it runs.
-    pub knobs: Vec<Param>,
+    pub knobs: Vec<Knob>,
     /// How it ended for the last time.
     pub ending: Option<End>,
-}
-
-/// A parameter that a behaviour has declared.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct Param {
-    /// Its name.
-    pub name: String,
-    /// Its value.
-    pub value: Plain,
-    /// It may be changed while the behaviour runs.
-    pub live: bool,
-    /// Of a number.
-    pub min: Option<f64>,
-    /// Of a number.
-    pub max: Option<f64>,
-    /// Behind a number, such as `%`.
-    pub unit: Option<String>,
-    /// Of a text; empty: any.
-    pub choices: Vec<String>,
-    /// What it is for.
-    pub doc: String,
-}
-
-/// A parameter's value: true, false, a number or a text.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged)]
-pub(super) enum Plain {
-    /// `true` or `false`.
-    Boolean(bool),
-    /// A finite number.
-    Number(f64),
-    /// A text.
-    Text(String),
-}
-
-impl From<ParamValue> for Plain {
-    fn from(value: ParamValue) -> Plain {
-        match value {
-            ParamValue::Boolean(value) => Plain::Boolean(value),
-            ParamValue::Number(value) => Plain::Number(value),
-            ParamValue::Text(value) => Plain::Text(value),
-        }
-    }
-}
-
-impl From<Plain> for ParamValue {
-    fn from(value: Plain) -> ParamValue {
-        match value {
-            Plain::Boolean(value) => ParamValue::Boolean(value),
-            Plain::Number(value) => ParamValue::Number(value),
-            Plain::Text(value) => ParamValue::Text(value),
-        }
-    }
-}
-
-impl From<&Knob> for Param {
-    fn from(knob: &Knob) -> Param {
-        let knob = knob.clone();
-        Param {
-            name: knob.name,
-            value: knob.value.into(),
-            live: knob.live,
-            min: knob.min,
-            max: knob.max,
-            unit: knob.unit,
-            choices: knob.choices,
-            doc: knob.doc,
-        }
-    }
 }
 
 /// How a behaviour ended.
@@ -212,7 +143,7 @@ fn behaviour(script: Option<&Script>, member: &Member, knobs: &[Knob], now: Inst
         state,
         running,
         params: script.map_or_else(Vec::new, |script| script.params.clone()),
-        knobs: knobs.iter().map(Param::from).collect(),
+        knobs: knobs.to_vec(),
         ending,
     }
 }

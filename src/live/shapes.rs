@@ -4,9 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::order::{Light, Turn};
-use super::scripts::Plain;
 use crate::clock::Span;
-use crate::robot::Percent;
+use crate::robot::{ParamValue, Percent};
 
 /// Whether the program serves, and whether the robot does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
@@ -59,7 +58,7 @@ pub(super) struct Tuned {
     /// Its name.
     pub param: String,
     /// Its new value.
-    pub value: Plain,
+    pub value: ParamValue,
 }
 
 /// What is to become of a behaviour.

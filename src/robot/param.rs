@@ -4,8 +4,9 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
+use schemars::JsonSchema;
 use serde::de::Visitor;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use tokio::sync::{broadcast, watch};
 
 /// Parameters of one behaviour.
@@ -15,9 +16,10 @@ const LONGEST: usize = 200;
 /// Changes that a behaviour may be behind.
 const BEHIND: usize = 32;
 
-/// A value from outside. From a human-readable document it is read as what it looks like: `true`,
-/// `40`, `fast`; nothing else, no list, no map, no null, is a value.
-#[derive(Serialize, Clone, Debug, PartialEq)]
+/// A parameter's value: true, false, a number or a text. A human-readable document has it as what it looks
+/// like: `true`, `40`, `fast`; nothing else, no list, no map, no null, is a value.
+#[derive(JsonSchema, Clone, Debug, PartialEq)]
+#[schemars(untagged)]
 pub enum ParamValue {
     /// `true` or `false`.
     Boolean(bool),
@@ -28,7 +30,7 @@ pub enum ParamValue {
 }
 
 /// A parameter that a behaviour has declared, as it is now.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Knob {
     /// Its name.
     pub name: String,
@@ -167,6 +169,19 @@ impl Console {
     }
 }
 
+impl Serialize for ParamValue {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        if !to.is_human_readable() {
+            return Tagged::from(self.clone()).serialize(to);
+        }
+        match self {
+            ParamValue::Boolean(value) => to.serialize_bool(*value),
+            ParamValue::Number(value) => to.serialize_f64(*value),
+            ParamValue::Text(value) => to.serialize_str(value),
+        }
+    }
+}
+
 impl<'de> Deserialize<'de> for ParamValue {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<ParamValue, D::Error> {
         if from.is_human_readable() {
@@ -181,12 +196,22 @@ impl<'de> Deserialize<'de> for ParamValue {
     }
 }
 
-/// [`ParamValue`] as its derived [`Serialize`] writes it.
-#[derive(Deserialize)]
+/// [`ParamValue`] where its kind is written down.
+#[derive(Serialize, Deserialize)]
 enum Tagged {
     Boolean(bool),
     Number(f64),
     Text(String),
+}
+
+impl From<ParamValue> for Tagged {
+    fn from(value: ParamValue) -> Tagged {
+        match value {
+            ParamValue::Boolean(value) => Tagged::Boolean(value),
+            ParamValue::Number(value) => Tagged::Number(value),
+            ParamValue::Text(value) => Tagged::Text(value),
+        }
+    }
 }
 
 /// Reads what a person wrote.
@@ -243,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn values_cross_the_pipe_as_they_are() {
+    fn values_cross_the_pipe_as_they_are_and_are_plain_in_json() {
         for value in [
             ParamValue::Boolean(false),
             ParamValue::Number(0.1),
@@ -251,6 +276,9 @@ mod tests {
         ] {
             let bytes = postcard::to_allocvec(&value).unwrap();
             assert_eq!(postcard::from_bytes::<ParamValue>(&bytes).unwrap(), value);
+            let json = serde_json::to_string(&value).unwrap();
+            assert_eq!(json, format!("{value:?}").split(['(', ')']).nth(1).unwrap());
+            assert_eq!(serde_json::from_str::<ParamValue>(&json).unwrap(), value);
         }
     }
 }
