@@ -23,7 +23,7 @@ use self::company::Company;
 pub use self::flight::{Flight, Preflight};
 pub use self::rescue::{RESCUE_NAME, rescue};
 use self::restart_loop::Surroundings;
-pub use self::roster::{Blueprint, Member, MemberState, Roster, RosterError};
+pub use self::roster::{Blueprint, BlueprintError, Member, MemberState, Roster, RosterError};
 pub use self::seat::{Docked, Seat, SeatError};
 pub use self::talk::{Talk, TalkError};
 pub use self::waiting::{Tries, until_answered};

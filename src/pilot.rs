@@ -42,7 +42,6 @@ use crate::link::{LinkError, Writer};
 use crate::robot::channel::{MAX_REQUESTS, Request, Sleep};
 use crate::robot::{Bus, Event, Pictures, RobotInfo, Streams};
 use crate::safety::{Fact, Limits, Watchdog};
-use crate::vision::Damage;
 use crate::wire::{Command, EngineNews};
 
 pub use self::core::DrivingCore;
@@ -117,7 +116,6 @@ pub struct Pilot {
     halt: Halt,
     silence: Silence,
     pictures: watch::Sender<Pictures>,
-    damage: Damage,
     status: watch::Sender<Status>,
     info: Option<RobotInfo>,
     simulated: bool,
@@ -168,7 +166,6 @@ impl Pilot {
             halt: Halt::default(),
             silence: Silence::new(Instant::now()),
             pictures,
-            damage: Damage::default(),
             status,
             info: None,
             simulated: settings.simulated,

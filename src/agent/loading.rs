@@ -7,7 +7,7 @@ use tokio::task::spawn_blocking;
 use tokio::time::timeout;
 
 use super::restart_loop::{RestartLoop, Surroundings};
-use super::roster::{Blueprint, RosterError};
+use super::roster::{Blueprint, BlueprintError, RosterError};
 use crate::behaviour::Prepared;
 use crate::pilot::{LinkState, Status};
 use crate::robot::BehaviourId;
@@ -25,10 +25,9 @@ pub(super) async fn load(
     mut status: watch::Receiver<Status>,
 ) -> Result<(RestartLoop, Prepared), RosterError> {
     let made = spawn_blocking(move || blueprint.make()).await;
-    let made = made.map_err(|_| "internal error: it could not be made".to_owned());
     let behaviour = made
-        .and_then(|made| made)
-        .map_err(RosterError::CannotLoad)?;
+        .unwrap_or(Err(BlueprintError::Internal))
+        .map_err(|error| RosterError::CannotLoad(error.to_string()))?;
     let restart_loop = RestartLoop::new(around, by, Role::Behaviour, behaviour);
     let prepared = restart_loop.prepare().await;
     let host = prepared.map_err(|ending| RosterError::CannotLoad(words(&ending)))?;

@@ -53,14 +53,19 @@ impl RestartPolicy {
     pub const WORDS: [&str; 2] = ["never", "on-failure"];
 }
 
-impl FromStr for RestartPolicy {
-    type Err = String;
+/// A word that is no policy.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is neither `never` nor `on-failure`")]
+pub struct UnknownPolicy(String);
 
-    fn from_str(word: &str) -> Result<RestartPolicy, String> {
+impl FromStr for RestartPolicy {
+    type Err = UnknownPolicy;
+
+    fn from_str(word: &str) -> Result<RestartPolicy, UnknownPolicy> {
         match word {
             "never" => Ok(RestartPolicy::Never),
             "on-failure" => Ok(RestartPolicy::OnFailure(Restarts::default())),
-            other => Err(format!("`{other}` is neither `never` nor `on-failure`")),
+            other => Err(UnknownPolicy(other.to_owned())),
         }
     }
 }

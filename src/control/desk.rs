@@ -21,6 +21,7 @@ use crate::robot::channel::{Crew, Request, Role};
 use crate::robot::{BehaviourId, Intent, Pictures, Priority, Streams, Use};
 use crate::safety::WatchdogState;
 use crate::timetable::View;
+use crate::vision::validate_markers;
 use crate::wire::Stream;
 
 /// Clients that are served at a time; more wait in the system's queue.
@@ -283,7 +284,11 @@ impl Run {
         let last = number(&pictures.borrow());
         seat.intend(Intent::Stream { stream, on: true }).await?;
         // By number: a laboratory's time is another than the asker's.
-        let new = |pictures: &Pictures| pictures.newest.is_some() && number(pictures) != last;
+        let new = |pictures: &Pictures| {
+            let newest = pictures.newest.as_ref();
+            number(pictures) != last
+                && newest.is_some_and(|frame| validate_markers(&frame.jpeg).is_ok())
+        };
         Ok(match timeout(limit, pictures.wait_for(new)).await {
             Ok(Ok(pictures)) => match &pictures.newest {
                 Some(frame) => Answer::Picture(frame.jpeg.to_vec()),

@@ -27,7 +27,7 @@ mod tracks;
 mod trail;
 mod watchdog;
 
-pub use act::{Act, Ask, Fact};
+pub use act::{Act, Fact};
 pub use arbiter::{Arbiter, Ended};
 pub use battery::{BatteryChange, BatteryGuard, Charging, LowCause};
 pub use docking::{Approach, Docking, Order, Outcome, Retry};
@@ -35,7 +35,7 @@ pub use drain::{Activity, Drain};
 pub use last_words::LastWords;
 pub use leases::{Leases, Pulse};
 pub use leg::Leg;
-pub use limits::Limits;
+pub use limits::{Limits, LimitsError};
 pub use loan::{Loan, capped};
 pub use place::{Doubt, Place, Whereabouts, Word};
 pub use recovery::{Means, Next, Recovery, Try};

@@ -252,8 +252,8 @@ impl Play<'_> {
     }
 
     fn obey(&mut self) {
-        while let Some(order) = self.stage.take_order() {
-            match order {
+        while let Some(command) = self.stage.take_command() {
+            match command {
                 StageCommand::Run(behaviours) => {
                     let running = self.lab.start(behaviours, None);
                     self.agent = Some(Agent {

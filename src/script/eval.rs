@@ -82,7 +82,7 @@ impl Script {
             state.halt();
             state.outbox.send_stop();
         }
-        self.settle();
+        self.advance_ending();
     }
 }
 

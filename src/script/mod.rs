@@ -25,7 +25,6 @@ mod eval;
 mod events;
 mod failure;
 mod group;
-mod held;
 mod ids;
 mod interrupt;
 mod life;
@@ -74,10 +73,10 @@ use task::{Answer, TaskKind};
 pub(crate) use album::{NAMES as PICTURE_NAMES, file_name as picture_name};
 pub(crate) use budget::{only_simulated, running, stuck, when_stuck};
 pub use complaints::Explain;
-pub(crate) use declaration::{Declaration, settle};
+pub(crate) use declaration::{Declaration, param_values};
 pub(crate) use failure::printable;
 pub use failure::{Ending, Failure, SourceLocation};
-pub use modules::{ModuleFile, ModuleName};
+pub use modules::{ModuleFile, ModuleName, NoModule};
 pub(crate) use modules::{Target, resolve};
 pub use nearest::suggestion;
 pub use options::{Calibration, Limits, Options};
@@ -87,7 +86,7 @@ pub use sandbox::MAX_SOURCE;
 pub(crate) use sandbox::{check_source as read_text, compile_error};
 pub(crate) use shares::{MAX_ENTRY, MAX_KIND, MAX_NOTICE};
 pub use sighting::{Seen, Sighting};
-pub use stage::Stage;
+pub use stage::{Stage, StageError};
 pub use state::Usage;
 pub use stdlib::RESCUE;
 
@@ -200,17 +199,17 @@ impl Script {
         }
         if let Err(why) = api::turn_param(&self.lua, &mut state, name, value) {
             let now = state.now;
-            state.outbox.log(LogLine::new(Level::Warn, &why), now);
+            let line = LogLine::new(Level::Warn, &why.to_string());
+            state.outbox.log(line, now);
         }
     }
 
-    /// Gives the script a frame; it replaces one that no handler has taken.
-    pub fn deliver_frame(&mut self, frame: Frame, now: Instant) {
+    /// Gives the script a frame; it replaces one that no handler has taken. `false`: its markers give
+    /// it away as no picture, and the script is not told of it.
+    pub fn deliver_frame(&mut self, frame: Frame, now: Instant) -> bool {
         let mut state = self.state.borrow_mut();
         state.tick(now);
-        if !state.has_ended() {
-            state.deliver_frame(frame);
-        }
+        state.has_ended() || state.deliver_frame(frame)
     }
 
     /// Decodes what has come of the next frame, so that it is looked at sooner.
@@ -238,7 +237,7 @@ impl Script {
             Some(next) => self.run(next),
             None => self.state.borrow_mut().look_where_it_goes(),
         }
-        self.settle();
+        self.advance_ending();
         self.state.borrow_mut().drop_unused_streams();
     }
 
@@ -280,8 +279,8 @@ impl Script {
     /// Takes up what an earlier run of the script kept in its store.
     ///
     /// # Errors
-    /// If that is not the content of a store: in words. The store stays as it was.
-    pub fn restore(&mut self, file: &[u8]) -> Result<(), String> {
+    /// If that is not the content of a store, which stays as it was then.
+    pub fn restore(&mut self, file: &[u8]) -> Result<(), serde_json::Error> {
         self.state.borrow_mut().store.restore(file)
     }
 
@@ -315,7 +314,7 @@ impl Script {
             }
             state.begin_stop(reason, None);
         }
-        self.settle();
+        self.advance_ending();
         while self.is_ready() {
             self.run_ready(now);
         }
@@ -351,8 +350,8 @@ impl Stage for Empty {
         call: &str,
         _: &[serde_json::Value],
         _: Option<SourceLocation>,
-    ) -> Result<serde_json::Value, String> {
-        Err(format!("{call} is not possible here"))
+    ) -> Result<serde_json::Value, StageError> {
+        Err(format!("{call} is not possible here").into())
     }
 }
 

@@ -260,8 +260,9 @@ impl Script {
         Ok(())
     }
 
-    /// After a slice: what the end of the last task brings about.
-    pub(super) fn settle(&mut self) {
+    /// After a slice: a script whose last task has ended begins to stop, runs its next farewell, or has
+    /// ended.
+    pub(super) fn advance_ending(&mut self) {
         let mut state = self.state.borrow_mut();
         if state.is_finished() {
             state.begin_stop(EndReason::Done, None);

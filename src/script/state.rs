@@ -15,9 +15,8 @@ use super::album::Album;
 use super::blockage::{Blockage, Going};
 use super::complaints::{Complaints, Telling};
 use super::declaration::Declaration;
-use super::events::{EventName, Payload, Subscriptions};
+use super::events::{EventName, Subscriptions};
 use super::group::Group;
-use super::held::HeldFrame;
 use super::life::{Exit, Life};
 use super::modules::Modules;
 use super::motion::{Motion, Owner};
@@ -27,14 +26,14 @@ use super::output::{Level, LogLine, OutputQueue};
 use super::params::ParamValue;
 use super::queue::Tasks;
 use super::shares::Shares;
-use super::sight::{Look, Sight};
+use super::sight::{HeldFrame, Look, Sight};
 use super::sighting::{Seen, Sighting};
 use super::stage::Stage;
 use super::store::Store;
 use super::streams::WantedStreams;
 use super::task::{Answer, GroupId, TaskKind, Wait};
-use crate::robot::{Frame, Intent, MotionEnd, MotionId};
-use crate::vision::{FrameError, Skyline, validate_markers};
+use crate::robot::{Intent, MotionEnd, MotionId};
+use crate::vision::Skyline;
 
 /// A turn from one frame to the next that is looked for in the pictures, radians.
 const LEAST_TURN: f64 = 0.02;
@@ -171,21 +170,6 @@ impl State {
         self.motion.is_on() || self.known.moving || self.moved.is_some_and(lately)
     }
 
-    /// The newest frame replaces those that no handler has taken. One that its markers
-    /// already give away as no picture is counted and goes no further.
-    pub(super) fn deliver_frame(&mut self, frame: Frame) {
-        // A script that is always busy: the last frame before its memory is taken.
-        self.look_where_it_goes();
-        let size = match validate_markers(&frame.jpeg) {
-            Ok(size) => size,
-            Err(error) => return self.note_damage(frame.seq, &error),
-        };
-        let held = Rc::new(HeldFrame::new(frame, size, &self.sight.held_bytes));
-        self.sight.newest = Some(Rc::clone(&held));
-        self.plan_look(&held);
-        self.publish(EventName::Frame, Payload::Frame(held));
-    }
-
     /// Whether a task can run, or a frame is to be looked at for the robot's own movement.
     pub(super) fn is_ready(&self) -> bool {
         !self.has_ended() && (self.tasks.is_ready() || self.sight.look.is_some())
@@ -281,13 +265,6 @@ impl State {
     /// Writes a line of the runtime's own into the script's log.
     pub(super) fn log(&mut self, level: Level, text: &str) {
         self.outbox.log(LogLine::new(level, text), self.now);
-    }
-
-    /// Counts a frame that is no picture; the log says so once in a while.
-    pub(super) fn note_damage(&mut self, seq: u64, error: &FrameError) {
-        if let Some(text) = self.sight.damage.note(seq, &error.to_string(), self.now) {
-            self.log(Level::Warn, &text);
-        }
     }
 
     /// Logs a failure, the first time and then ever more rarely for the same place.

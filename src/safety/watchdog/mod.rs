@@ -149,7 +149,11 @@ impl Watchdog {
                 }
                 self.listening = on;
             }
-            Fact::Asked { by, priority, ask } => self.asked(by, priority, ask, now),
+            Fact::Asked {
+                by,
+                priority,
+                intent,
+            } => self.asked(by, priority, intent, now),
             Fact::Alive(by) => self.leases.renew(by, now),
             Fact::Gone(by) => self.gone(by, now),
             Fact::Rescuer(by) => self.rescuer_is(by, now),

@@ -10,8 +10,8 @@ use mlua::prelude::{Lua, LuaResult, LuaValue};
 use super::super::album::{self, NotSaved};
 use super::super::arguments::{Argument, Given, Refusal};
 use super::super::events::EventName;
-use super::super::held::HeldFrame;
 use super::super::output::Level;
+use super::super::sight::HeldFrame;
 use super::{Answered, Builder, Call, Natives, events};
 use crate::robot::Remark;
 

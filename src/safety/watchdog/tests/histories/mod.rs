@@ -24,7 +24,7 @@ use self::promises::{Patience, WayHome};
 use super::rig::{CANCEL, FIND, LEAVE, SECOND, sent, told};
 use super::*;
 use crate::robot::{DockPlan, MotionId, Percent, Priority, Seconds};
-use crate::safety::{Ask, LastWords, Leg, Rescue};
+use crate::safety::{LastWords, Leg, Rescue};
 use crate::wire::Sound;
 
 fn histories() -> Config {
@@ -47,7 +47,7 @@ impl Stop {
             Stop::Asked => Fact::Asked {
                 by: BehaviourId(9),
                 priority: Priority(i16::MAX),
-                ask: Ask::Stop,
+                intent: Intent::Stop,
             },
         }
     }

@@ -56,12 +56,25 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     );
     note(
         "asked to stop in a leg",
-        alarm && dog.moving() && matches!(moment.fact, Some(Fact::Asked { ask: Ask::Stop, .. })),
+        alarm
+            && dog.moving()
+            && matches!(
+                moment.fact,
+                Some(Fact::Asked {
+                    intent: Intent::Stop,
+                    ..
+                })
+            ),
     );
     note(
         "asked to stop while it moves",
-        matches!(moment.fact, Some(Fact::Asked { ask: Ask::Stop, .. }))
-            && moment.sends(&Command::STOP),
+        matches!(
+            moment.fact,
+            Some(Fact::Asked {
+                intent: Intent::Stop,
+                ..
+            })
+        ) && moment.sends(&Command::STOP),
     );
     note(
         "a behaviour waits for the watchdog's docking",
