@@ -8,7 +8,9 @@ use spykee::sim::{Firmware, Options, World};
 use spykee::wire::{Command, Led, Sound};
 use tokio::time::timeout;
 
+use crate::guardian::thread_called;
 use crate::rig::{PATIENCE, QUIET_WORLD, Rig, Run};
+use crate::slow_system::trace;
 
 const DRIVES: &str = "while true do robot.move(30, 30, 0.5) end";
 
@@ -264,15 +266,7 @@ async fn in_quiet_hours_scripts_make_no_sound_and_a_person_may() {
     let noise =
         "robot.play('laser') robot.led('flash', true) robot.led('left', true) task.wait(600)";
     rig.file("noise.lua", noise);
-    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-    let hour = now.unwrap().as_secs() / 3600 % 24;
-    let quiet = format!(
-        "quiet: {:02}:00-{:02}:00\n",
-        (hour + 23) % 24,
-        (hour + 2) % 24
-    );
-    let rest = format!("{quiet}behaviours:\n- {{ file: noise.lua, start: asked }}\n");
-    config(&rig, "", &rest);
+    quiet_now(&rig, "behaviours:\n- { file: noise.lua, start: asked }\n");
     let mut run = serve(&rig);
     run.says("quiet hours").await;
     run.says("connected").await;
@@ -296,6 +290,49 @@ async fn in_quiet_hours_scripts_make_no_sound_and_a_person_may() {
     assert_eq!(code, Some(0), "{text}");
     rig.heard(0, |command| *command == laser).await;
     ends_well(&mut run).await;
+}
+
+/// A config whose quiet hours are now, with this in it.
+fn quiet_now(rig: &Rig, rest: &str) {
+    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    let hour = now.unwrap().as_secs() / 3600 % 24;
+    let (from, until) = ((hour + 23) % 24, (hour + 2) % 24);
+    config(
+        rig,
+        "",
+        &format!("quiet: {from:02}:00-{until:02}:00\n{rest}"),
+    );
+}
+
+/// Whether a robot with a low battery, which finds no station, is heard in quiet hours.
+async fn the_alarm_is_heard(settings: &str) -> bool {
+    let firmware = Firmware {
+        search_limit: Duration::from_millis(300),
+        ..Firmware::default()
+    };
+    let rig = Rig::new(QUIET_WORLD, firmware).await;
+    rig.sim.hide_station(true);
+    let watchdog = "watchdog: { dock_retries: 0, dock_pause: 1, recovery_legs: 0, rescue: off }\n";
+    quiet_now(&rig, &format!("{settings}{watchdog}"));
+    let mut run = serve(&rig);
+    run.says("quiet hours").await;
+    run.says("connected").await;
+    rig.sim.set_battery(15.0);
+    run.says("action=alarm").await;
+    // The next search comes after it.
+    rig.heard_dock(rig.sim.heard_count()).await;
+    run.signal(Signal::TERM);
+    run.code().await;
+    rig.commands(0).contains(&Command::Play(Sound::Alarm))
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn in_quiet_hours_the_alarm_is_heard_only_if_the_config_says_so() {
+    let (quiet, loud) = tokio::join!(
+        the_alarm_is_heard(""),
+        the_alarm_is_heard("quiet_alarm: false\n")
+    );
+    assert_eq!((quiet, loud), (false, true));
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -326,6 +363,51 @@ async fn the_systems_manager_hears_that_it_is_ready_and_alive() {
     });
     hear_all.await.unwrap();
     ends_well(&mut run).await;
+}
+
+/// The thread that drives does not return from a wait, all others go on.
+#[tokio::test(flavor = "multi_thread")]
+async fn the_systems_manager_hears_nothing_of_a_service_whose_driving_thread_hangs() {
+    let rig = Rig::quiet().await;
+    rig.file("drive.lua", DRIVES);
+    config(&rig, "", "behaviours:\n- file: drive.lua\n");
+    let path = rig.folder().join("notify");
+    let socket = UnixDatagram::bind(&path).unwrap();
+    socket.set_nonblocking(true).unwrap();
+    let environment = [
+        ("NOTIFY_SOCKET", path.to_str().unwrap()),
+        ("WATCHDOG_USEC", "400000"),
+    ];
+    let args = ["serve", "--config", "spykee.yaml", "--robot", &rig.address];
+    let run = rig.spykee_with(&args, &environment);
+    let alive = || {
+        let (mut buffer, mut count) = ([0; 1024], 0);
+        while let Ok(length) = socket.recv(&mut buffer) {
+            count += usize::from(buffer[..length].starts_with(b"WATCHDOG=1"));
+        }
+        count
+    };
+    rig.heard_motion(0).await;
+    let beats = async {
+        while alive() == 0 {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    };
+    timeout(PATIENCE, beats).await.expect("it is alive");
+    let core = thread_called(run.pid(), "core");
+    let hang = "inject=epoll_wait:delay_exit=8000000";
+    let Some(mut tracer) = trace(core, &["-e", "trace=epoll_wait", "-e", hang]) else {
+        return;
+    };
+    // The guardian has noticed it.
+    rig.heard_stop(rig.sim.heard_count()).await;
+    alive();
+    // Ten times as long as from one beat to the next.
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    let beats = alive();
+    let _ = tracer.kill();
+    let _ = tracer.wait();
+    assert_eq!(beats, 0);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -440,6 +522,8 @@ async fn the_unit_has_few_rights() {
     let text = std::fs::read_to_string(&unit).unwrap();
     assert!(text.contains("ExecStart=/usr/bin/env serve --config /etc/spykee/spykee.yaml"));
     assert!(text.contains("LoadCredential=password:/etc/hostname"));
+    let print = [&["service", "print"], &install[4..]].concat();
+    assert_eq!(tool(&rig, &print).await, (Some(0), text.trim_end().into()));
     let analyzed = std::process::Command::new("systemd-analyze")
         .args(["security", "--offline=true", "--threshold=20", path])
         .output();
