@@ -15,6 +15,10 @@ use crate::wire::Stream;
 /// The stream stays on for so long after the last viewer.
 const LINGER: Duration = Duration::from_secs(2);
 
+/// Behaviours get a frame first: sending it to many viewers keeps a small machine busy for longer than
+/// a behaviour needs for its answer, so viewers get it so much later.
+const AFTER_BEHAVIOURS: Duration = Duration::from_millis(5);
+
 /// See the module.
 #[derive(Debug)]
 pub(super) struct Camera {
@@ -68,6 +72,7 @@ impl Camera {
     async fn pass_on(&self, run: &Run) {
         let (mut pictures, mut last) = (run.pictures.clone(), 0);
         while pictures.changed().await.is_ok() {
+            sleep(AFTER_BEHAVIOURS).await;
             let newest = pictures.borrow_and_update().newest.clone();
             if let Some(frame) = newest.filter(|frame| frame.seq != last) {
                 last = frame.seq;

@@ -181,6 +181,20 @@ impl Ear {
         said.await.unwrap();
     }
 
+    /// Waits until it hears again, after the broker was away.
+    pub async fn hears_again(&self) {
+        let until = std::time::Instant::now() + PATIENCE;
+        let from = self.len();
+        while !self.heard.lock().unwrap()[from..]
+            .iter()
+            .any(|(topic, _)| topic == "ear/again")
+        {
+            assert!(std::time::Instant::now() < until, "the broker is not back");
+            self.say("ear/again", "", false).await;
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    }
+
     pub fn len(&self) -> usize {
         self.heard.lock().unwrap().len()
     }
