@@ -144,9 +144,14 @@ impl MotionDetector {
         self.moved.iter().map(|moved| u32::from(*moved)).sum()
     }
 
-    /// Whether most of the upright edges are not where they were: somebody has pushed or carried the
-    /// robot. What moves through the view covers few of them.
+    /// Whether most of the upright edges are not where they were, or were not where they are: somebody has
+    /// pushed or carried the robot. What moves through the view covers few of them.
     fn has_camera_moved(&self) -> bool {
+        self.most_edges_changed(&self.before) || self.most_edges_changed(&self.now)
+    }
+
+    /// Whether most of the upright edges of this half-size picture lie where something has changed.
+    fn most_edges_changed(&self, picture: &[u8]) -> bool {
         let Size2 { w, h } = self.half;
         let (contrast, reach) = EDGE;
         let (mut tiles, mut changed) = (0u32, 0u32);
@@ -154,7 +159,7 @@ impl MotionDetector {
             for left in (0..w).step_by(TILE) {
                 let (mut edges, mut moved) = (0, 0);
                 for y in top..(top + TILE).min(h) {
-                    let row = &self.before[y * w..][..w];
+                    let row = &picture[y * w..][..w];
                     for x in left.max(reach)..(left + TILE).min(w.saturating_sub(reach)) {
                         let step = i32::from(row[x + reach]) - i32::from(row[x - reach]);
                         edges += u32::from(step.abs() > contrast);
@@ -386,6 +391,29 @@ mod tests {
             assert_eq!(detector.update(&shifted(by, None)).pixels, 0, "by {by}");
             let motion = detector.update(&shifted(by, Some((100, 150))));
             assert!(motion.pixels >= 150, "by {by}: {motion:?}");
+        }
+    }
+
+    /// A plain thing that fills most of the view, or what is seen beside it; the border to the left stays.
+    fn beside_a_plain_thing(turned: bool) -> Image {
+        let picture = RgbImage::from_fn(320, 240, |x, y| {
+            let plank = if ((x + y / 9) / 12).is_multiple_of(2) {
+                115
+            } else {
+                75
+            };
+            Rgb([if x < 60 || turned { plank } else { 95 }; 3])
+        });
+        Image::from_rgb(&picture)
+    }
+
+    #[test]
+    fn a_camera_that_is_turned_from_a_plain_thing_is_not_motion() {
+        for turned in [true, false] {
+            let mut detector = detector();
+            detector.update(&beside_a_plain_thing(!turned));
+            let motion = detector.update(&beside_a_plain_thing(turned));
+            assert_eq!(motion.pixels, 0, "{turned}: {motion:?}");
         }
     }
 
