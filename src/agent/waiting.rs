@@ -35,9 +35,10 @@ pub fn until_answered(dial: Dial, options: Options, seed: u64, tries: Tries) -> 
         let insists = std::mem::take(&mut first);
         Box::pin(async move {
             let mut dial = dial.lock().await;
-            match insists {
-                true => insist(&mut dial, last_words, &options, seed, &tries).await,
-                false => (*dial)(last_words).await,
+            if insists {
+                insist(&mut dial, last_words, &options, seed, &tries).await
+            } else {
+                (*dial)(last_words).await
             }
         })
     })

@@ -116,9 +116,10 @@ impl UnitArgs {
 /// A name as systemd takes it: it must stay one word of one line.
 fn user(name: &str) -> Result<String, String> {
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-    match !name.is_empty() && name.len() <= 31 && name.chars().all(plain) {
-        true => Ok(name.to_owned()),
-        false => Err("a user's name has letters, digits, -, _ and dots, at most 31".to_owned()),
+    if !name.is_empty() && name.len() <= 31 && name.chars().all(plain) {
+        Ok(name.to_owned())
+    } else {
+        Err("a user's name has letters, digits, -, _ and dots, at most 31".to_owned())
     }
 }
 

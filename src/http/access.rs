@@ -85,9 +85,10 @@ impl Access {
             sessions: Mutex::default(),
             attempts: Mutex::new(Attempts::new(Instant::now())),
         };
-        match access.is_open() && !listen.ip().is_loopback() {
-            true => Err(AccessError::Open(listen)),
-            false => Ok(access),
+        if access.is_open() && !listen.ip().is_loopback() {
+            Err(AccessError::Open(listen))
+        } else {
+            Ok(access)
         }
     }
 
@@ -141,9 +142,10 @@ impl Access {
 
     /// Who comes with this session, or without any.
     pub(super) fn of_session(&self, session: Option<&str>) -> Option<Visitor> {
-        let role = match self.is_open() {
-            true => Some(Role::Driver),
-            false => lock(&self.sessions).role(session?, Instant::now()),
+        let role = if self.is_open() {
+            Some(Role::Driver)
+        } else {
+            lock(&self.sessions).role(session?, Instant::now())
         };
         role.map(|role| Visitor { role, token: None })
     }

@@ -89,9 +89,10 @@ impl Course {
 
     /// How long it goes before it is held against the other again.
     fn beat(&self) -> Duration {
-        match self.going.paused {
-            true => STEP / 10,
-            false => BEAT.mul_f64(self.going.factor.get()),
+        if self.going.paused {
+            STEP / 10
+        } else {
+            BEAT.mul_f64(self.going.factor.get())
         }
     }
 

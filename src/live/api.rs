@@ -344,8 +344,9 @@ fn out_of_reach() -> Refusal {
 
 /// What is not done is a conflict with how things stand.
 fn outcome((ok, text): Done) -> Reply<Outcome> {
-    match ok {
-        true => Ok(Json(Outcome { ok, text })),
-        false => Err(Refusal::new(StatusCode::CONFLICT, text)),
+    if ok {
+        Ok(Json(Outcome { ok, text }))
+    } else {
+        Err(Refusal::new(StatusCode::CONFLICT, text))
     }
 }

@@ -269,9 +269,12 @@ fn allow(
     folders: &[PathBuf],
     access: BitFlags<AccessFs>,
 ) -> Result<RulesetCreated, RulesetError> {
-    let shown = |folder: &PathBuf| match folder.as_os_str().is_empty() {
-        true => PathBuf::from("."),
-        false => folder.clone(),
+    let shown = |folder: &PathBuf| {
+        if folder.as_os_str().is_empty() {
+            PathBuf::from(".")
+        } else {
+            folder.clone()
+        }
     };
     let open = folders
         .iter()

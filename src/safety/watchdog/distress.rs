@@ -236,13 +236,13 @@ impl Watchdog {
             return;
         };
         alarm.flash_on = !alarm.flash_on;
-        let pause = match alarm.flash_on {
-            true => Watchdog::ALARM_FLASH,
-            false => self
-                .limits
+        let pause = if alarm.flash_on {
+            Watchdog::ALARM_FLASH
+        } else {
+            self.limits
                 .alarm_every
                 .get()
-                .saturating_sub(Watchdog::ALARM_FLASH),
+                .saturating_sub(Watchdog::ALARM_FLASH)
         };
         alarm.next = now + pause.max(Watchdog::ALARM_FLASH);
         let on = alarm.flash_on;

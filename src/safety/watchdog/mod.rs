@@ -381,9 +381,10 @@ impl Watchdog {
 
     fn undocked(&mut self, now: Instant) {
         // Nobody knows where a robot is that was carried off its station.
-        match self.whereabouts.is_leaving() {
-            true => self.trail.begin(now),
-            false => self.trail.lose(),
+        if self.whereabouts.is_leaving() {
+            self.trail.begin(now)
+        } else {
+            self.trail.lose()
         }
         self.way = None;
         self.whereabouts.undocked();

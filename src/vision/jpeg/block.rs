@@ -141,9 +141,10 @@ mod tests {
             let counts = rest[1..].first_chunk::<16>().unwrap();
             let len: usize = counts.iter().copied().map(usize::from).sum();
             let symbols = &rest[17..][..len];
-            assert!(match is_ac {
-                false => dc.load(counts, symbols),
-                true => ac.load(counts, symbols),
+            assert!(if is_ac {
+                ac.load(counts, symbols)
+            } else {
+                dc.load(counts, symbols)
             });
             rest = &rest[17 + len..];
         }
