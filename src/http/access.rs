@@ -20,7 +20,7 @@ use crate::files;
 const MAX_FILE_LEN: u64 = 4096;
 const MAX_PASSWORD: usize = 1024;
 
-/// Why nobody can be let in.
+/// Why access cannot be set up.
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
     /// Everybody in reach of that address could drive.
@@ -42,7 +42,7 @@ pub enum AccessError {
     Tokens(#[from] KeyringError),
 }
 
-/// Why somebody was not let in.
+/// Why a visitor was not let in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub(super) enum Denied {
     #[error("that is not the password")]
@@ -92,7 +92,7 @@ impl Access {
         }
     }
 
-    /// Nobody has to say who he is: loopback, and neither a password nor a token.
+    /// No login is needed: loopback, and neither a password nor a token.
     pub fn is_open(&self) -> bool {
         self.passwords.is_empty() && self.keyring.is_empty()
     }

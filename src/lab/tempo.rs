@@ -166,7 +166,7 @@ impl Tempo {
         self.course().now
     }
 
-    /// Holds the laboratory's clock until `stop` is cancelled: then nobody watches any more, and the rest
+    /// Holds the laboratory's clock until `stop` is cancelled: then there is no viewer any more, and the rest
     /// takes no time.
     pub(super) async fn keep(self, began: Instant, stop: CancellationToken) {
         let wall = std::time::Instant::now();

@@ -94,7 +94,7 @@ pub(super) fn decode_block(
     loop {
         bits.refill::<{ STEP_BITS + 2 }>();
         let step = ac_table.step(bits.peek(STEP_BITS));
-        // What goes beyond the block is put where nobody reads it, so this needs no question.
+        // What goes beyond the block lands in padding that is never read, so this needs no check.
         put(step.first_place(index), step.first_value());
         put(step.second_place(index), step.second_value());
         let next = step.next(index);
