@@ -300,7 +300,10 @@ impl Config {
         yaml::examine(text).map_err(|error| invalid(error.to_string()))?;
         let config: Config =
             serde_yaml::from_str(text).map_err(|error| invalid(in_words(&error.to_string())))?;
-        config.watchdog.check().map_err(|error| invalid(error.to_string()))?;
+        config
+            .watchdog
+            .check()
+            .map_err(|error| invalid(error.to_string()))?;
         config.notify.check().map_err(invalid)?;
         config.mqtt.check().map_err(invalid)?;
         if let (Some(target), None) = (config.notify.needs_broker(), &config.mqtt.host) {
