@@ -6,7 +6,7 @@ use tokio::sync::watch;
 use tokio::task::spawn_blocking;
 use tokio::time::timeout;
 
-use super::restart_loop::{RestartLoop, Surroundings};
+use super::restart_loop::{LaunchContext, RestartLoop};
 use super::roster::{Blueprint, BlueprintError, RosterError};
 use crate::behaviour::Prepared;
 use crate::pilot::{LinkState, Status};
@@ -19,7 +19,7 @@ const REACH: Duration = Duration::from_millis(3500);
 
 /// Makes a behaviour and has a host load it. One that was told to end meanwhile does not run.
 pub(super) async fn load(
-    around: Surroundings,
+    around: LaunchContext,
     by: BehaviourId,
     blueprint: Blueprint,
     mut status: watch::Receiver<Status>,

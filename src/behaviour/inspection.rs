@@ -10,7 +10,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::host::STACK;
-use crate::check::{Finding, Required, Severity, Surroundings, check, required};
+use crate::check::{CheckContext, Finding, Required, Severity, check, required};
 use crate::script::Options;
 use crate::walls::{self, Room, Worker, WorkerError};
 
@@ -112,7 +112,7 @@ pub fn inspection_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
             options,
             folder,
         } = postcard::from_bytes(question).map_err(io::Error::other)?;
-        let surroundings = Surroundings::new(&options, Some(Path::new(&options.chunk)));
+        let surroundings = CheckContext::new(&options, Some(Path::new(&options.chunk)));
         let inspected = Inspected {
             findings: check(&source, &options.chunk, &surroundings),
             required: required(&source, &folder),

@@ -27,7 +27,9 @@ pub use inspection::{INSPECTION, Inspected, InspectionError, Inspector, inspecti
 pub use library::{Library, LibraryError};
 pub use message::{FromHost, Launch, ToHost};
 pub use name::{MAX_NAME, NameError, name_of, validate_name};
-pub use policy::{RestartPolicy, RestartTracker, Restarts, UnknownPolicy, Verdict, is_failure};
+pub use policy::{
+    RestartDecision, RestartPolicy, RestartTracker, Restarts, UnknownPolicy, is_failure,
+};
 pub use prepared::Prepared;
 pub use process::{HOST_ARGUMENT, HostProcess, Launcher};
 pub use supervisor::{Handle, Supervisor};

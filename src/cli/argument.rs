@@ -51,6 +51,9 @@ pub(super) enum ArgumentError {
     /// `lesson`: no number or name of one.
     #[error("there are lessons 1 to {0}; `spykee lesson list` shows them")]
     Lesson(usize),
+    /// `service unit --user`.
+    #[error("a user's name has letters, digits, -, _ and dots, at most 31")]
+    User,
     /// `--param`.
     #[error("expected NAME=VALUE, such as speed=50, or BEHAVIOUR.NAME=VALUE")]
     Param,

@@ -108,7 +108,7 @@ impl Desk {
     }
 }
 
-/// One client: one errand. Whoever hangs up has changed his mind.
+/// One client: one errand. A client that hangs up cancels it.
 async fn serve(stream: UnixStream, run: Run) {
     let mut pipe = Pipe::new(stream);
     let errand = match timeout(ASKING, pipe.receive::<Errand>()).await {
@@ -130,7 +130,7 @@ async fn serve(stream: UnixStream, run: Run) {
 }
 
 impl Run {
-    /// Does one thing for a person, by the same rules whoever brings it: a tool, a page or a broker.
+    /// Does one thing for a person, by the same rules from a tool, a page or a broker.
     /// Dropping the wait gives it up.
     pub async fn perform(&self, errand: Errand) -> Answer {
         let errand = match errand {
@@ -309,7 +309,7 @@ impl Run {
         Seat::join(self.requests.clone(), by, name, PERSON, Role::Person).await
     }
 
-    /// STOP: from now on nothing moves the robot, whoever wants it, until it is let go.
+    /// STOP: from now on nothing moves the robot until the stop is released.
     ///
     /// # Errors
     /// [`SeatError::Closed`]: the run is over, and the robot was stopped at its end.

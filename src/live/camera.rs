@@ -85,7 +85,7 @@ impl Camera {
         }
     }
 
-    /// While somebody looks, and a little longer, the stream is wanted.
+    /// While there is a viewer, and a little longer, the stream is wanted.
     async fn want(&self, run: &Run) {
         let mut viewers = self.viewers.subscribe();
         while viewers.wait_for(|viewers| *viewers > 0).await.is_ok() {

@@ -137,7 +137,7 @@ impl Pilot {
         self.learn(Fact::Engine(news))
     }
 
-    /// Puts a frame into the slot of the newest one, unread: whoever looks at it validates it.
+    /// Puts a frame into the slot of the newest one, unread: its readers validate it.
     fn frame(&mut self, jpeg: Bytes) {
         let (at, mut seq) = (Instant::now(), 0);
         self.status.send_if_modified(|status| {

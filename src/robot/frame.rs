@@ -30,7 +30,7 @@ pub struct Coming {
 pub struct Pictures {
     /// The newest frame, which may be damaged.
     pub newest: Option<Frame>,
-    /// The one before it, for whoever finds the newest damaged.
+    /// The one before it, for a reader that finds the newest damaged.
     pub before: Option<Frame>,
     /// The one on its way.
     pub coming: Option<Coming>,

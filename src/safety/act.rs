@@ -36,11 +36,11 @@ pub enum Fact {
     Alive(BehaviourId),
     /// A behaviour is no more, for whatever reason.
     Gone(BehaviourId),
-    /// Which behaviour the tracks may be lent to between two searches of a low robot; `None`: nobody.
+    /// Which behaviour the tracks may be lent to between two searches of a low robot; `None`: to none.
     /// Its [`Fact::Gone`] says so too.
     Rescuer(Option<BehaviourId>),
-    /// The machine or the program has slept: nobody knows for how long, or what the robot has done
-    /// meanwhile.
+    /// The machine or the program has slept. For how long, and what the robot has done meanwhile, is
+    /// not known.
     Suspended,
     /// The run ends: nothing may move any more but a robot with a low battery, by itself.
     Parting,

@@ -25,7 +25,7 @@ pub struct Limits {
     pub charge_timeout: Seconds,
     /// Searches after the first one that may fail before the alarm sounds (3).
     pub dock_retries: u32,
-    /// Where a search has failed and nobody may drive the robot elsewhere, it stands for so long before
+    /// Where a search has failed and no behaviour may drive the robot elsewhere, it stands for so long before
     /// the next one (5 s), and twice as long each time: up to `recovery_longest_pause`, and never for
     /// longer than costs as much as a search. At or below the critical level it does not wait.
     pub dock_pause: Seconds,
@@ -39,7 +39,7 @@ pub struct Limits {
     /// ... and the longest (300 s).
     pub recovery_longest_pause: Seconds,
     /// Who drives a low robot elsewhere after a search that has failed: `builtin`, a behaviour that
-    /// comes with the program and drives over free floor; the name of a `.lua` file; or `off`: nobody.
+    /// comes with the program and drives over free floor; the name of a `.lua` file; or `off`: none.
     pub rescue: Rescue,
     /// The tracks are lent to it for so long at most; then the robot searches from there (8 s).
     pub rescue_time: Seconds,

@@ -13,7 +13,6 @@
 //! natives of each Lua namespace; `stdlib/` what is written in Lua.
 
 mod address;
-mod album;
 mod api;
 mod arguments;
 mod blockage;
@@ -36,6 +35,7 @@ mod options;
 mod output;
 mod pace;
 mod params;
+mod picture_store;
 mod plain;
 mod queue;
 mod sandbox;
@@ -70,7 +70,6 @@ use life::{Life, is_kill};
 use state::State;
 use task::{Answer, TaskKind};
 
-pub(crate) use album::{NAMES as PICTURE_NAMES, file_name as picture_name};
 pub(crate) use budget::{only_simulated, running, stuck, when_stuck};
 pub use complaints::Explain;
 pub(crate) use declaration::{Declaration, param_values};
@@ -82,6 +81,7 @@ pub use nearest::suggestion;
 pub use options::{Calibration, Limits, Options};
 pub use output::{Evaluated, Level, LogLine, Output};
 pub use params::{GivenParam, ParamOrigin, ParamValue};
+pub(crate) use picture_store::{NAMES as PICTURE_NAMES, file_name as picture_name};
 pub use sandbox::MAX_SOURCE;
 pub(crate) use sandbox::{check_source as read_text, compile_error};
 pub(crate) use shares::{MAX_ENTRY, MAX_KIND, MAX_NOTICE};
@@ -110,7 +110,7 @@ impl Script {
     /// A source over 256 KiB, not UTF-8, with control characters (so also compiled code), or that
     /// does not compile; the message has file and line.
     pub fn load(source: &[u8], options: Options, now: Instant) -> Result<Script, Failure> {
-        Script::load_with(source, options, api::Surroundings::Robot, now)
+        Script::load_with(source, options, api::ApiSet::Robot, now)
     }
 
     /// Loads a script that has `scenario`, `expect` and `sim`, and of the usual names `task`, `log`,
@@ -124,7 +124,7 @@ impl Script {
         stage: Rc<dyn Stage>,
         now: Instant,
     ) -> Result<Script, Failure> {
-        Script::load_with(source, options, api::Surroundings::Stage(stage), now)
+        Script::load_with(source, options, api::ApiSet::Stage(stage), now)
     }
 
     /// Such a script with no source and no stage behind it.
@@ -135,7 +135,7 @@ impl Script {
     fn load_with(
         source: &[u8],
         options: Options,
-        surroundings: api::Surroundings,
+        surroundings: api::ApiSet,
         now: Instant,
     ) -> Result<Script, Failure> {
         let chunk = options.chunk.clone();
@@ -146,9 +146,9 @@ impl Script {
             }
             other => Failure::Machine {
                 chunk,
-                reason: match failure::Trouble::of(other) {
-                    failure::Trouble::Memory => "not enough memory".to_owned(),
-                    failure::Trouble::Text(text) => text,
+                reason: match failure::VmError::of(other) {
+                    failure::VmError::Memory => "not enough memory".to_owned(),
+                    failure::VmError::Text(text) => text,
                 },
             },
         })
@@ -157,7 +157,7 @@ impl Script {
     fn start(
         source: &str,
         options: Options,
-        surroundings: api::Surroundings,
+        surroundings: api::ApiSet,
         now: Instant,
     ) -> LuaResult<Script> {
         let lua = sandbox::open()?;

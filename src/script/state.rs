@@ -11,7 +11,6 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use self::known::Known;
-use super::album::Album;
 use super::blockage::{Blockage, Going};
 use super::complaints::{Complaints, Telling};
 use super::declaration::Declaration;
@@ -24,6 +23,7 @@ use super::odometry::{Driver, Odometry, drive_of};
 use super::options::Options;
 use super::output::{Level, LogLine, OutputQueue};
 use super::params::ParamValue;
+use super::picture_store::PictureStore;
 use super::queue::Tasks;
 use super::shares::Shares;
 use super::sight::{HeldFrame, Look, Sight};
@@ -81,7 +81,7 @@ pub(super) struct State {
     blockage: Blockage,
     pub(super) streams: WantedStreams,
     pub(super) sight: Sight,
-    pub(super) album: Album,
+    pub(super) picture_store: PictureStore,
     pub(super) store: Store,
     pub(super) shares: Shares,
     pub(super) modules: Modules,
@@ -114,7 +114,7 @@ impl State {
     }
 
     pub(super) fn new(options: Options, now: Instant) -> State {
-        let album = Album::new(options.data_dir.clone(), &options.limits);
+        let picture_store = PictureStore::new(options.data_dir.clone(), &options.limits);
         let shares = Shares::new(&options.limits);
         let modules = Modules::new(&options.chunk);
         let sight = Sight::new(&options);
@@ -134,7 +134,7 @@ impl State {
             blockage: Blockage::default(),
             streams: WantedStreams::default(),
             sight,
-            album,
+            picture_store,
             store: Store::default(),
             shares,
             modules,

@@ -7,7 +7,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::time::Duration;
 
 use spykee::robot::{BehaviourId, CallId, DockPlan, Event, Intent, MotionId, Priority, Setpoint};
-use spykee::safety::{Act, Fact, LastWords, Limits, Place, Watchdog, WatchdogState};
+use spykee::safety::{Act, DockState, Fact, LastWords, Limits, Watchdog, WatchdogState};
 use spykee::wire::{Command, Engage, EngineNews, Power};
 use tokio::time::Instant;
 
@@ -172,7 +172,7 @@ impl Node {
     /// BASE_FIND or a leg or loan follows within the time that the limits allow.
     fn comes_home(&self, limits: &Limits) -> Option<String> {
         let (mut dog, mut now) = (self.dog.clone(), self.now);
-        let away = dog.low().is_some() && dog.place() != Place::Charging;
+        let away = dog.low().is_some() && dog.place() != DockState::Charging;
         if !away || dog.state() == WatchdogState::Offline {
             return None;
         }

@@ -5,7 +5,7 @@ use mlua::prelude::{Lua, LuaError, LuaFunction, LuaResult, LuaTable, LuaValue};
 use super::super::Script;
 use super::super::arguments::Refusal;
 use super::super::events::EventName;
-use super::super::failure::{Trouble, is_ours, printable};
+use super::super::failure::{VmError, is_ours, printable};
 use super::super::ids::ModuleId;
 use super::super::modules::{ModuleFile, ModuleName, NoModule, Progress, Target, resolve};
 use super::super::sandbox;
@@ -283,9 +283,9 @@ fn compile(lua: &Lua, source: &[u8], chunk: &str) -> Progress {
     let compiled = environment(lua).and_then(|own| sandbox::compile_module(lua, text, chunk, own));
     match compiled {
         Ok(function) => Progress::Ready(function),
-        Err(error) => Progress::Failed(match Trouble::of(&error) {
-            Trouble::Memory => format!("{chunk}: not enough memory for this module"),
-            Trouble::Text(text) => text,
+        Err(error) => Progress::Failed(match VmError::of(&error) {
+            VmError::Memory => format!("{chunk}: not enough memory for this module"),
+            VmError::Text(text) => text,
         }),
     }
 }

@@ -111,7 +111,7 @@ fn after_a_sleep_a_behaviours_docking_is_over() {
     rig.undock(1);
     let acts = rig.take(Fact::Suspended);
     assert_eq!(undock_ended(&acts), Some(DockEnd::Disconnected));
-    assert_eq!(rig.dog.place(), Place::Unknown);
+    assert_eq!(rig.dog.place(), DockState::Unknown);
 }
 
 #[test]

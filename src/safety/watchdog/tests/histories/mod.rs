@@ -20,7 +20,7 @@ use tokio::time::Instant;
 use self::any::{any_history, any_limits};
 use self::known::Known;
 use self::play::{Kept, Moment, Play, Step};
-use self::promises::{Patience, WayHome};
+use self::promises::{LongestWait, WayHome};
 use super::rig::{CANCEL, FIND, LEAVE, SECOND, sent, told};
 use super::*;
 use crate::robot::{DockPlan, MotionId, Percent, Priority, Seconds};
@@ -75,8 +75,8 @@ proptest! {
         limits in any_limits(),
         history in any_history(),
     ) {
-        let mut patience = Patience::default();
-        Play::new(&limits).steps(&history, &mut |moment| patience.see(&moment))?;
+        let mut wait = LongestWait::default();
+        Play::new(&limits).steps(&history, &mut |moment| wait.see(&moment))?;
     }
 
     #[test]

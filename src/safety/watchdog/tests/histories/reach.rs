@@ -81,10 +81,10 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
         forced && !dog.waiting.is_empty(),
     );
     note("the run ends while low", dog.parting && forced);
-    note("place unknown", dog.place() == Place::Unknown);
+    note("place unknown", dog.place() == DockState::Unknown);
     note(
         "place unknown while low",
-        known.low && dog.place() == Place::Unknown,
+        known.low && dog.place() == DockState::Unknown,
     );
     note("backs out", dog.whereabouts.is_leaving());
     note(&format!("last words {:?}", dog.last_words()), true);
