@@ -60,6 +60,9 @@ struct ListArgs {
     /// Print a JSON list
     #[arg(long)]
     json: bool,
+    /// Print the names only, one a line, for shells: those of letters, digits, `.`, `_` and `-`
+    #[arg(long, conflicts_with = "json")]
+    names: bool,
     #[command(flatten)]
     which: WhichArgs,
 }
@@ -136,6 +139,10 @@ fn list(args: &ListArgs) -> Result<Exit, Failure> {
             if args.json {
                 let behaviours = behaviours.iter().map(object).collect();
                 print(&format!("{}\n", Value::Array(behaviours)))?;
+            } else if args.names {
+                let names = behaviours.iter().map(|one| one.name.as_str());
+                let plain = names.filter(|name| is_plain(name));
+                print(&plain.map(|name| format!("{name}\n")).collect::<String>())?;
             } else {
                 let rows: Vec<Vec<String>> = behaviours.iter().map(row).collect();
                 print(&aligned(&HEAD, &rows))?;
@@ -174,6 +181,12 @@ impl WhichArgs {
                 .help("`spykee run` and `spykee serve` begin one; `spykee status` lists them")
         })
     }
+}
+
+/// Whether a shell that completes this name takes it as it is: bash executes what such words contain.
+fn is_plain(name: &str) -> bool {
+    let plain = |letter: char| letter.is_alphanumeric() || "._-".contains(letter);
+    !name.starts_with('-') && name.chars().all(plain)
 }
 
 fn row(one: &Listed) -> Vec<String> {

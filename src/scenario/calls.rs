@@ -67,7 +67,7 @@ impl PlayStage {
             "sim:distance" => state.distance.into(),
             "sim:collisions" => state.collisions.into(),
             "sim:ended" => self.chronicle.ended(given.text(0)).into(),
-            "sim:log" => self.chronicle.lines(given.text(0).unwrap_or_default()),
+            "sim:log" => self.chronicle.lines(given.text(0).unwrap_or_default())?,
             _ => return Err(CallError::Unknown),
         })
     }

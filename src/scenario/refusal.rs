@@ -20,6 +20,8 @@ pub(super) enum CallError {
     Twice { name: String, line: u32 },
     #[error("at most {0} scenarios fit into one file")]
     TooMany(usize),
+    #[error("the behaviours have written more than {0} lines: the later ones are not kept")]
+    LinesMissed(usize),
     #[error("there is no ball in this world")]
     NoBall,
     #[error("the ball's number must be between 1 and {balls}, got {number}")]

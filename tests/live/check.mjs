@@ -100,7 +100,7 @@ async function until(is, what, context = () => "", patience = PATIENCE) {
   const began = Date.now();
   while (!(await is())) {
     if (Date.now() - began > patience) {
-      throw new Error(`waited in vain for ${what} ${context()}`);
+      throw new Error(`waited in vain for ${what} ${await context()}`);
     }
     await new Promise((resolve) => setTimeout(resolve, 50));
   }
@@ -300,7 +300,11 @@ const promises = {
     await until(() => Math.hypot(witness.map.robot[0] - 2.5, witness.map.robot[1] - 2) < 0.15, "a robot that was dragged");
     await page.getByLabel("Fault").selectOption("drop");
     await button(page, "Begin").click();
-    await page.getByText(/disconnected/).first().waitFor();
+    await until(async () => {
+      const lines = await page.locator("section.log .text").allTextContents();
+      const lost = lines.findLastIndex((line) => line.startsWith("disconnected"));
+      return lost >= 0 && lines.slice(lost).some((line) => line.startsWith("connected"));
+    }, "a link that is lost and comes back");
     await page.getByText("Free to move").waitFor();
     // A line of the log leads to the script.
     await button(page, "spin:1").first().click();
@@ -311,7 +315,7 @@ const promises = {
     await page.getByLabel("y, metres").fill("2.5");
     await button(page, "Put there").click();
     await button(page, "Go to the station").click();
-    await until(() => witness.state.docked, "a docked robot", () => run.process.text, 4 * PATIENCE);
+    await until(() => witness.state.docked, "a docked robot", () => page.locator(".notice").textContent(), 4 * PATIENCE);
     await page.getByText("It is on its station").waitFor();
     await button(page, "Leave the station").click();
     await until(() => !witness.state.docked, "a robot that has left");
