@@ -5,6 +5,7 @@ use std::time::Duration;
 use clap::Subcommand;
 use serde_json::{Value, json};
 
+use super::argument::ArgumentError;
 use super::remote::RemoteArgs;
 use super::running::{ask, nonsense, run_of};
 use super::runs::time;
@@ -84,12 +85,12 @@ struct StartArgs {
 }
 
 /// At least a second.
-fn some_time(text: &str) -> Result<Span, String> {
+fn some_time(text: &str) -> Result<Span, ArgumentError> {
     let span: Span = text.parse()?;
-    match span.get().is_zero() {
-        true => Err("it would end before it begins".to_owned()),
-        false => Ok(span),
+    if span.get().is_zero() {
+        return Err(ArgumentError::NoTime);
     }
+    Ok(span)
 }
 
 /// Which run.

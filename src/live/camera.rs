@@ -10,6 +10,7 @@ use tokio::time::{sleep, timeout};
 use crate::agent::SeatError;
 use crate::control::Run;
 use crate::robot::{Frame, Intent};
+use crate::vision::validate_markers;
 use crate::wire::Stream;
 
 /// The stream stays on for so long after the last viewer.
@@ -74,7 +75,8 @@ impl Camera {
         while pictures.changed().await.is_ok() {
             sleep(AFTER_BEHAVIOURS).await;
             let newest = pictures.borrow_and_update().newest.clone();
-            if let Some(frame) = newest.filter(|frame| frame.seq != last) {
+            let sound = |frame: &Frame| validate_markers(&frame.jpeg).is_ok();
+            if let Some(frame) = newest.filter(|frame| frame.seq != last && sound(frame)) {
                 last = frame.seq;
                 self.bytes
                     .fetch_add(frame.jpeg.len() as u64, Ordering::Relaxed);
@@ -83,7 +85,7 @@ impl Camera {
         }
     }
 
-    /// While somebody looks, and a little longer, the stream is wanted.
+    /// While there is a viewer, and a little longer, the stream is wanted.
     async fn want(&self, run: &Run) {
         let mut viewers = self.viewers.subscribe();
         while viewers.wait_for(|viewers| *viewers > 0).await.is_ok() {

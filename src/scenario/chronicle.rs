@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde_json::{Value, json};
 
+use super::refusal::CallError;
 use crate::agent::RESCUE_NAME;
 use crate::behaviour::is_failure;
 use crate::lab::{Event, EventKind, Recorder};
@@ -83,13 +84,10 @@ impl Chronicle {
     ///
     /// # Errors
     /// So much was written that not all of it is known: an expectation that counts would be wrong.
-    pub(super) fn lines(&self, text: &str) -> Result<Value, String> {
+    pub(super) fn lines(&self, text: &str) -> Result<Value, CallError> {
         let pages = self.pages();
         if pages.missed > 0 {
-            let words = "the behaviours have written more than";
-            return Err(format!(
-                "{words} {MAX_LINES} lines: the later ones are not kept"
-            ));
+            return Err(CallError::LinesMissed(MAX_LINES));
         }
         let lines = pages.lines.iter().filter(|line| line.text.contains(text));
         let object = |line: &Line| {
@@ -183,6 +181,6 @@ mod tests {
         event.text = "one more".to_owned();
         chronicle.pages().note(&event);
         let error = chronicle.lines("alarm").unwrap_err();
-        assert!(error.contains("more than 10000 lines"), "{error}");
+        assert!(matches!(error, CallError::LinesMissed(MAX_LINES)), "{error}");
     }
 }
