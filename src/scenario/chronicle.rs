@@ -181,6 +181,9 @@ mod tests {
         event.text = "one more".to_owned();
         chronicle.pages().note(&event);
         let error = chronicle.lines("alarm").unwrap_err();
-        assert!(matches!(error, CallError::LinesMissed(MAX_LINES)), "{error}");
+        assert!(
+            matches!(error, CallError::LinesMissed(MAX_LINES)),
+            "{error}"
+        );
     }
 }

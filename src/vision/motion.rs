@@ -404,8 +404,8 @@ mod tests {
     /// A plain thing beside stripes, of which some stay when the camera is turned, and others come into view.
     fn beside_a_plain_thing(turned: bool) -> Image {
         let picture = RgbImage::from_fn(320, 240, |x, _| {
-            let striped = x < 80 || (turned && (100..300).contains(&x));
-            let moved = if turned && x >= 40 { 6 } else { 0 };
+            let striped = x < 130 || (turned && (160..260).contains(&x));
+            let moved = if turned && x >= 90 { 6 } else { 0 };
             let stripe = if ((x + moved) / 12).is_multiple_of(2) {
                 115
             } else {
