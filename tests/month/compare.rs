@@ -274,9 +274,8 @@ impl Comparison<'_> {
         let minute = Duration::from_secs(62);
         for pair in battery.windows(2) {
             let (from, until) = (pair[0].0, pair[1].0);
-            let there =
-                held(&witness.alive, from, until, true) && held(&witness.users, from, until, true);
-            if there && from >= since {
+            // Who has taken the robot over is a user too.
+            if witness.is_calm(from, until) && from >= since {
                 self.note(MINUTES, until <= from + minute, || {
                     format!("from {from:.0?} to {until:.0?}")
                 });
