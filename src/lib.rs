@@ -31,8 +31,8 @@
 //! 2. `pilot/hearing.rs` makes it a `Frame` with a number and a time, and puts it unread into the
 //!    slot of the newest one: older frames that were not taken are dropped;
 //! 3. `behaviour/supervisor.rs` sends the `Frame` through the pipe when its host wants one;
-//! 4. `behaviour/host.rs` gives it to the VM; `script/state/delivery.rs` validates its markers, the
-//!    only place that does so, and queues it for the script's handler as a `HeldFrame`;
+//! 4. `behaviour/host.rs` gives it to the VM; `script/state/delivery.rs` validates its markers, which
+//!    is done here alone, and queues it for the script's handler as a `HeldFrame`;
 //! 5. `frame:find_blobs` (`script/api/looking.rs`) has it decoded, once and on demand, and finds its
 //!    blobs (`vision/eyes.rs`);
 //! 6. `robot.move` (`script/api/motion.rs`) makes a `Setpoint` and, with its number, an `Intent`, which
