@@ -129,10 +129,12 @@ robot.on("frame", function(frame)
 		side = if point.y > 0 then 1 else -1
 		drive(slow, slow * bend, "following")
 		followed_at = task.now()
-	elseif task.now() - seen_at < FULL_TURN + 2 * FIRST then
-		-- To the one side, and if it is not there all round by the other.
-		local first = task.now() - followed_at < (if ever_seen then FIRST else GLANCE)
-		drive(0, LOOK_AROUND * (if first then side else -side), "looking for the line")
+		return
+	end
+	-- To the one side first, and if it is not there all round by the other.
+	local first = if ever_seen then FIRST else GLANCE
+	if task.now() - seen_at < FULL_TURN + 2 * first then
+		drive(0, LOOK_AROUND * (if task.now() - followed_at < first then side else -side), "looking for the line")
 	else
 		drive(0, 0, "no line far and wide")
 	end
