@@ -81,6 +81,14 @@ impl FromStr for Pattern {
         if text.len() > MAX_LEN {
             return Err(TimetableError::LongPattern);
         }
+        // Such a list may match no time at all, which a search through all years would find out.
+        if text
+            .split_whitespace()
+            .flat_map(|field| field.split(','))
+            .any(str::is_empty)
+        {
+            return Err(wrong("a list has a comma with nothing beside it"));
+        }
         let parser = CronParser::builder()
             .seconds(Seconds::Disallowed)
             .year(Year::Disallowed)
@@ -159,6 +167,20 @@ mod tests {
             zone.time(*at).strftime("%d %H:%M %:z").to_string()
         };
         (0..count).map(|_| next(&mut at)).collect()
+    }
+
+    #[test]
+    fn a_list_with_nothing_beside_a_comma_is_refused() {
+        for text in [
+            ", 9,2 * * *",
+            "0 9,,21 * * *",
+            "0 9, * * *",
+            ", , , , ,",
+            "0 0 1 1 ,1",
+        ] {
+            let error = text.parse::<Pattern>().unwrap_err().to_string();
+            assert!(error.contains("nothing beside it"), "{text}: {error}");
+        }
     }
 
     #[test]

@@ -53,12 +53,13 @@ fuzz_target!(|text: &str| {
 });
 
 /// What a text means; written and read again it means the same. What is refused is refused in words.
-fn again<T: FromStr<Err = String> + Display + Debug + PartialEq>(text: &str) -> Option<T> {
-    match text.parse::<T>() {
+fn again<T: FromStr<Err: Display> + Display + Debug + PartialEq>(text: &str) -> Option<T> {
+    match text.parse::<T>().map_err(|error| error.to_string()) {
         Ok(value) => {
             let written = value.to_string();
-            assert_eq!(written.parse::<T>(), Ok(value), "{text:?} is written {written:?}");
-            written.parse().ok()
+            let read = written.parse::<T>().ok();
+            assert_eq!(read.as_ref(), Some(&value), "{text:?} is written {written:?}");
+            read
         }
         Err(why) => {
             assert!(!why.is_empty() && why.len() <= 2 * text.len() + 300, "{why}");
