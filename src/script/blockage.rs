@@ -1,5 +1,10 @@
 //! Notices that the robot is held although its tracks turn: by the pictures that come while a timed motion
 //! of the script is on. It rather says nothing than something wrong.
+//!
+//! Three things tell: tiles of the picture that should have changed and did not, outlines that did not (paler ones, and
+//! of what is close), and, where the picture is all plain, the way that the tracks have made since the foot of what
+//! stands ahead was seen last. They rest on the height of the lens above the floor, on its looking level, on the
+//! field of view and on the calibration of the tracks; on nothing of how the simulated camera draws.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -8,7 +13,8 @@ use tokio::time::Instant;
 
 use crate::robot::MotionId;
 use crate::vision::{
-    Approach, Camera, Drive, Glance, Image, Verdict, compare_glances, foot_ahead, nearer_than,
+    Approach, Camera, Drive, Glance, Image, Outline, Verdict, compare_glances, compare_outlines,
+    foot_ahead, nearer_than,
 };
 
 /// The robot gains speed, and its pictures are late: what is older than this after the beginning of a
@@ -16,12 +22,17 @@ use crate::vision::{
 const SETTLING: Duration = Duration::from_millis(300);
 /// Pictures are compared that were taken so far apart.
 const APART: (Duration, Duration) = (Duration::from_millis(190), Duration::from_millis(450));
+/// If those do not tell, farther apart: a slow robot changes little meanwhile.
+const FARTHER_APART: Duration = Duration::from_millis(750);
 /// It must have stood for so long, in at least so many pictures.
 const STOOD: Duration = Duration::from_millis(500);
 const PICTURES: u32 = 3;
-/// A robot that has driven so much further, in metres, than to what it saw close before it, is held there: the
-/// lens is behind the front of the robot by more than that.
-const PUSHED: f64 = 0.02;
+/// How fast it may turn, in radians a second, so that what it sees ahead is what it will meet.
+const STRAIGHT: f64 = 0.06;
+/// In so many pictures in a row floor must be seen, until it is believed again.
+const FLICKER: u32 = 4;
+/// What is close is taken to be no nearer than this, in metres, however far the tracks have turned since.
+const NEAREST: f64 = 0.3;
 /// Metres from the lens to what has just left the picture, at least: nearer ones are mistakes.
 const LEAST_ROOM: f64 = 0.15;
 /// Pictures that are kept.
@@ -31,14 +42,23 @@ const MOST: usize = 16;
 #[derive(Debug, Default)]
 pub(super) struct Blockage {
     motion: Option<MotionId>,
-    glances: VecDeque<(Instant, Glance)>,
+    views: VecDeque<View>,
     /// Since when, and in how many pictures, it has stood.
     standing: Option<(Instant, u32)>,
     /// Close before something plain; see [`Close`].
     close: Option<Close>,
     approach: Approach,
     /// A picture's memory, to use again.
-    spare: Glance,
+    spare: Option<(Glance, Outline)>,
+}
+
+/// A picture that others are compared with.
+#[derive(Debug)]
+struct View {
+    at: Instant,
+    odometer: f64,
+    glance: Glance,
+    outline: Outline,
 }
 
 /// The robot has come so close to something plain that the pictures tell nothing any more. Then only the way
@@ -50,6 +70,8 @@ struct Close {
     odometer: f64,
     /// The most that there is to go, metres.
     room: f64,
+    /// Pictures in a row that may show floor again.
+    floor: u32,
 }
 
 /// A timed motion that is on.
@@ -74,41 +96,71 @@ impl Blockage {
     ) -> Option<Instant> {
         if self.motion != Some(going.motion) {
             self.motion = Some(going.motion);
-            self.glances.clear();
+            self.views.clear();
             (self.standing, self.close) = (None, None);
             self.approach = Approach::default();
         }
-        let mut now = std::mem::take(&mut self.spare);
-        now.take(image);
-        match foot_ahead(&now) {
-            Some(rows) if at >= going.since + SETTLING => self.approach.note(going.odometer, rows),
+        let (mut glance, mut outline) = self.spare.take().unwrap_or_default();
+        glance.take(image);
+        outline.take(&glance);
+        let settled = at >= going.since + SETTLING;
+        match foot_ahead(&glance) {
+            Some(rows) if settled => self.approach.note(going.odometer, rows),
             _ => {}
         }
-        self.note_close(nearer_than(&now, camera), at, going);
-        if at < going.since + SETTLING {
-            self.spare = now;
+        self.note_close(nearer_than(&glance, camera), at, going);
+        if !settled {
+            self.spare = Some((glance, outline));
             return None;
         }
-        let verdict = self.before(at).map_or(Verdict::Unknown, |(then, before)| {
-            compare_glances(before, &now, camera, going.drive, at - *then)
-        });
-        self.note(verdict, at);
-        while self.glances.len() >= MOST
-            || self
-                .glances
-                .front()
-                .is_some_and(|(old, _)| *old + APART.1 < at)
-        {
-            let oldest = self.glances.pop_front();
-            self.spare = oldest.map(|(_, glance)| glance).unwrap_or_default();
-        }
-        self.glances.push_back((at, now));
+        let now = View {
+            at,
+            odometer: going.odometer,
+            glance,
+            outline,
+        };
+        let (verdict, then) = self.compare(&now, camera, going.drive);
+        self.note(verdict, then);
+        self.keep(now);
         let stood = self.standing.filter(|(since, pictures)| {
             *pictures >= PICTURES && at.saturating_duration_since(*since) >= STOOD
         });
         stood
             .map(|(since, _)| since)
             .or_else(|| self.arrived(going))
+    }
+
+    /// What two pictures say, and when the first was taken.
+    fn compare(&self, now: &View, camera: Camera, drive: Drive) -> (Verdict, Option<Instant>) {
+        let pairs = [APART.1, FARTHER_APART].map(|most| self.before(now.at, most));
+        let mut told = pairs.into_iter().flatten().map(|before| {
+            let verdict = self.compare_two(before, now, camera, drive);
+            (verdict, Some(before.at))
+        });
+        let told = told.find(|(verdict, _)| *verdict != Verdict::Unknown);
+        told.unwrap_or((Verdict::Unknown, None))
+    }
+
+    fn compare_two(&self, before: &View, now: &View, camera: Camera, drive: Drive) -> Verdict {
+        let apart = now.at - before.at;
+        match compare_glances(&before.glance, &now.glance, camera, drive, apart) {
+            Verdict::Unknown => {
+                let ahead = self
+                    .close
+                    .map(|close| (close.odometer + close.room - before.odometer).max(NEAREST));
+                compare_outlines(&before.outline, &now.outline, camera, drive, apart, ahead)
+            }
+            verdict => verdict,
+        }
+    }
+
+    fn keep(&mut self, now: View) {
+        let old = |view: &View| view.at + FARTHER_APART < now.at;
+        while self.views.len() >= MOST || self.views.front().is_some_and(old) {
+            let oldest = self.views.pop_front();
+            self.spare = oldest.map(|view| (view.glance, view.outline));
+        }
+        self.views.push_back(now);
     }
 
     fn note_close(&mut self, nearer_than: Option<f64>, at: Instant, going: Going) {
@@ -119,9 +171,14 @@ impl Blockage {
                 room: self
                     .room(going.odometer)
                     .map_or(room, |seen| room.min(seen)),
+                floor: 0,
             }),
-            (Some(_), close) => close,
-            (None, _) => None,
+            (Some(_), Some(close)) => Some(Close { floor: 0, ..close }),
+            (None, Some(close)) if close.floor < FLICKER => Some(Close {
+                floor: close.floor + 1,
+                ..close
+            }),
+            _ => None,
         };
     }
 
@@ -131,27 +188,28 @@ impl Blockage {
         (room > LEAST_ROOM).then_some(room)
     }
 
-    /// When it came close, if it has driven further since than there was room.
+    /// When it came to what was close before it, if its tracks have made that way: then the lens would be there, and
+    /// it is behind the front of the robot.
     fn arrived(&self, going: Going) -> Option<Instant> {
         let driven = |close: &Close| going.odometer - close.odometer;
         let close = self
             .close
-            .filter(|close| driven(close) > close.room + PUSHED)?;
+            .filter(|close| close.floor == 0 && driven(close) > close.room)
+            .filter(|_| going.drive.turn.abs() < STRAIGHT)?;
         let seconds = close.room / going.drive.forward.max(0.01);
         Some(close.at + Duration::try_from_secs_f64(seconds).unwrap_or_default())
     }
 
     /// The oldest picture that is neither too old nor too new to be compared.
-    fn before(&self, at: Instant) -> Option<&(Instant, Glance)> {
-        let apart = |(then, _): &&(Instant, Glance)| {
-            let apart = at.saturating_duration_since(*then);
-            APART.0 <= apart && apart <= APART.1
+    fn before(&self, at: Instant, most: Duration) -> Option<&View> {
+        let apart = |view: &&View| {
+            let apart = at.saturating_duration_since(view.at);
+            APART.0 <= apart && apart <= most
         };
-        self.glances.iter().find(apart)
+        self.views.iter().find(apart)
     }
 
-    fn note(&mut self, verdict: Verdict, at: Instant) {
-        let then = self.before(at).map(|(then, _)| *then);
+    fn note(&mut self, verdict: Verdict, then: Option<Instant>) {
         self.standing = match (verdict, self.standing, then) {
             (Verdict::Stands, None, Some(then)) => Some((then, 1)),
             (Verdict::Stands, Some((since, pictures)), _) => Some((since, pictures + 1)),

@@ -23,6 +23,8 @@ const WITNESS: f64 = 8.0;
 const STILL: f64 = 0.45;
 /// Fewer witnesses than this prove nothing.
 const FEWEST_WITNESSES: u32 = 8;
+/// Fewer on one side of the picture say nothing of a sway.
+const FEWEST_ASIDE: u32 = 3;
 /// They must be in so many quarters of the picture, side by side: a ball that the robot pushes before it is not all
 /// that there is.
 const FEWEST_QUARTERS: usize = 2;
@@ -124,16 +126,31 @@ pub fn compare(
     if count < FEWEST_WITNESSES || quarters(&witnesses, now.w) < FEWEST_QUARTERS {
         return Verdict::Unknown;
     }
-    let still = |sway| {
-        let standing = |one: &&Witness| one.stands(before, now, sway);
-        f64::from(witnesses.iter().filter(standing).count() as u32) / f64::from(count)
+    // Driving on, what is on the left moves to the left and what is on the right to the right: one side alone might
+    // as well have swayed.
+    let still = |sway: isize| {
+        let share = |side: &dyn Fn(&&Witness) -> bool| {
+            let (mut count, mut still) = (0, 0);
+            for one in witnesses.iter().filter(side) {
+                count += 1;
+                still += u32::from(one.stands(before, now, sway));
+            }
+            (count >= FEWEST_ASIDE).then(|| f64::from(still) / f64::from(count))
+        };
+        let left = |one: &&Witness| one.place.0 + TILE / 2 < now.w / 2;
+        if drive.forward == 0.0 || (sway == 0 && expected.turn == 0.0) {
+            share(&|_| true)
+        } else {
+            Some(share(&left)?.min(share(&|one| !left(one))?))
+        }
     };
-    let most = SWAYS.into_iter().map(still).fold(0.0, f64::max);
+    let most = SWAYS.into_iter().filter_map(still).fold(0.0, f64::max);
     if most >= STANDS {
         Verdict::Stands
-    } else if most <= MOVES {
+    } else if most <= MOVES && (drive.forward == 0.0 || expected.turn == 0.0) {
         Verdict::Moves
     } else {
+        // Also one that is held in a curve may turn.
         Verdict::Unknown
     }
 }
@@ -150,24 +167,58 @@ fn quarters(witnesses: &[Witness], width: usize) -> usize {
 /// A tile that would look different after the expected movement.
 struct Witness {
     place: (usize, usize),
+    /// Where that comes from, half-size pixels to the left and up.
+    shift: (isize, isize),
     /// By how much, on average.
     change: f64,
 }
 
 impl Witness {
-    fn at(before: &Glance, place: (usize, usize), shift: (isize, isize)) -> Option<Witness> {
-        // What is here now was elsewhere before.
-        let there = before.shifted(place, (-shift.0, -shift.1))?;
-        let change = difference(before.tile(place.0, place.1), there);
-        (change >= WITNESS).then_some(Witness { place, change })
+    /// What is here now was elsewhere before, between four tiles: edges along the way there do not count.
+    fn at(before: &Glance, place: (usize, usize), shift: (f64, f64)) -> Option<Witness> {
+        let shift = (shift.0.floor() as isize, shift.1.floor() as isize);
+        let there = || before.tile(place.0, place.1);
+        let change = unlike_moved(before, place, shift, there, WITNESS)?;
+        let witness = Witness {
+            place,
+            shift,
+            change,
+        };
+        (change >= WITNESS).then_some(witness)
     }
 
+    /// It looks as before, and not rather as after the movement.
     fn stands(&self, before: &Glance, now: &Glance, sway: isize) -> bool {
-        let (left, top) = self.place;
-        before
+        let here = || now.tile(self.place.0, self.place.1);
+        let off = before
             .shifted(self.place, (-sway, 0))
-            .is_some_and(|there| difference(now.tile(left, top), there) < STILL * self.change)
+            .map(|there| difference(here(), there))
+            .filter(|off| *off < STILL * self.change);
+        off.is_some_and(|off| {
+            let moved = unlike_moved(before, self.place, self.shift, here, off);
+            moved.is_some_and(|moved| moved > off)
+        })
     }
+}
+
+/// How unlike a tile is to those from which the movement brings it here, at best; it need not be exact once it is below
+/// `enough`. `None` where they are not in the picture.
+fn unlike_moved<I: Iterator<Item = i32> + Clone>(
+    before: &Glance,
+    place: (usize, usize),
+    (right, down): (isize, isize),
+    tile: impl Fn() -> I,
+    enough: f64,
+) -> Option<f64> {
+    let mut least = f64::INFINITY;
+    for (aside, below) in [(0, 0), (1, 1), (0, 1), (1, 0)] {
+        let there = before.shifted(place, (-right - aside, -down - below))?;
+        least = least.min(difference(tile(), there));
+        if least < enough {
+            break;
+        }
+    }
+    Some(least)
 }
 
 /// The mean difference of two tiles, whatever their brightness.
@@ -211,7 +262,7 @@ impl Expected {
     }
 
     /// Half-size pixels to the right and down; `None` where they are too few to be seen.
-    fn shift(&self, (left, top): (usize, usize)) -> Option<(isize, isize)> {
+    fn shift(&self, (left, top): (usize, usize)) -> Option<(f64, f64)> {
         let x = (left + TILE / 2) as f64 - self.centre.0;
         let y = (top + TILE / 2) as f64 - self.centre.1;
         // What is seen below the height of the lens is on the floor or nearer; above it may be far away.
@@ -224,7 +275,7 @@ impl Expected {
         let aside = self.focal * self.turn * (1.0 + (x / self.focal).powi(2));
         let (right, down) = (x * ahead + aside, y * ahead);
         // What is further is out of the picture anyway.
-        let pixels = |shift: f64| shift.round().clamp(-1e6, 1e6) as isize;
+        let pixels = |shift: f64| shift.clamp(-1e6, 1e6);
         (right.hypot(down) >= LEAST_SHIFT).then(|| (pixels(right), pixels(down)))
     }
 }

@@ -62,6 +62,58 @@ fn a_robot_before_a_wall_is_blocked_and_one_with_room_is_not() {
     }
 }
 
+/// One motion, and what it answered after so many seconds.
+fn moves(motion: &str) -> String {
+    format!(
+        "robot.stream('video', true)\nrobot.wait_frame(5)\ntask.wait(1)\nlocal from = clock.now()\n\
+         local ok, code = {motion}\nprint(clock.now() - from, code)"
+    )
+}
+
+fn seconds_and_code(told: &[String]) -> (f64, &str) {
+    let (seconds, code) = told[0].split_once(' ').unwrap();
+    (seconds.parse().unwrap(), code)
+}
+
+#[test]
+fn a_robot_that_pushes_from_the_start_is_told_so_soon() {
+    // Aslant against a wall with pale stripes; backwards; in a corner.
+    let held = [
+        ("hall", at(4.75, 0.16, -139.0), "robot.forward(2, 0.26)"),
+        ("yard", at(0.16, 0.7, 0.0), "robot.forward(-1, 0.2)"),
+        (
+            "living_room",
+            at(6.34, 4.4, 60.0),
+            "robot.forward(1.5, 0.2)",
+        ),
+    ];
+    for (world, pose, motion) in held {
+        let (told, end) = play(world, pose, &moves(motion), 1);
+        let (seconds, code) = seconds_and_code(&told);
+        assert!(
+            code == "blocked" && seconds < 2.0,
+            "{world}, {motion}: {told:?}, {end:?}"
+        );
+    }
+}
+
+#[test]
+fn close_before_a_plain_wall_the_way_tells() {
+    let far = at(2.0, 1.63, 0.0);
+    let (told, end) = play(PLAIN, far, &moves("robot.forward(3, 0.2)"), 1);
+    let (seconds, code) = seconds_and_code(&told);
+    assert!(code == "blocked", "{told:?}, {end:?}");
+    assert!(end.x > 3.84, "not before it was there: {end:?}");
+    let pushed = 0.2 * seconds - (end.x - far.x);
+    assert!(pushed < 0.25, "{pushed} m for nothing: {told:?}");
+}
+
+/// A room with nothing in it but low walls.
+const PLAIN: &str = "
+room: { width: 4, depth: 3, height: 0.6, walls: '#c9d3d6' }
+station: { at: [0, 2.7], heading_degrees: 0 }
+";
+
 #[test]
 fn without_the_camera_nothing_is_said() {
     let blind = "print(robot.forward(3, 0.25))";

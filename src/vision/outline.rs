@@ -1,0 +1,383 @@
+//! Tells by the outlines in two pictures whether the camera stood still although its robot should have moved.
+//!
+//! Close before a wall the picture shows little: the edge of a door, stripes of a wallpaper, a skirting board.
+//! Summed up over many pixels, along the columns and along the rows, also pale ones are seen. What is seen below the
+//! height of the lens is on the floor or nearer, so there is a least shift that the movement must make of each; a sample
+//! of such a sum that would look different after that shift is a *witness*, and nearly all of them must look the same
+//! before it is said that the camera stood still.
+
+use std::time::Duration;
+
+use super::camera::Camera;
+use super::standstill::{Drive, Glance, LENS_HEIGHT, Verdict};
+
+/// The rows over which columns are summed up: shares of the height below the horizon. What is above it counts only
+/// where all is near.
+const BANDS: [(f64, f64); 4] = [(-0.7, -0.35), (-0.35, 0.0), (0.25, 0.62), (0.62, 0.98)];
+/// Upright strips of the picture over which rows are summed up.
+const STRIPS: usize = 8;
+/// A strip whose brightness steps by less than this from row to row, of 255, shows one thing from above the height
+/// of the lens down to the lower edge of the picture.
+const STEP: f32 = 1.8;
+/// Rows on each side of such a step.
+const REACH: usize = 3;
+/// From here on down, as a share of the height.
+const TOP: f64 = 0.36;
+/// Darker or brighter strips show no steps, even if there are some.
+const SHOWS: std::ops::RangeInclusive<f32> = 20.0..=240.0;
+/// Shifts of fewer half-size pixels are not looked for.
+const LEAST_SHIFT: f64 = 1.5;
+/// A sample is a witness if the shift changes it by so much, of 255.
+const WITNESS: f64 = 2.0;
+/// A witness stands still if it has changed by less than this share of what was expected.
+const STILL: f64 = 0.4;
+/// Fewer witnesses than this prove nothing, and fewer on one side say nothing of a sway.
+const FEWEST: u32 = 12;
+const FEWEST_ASIDE: u32 = 4;
+/// Metres: shorter ways show nothing.
+const LEAST_WAY: f64 = 0.01;
+/// The camera stood still if at least this share of the witnesses did, and moved if at most this share did.
+const STANDS: f64 = 0.75;
+const MOVES: f64 = 0.4;
+/// Shifts of the picture to the side that still count as standing, half-size pixels.
+const SWAY: i32 = 2;
+
+/// Sums of a picture's brightness along its columns and its rows below the horizon.
+#[derive(Debug, Clone, Default)]
+pub struct Outline {
+    size: (usize, usize),
+    bands: [Vec<f32>; BANDS.len()],
+    strips: [Vec<f32>; STRIPS],
+    /// Strips in which no floor is seen.
+    near: [bool; STRIPS],
+}
+
+impl Outline {
+    /// Of a picture; reuses the memory of `self`.
+    pub fn take(&mut self, glance: &Glance) {
+        let (w, h) = glance.size();
+        self.size = (w, h);
+        for (band, (top, bottom)) in self.bands.iter_mut().zip(rows_of_bands(h)) {
+            band.clear();
+            band.resize(w, 0.0);
+            for y in top..bottom {
+                for (sum, value) in band.iter_mut().zip(glance.row(y)) {
+                    *sum += f32::from(*value);
+                }
+            }
+            let rows = (bottom - top).max(1) as f32;
+            band.iter_mut().for_each(|sum| *sum /= rows);
+        }
+        let wide = w / STRIPS;
+        let top = top_of_strips(h);
+        for (number, strip) in self.strips.iter_mut().enumerate() {
+            strip.clear();
+            let columns = number * wide..(number + 1) * wide;
+            strip.extend((top..h).map(|y| {
+                let row = &glance.row(y)[columns.clone()];
+                let sum: u32 = row.iter().map(|value| u32::from(*value)).sum();
+                sum as f32 / wide.max(1) as f32
+            }));
+            self.near[number] = is_one_thing(strip);
+        }
+    }
+}
+
+/// Whether the brightness has no step from row to row.
+fn is_one_thing(rows: &[f32]) -> bool {
+    let step = |rows: &[f32]| {
+        let sum = |rows: &[f32]| rows.iter().sum::<f32>() / REACH as f32;
+        sum(&rows[..REACH]) - sum(&rows[REACH + 1..])
+    };
+    let mut steps = rows.windows(2 * REACH + 1).map(step);
+    rows.iter().all(|row| SHOWS.contains(row)) && steps.all(|step| step.abs() < STEP)
+}
+
+fn top_of_strips(height: usize) -> usize {
+    (TOP * height as f64) as usize
+}
+
+fn rows_of_bands(height: usize) -> [(usize, usize); BANDS.len()] {
+    let horizon = height / 2;
+    let row = |share: f64| ((1.0 + share) * horizon as f64) as usize;
+    BANDS.map(|(top, bottom)| (row(top), row(bottom)))
+}
+
+/// Whether the camera stood still between two pictures taken `apart` from each other, while the robot should have made
+/// this movement. What fills the picture is at most `ahead` metres away, if that is known.
+pub fn compare(
+    before: &Outline,
+    now: &Outline,
+    camera: Camera,
+    drive: Drive,
+    apart: Duration,
+    ahead: Option<f64>,
+) -> Verdict {
+    let (w, h) = now.size;
+    let seconds = apart.as_secs_f64();
+    let way = drive.forward * seconds;
+    if before.size != now.size || w < 2 * STRIPS || h < 8 || way.abs() < LEAST_WAY {
+        return Verdict::Unknown;
+    }
+    let focal = camera.focal_length(w as u32);
+    // Who turns sees all shift, held or not.
+    if (focal * drive.turn * seconds).abs() >= LEAST_SHIFT {
+        return Verdict::Unknown;
+    }
+    let reach = focal * LENS_HEIGHT;
+    let moved = Moved {
+        way,
+        reach,
+        near: std::array::from_fn(|strip| before.near[strip] && now.near[strip]),
+        farthest: (reach / (h as f64 / 2.0)).min(ahead.unwrap_or(f64::INFINITY)),
+    };
+    let share = |sway| moved.witnesses(before, now, sway).share(sway);
+    let most = (-SWAY..=SWAY).filter_map(share).reduce(f64::max);
+    match most {
+        Some(share) if share >= STANDS => Verdict::Stands,
+        Some(share) if share <= MOVES => Verdict::Moves,
+        _ => Verdict::Unknown,
+    }
+}
+
+/// Samples that should have changed, and those of them that stood still, on the left and on the right.
+#[derive(Default)]
+struct Witnesses {
+    asked: [u32; 2],
+    still: [u32; 2],
+}
+
+impl Witnesses {
+    /// A sample on the right or on the left.
+    fn ask(&mut self, right: bool, sample: &Sample) {
+        let change = (sample.moved - sample.before).abs();
+        if change >= WITNESS {
+            let off = (sample.now - sample.stood).abs();
+            let still = off < STILL * change && off < (sample.now - sample.moved).abs();
+            self.asked[usize::from(right)] += 1;
+            self.still[usize::from(right)] += u32::from(still);
+        }
+    }
+
+    /// The share that stood still. Driving on, what is on the left moves to the left and what is on the right to the
+    /// right; so if the camera is to have swayed, both sides must say the same.
+    fn share(&self, sway: i32) -> Option<f64> {
+        let share = |still, asked| f64::from(still) / f64::from(asked);
+        let asked = self.asked[0] + self.asked[1];
+        let [left, right] = [0, 1].map(|side| {
+            let enough = self.asked[side] >= FEWEST_ASIDE;
+            enough.then(|| share(self.still[side], self.asked[side]))
+        });
+        match sway {
+            _ if asked < FEWEST => None,
+            0 => Some(share(self.still[0] + self.still[1], asked)),
+            _ => Some(left?.min(right?)),
+        }
+    }
+}
+
+/// One place of a sum.
+struct Sample {
+    before: f64,
+    now: f64,
+    /// What it would be if the camera had stood, and swayed.
+    stood: f64,
+    /// What it would be after the movement.
+    moved: f64,
+}
+
+/// What should have happened between the pictures.
+struct Moved {
+    /// Metres ahead.
+    way: f64,
+    /// Depth times rows below the horizon of what is on the floor.
+    reach: f64,
+    /// Nothing in strips without floor is farther, metres.
+    near: [bool; STRIPS],
+    farthest: f64,
+}
+
+impl Moved {
+    fn witnesses(&self, before: &Outline, now: &Outline, sway: i32) -> Witnesses {
+        let (mut witnesses, height) = (Witnesses::default(), now.size.1);
+        let bands = before.bands.iter().zip(&now.bands);
+        for ((before, now), (top, _)) in bands.zip(rows_of_bands(height)) {
+            let rows = top as f64 - height as f64 / 2.0;
+            self.ask_band(before, now, rows, sway, &mut witnesses);
+        }
+        let horizon = height as f64 / 2.0 - top_of_strips(height) as f64;
+        for (strip, (before, now)) in before.strips.iter().zip(&now.strips).enumerate() {
+            let right = 2 * strip >= STRIPS;
+            self.ask_strip(before, now, horizon, |sample| witnesses.ask(right, sample));
+        }
+        witnesses
+    }
+
+    /// By how much what is seen so many rows below the horizon grows, at least.
+    fn growth(&self, rows: f64, near: bool) -> f64 {
+        let floor = self.reach / rows.max(0.1);
+        let depth = if near {
+            floor.min(self.farthest)
+        } else {
+            floor
+        };
+        depth / (depth - self.way).max(0.05)
+    }
+
+    fn ask_band(
+        &self,
+        before: &[f32],
+        now: &[f32],
+        rows: f64,
+        sway: i32,
+        witnesses: &mut Witnesses,
+    ) {
+        let middle = before.len() as f64 / 2.0 - 0.5;
+        let growth = [false, true].map(|near| self.growth(rows, near));
+        for (column, value) in now.iter().enumerate() {
+            let x = column as f64 - middle;
+            let near = self.near[(column * STRIPS / now.len()).min(STRIPS - 1)];
+            let from = x / growth[usize::from(near)];
+            let swayed = at(before, column as f64 - f64::from(sway));
+            let (Some(swayed), Some(moved)) = (swayed, at(before, middle + from)) else {
+                continue;
+            };
+            if (x - from).abs() >= LEAST_SHIFT {
+                let sample = Sample {
+                    before: f64::from(before[column]),
+                    now: f64::from(*value),
+                    stood: swayed,
+                    moved,
+                };
+                witnesses.ask(x > 0.0, &sample);
+            }
+        }
+    }
+
+    fn ask_strip(&self, before: &[f32], now: &[f32], horizon: f64, mut ask: impl FnMut(&Sample)) {
+        for (row, value) in now.iter().enumerate() {
+            let y = row as f64 + 0.5 - horizon;
+            let from = y / self.growth(y, false);
+            let Some(moved) = at(before, from + horizon - 0.5) else {
+                continue;
+            };
+            if y > 0.0 && (y - from).abs() >= LEAST_SHIFT {
+                let stood = f64::from(before[row]);
+                ask(&Sample {
+                    before: stood,
+                    now: f64::from(*value),
+                    stood,
+                    moved,
+                });
+            }
+        }
+    }
+}
+
+/// The value at a place between two samples.
+fn at(values: &[f32], place: f64) -> Option<f64> {
+    if place < 0.0 {
+        return None;
+    }
+    let index = place as usize;
+    let left = f64::from(*values.get(index)?);
+    let right = f64::from(*values.get(index + 1).unwrap_or(&values[index]));
+    Some(left + (right - left) * place.fract())
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{Rgb, RgbImage};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::vision::Image;
+
+    const AHEAD: Drive = Drive {
+        forward: 0.2,
+        turn: 0.0,
+    };
+    const CURVE: Drive = Drive {
+        forward: 0.2,
+        turn: 0.3,
+    };
+    const APART: Duration = Duration::from_millis(400);
+
+    /// What a camera sees so far before a wall with pale stripes, 4 % darker, which begin at these places to the right
+    /// of its middle, in metres, and are 0.09 m wide; in each picture other noise.
+    fn wall(far: f64, aside: f64, stripes: &[f64], noise: u32) -> Outline {
+        let focal = Camera::default().focal_length(320);
+        let picture = RgbImage::from_fn(320, 240, |column, row| {
+            let x = (f64::from(column) - 159.5) * far / focal + aside;
+            let dark = stripes.iter().any(|from| (*from..from + 0.09).contains(&x));
+            let mixed = (column * 37 + row * 101 + noise * 7919).wrapping_mul(0x2C1B_3C6D) >> 24;
+            Rgb([(if dark { 144 } else { 148 } + mixed % 7) as u8; 3])
+        });
+        outline(&picture)
+    }
+
+    fn outline(picture: &RgbImage) -> Outline {
+        let (mut glance, mut outline) = (Glance::default(), Outline::default());
+        glance.take(&Image::from_rgb(picture));
+        outline.take(&glance);
+        outline
+    }
+
+    fn verdict(before: &Outline, now: &Outline, drive: Drive) -> Verdict {
+        compare(before, now, Camera::default(), drive, APART, None)
+    }
+
+    const BOTH_SIDES: [f64; 3] = [-0.25, -0.07, 0.11];
+
+    #[test]
+    fn pale_stripes_close_ahead_tell_who_is_held_and_who_is_not() {
+        let before = wall(0.4, 0.0, &BOTH_SIDES, 1);
+        let held = wall(0.4, 0.0, &BOTH_SIDES, 2);
+        assert_eq!(verdict(&before, &held, AHEAD), Verdict::Stands);
+        for slower in [0.08, 0.06] {
+            let driven = wall(0.4 - slower, 0.0, &BOTH_SIDES, 3);
+            assert_ne!(verdict(&before, &driven, AHEAD), Verdict::Stands);
+        }
+    }
+
+    #[test]
+    fn an_edge_that_sways_on_one_side_alone_is_no_stand() {
+        let before = wall(0.4, 0.0, &[0.05], 1);
+        for (far, aside) in [(0.4, -0.008), (0.38, 0.0), (0.34, 0.005)] {
+            let now = wall(far, aside, &[0.05], 2);
+            assert_ne!(verdict(&before, &now, AHEAD), Verdict::Stands);
+        }
+    }
+
+    #[test]
+    fn a_plain_wall_a_turn_a_curve_and_other_sizes_say_nothing() {
+        let plain = wall(0.4, 0.0, &[], 1);
+        let noisy = wall(0.4, 0.0, &[], 2);
+        assert_eq!(verdict(&plain, &noisy, AHEAD), Verdict::Unknown);
+        let stripes = wall(0.4, 0.0, &BOTH_SIDES, 3);
+        let turn = Drive {
+            forward: 0.0,
+            turn: 1.0,
+        };
+        for drive in [turn, CURVE] {
+            assert_eq!(verdict(&stripes, &stripes, drive), Verdict::Unknown);
+        }
+        for side in [0, 1, 2, 7, 16, 33] {
+            let small = outline(&RgbImage::from_pixel(side, side, Rgb([90; 3])));
+            assert_eq!(verdict(&small, &stripes, AHEAD), Verdict::Unknown);
+            assert_eq!(verdict(&small, &small, AHEAD), Verdict::Unknown);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_picture_and_any_drive_is_answered(
+            pixels in proptest::collection::vec(any::<u8>(), 50 * 40), w in 1u32..50, h in 1u32..40,
+            forward in -1e9f64..1e9, turn in -1e9f64..1e9, ahead in -1e9f64..1e9,
+        ) {
+            let picture = RgbImage::from_fn(w, h, |x, y| Rgb([pixels[(y * 50 + x) as usize]; 3]));
+            let one = outline(&picture);
+            compare(&one, &one, Camera::default(), Drive { forward, turn }, APART, Some(ahead));
+        }
+    }
+}
