@@ -1,7 +1,7 @@
 -- follow_line: drives along a line of tape on the floor, also round bends. The camera sees the floor
 -- only from two thirds of a metre on, so the robot remembers where the line lay and steers to the nearest
--- point that it has not reached yet. Out of such points it turns to find the line again; after a
--- full turn without it, it stands still until it sees one.
+-- point that it has not reached yet. Out of such points it turns to find the line again, first to the side
+-- where it was; after a full turn without it, it stands still until it sees one.
 
 local settings = params.declare({
 	colour = { default = "black", doc = "of the tape: a name, or one of the config's own colours" },
@@ -11,18 +11,23 @@ local settings = params.declare({
 
 -- The camera: above the floor and before the robot's middle, metres.
 local HEIGHT, AHEAD = 0.2, 0.1
-local STRIPS = { 0.66, 0.73, 0.82, 0.94, 1.1, 1.25 } -- metres before the camera that are looked at
+local STRIPS = { 0.64, 0.69, 0.75, 0.82, 0.91, 1, 1.12, 1.25 } -- metres before the camera that are looked at
 local APART, GAP = 0.08, 0.3 -- metres between two points of the line, at least and at most
+local NEARER = 0.15 -- metres: a point seen from so much nearer is better known
+local WIDE = 24 -- pixels: tape that looks as wide gives two points or more
 local BEGINNING = 1 -- metres ahead: a new line is seen so near
 local LOOK_AROUND = 0.8 -- rad/s
 local FULL_TURN = 2.2 * math.pi / LOOK_AROUND
+local FIRST, GLANCE = 1.8 / LOOK_AROUND, 0.7 / LOOK_AROUND -- seconds to one side first: a lost line, and one not seen yet
 
 robot.undock() -- nothing happens when it is not on its station
 
-local line = {} -- points still to reach: x metres ahead of the robot, y metres to its left
+-- Points still to reach: x metres ahead of the robot, y metres to its left, seen from so far away.
+local line = {}
 local speed, turning = 0, 0 -- what the tracks do now, m/s and rad/s
 local moved_at = task.now()
-local seen_at = task.now()
+local seen_at, ever_seen = task.now(), false
+local followed_at = task.now()
 local side = 1 -- where to look for a lost line: 1 left, -1 right
 local state
 
@@ -47,19 +52,24 @@ local function move_on()
 		local x, y = point.x - way, point.y
 		x, y = cos * x + sin * y, cos * y - sin * x
 		if x > 0 and math.sqrt(x * x + y * y) > settings.near then
-			table.insert(left, { x = x, y = y })
+			table.insert(left, { x = x, y = y, away = point.away })
 		end
 	end
 	line = left
 end
 
-local function remember(x, y)
+-- What is seen again from as near stays as it is: else the nearest point would be taken along with the robot.
+local function remember(x, y, away)
 	for i = #line, 1, -1 do
-		if math.abs(line[i].x - x) < APART and math.abs(line[i].y - y) < APART then
-			table.remove(line, i) -- seen again from nearer, so better
+		local known = line[i]
+		if math.abs(known.x - x) < APART and math.abs(known.y - y) < APART then
+			if away > known.away - NEARER then
+				return
+			end
+			table.remove(line, i)
 		end
 	end
-	table.insert(line, { x = x, y = y })
+	table.insert(line, { x = x, y = y, away = away })
 end
 
 -- A line has no gaps: what lies far from all of it is something else. It begins right before the robot.
@@ -72,17 +82,26 @@ local function belongs(x, y)
 	return #line == 0 and x < BEGINNING
 end
 
+local function note(frame, column, row)
+	local bearing, elevation = frame:direction(column, row)
+	local away = HEIGHT / math.tan(-elevation)
+	local x, y = AHEAD + away * math.cos(bearing), away * math.sin(bearing)
+	if belongs(x, y) then
+		remember(x, y, away)
+		seen_at, ever_seen = task.now(), true
+	end
+end
+
 local function look(frame)
 	for _, depth in STRIPS do
 		local _, row = frame:pixel_at(0, -math.atan(HEIGHT / depth))
 		local tape = row and frame:find_blobs(settings.colour, { roi = { 0, row - 4, frame.width, 9 } })[1]
 		if tape then
-			local bearing, elevation = frame:direction(tape.cx, tape.cy)
-			local away = HEIGHT / math.tan(-elevation)
-			local x, y = AHEAD + away * math.cos(bearing), away * math.sin(bearing)
-			if belongs(x, y) then
-				remember(x, y)
-				seen_at = task.now()
+			-- In a bend the tape lies across the picture: more than one point of it is seen.
+			local points = math.max(1, tape.w // WIDE)
+			for point = 1, points do
+				local column = if points == 1 then tape.cx else tape.x + (point - 0.5) * tape.w / points
+				note(frame, column, tape.cy)
 			end
 		end
 	end
@@ -109,8 +128,13 @@ robot.on("frame", function(frame)
 		local slow = settings.speed / (1 + 0.25 * math.abs(bend))
 		side = if point.y > 0 then 1 else -1
 		drive(slow, slow * bend, "following")
-	elseif task.now() - seen_at < FULL_TURN then
-		drive(0, LOOK_AROUND * side, "looking for the line")
+		followed_at = task.now()
+		return
+	end
+	-- To the one side first, and if it is not there all round by the other.
+	local first = if ever_seen then FIRST else GLANCE
+	if task.now() - seen_at < FULL_TURN + 2 * first then
+		drive(0, LOOK_AROUND * (if task.now() - followed_at < first then side else -side), "looking for the line")
 	else
 		drive(0, 0, "no line far and wide")
 	end

@@ -22,8 +22,8 @@ use tokio_util::sync::CancellationToken;
 use self::company::Company;
 pub use self::flight::{Flight, Preflight};
 pub use self::rescue::{RESCUE_NAME, rescue};
-use self::restart_loop::Surroundings;
-pub use self::roster::{Blueprint, Member, MemberState, Roster, RosterError};
+use self::restart_loop::LaunchContext;
+pub use self::roster::{Blueprint, BlueprintError, Member, MemberState, Roster, RosterError};
 pub use self::seat::{Docked, Seat, SeatError};
 pub use self::talk::{Talk, TalkError};
 pub use self::waiting::{Tries, until_answered};
@@ -124,7 +124,7 @@ impl Agent {
         let flight = Preflight::new(plan.settings, plan.dial, plan.core, plan.pulse)
             .with_bus(plan.bus.clone());
         let status = flight.status();
-        let around = Surroundings {
+        let around = LaunchContext {
             launcher: plan.launcher.clone(),
             core: flight.core().clone(),
             requests: flight.requests(),

@@ -2,6 +2,7 @@
 //! `tokio::time`. In a laboratory the time on the wall is virtual too: it begins at a date and goes on
 //! with the runtime's clock.
 
+mod error;
 mod span;
 mod until;
 mod zone;
@@ -13,6 +14,7 @@ use jiff::civil::DateTime;
 use jiff::{SignedDuration, Timestamp, Zoned};
 use tokio::time::Instant;
 
+pub use error::ClockError;
 pub use span::Span;
 pub use until::until;
 pub use zone::Zone;
@@ -90,11 +92,11 @@ impl Date {
 }
 
 impl FromStr for Date {
-    type Err = String;
+    type Err = ClockError;
 
-    fn from_str(text: &str) -> Result<Date, String> {
+    fn from_str(text: &str) -> Result<Date, ClockError> {
         let date = text.trim().parse().map(Date);
-        date.map_err(|_| format!("`{text}` is no date such as \"2026-03-29 01:30\""))
+        date.map_err(|_| ClockError::Date(text.to_owned()))
     }
 }
 

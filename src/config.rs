@@ -19,7 +19,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 pub use self::behaviours::{Entry, Start};
 pub use self::effective::{Effective, Named, Origin, Setting};
 pub use self::logging::{Format, Level, Logging, Time, When};
-pub use self::mqtt::{Mqtt, Tls};
+pub use self::mqtt::{Mqtt, MqttError, Tls};
 pub use self::remote::Remote;
 pub use self::schema::schema;
 pub use self::service::{Idle, Service};
@@ -300,9 +300,18 @@ impl Config {
         yaml::examine(text).map_err(|error| invalid(error.to_string()))?;
         let config: Config =
             serde_yaml::from_str(text).map_err(|error| invalid(in_words(&error.to_string())))?;
-        config.watchdog.check().map_err(invalid)?;
-        config.notify.check().map_err(invalid)?;
-        config.mqtt.check().map_err(invalid)?;
+        config
+            .watchdog
+            .check()
+            .map_err(|error| invalid(error.to_string()))?;
+        config
+            .notify
+            .check()
+            .map_err(|error| invalid(error.to_string()))?;
+        config
+            .mqtt
+            .check()
+            .map_err(|error| invalid(error.to_string()))?;
         if let (Some(target), None) = (config.notify.needs_broker(), &config.mqtt.host) {
             return Err(invalid(format!(
                 "notify.targets.{target}: its topic is one of the broker that `mqtt: {{ host: ... }}` \

@@ -3,7 +3,7 @@
 //!
 //! The guard answers three questions about each request before anything else sees it. Is it meant for
 //! us (`Host`, against DNS rebinding)? Did our own page send it (`Origin`)? Who sends it (session,
-//! token, or nobody in particular, on loopback without a password)? What fails is answered here.
+//! token, or anyone, on loopback without a password)? What fails is answered here.
 
 mod access;
 mod attempts;

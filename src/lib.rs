@@ -27,18 +27,24 @@
 //!
 //! A frame becomes a setpoint of the tracks:
 //!
-//! 1. `link/reader.rs` cuts the stream into messages (`wire/packet.rs`, `wire/report.rs`);
-//! 2. `pilot/hearing.rs` numbers the frame and puts it into the slot of the newest one: older
-//!    frames that were not taken are dropped and counted;
-//! 3. `behaviour/supervisor.rs` sends it through `behaviour/pipe.rs` when its host wants one;
-//! 4. `behaviour/host.rs` gives it to the VM, which calls the script's handler
-//!    (`script/scheduler.rs`);
-//! 5. `frame:find_blobs` (`script/api/looking.rs`) has it decoded, once and on demand
-//!    (`vision/eyes.rs`, `vision/jpeg/`), and finds its blobs (`vision/blobs.rs`);
-//! 6. `robot.move` (`script/api/motion.rs`) makes an intent, which goes back through the pipe;
-//! 7. `pilot/serving.rs` asks the watchdog: `safety/arbiter.rs` says who may drive,
-//!    `safety/tracks.rs` makes the command;
-//! 8. `pilot/acting.rs` hands it to `link/writer.rs`, which writes it.
+//! 1. `link/reader.rs` cuts the stream into messages: a `Report` (`wire/report.rs`);
+//! 2. `pilot/hearing.rs` makes it a `Frame` with a number and a time, and puts it unread into the
+//!    slot of the newest one: older frames that were not taken are dropped;
+//! 3. `behaviour/supervisor.rs` sends the `Frame` through the pipe when its host wants one;
+//! 4. `behaviour/host.rs` gives it to the VM; `script/state/delivery.rs` validates its markers, which
+//!    is done here alone, and queues it for the script's handler as a `HeldFrame`;
+//! 5. `frame:find_blobs` (`script/api/looking.rs`) has it decoded, once and on demand, and finds its
+//!    blobs (`vision/eyes.rs`);
+//! 6. `robot.move` (`script/api/motion.rs`) makes a `Setpoint` and, with its number, an `Intent`, which
+//!    goes back through the pipe;
+//! 7. `pilot/serving.rs` takes the `Intent` as a `Fact` to the watchdog
+//!    (`safety/watchdog/asks.rs`): `safety/arbiter.rs` says who may drive, `safety/tracks.rs` when the
+//!    robot is told;
+//! 8. `pilot/acting.rs` hands the `Command` to `link/writer.rs`, which writes it.
+//!
+//! Besides these, a message is carried by envelopes that hold other messages too (`LinkEvent`,
+//! `ToHost`, `FromHost`, `Output`, `Request`, `Act`) and waits in queues (`script/events.rs`,
+//! `script/output.rs`, `link/send_queue.rs`).
 //!
 //! A low battery sends the robot home; no VM, no decoder and no lock of theirs is on this path:
 //!
@@ -79,6 +85,9 @@
 //! | setpoint | the power of both tracks that was asked for last |
 //! | lease | how long a setpoint holds without being renewed |
 //! | act, fact | what the watchdog wants done; what it is told |
+//! | deferred | taken as a fact, with its acts left to the end of the turn |
+//! | dock state | where the robot is with respect to its station, as far as it has said |
+//! | `Options` | the settings of one room, as its part of the config; always named with its room |
 //! | last words | what is written to the robot if the agent ends now |
 //! | seat | what the pilot keeps of one behaviour: its rights, its streams, its queue of events |
 //! | station, docked | the charging station; the robot stands on its contacts |

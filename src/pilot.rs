@@ -42,7 +42,6 @@ use crate::link::{LinkError, Writer};
 use crate::robot::channel::{MAX_REQUESTS, Request, Sleep};
 use crate::robot::{Bus, Event, Pictures, RobotInfo, Streams};
 use crate::safety::{Fact, Limits, Watchdog};
-use crate::vision::Damage;
 use crate::wire::{Command, EngineNews};
 
 pub use self::core::DrivingCore;
@@ -58,13 +57,13 @@ use self::reaction::Stopwatch;
 pub use self::reaction::{Reactions, Tally};
 use self::seats::Seats;
 pub use self::shown::Shown;
-use self::silence::{Silence, Verdict};
+use self::silence::{Silence, SilenceAction};
 pub use self::status::{LinkState, Status};
 
 /// Requests served in a row before the robot is heard again.
 const REQUESTS_IN_A_ROW: usize = 32;
 
-/// How often the other tasks get a turn before a deadline is judged: once to read, once to pass on.
+/// How often the other tasks get a turn before a timeout is evaluated: once to read, once to pass on.
 const HEARINGS: usize = 2;
 
 /// Of sounds that follow each other faster, such as speech, behaviours are told so often.
@@ -117,7 +116,6 @@ pub struct Pilot {
     halt: Halt,
     silence: Silence,
     pictures: watch::Sender<Pictures>,
-    damage: Damage,
     status: watch::Sender<Status>,
     info: Option<RobotInfo>,
     simulated: bool,
@@ -168,7 +166,6 @@ impl Pilot {
             halt: Halt::default(),
             silence: Silence::new(Instant::now()),
             pictures,
-            damage: Damage::default(),
             status,
             info: None,
             simulated: settings.simulated,
@@ -290,8 +287,8 @@ impl Pilot {
         }
     }
 
-    /// What has come while this task, or the whole machine, slept is heard before anybody is judged
-    /// by his silence.
+    /// Drains what has come while this task, or the whole machine, slept before it evaluates
+    /// timeouts.
     async fn tick(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
         let woken = self.wake();
         for _ in 0..HEARINGS {
@@ -310,8 +307,8 @@ impl Pilot {
             return Ok(());
         }
         match self.silence.poll(Instant::now()) {
-            Some(Verdict::Ask) => self.send(&[Command::PowerQuery]),
-            Some(Verdict::Gone(silence)) => {
+            Some(SilenceAction::Ask) => self.send(&[Command::PowerQuery]),
+            Some(SilenceAction::Gone(silence)) => {
                 let silence = silence.as_secs();
                 let reason = format!("nothing was heard of the robot for {silence} s");
                 Err(LinkLost::because(reason))
@@ -338,8 +335,8 @@ impl Pilot {
         self.perform(acts)
     }
 
-    /// Tells all behaviours when the robot begins to move and when it stands: whoever compares
-    /// pictures must know, whoever moves it.
+    /// Tells all behaviours when the robot begins to move and when it stands: those that compare
+    /// pictures must know, whatever moves it.
     fn tell_motion(&mut self) {
         let on = self.watchdog.is_robot_moving();
         if on != self.moving {
@@ -348,7 +345,7 @@ impl Pilot {
         }
     }
 
-    /// Tells all behaviours that the robot makes a sound, so that none takes it for somebody's noise.
+    /// Tells all behaviours that the robot makes a sound, so that none takes it for a noise of others.
     fn tell_sound(&mut self) {
         let now = Instant::now();
         let lately = |at: Instant| now.saturating_duration_since(at) < SOUND_TOLD_AGAIN;

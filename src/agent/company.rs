@@ -11,7 +11,7 @@ use tracing::{error, info, warn};
 
 use super::aboard::{Aboard, Stop, tell};
 use super::loading::load;
-use super::restart_loop::{RestartLoop, Surroundings, report};
+use super::restart_loop::{LaunchContext, RestartLoop, report};
 use super::roster::{Blueprint, Member, MemberState, Reply, Roster, RosterCommand, RosterError};
 use super::{AgentError, Behaviour, SCRIPTS_END};
 use crate::behaviour::Prepared;
@@ -34,7 +34,7 @@ type Loaded = (BehaviourId, Result<(RestartLoop, Prepared), RosterError>);
 
 /// See the module.
 pub(super) struct Company {
-    around: Surroundings,
+    around: LaunchContext,
     orders: mpsc::Receiver<RosterCommand>,
     blueprints: Vec<Blueprint>,
     aboard: Vec<Aboard>,
@@ -50,7 +50,7 @@ pub(super) struct Company {
 impl Company {
     /// No behaviour runs yet. Also returns the handle.
     pub(super) fn new(
-        around: Surroundings,
+        around: LaunchContext,
         status: watch::Receiver<Status>,
         blueprints: Vec<Blueprint>,
     ) -> (Company, Roster) {
@@ -348,8 +348,8 @@ impl Company {
         RestartLoop::new(self.around(stop), by, Role::Behaviour, behaviour)
     }
 
-    fn around(&self, stop: &Stop) -> Surroundings {
-        Surroundings {
+    fn around(&self, stop: &Stop) -> LaunchContext {
+        LaunchContext {
             stop: stop.subscribe(),
             ..self.around.clone()
         }

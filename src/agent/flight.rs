@@ -12,7 +12,7 @@ use tracing::{info, warn};
 
 use super::AgentError;
 use super::rescue;
-use super::restart_loop::Surroundings;
+use super::restart_loop::LaunchContext;
 use crate::behaviour::{Launch, Launcher};
 use crate::link::LinkError;
 use crate::pilot::{self, Delivery, Dial, LinkState, Pilot, Pulse, Reactions, Settings, Status};
@@ -101,7 +101,7 @@ impl Preflight {
     pub fn stand_by(&mut self, launcher: Launcher, launch: Launch) {
         // The rescue behaviour has an end of its own.
         let (_, stop) = watch::channel(None);
-        let around = Surroundings {
+        let around = LaunchContext {
             launcher,
             core: self.core.clone(),
             requests: self.requests(),

@@ -6,8 +6,8 @@ use tokio::sync::watch;
 use tokio::task::spawn_blocking;
 use tokio::time::timeout;
 
-use super::restart_loop::{RestartLoop, Surroundings};
-use super::roster::{Blueprint, RosterError};
+use super::restart_loop::{LaunchContext, RestartLoop};
+use super::roster::{Blueprint, BlueprintError, RosterError};
 use crate::behaviour::Prepared;
 use crate::pilot::{LinkState, Status};
 use crate::robot::BehaviourId;
@@ -19,16 +19,15 @@ const REACH: Duration = Duration::from_millis(3500);
 
 /// Makes a behaviour and has a host load it. One that was told to end meanwhile does not run.
 pub(super) async fn load(
-    around: Surroundings,
+    around: LaunchContext,
     by: BehaviourId,
     blueprint: Blueprint,
     mut status: watch::Receiver<Status>,
 ) -> Result<(RestartLoop, Prepared), RosterError> {
     let made = spawn_blocking(move || blueprint.make()).await;
-    let made = made.map_err(|_| "internal error: it could not be made".to_owned());
     let behaviour = made
-        .and_then(|made| made)
-        .map_err(RosterError::CannotLoad)?;
+        .unwrap_or(Err(BlueprintError::Internal))
+        .map_err(|error| RosterError::CannotLoad(error.to_string()))?;
     let restart_loop = RestartLoop::new(around, by, Role::Behaviour, behaviour);
     let prepared = restart_loop.prepare().await;
     let host = prepared.map_err(|ending| RosterError::CannotLoad(words(&ending)))?;

@@ -8,7 +8,7 @@ use tokio::sync::watch;
 use tracing::info;
 
 use super::Behaviour;
-use super::restart_loop::{RestartLoop, Surroundings};
+use super::restart_loop::{LaunchContext, RestartLoop};
 use crate::behaviour::{Launch, Library, RestartPolicy};
 use crate::pilot::Status;
 use crate::robot::channel::Role;
@@ -46,14 +46,14 @@ pub fn rescue(choice: &Rescue, options: script::Options) -> io::Result<Option<La
 
 /// Runs the rescue behaviour whenever it is wanted. Never returns while the pilot lives.
 pub(super) async fn stand_by(
-    around: Surroundings,
+    around: LaunchContext,
     launch: Launch,
     mut status: watch::Receiver<Status>,
 ) {
     while until(true, &mut status).await {
         info!("starts the rescue behaviour, which looks for the way to the station");
         let stop = watch::Sender::new(None);
-        let around = Surroundings {
+        let around = LaunchContext {
             stop: stop.subscribe(),
             ..around.clone()
         };

@@ -13,8 +13,8 @@ use tracing::{error, info, warn};
 
 use super::Behaviour;
 use crate::behaviour::{
-    Handle, Inspector, Launch, Launcher, Prepared, Reload, RestartPolicy, RestartTracker,
-    Supervisor, Verdict,
+    Handle, Inspector, Launch, Launcher, Prepared, Reload, RestartDecision, RestartPolicy,
+    RestartTracker, Supervisor,
 };
 use crate::check;
 use crate::robot::channel::{Request, Role};
@@ -26,7 +26,7 @@ type Stop = watch::Receiver<Option<EndReason>>;
 
 /// What every behaviour of a run has to do with.
 #[derive(Clone)]
-pub(super) struct Surroundings {
+pub(super) struct LaunchContext {
     pub(super) launcher: Launcher,
     /// Serves the hosts' pipes.
     pub(super) core: runtime::Handle,
@@ -50,7 +50,7 @@ type Loading = Pin<Box<dyn Future<Output = Result<Loaded, Ending>> + Send>>;
 
 /// A behaviour and what is to be made of it.
 pub(super) struct RestartLoop {
-    around: Surroundings,
+    around: LaunchContext,
     by: BehaviourId,
     role: Role,
     priority: Priority,
@@ -66,7 +66,7 @@ pub(super) struct RestartLoop {
 
 impl RestartLoop {
     pub(super) fn new(
-        around: Surroundings,
+        around: LaunchContext,
         by: BehaviourId,
         role: Role,
         plan: Behaviour,
@@ -136,7 +136,7 @@ impl RestartLoop {
     /// From its first line to its last; with what a save in the meantime has brought. The old text
     /// runs until the new one is loaded.
     async fn live(&mut self, host: Prepared) -> (Ending, Option<Loaded>) {
-        let Surroundings {
+        let LaunchContext {
             requests,
             frames,
             core,
@@ -186,12 +186,12 @@ impl RestartLoop {
     /// What comes after an ending that no save has brought about; `None`: nothing.
     async fn come_back(&mut self, ending: &Ending) -> Option<Result<Prepared, Ending>> {
         let verdict = if self.outdated {
-            Verdict::Over
+            RestartDecision::Over
         } else {
             self.restarts.ended(ending.reason, Instant::now())
         };
-        let Verdict::Again { pause, number } = verdict else {
-            if verdict == Verdict::GivenUp {
+        let RestartDecision::Again { pause, number } = verdict else {
+            if verdict == RestartDecision::GivenUp {
                 self.give_up(ending).await;
             }
             return self.mended(None).await.map(Ok);
@@ -316,7 +316,7 @@ impl RestartLoop {
     }
 
     fn load(&self, source: Vec<u8>) -> Loading {
-        let Surroundings { launcher, core, .. } = self.around.clone();
+        let LaunchContext { launcher, core, .. } = self.around.clone();
         let (by, priority) = (self.by, self.priority);
         let launch = Launch {
             source: source.clone(),

@@ -3,6 +3,7 @@
 //! tool, a timetable, a page); the [`Company`](super::company) does it.
 
 use std::fmt;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -20,21 +21,36 @@ const MAX_COMMANDS: usize = 32;
 /// The longest that an order may take: a script's farewell, and the loading of the next one.
 const ANSWER: Duration = Duration::from_secs(10);
 
+/// Why a behaviour cannot be made from its file.
+#[derive(Debug, thiserror::Error)]
+pub enum BlueprintError {
+    /// The system does not give the file.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// Which.
+        path: PathBuf,
+        /// The system's words.
+        source: std::io::Error,
+    },
+    /// A fault of this program.
+    #[error("internal error: it could not be made")]
+    Internal,
+}
+
 /// What a behaviour of this name is made of, each time that it starts: its file is read anew then.
 #[derive(Clone)]
 pub struct Blueprint {
     name: String,
     priority: Priority,
-    make: Arc<dyn Fn() -> Result<Behaviour, String> + Send + Sync>,
+    make: Arc<dyn Fn() -> Result<Behaviour, BlueprintError> + Send + Sync>,
 }
 
 impl Blueprint {
-    /// `make` may wait for the disk: it is called off the driving core. What it fails with is for a
-    /// person.
+    /// `make` may wait for the disk: it is called off the driving core.
     pub fn new(
         name: impl Into<String>,
         priority: Priority,
-        make: impl Fn() -> Result<Behaviour, String> + Send + Sync + 'static,
+        make: impl Fn() -> Result<Behaviour, BlueprintError> + Send + Sync + 'static,
     ) -> Blueprint {
         Blueprint {
             name: name.into(),
@@ -73,7 +89,7 @@ impl Blueprint {
         self.priority
     }
 
-    pub(super) fn make(&self) -> Result<Behaviour, String> {
+    pub(super) fn make(&self) -> Result<Behaviour, BlueprintError> {
         (self.make)()
     }
 }

@@ -27,7 +27,7 @@ impl Tries {
 /// Dials as `dial` does once each time but the first: then again and again, with growing pauses, until
 /// the robot lets us in. Only a password that it refuses ends that.
 pub fn until_answered(dial: Dial, options: Options, seed: u64, tries: Tries) -> Dial {
-    // The pilot dials one call after the other, so nobody waits for this lock.
+    // The pilot dials one call after the other, so this lock is never contended.
     let dial = Arc::new(Mutex::new(dial));
     let mut first = true;
     Box::new(move |last_words| {
@@ -35,9 +35,10 @@ pub fn until_answered(dial: Dial, options: Options, seed: u64, tries: Tries) -> 
         let insists = std::mem::take(&mut first);
         Box::pin(async move {
             let mut dial = dial.lock().await;
-            match insists {
-                true => insist(&mut dial, last_words, &options, seed, &tries).await,
-                false => (*dial)(last_words).await,
+            if insists {
+                insist(&mut dial, last_words, &options, seed, &tries).await
+            } else {
+                (*dial)(last_words).await
             }
         })
     })

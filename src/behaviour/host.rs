@@ -16,7 +16,7 @@ use super::pipe::{Receiver, Sender};
 use super::store_writer::StoreWriter;
 use crate::check;
 use crate::clock::until;
-use crate::robot::{EndReason, Finding, Frame};
+use crate::robot::{EndReason, Finding};
 use crate::script::{Ending, Level, LogLine, Output, Script, Seen, Sighting};
 use crate::walls::{Room, confine};
 
@@ -122,6 +122,7 @@ pub(super) async fn serve(
                 inbox,
                 outbox,
                 frame_asked: false,
+                damaged: false,
                 coming: Vec::new(),
                 gallery,
                 findings,
@@ -149,6 +150,8 @@ struct Host {
     outbox: Sender<FromHost>,
     /// A frame was asked for and has not come yet.
     frame_asked: bool,
+    /// The last one that came is no picture.
+    damaged: bool,
     /// What has come of the next frame.
     coming: Vec<u8>,
     /// Where a person can see what the script sees.
@@ -164,11 +167,13 @@ struct Host {
 /// Gives the script what its store held; a warning if that is damaged.
 fn restore(script: &mut Script, store: &StoreWriter) -> Option<String> {
     let restored = match store.read() {
-        Ok(Some(file)) => script.restore(&file),
+        Ok(Some(file)) => script.restore(&file).map_err(io::Error::from),
         Ok(None) => Ok(()),
-        Err(error) => Err(error.to_string()),
+        Err(error) => Err(error),
     };
-    restored.err().map(|why| store.set_aside(&why))
+    restored
+        .err()
+        .map(|error| store.set_aside(&error.to_string()))
 }
 
 /// A line of ours in the script's log.
@@ -257,11 +262,10 @@ impl Host {
         let now = Instant::now();
         match message {
             ToHost::Event(event) => self.script.deliver(event, now),
-            ToHost::Frame { seq, age, jpeg } => {
+            ToHost::Frame(frame) => {
                 self.frame_asked = false;
                 self.coming.clear();
-                let at = now.checked_sub(age).unwrap_or(now);
-                self.script.deliver_frame(Frame { seq, at, jpeg }, now);
+                self.damaged = !self.script.deliver_frame(frame, now);
             }
             ToHost::Ahead { at, jpeg } => self.look_ahead(at, &jpeg),
             ToHost::Evaluate { text, more } => self.script.evaluate(&text, more, now),
@@ -308,8 +312,9 @@ impl Host {
         }
         if self.script.wants_frames() && !self.frame_asked {
             self.frame_asked = true;
-            let ahead = self.script.looks_at_frames();
-            self.outbox.feed(&FromHost::WantFrame { ahead }).await?;
+            let (ahead, damaged) = (self.script.looks_at_frames(), self.damaged);
+            let want = FromHost::WantFrame { ahead, damaged };
+            self.outbox.feed(&want).await?;
         }
         self.outbox.flush().await
     }

@@ -10,9 +10,9 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::host::STACK;
-use crate::check::{Finding, Required, Severity, Surroundings, check, required};
+use crate::check::{CheckContext, Finding, Required, Severity, check, required};
 use crate::script::Options;
-use crate::walls::{self, Room, Worker};
+use crate::walls::{self, Room, Worker, WorkerError};
 
 /// What its process is started for.
 pub const INSPECTION: &str = "check";
@@ -36,6 +36,17 @@ pub struct Inspected {
     pub required: Vec<Required>,
 }
 
+/// Why a text could not be looked at.
+#[derive(Debug, thiserror::Error)]
+pub enum InspectionError {
+    /// Question or answer is no message.
+    #[error(transparent)]
+    Message(#[from] postcard::Error),
+    /// The process gave no answer.
+    #[error(transparent)]
+    Worker(#[from] WorkerError),
+}
+
 /// Starts such processes.
 #[derive(Debug, Clone)]
 pub struct Inspector(Worker);
@@ -57,33 +68,36 @@ impl Inspector {
     /// Looks at a text; `folder` is where its file is, as seen from the behaviour's folder. Blocks.
     ///
     /// # Errors
-    /// Why it could not be looked at, in words.
+    /// See [`InspectionError`].
     pub fn inspect(
         &self,
         source: &[u8],
         options: &Options,
         folder: &str,
-    ) -> Result<Inspected, String> {
+    ) -> Result<Inspected, InspectionError> {
         let question = Question {
             source: source.to_vec(),
             options: options.clone(),
             folder: folder.to_owned(),
         };
-        let question = postcard::to_allocvec(&question).map_err(|error| error.to_string())?;
+        let question = postcard::to_allocvec(&question)?;
         let room = Room {
             processor: LIMIT.as_secs(),
             ..Room::default()
         };
-        let answer = self.0.ask(&room, &question, LIMIT, &|| true);
-        let answer = answer.map_err(|trouble| trouble.to_string())?;
-        postcard::from_bytes(&answer).map_err(|error| error.to_string())
+        let answer = self.0.ask(&room, &question, LIMIT, &|| true)?;
+        Ok(postcard::from_bytes(&answer)?)
     }
 
     /// What refuses a script with these options; mere warnings are left out.
     ///
     /// # Errors
     /// As of [`Inspector::inspect`].
-    pub fn errors(&self, source: &[u8], options: &Options) -> Result<Vec<Finding>, String> {
+    pub fn errors(
+        &self,
+        source: &[u8],
+        options: &Options,
+    ) -> Result<Vec<Finding>, InspectionError> {
         let mut findings = self.inspect(source, options, "")?.findings;
         findings.retain(|finding| finding.severity == Severity::Error);
         Ok(findings)
@@ -98,7 +112,7 @@ pub fn inspection_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
             options,
             folder,
         } = postcard::from_bytes(question).map_err(io::Error::other)?;
-        let surroundings = Surroundings::new(&options, Some(Path::new(&options.chunk)));
+        let surroundings = CheckContext::new(&options, Some(Path::new(&options.chunk)));
         let inspected = Inspected {
             findings: check(&source, &options.chunk, &surroundings),
             required: required(&source, &folder),

@@ -1,14 +1,12 @@
 //! What agent and host say to each other. Both sides are bounded: a message is at most
 //! [`super::pipe::MAX_MESSAGE_LEN`] bytes, and what is not understood ends the host.
 
-use std::time::Duration;
-
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
 use super::library::Library;
-use crate::robot::{EndReason, Event, Finding, ParamValue};
-use crate::script::{Ending, ModuleFile, ModuleName, Options, Output};
+use crate::robot::{EndReason, Event, Finding, Frame, ParamValue};
+use crate::script::{Ending, ModuleFile, ModuleName, NoModule, Options, Output};
 
 /// A script and all it needs; no secrets.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -32,14 +30,7 @@ pub enum ToHost {
     /// Something has happened.
     Event(Event),
     /// A frame, in answer to [`FromHost::WantFrame`].
-    Frame {
-        /// Counts from 1.
-        seq: u64,
-        /// Since its last byte arrived.
-        age: Duration,
-        /// The JPEG.
-        jpeg: Bytes,
-    },
+    Frame(Frame),
     /// More of the frame on its way, in answer to [`FromHost::WantFrame`].
     Ahead {
         /// Bytes of it that came before.
@@ -64,7 +55,7 @@ pub enum ToHost {
     /// Bring to rest what typed lines have begun.
     Interrupt,
     /// In answer to [`Output::Module`]: its file, or why there is none.
-    Module(ModuleName, Result<ModuleFile, String>),
+    Module(ModuleName, Result<ModuleFile, NoModule>),
     /// Come to an end within half a second.
     Stop(EndReason),
 }
@@ -82,6 +73,8 @@ pub enum FromHost {
     WantFrame {
         /// Also what has come of it.
         ahead: bool,
+        /// The last one was damaged: the one before it will do.
+        damaged: bool,
     },
     /// What the script found in a frame, for people who look on.
     Found {

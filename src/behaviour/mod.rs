@@ -23,11 +23,13 @@ mod watch;
 
 pub use dialogue::{Dialogue, PromptCommand, Said};
 pub use host::{STACK, host, host_main};
-pub use inspection::{INSPECTION, Inspected, Inspector, inspection_main};
+pub use inspection::{INSPECTION, Inspected, InspectionError, Inspector, inspection_main};
 pub use library::{Library, LibraryError};
 pub use message::{FromHost, Launch, ToHost};
 pub use name::{MAX_NAME, NameError, name_of, validate_name};
-pub use policy::{RestartPolicy, RestartTracker, Restarts, Verdict, is_failure};
+pub use policy::{
+    RestartDecision, RestartPolicy, RestartTracker, Restarts, UnknownPolicy, is_failure,
+};
 pub use prepared::Prepared;
 pub use process::{HOST_ARGUMENT, HostProcess, Launcher};
 pub use supervisor::{Handle, Supervisor};

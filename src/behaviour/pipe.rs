@@ -106,23 +106,21 @@ impl<M: DeserializeOwned> Receiver<M> {
 mod tests {
     use super::*;
     use crate::behaviour::{FromHost, ToHost};
+    use crate::robot::Frame;
     use proptest::prelude::*;
-    use std::time::Duration;
     use tokio::io::AsyncWriteExt;
+    use tokio::time::Instant;
 
     #[tokio::test]
     async fn messages_cross_whole() {
         let (left, right) = tokio::io::duplex(100);
         let (mut sender, mut receiver) = (Sender::new(left), Receiver::<ToHost>::new(right));
         let jpeg = Bytes::from(vec![7; 60_000]);
-        let frame = ToHost::Frame {
-            seq: 3,
-            age: Duration::from_millis(4),
-            jpeg,
-        };
+        let at = Instant::now();
+        let frame = ToHost::Frame(Frame { seq: 3, at, jpeg });
         let (sent, received) = tokio::join!(sender.send(&frame), receiver.next());
         sent.unwrap();
-        let Some(ToHost::Frame { seq, jpeg, .. }) = received.unwrap() else {
+        let Some(ToHost::Frame(Frame { seq, jpeg, .. })) = received.unwrap() else {
             panic!("no frame")
         };
         assert_eq!((seq, jpeg.len()), (3, 60_000));

@@ -53,14 +53,19 @@ impl RestartPolicy {
     pub const WORDS: [&str; 2] = ["never", "on-failure"];
 }
 
-impl FromStr for RestartPolicy {
-    type Err = String;
+/// A word that is no policy.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is neither `never` nor `on-failure`")]
+pub struct UnknownPolicy(String);
 
-    fn from_str(word: &str) -> Result<RestartPolicy, String> {
+impl FromStr for RestartPolicy {
+    type Err = UnknownPolicy;
+
+    fn from_str(word: &str) -> Result<RestartPolicy, UnknownPolicy> {
         match word {
             "never" => Ok(RestartPolicy::Never),
             "on-failure" => Ok(RestartPolicy::OnFailure(Restarts::default())),
-            other => Err(format!("`{other}` is neither `never` nor `on-failure`")),
+            other => Err(UnknownPolicy(other.to_owned())),
         }
     }
 }
@@ -139,7 +144,7 @@ impl<'de> Deserialize<'de> for Count {
 
 /// What is to be done about a behaviour that has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
+pub enum RestartDecision {
     /// Nothing: it has not failed, or it is not to be restarted.
     Over,
     /// Start it again after a pause.
@@ -174,17 +179,17 @@ impl RestartTracker {
     }
 
     /// The behaviour has ended: what is to be done. A restart counts from when it is due.
-    pub fn ended(&mut self, reason: EndReason, now: Instant) -> Verdict {
+    pub fn ended(&mut self, reason: EndReason, now: Instant) -> RestartDecision {
         let restarts = match self.policy {
             RestartPolicy::OnFailure(restarts) if is_failure(reason) => restarts,
-            _ => return Verdict::Over,
+            _ => return RestartDecision::Over,
         };
         let forgotten = |at: &Instant| *at + restarts.within <= now;
         let over = self.restarts.iter().take_while(|at| forgotten(at)).count();
         self.restarts.drain(..over);
         let count = u32::try_from(self.restarts.len()).unwrap_or(u32::MAX);
         if count >= restarts.max_restarts {
-            return Verdict::GivenUp;
+            return RestartDecision::GivenUp;
         }
         let step = restarts
             .first_pause
@@ -194,7 +199,7 @@ impl RestartTracker {
         let pause = step.mul_f64(self.rng.random_range(0.5..=1.0));
         self.restarts.push_back(now + pause);
         let number = count + 1;
-        Verdict::Again { pause, number }
+        RestartDecision::Again { pause, number }
     }
 
     /// The script is another one: what the old one did is forgotten.
@@ -229,13 +234,13 @@ mod tests {
         while pauses.len() < most {
             now += run;
             match restarts.ended(EndReason::Error, now) {
-                Verdict::Again { pause, number } => {
+                RestartDecision::Again { pause, number } => {
                     assert!((1..=5).contains(&number), "{number}");
                     now += pause;
                     pauses.push(pause);
                 }
-                Verdict::GivenUp => break,
-                Verdict::Over => panic!("a failure is not over"),
+                RestartDecision::GivenUp => break,
+                RestartDecision::Over => panic!("a failure is not over"),
             }
         }
         pauses
@@ -310,10 +315,10 @@ mod tests {
         let now = Instant::now();
         for &reason in EndReason::ALL {
             let wanted = restarts(1).ended(reason, now);
-            let failed = matches!(wanted, Verdict::Again { .. });
+            let failed = matches!(wanted, RestartDecision::Again { .. });
             assert_eq!(failed, is_failure(reason), "{reason}: {wanted:?}");
             let mut never = RestartTracker::new(RestartPolicy::Never, 1);
-            assert_eq!(never.ended(reason, now), Verdict::Over);
+            assert_eq!(never.ended(reason, now), RestartDecision::Over);
         }
     }
 
@@ -325,7 +330,7 @@ mod tests {
         };
         let mut restarts = RestartTracker::new(RestartPolicy::OnFailure(restarts), 1);
         let verdict = restarts.ended(EndReason::Cpu, Instant::now());
-        assert_eq!(verdict, Verdict::GivenUp);
+        assert_eq!(verdict, RestartDecision::GivenUp);
     }
 
     proptest! {
@@ -348,7 +353,7 @@ mod tests {
             let (mut now, mut started) = (Instant::now(), Vec::new());
             for run in runs {
                 now += ms(run);
-                let Verdict::Again { pause, number } = tracker.ended(EndReason::Memory, now) else {
+                let RestartDecision::Again { pause, number } = tracker.ended(EndReason::Memory, now) else {
                     continue;
                 };
                 prop_assert!(pause <= restarts.max_pause);

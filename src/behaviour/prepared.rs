@@ -17,7 +17,7 @@ use super::pipe::{Receiver, Sender};
 use super::process::{HostProcess, Launcher, PipeReader, PipeWriter};
 use super::remarks::Remarks;
 use crate::robot::{BehaviourId, EndReason, Priority};
-use crate::script::{Ending, ModuleName};
+use crate::script::{Ending, ModuleName, NoModule};
 
 /// Messages that may wait for a host that does not read.
 const MAX_WAITING: usize = 128;
@@ -155,12 +155,13 @@ fn librarian(
                 None => return,
             };
             let (shelf, wanted) = (library.clone(), name.clone());
-            let fetch = move || shelf.fetch(&wanted).map_err(|error| error.to_string());
+            let refused = |error: &dyn std::fmt::Display| NoModule(error.to_string());
+            let fetch = move || shelf.fetch(&wanted).map_err(|error| refused(&error));
             let file = if here {
                 fetch()
             } else {
                 let fetched = tokio::task::spawn_blocking(fetch).await;
-                fetched.unwrap_or_else(|error| Err(error.to_string()))
+                fetched.unwrap_or_else(|error| Err(refused(&error)))
             };
             if to_host.send(ToHost::Module(name, file)).await.is_err() {
                 return;

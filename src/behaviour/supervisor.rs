@@ -56,6 +56,8 @@ pub struct Supervisor {
     inbox: EventReceiver,
     frames: watch::Receiver<Pictures>,
     last_frame: u64,
+    /// The one that it got before that.
+    last_but_one: u64,
     frame_wanted: bool,
     /// The host decodes ahead what it gets of a frame.
     ahead_wanted: bool,
@@ -93,6 +95,7 @@ impl Supervisor {
             inbox,
             frames,
             last_frame: 0,
+            last_but_one: 0,
             frame_wanted: false,
             ahead_wanted: false,
             ahead: Ahead::default(),
@@ -238,9 +241,13 @@ impl Supervisor {
         let request = match message {
             FromHost::Output(Output::Intent(intent)) => Request::Intent(by, intent),
             FromHost::Alive => Request::Alive(by),
-            FromHost::WantFrame { ahead } => {
+            FromHost::WantFrame { ahead, damaged } => {
                 (self.frame_wanted, self.ahead_wanted) = (true, ahead);
-                return self.pass_picture();
+                return if damaged {
+                    self.pass_before()
+                } else {
+                    self.pass_picture()
+                };
             }
             FromHost::Found { frame, list } => {
                 let behaviour = self.host.name.clone();
@@ -304,17 +311,27 @@ impl Supervisor {
     /// The newest frame, if it is newer than the last one that was passed on, or what has come of
     /// the next.
     fn pass_picture(&mut self) {
-        let Pictures { newest, coming } = self.frames.borrow().clone();
+        let Pictures { newest, coming, .. } = self.frames.borrow().clone();
         let Some(frame) = newest.filter(|frame| frame.seq > self.last_frame) else {
             return self.pass_beginning(coming);
         };
-        (self.last_frame, self.frame_wanted) = (frame.seq, false);
-        let age = frame.at.elapsed();
-        self.pass_on(ToHost::Frame {
-            seq: frame.seq,
-            age,
-            jpeg: frame.jpeg,
-        });
+        self.last_but_one = std::mem::replace(&mut self.last_frame, frame.seq);
+        self.frame_wanted = false;
+        self.pass_on(ToHost::Frame(frame));
+    }
+
+    /// The last frame that was passed on is damaged: the one before it, unless it was passed on too or
+    /// a newer one has come.
+    fn pass_before(&mut self) {
+        let Pictures { newest, before, .. } = self.frames.borrow().clone();
+        let still_newest = newest.is_some_and(|frame| frame.seq == self.last_frame);
+        match before.filter(|frame| still_newest && frame.seq > self.last_but_one) {
+            Some(frame) => {
+                (self.last_but_one, self.frame_wanted) = (frame.seq, false);
+                self.pass_on(ToHost::Frame(frame));
+            }
+            None => self.pass_picture(),
+        }
     }
 
     fn pass_beginning(&mut self, coming: Option<Coming>) {

@@ -10,7 +10,7 @@ use super::finding::{Finding, Severity};
 use super::kinds::Kinds;
 use super::lexer::Span;
 use super::tree::{Block, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
-use super::{Surroundings, parser, walk};
+use super::{CheckContext, parser, walk};
 
 /// What could not be done, and where.
 struct Remark {
@@ -28,7 +28,7 @@ pub fn explain(text: &str, chunk: &str, source: &str) -> Option<String> {
     let whole = line_span(source, number)?;
     let tree = parser::parse(source).ok();
     let remark = tree.as_ref().and_then(|tree| {
-        let surroundings = Surroundings::defined();
+        let surroundings = CheckContext::defined();
         let scene = Scene::new(tree, source, number, &surroundings);
         scene.remark(words)
     });
@@ -154,7 +154,7 @@ impl<'a> Scene<'a> {
         tree: &'a Tree,
         source: &'a str,
         line: usize,
-        surroundings: &'a Surroundings,
+        surroundings: &'a CheckContext,
     ) -> Scene<'a> {
         let (_, kinds) = walk::walked(tree, ("", source), surroundings);
         let mut scene = Scene {

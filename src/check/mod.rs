@@ -37,7 +37,7 @@ pub use required::{Required, required};
 
 /// What a script finds around itself.
 #[derive(Debug, Clone)]
-pub struct Surroundings {
+pub struct CheckContext {
     /// Every path that a live VM has.
     paths: BTreeSet<String>,
     /// Colours of the config.
@@ -52,15 +52,15 @@ pub struct Surroundings {
     streams: Streams,
 }
 
-impl Surroundings {
+impl CheckContext {
     /// Of a script with these options, which is in this file.
-    pub fn new(options: &Options, file: Option<&Path>) -> Surroundings {
+    pub fn new(options: &Options, file: Option<&Path>) -> CheckContext {
         let script = if file.is_some_and(is_scenario) {
             Script::on_empty_stage(options.clone(), Instant::now())
         } else {
             Script::load(b"", options.clone(), Instant::now())
         };
-        Surroundings {
+        CheckContext {
             paths: script
                 .map(|script| script.known_names())
                 .unwrap_or_default(),
@@ -73,10 +73,10 @@ impl Surroundings {
     }
 
     /// Only what is defined, without a VM.
-    fn defined() -> Surroundings {
+    fn defined() -> CheckContext {
         let functions = api::functions();
         let constants = api::constants().map(|one| one.path.to_owned());
-        Surroundings {
+        CheckContext {
             paths: functions
                 .map(|one| one.path.to_owned())
                 .chain(constants)
@@ -119,7 +119,7 @@ fn may_be_file(path: &Path) -> bool {
 
 /// What refuses a script with these options, whose chunk is its file; mere warnings are left out.
 pub fn errors(source: &[u8], options: &Options) -> Vec<Finding> {
-    let surroundings = Surroundings::new(options, Some(Path::new(&options.chunk)));
+    let surroundings = CheckContext::new(options, Some(Path::new(&options.chunk)));
     let mut findings = check(source, &options.chunk, &surroundings);
     findings.retain(|finding| finding.severity == Severity::Error);
     findings
@@ -133,7 +133,7 @@ fn is_scenario(file: &Path) -> bool {
 }
 
 /// All that is wrong with a script, as far as can be told without running it.
-pub fn check(source: &[u8], chunk: &str, surroundings: &Surroundings) -> Vec<Finding> {
+pub fn check(source: &[u8], chunk: &str, surroundings: &CheckContext) -> Vec<Finding> {
     let text = match read_text(source, chunk) {
         Ok(text) => text,
         Err(failure) => return vec![unreadable(source, chunk, &failure)],

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::kinds::{Kinds, ValueKind};
 use super::tree::{Entry, Expr, ExprKind};
-use crate::script::{Declaration, GivenParam, ParamValue, settle};
+use crate::script::{Declaration, GivenParam, ParamValue, param_values};
 
 /// What is wrong with the values that were given; nothing if the declaration cannot be read here.
 pub(super) fn refused(
@@ -26,7 +26,9 @@ pub(super) fn refused(
         }
         declared.insert(name.clone(), declaration);
     }
-    settle(&declared, given).err()
+    param_values(&declared, given)
+        .err()
+        .map(|error| error.to_string())
 }
 
 fn declaration(kinds: &Kinds<'_>, about: &Expr) -> Option<Declaration> {

@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
 
-use super::{Finding, Severity, Surroundings, check, explain, reads};
+use super::{CheckContext, Finding, Severity, check, explain, reads};
 use crate::api;
 use crate::robot::{Streams, Use};
 use crate::script::Options;
 use crate::script::tests::failure_with;
 
-fn surroundings() -> Surroundings {
-    Surroundings::new(&Options::new("test", "test.lua"), None)
+fn surroundings() -> CheckContext {
+    CheckContext::new(&Options::new("test", "test.lua"), None)
 }
 
 fn checked(source: &[u8]) -> Vec<Finding> {
@@ -34,7 +34,7 @@ fn who_counts_on_a_stream_that_the_config_keeps_off_is_warned() {
         },
         ..Options::new("test", "test.lua")
     };
-    let surroundings = Surroundings::new(&options, None);
+    let surroundings = CheckContext::new(&options, None);
     let warned = |source: &str| {
         let found = check(source.as_bytes(), "test.lua", &surroundings);
         let [finding] = found.as_slice() else {
@@ -134,7 +134,7 @@ fn each_broken_script_gets_the_message_that_it_promises() {
 #[test]
 fn what_is_right_is_not_complained_about() {
     for (path, source) in scripts("behaviours") {
-        let surroundings = Surroundings::new(&Options::new("test", "test.lua"), Some(&path));
+        let surroundings = CheckContext::new(&Options::new("test", "test.lua"), Some(&path));
         let found = check(&source, "test.lua", &surroundings);
         assert_eq!(found, [], "{}", path.display());
     }

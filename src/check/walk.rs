@@ -5,7 +5,7 @@ mod arguments;
 mod calls;
 mod names;
 
-use super::Surroundings;
+use super::CheckContext;
 use super::finding::{Finding, Severity};
 use super::kinds::{Kinds, ValueKind, of_type};
 use super::lexer::Span;
@@ -16,7 +16,7 @@ use crate::script::suggestion;
 
 pub(super) struct Walk<'a> {
     pub(super) kinds: Kinds<'a>,
-    pub(super) surroundings: &'a Surroundings,
+    pub(super) surroundings: &'a CheckContext,
     /// File and source.
     text: (&'a str, &'a str),
     findings: Vec<Finding>,
@@ -62,7 +62,7 @@ impl Surplus {
 pub(super) fn walk<'a>(
     tree: &'a Tree,
     text: (&'a str, &'a str),
-    surroundings: &'a Surroundings,
+    surroundings: &'a CheckContext,
 ) -> Vec<Finding> {
     walked(tree, text, surroundings).0
 }
@@ -71,7 +71,7 @@ pub(super) fn walk<'a>(
 pub(super) fn walked<'a>(
     tree: &'a Tree,
     text: (&'a str, &'a str),
-    surroundings: &'a Surroundings,
+    surroundings: &'a CheckContext,
 ) -> (Vec<Finding>, Kinds<'a>) {
     let mut walk = Walk {
         kinds: Kinds::new(tree, &surroundings.paths),

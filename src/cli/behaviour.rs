@@ -5,6 +5,7 @@ use std::time::Duration;
 use clap::Subcommand;
 use serde_json::{Value, json};
 
+use super::argument::ArgumentError;
 use super::remote::RemoteArgs;
 use super::running::{ask, nonsense, run_of};
 use super::runs::time;
@@ -59,6 +60,9 @@ struct ListArgs {
     /// Print a JSON list
     #[arg(long)]
     json: bool,
+    /// Print the names only, one a line, for shells: those of letters, digits, `.`, `_` and `-`
+    #[arg(long, conflicts_with = "json")]
+    names: bool,
     #[command(flatten)]
     which: WhichArgs,
 }
@@ -81,12 +85,12 @@ struct StartArgs {
 }
 
 /// At least a second.
-fn some_time(text: &str) -> Result<Span, String> {
+fn some_time(text: &str) -> Result<Span, ArgumentError> {
     let span: Span = text.parse()?;
-    match span.get().is_zero() {
-        true => Err("it would end before it begins".to_owned()),
-        false => Ok(span),
+    if span.get().is_zero() {
+        return Err(ArgumentError::NoTime);
     }
+    Ok(span)
 }
 
 /// Which run.
@@ -135,6 +139,10 @@ fn list(args: &ListArgs) -> Result<Exit, Failure> {
             if args.json {
                 let behaviours = behaviours.iter().map(object).collect();
                 print(&format!("{}\n", Value::Array(behaviours)))?;
+            } else if args.names {
+                let names = behaviours.iter().map(|one| one.name.as_str());
+                let plain = names.filter(|name| is_plain(name));
+                print(&plain.map(|name| format!("{name}\n")).collect::<String>())?;
             } else {
                 let rows: Vec<Vec<String>> = behaviours.iter().map(row).collect();
                 print(&aligned(&HEAD, &rows))?;
@@ -173,6 +181,12 @@ impl WhichArgs {
                 .help("`spykee run` and `spykee serve` begin one; `spykee status` lists them")
         })
     }
+}
+
+/// Whether a shell that completes this name takes it as it is: bash executes what such words contain.
+fn is_plain(name: &str) -> bool {
+    let plain = |letter: char| letter.is_alphanumeric() || "._-".contains(letter);
+    !name.starts_with('-') && name.chars().all(plain)
 }
 
 fn row(one: &Listed) -> Vec<String> {

@@ -12,7 +12,7 @@ use tokio::sync::mpsc;
 use super::Failure;
 use super::params::{self, Param};
 use super::source::read_source;
-use crate::agent::{Behaviour, Blueprint};
+use crate::agent::{Behaviour, Blueprint, BlueprintError};
 use crate::behaviour::{self, Launch, Library, Reload, RestartPolicy, Watched};
 use crate::clock::{Clock, Zone};
 use crate::config::{Config, Entry};
@@ -124,8 +124,9 @@ fn blueprint(behaviour: &Behaviour, file: PathBuf, checked: bool) -> Blueprint {
     let (priority, restart) = (behaviour.priority, behaviour.restart);
     let launch = behaviour.launch.clone();
     Blueprint::new(launch.options.name.clone(), priority, move || {
+        let path = file.clone();
         let source = behaviour::read_source(&file)
-            .map_err(|error| format!("cannot read {}: {error}", file.display()))?;
+            .map_err(|source| BlueprintError::Read { path, source })?;
         Ok(Behaviour {
             priority,
             launch: Launch {

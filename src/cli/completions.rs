@@ -6,6 +6,11 @@ use clap_complete::{Shell, generate};
 use super::{Exit, Failure, print};
 use crate::api;
 
+/// Stands in the scripts, as they are generated, where a shell asks for names of behaviours.
+const BEHAVIOURS: &str = "__spykee_behaviours";
+/// Names them: those of the run that is on in the data folder.
+const ASK: &str = "spykee behaviour list --names 2>/dev/null";
+
 /// Print completions for a shell
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "\
@@ -34,8 +39,53 @@ pub(super) fn run(args: &CompletionsArgs, mut command: clap::Command) -> Result<
             name.value_parser(PossibleValuesParser::new(titles))
         })
     });
+    for change in ["start", "stop", "restart"] {
+        command = command.mut_subcommand("behaviour", |behaviour| {
+            behaviour.mut_subcommand(change, |change| change.mut_arg("name", placeholder))
+        });
+    }
     let (name, mut text) = (command.get_name().to_owned(), Vec::new());
     generate(args.shell, &mut command, name, &mut text);
-    print(&String::from_utf8_lossy(&text))?;
+    let text = String::from_utf8_lossy(&text);
+    print(&match args.shell {
+        // Within the double quotes of a list of words.
+        Shell::Bash => text.replace(BEHAVIOURS, &format!("$({ASK})")),
+        // The action of an argument: words in brackets, or code in braces.
+        Shell::Zsh => text.replace(
+            &format!("({BEHAVIOURS})"),
+            &format!("{{compadd -- $({ASK})}}"),
+        ),
+        Shell::Fish => {
+            let lines = text.into_owned() + &fish_arguments(&command, &[]);
+            lines.replace(BEHAVIOURS, &format!("({ASK})"))
+        }
+        _ => text.into_owned(),
+    })?;
     Ok(Exit::Done)
+}
+
+fn placeholder(name: clap::Arg) -> clap::Arg {
+    name.value_parser(PossibleValuesParser::new([BEHAVIOURS]))
+}
+
+/// What clap_complete leaves out for fish: the words that arguments without a dash may be.
+fn fish_arguments(command: &clap::Command, path: &[&str]) -> String {
+    let mut lines = String::new();
+    for argument in command.get_positionals() {
+        let words = argument.get_possible_values();
+        let words: Vec<&str> = words.iter().map(|word| word.get_name()).collect();
+        if let ([first, rest @ ..], false) = (path, words.is_empty()) {
+            let second = rest
+                .iter()
+                .map(|name| format!("; and __fish_seen_subcommand_from {name}"));
+            let (second, words) = (second.collect::<String>(), words.join(" "));
+            lines += &format!(
+                "complete -c spykee -n \"__fish_spykee_using_subcommand {first}{second}\" -f -a \"{words}\"\n"
+            );
+        }
+    }
+    for below in command.get_subcommands() {
+        lines += &fish_arguments(below, &[path, &[below.get_name()]].concat());
+    }
+    lines
 }

@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use super::argument::ArgumentError;
 use super::table::{Side, aligned};
 use super::{Console, Exit, Failure, block_on, print};
 use crate::link::discover::{self, Found};
@@ -32,14 +33,12 @@ pub(super) struct DiscoverArgs {
     ask: Vec<SocketAddr>,
 }
 
-fn parse_timeout(text: &str) -> Result<Duration, String> {
-    let seconds: f64 = text
-        .parse()
-        .map_err(|_| "expected a number of seconds".to_owned())?;
+fn parse_timeout(text: &str) -> Result<Duration, ArgumentError> {
+    let seconds: f64 = text.parse().map_err(|_| ArgumentError::Number)?;
     let inside = (0.1..=60.0).contains(&seconds);
     inside
         .then(|| Duration::from_secs_f64(seconds))
-        .ok_or_else(|| "expected 0.1 to 60 seconds".to_owned())
+        .ok_or(ArgumentError::Search)
 }
 
 /// Asks, and prints who answered.

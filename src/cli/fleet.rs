@@ -42,7 +42,7 @@ pub(super) struct FleetArgs {
 
 #[derive(Debug, Clone, Subcommand)]
 enum Action {
-    /// Tell which robots there are and how things stand: ONLINE, OFFLINE (said goodbye),
+    /// List the robots and the state of each: ONLINE, OFFLINE (said goodbye),
     /// CONNECTIONBROKEN (gone without a word)
     List {
         /// Print a JSON list

@@ -17,7 +17,7 @@ use super::settings::SettingsArgs;
 use super::{Exit, Failure, print};
 use crate::journal::{History, Kinds, Record, Span};
 
-/// Tell what has happened: links, battery, docks, alarms, runs, pictures, entries of scripts
+/// Show what has happened: links, battery, docks, alarms, runs, pictures, entries of scripts
 ///
 /// A service keeps a journal, and `spykee run` does with `journal: { record: on }` in the config. Times
 /// are local.

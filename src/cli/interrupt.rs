@@ -153,11 +153,7 @@ fn hear(
 fn sleep_here(usual: Option<Terminal>) {
     use rustix::process::{Signal, getpid, kill_process};
     tracing::info!("stopped by Ctrl-Z, and so is the robot");
-    let edited = usual.map(|usual| {
-        let edited = Terminal::remember();
-        usual.restore();
-        edited
-    });
+    let edited = usual.and_then(|usual| usual.enforce());
     let _ = kill_process(getpid(), Signal::STOP);
     // The signal may reach another thread first: nothing may be done in the meantime.
     std::thread::sleep(FALLING_ASLEEP);

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::json;
 
+use super::argument::ArgumentError;
 use super::table::{Side, aligned};
 use super::{Console, Exit, Failure, picture, print};
 use crate::vision::{
@@ -51,16 +52,14 @@ pub(super) struct LearnArgs {
     json: bool,
 }
 
-fn parse_name(text: &str) -> Result<String, String> {
+fn parse_name(text: &str) -> Result<String, ArgumentError> {
     const MAX_LETTERS: usize = 40;
     let fits = |c: char| c.is_alphanumeric() || matches!(c, '_' | '-');
     let begins_well = text.starts_with(char::is_alphabetic);
     if begins_well && text.chars().all(fits) && text.chars().count() <= MAX_LETTERS {
         return Ok(text.to_owned());
     }
-    Err(format!(
-        "expected a letter and then letters, digits, _ or -, at most {MAX_LETTERS}"
-    ))
+    Err(ArgumentError::Colour(MAX_LETTERS))
 }
 
 /// What the learned colour finds in one picture.

@@ -13,6 +13,7 @@ use std::ffi::OsStr;
 
 use clap::builder::{PossibleValue, TypedValueParser};
 
+use super::argument::ArgumentError;
 use super::table::{Side, aligned};
 use super::{Console, Exit, Failure, print};
 use catalogue::Lesson;
@@ -90,9 +91,6 @@ impl TypedValueParser for LessonParser {
     }
 }
 
-fn parse_lesson(text: &str) -> Result<&'static Lesson, String> {
-    Lesson::named(text).ok_or_else(|| {
-        let last = Lesson::all().len();
-        format!("there are lessons 1 to {last}; `spykee lesson list` shows them")
-    })
+fn parse_lesson(text: &str) -> Result<&'static Lesson, ArgumentError> {
+    Lesson::named(text).ok_or_else(|| ArgumentError::Lesson(Lesson::all().len()))
 }

@@ -2,6 +2,7 @@
 //! does lives on lower floors.
 
 mod api;
+mod argument;
 mod behaviour;
 mod blobs;
 mod broker;

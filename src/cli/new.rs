@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
+use super::argument::ArgumentError;
 use super::{Exit, Failure, print};
 use crate::api;
 use crate::config;
@@ -61,18 +62,13 @@ impl Template {
 }
 
 /// A name is a folder's, a file's and a behaviour's.
-fn parse_name(text: &str) -> Result<String, String> {
+fn parse_name(text: &str) -> Result<String, ArgumentError> {
     let usual = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
     let right = text.starts_with(|c: char| c.is_ascii_alphabetic())
         && text.chars().all(usual)
         && text.len() <= MAX_NAME
         && !text.ends_with("_test");
-    right.then(|| text.to_owned()).ok_or_else(|| {
-        format!(
-            "expected at most {MAX_NAME} letters, digits, `_` and `-`, beginning with a letter \
-             and not ending in `_test`"
-        )
-    })
+    right.then(|| text.to_owned()).ok_or(ArgumentError::Project)
 }
 
 /// Makes the folder; one that is there is left alone.

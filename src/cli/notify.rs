@@ -26,7 +26,7 @@ pub(super) struct NotifyArgs {
 
 #[derive(Debug, Clone, clap::Subcommand)]
 enum Action {
-    /// Send a message to a target, or to all, and tell what came of it
+    /// Send a message to a target, or to all, and report how each delivery went
     ///
     /// Nothing is queued and no rule or rate applies. The exit code is 4 if a target was not reached.
     #[command(after_help = "Example: spykee notify test phone --picture spykee-data/guard/1.jpg")]

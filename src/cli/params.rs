@@ -2,6 +2,7 @@
 //! are right the script says itself, when it runs.
 
 use super::Failure;
+use super::argument::ArgumentError;
 use crate::script::{GivenParam, Options, ParamOrigin, ParamValue, suggestion};
 
 /// One value, perhaps for one of several behaviours.
@@ -14,15 +15,14 @@ pub(super) struct Param {
 
 impl Param {
     /// Reads `NAME=VALUE` or `BEHAVIOUR.NAME=VALUE`.
-    pub(super) fn parse(text: &str) -> Result<Param, String> {
-        let expected = "expected NAME=VALUE, such as speed=50, or BEHAVIOUR.NAME=VALUE";
-        let (key, value) = text.split_once('=').ok_or(expected)?;
+    pub(super) fn parse(text: &str) -> Result<Param, ArgumentError> {
+        let (key, value) = text.split_once('=').ok_or(ArgumentError::Param)?;
         let (behaviour, name) = match key.rsplit_once('.') {
             Some((behaviour, name)) => (Some(behaviour), name),
             None => (None, key),
         };
         if name.is_empty() || behaviour == Some("") {
-            return Err(expected.to_owned());
+            return Err(ArgumentError::Param);
         }
         Ok(Param {
             behaviour: behaviour.map(str::to_owned),

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::Failure;
+use super::argument::ArgumentError;
 use crate::files;
 use crate::vision::{FrameError, MAX_JPEG_LEN, Roi, Size};
 
@@ -53,16 +54,14 @@ pub(super) fn part(roi: Roi, size: Size, path: &Path) -> Result<Roi, Failure> {
 ///
 /// # Errors
 /// What was expected.
-pub(super) fn parse_roi(text: &str) -> Result<Roi, String> {
+pub(super) fn parse_roi(text: &str) -> Result<Roi, ArgumentError> {
     let numbers: Option<Vec<u32>> = text
         .split(',')
         .map(|number| number.trim().parse().ok())
         .collect();
     match numbers.as_deref() {
         Some(&[x, y, w, h]) if w > 0 && h > 0 => Ok(Roi { x, y, w, h }),
-        _ => Err(
-            "expected x,y,w,h in whole pixels, such as 100,80,40,30; w and h at least 1".to_owned(),
-        ),
+        _ => Err(ArgumentError::Roi),
     }
 }
 

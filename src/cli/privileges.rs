@@ -55,17 +55,27 @@ fn give_folder(data: &Path, user: &User) -> std::io::Result<()> {
     chown(data, Some(user.uid.as_raw()), Some(user.gid.as_raw()))
 }
 
-fn become_user(user: &User) -> Result<(), String> {
-    let words = |error: nix::Error| error.to_string();
-    let name = CString::new(user.name.as_str()).map_err(|error| error.to_string())?;
-    initgroups(&name, user.gid).map_err(words)?;
-    setgid(user.gid).map_err(words)?;
-    setuid(user.uid).map_err(words)?;
+/// Why a process is still root.
+#[derive(Debug, thiserror::Error)]
+enum StillRoot {
+    #[error(transparent)]
+    Name(#[from] std::ffi::NulError),
+    #[error(transparent)]
+    System(#[from] nix::Error),
+    #[error("the system has not let go of root")]
+    Kept,
+}
+
+fn become_user(user: &User) -> Result<(), StillRoot> {
+    let name = CString::new(user.name.as_str())?;
+    initgroups(&name, user.gid)?;
+    setgid(user.gid)?;
+    setuid(user.uid)?;
     if Uid::effective() != user.uid
         || Gid::effective() != user.gid
         || setuid(Uid::from_raw(0)).is_ok()
     {
-        return Err("the system has not let go of root".to_owned());
+        return Err(StillRoot::Kept);
     }
     Ok(())
 }

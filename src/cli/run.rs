@@ -10,6 +10,7 @@ use tokio::sync::watch;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
+use super::argument::ArgumentError;
 use super::cast::{Cast, Casting};
 use super::embedded::{EmbeddedSim, Simulated};
 use super::fast::{EventFile, Fast, Keeping};
@@ -121,13 +122,13 @@ fn restart_words() -> impl TypedValueParser<Value = RestartPolicy> {
 }
 
 /// A number of seconds, up to a year.
-pub(super) fn parse_seconds(text: &str) -> Result<Duration, String> {
+pub(super) fn parse_seconds(text: &str) -> Result<Duration, ArgumentError> {
     let seconds = text
         .parse()
         .ok()
         .filter(|seconds| (0.0..=LONGEST_RUN).contains(seconds));
     let duration = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
-    duration.ok_or_else(|| format!("expected a number of seconds, at most {LONGEST_RUN}"))
+    duration.ok_or(ArgumentError::Duration(LONGEST_RUN))
 }
 
 /// Runs until the scripts have ended, the time is over, or a person interrupts.

@@ -21,7 +21,7 @@ const HEAD: [(&str, Side); 8] = [
     ("BEHAVIOURS", Side::Left),
 ];
 
-/// Tell which runs are on: robot, battery, place, behaviours, the timetable's next start
+/// List the runs that are on: robot, battery, place, behaviours, the timetable's next start
 ///
 /// Asks every `spykee run` of this data folder, by its private socket there. `spykee robot battery`,
 /// `info`, `snapshot`, `dock`, `undock`, `stop`, `led`, `play`, `volume` and `say` go through a run that

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
 
+use super::argument::ArgumentError;
 use super::{Exit, Failure, print};
 use crate::service::{Unit, unit};
 
@@ -114,11 +115,12 @@ impl UnitArgs {
 }
 
 /// A name as systemd takes it: it must stay one word of one line.
-fn user(name: &str) -> Result<String, String> {
+fn user(name: &str) -> Result<String, ArgumentError> {
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-    match !name.is_empty() && name.len() <= 31 && name.chars().all(plain) {
-        true => Ok(name.to_owned()),
-        false => Err("a user's name has letters, digits, -, _ and dots, at most 31".to_owned()),
+    if !name.is_empty() && name.len() <= 31 && name.chars().all(plain) {
+        Ok(name.to_owned())
+    } else {
+        Err(ArgumentError::User)
     }
 }
 

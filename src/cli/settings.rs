@@ -2,9 +2,10 @@
 
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::Failure;
-use crate::config::{Config, Effective};
+use crate::config::{Config, ConfigError, Effective};
 
 /// Which settings.
 #[derive(Debug, Clone, Default, clap::Args)]
@@ -14,7 +15,7 @@ pub(super) struct SettingsArgs {
     config: Option<PathBuf>,
 
     #[arg(skip)]
-    read: OnceCell<Box<Result<Effective, String>>>,
+    read: OnceCell<Arc<Result<Effective, ConfigError>>>,
 }
 
 impl SettingsArgs {
@@ -24,9 +25,7 @@ impl SettingsArgs {
     /// A config or variable that cannot be used.
     pub(super) fn load(&self) -> Result<&Effective, Failure> {
         let named = self.config.as_deref();
-        let read = self
-            .read
-            .get_or_init(|| Box::new(Effective::load(named).map_err(|error| error.to_string())));
+        let read = self.read.get_or_init(|| Arc::new(Effective::load(named)));
         (**read).as_ref().map_err(Failure::usage)
     }
 

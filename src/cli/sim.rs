@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use tokio::time::interval;
 
+use super::argument::ArgumentError;
 use super::embedded::load;
 use super::firmware::FirmwareArgs;
 use super::interrupt::interruption;
@@ -46,9 +47,9 @@ pub(super) struct SimArgs {
     login: LoginArgs,
 }
 
-fn parse_fps(text: &str) -> Result<f64, String> {
+fn parse_fps(text: &str) -> Result<f64, ArgumentError> {
     let fps = text.parse().ok().filter(|fps| (0.1..=60.0).contains(fps));
-    fps.ok_or_else(|| "expected 0.1 to 60 frames a second".to_owned())
+    fps.ok_or(ArgumentError::FrameRate)
 }
 
 /// Serves until interrupted.

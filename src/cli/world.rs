@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use super::argument::ArgumentError;
 use super::embedded::load;
 use super::world_name::WorldParser;
 use super::{Exit, Failure, print};
@@ -45,13 +46,13 @@ enum Action {
 ///
 /// # Errors
 /// What was expected.
-pub(super) fn parse_png(text: &str) -> Result<PathBuf, String> {
+pub(super) fn parse_png(text: &str) -> Result<PathBuf, ArgumentError> {
     let path = PathBuf::from(text);
     let ending = path.extension().unwrap_or_default();
     if ending.eq_ignore_ascii_case("png") {
         return Ok(path);
     }
-    Err("expected a file that ends in .png".to_owned())
+    Err(ArgumentError::Png)
 }
 
 /// Shows, lists or checks worlds.

@@ -7,6 +7,8 @@ use std::time::Duration;
 use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use super::error::ClockError;
+
 /// The longest: a year.
 const LONGEST: u64 = 366 * 86_400;
 const UNITS: [(char, u64); 4] = [('d', 86_400), ('h', 3_600), ('m', 60), ('s', 1)];
@@ -33,10 +35,10 @@ impl Span {
 }
 
 impl FromStr for Span {
-    type Err = String;
+    type Err = ClockError;
 
-    fn from_str(text: &str) -> Result<Span, String> {
-        let wrong = || format!("`{text}` is no length of time such as 90s, 30m, 1h30m or 7d");
+    fn from_str(text: &str) -> Result<Span, ClockError> {
+        let wrong = || ClockError::Span(text.to_owned());
         let (mut total, mut digits, mut units) = (0u64, String::new(), UNITS.as_slice());
         for c in text.trim().chars() {
             if c.is_ascii_digit() {
@@ -92,8 +94,9 @@ impl<'de> Deserialize<'de> for Span {
             }
 
             fn visit_str<E: Error>(self, text: &str) -> Result<Span, E> {
-                text.parse()
-                    .map_err(|why| E::custom(format_args!("{why}, expected such a one")))
+                text.parse().map_err(|why: ClockError| {
+                    E::custom(format_args!("{why}, expected such a one"))
+                })
             }
 
             fn visit_u64<E: Error>(self, seconds: u64) -> Result<Span, E> {

@@ -10,6 +10,8 @@ use jiff::{Zoned, tz};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use super::error::ClockError;
+
 /// See the module.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Zone {
@@ -50,14 +52,14 @@ impl Zone {
 }
 
 impl FromStr for Zone {
-    type Err = String;
+    type Err = ClockError;
 
-    fn from_str(name: &str) -> Result<Zone, String> {
+    fn from_str(name: &str) -> Result<Zone, ClockError> {
         if name.eq_ignore_ascii_case("utc") {
             return Ok(Zone::utc());
         }
         let rules = TimeZoneDatabase::bundled().get(name);
-        let rules = rules.map_err(|_| format!("no time zone is called `{name}`"))?;
+        let rules = rules.map_err(|_| ClockError::Zone(name.to_owned()))?;
         let name = rules.iana_name().unwrap_or(name).to_owned();
         Ok(Zone { name, rules })
     }
@@ -86,7 +88,7 @@ impl<'de> Deserialize<'de> for Zone {
             }
 
             fn visit_str<E: Error>(self, name: &str) -> Result<Zone, E> {
-                name.parse().map_err(|why| {
+                name.parse().map_err(|why: ClockError| {
                     E::custom(format_args!(
                         "{why}, expected one such as Europe/Rome or UTC"
                     ))

@@ -115,8 +115,12 @@ impl Effective {
                 effective.variables.insert(key, name);
             }
         }
-        let levels = effective.config.watchdog.check();
-        let checked = levels.and_then(|()| effective.config.mqtt.check());
+        let limits = effective.config.watchdog.check();
+        let limits = limits.map_err(|error| error.to_string());
+        let checked = limits.and_then(|()| {
+            let mqtt = effective.config.mqtt.check();
+            mqtt.map_err(|error| error.to_string())
+        });
         checked.map_err(|reason| invalid("the environment", &reason))?;
         Ok(effective)
     }

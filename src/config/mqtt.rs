@@ -64,12 +64,37 @@ impl Default for Mqtt {
     }
 }
 
+/// What is wrong in [`Mqtt`].
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum MqttError {
+    /// A prefix that makes no topics.
+    #[error(
+        "mqtt.{key}: `{prefix}` must be letters, digits, - and _, with single slashes between, at \
+         most {LONGEST_PREFIX}"
+    )]
+    Prefix {
+        /// Which.
+        key: &'static str,
+        /// As written.
+        prefix: String,
+    },
+    /// Too short.
+    #[error("mqtt.keep_alive: at least 1 second")]
+    KeepAlive,
+    /// Too short.
+    #[error("mqtt.longest_pause: at least 0.1 seconds")]
+    LongestPause,
+    /// A password for no user.
+    #[error("mqtt.password_file: there is no mqtt.user whose password it is")]
+    PasswordFile,
+}
+
 impl Mqtt {
     /// What no type can say.
     ///
     /// # Errors
-    /// In words.
-    pub fn check(&self) -> Result<(), String> {
+    /// See [`MqttError`].
+    pub fn check(&self) -> Result<(), MqttError> {
         for (key, prefix) in [
             ("prefix", &self.prefix),
             ("discovery_prefix", &self.discovery_prefix),
@@ -77,22 +102,18 @@ impl Mqtt {
             let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '/');
             let levels = prefix.split('/').all(|level| !level.is_empty());
             if !levels || prefix.len() > LONGEST_PREFIX || !prefix.chars().all(plain) {
-                return Err(format!(
-                    "mqtt.{key}: `{prefix}` must be letters, digits, - and _, with single slashes \
-                     between, at most {LONGEST_PREFIX}"
-                ));
+                let prefix = prefix.clone();
+                return Err(MqttError::Prefix { key, prefix });
             }
         }
         if self.keep_alive < Seconds::from_secs(1) {
-            return Err("mqtt.keep_alive: at least 1 second".to_owned());
+            return Err(MqttError::KeepAlive);
         }
         if self.longest_pause < SHORTEST_PAUSE {
-            return Err("mqtt.longest_pause: at least 0.1 seconds".to_owned());
+            return Err(MqttError::LongestPause);
         }
         if self.password_file.is_some() && self.user.is_none() {
-            return Err(
-                "mqtt.password_file: there is no mqtt.user whose password it is".to_owned(),
-            );
+            return Err(MqttError::PasswordFile);
         }
         Ok(())
     }
@@ -125,7 +146,8 @@ mod tests {
 
     fn checked(text: &str) -> Result<Mqtt, String> {
         let options: Mqtt = serde_yaml::from_str(text).map_err(|error| error.to_string())?;
-        options.check().map(|()| options)
+        let checked = options.check().map_err(|error| error.to_string());
+        checked.map(|()| options)
     }
 
     #[test]

@@ -98,7 +98,7 @@ impl Client {
     }
 }
 
-/// On a thread of its own; the service gives up what nobody waits for any more when this process ends.
+/// On a thread of its own; the service gives up an errand when the process that asked ends.
 async fn ask_web(remote: Remote, errand: &Errand, limit: Duration) -> Result<Answer, AskError> {
     let errand = errand.clone();
     let asked = tokio::task::spawn_blocking(move || remote.ask(&errand, limit));

@@ -21,6 +21,7 @@ use crate::robot::channel::{Crew, Request, Role};
 use crate::robot::{BehaviourId, Intent, Pictures, Priority, Streams, Use};
 use crate::safety::WatchdogState;
 use crate::timetable::View;
+use crate::vision::validate_markers;
 use crate::wire::Stream;
 
 /// Clients that are served at a time; more wait in the system's queue.
@@ -107,7 +108,7 @@ impl Desk {
     }
 }
 
-/// One client: one errand. Whoever hangs up has changed his mind.
+/// One client: one errand. A client that hangs up cancels it.
 async fn serve(stream: UnixStream, run: Run) {
     let mut pipe = Pipe::new(stream);
     let errand = match timeout(ASKING, pipe.receive::<Errand>()).await {
@@ -129,7 +130,7 @@ async fn serve(stream: UnixStream, run: Run) {
 }
 
 impl Run {
-    /// Does one thing for a person, by the same rules whoever brings it: a tool, a page or a broker.
+    /// Does one thing for a person, by the same rules from a tool, a page or a broker.
     /// Dropping the wait gives it up.
     pub async fn perform(&self, errand: Errand) -> Answer {
         let errand = match errand {
@@ -283,7 +284,11 @@ impl Run {
         let last = number(&pictures.borrow());
         seat.intend(Intent::Stream { stream, on: true }).await?;
         // By number: a laboratory's time is another than the asker's.
-        let new = |pictures: &Pictures| pictures.newest.is_some() && number(pictures) != last;
+        let new = |pictures: &Pictures| {
+            let newest = pictures.newest.as_ref();
+            number(pictures) != last
+                && newest.is_some_and(|frame| validate_markers(&frame.jpeg).is_ok())
+        };
         Ok(match timeout(limit, pictures.wait_for(new)).await {
             Ok(Ok(pictures)) => match &pictures.newest {
                 Some(frame) => Answer::Picture(frame.jpeg.to_vec()),
@@ -304,7 +309,7 @@ impl Run {
         Seat::join(self.requests.clone(), by, name, PERSON, Role::Person).await
     }
 
-    /// STOP: from now on nothing moves the robot, whoever wants it, until it is let go.
+    /// STOP: from now on nothing moves the robot until the stop is released.
     ///
     /// # Errors
     /// [`SeatError::Closed`]: the run is over, and the robot was stopped at its end.

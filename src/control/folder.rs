@@ -31,7 +31,7 @@ impl Folder {
     /// Opens the folder, and makes it if need be.
     ///
     /// # Errors
-    /// What the system says, or it is somebody else's.
+    /// The system's error, or it belongs to another user.
     pub(super) fn make(data: &Path) -> io::Result<Folder> {
         let (path, new) = (data.join(NAME), !data.exists());
         DirBuilder::new()
@@ -46,7 +46,7 @@ impl Folder {
     /// Opens the folder.
     ///
     /// # Errors
-    /// There is none, or it is somebody else's.
+    /// There is none, or it belongs to another user.
     pub(super) fn open(data: &Path) -> io::Result<Folder> {
         let path = data.join(NAME);
         let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;

@@ -20,7 +20,7 @@ use crate::files;
 const MAX_FILE_LEN: u64 = 4096;
 const MAX_PASSWORD: usize = 1024;
 
-/// Why nobody can be let in.
+/// Why access cannot be set up.
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
     /// Everybody in reach of that address could drive.
@@ -42,7 +42,7 @@ pub enum AccessError {
     Tokens(#[from] KeyringError),
 }
 
-/// Why somebody was not let in.
+/// Why a visitor was not let in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub(super) enum Denied {
     #[error("that is not the password")]
@@ -85,13 +85,14 @@ impl Access {
             sessions: Mutex::default(),
             attempts: Mutex::new(Attempts::new(Instant::now())),
         };
-        match access.is_open() && !listen.ip().is_loopback() {
-            true => Err(AccessError::Open(listen)),
-            false => Ok(access),
+        if access.is_open() && !listen.ip().is_loopback() {
+            Err(AccessError::Open(listen))
+        } else {
+            Ok(access)
         }
     }
 
-    /// Nobody has to say who he is: loopback, and neither a password nor a token.
+    /// No login is needed: loopback, and neither a password nor a token.
     pub fn is_open(&self) -> bool {
         self.passwords.is_empty() && self.keyring.is_empty()
     }
@@ -141,9 +142,10 @@ impl Access {
 
     /// Who comes with this session, or without any.
     pub(super) fn of_session(&self, session: Option<&str>) -> Option<Visitor> {
-        let role = match self.is_open() {
-            true => Some(Role::Driver),
-            false => lock(&self.sessions).role(session?, Instant::now()),
+        let role = if self.is_open() {
+            Some(Role::Driver)
+        } else {
+            lock(&self.sessions).role(session?, Instant::now())
         };
         role.map(|role| Visitor { role, token: None })
     }

@@ -1,4 +1,4 @@
-//! How often somebody may try to log in: a few times at once, then slowly. Pure: the time is an
+//! How often a visitor may try to log in: a few times at once, then slowly. Pure: the time is an
 //! argument.
 
 use std::collections::BTreeMap;

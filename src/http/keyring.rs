@@ -41,7 +41,7 @@ pub struct Listed {
 /// Why tokens cannot be read or changed.
 #[derive(Debug, thiserror::Error)]
 pub enum KeyringError {
-    /// The file is there and not usable; nobody is let in by token then.
+    /// The file is there and not usable; no token is accepted then.
     #[error("cannot use the tokens in {path}: {why}")]
     Broken {
         /// Which.

@@ -31,7 +31,7 @@ struct Credentials {
 pub struct Me {
     /// What he may do; null: he has to log in first.
     pub role: Option<Role>,
-    /// Nobody has to log in here.
+    /// No login is needed here.
     pub open: bool,
     /// There is a password to log in with.
     pub password: bool,

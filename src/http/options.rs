@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// Where the page is unless somebody says something else.
+/// Where the page is by default.
 const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 7788);
 /// Viewers at a time, unless the config says something else.
 const VIEWERS: u16 = 32;

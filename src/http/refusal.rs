@@ -29,7 +29,7 @@ impl Refusal {
         }
     }
 
-    /// Nobody is logged in.
+    /// Not logged in.
     pub fn unknown() -> Refusal {
         Refusal::new(StatusCode::UNAUTHORIZED, "log in first, or send a token")
     }

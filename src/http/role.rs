@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What somebody may do. Whoever may look may also stop the robot.
+/// What a visitor may do. One who may look may also stop the robot.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
@@ -25,7 +25,7 @@ impl Role {
     }
 }
 
-/// Somebody who was let in.
+/// A visitor who was let in.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Visitor {
     /// What he may do.

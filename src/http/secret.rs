@@ -4,7 +4,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use sha2::{Digest as _, Sha256};
 use subtle::ConstantTimeEq as _;
 
-/// Random bytes of a token or a session: nobody guesses 256 bits, so that they need no slow hash.
+/// Random bytes of a token or a session: 256 bits cannot be guessed, so they need no slow hash.
 const RANDOM: usize = 32;
 
 /// Of a secret; shows nothing of it.

@@ -26,7 +26,7 @@ pub enum JournalError {
     /// It is of another version.
     #[error("{0}")]
     Version(String),
-    /// It is another program's, or somebody has put something into it.
+    /// It is another program's, or another program has altered it.
     #[error("{0}")]
     Foreign(String),
     /// The disk is nearly full.

@@ -165,9 +165,10 @@ impl History {
         span: &Span,
         data: impl Fn(&rusqlite::Row<'_>) -> rusqlite::Result<Map<String, Value>>,
     ) -> Result<Vec<Record>, JournalError> {
-        let condition = match conditions.is_empty() {
-            true => String::new(),
-            false => format!("WHERE {}", conditions.join(" AND ")),
+        let condition = if conditions.is_empty() {
+            String::new()
+        } else {
+            format!("WHERE {}", conditions.join(" AND "))
         };
         let limit = span.newest.map_or(-1, i64::from);
         // As they happened, whatever the clock showed: it may have been set back in between.

@@ -46,9 +46,10 @@ impl Content {
         // An occurrence has no key that JSON could not have.
         let data =
             serde_json::to_string(what).unwrap_or_else(|_| json!({ "event": kind }).to_string());
-        let data = match data.len() > LONGEST {
-            true => json!({ "event": kind, "too_long": data.len() }).to_string(),
-            false => data,
+        let data = if data.len() > LONGEST {
+            json!({ "event": kind, "too_long": data.len() }).to_string()
+        } else {
+            data
         };
         Content::Event {
             kind,

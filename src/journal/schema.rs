@@ -57,7 +57,7 @@ pub(super) fn version(connection: &Connection) -> rusqlite::Result<usize> {
     Ok(version as usize)
 }
 
-/// What a file is made of: tables, indices, and what somebody else may have put there.
+/// What a file is made of: tables, indices, and what another program may have added.
 fn parts(connection: &Connection) -> rusqlite::Result<Vec<[Option<String>; 3]>> {
     let select = "SELECT type, name, sql FROM sqlite_schema ORDER BY type, name";
     let mut select = connection.prepare(select)?;
@@ -66,7 +66,7 @@ fn parts(connection: &Connection) -> rusqlite::Result<Vec<[Option<String>; 3]>> 
 }
 
 /// Whether a file of this version is made of the same as one that this program has made, to the letter.
-/// A view or a trigger of somebody else could go on without end, whenever it is read or written.
+/// A foreign view or trigger could run without end, whenever it is read or written.
 ///
 /// # Errors
 /// [`SchemaError::Foreign`], or SQLite's words.
@@ -79,9 +79,10 @@ fn judge_by(steps: &[&str], connection: &Connection, version: usize) -> Result<(
     for step in steps.iter().take(version) {
         own.execute_batch(step)?;
     }
-    match parts(connection)? == parts(&own)? {
-        true => Ok(()),
-        false => Err(SchemaError::Foreign),
+    if parts(connection)? == parts(&own)? {
+        Ok(())
+    } else {
+        Err(SchemaError::Foreign)
     }
 }
 

@@ -26,7 +26,7 @@ pub enum EventKind {
     Ended,
     /// Anything else that agent or simulator found worth a line.
     Note,
-    /// The end of all: `x`, `y`, `heading`, `battery`, `docked`, `collisions`.
+    /// The end of all: `x`, `y`, `heading`, `battery`, `docked`, `distance` (metres driven), `collisions`.
     End,
 }
 

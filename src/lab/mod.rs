@@ -149,7 +149,7 @@ impl Lab {
         let (pose, battery) = (state.pose, state.power.percent);
         tracing::debug!(
             target: "spykee::lab::end", x = pose.x, y = pose.y, heading = pose.heading, battery,
-            docked = state.docked, collisions = state.collisions, "the end"
+            docked = state.docked, distance = state.distance, collisions = state.collisions, "the end"
         );
     }
 }

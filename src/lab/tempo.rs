@@ -89,9 +89,10 @@ impl Course {
 
     /// How long it goes before it is held against the other again.
     fn beat(&self) -> Duration {
-        match self.going.paused {
-            true => STEP / 10,
-            false => BEAT.mul_f64(self.going.factor.get()),
+        if self.going.paused {
+            STEP / 10
+        } else {
+            BEAT.mul_f64(self.going.factor.get())
         }
     }
 
@@ -165,7 +166,7 @@ impl Tempo {
         self.course().now
     }
 
-    /// Holds the laboratory's clock until `stop` is cancelled: then nobody watches any more, and the rest
+    /// Holds the laboratory's clock until `stop` is cancelled: then there is no viewer any more, and the rest
     /// takes no time.
     pub(super) async fn keep(self, began: Instant, stop: CancellationToken) {
         let wall = std::time::Instant::now();

@@ -16,8 +16,8 @@ const LINGER: Duration = Duration::from_millis(300);
 /// What became of the last words of a connection.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Delivery {
-    /// The robot's side has acknowledged all that was written. That its program has read it is known
-    /// to nobody. Where the transport tells nothing of it: all was written.
+    /// The robot's side has acknowledged all that was written. Whether its program has read it is not
+    /// known. Where the transport tells nothing of it: all was written.
     Acknowledged,
     /// It has not.
     NotAcknowledged {

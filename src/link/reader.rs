@@ -12,17 +12,8 @@ use crate::wire::{Decoder, Report};
 /// A good part of a frame in one read, and nothing beside the robot's 64 KiB messages.
 const CHUNK_LEN: usize = 16 * 1024;
 
-/// A frame on its way is told of again when so many bytes more of it have come.
+/// A frame on its way is reported again when so many bytes more of it have come.
 const GROWTH: usize = 1024;
-
-/// What is heard of the robot.
-#[derive(Debug)]
-pub enum Heard {
-    /// A message.
-    Report(Report),
-    /// A frame on its way, as far as it has come.
-    Coming(Bytes),
-}
 
 /// The read half of a [`super::Session`]. Holds one message and one chunk, never more.
 pub struct Reader {
@@ -30,8 +21,8 @@ pub struct Reader {
     decoder: Decoder,
     chunk: Box<[u8]>,
     unread: std::ops::Range<usize>,
-    /// Bytes of the frame on its way that were told of.
-    told: usize,
+    /// Bytes of the frame on its way that were reported.
+    reported: usize,
     dead_after: Duration,
 }
 
@@ -42,7 +33,7 @@ impl Reader {
             decoder: Decoder::new(),
             chunk: vec![0; CHUNK_LEN].into_boxed_slice(),
             unread: 0..0,
-            told: 0,
+            reported: 0,
             dead_after,
         }
     }
@@ -53,28 +44,29 @@ impl Reader {
     /// As [`Reader::hear`].
     pub async fn next(&mut self) -> Result<Report, LinkError> {
         loop {
-            if let Heard::Report(report) = self.hear().await? {
+            if let Some(report) = self.hear().await? {
                 return Ok(report);
             }
         }
     }
 
-    /// Waits for the next report or a good part more of a frame. Cancel-safe.
+    /// Waits for the next report. `None`: a good part more of a frame has come, which
+    /// [`Reader::coming_frame`] has. Cancel-safe.
     ///
     /// # Errors
     /// [`LinkError::Closed`] at the end of the stream, also within a message;
     /// [`LinkError::Framing`] when it is out of step, from then on always; [`LinkError::Dead`] when
     /// the system gave the connection up.
-    pub async fn hear(&mut self) -> Result<Heard, LinkError> {
+    pub async fn hear(&mut self) -> Result<Option<Report>, LinkError> {
         // Thousands of small messages fit into one chunk: timers must get their turn between them.
         coop::consume_budget().await;
         loop {
             if let Some(report) = self.decode()? {
-                self.told = 0;
-                return Ok(Heard::Report(report));
+                self.reported = 0;
+                return Ok(Some(report));
             }
-            if let Some(beginning) = self.growth() {
-                return Ok(Heard::Coming(beginning));
+            if self.has_grown() {
+                return Ok(None);
             }
             let read = self.io.read(&mut self.chunk).await;
             let count = read.map_err(|error| LinkError::from_io(error, self.dead_after))?;
@@ -95,12 +87,18 @@ impl Reader {
         }
     }
 
-    fn growth(&mut self) -> Option<Bytes> {
-        let beginning = self.decoder.coming_frame()?;
-        (beginning.len() >= self.told + GROWTH).then(|| {
-            self.told = beginning.len();
-            Bytes::copy_from_slice(beginning)
-        })
+    /// The part of a frame that has come, if it is not whole yet.
+    pub fn coming_frame(&self) -> Option<Bytes> {
+        self.decoder.coming_frame().map(Bytes::copy_from_slice)
+    }
+
+    fn has_grown(&mut self) -> bool {
+        let come = self.decoder.coming_frame().map_or(0, <[u8]>::len);
+        let grown = come >= self.reported + GROWTH;
+        if grown {
+            self.reported = come;
+        }
+        grown
     }
 
     fn decode(&mut self) -> Result<Option<Report>, LinkError> {
@@ -141,7 +139,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_frame_on_its_way_is_told_of_as_it_grows() {
+    async fn a_frame_on_its_way_is_reported_as_it_grows() {
         let jpeg: Bytes = (0..5000).map(|index| index as u8).collect();
         let mut pieces = pieces(&Report::Video(jpeg.clone()), 700);
         pieces.extend(self::pieces(&Report::Audio(jpeg.clone()), 700));
@@ -149,8 +147,8 @@ mod tests {
         let mut told = Vec::new();
         let report = loop {
             match reader.hear().await.unwrap() {
-                Heard::Coming(beginning) => told.push(beginning),
-                Heard::Report(report) => break report,
+                None => told.push(reader.coming_frame().unwrap()),
+                Some(report) => break report,
             }
         };
         assert_eq!(report, Report::Video(jpeg.clone()));
@@ -162,10 +160,7 @@ mod tests {
             "{lens:?}"
         );
         // Of nothing else.
-        assert!(matches!(
-            reader.hear().await,
-            Ok(Heard::Report(Report::Audio(_)))
-        ));
+        assert!(matches!(reader.hear().await, Ok(Some(Report::Audio(_)))));
     }
 
     #[tokio::test]

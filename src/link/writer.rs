@@ -15,7 +15,7 @@ use tokio::task::coop;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::LinkError;
-use super::outbox::Outbox;
+use super::send_queue::SendQueue;
 use super::unsent::unacknowledged;
 use crate::wire::Command;
 
@@ -33,7 +33,7 @@ pub struct Writer {
     io: Box<dyn AsyncWrite + Send + Unpin>,
     /// The same socket once more: writes without a runtime, in the middle of a panic.
     direct: Option<TcpStream>,
-    outbox: Outbox,
+    queue: SendQueue,
     last_words: Vec<Command>,
     dead_after: Duration,
     /// The tracks may be on: a drop must say the last words.
@@ -51,7 +51,7 @@ impl Writer {
         Writer {
             io,
             direct,
-            outbox: Outbox::default(),
+            queue: SendQueue::default(),
             last_words: vec![Command::STOP],
             dead_after,
             armed: false,
@@ -72,7 +72,7 @@ impl Writer {
     /// What another process must write if this one cannot any more: what is left of a message of which
     /// a part is out, then whole messages.
     pub fn last_words(&self) -> (&[u8], Vec<u8>) {
-        self.outbox.after_replacing(&self.last_words)
+        self.queue.after_replacing(&self.last_words)
     }
 
     /// The socket, if there is one: not in virtual time.
@@ -96,7 +96,7 @@ impl Writer {
     /// # Errors
     /// [`LinkError::Dead`] when too much waits already.
     pub fn queue(&mut self, commands: &[Command], now: Instant) -> Result<(), LinkError> {
-        if self.outbox.push(commands, now) {
+        if self.queue.push(commands, now) {
             Ok(())
         } else {
             let after = self.dead_after;
@@ -110,14 +110,14 @@ impl Writer {
     /// # Errors
     /// As [`Writer::send`].
     pub fn say(&mut self, samples: &Bytes) -> Result<bool, LinkError> {
-        let taken = self.outbox.say(samples);
+        let taken = self.queue.say(samples);
         self.write_ready()?;
         Ok(taken)
     }
 
     /// Forgets the samples of which no byte is out yet.
     pub fn drop_audio(&mut self) {
-        self.outbox.drop_audio();
+        self.queue.drop_audio();
     }
 
     /// Writes what waits, for ever. Cancel-safe: messages are never cut or mixed.
@@ -179,11 +179,11 @@ impl Writer {
     /// When to look again though the robot takes nothing.
     fn next_look(&self, now: Instant) -> Result<Instant, LinkError> {
         let after = self.dead_after;
-        let dead = self.outbox.waits_since().unwrap_or(now) + after;
+        let dead = self.queue.waits_since().unwrap_or(now) + after;
         if dead <= now {
             return Err(LinkError::Dead { after });
         }
-        let offer = self.outbox.next_offer(now);
+        let offer = self.queue.next_offer(now);
         Ok(offer.map_or(dead, |offer| offer.min(dead)))
     }
 
@@ -202,7 +202,7 @@ impl Writer {
             ready!(Pin::new(&mut self.io).poll_flush(cx))?;
             self.unflushed = false;
         }
-        if self.outbox.is_empty() {
+        if self.queue.is_empty() {
             Poll::Ready(Ok(()))
         } else {
             Poll::Pending
@@ -211,7 +211,7 @@ impl Writer {
 
     fn offer(&mut self, now: Instant) -> Bytes {
         let direct = &self.direct;
-        self.outbox
+        self.queue
             .offer(now, || direct.as_ref().and_then(unacknowledged))
     }
 
@@ -220,7 +220,7 @@ impl Writer {
             return Err(io::ErrorKind::WriteZero.into());
         }
         self.unflushed = true;
-        self.outbox.advance(count, now);
+        self.queue.advance(count, now);
         Ok(())
     }
 
@@ -243,11 +243,11 @@ impl Writer {
     /// might be motion.
     pub fn say_last_words(&mut self) {
         let now = Instant::now();
-        self.outbox.replace_unstarted(&self.last_words, now);
-        while !self.outbox.is_calm() {
+        self.queue.replace_unstarted(&self.last_words, now);
+        while !self.queue.is_calm() {
             let offer = self.offer(now);
             match self.write_now(&offer) {
-                Ok(count @ 1..) => self.outbox.advance(count, now),
+                Ok(count @ 1..) => self.queue.advance(count, now),
                 Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
                 Ok(0) | Err(_) => return,
             }

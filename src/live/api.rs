@@ -14,7 +14,7 @@ use super::hub::Hub;
 use super::order::{Done, Order, Turn, UNDOCK, errand, good, in_words, perform};
 use super::past::{self, Past};
 use super::scripts::{self, Behaviour, Text};
-use super::shapes::{Become, Dock, Docking, Health, Lamp, Outcome, Patience, Tune, Tuned, Volume};
+use super::shapes::{Become, Dock, Docking, Health, Lamp, Outcome, TimeLimit, Tune, Tuned, Volume};
 use super::state::{self, Rate};
 use super::ticket::Ticket;
 use super::{messages, openapi, viewer};
@@ -76,7 +76,7 @@ pub(super) fn routes(hub: Arc<Hub>) -> Router {
         .with_state(hub)
 }
 
-/// Says nothing that is anybody's business, so nobody has to log in for it.
+/// Reveals nothing private, so it needs no login.
 async fn healthz(State(hub): Shared) -> Response {
     let live = hub.is_alive();
     let ready = live && hub.run.status.borrow().link == LinkState::Up;
@@ -220,7 +220,7 @@ async fn kept(
 async fn picture(
     State(hub): Shared,
     _: Visitor,
-    Query(Patience { seconds }): Query<Patience>,
+    Query(TimeLimit { seconds }): Query<TimeLimit>,
 ) -> Result<Response, Refusal> {
     let limit = seconds.map_or(PICTURE, |seconds| patience(seconds, LONGEST_PICTURE));
     match hub.run.perform(Errand::Picture(limit)).await {
@@ -249,7 +249,7 @@ async fn dock(State(hub): Shared, _: Driver, body: Option<Json<Dock>>) -> Respon
     docking(hub.run.perform(Errand::Dock(plan)).await)
 }
 
-async fn undock(State(hub): Shared, _: Driver, body: Option<Json<Patience>>) -> Response {
+async fn undock(State(hub): Shared, _: Driver, body: Option<Json<TimeLimit>>) -> Response {
     let seconds = body.and_then(|Json(asked)| asked.seconds);
     let limit = seconds.map_or(UNDOCK, |seconds| patience(seconds, LONGEST_UNDOCKING));
     docking(hub.run.perform(Errand::Undock(limit)).await)
@@ -344,8 +344,9 @@ fn out_of_reach() -> Refusal {
 
 /// What is not done is a conflict with how things stand.
 fn outcome((ok, text): Done) -> Reply<Outcome> {
-    match ok {
-        true => Ok(Json(Outcome { ok, text })),
-        false => Err(Refusal::new(StatusCode::CONFLICT, text)),
+    if ok {
+        Ok(Json(Outcome { ok, text }))
+    } else {
+        Err(Refusal::new(StatusCode::CONFLICT, text))
     }
 }

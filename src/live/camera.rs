@@ -10,10 +10,15 @@ use tokio::time::{sleep, timeout};
 use crate::agent::SeatError;
 use crate::control::Run;
 use crate::robot::{Frame, Intent};
+use crate::vision::validate_markers;
 use crate::wire::Stream;
 
 /// The stream stays on for so long after the last viewer.
 const LINGER: Duration = Duration::from_secs(2);
+
+/// Behaviours get a frame first: sending it to many viewers keeps a small machine busy for longer than
+/// a behaviour needs for its answer, so viewers get it so much later.
+const AFTER_BEHAVIOURS: Duration = Duration::from_millis(5);
 
 /// See the module.
 #[derive(Debug)]
@@ -68,8 +73,10 @@ impl Camera {
     async fn pass_on(&self, run: &Run) {
         let (mut pictures, mut last) = (run.pictures.clone(), 0);
         while pictures.changed().await.is_ok() {
+            sleep(AFTER_BEHAVIOURS).await;
             let newest = pictures.borrow_and_update().newest.clone();
-            if let Some(frame) = newest.filter(|frame| frame.seq != last) {
+            let sound = |frame: &Frame| validate_markers(&frame.jpeg).is_ok();
+            if let Some(frame) = newest.filter(|frame| frame.seq != last && sound(frame)) {
                 last = frame.seq;
                 self.bytes
                     .fetch_add(frame.jpeg.len() as u64, Ordering::Relaxed);
@@ -78,7 +85,7 @@ impl Camera {
         }
     }
 
-    /// While somebody looks, and a little longer, the stream is wanted.
+    /// While there is a viewer, and a little longer, the stream is wanted.
     async fn want(&self, run: &Run) {
         let mut viewers = self.viewers.subscribe();
         while viewers.wait_for(|viewers| *viewers > 0).await.is_ok() {

@@ -111,7 +111,7 @@ impl Hub {
         self.robot.borrow().clone()
     }
 
-    /// STOP: first the robot, at once; then whoever drives by hand, and all behaviours.
+    /// STOP: first the robot, at once; then the viewer that drives by hand, and all behaviours.
     ///
     /// # Errors
     /// The run is over.
@@ -178,7 +178,7 @@ impl Hub {
                     list,
                 }) => {
                     let marks = list.into_iter().map(Found::from).collect();
-                    // Fails if nobody looks.
+                    // Fails without viewers.
                     let _ = self.found.send(text(&ToPage::Found {
                         behaviour,
                         frame,

@@ -16,14 +16,14 @@ use tracing_subscriber::layer::Context;
 
 /// Lines that may wait to be kept.
 const MAX_WAITING: usize = 512;
-/// Lines that are kept for whoever comes later.
+/// Lines that are kept for later viewers.
 const KEPT: usize = 400;
 /// Lines that a viewer may be behind.
 const BEHIND: usize = 256;
 /// Characters of a line.
 const LONGEST: usize = 2000;
 
-/// Where lines go, once somebody wants them. The program has one log.
+/// Where lines go, once there is a viewer. The program has one log.
 static TAP: OnceLock<mpsc::Sender<Line>> = OnceLock::new();
 static LEFT_OUT: AtomicU64 = AtomicU64::new(0);
 
@@ -185,7 +185,7 @@ impl Book {
             kept.pop_front();
         }
         kept.push_back(line.clone());
-        // Fails if nobody looks. Under the lock, so that nobody sees a line twice or never.
+        // Fails without viewers. Under the lock, so that no viewer sees a line twice or never.
         let _ = self.news.send(line);
     }
 

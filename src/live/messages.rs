@@ -22,7 +22,7 @@ pub(super) enum FromPage {
     Watch(Watch),
     /// The last frame was shown: the next, please.
     Taken,
-    /// What the others call whoever looks.
+    /// What the others call this viewer.
     Name {
         /// At most 24 characters.
         name: String,
@@ -36,7 +36,7 @@ pub(super) enum FromPage {
         /// Take it.
         take: bool,
     },
-    /// Drive so for 0.3 s at most; for whoever has the wheel.
+    /// Drive so for 0.3 s at most; for the viewer that has the wheel.
     Drive {
         /// Percent of full power, -100..=100.
         left: f64,
@@ -113,7 +113,7 @@ pub(super) enum ToPage<'a> {
         /// In words, if there is something to say.
         text: String,
     },
-    /// Something that only this viewer is told, such as that somebody else has the wheel.
+    /// Something that only this viewer is told, such as that another viewer has the wheel.
     Notice {
         /// A key of the page's texts.
         key: &'static str,

@@ -5,7 +5,7 @@ use serde_json::{Map, Value, json};
 
 use super::past::{Past, Start};
 use super::scripts::{Behaviour, Text};
-use super::shapes::{Become, Dock, Docking, Health, Lamp, Outcome, Patience, Tune, Tuned, Volume};
+use super::shapes::{Become, Dock, Docking, Health, Lamp, Outcome, TimeLimit, Tune, Tuned, Volume};
 use super::state::State;
 use crate::control::Report;
 use crate::http::Me;
@@ -28,7 +28,7 @@ enum Gives {
 struct Call {
     path: &'static str,
     about: &'static str,
-    /// Who may: nobody in particular, `viewer` or `driver`.
+    /// Who may: anyone, `viewer` or `driver`.
     role: Option<&'static str>,
     /// `None`: GET.
     takes: Option<Body>,
@@ -213,7 +213,7 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
         (
             "/api/undock",
             "Leave the station; answered when it has left, or has not: then with 409.",
-            shape_of::<Patience>(generator),
+            shape_of::<TimeLimit>(generator),
         ),
     ];
     for (path, about, body) in dockings {

@@ -12,7 +12,7 @@ use super::world::Simulation;
 use crate::control::{self, Answer, Errand, Run};
 use crate::lab::{Factor, Tempo};
 use crate::robot::{DockEnd, DockPlan, ParamValue, Percent};
-use crate::sim::{DocumentError, Fault, Handle, Point, Pose};
+use crate::sim::{Fault, Handle, Point, Pose};
 use crate::wire;
 
 /// How long an undocking may take.
@@ -185,7 +185,7 @@ pub(super) async fn perform(order: Order, run: &Run, sim: Option<&Simulation>) -
             (Order::Sim { change }, Some(sim)) => told(alter(change, sim)),
             (Order::Param { name, param, value }, _) => {
                 let turned = run.roster.turn(&name, &param, value);
-                told(turned.map_err(|error| error.to_string()))
+                told(turned)
             }
             (Order::Play { sound }, _) => (false, format!("there is no sound `{}`", short(&sound))),
             _ => (false, "this robot is no simulated one".to_owned()),
@@ -246,14 +246,27 @@ pub(super) fn good(end: DockEnd) -> bool {
     )
 }
 
-fn told(altered: Result<(), String>) -> Done {
+fn told(altered: Result<(), impl std::fmt::Display>) -> Done {
     match altered {
         Ok(()) => (true, String::new()),
-        Err(why) => (false, why),
+        Err(error) => (false, error.to_string()),
     }
 }
 
-fn alter(change: Change, simulation: &Simulation) -> Result<(), String> {
+/// Why the simulation is not altered.
+#[derive(Debug, thiserror::Error)]
+enum AlterError {
+    #[error("{0} is out of range")]
+    Range(&'static str),
+    #[error("the speed is out of range: 1 to 100")]
+    Speed,
+    #[error("this simulation goes by the clock on the wall; with --fast it has one of its own")]
+    NoTempo,
+    #[error("{0}")]
+    Fault(String),
+}
+
+fn alter(change: Change, simulation: &Simulation) -> Result<(), AlterError> {
     let sim = &simulation.robot;
     match change {
         Change::Place { x, y, heading } => {
@@ -290,27 +303,26 @@ fn alter(change: Change, simulation: &Simulation) -> Result<(), String> {
         Change::Pause { paused } => tempo(simulation)?.pause(paused),
         Change::Step => tempo(simulation)?.step(),
         Change::Speed { factor } => {
-            let factor = Factor::new(factor).ok_or("the speed is out of range: 1 to 100")?;
+            let factor = Factor::new(factor).ok_or(AlterError::Speed)?;
             tempo(simulation)?.hurry(factor);
         }
     }
     Ok(())
 }
 
-fn tempo(simulation: &Simulation) -> Result<&Tempo, &'static str> {
-    let none = "this simulation goes by the clock on the wall; with --fast it has one of its own";
-    simulation.tempo.as_ref().ok_or(none)
+fn tempo(simulation: &Simulation) -> Result<&Tempo, AlterError> {
+    simulation.tempo.as_ref().ok_or(AlterError::NoTempo)
 }
 
-fn within(is: bool, what: &str) -> Result<(), String> {
-    is.then_some(())
-        .ok_or_else(|| format!("{what} is out of range"))
+fn within(is: bool, what: &'static str) -> Result<(), AlterError> {
+    is.then_some(()).ok_or(AlterError::Range(what))
 }
 
 /// As in the YAML of `spykee sim --faults`, which is JSON too.
-fn begin(fault: Map<String, Value>, sim: &Handle) -> Result<(), String> {
+fn begin(fault: Map<String, Value>, sim: &Handle) -> Result<(), AlterError> {
     let list = json!({ "faults": [fault] }).to_string();
-    let faults = Fault::list_from_yaml(&list, "fault").map_err(DocumentError::into_message)?;
+    let faults = Fault::list_from_yaml(&list, "fault")
+        .map_err(|error| AlterError::Fault(error.into_message()))?;
     faults.into_iter().for_each(|fault| sim.begin(fault));
     Ok(())
 }

@@ -40,7 +40,7 @@ pub struct Shown {
 /// Why there is no page.
 #[derive(Debug, thiserror::Error)]
 pub enum LiveError {
-    /// Nobody could be let in, or everybody.
+    /// No visitor could be let in, or any.
     #[error(transparent)]
     Access(#[from] AccessError),
     /// No socket.
@@ -111,7 +111,7 @@ impl Live {
         self.address
     }
 
-    /// Nobody has to log in.
+    /// No login is needed.
     pub fn is_open(&self) -> bool {
         self.open
     }

@@ -86,7 +86,7 @@ pub(super) struct Dock {
 /// How long something may take.
 #[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
-pub(super) struct Patience {
+pub(super) struct TimeLimit {
     /// In whole seconds, 1..=600.
     pub seconds: Option<u64>,
 }

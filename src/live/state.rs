@@ -8,7 +8,7 @@ use tokio::time::Instant;
 
 use crate::control::{Next, Run, Start};
 use crate::robot::{RobotInfo, Use};
-use crate::safety::{Place, WatchdogState};
+use crate::safety::{DockState, WatchdogState};
 use crate::wire::Stream;
 
 /// Over how long frames are counted.
@@ -27,7 +27,7 @@ pub(super) struct State {
     pub docked: bool,
     /// The battery is low and the watchdog has the robot.
     pub low: bool,
-    /// STOP: a person has stopped the robot, and nobody has let go.
+    /// STOP: a person has stopped the robot, and the stop still holds.
     pub halted: bool,
     /// The battery, if it is known.
     pub battery: Option<Level>,
@@ -194,11 +194,11 @@ fn safety(state: WatchdogState) -> &'static str {
     }
 }
 
-fn place(place: Place) -> &'static str {
+fn place(place: DockState) -> &'static str {
     match place {
-        Place::Charging => "charging",
-        Place::ContactSaid => "contact",
-        Place::Left(_) => "off",
-        Place::Unknown => "unknown",
+        DockState::Charging => "charging",
+        DockState::ContactSaid => "contact",
+        DockState::Left(_) => "off",
+        DockState::Unknown => "unknown",
     }
 }

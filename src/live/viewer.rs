@@ -381,9 +381,10 @@ async fn lines(log: &mut Option<broadcast::Receiver<Line>>) -> Utf8Bytes {
 }
 
 async fn send_text(sink: &mut Sink, text: Utf8Bytes) -> Option<()> {
-    match text.is_empty() {
-        true => Some(()),
-        false => send(sink, Message::Text(text)).await,
+    if text.is_empty() {
+        Some(())
+    } else {
+        send(sink, Message::Text(text)).await
     }
 }
 

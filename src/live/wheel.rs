@@ -1,6 +1,6 @@
 //! Driving by hand: a seat in front of the pilot, above all behaviours, for one person at a time.
 //!
-//! Whoever has the wheel has the tracks, which rest until he says otherwise. A setpoint lives 0.3 s;
+//! The viewer that has the wheel has the tracks, which rest until he says otherwise. A setpoint lives 0.3 s;
 //! then they rest again. The seat shows life from the task that judges this, so that if the task is
 //! stuck or gone, the watchdog stops the robot: by the seat's end at once, by its silence in 0.25 s.
 
@@ -26,7 +26,7 @@ const AGAIN: Duration = Duration::from_millis(200);
 /// A setpoint and when it came.
 pub(super) type Wish = (Setpoint, Instant);
 
-/// Drives as it is wished until nobody wishes any more. Leaving the seat stops the robot, or lets the
+/// Drives as its viewer asks until it stops asking. Leaving the seat stops the robot, or lets the
 /// next in line go on.
 pub(super) async fn drive(run: Run, name: String, mut wishes: watch::Receiver<Wish>) {
     info!("{name} drives by hand");
@@ -96,7 +96,7 @@ pub(super) async fn hold(run: Run, mut held: watch::Receiver<bool>) {
     }
 }
 
-/// Also if nobody is there any more who could let go of it here.
+/// Also if no viewer is left who could let go of it here.
 async fn until_free(held: &mut watch::Receiver<bool>) {
     let _ = held.wait_for(|held| !held).await;
 }

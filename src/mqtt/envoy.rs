@@ -46,7 +46,7 @@ pub(super) struct Envoy {
     /// When what has changed is told.
     due: Option<Instant>,
     /// Said by the broker already, on this line.
-    told: Told,
+    told: Published,
     backoff: Backoff,
     rng: StdRng,
     /// Events that found no room.
@@ -68,7 +68,7 @@ enum Side {
 
 /// What the broker knows on this line.
 #[derive(Default)]
-struct Told {
+struct Published {
     subscribed: bool,
     discovery: Option<Value>,
     presence: bool,
@@ -103,7 +103,7 @@ impl Envoy {
             topics,
             side: Side::Nameless,
             due: None,
-            told: Told::default(),
+            told: Published::default(),
             backoff: Backoff::new(&pauses),
             rng: StdRng::seed_from_u64(rand::random()),
             dropped: 0,
@@ -164,7 +164,7 @@ impl Envoy {
             // A line of another robot breaks, and the broker says so.
             self.topics = topics(&self.account, &robot.uid);
             self.side = Side::Pause(Instant::now());
-            self.told = Told::default();
+            self.told = Published::default();
         }
         self.robot = Some(robot);
     }
@@ -177,7 +177,7 @@ impl Envoy {
         // The same name each time: a broker that still holds an old line of ours lets go of it, and says
         // its will, before it lets us in.
         let client = format!("spykee-{}", self.topics.id);
-        self.told = Told::default();
+        self.told = Published::default();
         self.side = Side::Dialing(Line::dial(&self.account, &client, Some(will)));
     }
 
@@ -257,7 +257,7 @@ impl Envoy {
         Ok(())
     }
 
-    /// Home Assistant's event entity, and whoever else listens.
+    /// Home Assistant's event entity, and other subscribers.
     fn announce(&mut self, what: &Occurrence) {
         let Side::Up(line, _) = &self.side else {
             return;
@@ -282,9 +282,9 @@ impl Envoy {
         if message.topic == self.topics.birth() {
             if &message.payload[..] == b"online" {
                 // It knows nothing yet.
-                self.told = Told {
+                self.told = Published {
                     subscribed: true,
-                    ..Told::default()
+                    ..Published::default()
                 };
                 self.touch();
             }
@@ -295,7 +295,7 @@ impl Envoy {
         } else if message.topic == self.topics.behaviour() {
             choice(&message.payload).map(|order| (order, None))
         } else {
-            // A broker may say anything; nobody has asked for this.
+            // A broker may send anything; this was not subscribed to.
             return;
         };
         if message.retained {

@@ -53,9 +53,10 @@ impl Errands {
         let run = self.run.clone();
         let task = self.tasks.spawn(async move {
             let words = order.to_string();
-            let (done, picture) = match full {
-                true => (Err("too much is asked for at once".to_owned()), None),
-                false => perform(&run, order, chosen).await,
+            let (done, picture) = if full {
+                (Err("too much is asked for at once".to_owned()), None)
+            } else {
+                perform(&run, order, chosen).await
             };
             let (done, text) = match done {
                 Ok(text) => (true, text),
@@ -75,7 +76,7 @@ impl Errands {
         }
     }
 
-    /// Nobody asks for the docking under way any more.
+    /// Gives up the docking under way.
     pub(super) fn give_up_driving(&mut self) {
         if let Some(last) = self.drive.take() {
             last.abort();

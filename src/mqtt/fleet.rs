@@ -1,4 +1,4 @@
-//! All agents of a broker, as somebody sees them who comes by.
+//! All agents of a broker, as one client sees them.
 
 use std::collections::BTreeMap;
 use std::time::Duration;

@@ -168,7 +168,7 @@ impl Line {
     }
 }
 
-/// Drives the connection until it is lost, or nobody listens.
+/// Drives the connection until it is lost, or its reader is dropped.
 async fn pump(mut events: EventLoop, say: mpsc::Sender<Word>) {
     loop {
         let word = match events.poll().await {

@@ -53,7 +53,7 @@ pub fn publish(
 }
 
 async fn send(account: &Account, topic: &str, payload: Vec<u8>) -> Result<(), PostError> {
-    // A name that nobody else has: a second one would end the first.
+    // A unique name: a second client of the same name would end the first.
     let client = format!("spykee-post-{:016x}", rand::random::<u64>());
     let mut line = Line::dial(account, &client, None);
     let mut waiting = Some(payload);

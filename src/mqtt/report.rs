@@ -23,7 +23,7 @@ pub(super) struct Report {
     dock: Option<DockEnd>,
     /// Behaviours that failed and have not started since, with their last words.
     failures: BTreeMap<String, String>,
-    /// What `start` starts, if somebody has chosen.
+    /// What `start` starts, if one was chosen.
     chosen: Option<String>,
 }
 
@@ -76,7 +76,7 @@ impl Report {
             .or_else(|| members.first().map(|member| member.name.clone()))
     }
 
-    /// From now on `start` starts this one. False: nobody has this name.
+    /// From now on `start` starts this one. False: no behaviour has this name.
     pub(super) fn choose(&mut self, name: &str, members: &[Member]) -> bool {
         let known = members.iter().any(|member| member.name == name);
         if known {
@@ -171,9 +171,10 @@ mod tests {
         Member {
             name: name.to_owned(),
             priority: Priority(0),
-            state: match runs {
-                true => MemberState::Running { by, since },
-                false => MemberState::Idle,
+            state: if runs {
+                MemberState::Running { by, since }
+            } else {
+                MemberState::Idle
             },
             ending: None,
         }

@@ -71,9 +71,12 @@ impl Topics {
 
 /// A uid as part of a topic: it comes from a robot, and could hold what means something in topics.
 pub(super) fn id_of(uid: &str) -> String {
-    let plain = |c: char| match c.is_ascii_alphanumeric() || matches!(c, '-' | '_') {
-        true => c,
-        false => '_',
+    let plain = |c: char| {
+        if c.is_ascii_alphanumeric() || matches!(c, '-' | '_') {
+            c
+        } else {
+            '_'
+        }
     };
     match uid.chars().take(LONGEST_ID).map(plain).collect::<String>() {
         id if id.is_empty() => "robot".to_owned(),

@@ -1,4 +1,4 @@
-//! A message at the broker of MQTT that the config names. This room knows no broker: whoever starts it
+//! A message at the broker of MQTT that the config names. This room knows no broker: its owner
 //! brings the way there.
 
 use std::sync::Arc;

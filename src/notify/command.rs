@@ -48,7 +48,7 @@ pub(super) fn send(target: &Target, notice: &Notice, picture: Option<&Path>) -> 
 
 fn to_the_end(mut child: Child, notice: &Notice, limit: Duration) -> Delivery {
     if let Some(mut input) = child.stdin.take() {
-        // Shorter than what a pipe holds: this waits for nobody. Who does not read it need not.
+        // Shorter than a pipe's buffer: never blocks, even if the command does not read it.
         let _ = input.write_all(notice.text.as_bytes());
     }
     let mut left = limit;

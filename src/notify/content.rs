@@ -66,7 +66,7 @@ fn fields(json: Option<Value>, text: impl Fn() -> String) -> Vec<(String, String
         .collect()
 }
 
-/// Separates the parts of a form. Nobody can know it before, so no text and no picture of a script or a
+/// Separates the parts of a form. It is random, so no text and no picture of a script or a
 /// robot makes a part of its own.
 fn boundary() -> String {
     format!("spykee-{:032x}", rand::random::<u128>())

@@ -8,7 +8,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
 use super::notice::Rule;
-use super::template;
+use super::template::{self, UnknownName};
 use crate::robot::{Seconds, whole_within};
 
 /// More targets are refused: each has a thread.
@@ -134,14 +134,14 @@ impl Target {
         texts
     }
 
-    fn check(&self) -> Result<(), String> {
+    fn check(&self) -> Result<(), TargetError> {
         let ways = [
             self.url.is_some(),
             self.topic.is_some(),
             !self.command.is_empty(),
         ];
         if ways.iter().filter(|way| **way).count() != 1 {
-            return Err("it needs one of `url`, `topic` and `command`".to_owned());
+            return Err(TargetError::Ways);
         }
         for text in self.templates() {
             template::check(text)?;
@@ -149,49 +149,107 @@ impl Target {
         let wants_token = self.templates().iter().any(|text| text.contains("{token}"));
         let has_token = self.token_file.is_some() || self.token_env.is_some();
         if wants_token != has_token {
-            return Err(match wants_token {
-                true => "`{token}` needs `token_file` or `token_env`".to_owned(),
-                false => "its token is nowhere used: write {token} where it belongs".to_owned(),
+            return Err(if wants_token {
+                TargetError::NoToken
+            } else {
+                TargetError::UnusedToken
             });
         }
         if let Some(url) = &self.url {
             let known = url.starts_with("https://") || url.starts_with("http://");
             if !known && !url.starts_with('{') {
-                return Err("its url must begin with https:// or http://".to_owned());
+                return Err(TargetError::Url);
             }
             if !METHODS.contains(&self.method.as_str()) {
-                return Err(format!("its method must be one of {}", METHODS.join(", ")));
+                return Err(TargetError::Method);
             }
         }
         if self.body.is_some() && self.json.is_some() {
-            return Err("it has both `body` and `json`; one of them is sent".to_owned());
+            return Err(TargetError::TwoBodies);
         }
         match &self.topic {
             Some(topic) => self.check_topic(topic, has_token),
-            None if self.url.is_none() && has_token => {
-                Err("a command gets no token: it would stand in lists of processes".to_owned())
-            }
+            None if self.url.is_none() && has_token => Err(TargetError::TokenOfCommand),
             None => Ok(()),
         }
     }
 
-    fn check_topic(&self, topic: &str, has_token: bool) -> Result<(), String> {
+    fn check_topic(&self, topic: &str, has_token: bool) -> Result<(), TargetError> {
         let plain = |c: char| !c.is_control() && !matches!(c, '+' | '#' | '{' | '}');
         let good = !topic.is_empty() && topic.len() <= LONGEST_TOPIC && !topic.starts_with('$');
         if !good || !topic.chars().all(plain) {
-            return Err(format!(
-                "its topic must be one topic, such as `house/robot`, at most {LONGEST_TOPIC} bytes, \
-                 without +, # and braces"
-            ));
+            return Err(TargetError::Topic);
         }
         if has_token {
-            return Err("a topic takes no token: the broker's is `mqtt.password_file`".to_owned());
+            return Err(TargetError::TokenOfTopic);
         }
         match self.picture {
-            PictureWay::Form => Err("a topic takes a picture as `body` only, or none".to_owned()),
+            PictureWay::Form => Err(TargetError::PictureOfTopic),
             PictureWay::None | PictureWay::Body => Ok(()),
         }
     }
+}
+
+/// What contradicts itself in a target.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum TargetError {
+    /// Nothing to send to, or several things.
+    #[error("it needs one of `url`, `topic` and `command`")]
+    Ways,
+    /// A text fills in what there is not.
+    #[error(transparent)]
+    Template(#[from] UnknownName),
+    /// A text wants a token that is not given.
+    #[error("`{{token}}` needs `token_file` or `token_env`")]
+    NoToken,
+    /// A token that no text fills in.
+    #[error("its token is nowhere used: write {{token}} where it belongs")]
+    UnusedToken,
+    /// Another scheme.
+    #[error("its url must begin with https:// or http://")]
+    Url,
+    /// Another method.
+    #[error("its method must be one of {}", METHODS.join(", "))]
+    Method,
+    /// Two bodies.
+    #[error("it has both `body` and `json`; one of them is sent")]
+    TwoBodies,
+    /// A token on a command line.
+    #[error("a command gets no token: it would stand in lists of processes")]
+    TokenOfCommand,
+    /// A topic that is none, or a pattern of topics.
+    #[error(
+        "its topic must be one topic, such as `house/robot`, at most {LONGEST_TOPIC} bytes, without \
+         +, # and braces"
+    )]
+    Topic,
+    /// A token for a topic.
+    #[error("a topic takes no token: the broker's is `mqtt.password_file`")]
+    TokenOfTopic,
+    /// A form for a topic.
+    #[error("a topic takes a picture as `body` only, or none")]
+    PictureOfTopic,
+}
+
+/// What is wrong in [`Options`].
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum OptionsError {
+    /// Too many targets.
+    #[error("notify: at most {MOST_TARGETS} targets")]
+    TooMany,
+    /// No name of a target.
+    #[error(
+        "notify.targets: the name `{0}` may have letters, digits, - and _, at most {LONGEST_NAME}"
+    )]
+    Name(String),
+    /// A target.
+    #[error("notify.targets.{name}: {source}")]
+    Target {
+        /// Its name.
+        name: String,
+        /// What is wrong with it.
+        source: TargetError,
+    },
 }
 
 impl Options {
@@ -204,20 +262,20 @@ impl Options {
     /// What no type can say.
     ///
     /// # Errors
-    /// In words, with the target's name.
-    pub fn check(&self) -> Result<(), String> {
+    /// See [`OptionsError`].
+    pub fn check(&self) -> Result<(), OptionsError> {
         if self.targets.len() > MOST_TARGETS {
-            return Err(format!("notify: at most {MOST_TARGETS} targets"));
+            return Err(OptionsError::TooMany);
         }
         for (name, target) in &self.targets {
             let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
             if name.is_empty() || name.len() > LONGEST_NAME || !name.chars().all(plain) {
-                return Err(format!(
-                    "notify.targets: the name `{name}` may have letters, digits, - and _, at most {LONGEST_NAME}"
-                ));
+                return Err(OptionsError::Name(name.clone()));
             }
-            let named = |why| format!("notify.targets.{name}: {why}");
-            target.check().map_err(named)?;
+            target.check().map_err(|source| OptionsError::Target {
+                name: name.clone(),
+                source,
+            })?;
         }
         Ok(())
     }
@@ -234,7 +292,7 @@ mod tests {
     fn checked(target: &str) -> Result<(), String> {
         let text = format!("targets:\n  phone: {target}\n");
         let options: Options = serde_yaml::from_str(&text).map_err(|error| error.to_string())?;
-        options.check()
+        options.check().map_err(|error| error.to_string())
     }
 
     #[test]

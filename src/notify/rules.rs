@@ -323,6 +323,63 @@ mod tests {
     }
 
     #[test]
+    fn each_rule_of_the_config_has_its_happening_and_its_words() {
+        let behaviour = || "patrol".to_owned();
+        let entry = |kind: &str| Occurrence::Entry {
+            behaviour: behaviour(),
+            kind: kind.to_owned(),
+            data: serde_json::json!({ "energy": 3.5, "where": "door" }),
+        };
+        let alarm = Occurrence::Safety {
+            action: SafetyAction::Alarm,
+            reason: "no station".to_owned(),
+        };
+        let given_up = Occurrence::GivenUp {
+            behaviour: behaviour(),
+            message: "no".to_owned(),
+        };
+        let missed = Occurrence::StartMissed {
+            behaviour: behaviour(),
+            reason: "no robot was there".to_owned(),
+        };
+        let sent = Occurrence::Notify {
+            behaviour: behaviour(),
+            text: "look".to_owned(),
+            picture: Some("a.jpg".into()),
+        };
+        let now = Instant::now();
+        for (what, rule, text) in [
+            (alarm, Rule::Alarm, "the alarm sounds: no station"),
+            (
+                given_up,
+                Rule::RunFailed,
+                "patrol is given up, it failed too often: no",
+            ),
+            (
+                missed,
+                Rule::StartMissed,
+                "patrol did not start: no robot was there",
+            ),
+            (
+                entry("moved"),
+                Rule::Moved,
+                "patrol: something moved (energy 3.5, where door)",
+            ),
+            (
+                entry("noise"),
+                Rule::Moved,
+                "patrol: a noise (energy 3.5, where door)",
+            ),
+            (sent, Rule::Script, "look"),
+        ] {
+            let told = Rules::new(LONG, now).hear(&what, now).unwrap();
+            assert_eq!((told.rule, &*told.text), (rule, text));
+            assert_eq!(told.picture.is_some(), rule == Rule::Script);
+        }
+        assert_eq!(Rules::new(LONG, now).hear(&entry("lamp"), now), None);
+    }
+
+    #[test]
     fn only_what_went_wrong_with_a_docking_is_told() {
         let now = Instant::now();
         let dock = |end| Occurrence::Dock {

@@ -58,7 +58,7 @@ pub(super) struct Sender {
 }
 
 impl Sender {
-    /// Until nobody can wake it any more; what waits then is tried once more.
+    /// Until its last waker is dropped; what waits then is tried once more.
     pub(super) fn live(self, woken: &Receiver<()>) {
         let (mut pause, mut is_last) = (None, false);
         loop {

@@ -23,15 +23,24 @@ pub(super) enum Slot {
     Header,
 }
 
+/// A name in braces that is not known.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{{{0}}} is not known; {known} are", known = known())]
+pub struct UnknownName(String);
+
+fn known() -> String {
+    let known: Vec<String> = NAMES.iter().map(|name| format!("{{{name}}}")).collect();
+    known.join(", ")
+}
+
 /// Whether all names in braces are known.
 ///
 /// # Errors
 /// Names the one that is not.
-pub(super) fn check(template: &str) -> Result<(), String> {
+pub(super) fn check(template: &str) -> Result<(), UnknownName> {
     for name in parts(template).filter_map(|part| part.err()) {
         if !NAMES.contains(&name) {
-            let known: Vec<String> = NAMES.iter().map(|name| format!("{{{name}}}")).collect();
-            return Err(format!("{{{name}}} is not known; {} are", known.join(", ")));
+            return Err(UnknownName(name.to_owned()));
         }
     }
     Ok(())
@@ -138,9 +147,10 @@ fn encode(text: &str, encoded: &mut String) {
     for byte in text.bytes() {
         let plain = byte.is_ascii_alphanumeric() || b"-._~".contains(&byte);
         // Writing into a string does not fail.
-        let _ = match plain {
-            true => write!(encoded, "{}", char::from(byte)),
-            false => write!(encoded, "%{byte:02X}"),
+        let _ = if plain {
+            write!(encoded, "{}", char::from(byte))
+        } else {
+            write!(encoded, "%{byte:02X}")
         };
     }
 }
@@ -151,9 +161,10 @@ fn header(text: &str) -> String {
         .chars()
         .map(|c| if c.is_control() { ' ' } else { c })
         .collect();
-    match line.is_ascii() {
-        true => line.trim().to_owned(),
-        false => format!("=?UTF-8?B?{}?=", base64(line.trim().as_bytes())),
+    if line.is_ascii() {
+        line.trim().to_owned()
+    } else {
+        format!("=?UTF-8?B?{}?=", base64(line.trim().as_bytes()))
     }
 }
 

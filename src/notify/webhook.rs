@@ -24,33 +24,44 @@ pub(super) fn send(
 ) -> Delivery {
     match request(target, url, token, notice, picture) {
         Ok(request) => ask(request, target.timeout.get()),
-        Err(why) => Delivery::Refused(why),
+        Err(error) => Delivery::Refused(error.to_string()),
     }
+}
+
+/// What is no request once all names in braces are filled in.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum RequestError {
+    /// The address.
+    #[error("its url is none")]
+    Url,
+    /// The header field of this name.
+    #[error("its header field `{0}` is none")]
+    Header(String),
 }
 
 /// What a webhook is asked with, all names in braces filled in.
 ///
 /// # Errors
-/// In words, without the address and the token.
+/// See [`RequestError`], which has neither the address nor the token.
 pub fn request(
     target: &Target,
     url: &str,
     token: &str,
     notice: &Notice,
     picture: Option<&[u8]>,
-) -> Result<Request<Vec<u8>>, String> {
+) -> Result<Request<Vec<u8>>, RequestError> {
     let content = content(target, token, notice, picture);
     let url = fill(url, notice, token, Slot::Url);
     let request = Request::builder().method(target.method.as_str()).uri(url);
     let mut request = request
         .header("content-type", content.kind.as_ref())
         .body(content.bytes)
-        .map_err(|_| "its url is none".to_owned())?;
+        .map_err(|_| RequestError::Url)?;
     for (name, value) in &target.headers {
         let value = fill(value, notice, token, Slot::Header);
         let field = HeaderName::from_bytes(name.as_bytes());
         let (Ok(field), Ok(value)) = (field, HeaderValue::from_str(&value)) else {
-            return Err(format!("its header field `{name}` is none"));
+            return Err(RequestError::Header(name.clone()));
         };
         request.headers_mut().insert(field, value);
     }
@@ -163,7 +174,9 @@ mod tests {
             headers: [("no header".to_owned(), "{token}".to_owned())].into(),
             ..Target::default()
         };
-        let error = request(&target, "https://h", "s3cret", &notice(), None).unwrap_err();
+        let error = request(&target, "https://h", "s3cret", &notice(), None)
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("no header") && !error.contains("s3cret"));
     }
 }

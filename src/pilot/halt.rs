@@ -1,4 +1,4 @@
-//! A person's STOP: while it holds, nothing that moves the robot goes out, whoever wants it, a watchdog
+//! A person's STOP: while it holds, nothing that moves the robot goes out, even for a watchdog
 //! that sends a robot with a low battery home included. It holds until a person lets go, through lost
 //! links and to the last word.
 

@@ -5,12 +5,13 @@ use std::net::SocketAddr;
 use std::pin::Pin;
 use std::time::Duration;
 
+use bytes::Bytes;
 use rand::SeedableRng;
 use rand::rngs::StdRng;
 use tokio::time::{Sleep, sleep};
 use tracing::debug;
 
-use crate::link::{self, Backoff, Delivery, Heard, LinkError, Options, Reader, Session, Writer};
+use crate::link::{self, Backoff, Delivery, LinkError, Options, Reader, Session, Writer};
 use crate::wire::{Accepted, Command, Power, Report};
 
 type Dialling = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send>>;
@@ -33,12 +34,14 @@ pub(super) struct Greeting {
     pub(super) writer: Writer,
 }
 
-/// What the line has to say.
+/// What happens on the line.
 pub(super) enum LinkEvent {
     /// Connected and logged in.
     Up(Box<Greeting>),
-    /// A message from the robot, or a part of one.
-    Heard(Heard),
+    /// A message from the robot.
+    Report(Report),
+    /// More of a frame on its way, from its start.
+    Coming(Bytes),
     /// An open link is gone.
     Lost(LinkError),
     /// A try has failed; another will be made.
@@ -116,7 +119,8 @@ impl Line {
                 }
                 State::Up(reader) => {
                     return match reader.hear().await {
-                        Ok(heard) => LinkEvent::Heard(heard),
+                        Ok(Some(report)) => LinkEvent::Report(report),
+                        Ok(None) => LinkEvent::Coming(reader.coming_frame().unwrap_or_default()),
                         Err(error) => LinkEvent::Lost(error),
                     };
                 }

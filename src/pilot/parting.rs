@@ -44,9 +44,6 @@ impl Pilot {
         if let Err(lost) = parting.and_then(|()| self.send(&off)) {
             warn!("at the end: {lost}");
         }
-        if let Some(words) = self.damage.rest() {
-            warn!("{words}");
-        }
         self.deposit(&mut line);
         let delivery = match (self.writer.take(), line.into_reader()) {
             (Some(writer), Some(reader)) => {

@@ -1,7 +1,7 @@
 //! How long it takes from a frame to the track command that a behaviour makes of it. Counted in the
 //! pilot, where both pass: a frame that has come notes the time, and the first MOVE after it that a
-//! behaviour asked for takes that time off. Counters without a lock; whoever reads them waits for nobody
-//! and nobody waits for him.
+//! behaviour asked for takes that time off. Counters without a lock: reading them blocks neither
+//! the reader nor the pilot.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

@@ -12,7 +12,7 @@ use super::hush::Hush;
 use super::lost::LinkLost;
 use crate::robot::channel::{Crew, Quiet, Request, Role};
 use crate::robot::{BehaviourId, CallId, DockEnd, Event, Intent, Priority};
-use crate::safety::{ALARM, Ask, Fact};
+use crate::safety::{ALARM, Fact};
 use crate::wire::{Command, Engage, Stream};
 
 /// When streams are switched that a behaviour switches faster than it may.
@@ -75,45 +75,32 @@ impl Pilot {
         intent: Intent,
     ) -> Result<(), LinkLost> {
         match intent {
-            Intent::Move {
-                motion,
-                setpoint,
-                duration,
-            } => {
-                let ask = Ask::Move {
-                    motion,
-                    setpoint,
-                    duration,
-                };
+            Intent::Move { .. } => {
                 self.stopwatch.serving(true);
-                let asked = self.ask(by, priority, ask);
+                let asked = self.ask(by, priority, intent);
                 self.stopwatch.serving(false);
                 asked
             }
-            Intent::Release { motion } => {
-                let ask = Ask::Release(motion);
-                self.defer(Fact::Asked { by, priority, ask });
+            Intent::Release { .. } => {
+                self.defer(Fact::Asked {
+                    by,
+                    priority,
+                    intent,
+                });
                 Ok(())
             }
-            Intent::Stop => self.ask(by, priority, Ask::Stop),
-            Intent::Dock { call, plan } => {
-                let find = Command::Engine(Engage::Dock);
-                if !self.seats.admits(by, &find, Instant::now()) {
-                    self.seats.tell(by, refused_docking(call));
-                    return Ok(());
-                }
-                self.ask(by, priority, Ask::Dock(call, plan))
+            Intent::Dock { call, .. } if !self.admits(by, Engage::Dock) => {
+                self.seats.tell(by, refused_docking(call));
+                Ok(())
             }
-            Intent::Undock { call, timeout } => {
-                let leave = Command::Engine(Engage::Undock);
-                if !self.seats.admits(by, &leave, Instant::now()) {
-                    let end = DockEnd::Safety;
-                    self.seats.tell(by, Event::UndockEnded { call, end });
-                    return Ok(());
-                }
-                self.ask(by, priority, Ask::Undock(call, timeout))
+            Intent::Undock { call, .. } if !self.admits(by, Engage::Undock) => {
+                let end = DockEnd::Safety;
+                self.seats.tell(by, Event::UndockEnded { call, end });
+                Ok(())
             }
-            Intent::CancelDock => self.ask(by, priority, Ask::CancelDock),
+            Intent::Stop | Intent::Dock { .. } | Intent::Undock { .. } | Intent::CancelDock => {
+                self.ask(by, priority, intent)
+            }
             Intent::Stream { stream, on } => self.stream(by, stream, on),
             Intent::Led { led, on } => self.signal(by, Command::Led { led, on }),
             Intent::Play(sound) => self.signal(by, Command::Play(sound)),
@@ -231,8 +218,18 @@ impl Pilot {
         Ok(())
     }
 
-    fn ask(&mut self, by: BehaviourId, priority: Priority, ask: Ask) -> Result<(), LinkLost> {
-        self.take(Fact::Asked { by, priority, ask })
+    fn ask(&mut self, by: BehaviourId, priority: Priority, intent: Intent) -> Result<(), LinkLost> {
+        self.take(Fact::Asked {
+            by,
+            priority,
+            intent,
+        })
+    }
+
+    /// Whether a behaviour may ask for one more docking or undocking.
+    fn admits(&mut self, by: BehaviourId, engage: Engage) -> bool {
+        self.seats
+            .admits(by, &Command::Engine(engage), Instant::now())
     }
 
     /// The streams of a behaviour that switched them too often are switched after a while.

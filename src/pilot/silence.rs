@@ -20,7 +20,7 @@ const PAUSES: usize = 4;
 
 /// What is to be done about a silence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Verdict {
+pub(super) enum SilenceAction {
     /// Ask for the battery level.
     Ask,
     /// The robot is not there any more, whatever its system says.
@@ -74,17 +74,17 @@ impl Silence {
     }
 
     /// Time passes.
-    pub(super) fn poll(&mut self, now: Instant) -> Option<Verdict> {
+    pub(super) fn poll(&mut self, now: Instant) -> Option<SilenceAction> {
         let silence = now.saturating_duration_since(self.heard);
         if self.limit().is_some_and(|limit| silence >= limit) {
             self.begin(now);
-            return Some(Verdict::Gone(silence));
+            return Some(SilenceAction::Gone(silence));
         }
         if self.next_question() > now {
             return None;
         }
         self.asked = Some(now);
-        Some(Verdict::Ask)
+        Some(SilenceAction::Ask)
     }
 
     /// When [`Silence::poll`] has something to say.
@@ -117,7 +117,12 @@ mod tests {
     const SECOND: Duration = Duration::from_secs(1);
 
     /// Lets time pass; when there was a verdict, in seconds from the start, and which.
-    fn pass(silence: &mut Silence, start: Instant, from: u32, until: u32) -> Vec<(u32, Verdict)> {
+    fn pass(
+        silence: &mut Silence,
+        start: Instant,
+        from: u32,
+        until: u32,
+    ) -> Vec<(u32, SilenceAction)> {
         let verdict = |second| Some((second, silence.poll(start + second * SECOND)?));
         (from..until).filter_map(verdict).collect()
     }
@@ -134,19 +139,31 @@ mod tests {
         let (mut silence, start) = new();
         let verdicts = pass(&mut silence, start, 0, 1000);
         assert_eq!(verdicts.len(), 49);
-        assert!(verdicts.iter().all(|(_, verdict)| *verdict == Verdict::Ask));
+        assert!(
+            verdicts
+                .iter()
+                .all(|(_, verdict)| *verdict == SilenceAction::Ask)
+        );
     }
 
     #[test]
     fn a_robot_that_answered_once_is_gone_when_it_does_no_more() {
         let (mut silence, start) = new();
-        assert_eq!(pass(&mut silence, start, 0, 21), [(20, Verdict::Ask)]);
+        assert_eq!(pass(&mut silence, start, 0, 21), [(20, SilenceAction::Ask)]);
         silence.level(start + 21 * SECOND);
-        let gone = Verdict::Gone(60 * SECOND);
-        let expected = [(41, Verdict::Ask), (61, Verdict::Ask), (81, gone)];
+        let gone = SilenceAction::Gone(60 * SECOND);
+        let expected = [
+            (41, SilenceAction::Ask),
+            (61, SilenceAction::Ask),
+            (81, gone),
+        ];
         assert_eq!(pass(&mut silence, start, 21, 82), expected);
         silence.begin(start + 82 * SECOND);
-        let expected = [(102, Verdict::Ask), (122, Verdict::Ask), (142, gone)];
+        let expected = [
+            (102, SilenceAction::Ask),
+            (122, SilenceAction::Ask),
+            (142, gone),
+        ];
         let again = pass(&mut silence, start, 82, 143);
         assert_eq!(again, expected, "known after another login too");
     }
@@ -158,9 +175,9 @@ mod tests {
             silence.level(start + 15 * turn * SECOND);
         }
         let verdicts = pass(&mut silence, start, 61, 200);
-        let gone = (60 + 90, Verdict::Gone(90 * SECOND));
+        let gone = (60 + 90, SilenceAction::Gone(90 * SECOND));
         assert_eq!(
-            verdicts.iter().find(|one| one.1 != Verdict::Ask),
+            verdicts.iter().find(|one| one.1 != SilenceAction::Ask),
             Some(&gone)
         );
     }
@@ -172,7 +189,11 @@ mod tests {
             silence.level(start + second * SECOND);
         }
         let verdicts = pass(&mut silence, start, 301, 3000);
-        assert!(verdicts.iter().all(|(_, verdict)| *verdict == Verdict::Ask));
+        assert!(
+            verdicts
+                .iter()
+                .all(|(_, verdict)| *verdict == SilenceAction::Ask)
+        );
     }
 
     #[test]
@@ -185,7 +206,11 @@ mod tests {
             assert_eq!(silence.poll(start + second * SECOND), None);
         }
         let verdicts = pass(&mut silence, start, 500, 700);
-        assert!(verdicts.iter().all(|(_, verdict)| *verdict == Verdict::Ask));
+        assert!(
+            verdicts
+                .iter()
+                .all(|(_, verdict)| *verdict == SilenceAction::Ask)
+        );
     }
 
     #[test]

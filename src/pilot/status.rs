@@ -2,7 +2,7 @@
 
 use super::shown::Shown;
 use crate::robot::Battery;
-use crate::safety::{Place, WatchdogState};
+use crate::safety::{DockState, WatchdogState};
 
 /// Whether the robot is there.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -56,7 +56,7 @@ pub struct Status {
     /// On the station, as far as is known; without a link as far as was known.
     pub docked: bool,
     /// Where the robot is, as far as is known.
-    pub place: Place,
+    pub place: DockState,
     /// The battery is nearly empty: scripts have neither lights nor sounds nor streams.
     pub shed: bool,
     /// Frames that have come so far, damaged ones included. Counting alone does not wake those who wait for a change.
@@ -77,7 +77,7 @@ impl Default for Status {
             low: false,
             rescue: false,
             docked: false,
-            place: Place::Unknown,
+            place: DockState::Unknown,
             shed: false,
             frames: 0,
             halted: false,

@@ -1,14 +1,16 @@
 //! Camera frames as they come.
 
 use bytes::Bytes;
+use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
 /// One camera frame, as it came.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Frame {
     /// Counts the frames of a run from 1; gaps are frames that a slow reader missed.
     pub seq: u64,
-    /// When its last byte arrived.
+    /// When its last byte arrived. Between processes, whose clocks differ, its age stands for it.
+    #[serde(with = "age")]
     pub at: Instant,
     /// The JPEG.
     pub jpeg: Bytes,
@@ -26,8 +28,34 @@ pub struct Coming {
 /// What the camera shows.
 #[derive(Debug, Clone, Default)]
 pub struct Pictures {
-    /// The newest frame.
+    /// The newest frame, which may be damaged.
     pub newest: Option<Frame>,
+    /// The one before it, for a reader that finds the newest damaged.
+    pub before: Option<Frame>,
     /// The one on its way.
     pub coming: Option<Coming>,
+}
+
+impl Pictures {
+    /// A frame has come.
+    pub fn push(&mut self, frame: Frame) {
+        self.before = self.newest.replace(frame);
+        self.coming = None;
+    }
+}
+
+mod age {
+    use std::time::Duration;
+
+    use serde::{Deserialize as _, Deserializer, Serialize as _, Serializer};
+    use tokio::time::Instant;
+
+    pub(super) fn serialize<S: Serializer>(at: &Instant, to: S) -> Result<S::Ok, S::Error> {
+        at.elapsed().serialize(to)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Instant, D::Error> {
+        let (age, now) = (Duration::deserialize(from)?, Instant::now());
+        Ok(now.checked_sub(age).unwrap_or(now))
+    }
 }

@@ -118,7 +118,7 @@ pub struct Turned {
     pub value: ParamValue,
 }
 
-/// The parameters of all behaviours that run. Cheap to clone; nobody waits for it.
+/// The parameters of all behaviours that run. Cheap to clone; never blocks.
 #[derive(Debug, Clone)]
 pub struct Console {
     knobs: watch::Sender<Knobs>,

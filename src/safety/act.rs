@@ -1,8 +1,6 @@
 //! What goes into the watchdog and what comes out of it.
 
-use std::time::Duration;
-
-use crate::robot::{BehaviourId, CallId, DockPlan, EndReason, Event, MotionId, Priority, Setpoint};
+use crate::robot::{BehaviourId, EndReason, Event, Intent, Priority};
 use crate::wire::{Command, EngineNews, Power};
 
 /// Something that has happened.
@@ -31,45 +29,21 @@ pub enum Fact {
         by: BehaviourId,
         /// Its priority.
         priority: Priority,
-        /// What.
-        ask: Ask,
+        /// What. An intent that moves nothing is ignored.
+        intent: Intent,
     },
     /// A behaviour's host has shown life.
     Alive(BehaviourId),
     /// A behaviour is no more, for whatever reason.
     Gone(BehaviourId),
-    /// Which behaviour the tracks may be lent to between two searches of a low robot; `None`: nobody.
+    /// Which behaviour the tracks may be lent to between two searches of a low robot; `None`: to none.
     /// Its [`Fact::Gone`] says so too.
     Rescuer(Option<BehaviourId>),
-    /// The machine or the program has slept: nobody knows for how long, or what the robot has done
-    /// meanwhile.
+    /// The machine or the program has slept. For how long, and what the robot has done meanwhile, is
+    /// not known.
     Suspended,
     /// The run ends: nothing may move any more but a robot with a low battery, by itself.
     Parting,
-}
-
-/// The part of a behaviour's intents that moves the robot.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Ask {
-    /// Drive.
-    Move {
-        /// Names the setpoint.
-        motion: MotionId,
-        /// What the tracks are to do.
-        setpoint: Setpoint,
-        /// How long; `None`: until changed.
-        duration: Option<Duration>,
-    },
-    /// Let go of a setpoint.
-    Release(MotionId),
-    /// Stop.
-    Stop,
-    /// Go home.
-    Dock(CallId, DockPlan),
-    /// Leave the station within a time.
-    Undock(CallId, Duration),
-    /// Give up going home.
-    CancelDock,
 }
 
 /// What is to be done now. All commands of one batch of acts go out in one write.

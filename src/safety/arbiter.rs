@@ -116,7 +116,7 @@ impl Arbiter {
         wish.map(|wish| wish.held = held).is_some()
     }
 
-    /// Drops a behaviour; nobody is left to be told.
+    /// Drops a behaviour that is gone, without an answer.
     pub fn forget(&mut self, by: BehaviourId) {
         self.wishes.retain(|wish| wish.by != by);
     }

@@ -42,7 +42,7 @@ pub enum BatteryChange {
 /// Whether the battery charges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Charging {
-    /// The last report says that it does not, or nobody knows.
+    /// The last report says that it does not, or it is not known.
     No,
     /// One report says so, and nothing else does yet. Enough to drive nowhere, not enough to be
     /// released: the robot waits where it is.

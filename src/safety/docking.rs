@@ -1,5 +1,5 @@
 //! The way home: search, wait for charging, back off, try again. The same machine serves a
-//! behaviour's `robot.dock` and the watchdog's own docking; they differ in their [`Approach`].
+//! behaviour's `robot.dock` and the watchdog's own docking; they differ in their [`DockLimits`].
 
 use std::time::Duration;
 
@@ -20,7 +20,7 @@ pub enum Retry {
 
 /// How often and how long to try.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Approach {
+pub struct DockLimits {
     /// Times and tries.
     pub plan: DockPlan,
     /// What to do between tries.
@@ -29,7 +29,7 @@ pub struct Approach {
 
 /// What the machine wants to be done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Order {
+pub enum DockAction {
     /// Stop the tracks and send BASE_FIND.
     Find,
     /// Send BASE_FIND_CANCEL and stop the tracks.
@@ -44,7 +44,7 @@ pub enum Order {
 
 /// How it went.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Outcome {
+pub struct DockOutcome {
     /// The end.
     pub end: DockEnd,
     /// Tries made.
@@ -64,13 +64,13 @@ enum Phase {
     /// Driving backwards before another try.
     BackingOff { until: Instant },
     /// Over.
-    Over(Outcome),
+    Over(DockOutcome),
 }
 
 /// One docking, from the first try to its outcome.
 #[derive(Debug, Clone)]
 pub struct Docking {
-    approach: Approach,
+    approach: DockLimits,
     started: Instant,
     attempts: u32,
     phase: Phase,
@@ -81,7 +81,7 @@ impl Docking {
     pub const LEAVE_TIMEOUT: Duration = Duration::from_secs(20);
 
     /// Begins: the robot is off its station, or on it without charging yet.
-    pub fn start(approach: Approach, docked: bool, now: Instant) -> (Docking, Vec<Order>) {
+    pub fn start(approach: DockLimits, docked: bool, now: Instant) -> (Docking, Vec<DockAction>) {
         let phase = Phase::AwaitingCharge {
             until: now + approach.plan.charge_timeout,
         };
@@ -96,7 +96,7 @@ impl Docking {
     }
 
     /// An ENGINE message came.
-    pub fn engine(&mut self, news: EngineNews, now: Instant) -> Vec<Order> {
+    pub fn engine(&mut self, news: EngineNews, now: Instant) -> Vec<DockAction> {
         match (self.phase, news) {
             (Phase::Searching { .. } | Phase::BackingOff { .. }, EngineNews::Docked) => {
                 let until = now + self.approach.plan.charge_timeout;
@@ -116,14 +116,14 @@ impl Docking {
     }
 
     /// The robot charges, and that is believed: this is what docked means.
-    pub fn charging(&mut self, now: Instant) -> Vec<Order> {
+    pub fn charging(&mut self, now: Instant) -> Vec<DockAction> {
         let orders = self.halt_if_backing_off();
         self.finish(DockEnd::Done, now);
         orders
     }
 
     /// The robot may charge: it stands still until that is known. The time of a try runs on.
-    pub fn wait(&self) -> Vec<Order> {
+    pub fn wait(&self) -> Vec<DockAction> {
         self.halt_if_backing_off()
     }
 
@@ -133,14 +133,14 @@ impl Docking {
     }
 
     /// Time passes.
-    pub fn poll(&mut self, now: Instant) -> Vec<Order> {
+    pub fn poll(&mut self, now: Instant) -> Vec<DockAction> {
         if self.next_deadline().is_none_or(|due| due > now) {
             return vec![];
         }
         match self.phase {
             // The robot still searches: it must hear of the end before anything else.
             Phase::Searching { .. } => {
-                [vec![Order::Cancel], self.failed(DockEnd::Timeout, now)].concat()
+                [vec![DockAction::Cancel], self.failed(DockEnd::Timeout, now)].concat()
             }
             Phase::AwaitingCharge { .. } => self.not_charging(now),
             Phase::Leaving { .. } => {
@@ -152,10 +152,10 @@ impl Docking {
         }
     }
 
-    /// Somebody gives it up.
-    pub fn cancel(&mut self, end: DockEnd, now: Instant) -> Vec<Order> {
+    /// It is cancelled.
+    pub fn cancel(&mut self, end: DockEnd, now: Instant) -> Vec<DockAction> {
         let orders = match self.phase {
-            Phase::Searching { .. } => vec![Order::Cancel],
+            Phase::Searching { .. } => vec![DockAction::Cancel],
             _ => self.halt_if_backing_off(),
         };
         self.finish(end, now);
@@ -163,7 +163,7 @@ impl Docking {
     }
 
     /// The contact whose charging it waits for is not believed any more.
-    pub fn lost_contact(&mut self, doubt: Doubt, now: Instant) -> Vec<Order> {
+    pub fn lost_contact(&mut self, doubt: Doubt, now: Instant) -> Vec<DockAction> {
         match (self.phase, doubt) {
             (Phase::AwaitingCharge { .. }, Doubt::Leaving) => self.search(now),
             (Phase::AwaitingCharge { .. }, Doubt::Contact) => {
@@ -175,7 +175,7 @@ impl Docking {
     }
 
     /// How it went, once it is over.
-    pub fn outcome(&self) -> Option<Outcome> {
+    pub fn outcome(&self) -> Option<DockOutcome> {
         match self.phase {
             Phase::Over(outcome) => Some(outcome),
             _ => None,
@@ -193,38 +193,38 @@ impl Docking {
         }
     }
 
-    fn halt_if_backing_off(&self) -> Vec<Order> {
+    fn halt_if_backing_off(&self) -> Vec<DockAction> {
         match self.phase {
-            Phase::BackingOff { .. } => vec![Order::Halt],
+            Phase::BackingOff { .. } => vec![DockAction::Halt],
             _ => vec![],
         }
     }
 
-    fn search(&mut self, now: Instant) -> Vec<Order> {
+    fn search(&mut self, now: Instant) -> Vec<DockAction> {
         self.attempts += 1;
         self.phase = Phase::Searching {
             until: now + self.approach.plan.timeout,
         };
-        vec![Order::Find]
+        vec![DockAction::Find]
     }
 
     /// A try has failed off the station.
-    fn failed(&mut self, end: DockEnd, now: Instant) -> Vec<Order> {
+    fn failed(&mut self, end: DockEnd, now: Instant) -> Vec<DockAction> {
         match self.approach.retry {
             Retry::Reverse(span) if self.attempts <= self.approach.plan.retries => {
                 self.phase = Phase::BackingOff { until: now + span };
-                vec![Order::Reverse]
+                vec![DockAction::Reverse]
             }
             Retry::Reverse(_) | Retry::Never => {
                 self.finish(end, now);
-                vec![Order::Halt]
+                vec![DockAction::Halt]
             }
         }
     }
 
     /// On the station without charging. A robot with a low battery stays there: it is nearer to a
     /// charge than anywhere else.
-    fn not_charging(&mut self, now: Instant) -> Vec<Order> {
+    fn not_charging(&mut self, now: Instant) -> Vec<DockAction> {
         let may_leave = matches!(self.approach.retry, Retry::Reverse(_));
         if !may_leave || self.attempts == 0 || self.attempts > self.approach.plan.retries {
             self.finish(DockEnd::NotCharging, now);
@@ -233,13 +233,13 @@ impl Docking {
         self.phase = Phase::Leaving {
             until: now + Docking::LEAVE_TIMEOUT,
         };
-        vec![Order::Undock]
+        vec![DockAction::Undock]
     }
 
     fn finish(&mut self, end: DockEnd, now: Instant) {
         if self.outcome().is_none() {
             let took = now.saturating_duration_since(self.started);
-            self.phase = Phase::Over(Outcome {
+            self.phase = Phase::Over(DockOutcome {
                 end,
                 attempts: self.attempts,
                 took,
@@ -262,24 +262,24 @@ mod tests {
         }
     }
 
-    fn reversing(retries: u32) -> Approach {
-        Approach {
+    fn reversing(retries: u32) -> DockLimits {
+        DockLimits {
             plan: plan(retries),
             retry: Retry::Reverse(SECOND),
         }
     }
 
-    fn once() -> Approach {
-        Approach {
+    fn once() -> DockLimits {
+        DockLimits {
             plan: plan(0),
             retry: Retry::Never,
         }
     }
 
-    fn started(approach: Approach) -> (Docking, Instant) {
+    fn started(approach: DockLimits) -> (Docking, Instant) {
         let now = Instant::now();
         let (docking, orders) = Docking::start(approach, false, now);
-        assert_eq!(orders, [Order::Find]);
+        assert_eq!(orders, [DockAction::Find]);
         (docking, now)
     }
 
@@ -289,7 +289,7 @@ mod tests {
         assert_eq!(docking.engine(EngineNews::Docked, now + SECOND), []);
         assert_eq!(docking.outcome(), None);
         assert_eq!(docking.charging(now + 2 * SECOND), []);
-        let outcome = Outcome {
+        let outcome = DockOutcome {
             end: DockEnd::Done,
             attempts: 1,
             took: 2 * SECOND,
@@ -302,13 +302,13 @@ mod tests {
         let (mut docking, now) = started(reversing(1));
         assert_eq!(
             docking.engine(EngineNews::BaseNotFound, now),
-            [Order::Reverse]
+            [DockAction::Reverse]
         );
         assert_eq!(docking.poll(now + SECOND / 2), []);
-        assert_eq!(docking.poll(now + SECOND), [Order::Find]);
+        assert_eq!(docking.poll(now + SECOND), [DockAction::Find]);
         assert_eq!(
             docking.engine(EngineNews::BaseNotFound, now + SECOND),
-            [Order::Halt]
+            [DockAction::Halt]
         );
         let outcome = docking.outcome().unwrap();
         assert_eq!((outcome.end, outcome.attempts), (DockEnd::BaseNotFound, 2));
@@ -318,22 +318,22 @@ mod tests {
     fn a_search_that_takes_too_long_is_cancelled_first() {
         let (mut docking, now) = started(once());
         let orders = docking.poll(now + 10 * SECOND);
-        assert_eq!(orders, [Order::Cancel, Order::Halt]);
+        assert_eq!(orders, [DockAction::Cancel, DockAction::Halt]);
         assert_eq!(docking.outcome().unwrap().end, DockEnd::Timeout);
         let (mut docking, now) = started(reversing(1));
         let orders = docking.poll(now + 10 * SECOND);
-        assert_eq!(orders, [Order::Cancel, Order::Reverse]);
-        assert_eq!(docking.poll(now + 11 * SECOND), [Order::Find]);
+        assert_eq!(orders, [DockAction::Cancel, DockAction::Reverse]);
+        assert_eq!(docking.poll(now + 11 * SECOND), [DockAction::Find]);
     }
 
     #[test]
     fn without_charging_a_behaviour_tries_again_and_a_low_robot_stays() {
         let (mut docking, now) = started(reversing(1));
         docking.engine(EngineNews::Docked, now);
-        assert_eq!(docking.poll(now + 5 * SECOND), [Order::Undock]);
+        assert_eq!(docking.poll(now + 5 * SECOND), [DockAction::Undock]);
         assert_eq!(
             docking.engine(EngineNews::Undocked, now + 6 * SECOND),
-            [Order::Find]
+            [DockAction::Find]
         );
 
         let (mut docking, now) = started(once());
@@ -345,7 +345,7 @@ mod tests {
     #[test]
     fn without_charging_in_any_try_a_behaviour_hears_so() {
         let (mut docking, now) = started(reversing(1));
-        for order in [vec![Order::Undock], vec![]] {
+        for order in [vec![DockAction::Undock], vec![]] {
             docking.engine(EngineNews::Docked, now);
             assert_eq!(docking.poll(now + 5 * SECOND), order);
             docking.engine(EngineNews::Undocked, now);
@@ -359,7 +359,7 @@ mod tests {
         let (mut docking, now) = started(reversing(1));
         docking.engine(EngineNews::Docked, now);
         let orders = docking.engine(EngineNews::Undocked, now + SECOND);
-        assert_eq!(orders, [Order::Reverse]);
+        assert_eq!(orders, [DockAction::Reverse]);
     }
 
     #[test]
@@ -369,7 +369,10 @@ mod tests {
         assert_eq!(docking.lost_contact(Doubt::Contact, now), []);
         docking.engine(EngineNews::Docked, now);
         assert!(!docking.is_searching());
-        assert_eq!(docking.lost_contact(Doubt::Leaving, now), [Order::Find]);
+        assert_eq!(
+            docking.lost_contact(Doubt::Leaving, now),
+            [DockAction::Find]
+        );
         docking.engine(EngineNews::Docked, now);
         assert_eq!(docking.lost_contact(Doubt::Contact, now), []);
         assert_eq!(docking.outcome().unwrap().end, DockEnd::NotCharging);
@@ -378,12 +381,15 @@ mod tests {
     #[test]
     fn cancelling_ends_the_search_or_the_reversing() {
         let (mut docking, now) = started(reversing(1));
-        assert_eq!(docking.cancel(DockEnd::Cancelled, now), [Order::Cancel]);
+        assert_eq!(
+            docking.cancel(DockEnd::Cancelled, now),
+            [DockAction::Cancel]
+        );
         assert_eq!(docking.outcome().unwrap().end, DockEnd::Cancelled);
 
         let (mut docking, now) = started(reversing(1));
         docking.engine(EngineNews::BaseNotFound, now);
-        assert_eq!(docking.cancel(DockEnd::Safety, now), [Order::Halt]);
+        assert_eq!(docking.cancel(DockEnd::Safety, now), [DockAction::Halt]);
         assert_eq!(docking.poll(now + 60 * SECOND), []);
     }
 

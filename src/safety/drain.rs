@@ -103,15 +103,16 @@ impl Drain {
         let Some(before) = self.level.filter(|_| self.charging == charging) else {
             return self.begin(percent, charging);
         };
-        let (ahead, back) = match charging {
-            true => (
+        let (ahead, back) = if charging {
+            (
                 percent.saturating_sub(before),
                 before.saturating_sub(percent),
-            ),
-            false => (
+            )
+        } else {
+            (
                 before.saturating_sub(percent),
                 percent.saturating_sub(before),
-            ),
+            )
         };
         if back > Drain::FLICKER || f64::from(ahead) > Drain::LEAP + self.explained() {
             self.begin(percent, charging);
@@ -158,9 +159,10 @@ impl Drain {
     }
 
     fn explained(&self) -> f64 {
-        let fastest = match self.charging {
-            true => 60.0 * FASTEST_CHARGE,
-            false => Drain::FASTEST_DRAIN,
+        let fastest = if self.charging {
+            60.0 * FASTEST_CHARGE
+        } else {
+            Drain::FASTEST_DRAIN
         };
         fastest * self.spent.iter().sum::<f64>()
     }
@@ -195,9 +197,10 @@ impl Drain {
     fn needs(&self) -> [f64; Activity::ALL.len()] {
         let ratio = |one: &Activity| Some(self.rate(*one)? / one.guess());
         let ratios: Vec<f64> = Activity::ALL.iter().filter_map(ratio).collect();
-        let scale = match ratios.is_empty() {
-            true => 1.0,
-            false => ratios.iter().sum::<f64>() / ratios.len() as f64,
+        let scale = if ratios.is_empty() {
+            1.0
+        } else {
+            ratios.iter().sum::<f64>() / ratios.len() as f64
         };
         Activity::ALL.map(|one| self.rate(one).unwrap_or(one.guess() * scale))
     }

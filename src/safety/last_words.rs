@@ -1,4 +1,4 @@
-//! What the robot is to hear if nobody is left to say anything else.
+//! What the robot is to hear if the agent dies.
 
 use crate::wire::{Command, Engage};
 

@@ -37,11 +37,11 @@ impl Leases {
     }
 
     /// How a host does that moves the robot.
-    pub fn pulse(&self, by: BehaviourId, now: Instant) -> Pulse {
+    pub fn pulse(&self, by: BehaviourId, now: Instant) -> HostLife {
         match self.heard.get(&by) {
-            Some(&heard) if now < heard + self.silence => Pulse::Alive,
-            Some(&heard) if now < heard + self.silence + self.grace => Pulse::Silent,
-            _ => Pulse::Dead,
+            Some(&heard) if now < heard + self.silence => HostLife::Alive,
+            Some(&heard) if now < heard + self.silence + self.grace => HostLife::Silent,
+            _ => HostLife::Dead,
         }
     }
 
@@ -65,7 +65,7 @@ impl Leases {
 
 /// How a host does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Pulse {
+pub enum HostLife {
     /// Heard in time.
     Alive,
     /// Its motion must be held.
@@ -84,16 +84,16 @@ mod tests {
     #[test]
     fn a_pulse_grows_weaker_until_it_is_renewed() {
         let (mut leases, now) = (Leases::new(250 * MS, 100 * MS), Instant::now());
-        assert_eq!(leases.pulse(WHO, now), Pulse::Dead, "never heard");
+        assert_eq!(leases.pulse(WHO, now), HostLife::Dead, "never heard");
         leases.renew(WHO, now);
         let deadline = |leases: &Leases, at| leases.next_deadline([WHO].into_iter(), at);
-        assert_eq!(leases.pulse(WHO, now + 249 * MS), Pulse::Alive);
+        assert_eq!(leases.pulse(WHO, now + 249 * MS), HostLife::Alive);
         assert_eq!(deadline(&leases, now), Some(now + 250 * MS));
-        assert_eq!(leases.pulse(WHO, now + 250 * MS), Pulse::Silent);
+        assert_eq!(leases.pulse(WHO, now + 250 * MS), HostLife::Silent);
         assert_eq!(deadline(&leases, now + 250 * MS), Some(now + 350 * MS));
-        assert_eq!(leases.pulse(WHO, now + 350 * MS), Pulse::Dead);
+        assert_eq!(leases.pulse(WHO, now + 350 * MS), HostLife::Dead);
         leases.renew(WHO, now + 300 * MS);
-        assert_eq!(leases.pulse(WHO, now + 350 * MS), Pulse::Alive);
+        assert_eq!(leases.pulse(WHO, now + 350 * MS), HostLife::Alive);
     }
 
     #[test]
@@ -101,7 +101,7 @@ mod tests {
         let (mut leases, now) = (Leases::new(250 * MS, 100 * MS), Instant::now());
         leases.renew(WHO, now);
         leases.forget(WHO);
-        assert_eq!(leases.pulse(WHO, now), Pulse::Dead);
+        assert_eq!(leases.pulse(WHO, now), HostLife::Dead);
         assert_eq!(leases.next_deadline([WHO].into_iter(), now), None);
     }
 }

@@ -33,7 +33,7 @@ impl Leg {
 
     /// Begins the leg of this number, counted from 0.
     ///
-    /// Nobody knows how far a search that has failed turns the robot, so no pattern leads anywhere for
+    /// It is not known how far a search that has failed turns the robot, so no pattern leads anywhere for
     /// certain. Every second leg begins with a turn, two ahead are followed by two back, and after four
     /// they are a second longer: of the simple patterns that were compared, one of those that left a
     /// blind corner most often, and that go farther only when the neighbourhood has been tried.

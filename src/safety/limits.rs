@@ -25,7 +25,7 @@ pub struct Limits {
     pub charge_timeout: Seconds,
     /// Searches after the first one that may fail before the alarm sounds (3).
     pub dock_retries: u32,
-    /// Where a search has failed and nobody may drive the robot elsewhere, it stands for so long before
+    /// Where a search has failed and no behaviour may drive the robot elsewhere, it stands for so long before
     /// the next one (5 s), and twice as long each time: up to `recovery_longest_pause`, and never for
     /// longer than costs as much as a search. At or below the critical level it does not wait.
     pub dock_pause: Seconds,
@@ -39,7 +39,7 @@ pub struct Limits {
     /// ... and the longest (300 s).
     pub recovery_longest_pause: Seconds,
     /// Who drives a low robot elsewhere after a search that has failed: `builtin`, a behaviour that
-    /// comes with the program and drives over free floor; the name of a `.lua` file; or `off`: nobody.
+    /// comes with the program and drives over free floor; the name of a `.lua` file; or `off`: none.
     pub rescue: Rescue,
     /// The tracks are lent to it for so long at most; then the robot searches from there (8 s).
     pub rescue_time: Seconds,
@@ -86,27 +86,48 @@ impl Default for Limits {
     }
 }
 
+/// What contradicts itself in [`Limits`].
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum LimitsError {
+    /// An honest host that is idle would be ended.
+    #[error("watchdog: host_idle_silence must be at least {least} s")]
+    IdleSilence {
+        /// The least, in seconds.
+        least: u64,
+    },
+    /// The levels of the battery are not in order.
+    #[error("watchdog levels must rise: critical ({critical}) < low ({low}) < ok ({ok})")]
+    Levels {
+        /// As given.
+        critical: Percent,
+        /// As given.
+        low: Percent,
+        /// As given.
+        ok: Percent,
+    },
+}
+
 impl Limits {
-    /// What is wrong with the levels taken together, in words.
+    /// Checks the numbers taken together.
     ///
     /// # Errors
     /// Unless critical < low < ok. A wait for an idle host that is too short.
-    pub fn check(&self) -> Result<(), String> {
+    pub fn check(&self) -> Result<(), LimitsError> {
         let Limits {
             critical, low, ok, ..
         } = self;
         if self.host_idle_silence.get() < LEAST_IDLE_SILENCE.get() {
             let least = LEAST_IDLE_SILENCE.get().as_secs();
-            return Err(format!(
-                "watchdog: host_idle_silence must be at least {least} s"
-            ));
+            return Err(LimitsError::IdleSilence { least });
         }
         if critical < low && low < ok {
             return Ok(());
         }
-        Err(format!(
-            "watchdog levels must rise: critical ({critical}) < low ({low}) < ok ({ok})"
-        ))
+        Err(LimitsError::Levels {
+            critical: *critical,
+            low: *low,
+            ok: *ok,
+        })
     }
 }
 
@@ -143,7 +164,8 @@ mod tests {
             host_idle_silence: Seconds::from_millis(1900),
             ..Limits::default()
         };
-        assert!(limits.check().unwrap_err().contains("at least 2 s"));
+        let error = limits.check().unwrap_err().to_string();
+        assert!(error.contains("at least 2 s"));
     }
 
     #[test]
@@ -170,6 +192,7 @@ mod tests {
             limits
                 .check()
                 .unwrap_err()
+                .to_string()
                 .contains("critical (30 %) < low (20 %)")
         );
     }

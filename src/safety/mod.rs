@@ -3,11 +3,11 @@
 //!
 //! [`Watchdog`] is the whole; its parts can be read one by one: [`Arbiter`] (who may drive),
 //! [`Tracks`] (what the robot was told, how often), [`BatteryGuard`] (what is believed of the
-//! battery, and when it is low), [`Drain`] (how fast it empties), [`Whereabouts`] (where the robot is,
+//! battery, and when it is low), [`Drain`] (how fast it empties), [`DockTracker`] (where the robot is,
 //! by whose word), [`Docking`] (the way home), [`Recovery`] (what follows when it failed), [`Loan`]
 //! and [`Leg`] (how a low robot gets elsewhere to search again), [`Rescue`] (who sees the way), [`Trail`]
 //! (how the robot came from its station), [`Leases`] (which hosts are alive), [`LastWords`] (what the
-//! robot hears if nobody is left), [`Limits`] (every number).
+//! robot hears if the agent dies), [`Limits`] (every number).
 
 mod act;
 mod arbiter;
@@ -27,17 +27,17 @@ mod tracks;
 mod trail;
 mod watchdog;
 
-pub use act::{Act, Ask, Fact};
+pub use act::{Act, Fact};
 pub use arbiter::{Arbiter, Ended};
 pub use battery::{BatteryChange, BatteryGuard, Charging, LowCause};
-pub use docking::{Approach, Docking, Order, Outcome, Retry};
+pub use docking::{DockAction, DockLimits, DockOutcome, Docking, Retry};
 pub use drain::{Activity, Drain};
 pub use last_words::LastWords;
-pub use leases::{Leases, Pulse};
+pub use leases::{HostLife, Leases};
 pub use leg::Leg;
-pub use limits::Limits;
+pub use limits::{Limits, LimitsError};
 pub use loan::{Loan, capped};
-pub use place::{Doubt, Place, Whereabouts, Word};
+pub use place::{DockState, DockTracker, Doubt, Evidence};
 pub use recovery::{Means, Next, Recovery, Try};
 pub use rescue::{Rescue, UnknownRescue};
 pub use tracks::Tracks;

@@ -2,10 +2,10 @@
 //!
 //! | place | by | a script's motion | `undock` | `dock` | low battery |
 //! | --- | --- | --- | --- | --- | --- |
-//! | [`Place::Charging`] | a POWER that says so | refused, `docked` | CHARGE_STOP | `already_docked` | stays |
-//! | [`Place::ContactSaid`] | ENGINE 2, or the login's word | refused, `docked` | CHARGE_STOP | waits for charging | waits for charging, at most `charge_timeout`; then [`Place::Unknown`] |
-//! | [`Place::Left`] | ENGINE 1, the login's word, or a POWER that charges no more after CHARGE_STOP | allowed | `not_docked` | BASE_FIND | BASE_FIND |
-//! | [`Place::Unknown`] | a CHARGE_STOP that nobody confirms in time; contact without charging while low; charging that ends though nobody has ever spoken of contact | allowed | CHARGE_STOP | BASE_FIND | BASE_FIND |
+//! | [`DockState::Charging`] | a POWER that says so | refused, `docked` | CHARGE_STOP | `already_docked` | stays |
+//! | [`DockState::ContactSaid`] | ENGINE 2, or the login's word | refused, `docked` | CHARGE_STOP | waits for charging | waits for charging, at most `charge_timeout`; then [`DockState::Unknown`] |
+//! | [`DockState::Left`] | ENGINE 1, the login's word, or a POWER that charges no more after CHARGE_STOP | allowed | `not_docked` | BASE_FIND | BASE_FIND |
+//! | [`DockState::Unknown`] | a CHARGE_STOP that is not confirmed in time; contact without charging while low; charging that ends though contact was never reported | allowed | CHARGE_STOP | BASE_FIND | BASE_FIND |
 //!
 //! From CHARGE_STOP until the robot has confirmed it, or its time is over, motion is refused as on
 //! the station: the robot backs out by itself. What is allowed here may still be refused because the
@@ -18,31 +18,31 @@ use tokio::time::Instant;
 
 /// Where the robot is. See the module for what each allows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
+pub enum DockState {
     /// On the station: it charges.
     Charging,
     /// On the station, it has said; it does not charge.
     ContactSaid,
     /// Off the station.
-    Left(Word),
+    Left(Evidence),
     /// On the station or off it.
     Unknown,
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for DockState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Place::Charging => "on its station, charging",
-            Place::ContactSaid => "on its station, not charging",
-            Place::Left(_) => "off its station",
-            Place::Unknown => "unknown",
+            DockState::Charging => "on its station, charging",
+            DockState::ContactSaid => "on its station, not charging",
+            DockState::Left(_) => "off its station",
+            DockState::Unknown => "unknown",
         })
     }
 }
 
 /// By whose word the robot is off its station.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Word {
+pub enum Evidence {
     /// ENGINE 1.
     Engine,
     /// The answer to the login.
@@ -54,7 +54,7 @@ pub enum Word {
 /// Why a place is not believed any more.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Doubt {
-    /// Nobody has confirmed a CHARGE_STOP in time.
+    /// A CHARGE_STOP was not confirmed in time.
     Leaving,
     /// Contact has not become charging in time.
     Contact,
@@ -62,8 +62,8 @@ pub enum Doubt {
 
 /// Follows what is said about the place.
 #[derive(Debug, Clone)]
-pub struct Whereabouts {
-    place: Place,
+pub struct DockTracker {
+    place: DockState,
     charge_timeout: Duration,
     /// The robot has spoken of contact, and of nothing else since.
     contact: bool,
@@ -73,14 +73,14 @@ pub struct Whereabouts {
     leaving: Option<Instant>,
 }
 
-impl Whereabouts {
+impl DockTracker {
     /// The longest time that the robot's word is awaited after CHARGE_STOP.
     pub const LONGEST_LEAVING: Duration = Duration::from_secs(60);
 
     /// Nothing has been said yet.
-    pub fn new(charge_timeout: Duration) -> Whereabouts {
-        Whereabouts {
-            place: Place::Unknown,
+    pub fn new(charge_timeout: Duration) -> DockTracker {
+        DockTracker {
+            place: DockState::Unknown,
             charge_timeout,
             contact: false,
             charge_due: None,
@@ -89,13 +89,13 @@ impl Whereabouts {
     }
 
     /// Where it is.
-    pub fn place(&self) -> Place {
+    pub fn place(&self) -> DockState {
         self.place
     }
 
     /// On the station, by its word or because it charges.
     pub fn on_station(&self) -> bool {
-        matches!(self.place, Place::Charging | Place::ContactSaid)
+        matches!(self.place, DockState::Charging | DockState::ContactSaid)
     }
 
     /// The robot has said that it is on its station, and nothing since denies it.
@@ -114,13 +114,13 @@ impl Whereabouts {
         self.leaving = None;
         let tried = low && self.charge_due.is_some_and(|due| due <= now);
         if !docked {
-            return self.leave(Word::Login);
+            return self.leave(Evidence::Login);
         }
         self.contact = true;
         if tried {
             self.doubt(Doubt::Contact);
         } else {
-            self.place = Place::ContactSaid;
+            self.place = DockState::ContactSaid;
             self.charge_due.get_or_insert(now + self.charge_timeout);
         }
     }
@@ -130,7 +130,7 @@ impl Whereabouts {
         (self.contact, self.leaving) = (true, None);
         let late = self.charge_due.is_some_and(|due| due <= now);
         if late || !self.on_station() {
-            self.place = Place::ContactSaid;
+            self.place = DockState::ContactSaid;
             self.charge_due = Some(now + self.charge_timeout);
         }
     }
@@ -138,25 +138,25 @@ impl Whereabouts {
     /// ENGINE 1: has left the station.
     pub fn undocked(&mut self) {
         self.leaving = None;
-        self.leave(Word::Engine);
+        self.leave(Evidence::Engine);
     }
 
     /// A battery level came.
     pub fn power(&mut self, charging: bool, now: Instant) {
         if charging {
-            (self.place, self.charge_due) = (Place::Charging, None);
-        } else if self.place == Place::Charging {
+            (self.place, self.charge_due) = (DockState::Charging, None);
+        } else if self.place == DockState::Charging {
             self.charging_ended(now);
         }
     }
 
     /// CHARGE_STOP was sent; the robot's word is awaited for so long, at most
-    /// [`Whereabouts::LONGEST_LEAVING`].
+    /// [`DockTracker::LONGEST_LEAVING`].
     pub fn leave_station(&mut self, timeout: Duration, now: Instant) {
-        self.leaving = Some(now + timeout.min(Whereabouts::LONGEST_LEAVING));
+        self.leaving = Some(now + timeout.min(DockTracker::LONGEST_LEAVING));
     }
 
-    /// Nobody can say any more what has become of a CHARGE_STOP.
+    /// The outcome of a CHARGE_STOP is not known any more.
     pub fn doubt_leaving(&mut self) -> Option<Doubt> {
         self.leaving.take()?;
         self.on_station().then(|| self.doubt(Doubt::Leaving))
@@ -164,7 +164,7 @@ impl Whereabouts {
 
     /// The battery has become low: from now on contact has its time to become charging.
     pub fn expect_charge(&mut self, now: Instant) {
-        if self.place == Place::ContactSaid {
+        if self.place == DockState::ContactSaid {
             self.charge_due = Some(now + self.charge_timeout);
         }
     }
@@ -178,36 +178,36 @@ impl Whereabouts {
         if !low {
             self.charge_due = None;
         }
-        let waits = low && self.place == Place::ContactSaid;
+        let waits = low && self.place == DockState::ContactSaid;
         waits.then(|| self.doubt(Doubt::Contact))
     }
 
-    /// When [`Whereabouts::poll`] has something to do.
+    /// When [`DockTracker::poll`] has something to do.
     pub fn next_deadline(&self, low: bool) -> Option<Instant> {
-        let waits = low && self.place == Place::ContactSaid;
+        let waits = low && self.place == DockState::ContactSaid;
         let charge_due = self.charge_due.filter(|_| waits);
         [self.leaving, charge_due].into_iter().flatten().min()
     }
 
     /// Should it charge after all, its word of contact was right.
     fn doubt(&mut self, why: Doubt) -> Doubt {
-        self.place = Place::Unknown;
+        self.place = DockState::Unknown;
         self.contact &= why == Doubt::Contact;
         why
     }
 
-    fn leave(&mut self, word: Word) {
-        (self.place, self.contact, self.charge_due) = (Place::Left(word), false, None);
+    fn leave(&mut self, word: Evidence) {
+        (self.place, self.contact, self.charge_due) = (DockState::Left(word), false, None);
     }
 
     fn charging_ended(&mut self, now: Instant) {
         if self.is_leaving() {
-            self.leave(Word::Power);
+            self.leave(Evidence::Power);
         } else if self.contact {
-            self.place = Place::ContactSaid;
+            self.place = DockState::ContactSaid;
             self.charge_due = Some(now + self.charge_timeout);
         } else {
-            self.place = Place::Unknown;
+            self.place = DockState::Unknown;
         }
     }
 }
@@ -221,10 +221,10 @@ mod tests {
     #[test]
     fn each_place_has_words() {
         let told = [
-            Place::Charging,
-            Place::ContactSaid,
-            Place::Left(Word::Login),
-            Place::Unknown,
+            DockState::Charging,
+            DockState::ContactSaid,
+            DockState::Left(Evidence::Login),
+            DockState::Unknown,
         ];
         let told = told.map(|place| place.to_string());
         assert_eq!(told[0], "on its station, charging");
@@ -232,11 +232,11 @@ mod tests {
         assert!(told.iter().all(|words| !words.is_empty()));
     }
 
-    fn nowhere() -> (Whereabouts, Instant) {
-        (Whereabouts::new(30 * SECOND), Instant::now())
+    fn nowhere() -> (DockTracker, Instant) {
+        (DockTracker::new(30 * SECOND), Instant::now())
     }
 
-    fn on_contact() -> (Whereabouts, Instant) {
+    fn on_contact() -> (DockTracker, Instant) {
         let (mut place, now) = nowhere();
         place.login(true, false, now);
         (place, now)
@@ -245,19 +245,19 @@ mod tests {
     #[test]
     fn each_word_has_its_place() {
         let (mut place, now) = nowhere();
-        assert_eq!(place.place(), Place::Unknown);
+        assert_eq!(place.place(), DockState::Unknown);
         place.login(false, false, now);
-        assert_eq!(place.place(), Place::Left(Word::Login));
+        assert_eq!(place.place(), DockState::Left(Evidence::Login));
         place.docked(now);
-        assert_eq!(place.place(), Place::ContactSaid);
+        assert_eq!(place.place(), DockState::ContactSaid);
         place.power(true, now);
-        assert_eq!(place.place(), Place::Charging);
+        assert_eq!(place.place(), DockState::Charging);
         place.docked(now);
-        assert_eq!(place.place(), Place::Charging, "said late");
+        assert_eq!(place.place(), DockState::Charging, "said late");
         place.power(false, now);
-        assert_eq!(place.place(), Place::ContactSaid, "full, or no current");
+        assert_eq!(place.place(), DockState::ContactSaid, "full, or no current");
         place.undocked();
-        assert_eq!(place.place(), Place::Left(Word::Engine));
+        assert_eq!(place.place(), DockState::Left(Evidence::Engine));
     }
 
     #[test]
@@ -266,7 +266,7 @@ mod tests {
         place.login(false, false, now);
         place.power(true, now);
         place.power(false, now);
-        assert_eq!(place.place(), Place::Unknown);
+        assert_eq!(place.place(), DockState::Unknown);
     }
 
     #[test]
@@ -278,7 +278,7 @@ mod tests {
         place.poll(false, now + 19 * SECOND);
         assert!(place.on_station() && place.is_leaving());
         assert_eq!(place.poll(false, now + 20 * SECOND), Some(Doubt::Leaving));
-        assert_eq!(place.place(), Place::Unknown);
+        assert_eq!(place.place(), DockState::Unknown);
         assert!(!place.is_leaving());
         assert_eq!(place.next_deadline(false), None);
     }
@@ -288,7 +288,7 @@ mod tests {
         let (mut place, now) = on_contact();
         place.leave_station(Duration::MAX, now);
         place.poll(false, now + 60 * SECOND);
-        assert_eq!(place.place(), Place::Unknown);
+        assert_eq!(place.place(), DockState::Unknown);
     }
 
     #[test]
@@ -297,10 +297,10 @@ mod tests {
         place.power(true, now);
         place.leave_station(20 * SECOND, now);
         place.power(false, now + SECOND);
-        assert_eq!(place.place(), Place::Left(Word::Power));
+        assert_eq!(place.place(), DockState::Left(Evidence::Power));
         assert!(place.is_leaving());
         place.poll(false, now + 20 * SECOND);
-        assert_eq!(place.place(), Place::Left(Word::Power));
+        assert_eq!(place.place(), DockState::Left(Evidence::Power));
         assert!(!place.is_leaving());
     }
 
@@ -324,15 +324,15 @@ mod tests {
     fn contact_without_charging_is_believed_for_its_time_while_low_and_for_ever_otherwise() {
         let (mut place, now) = on_contact();
         place.poll(false, now + 3600 * SECOND);
-        assert_eq!(place.place(), Place::ContactSaid);
+        assert_eq!(place.place(), DockState::ContactSaid);
         let low = now + 7200 * SECOND;
         place.expect_charge(low);
         assert_eq!(place.next_deadline(true), Some(low + 30 * SECOND));
         assert_eq!(place.next_deadline(false), None);
         place.poll(true, low + 29 * SECOND);
-        assert_eq!(place.place(), Place::ContactSaid);
+        assert_eq!(place.place(), DockState::ContactSaid);
         assert_eq!(place.poll(true, low + 30 * SECOND), Some(Doubt::Contact));
-        assert_eq!(place.place(), Place::Unknown);
+        assert_eq!(place.place(), DockState::Unknown);
     }
 
     #[test]
@@ -343,7 +343,7 @@ mod tests {
             assert_eq!(place.next_deadline(true), Some(now + 30 * SECOND));
         }
         place.login(true, true, now + 30 * SECOND);
-        assert_eq!(place.place(), Place::Unknown);
+        assert_eq!(place.place(), DockState::Unknown);
         place.docked(now + 40 * SECOND);
         assert_eq!(place.next_deadline(true), Some(now + 70 * SECOND));
     }
@@ -355,7 +355,7 @@ mod tests {
         place.poll(true, now + 30 * SECOND);
         place.poll(false, now + 31 * SECOND);
         place.login(true, true, now + 40 * SECOND);
-        assert_eq!(place.place(), Place::ContactSaid);
+        assert_eq!(place.place(), DockState::ContactSaid);
     }
 
     #[test]
@@ -364,7 +364,7 @@ mod tests {
         assert_eq!(place.poll(true, now + 30 * SECOND), Some(Doubt::Contact));
         assert!(place.has_contact());
         place.login(true, true, now + 31 * SECOND);
-        assert_eq!(place.place(), Place::Unknown);
+        assert_eq!(place.place(), DockState::Unknown);
     }
 
     #[test]
@@ -398,9 +398,9 @@ mod tests {
     fn after_a_pause_of_the_machine_an_undocking_is_in_doubt() {
         let (mut place, now) = on_contact();
         place.doubt_leaving();
-        assert_eq!(place.place(), Place::ContactSaid);
+        assert_eq!(place.place(), DockState::ContactSaid);
         place.leave_station(20 * SECOND, now);
         place.doubt_leaving();
-        assert_eq!(place.place(), Place::Unknown);
+        assert_eq!(place.place(), DockState::Unknown);
     }
 }

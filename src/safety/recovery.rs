@@ -4,7 +4,7 @@
 //! [`Leg`]. Only where neither is allowed does it stand and wait, and never for longer than a search is
 //! worth: standing empties the battery too.
 //!
-//! Nobody knows how the real robot takes a MOVE between two searches (`PROTOCOL.md`, *Not known*), so
+//! It is not known how the real robot takes a MOVE between two searches (`PROTOCOL.md`, *Not known*), so
 //! each loan and each leg ends with a stop and BASE_FIND anew.
 
 use std::time::Duration;
@@ -116,7 +116,7 @@ impl Recovery {
             Phase::Driving(leg) if !may_drive || leg.setpoint(now).is_none() => {
                 Some(self.search(now))
             }
-            // Whatever has ended it: nobody has said that it failed.
+            // Whatever has ended it: no report says that it failed.
             Phase::Searching => {
                 self.wait(Duration::ZERO, now);
                 self.poll(may_drive, now)
@@ -177,7 +177,7 @@ impl Recovery {
         }
     }
 
-    /// The robot is somewhere else, or nobody knows what it does: a search comes next, at once.
+    /// The robot is somewhere else, or it is not known what it does: a search comes next, at once.
     pub fn search_at_once(&mut self, now: Instant) {
         self.blind = false;
         self.phase = Phase::Waiting { until: now };

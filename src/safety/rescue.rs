@@ -13,7 +13,7 @@ pub enum Rescue {
     /// The one that comes with the program: it drives over free floor and looks for the station.
     #[default]
     Builtin,
-    /// None: the tracks are lent to nobody.
+    /// None: the tracks are not lent.
     Off,
     /// One of the user's own.
     File(PathBuf),

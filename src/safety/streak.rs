@@ -63,9 +63,10 @@ impl Run {
             self.lowest.min(power.percent),
             self.highest.max(power.percent),
         );
-        let gain = match power.charging {
-            true => FASTEST_CHARGE * (now - self.began).as_secs_f64(),
-            false => 0.0,
+        let gain = if power.charging {
+            FASTEST_CHARGE * (now - self.began).as_secs_f64()
+        } else {
+            0.0
         };
         let agrees = f64::from(highest - lowest) <= f64::from(spread) + gain;
         (agrees && power.charging == self.charging).then_some(Run {

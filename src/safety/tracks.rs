@@ -81,9 +81,10 @@ impl Tracks {
     fn note(&mut self, setpoint: Setpoint, now: Instant) {
         (self.told, self.told_at) = (setpoint, now);
         self.free = self.free.max(now) + Tracks::SPACING;
-        match setpoint.is_stop() {
-            true => self.moving_since = None,
-            false => self.moving_since = self.moving_since.or(Some(now)),
+        if setpoint.is_stop() {
+            self.moving_since = None
+        } else {
+            self.moving_since = self.moving_since.or(Some(now))
         }
     }
 }

@@ -12,7 +12,7 @@ use crate::robot::{Setpoint, Stroke, TrackPower};
 /// See the module.
 #[derive(Clone)]
 pub struct Trail {
-    /// `None`: nobody knows how the robot came here.
+    /// `None`: it is not known how the robot came here.
     way: Option<Way>,
     told: Setpoint,
     since: Instant,
@@ -35,7 +35,7 @@ impl Trail {
     /// for it to lead anywhere.
     pub const LONGEST: f32 = 200.0;
 
-    /// Nobody knows where the robot is.
+    /// The robot's position is not known.
     pub fn new(now: Instant) -> Trail {
         Trail {
             way: None,
@@ -50,7 +50,7 @@ impl Trail {
         self.way = Some(Way::default());
     }
 
-    /// Nobody knows any more how the robot came here.
+    /// How the robot came here is not known any more.
     pub fn lose(&mut self) {
         self.way = None;
     }

@@ -11,10 +11,13 @@ use tokio::time::Instant;
 
 use super::arguments::Arguments;
 use super::options::Options;
+use super::refusal::{CallError, WorldError};
 use crate::behaviour::{Library, read_source};
 use crate::check;
 use crate::robot::EndReason;
-use crate::script::{self, Ending, Output, Script, SourceLocation, Stage, suggestion};
+use crate::script::{
+    self, Ending, NoModule, Output, Script, SourceLocation, Stage, StageError, suggestion,
+};
 use crate::sim::World;
 
 /// Scenarios of one file.
@@ -170,7 +173,7 @@ impl Book {
                     let file = folder
                         .map_or_else(Library::default, Library::new)
                         .fetch(&name)
-                        .map_err(|error| error.to_string());
+                        .map_err(|error| NoModule(error.to_string()));
                     script.deliver_module(&name, file, Instant::now());
                 }
                 Output::Intent(_)
@@ -239,28 +242,24 @@ impl Stage for Declaring {
         call: &str,
         arguments: &[Value],
         place: Option<SourceLocation>,
-    ) -> Result<Value, String> {
+    ) -> Result<Value, StageError> {
         if call != "scenario" {
-            return Err(
-                "this can be asked inside of a scenario only, in its function(sim) ... end"
-                    .to_owned(),
-            );
+            return Err(CallError::Outside.into());
         }
         let given = Arguments(arguments);
         let name = given.text(0).unwrap_or_default();
         if name.trim().is_empty() {
-            return Err("the name must have 1 to 200 bytes".to_owned());
+            return Err(CallError::NoName.into());
         }
         let options = Options::of(given.value(1));
         load_world(options.world.as_deref(), self.folder.as_deref())?;
         let mut found = self.found.borrow_mut();
         if let Some(twin) = found.iter().find(|other| other.name == name) {
-            return Err(format!("'{name}' is in line {} already", twin.line));
+            let (name, line) = (name.to_owned(), twin.line);
+            return Err(CallError::Twice { name, line }.into());
         }
         if found.len() == MAX_SCENARIOS {
-            return Err(format!(
-                "at most {MAX_SCENARIOS} scenarios fit into one file"
-            ));
+            return Err(CallError::TooMany(MAX_SCENARIOS).into());
         }
         let index = found.len();
         found.push(Scenario {
@@ -274,7 +273,7 @@ impl Stage for Declaring {
 }
 
 /// The world of a name, or of a file in this folder.
-pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<World, String> {
+pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<World, WorldError> {
     let Some(name) = name else {
         return Ok(World::default_world());
     };
@@ -289,16 +288,15 @@ pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<Wo
         let path = folder.join(name);
         // Messages quote what is wrong: nothing else is looked into, through a link neither.
         if path.canonicalize().is_ok_and(|path| !is_world(&path)) {
-            return Err(format!(
-                "{name} is no world: it leads to a file of another kind"
-            ));
+            return Err(WorldError::Elsewhere(name.to_owned()));
         }
-        return World::load(&path).map_err(|error| error.to_string());
+        return Ok(World::load(&path)?);
     }
     let near = suggestion(name, World::ready_names());
     let known = World::ready_names().collect::<Vec<_>>().join(", ");
-    Err(format!(
-        "there is no world '{name}'{near} (those that come along: {known}; or a file, such as \
-         \"house.yaml\")"
-    ))
+    Err(WorldError::Unknown {
+        name: name.to_owned(),
+        near,
+        known,
+    })
 }

@@ -5,12 +5,13 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::arguments::Arguments;
+use super::refusal::CallError;
 use super::stage::PlayStage;
 use crate::clock::{self, Date};
-use crate::sim::{DocumentError, Fault, Point, Pose, What};
+use crate::sim::{Fault, Point, Pose, What};
 
 impl PlayStage {
-    pub(super) fn call(&self, call: &str, given: Arguments<'_>) -> Result<Value, String> {
+    pub(super) fn call(&self, call: &str, given: Arguments<'_>) -> Result<Value, CallError> {
         match call {
             "sim:place" => Ok(self.put_robot(given)),
             "sim:place_ball" => self.put_ball(given),
@@ -44,7 +45,7 @@ impl PlayStage {
         }
     }
 
-    fn look(&self, call: &str, given: Arguments<'_>) -> Result<Value, String> {
+    fn look(&self, call: &str, given: Arguments<'_>) -> Result<Value, CallError> {
         let state = self.sim.state();
         Ok(match call {
             "sim:seed" => self.cast.seed.into(),
@@ -66,8 +67,8 @@ impl PlayStage {
             "sim:distance" => state.distance.into(),
             "sim:collisions" => state.collisions.into(),
             "sim:ended" => self.chronicle.ended(given.text(0)).into(),
-            "sim:log" => self.chronicle.lines(given.text(0).unwrap_or_default()),
-            _ => return Err("it does not exist".to_owned()),
+            "sim:log" => self.chronicle.lines(given.text(0).unwrap_or_default())?,
+            _ => return Err(CallError::Unknown),
         })
     }
 
@@ -82,19 +83,18 @@ impl PlayStage {
         Value::Null
     }
 
-    fn ball_number(&self, given: Arguments<'_>) -> Result<usize, String> {
+    fn ball_number(&self, given: Arguments<'_>) -> Result<usize, CallError> {
         let (number, balls) = (given.number(0), self.sim.world().balls.len());
         if balls == 0 {
-            return Err("there is no ball in this world".to_owned());
+            return Err(CallError::NoBall);
         }
         if !(1.0..=balls as f64).contains(&number) {
-            let words = format!("the ball's number must be between 1 and {balls}, got {number}");
-            return Err(words);
+            return Err(CallError::BallNumber { balls, number });
         }
         Ok(number as usize - 1)
     }
 
-    fn ball(&self, given: Arguments<'_>) -> Result<Value, String> {
+    fn ball(&self, given: Arguments<'_>) -> Result<Value, CallError> {
         let index = self.ball_number(given)?;
         let first = self.sim.world().balls[index].at.point();
         let now = self
@@ -104,7 +104,7 @@ impl PlayStage {
         Ok(json!({"x": at.x, "y": at.y}))
     }
 
-    fn put_ball(&self, given: Arguments<'_>) -> Result<Value, String> {
+    fn put_ball(&self, given: Arguments<'_>) -> Result<Value, CallError> {
         let index = self.ball_number(given)?;
         let number = |key| given.option(1, key).unwrap_or_default();
         self.sim
@@ -128,9 +128,10 @@ impl PlayStage {
     }
 
     /// As in the YAML of `spykee sim --faults`, which is JSON too.
-    fn begin_fault(&self, given: Arguments<'_>) -> Result<Value, String> {
+    fn begin_fault(&self, given: Arguments<'_>) -> Result<Value, CallError> {
         let list = json!({"faults": [given.value(0)]}).to_string();
-        let faults = Fault::list_from_yaml(&list, "fault").map_err(DocumentError::into_message)?;
+        let faults = Fault::list_from_yaml(&list, "fault")
+            .map_err(|error| CallError::Fault(error.into_message()))?;
         for fault in faults {
             self.sim.begin(fault);
         }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
+use super::refusal::CastError;
 use crate::agent::Behaviour;
 use crate::behaviour::{Launch, Library, read_source};
 use crate::check::{self, Finding};
@@ -27,25 +28,23 @@ pub(super) struct Cast {
 
 impl Cast {
     /// Those that a call names, or the subject.
-    pub(super) fn behaviours(&self, named: &[Value]) -> Result<Vec<Behaviour>, String> {
+    pub(super) fn behaviours(&self, named: &[Value]) -> Result<Vec<Behaviour>, CastError> {
         let mut entries = named
             .iter()
             .filter(|value| !value.is_null())
             .map(|value| self.entry(value))
-            .collect::<Result<Vec<Entry>, String>>()?;
+            .collect::<Result<Vec<Entry>, CastError>>()?;
         if entries.is_empty() {
             let subject = self.subject.clone();
-            let subject = subject.ok_or("name a behaviour, such as sim:run(\"patrol.lua\")")?;
+            let subject = subject.ok_or(CastError::NoSubject)?;
             entries.push(Entry::of(subject));
         }
         let mut names = Vec::new();
         for entry in &entries {
-            let name = entry.name().map_err(|error| error.to_string())?;
+            let name = entry.name()?;
             names.push(name.clone());
             if names[..names.len() - 1].contains(&name) {
-                return Err(format!(
-                    "two behaviours are called '{name}': give one of them another name"
-                ));
+                return Err(CastError::Twins(name));
             }
         }
         let seeds = self.seed..;
@@ -55,20 +54,14 @@ impl Cast {
             .collect()
     }
 
-    fn entry(&self, value: &Value) -> Result<Entry, String> {
+    fn entry(&self, value: &Value) -> Result<Entry, CastError> {
         let mut entry = match value {
             Value::String(path) => Entry::of(PathBuf::from(path)),
-            Value::Object(_) => {
-                serde_json::from_value(value.clone()).map_err(|error| error.to_string())?
-            }
-            _ => {
-                let what = "a behaviour must be a file or a table such as { file = \"patrol.lua\", \
-                            params = { speed = 50 } }";
-                return Err(what.to_owned());
-            }
+            Value::Object(_) => serde_json::from_value(value.clone())?,
+            _ => return Err(CastError::Kind),
         };
         let folder = self.folder.as_ref();
-        let folder = folder.ok_or("no behaviour can be named here: sim:run() runs the one")?;
+        let folder = folder.ok_or(CastError::NoFolder)?;
         entry.file = folder.join(&entry.file);
         Ok(entry)
     }
@@ -78,18 +71,17 @@ impl Cast {
         self.config.time_zone.clone().unwrap_or_else(Zone::utc)
     }
 
-    fn behaviour(&self, entry: &Entry, seed: u64) -> Result<Behaviour, String> {
+    fn behaviour(&self, entry: &Entry, seed: u64) -> Result<Behaviour, CastError> {
         let file = &entry.file;
         let named = is_script(file) && file.canonicalize().map_or(true, |file| is_script(&file));
         if !named {
-            return Err(format!(
-                "{} is no behaviour: its name must end in .lua",
-                file.display()
-            ));
+            return Err(CastError::NoScript(file.clone()));
         }
-        let source = read_source(file)
-            .map_err(|error| format!("cannot read the behaviour {}: {error}", file.display()))?;
-        let name = entry.name().map_err(|error| error.to_string())?;
+        let source = read_source(file).map_err(|source| CastError::Read {
+            path: file.clone(),
+            source,
+        })?;
+        let name = entry.name()?;
         let chunk = file.display().to_string();
         let options = script::Options {
             params: entry.given(&self.origin),
@@ -120,15 +112,12 @@ fn is_script(file: &Path) -> bool {
 }
 
 /// As before every run.
-fn refuse_mistakes(source: &[u8], options: &script::Options) -> Result<(), String> {
+fn refuse_mistakes(source: &[u8], options: &script::Options) -> Result<(), CastError> {
     let errors = check::errors(source, options);
     let errors: Vec<String> = errors.iter().map(Finding::text).collect();
     if errors.is_empty() {
         Ok(())
     } else {
-        Err(format!(
-            "the behaviour cannot work:\n{}",
-            errors.join("\n\n")
-        ))
+        Err(CastError::Mistakes(errors.join("\n\n")))
     }
 }

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde_json::{Value, json};
 
+use super::refusal::CallError;
 use crate::agent::RESCUE_NAME;
 use crate::behaviour::is_failure;
 use crate::lab::{Event, EventKind, Recorder};
@@ -24,6 +25,8 @@ pub(super) struct Chronicle(Arc<Mutex<Pages>>);
 #[derive(Default)]
 struct Pages {
     lines: Vec<Line>,
+    /// Lines that were written beyond those.
+    missed: usize,
     endings: VecDeque<Ended>,
     recent: VecDeque<String>,
     failed: Option<Ended>,
@@ -78,15 +81,20 @@ impl Chronicle {
     }
 
     /// What the behaviours wrote that contains this text.
-    pub(super) fn lines(&self, text: &str) -> Value {
+    ///
+    /// # Errors
+    /// So much was written that not all of it is known: an expectation that counts would be wrong.
+    pub(super) fn lines(&self, text: &str) -> Result<Value, CallError> {
         let pages = self.pages();
+        if pages.missed > 0 {
+            return Err(CallError::LinesMissed(MAX_LINES));
+        }
         let lines = pages.lines.iter().filter(|line| line.text.contains(text));
-        lines
-            .map(|line| {
-                json!({"behaviour": line.behaviour, "level": line.level, "text": line.text,
-                       "time": line.time})
-            })
-            .collect()
+        let object = |line: &Line| {
+            json!({"behaviour": line.behaviour, "level": line.level, "text": line.text,
+                   "time": line.time})
+        };
+        Ok(lines.map(object).collect())
     }
 
     /// What happened last, oldest first.
@@ -105,6 +113,7 @@ impl Pages {
                 text: event.text.clone(),
                 time: event.at.as_secs_f64(),
             }),
+            EventKind::Log => self.missed += 1,
             EventKind::Ended => self.end(Ended {
                 behaviour: behaviour.to_owned(),
                 reason: event.field("reason").unwrap_or_default().to_owned(),
@@ -145,5 +154,36 @@ fn words(event: &Event, behaviour: &str) -> Option<String> {
         EventKind::Ended => Some(format!("{behaviour} ends: {text}")),
         EventKind::Safety | EventKind::Note => Some(text.to_owned()),
         EventKind::End => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+    use std::time::Duration;
+
+    #[test]
+    fn lines_that_are_not_all_kept_are_an_error_and_no_count() {
+        let chronicle = Chronicle::default();
+        let mut event = Event {
+            at: Duration::ZERO,
+            kind: EventKind::Log,
+            level: "info",
+            text: "alarm".to_owned(),
+            fields: BTreeMap::new(),
+        };
+        for _ in 0..MAX_LINES {
+            chronicle.pages().note(&event);
+        }
+        let lines = chronicle.lines("alarm").unwrap();
+        assert_eq!(lines.as_array().unwrap().len(), MAX_LINES);
+        event.text = "one more".to_owned();
+        chronicle.pages().note(&event);
+        let error = chronicle.lines("alarm").unwrap_err();
+        assert!(
+            matches!(error, CallError::LinesMissed(MAX_LINES)),
+            "{error}"
+        );
     }
 }

@@ -26,6 +26,7 @@ mod cast;
 mod chronicle;
 mod options;
 mod play;
+mod refusal;
 mod stage;
 mod trial;
 

@@ -124,7 +124,7 @@ pub enum Cause {
 }
 
 /// Why a scenario failed.
-struct Trouble {
+struct Unplayed {
     cause: Cause,
     message: String,
     place: Option<SourceLocation>,
@@ -210,7 +210,7 @@ impl Play<'_> {
         }
         let trouble = match self.book.script(seed, self.stage.clone()) {
             Ok(script) => self.act(script, stop).await.err(),
-            Err(failure) => Some(Trouble {
+            Err(failure) => Some(Unplayed {
                 cause: Cause::Scenario,
                 message: failure.to_string(),
                 place: None,
@@ -223,7 +223,7 @@ impl Play<'_> {
         }
     }
 
-    async fn act(&mut self, mut script: Script, stop: &CancellationToken) -> Result<(), Trouble> {
+    async fn act(&mut self, mut script: Script, stop: &CancellationToken) -> Result<(), Unplayed> {
         let limit = self.stage.began + self.scenario.options.limit;
         loop {
             script.run_ready(Instant::now());
@@ -252,8 +252,8 @@ impl Play<'_> {
     }
 
     fn obey(&mut self) {
-        while let Some(order) = self.stage.take_order() {
-            match order {
+        while let Some(command) = self.stage.take_command() {
+            match command {
                 StageCommand::Run(behaviours) => {
                     let running = self.lab.start(behaviours, None);
                     self.agent = Some(Agent {
@@ -273,7 +273,7 @@ impl Play<'_> {
         }
     }
 
-    fn agent_ended(&mut self, outcome: Result<Outcome, AgentError>) -> Result<(), Trouble> {
+    fn agent_ended(&mut self, outcome: Result<Outcome, AgentError>) -> Result<(), Unplayed> {
         self.agent = None;
         self.stage.has_stopped();
         match outcome {
@@ -283,18 +283,18 @@ impl Play<'_> {
     }
 
     /// Whether it is over, and how.
-    fn verdict(&self, script: &Script) -> Option<Result<(), Trouble>> {
+    fn verdict(&self, script: &Script) -> Option<Result<(), Unplayed>> {
         let failed = self.stage.chronicle.failed();
         if let Some(failed) = failed.filter(|_| !self.scenario.options.may_fail) {
             let text = format!("the behaviour {} failed: {}", failed.behaviour, failed.text);
-            return Some(Err(Trouble {
+            return Some(Err(Unplayed {
                 cause: Cause::Behaviour(failed.text),
                 ..self.trouble(&text)
             }));
         }
         // Also one whose error was caught.
         if let Some((place, message)) = self.stage.take_expected() {
-            return Some(Err(Trouble {
+            return Some(Err(Unplayed {
                 cause: Cause::Expectation,
                 message,
                 place: place.or_else(|| self.stage.last_place()),
@@ -313,20 +313,20 @@ impl Play<'_> {
     }
 
     /// An error of the scenario's function that was no `expect`.
-    fn raised(&self, raised: String) -> Trouble {
+    fn raised(&self, raised: String) -> Unplayed {
         let shown = self.book.file().display().to_string();
         let (place, text) = match split_place(&raised, &shown) {
             Some((line, text)) => (Some(SourceLocation { file: shown, line }), text.to_owned()),
             None => (self.stage.last_place(), in_words(&raised).to_owned()),
         };
-        Trouble {
+        Unplayed {
             cause: Cause::Scenario,
             message: text,
             place,
         }
     }
 
-    fn too_long(&self) -> Trouble {
+    fn too_long(&self) -> Unplayed {
         let limit = self.scenario.options.limit.as_secs_f64();
         self.trouble(&format!(
             "it was not over within its limit of {limit} s; a longer one is given as {{ limit = \
@@ -335,15 +335,15 @@ impl Play<'_> {
     }
 
     /// At the line that was asked from last.
-    fn trouble(&self, message: &str) -> Trouble {
-        Trouble {
+    fn trouble(&self, message: &str) -> Unplayed {
+        Unplayed {
             cause: Cause::Scenario,
             message: message.to_owned(),
             place: self.stage.last_place(),
         }
     }
 
-    fn failure(&self, trouble: Trouble) -> Failure {
+    fn failure(&self, trouble: Unplayed) -> Failure {
         let sim = self.lab.sim();
         let state = sim.state();
         sim.note("it failed here");

@@ -10,8 +10,9 @@ use tokio::time::Instant;
 use super::arguments::Arguments;
 use super::cast::Cast;
 use super::chronicle::Chronicle;
+use super::refusal::CallError;
 use crate::agent::Behaviour;
-use crate::script::{SourceLocation, Stage};
+use crate::script::{SourceLocation, Stage, StageError};
 use crate::sim::Handle;
 
 /// What the laboratory is asked to do when the script waits.
@@ -30,7 +31,7 @@ pub(super) struct PlayStage {
     /// The place of the scenario in its file, from 0.
     wanted: usize,
     declared: Cell<usize>,
-    orders: RefCell<VecDeque<StageCommand>>,
+    commands: RefCell<VecDeque<StageCommand>>,
     running: Cell<bool>,
     end: RefCell<Option<Result<(), String>>>,
     place: RefCell<Option<SourceLocation>>,
@@ -46,7 +47,7 @@ impl PlayStage {
             began: Instant::now(),
             wanted,
             declared: Cell::new(0),
-            orders: RefCell::default(),
+            commands: RefCell::default(),
             running: Cell::new(false),
             end: RefCell::default(),
             place: RefCell::default(),
@@ -55,8 +56,8 @@ impl PlayStage {
     }
 
     /// What is to be done next.
-    pub(super) fn take_order(&self) -> Option<StageCommand> {
-        self.orders.borrow_mut().pop_front()
+    pub(super) fn take_command(&self) -> Option<StageCommand> {
+        self.commands.borrow_mut().pop_front()
     }
 
     /// Whether the scenario's function has returned, and else what it raised.
@@ -89,23 +90,19 @@ impl PlayStage {
         (index == self.wanted).into()
     }
 
-    fn run(&self, named: &[Value]) -> Result<Value, String> {
+    fn run(&self, named: &[Value]) -> Result<(), CallError> {
         if self.running.get() {
-            return Err(
-                "behaviours are running already: name all of them in one call, or call sim:stop() \
-                 before"
-                    .to_owned(),
-            );
+            return Err(CallError::Running);
         }
         let behaviours = self.cast.behaviours(named)?;
         self.chronicle.begin();
         self.running.set(true);
-        self.order(StageCommand::Run(behaviours))
+        self.push(StageCommand::Run(behaviours));
+        Ok(())
     }
 
-    fn order(&self, order: StageCommand) -> Result<Value, String> {
-        self.orders.borrow_mut().push_back(order);
-        Ok(Value::Null)
+    fn push(&self, command: StageCommand) {
+        self.commands.borrow_mut().push_back(command);
     }
 }
 
@@ -115,7 +112,7 @@ impl Stage for PlayStage {
         call: &str,
         arguments: &[Value],
         place: Option<SourceLocation>,
-    ) -> Result<Value, String> {
+    ) -> Result<Value, StageError> {
         let given = Arguments(arguments);
         if call == "expected" {
             let message = given.text(0).unwrap_or_default().to_owned();
@@ -127,7 +124,7 @@ impl Stage for PlayStage {
             *self.place.borrow_mut() = place;
         }
         match call {
-            "scenario" => Ok(self.declare()),
+            "scenario" => return Ok(self.declare()),
             "played" => {
                 let end = if given.is_true(0) {
                     Ok(())
@@ -135,19 +132,16 @@ impl Stage for PlayStage {
                     Err(given.text(1).unwrap_or_default().to_owned())
                 };
                 *self.end.borrow_mut() = Some(end);
-                Ok(Value::Null)
             }
             // What takes time waits in the script.
-            "sim:wait" | "sim:wait_until" => Ok(Value::Null),
-            "running" => Ok(self.running.get().into()),
-            "sim:run" => self.run(arguments),
-            "sim:stop" => self.order(StageCommand::Stop),
-            "sim:kill" => {
-                self.sim.cut();
-                Ok(Value::Null)
-            }
-            "vanish" => self.order(StageCommand::Vanish),
-            _ => self.call(call, given),
+            "sim:wait" | "sim:wait_until" => {}
+            "running" => return Ok(self.running.get().into()),
+            "sim:run" => self.run(arguments)?,
+            "sim:stop" => self.push(StageCommand::Stop),
+            "sim:kill" => self.sim.cut(),
+            "vanish" => self.push(StageCommand::Vanish),
+            _ => return Ok(self.call(call, given)?),
         }
+        Ok(Value::Null)
     }
 }

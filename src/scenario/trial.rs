@@ -19,7 +19,7 @@ use super::play::{Cause, Failure, Played, Setting};
 use crate::behaviour::{STACK, read_source};
 use crate::config::Config;
 use crate::script;
-use crate::walls::{self, Room, Trouble, Worker};
+use crate::walls::{self, Room, Worker, WorkerError};
 
 /// What its process is started for.
 pub const TRIAL: &str = "scenario";
@@ -139,7 +139,7 @@ impl Trials {
                     postcard::from_bytes(&answer).map_err(io::Error::other)?;
                 played.map(Some).map_err(io::Error::other)
             }
-            Err(Trouble::Unwanted) => Ok(None),
+            Err(WorkerError::Unwanted) => Ok(None),
             Err(trouble) => Ok(Some(lost(book, &trouble))),
         }
     }
@@ -202,9 +202,9 @@ fn is_wide(folder: &Path) -> bool {
 }
 
 /// How a scenario went whose process has given no answer.
-fn lost(book: &Book, trouble: &Trouble) -> Played {
+fn lost(book: &Book, trouble: &WorkerError) -> Played {
     let words = match trouble {
-        Trouble::Late(limit) => format!(
+        WorkerError::Late(limit) => format!(
             "it was not over within {} s of real time and was ended; --timeout gives more",
             limit.as_secs_f64()
         ),
@@ -212,7 +212,7 @@ fn lost(book: &Book, trouble: &Trouble) -> Played {
     };
     let own = words.starts_with(&format!("{}: ", book.file().display()));
     let cause = match trouble {
-        Trouble::Broke(_) if !own => Cause::Behaviour(words.clone()),
+        WorkerError::Broken(_) if !own => Cause::Behaviour(words.clone()),
         _ => Cause::Scenario,
     };
     Played {

@@ -321,7 +321,7 @@ pub(super) fn is_flagged() -> bool {
 }
 
 /// What the interrupt is to do.
-pub(super) enum Verdict {
+pub(super) enum BudgetVerdict {
     GoOn,
     Raise(&'static CStr),
     /// Raise, and remember where.
@@ -329,26 +329,26 @@ pub(super) enum Verdict {
 }
 
 /// Judges the running slice.
-pub(super) fn judge() -> Verdict {
+pub(super) fn judge() -> BudgetVerdict {
     let Some(slot) = SLOT.get() else {
-        return Verdict::GoOn;
+        return BudgetVerdict::GoOn;
     };
     match slot.flag.load(Ordering::Acquire) {
-        CANCELLED => Verdict::Raise(CANCELLED_TEXT),
-        STOPPED => Verdict::Raise(STOPPED_TEXT),
-        OVER => Verdict::Raise(OVER_TEXT),
+        CANCELLED => BudgetVerdict::Raise(CANCELLED_TEXT),
+        STOPPED => BudgetVerdict::Raise(STOPPED_TEXT),
+        OVER => BudgetVerdict::Raise(OVER_TEXT),
         LOOK if is_over() => {
             slot.flag.store(OVER, Ordering::Release);
-            Verdict::RaiseFirst(OVER_TEXT)
+            BudgetVerdict::RaiseFirst(OVER_TEXT)
         }
         LOOK => {
             let watcher = Watcher::get();
             let again = watcher.nanoseconds(Instant::now() + LOOK_EVERY);
             slot.look_at.store(again, Ordering::Release);
             slot.flag.store(CALM, Ordering::Release);
-            Verdict::GoOn
+            BudgetVerdict::GoOn
         }
-        _ => Verdict::GoOn,
+        _ => BudgetVerdict::GoOn,
     }
 }
 

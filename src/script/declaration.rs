@@ -8,6 +8,37 @@ use crate::robot::Knob;
 
 use super::params::{GivenParam, ParamOrigin, ParamValue};
 
+/// What contradicts itself in a declaration.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub(crate) enum DeclarationError {
+    #[error("min and max are for numbers only")]
+    Bounds,
+    #[error("choices are for texts only")]
+    Choices,
+    #[error("min {min} is above max {max}")]
+    Order { min: f64, max: f64 },
+    #[error("default must be {0}")]
+    Default(String),
+}
+
+/// What is wrong with a value that was given to a parameter; `written` is the value with its place.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum ParamError {
+    #[error("{written}: the script has no parameter '{name}'{near} (declared: {known})")]
+    Unknown {
+        written: String,
+        name: String,
+        near: String,
+        known: String,
+    },
+    #[error("{written}: {name} must be {expected}")]
+    Refused {
+        written: String,
+        name: String,
+        expected: String,
+    },
+}
+
 /// One declared parameter; its type is that of its default.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Declaration {
@@ -47,22 +78,22 @@ impl Declaration {
     }
 
     /// What is said must make sense for the default's type, and hold for the default itself.
-    pub(crate) fn check(&self) -> Result<(), String> {
+    pub(crate) fn check(&self) -> Result<(), DeclarationError> {
         let is_number = matches!(self.default, ParamValue::Number(_));
         let is_text = matches!(self.default, ParamValue::Text(_));
         if !is_number && (self.min.is_some() || self.max.is_some()) {
-            return Err("min and max are for numbers only".to_owned());
+            return Err(DeclarationError::Bounds);
         }
         if !is_text && !self.choices.is_empty() {
-            return Err("choices are for texts only".to_owned());
+            return Err(DeclarationError::Choices);
         }
         if let (Some(min), Some(max)) = (self.min, self.max)
             && min > max
         {
-            return Err(format!("min {min} is above max {max}"));
+            return Err(DeclarationError::Order { min, max });
         }
         if !self.allows(&self.default) {
-            return Err(format!("default must be {}", self.expected()));
+            return Err(DeclarationError::Default(self.expected()));
         }
         Ok(())
     }
@@ -87,11 +118,14 @@ impl Declaration {
     }
 }
 
-/// The value of each declared parameter, or what is wrong with the values that were given.
-pub(crate) fn settle(
+/// The value of each declared parameter.
+///
+/// # Errors
+/// What is wrong with the values that were given.
+pub(crate) fn param_values(
     declared: &BTreeMap<String, Declaration>,
     given: &BTreeMap<String, GivenParam>,
-) -> Result<BTreeMap<String, ParamValue>, String> {
+) -> Result<BTreeMap<String, ParamValue>, ParamError> {
     for (name, param) in given {
         if !declared.contains_key(name) {
             return Err(unknown(name, param, declared));
@@ -100,9 +134,10 @@ pub(crate) fn settle(
     let value = |(name, declaration): (&String, &Declaration)| {
         let value = match given.get(name) {
             None => declaration.default.clone(),
-            Some(param) => declaration.read(param).ok_or_else(|| {
-                let (written, expected) = (written(name, param), declaration.expected());
-                format!("{written}: {name} must be {expected}")
+            Some(param) => declaration.read(param).ok_or_else(|| ParamError::Refused {
+                written: written(name, param),
+                name: name.clone(),
+                expected: declaration.expected(),
             })?,
         };
         Ok((name.clone(), value))
@@ -110,13 +145,19 @@ pub(crate) fn settle(
     declared.iter().map(value).collect()
 }
 
-fn unknown(name: &str, param: &GivenParam, declared: &BTreeMap<String, Declaration>) -> String {
+fn unknown(name: &str, param: &GivenParam, declared: &BTreeMap<String, Declaration>) -> ParamError {
     let names = || declared.keys().map(String::as_str);
-    let near = suggestion(name, names());
     let known = names().collect::<Vec<_>>().join(", ");
-    let known = if known.is_empty() { "none" } else { &known };
-    let written = written(name, param);
-    format!("{written}: the script has no parameter '{name}'{near} (declared: {known})")
+    ParamError::Unknown {
+        written: written(name, param),
+        name: name.to_owned(),
+        near: suggestion(name, names()),
+        known: if known.is_empty() {
+            "none".to_owned()
+        } else {
+            known
+        },
+    }
 }
 
 /// What is wrong when a script takes no parameters at all.
@@ -163,21 +204,24 @@ mod tests {
         GivenParam { value, origin }
     }
 
-    fn settled(name: &str, param: GivenParam) -> Result<ParamValue, String> {
+    fn given_value(name: &str, param: GivenParam) -> Result<ParamValue, ParamError> {
         let declared = BTreeMap::from([("speed".to_owned(), number(40.0, 10.0, 100.0))]);
         let given = BTreeMap::from([(name.to_owned(), param)]);
-        settle(&declared, &given).map(|mut values| values.remove("speed").unwrap())
+        param_values(&declared, &given).map(|mut values| values.remove("speed").unwrap())
     }
 
     #[test]
     fn a_text_of_the_command_line_is_read_as_what_was_declared() {
-        assert_eq!(settled("speed", given("55")), Ok(ParamValue::Number(55.0)));
+        assert_eq!(
+            given_value("speed", given("55")),
+            Ok(ParamValue::Number(55.0))
+        );
     }
 
     #[test]
     fn a_wrong_value_is_told_with_its_place_and_what_is_right() {
         for wrong in ["500", "fast", "nan", ""] {
-            let text = settled("speed", given(wrong)).unwrap_err();
+            let text = given_value("speed", given(wrong)).unwrap_err().to_string();
             let place = format!("--param speed={wrong}: ");
             assert!(text.starts_with(&place), "{text}");
             assert!(text.ends_with("a number from 10 to 100 %"), "{text}");
@@ -186,7 +230,9 @@ mod tests {
             ParamValue::Text("50".into()),
             ParamOrigin::Config("spykee.yaml".into()),
         );
-        let text = settled("speed", GivenParam { value, origin }).unwrap_err();
+        let text = given_value("speed", GivenParam { value, origin })
+            .unwrap_err()
+            .to_string();
         assert!(
             text.starts_with("spykee.yaml: params: speed: 50: "),
             "{text}"
@@ -195,7 +241,7 @@ mod tests {
 
     #[test]
     fn an_unknown_name_is_told_with_the_nearest() {
-        let text = settled("sped", given("50")).unwrap_err();
+        let text = given_value("sped", given("50")).unwrap_err().to_string();
         assert!(text.contains("did you mean 'speed'?"), "{text}");
     }
 }

@@ -8,7 +8,7 @@ use tokio::time::Instant;
 
 use super::Script;
 use super::arguments::describe;
-use super::failure::{Trouble, printable};
+use super::failure::{VmError, printable};
 use super::output::Evaluated;
 use super::sandbox;
 use super::scheduler::Outcome;
@@ -82,7 +82,7 @@ impl Script {
             state.halt();
             state.outbox.send_stop();
         }
-        self.settle();
+        self.advance_ending();
     }
 }
 
@@ -117,9 +117,9 @@ fn lacks_more(error: &LuaError) -> bool {
 }
 
 fn refused(error: &LuaError) -> Evaluated {
-    Evaluated::Failed(match Trouble::of(error) {
-        Trouble::Memory => "not enough memory for this line".to_owned(),
-        Trouble::Text(text) => text,
+    Evaluated::Failed(match VmError::of(error) {
+        VmError::Memory => "not enough memory for this line".to_owned(),
+        VmError::Text(text) => text,
     })
 }
 

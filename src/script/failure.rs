@@ -94,32 +94,32 @@ impl fmt::Display for SourceLocation {
 
 /// What ended a coroutine.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Trouble {
+pub(super) enum VmError {
     /// More memory than the script may have.
     Memory,
     /// An error, flattened to one short text.
     Text(String),
 }
 
-impl Trouble {
+impl VmError {
     /// Flattens what the VM reports. Error objects of the VM are chains that can be of any depth:
     /// they are walked, never displayed.
-    pub(super) fn of(error: &LuaError) -> Trouble {
+    pub(super) fn of(error: &LuaError) -> VmError {
         let mut error = error;
         for _ in 0..32 {
             match error {
-                LuaError::MemoryError(_) => return Trouble::Memory,
+                LuaError::MemoryError(_) => return VmError::Memory,
                 LuaError::CallbackError { cause, .. } => error = cause,
                 LuaError::RuntimeError(text) | LuaError::SyntaxError { message: text, .. } => {
-                    return Trouble::Text(from_traceback(text));
+                    return VmError::Text(from_traceback(text));
                 }
                 LuaError::CoroutineUnresumable => {
-                    return Trouble::Text(RESUMED_BY_OTHERS.to_owned());
+                    return VmError::Text(RESUMED_BY_OTHERS.to_owned());
                 }
                 _ => break,
             }
         }
-        Trouble::Text("an error that the machine cannot put into words".to_owned())
+        VmError::Text("an error that the machine cannot put into words".to_owned())
     }
 }
 
@@ -204,6 +204,6 @@ mod tests {
                 cause,
             };
         }
-        assert_eq!(Trouble::of(&error), Trouble::Memory);
+        assert_eq!(VmError::of(&error), VmError::Memory);
     }
 }

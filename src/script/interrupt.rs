@@ -18,7 +18,7 @@ use std::mem::MaybeUninit;
 use mlua::ffi;
 use mlua::prelude::{Lua, LuaResult};
 
-use super::budget::{self, Verdict};
+use super::budget::{self, BudgetVerdict};
 
 /// The deepest stack that is searched for the script's own line.
 const DEEPEST: c_int = 64;
@@ -51,9 +51,9 @@ unsafe extern "C-unwind" fn interrupt(state: *mut ffi::lua_State, gc: c_int) {
 /// Whether to raise, and with which words. The first over-run remembers where it was.
 unsafe fn judge(state: *mut ffi::lua_State) -> Option<&'static CStr> {
     match budget::judge() {
-        Verdict::GoOn => None,
-        Verdict::Raise(message) => Some(message),
-        Verdict::RaiseFirst(message) => {
+        BudgetVerdict::GoOn => None,
+        BudgetVerdict::Raise(message) => Some(message),
+        BudgetVerdict::RaiseFirst(message) => {
             // SAFETY: as for the caller.
             if let Some((source, line)) = unsafe { where_is(state) } {
                 budget::remember(source, line);

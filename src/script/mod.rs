@@ -13,7 +13,6 @@
 //! natives of each Lua namespace; `stdlib/` what is written in Lua.
 
 mod address;
-mod album;
 mod api;
 mod arguments;
 mod blockage;
@@ -25,7 +24,6 @@ mod eval;
 mod events;
 mod failure;
 mod group;
-mod held;
 mod ids;
 mod interrupt;
 mod life;
@@ -37,6 +35,7 @@ mod options;
 mod output;
 mod pace;
 mod params;
+mod picture_store;
 mod plain;
 mod queue;
 mod sandbox;
@@ -71,23 +70,23 @@ use life::{Life, is_kill};
 use state::State;
 use task::{Answer, TaskKind};
 
-pub(crate) use album::{NAMES as PICTURE_NAMES, file_name as picture_name};
 pub(crate) use budget::{only_simulated, running, stuck, when_stuck};
 pub use complaints::Explain;
-pub(crate) use declaration::{Declaration, settle};
+pub(crate) use declaration::{Declaration, param_values};
 pub(crate) use failure::printable;
 pub use failure::{Ending, Failure, SourceLocation};
-pub use modules::{ModuleFile, ModuleName};
+pub use modules::{ModuleFile, ModuleName, NoModule};
 pub(crate) use modules::{Target, resolve};
 pub use nearest::suggestion;
 pub use options::{Calibration, Limits, Options};
 pub use output::{Evaluated, Level, LogLine, Output};
 pub use params::{GivenParam, ParamOrigin, ParamValue};
+pub(crate) use picture_store::{NAMES as PICTURE_NAMES, file_name as picture_name};
 pub use sandbox::MAX_SOURCE;
 pub(crate) use sandbox::{check_source as read_text, compile_error};
 pub(crate) use shares::{MAX_ENTRY, MAX_KIND, MAX_NOTICE};
 pub use sighting::{Seen, Sighting};
-pub use stage::Stage;
+pub use stage::{Stage, StageError};
 pub use state::Usage;
 pub use stdlib::RESCUE;
 
@@ -111,7 +110,7 @@ impl Script {
     /// A source over 256 KiB, not UTF-8, with control characters (so also compiled code), or that
     /// does not compile; the message has file and line.
     pub fn load(source: &[u8], options: Options, now: Instant) -> Result<Script, Failure> {
-        Script::load_with(source, options, api::Surroundings::Robot, now)
+        Script::load_with(source, options, api::ApiSet::Robot, now)
     }
 
     /// Loads a script that has `scenario`, `expect` and `sim`, and of the usual names `task`, `log`,
@@ -125,7 +124,7 @@ impl Script {
         stage: Rc<dyn Stage>,
         now: Instant,
     ) -> Result<Script, Failure> {
-        Script::load_with(source, options, api::Surroundings::Stage(stage), now)
+        Script::load_with(source, options, api::ApiSet::Stage(stage), now)
     }
 
     /// Such a script with no source and no stage behind it.
@@ -136,7 +135,7 @@ impl Script {
     fn load_with(
         source: &[u8],
         options: Options,
-        surroundings: api::Surroundings,
+        surroundings: api::ApiSet,
         now: Instant,
     ) -> Result<Script, Failure> {
         let chunk = options.chunk.clone();
@@ -147,9 +146,9 @@ impl Script {
             }
             other => Failure::Machine {
                 chunk,
-                reason: match failure::Trouble::of(other) {
-                    failure::Trouble::Memory => "not enough memory".to_owned(),
-                    failure::Trouble::Text(text) => text,
+                reason: match failure::VmError::of(other) {
+                    failure::VmError::Memory => "not enough memory".to_owned(),
+                    failure::VmError::Text(text) => text,
                 },
             },
         })
@@ -158,7 +157,7 @@ impl Script {
     fn start(
         source: &str,
         options: Options,
-        surroundings: api::Surroundings,
+        surroundings: api::ApiSet,
         now: Instant,
     ) -> LuaResult<Script> {
         let lua = sandbox::open()?;
@@ -200,17 +199,17 @@ impl Script {
         }
         if let Err(why) = api::turn_param(&self.lua, &mut state, name, value) {
             let now = state.now;
-            state.outbox.log(LogLine::new(Level::Warn, &why), now);
+            let line = LogLine::new(Level::Warn, &why.to_string());
+            state.outbox.log(line, now);
         }
     }
 
-    /// Gives the script a frame; it replaces one that no handler has taken.
-    pub fn deliver_frame(&mut self, frame: Frame, now: Instant) {
+    /// Gives the script a frame; it replaces one that no handler has taken. `false`: its markers give
+    /// it away as no picture, and the script is not told of it.
+    pub fn deliver_frame(&mut self, frame: Frame, now: Instant) -> bool {
         let mut state = self.state.borrow_mut();
         state.tick(now);
-        if !state.has_ended() {
-            state.deliver_frame(frame);
-        }
+        state.has_ended() || state.deliver_frame(frame)
     }
 
     /// Decodes what has come of the next frame, so that it is looked at sooner.
@@ -238,7 +237,7 @@ impl Script {
             Some(next) => self.run(next),
             None => self.state.borrow_mut().look_where_it_goes(),
         }
-        self.settle();
+        self.advance_ending();
         self.state.borrow_mut().drop_unused_streams();
     }
 
@@ -280,8 +279,8 @@ impl Script {
     /// Takes up what an earlier run of the script kept in its store.
     ///
     /// # Errors
-    /// If that is not the content of a store: in words. The store stays as it was.
-    pub fn restore(&mut self, file: &[u8]) -> Result<(), String> {
+    /// If that is not the content of a store, which stays as it was then.
+    pub fn restore(&mut self, file: &[u8]) -> Result<(), serde_json::Error> {
         self.state.borrow_mut().store.restore(file)
     }
 
@@ -315,7 +314,7 @@ impl Script {
             }
             state.begin_stop(reason, None);
         }
-        self.settle();
+        self.advance_ending();
         while self.is_ready() {
             self.run_ready(now);
         }
@@ -351,8 +350,8 @@ impl Stage for Empty {
         call: &str,
         _: &[serde_json::Value],
         _: Option<SourceLocation>,
-    ) -> Result<serde_json::Value, String> {
-        Err(format!("{call} is not possible here"))
+    ) -> Result<serde_json::Value, StageError> {
+        Err(format!("{call} is not possible here").into())
     }
 }
 

@@ -56,6 +56,11 @@ impl TryFrom<String> for ModuleName {
     }
 }
 
+/// Why a module cannot be had, in words for the script's author.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error, Serialize, Deserialize)]
+#[error("{0}")]
+pub struct NoModule(pub String);
+
 /// A module as its file holds it.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ModuleFile {

@@ -10,7 +10,7 @@ use mlua::prelude::{Lua, LuaFunction, LuaLightUserData, LuaResult, LuaTable, Lua
 use mlua::state::{GcIncParams, GcMode};
 use mlua::{LuaOptions, StdLib};
 
-use super::failure::{Failure, PRELUDE, Trouble};
+use super::failure::{Failure, PRELUDE, VmError};
 use super::{interrupt, nearest};
 
 /// The largest source, in bytes: the compiler's time and memory are outside the VM's limits.
@@ -73,9 +73,9 @@ pub(super) fn compile(lua: &Lua, source: &str, chunk: &str) -> LuaResult<LuaFunc
 /// The compiler's complaint about a source that was checked, if it has one.
 pub(crate) fn compile_error(source: &str, chunk: &str) -> Option<String> {
     let compiled = open().and_then(|lua| compile(&lua, source, chunk).map(drop));
-    compiled.err().map(|error| match Trouble::of(&error) {
-        Trouble::Memory => "not enough memory to compile it".to_owned(),
-        Trouble::Text(text) => text,
+    compiled.err().map(|error| match VmError::of(&error) {
+        VmError::Memory => "not enough memory to compile it".to_owned(),
+        VmError::Text(text) => text,
     })
 }
 

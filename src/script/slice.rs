@@ -9,7 +9,7 @@ use super::budget::{self, Spent};
 use super::declaration::undeclared;
 use super::ending::Before;
 use super::events::Busy;
-use super::failure::Trouble;
+use super::failure::VmError;
 use super::life::Life;
 use super::queue::Ready;
 use super::sandbox;
@@ -134,9 +134,9 @@ impl Script {
         let slice = match result {
             Ok(_) if thread.status() == ThreadStatus::Resumable => Slice::Waits,
             Ok(values) => Slice::Over(self.done(id, values)),
-            Err(error) => match Trouble::of(&error) {
-                Trouble::Memory => Slice::Memory,
-                Trouble::Text(text) => Slice::Over(self.failed(id, text)),
+            Err(error) => match VmError::of(&error) {
+                VmError::Memory => Slice::Memory,
+                VmError::Text(text) => Slice::Over(self.failed(id, text)),
             },
         };
         (slice, spent)
@@ -227,9 +227,9 @@ impl Script {
 
     /// The VM failed outside the script's own lines.
     fn machine_failed(&self, error: &mlua::Error, before: Before) {
-        match Trouble::of(error) {
-            Trouble::Memory => self.out_of_memory(before),
-            Trouble::Text(text) => {
+        match VmError::of(error) {
+            VmError::Memory => self.out_of_memory(before),
+            VmError::Text(text) => {
                 let mut state = self.state.borrow_mut();
                 state.kill(EndReason::Error, Some(text), before);
             }
@@ -260,8 +260,9 @@ impl Script {
         Ok(())
     }
 
-    /// After a slice: what the end of the last task brings about.
-    pub(super) fn settle(&mut self) {
+    /// After a slice: a script whose last task has ended begins to stop, runs its next farewell, or has
+    /// ended.
+    pub(super) fn advance_ending(&mut self) {
         let mut state = self.state.borrow_mut();
         if state.is_finished() {
             state.begin_stop(EndReason::Done, None);

@@ -5,6 +5,9 @@ use serde_json::Value;
 
 use super::failure::SourceLocation;
 
+/// What is wrong with a call, for the script's author.
+pub type StageError = Box<dyn std::error::Error>;
+
 /// What a scenario's script asks, by way of `scenario`, `expect` and `sim`.
 pub trait Stage {
     /// Answers one call at once: its name, such as `sim:place`, its arguments as plain data, and the
@@ -17,5 +20,5 @@ pub trait Stage {
         call: &str,
         arguments: &[Value],
         place: Option<SourceLocation>,
-    ) -> Result<Value, String>;
+    ) -> Result<Value, StageError>;
 }

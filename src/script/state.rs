@@ -11,13 +11,11 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use self::known::Known;
-use super::album::Album;
 use super::blockage::{Blockage, Going};
 use super::complaints::{Complaints, Telling};
 use super::declaration::Declaration;
-use super::events::{EventName, Payload, Subscriptions};
+use super::events::{EventName, Subscriptions};
 use super::group::Group;
-use super::held::HeldFrame;
 use super::life::{Exit, Life};
 use super::modules::Modules;
 use super::motion::{Motion, Owner};
@@ -25,16 +23,17 @@ use super::odometry::{Driver, Odometry, drive_of};
 use super::options::Options;
 use super::output::{Level, LogLine, OutputQueue};
 use super::params::ParamValue;
+use super::picture_store::PictureStore;
 use super::queue::Tasks;
 use super::shares::Shares;
-use super::sight::{Look, Sight};
+use super::sight::{HeldFrame, Look, Sight};
 use super::sighting::{Seen, Sighting};
 use super::stage::Stage;
 use super::store::Store;
 use super::streams::WantedStreams;
 use super::task::{Answer, GroupId, TaskKind, Wait};
-use crate::robot::{Frame, Intent, MotionEnd, MotionId};
-use crate::vision::{FrameError, Skyline, validate_markers};
+use crate::robot::{Intent, MotionEnd, MotionId};
+use crate::vision::Skyline;
 
 /// A turn from one frame to the next that is looked for in the pictures, radians.
 const LEAST_TURN: f64 = 0.02;
@@ -82,7 +81,7 @@ pub(super) struct State {
     blockage: Blockage,
     pub(super) streams: WantedStreams,
     pub(super) sight: Sight,
-    pub(super) album: Album,
+    pub(super) picture_store: PictureStore,
     pub(super) store: Store,
     pub(super) shares: Shares,
     pub(super) modules: Modules,
@@ -115,7 +114,7 @@ impl State {
     }
 
     pub(super) fn new(options: Options, now: Instant) -> State {
-        let album = Album::new(options.data_dir.clone(), &options.limits);
+        let picture_store = PictureStore::new(options.data_dir.clone(), &options.limits);
         let shares = Shares::new(&options.limits);
         let modules = Modules::new(&options.chunk);
         let sight = Sight::new(&options);
@@ -135,7 +134,7 @@ impl State {
             blockage: Blockage::default(),
             streams: WantedStreams::default(),
             sight,
-            album,
+            picture_store,
             store: Store::default(),
             shares,
             modules,
@@ -169,21 +168,6 @@ impl State {
     pub(super) fn has_moved_within(&self, time: Duration) -> bool {
         let lately = |at: Instant| self.now.saturating_duration_since(at) < time;
         self.motion.is_on() || self.known.moving || self.moved.is_some_and(lately)
-    }
-
-    /// The newest frame replaces those that no handler has taken. One that its markers
-    /// already give away as no picture is counted and goes no further.
-    pub(super) fn deliver_frame(&mut self, frame: Frame) {
-        // A script that is always busy: the last frame before its memory is taken.
-        self.look_where_it_goes();
-        let size = match validate_markers(&frame.jpeg) {
-            Ok(size) => size,
-            Err(error) => return self.note_damage(frame.seq, &error),
-        };
-        let held = Rc::new(HeldFrame::new(frame, size, &self.sight.held_bytes));
-        self.sight.newest = Some(Rc::clone(&held));
-        self.plan_look(&held);
-        self.publish(EventName::Frame, Payload::Frame(held));
     }
 
     /// Whether a task can run, or a frame is to be looked at for the robot's own movement.
@@ -281,13 +265,6 @@ impl State {
     /// Writes a line of the runtime's own into the script's log.
     pub(super) fn log(&mut self, level: Level, text: &str) {
         self.outbox.log(LogLine::new(level, text), self.now);
-    }
-
-    /// Counts a frame that is no picture; the log says so once in a while.
-    pub(super) fn note_damage(&mut self, seq: u64, error: &FrameError) {
-        if let Some(text) = self.sight.damage.note(seq, &error.to_string(), self.now) {
-            self.log(Level::Warn, &text);
-        }
     }
 
     /// Logs a failure, the first time and then ever more rarely for the same place.

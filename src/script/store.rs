@@ -31,9 +31,8 @@ pub(super) struct Store {
 
 impl Store {
     /// Takes up what an earlier run kept.
-    pub(super) fn restore(&mut self, file: &[u8]) -> Result<(), String> {
-        let values: BTreeMap<String, Box<RawValue>> =
-            serde_json::from_slice(file).map_err(|error| error.to_string())?;
+    pub(super) fn restore(&mut self, file: &[u8]) -> Result<(), serde_json::Error> {
+        let values: BTreeMap<String, Box<RawValue>> = serde_json::from_slice(file)?;
         self.bytes = values
             .iter()
             .map(|(key, value)| cost(key, value.get()))

@@ -18,7 +18,7 @@ use crate::agent::{Member, MemberState, Occurrence, Roster, RosterError};
 use crate::clock::{self, Clock};
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::{Quiet, Request};
-use crate::timetable::{Act, Facts, Planner, Record, Told};
+use crate::timetable::{Act, Facts, Notice, Planner, Record};
 
 /// The longest pause between two looks.
 const LONGEST: Duration = Duration::from_secs(15);
@@ -182,12 +182,13 @@ impl Clerk {
                 ..
             } => {
                 let planned = clock::words(&self.duties.table.zone.time(planned));
-                match resumed {
-                    true => info!(behaviour = run, "goes on: it was under way, from {planned}"),
-                    false => info!(
+                if resumed {
+                    info!(behaviour = run, "goes on: it was under way, from {planned}")
+                } else {
+                    info!(
                         behaviour = run,
                         "starts by the timetable, planned for {planned}"
-                    ),
+                    )
                 }
                 self.orders.start(run);
             }
@@ -199,7 +200,7 @@ impl Clerk {
         }
     }
 
-    fn tell(&self, told: &Told) {
+    fn tell(&self, told: &Notice) {
         if let Some((run, reason)) = words::tell(told, &self.duties.table.zone) {
             self.tell_missed(run, reason.to_owned());
         }
@@ -216,9 +217,10 @@ impl Clerk {
         let implausible = !clock::is_plausible(now) && !self.duties.table.rules.is_empty();
         if implausible != self.implausible {
             self.implausible = implausible;
-            match implausible {
-                true => warn!("the clock is not set ({now}): the timetable waits until it is"),
-                false => info!("the clock is set: the timetable begins"),
+            if implausible {
+                warn!("the clock is not set ({now}): the timetable waits until it is")
+            } else {
+                info!("the clock is set: the timetable begins")
             }
         }
     }
@@ -295,9 +297,10 @@ impl Clerk {
             if !gone && !changed.contains(&run) {
                 continue;
             }
-            match gone {
-                true => self.orders.stop(run),
-                false => self.orders.restart(run),
+            if gone {
+                self.orders.stop(run)
+            } else {
+                self.orders.restart(run)
             }
         }
         let before = std::mem::replace(&mut self.duties, duties);

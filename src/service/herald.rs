@@ -1,5 +1,5 @@
-//! Tells the system's manager how the service is: systemd, or whoever listens at `$NOTIFY_SOCKET`. A
-//! thread of its own does the telling: nobody waits for a manager that does not read.
+//! Tells the system's manager how the service is: systemd, or what listens at `$NOTIFY_SOCKET`. A
+//! thread of its own does the telling: a manager that does not read blocks nothing.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -18,14 +18,14 @@ enum News {
     Stopping,
 }
 
-/// See the module. Cheap to clone; without a manager it tells nobody.
+/// See the module. Cheap to clone; without a manager it does nothing.
 #[derive(Debug, Clone, Default)]
 pub struct Herald {
     news: Option<SyncSender<News>>,
 }
 
 impl Herald {
-    /// Tells whoever the environment names.
+    /// Tells the manager that the environment names.
     pub fn of_environment() -> Herald {
         if std::env::var_os("NOTIFY_SOCKET").is_none() {
             return Herald::default();

@@ -102,7 +102,7 @@ pub struct Service {
     pub herald: Herald,
     /// Where starts that did not happen are told: that of the agent's plan.
     pub bus: Bus,
-    /// Where it is told what comes next, for whoever shows it: see [`View::channel`].
+    /// Where it publishes what comes next, for display: see [`View::channel`].
     pub view: watch::Sender<View>,
     /// New duties.
     pub reloads: mpsc::Receiver<Reload>,

@@ -1,5 +1,5 @@
 //! What the timetable has under way, kept in a file: after a power cut the next service goes on with
-//! it. Written off the caller's thread; a disk that is slow or full keeps nobody waiting.
+//! it. Written off the caller's thread; a disk that is slow or full blocks nothing.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -35,9 +35,10 @@ pub fn unit(unit: &Unit<'_>) -> String {
 /// As a word of a unit's line.
 fn escaped(path: &Path) -> String {
     let text = path.display().to_string().replace('%', "%%");
-    match text.contains([' ', '"', '\\', '\'']) {
-        true => format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\"")),
-        false => text,
+    if text.contains([' ', '"', '\\', '\'']) {
+        format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+    } else {
+        text
     }
 }
 

@@ -8,13 +8,13 @@ use crate::clock::{self, Zone};
 use crate::pilot::{LinkState, Status};
 use crate::robot::DockEnd;
 use crate::robot::channel::Quiet;
-use crate::timetable::Told;
+use crate::timetable::Notice;
 
 /// Says in the log what the timetable has to tell. A start that did not happen: whose, and why.
-pub(super) fn tell<'a>(told: &'a Told, zone: &Zone) -> Option<(&'a str, &'static str)> {
+pub(super) fn tell<'a>(told: &'a Notice, zone: &Zone) -> Option<(&'a str, &'static str)> {
     let time = |at: &Timestamp| clock::words(&zone.time(*at));
     match told {
-        Told::Missed {
+        Notice::Missed {
             run,
             planned,
             count,
@@ -28,7 +28,7 @@ pub(super) fn tell<'a>(told: &'a Told, zone: &Zone) -> Option<(&'a str, &'static
             );
             Some((run.as_str(), "the service did not run then"))
         }
-        Told::NoRobot { run, planned } => {
+        Notice::NoRobot { run, planned } => {
             let planned = time(planned);
             warn!(
                 behaviour = run,
@@ -36,12 +36,12 @@ pub(super) fn tell<'a>(told: &'a Told, zone: &Zone) -> Option<(&'a str, &'static
             );
             Some((run.as_str(), "no robot was there"))
         }
-        Told::Overlap { run, planned } => {
+        Notice::Overlap { run, planned } => {
             let planned = time(planned);
             warn!(behaviour = run, "not started at {planned}: it still runs");
             Some((run.as_str(), "it still runs"))
         }
-        Told::ClockSet { seconds } => {
+        Notice::ClockSet { seconds } => {
             info!("the clock was set by {seconds} s");
             None
         }
@@ -87,9 +87,10 @@ pub(super) fn status<'a>(
         (_, None) => status.safety.to_string(),
     };
     let running: Vec<&str> = running.collect();
-    let running = match running.is_empty() {
-        true => "nothing runs".to_owned(),
-        false => running.join(", "),
+    let running = if running.is_empty() {
+        "nothing runs".to_owned()
+    } else {
+        running.join(", ")
     };
     let next = next.map(|(at, run)| format!("; next {run} {}", clock::words(&zone.time(at))));
     format!("{robot}; {running}{}", next.unwrap_or_default())

@@ -24,12 +24,12 @@ pub enum Act {
         run: String,
     },
     /// Tell a person.
-    Tell(Told),
+    Tell(Notice),
 }
 
 /// What a person should know.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Told {
+pub enum Notice {
     /// A start was missed: the program did not run then.
     Missed {
         /// Which behaviour.

@@ -7,6 +7,7 @@
 //! A pattern that names no hours (`*/15 * * * *`) counts intervals: it goes on through both changes.
 
 mod act;
+mod error;
 mod outlook;
 mod pattern;
 mod planner;
@@ -15,7 +16,8 @@ mod record;
 mod rule;
 mod view;
 
-pub use act::{Act, Told};
+pub use act::{Act, Notice};
+pub use error::TimetableError;
 pub use outlook::{Outlook, Reason, outlook};
 pub use pattern::Pattern;
 pub use planner::{Facts, Planner};

@@ -11,6 +11,7 @@ use jiff::tz::{AmbiguousOffset, TimeZone};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use super::error::TimetableError;
 use crate::clock::Zone;
 
 /// Times of the clock on the wall that are looked at before the search is given up: the clock is never
@@ -70,12 +71,15 @@ fn first_instant(at: DateTime, zone: &TimeZone) -> Option<Timestamp> {
 }
 
 impl FromStr for Pattern {
-    type Err = String;
+    type Err = TimetableError;
 
-    fn from_str(text: &str) -> Result<Pattern, String> {
-        let wrong = |why: &str| format!("`{text}` is no pattern of times: {why}");
+    fn from_str(text: &str) -> Result<Pattern, TimetableError> {
+        let wrong = |why: &str| TimetableError::Pattern {
+            text: text.to_owned(),
+            why: why.to_owned(),
+        };
         if text.len() > MAX_LEN {
-            return Err("a pattern of times is at most 200 letters long".to_owned());
+            return Err(TimetableError::LongPattern);
         }
         let parser = CronParser::builder()
             .seconds(Seconds::Disallowed)
@@ -127,7 +131,7 @@ impl<'de> Deserialize<'de> for Pattern {
             }
 
             fn visit_str<E: Error>(self, text: &str) -> Result<Pattern, E> {
-                text.parse().map_err(|why| {
+                text.parse().map_err(|why: TimetableError| {
                     E::custom(format_args!(
                         "{why}, expected minute, hour, day, month and weekday"
                     ))
@@ -241,6 +245,7 @@ mod tests {
             "x x x x x",
         ] {
             let error = wrong.parse::<Pattern>().unwrap_err();
+            let error = error.to_string();
             assert!(error.contains("no pattern of times"), "{wrong}: {error}");
         }
         assert!("@daily".parse::<Pattern>().is_ok());

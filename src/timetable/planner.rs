@@ -6,7 +6,7 @@ use std::time::Duration;
 use jiff::{SignedDuration, Timestamp};
 use tokio::time::Instant;
 
-use super::act::{Act, Told};
+use super::act::{Act, Notice};
 use super::record::{Record, UnderWay};
 use super::rule::Timetable;
 use crate::clock::is_plausible;
@@ -182,7 +182,7 @@ impl Planner {
         let leap = facts.now.duration_since(before) - passed.unwrap_or_default();
         if leap.abs() > SET {
             let seconds = leap.as_secs();
-            acts.push(Act::Tell(Told::ClockSet { seconds }));
+            acts.push(Act::Tell(Notice::ClockSet { seconds }));
         }
         if looked.duration_since(facts.now) > BACK {
             self.plan_from(facts.now);
@@ -254,7 +254,7 @@ impl Planner {
             let count = missed + usize::from(late_too);
             if count > 0 {
                 let (run, planned) = (run.clone(), planned);
-                let told = Told::Missed {
+                let told = Notice::Missed {
                     run,
                     planned,
                     count,
@@ -297,12 +297,12 @@ impl Planner {
             let busy = busy || self.started.iter().any(|one| one.run == run);
             if busy {
                 if !due.resumed {
-                    acts.push(Act::Tell(Told::Overlap { run, planned }));
+                    acts.push(Act::Tell(Notice::Overlap { run, planned }));
                 }
             } else if facts.ready {
                 acts.push(self.start(due, facts));
             } else if !due.resumed && facts.now.duration_since(planned) > allowed(&self.table) {
-                acts.push(Act::Tell(Told::NoRobot { run, planned }));
+                acts.push(Act::Tell(Notice::NoRobot { run, planned }));
             } else {
                 self.due.push(due);
             }

@@ -8,6 +8,7 @@ use jiff::{Timestamp, Unit};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use super::error::TimetableError;
 use crate::clock::Zone;
 
 /// From one time of day to another, on the next day if that is earlier.
@@ -21,18 +22,19 @@ impl Quiet {
     /// Whether it is to be quiet at this instant.
     pub fn covers(&self, instant: Timestamp, zone: &Zone) -> bool {
         let time = zone.time(instant).time();
-        match self.from <= self.to {
-            true => (self.from..self.to).contains(&time),
-            false => time >= self.from || time < self.to,
+        if self.from <= self.to {
+            (self.from..self.to).contains(&time)
+        } else {
+            time >= self.from || time < self.to
         }
     }
 }
 
 impl FromStr for Quiet {
-    type Err = String;
+    type Err = TimetableError;
 
-    fn from_str(text: &str) -> Result<Quiet, String> {
-        let wrong = || format!("`{text}` are no hours such as 22:00-07:00");
+    fn from_str(text: &str) -> Result<Quiet, TimetableError> {
+        let wrong = || TimetableError::Quiet(text.to_owned());
         let (from, to) = text.split_once('-').ok_or_else(wrong)?;
         let time = |text: &str| {
             let time: Option<Time> = text.trim().parse().ok();
@@ -69,8 +71,9 @@ impl<'de> Deserialize<'de> for Quiet {
             }
 
             fn visit_str<E: Error>(self, text: &str) -> Result<Quiet, E> {
-                text.parse()
-                    .map_err(|why| E::custom(format_args!("{why}, expected two times of day")))
+                text.parse().map_err(|why: TimetableError| {
+                    E::custom(format_args!("{why}, expected two times of day"))
+                })
             }
         }
         from.deserialize_str(Word)

@@ -1,4 +1,4 @@
-//! What comes next, for whoever shows it.
+//! What comes next, for display.
 
 use jiff::Timestamp;
 use tokio::sync::watch;

@@ -149,9 +149,10 @@ impl Camera {
         let (mut near, mut far) = (0.0, limit);
         for _ in 0..HALVINGS {
             let middle = 0.5 * (near + far);
-            match self.bent(middle) < bent {
-                true => near = middle,
-                false => far = middle,
+            if self.bent(middle) < bent {
+                near = middle
+            } else {
+                far = middle
             }
         }
         0.5 * (near + far)

@@ -32,6 +32,9 @@ const IN_A_TILE: u32 = 4;
 const FEWEST_TILES: u32 = 8;
 /// When more than this share of the tiles with edges has changed, it was the camera.
 const MOST_TILES: f64 = 0.5;
+/// Or more than this share of those, and of the tiles that have edges now this share.
+const MANY_TILES: f64 = 0.4;
+const MOST_NEW_TILES: f64 = 0.6;
 
 /// What counts as motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -145,8 +148,17 @@ impl MotionDetector {
     }
 
     /// Whether most of the upright edges are not where they were: somebody has pushed or carried the
-    /// robot. What moves through the view covers few of them.
+    /// robot. What moves through the view covers few of them. When it is about half of them, those that
+    /// are new tell: who comes into view close by brings many, but then the old ones have stayed.
     fn has_camera_moved(&self) -> bool {
+        let share = |picture| self.share_of_changed_edges(picture).unwrap_or(0.0);
+        let gone = share(&self.before);
+        gone > MOST_TILES || (gone > MANY_TILES && share(&self.now) > MOST_NEW_TILES)
+    }
+
+    /// How many of the tiles of this half-size picture that have upright edges lie where something has
+    /// changed; `None` if too few have any.
+    fn share_of_changed_edges(&self, picture: &[u8]) -> Option<f64> {
         let Size2 { w, h } = self.half;
         let (contrast, reach) = EDGE;
         let (mut tiles, mut changed) = (0u32, 0u32);
@@ -154,7 +166,7 @@ impl MotionDetector {
             for left in (0..w).step_by(TILE) {
                 let (mut edges, mut moved) = (0, 0);
                 for y in top..(top + TILE).min(h) {
-                    let row = &self.before[y * w..][..w];
+                    let row = &picture[y * w..][..w];
                     for x in left.max(reach)..(left + TILE).min(w.saturating_sub(reach)) {
                         let step = i32::from(row[x + reach]) - i32::from(row[x - reach]);
                         edges += u32::from(step.abs() > contrast);
@@ -170,7 +182,7 @@ impl MotionDetector {
                 }
             }
         }
-        tiles >= FEWEST_TILES && f64::from(changed) > MOST_TILES * f64::from(tiles)
+        (tiles >= FEWEST_TILES).then(|| f64::from(changed) / f64::from(tiles))
     }
 
     fn mark_changes(&mut self) {
@@ -387,6 +399,29 @@ mod tests {
             let motion = detector.update(&shifted(by, Some((100, 150))));
             assert!(motion.pixels >= 150, "by {by}: {motion:?}");
         }
+    }
+
+    /// A plain thing beside stripes, of which some stay when the camera is turned, and others come into view.
+    fn beside_a_plain_thing(turned: bool) -> Image {
+        let picture = RgbImage::from_fn(320, 240, |x, _| {
+            let striped = x < 130 || (turned && (160..260).contains(&x));
+            let moved = if turned && x >= 90 { 6 } else { 0 };
+            let stripe = if ((x + moved) / 12).is_multiple_of(2) {
+                115
+            } else {
+                75
+            };
+            Rgb([if striped { stripe } else { 95 }; 3])
+        });
+        Image::from_rgb(&picture)
+    }
+
+    #[test]
+    fn a_camera_that_is_turned_from_a_plain_thing_is_not_motion() {
+        let mut detector = detector();
+        detector.update(&beside_a_plain_thing(false));
+        let motion = detector.update(&beside_a_plain_thing(true));
+        assert_eq!(motion.pixels, 0, "{motion:?}");
     }
 
     #[test]

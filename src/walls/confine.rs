@@ -142,13 +142,13 @@ impl Walls {
             let walls = Walls::offered();
             if !walls.files {
                 tracing::warn!(
-                    "this kernel has no landlock: whoever breaks out of a script's sandbox could open \
+                    "this kernel has no landlock: code that breaks out of a script's sandbox could open \
                      your files (spykee doctor says more)"
                 );
             }
             if !walls.calls {
                 tracing::warn!(
-                    "this kernel has no seccomp filters: whoever breaks out of a script's sandbox \
+                    "this kernel has no seccomp filters: code that breaks out of a script's sandbox \
                      could open sockets (spykee doctor says more)"
                 );
             }
@@ -156,7 +156,7 @@ impl Walls {
     }
 }
 
-/// No program that this one starts gets a descriptor that this one was given by whoever started it,
+/// No program that this one starts inherits a descriptor that this one got from its parent,
 /// beyond its standard ones. To be called first of all in `main`.
 pub fn keep_descriptors() {
     close_fds::set_fds_cloexec(3, &[]);
@@ -227,7 +227,7 @@ fn limit(processor: u64) -> io::Result<()> {
     ];
     limits.extend(threads().map(|threads| (Resource::Nproc, threads + MORE_THREADS)));
     for (resource, most) in limits {
-        // Nobody can raise what is limited further already.
+        // A lower hard limit cannot be raised.
         let most = rustix::process::getrlimit(resource)
             .maximum
             .map_or(most, |maximum| maximum.min(most));
@@ -269,9 +269,12 @@ fn allow(
     folders: &[PathBuf],
     access: BitFlags<AccessFs>,
 ) -> Result<RulesetCreated, RulesetError> {
-    let shown = |folder: &PathBuf| match folder.as_os_str().is_empty() {
-        true => PathBuf::from("."),
-        false => folder.clone(),
+    let shown = |folder: &PathBuf| {
+        if folder.as_os_str().is_empty() {
+            PathBuf::from(".")
+        } else {
+            folder.clone()
+        }
     };
     let open = folders
         .iter()

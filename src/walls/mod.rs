@@ -13,4 +13,4 @@ mod worker;
 
 pub use command::command;
 pub use confine::{Landlock, Room, Walls, confine, keep_descriptors};
-pub use worker::{Answer, Trouble, WORKER_ARGUMENT, Worker, answer};
+pub use worker::{Answer, WORKER_ARGUMENT, Worker, WorkerError, answer};

@@ -4,7 +4,6 @@
 //! What if it hangs, crashes or floods? It is ended after its time, and that is the answer.
 
 use std::ffi::OsString;
-use std::fmt;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::Shutdown;
 use std::os::fd::AsFd;
@@ -36,48 +35,35 @@ pub struct Worker {
 }
 
 /// Why there is no answer.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Trouble {
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum WorkerError {
     /// It was ended after this time.
+    #[error("it was not over within {} s and was ended", .0.as_secs_f64())]
     Late(Duration),
-    /// Nobody wanted the answer any more.
+    /// The caller does not want the answer any more.
+    #[error("interrupted")]
     Unwanted,
     /// It ended by itself, or could not be started: in words.
-    Broke(String),
-}
-
-impl fmt::Display for Trouble {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Trouble::Late(limit) => {
-                write!(
-                    f,
-                    "it was not over within {} s and was ended",
-                    limit.as_secs_f64()
-                )
-            }
-            Trouble::Unwanted => f.write_str("interrupted"),
-            Trouble::Broke(words) => f.write_str(words),
-        }
-    }
+    #[error("{0}")]
+    Broken(String),
 }
 
 /// When to give up.
-struct Patience<'a> {
+struct Deadline<'a> {
     until: Instant,
     limit: Duration,
     wanted: &'a dyn Fn() -> bool,
 }
 
-impl Patience<'_> {
-    fn look(&self) -> Result<(), Trouble> {
+impl Deadline<'_> {
+    fn look(&self) -> Result<(), WorkerError> {
         if !(self.wanted)() {
-            return Err(Trouble::Unwanted);
+            return Err(WorkerError::Unwanted);
         }
-        match Instant::now() < self.until {
-            true => Ok(()),
-            false => Err(Trouble::Late(self.limit)),
+        if Instant::now() < self.until {
+            return Ok(());
         }
+        Err(WorkerError::Late(self.limit))
     }
 }
 
@@ -110,28 +96,28 @@ impl Worker {
     /// Waits for the answer, for as long as it is wanted, and no longer than the limit.
     ///
     /// # Errors
-    /// See [`Trouble`].
+    /// See [`WorkerError`].
     pub fn ask(
         &self,
         room: &Room,
         question: &[u8],
         limit: Duration,
         wanted: &dyn Fn() -> bool,
-    ) -> Result<Vec<u8>, Trouble> {
-        let patience = Patience {
+    ) -> Result<Vec<u8>, WorkerError> {
+        let deadline = Deadline {
             until: Instant::now() + limit,
             limit,
             wanted,
         };
-        let broke = |error: io::Error| Trouble::Broke(format!("its process: {error}"));
+        let broke = |error: io::Error| WorkerError::Broken(format!("its process: {error}"));
         let (mut process, mut stream) = self.start(room).map_err(broke)?;
-        let talked = talk(&mut stream, question, &patience);
+        let talked = talk(&mut stream, question, &deadline);
         match talked {
             Ok(answer) => match process.ended() {
                 Some(true) => Ok(answer),
-                _ => Err(Trouble::Broke(process.last_words())),
+                _ => Err(WorkerError::Broken(process.last_words())),
             },
-            Err(Trouble::Broke(_)) => Err(Trouble::Broke(process.last_words())),
+            Err(WorkerError::Broken(_)) => Err(WorkerError::Broken(process.last_words())),
             Err(trouble) => Err(trouble),
         }
     }
@@ -147,12 +133,12 @@ impl Worker {
 fn talk(
     stream: &mut UnixStream,
     question: &[u8],
-    patience: &Patience<'_>,
-) -> Result<Vec<u8>, Trouble> {
-    let broke = |error: io::Error| Trouble::Broke(error.to_string());
+    deadline: &Deadline<'_>,
+) -> Result<Vec<u8>, WorkerError> {
+    let broke = |error: io::Error| WorkerError::Broken(error.to_string());
     let mut left = question;
     while !left.is_empty() {
-        patience.look()?;
+        deadline.look()?;
         match stream.write(left) {
             Ok(0) => return Err(broke(ErrorKind::WriteZero.into())),
             Ok(count) => left = &left[count..],
@@ -163,7 +149,7 @@ fn talk(
     stream.shutdown(Shutdown::Write).map_err(broke)?;
     let (mut answer, mut chunk) = (Vec::new(), vec![0; 64 * 1024]);
     loop {
-        patience.look()?;
+        deadline.look()?;
         match stream.read(&mut chunk) {
             Ok(0) => return Ok(answer),
             Ok(count) if answer.len() + count > LONGEST => {

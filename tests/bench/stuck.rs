@@ -37,7 +37,7 @@ struct Arguments {
     seeds: u64,
     /// The seed of the first of them
     #[arg(long, default_value_t = 1)]
-    first_seed: u64,
+    first: u64,
     /// Virtual minutes that each drives about
     #[arg(long, default_value_t = 8)]
     minutes: u64,
@@ -84,7 +84,7 @@ fn score(name: &str, arguments: &Arguments) -> Score {
             return;
         }
         let time = Duration::from_secs(60 * arguments.minutes);
-        let played = play(name, arguments.first_seed + number, time);
+        let played = play(name, arguments.first + number, time);
         sum.lock().unwrap().add(played);
     };
     std::thread::scope(|scope| {

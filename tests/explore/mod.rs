@@ -6,8 +6,8 @@ use std::collections::HashSet;
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::time::Duration;
 
-use spykee::robot::{BehaviourId, CallId, DockPlan, Event, MotionId, Priority, Setpoint};
-use spykee::safety::{Act, Ask, Fact, LastWords, Limits, Place, Watchdog, WatchdogState};
+use spykee::robot::{BehaviourId, CallId, DockPlan, Event, Intent, MotionId, Priority, Setpoint};
+use spykee::safety::{Act, DockState, Fact, LastWords, Limits, Watchdog, WatchdogState};
 use spykee::wire::{Command, Engage, EngineNews, Power};
 use tokio::time::Instant;
 
@@ -172,7 +172,7 @@ impl Node {
     /// BASE_FIND or a leg or loan follows within the time that the limits allow.
     fn comes_home(&self, limits: &Limits) -> Option<String> {
         let (mut dog, mut now) = (self.dog.clone(), self.now);
-        let away = dog.low().is_some() && dog.place() != Place::Charging;
+        let away = dog.low().is_some() && dog.place() != DockState::Charging;
         if !away || dog.state() == WatchdogState::Offline {
             return None;
         }
@@ -248,10 +248,10 @@ fn liveness(limits: &Limits) -> Duration {
 
 fn fact(step: Step) -> Fact {
     let power = |percent, charging| Power { percent, charging };
-    let ask = |by, ask| Fact::Asked {
+    let ask = |by, intent| Fact::Asked {
         by,
         priority: Priority(0),
-        ask,
+        intent,
     };
     let plan = DockPlan {
         timeout: Duration::from_secs(60),
@@ -270,16 +270,28 @@ fn fact(step: Step) -> Fact {
         Step::Slept => Fact::Suspended,
         Step::Move(by) => ask(
             by,
-            Ask::Move {
+            Intent::Move {
                 motion: MotionId(1),
                 setpoint: Setpoint::from_percent(80.0, 80.0).unwrap(),
                 duration: None,
             },
         ),
-        Step::Stop(by) => ask(by, Ask::Stop),
-        Step::Dock => ask(SCRIPT, Ask::Dock(CallId(1), plan)),
-        Step::CancelDock => ask(SCRIPT, Ask::CancelDock),
-        Step::Undock => ask(SCRIPT, Ask::Undock(CallId(2), Duration::from_secs(20))),
+        Step::Stop(by) => ask(by, Intent::Stop),
+        Step::Dock => ask(
+            SCRIPT,
+            Intent::Dock {
+                call: CallId(1),
+                plan,
+            },
+        ),
+        Step::CancelDock => ask(SCRIPT, Intent::CancelDock),
+        Step::Undock => ask(
+            SCRIPT,
+            Intent::Undock {
+                call: CallId(2),
+                timeout: Duration::from_secs(20),
+            },
+        ),
         Step::Gone(by) => Fact::Gone(by),
         Step::Rescuer => Fact::Rescuer(Some(RESCUER)),
     }

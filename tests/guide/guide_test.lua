@@ -226,6 +226,14 @@ scenario("24 remembers and tells what it heard", options({ limit = 60 }), functi
 	says(sim, "told", 20)
 end)
 
+scenario("25 strikes the hour and notes it", FIVE, function(sim)
+	sim:clock("2026-05-04 15:00")
+	sim:run("guide_25.lua")
+	ends(sim, 10)
+	expect(#sim:sounds() == 3, `it struck {#sim:sounds()} times`)
+	expect(not sim:leds().left, "the light is off again")
+end)
+
 -- A robot often begins on its station: what drives leaves it first.
 for _, number in { "02", "06", "07", "08", "09", "10", "11", "18" } do
 	scenario(`{number} leaves the station first`, { world = "playpen", battery = 90, fps = 5, limit = 120 }, function(sim)

@@ -438,11 +438,15 @@ fn a_start_inside_of_furniture_is_no_start() {
 }
 
 #[test]
-fn shells_complete_worlds_and_lessons() {
-    let output = run(&["completions", "bash"]);
-    let script = text(&output.stdout);
-    for names in ["living_room", "line_loop", "patrol-and-dock"] {
-        assert!(script.contains(names), "{names}");
+fn shells_complete_worlds_lessons_and_names_of_the_api() {
+    for shell in ["bash", "zsh", "fish"] {
+        let script = text(&run(&["completions", shell]).stdout);
+        for names in ["living_room", "line_loop", "patrol-and-dock", "robot.move"] {
+            assert!(script.contains(names), "{shell}: {names}");
+        }
+        // Names of behaviours are asked for when they are needed.
+        assert!(script.contains("spykee behaviour list --names"), "{shell}");
+        assert!(!script.contains("__spykee_behaviours"), "{shell}");
     }
     let help = text(&run(&["run", "--help"]).stdout);
     assert!(!help.contains("line_loop"), "{help}");

@@ -1,5 +1,7 @@
 //! The guide for people who write behaviours: every script on it does what its text says.
 
+mod service;
+
 use crate::rig::Rig;
 
 const GUIDE: &str = include_str!("../../behaviours/README.md");

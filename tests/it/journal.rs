@@ -8,7 +8,7 @@ use rusqlite::{Connection, OpenFlags};
 use rustix::process::Signal;
 use spykee::wire::{Command, Led};
 
-use crate::rig::{PATIENCE, Rig, Run};
+use crate::rig::{PATIENCE, QUIET_WORLD, Rig, Run};
 
 const CONFIG: &str = "data: data\njournal: { record: on }\nbehaviours: [{ file: one.lua }]\n";
 
@@ -191,6 +191,45 @@ async fn history_tells_of_runs_entries_pictures_and_the_battery() {
     let (code, text) = history(&rig, &["--plot", "battery.png"]).await;
     assert_eq!(code, Some(0), "{text}");
     assert!(image::open(rig.folder().join("battery.png")).is_ok());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn history_tells_of_docks_and_alarms_with_their_reasons() {
+    let firmware = spykee::sim::Firmware {
+        search_limit: Duration::from_millis(300),
+        ..Default::default()
+    };
+    let rig = Rig::new(QUIET_WORLD, firmware).await;
+    rig.sim.hide_station(true);
+    rig.file(
+        "one.lua",
+        "print(robot.dock({ retries = 0 })) print('tried') task.wait(600)",
+    );
+    let watchdog = "watchdog: { dock_retries: 0, recovery_legs: 0, rescue: off }\n";
+    let mut run = rig.run_config(&format!("{CONFIG}{watchdog}"));
+    run.says("tried").await;
+    rig.sim.set_battery(15.0);
+    run.says("action=alarm").await;
+    written(&rig, "SELECT count(*) FROM event WHERE kind = 'safety' AND json_extract(data, '$.action') = 'alarm'").await;
+    run.signal(Signal::INT);
+    run.code().await;
+    let (code, docks) = history(&rig, &["docks"]).await;
+    assert_eq!(code, Some(0), "{docks}");
+    assert!(
+        docks.contains("base_not_found") && docks.contains("one"),
+        "{docks}"
+    );
+    let (code, alarms) = history(&rig, &["alarms"]).await;
+    assert_eq!(code, Some(0), "{alarms}");
+    assert!(alarms.contains("alarm"), "{alarms}");
+    let (_, json) = history(&rig, &["docks", "--json"]).await;
+    let docks: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let script = docks
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|one| one["by"] == "one");
+    assert_eq!(script.unwrap()["end"], "base_not_found", "{json}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -3,6 +3,7 @@
 
 mod access;
 mod broker;
+mod encrypted;
 mod fleet;
 mod outage;
 mod topic;
@@ -14,7 +15,8 @@ use serde_json::Value;
 use spykee::sim::{Options, World};
 use spykee::wire::{Command, Sound};
 
-use self::broker::{Broker, Ear};
+pub use self::broker::Broker;
+use self::broker::Ear;
 use crate::rig::{PATIENCE, QUIET_WORLD, Rig, Run};
 
 async fn robot(uid: &str) -> Rig {

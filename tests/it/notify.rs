@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use rustix::process::Signal;
 use spykee::wire::{Command, Led};
 
-use crate::rig::{PATIENCE, Rig, Run};
+use crate::rig::{PATIENCE, QUIET_WORLD, Rig, Run};
 
 /// A request as it came.
 #[derive(Debug, Clone)]
@@ -26,13 +26,13 @@ impl Asked {
 
 /// A server that answers each request with the next status, and with the last one from then on; 0: it
 /// does not answer.
-struct Webhook {
-    address: String,
+pub struct Webhook {
+    pub address: String,
     asked: Arc<Mutex<Vec<Asked>>>,
 }
 
 impl Webhook {
-    fn start(statuses: &'static [u16]) -> Webhook {
+    pub fn start(statuses: &'static [u16]) -> Webhook {
         Webhook::on(TcpListener::bind("127.0.0.1:0").unwrap(), statuses)
     }
 
@@ -217,6 +217,45 @@ async fn a_webhook_that_hangs_holds_up_neither_the_robot_nor_other_targets_nor_t
     run.signal(Signal::INT);
     assert_eq!(run.code().await, Some(130));
     assert_eq!(waiting(&rig, "phone"), 1, "it is kept");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn people_hear_of_a_start_that_was_missed_and_of_a_robot_that_is_gone_and_back() {
+    let options = spykee::sim::Options {
+        faults: Some(Vec::new()),
+        ..spykee::sim::Options::default()
+    };
+    let world = spykee::sim::World::from_yaml(QUIET_WORLD, "test").unwrap();
+    let (rig, hook) = (Rig::with(world, options).await, Webhook::start(&[200]));
+    rig.file("busy.lua", "task.wait(600)");
+    rig.file(
+        "spykee.yaml",
+        &format!(
+            "link: {{ longest_pause: 0.3 }}\ntime_zone: UTC\nservice: {{ user: root }}\n\
+             behaviours: [{{ file: busy.lua, start: always }}]\n\
+             schedule: [{{ run: busy, at: '* * * * *' }}]\n\
+             notify: {{ unreachable_after: 1, targets: {{ phone: {{ url: 'http://{}/', \
+             on: [start_missed, unreachable] }} }} }}\n",
+            hook.address
+        ),
+    );
+    let mut run = rig.spykee(&["serve", "--config", "spykee.yaml", "--robot", &rig.address]);
+    let hears = async |words: &str| {
+        let until = Instant::now() + PATIENCE;
+        while !hook.asked().iter().any(|one| one.text().contains(words)) {
+            assert!(Instant::now() < until, "{words}: {:?}", hook.asked());
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    };
+    // It was to start in the minutes before.
+    hears("busy did not start: the service did not run then").await;
+    let gone = "faults: [{ fault: reboot, for: 5, state: kept }]";
+    let faults = spykee::sim::Fault::list_from_yaml(gone, "gone").unwrap();
+    faults.into_iter().for_each(|fault| rig.sim.begin(fault));
+    hears("has been out of reach for").await;
+    hears("is in reach again").await;
+    run.signal(Signal::TERM);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -131,6 +131,40 @@ fn shifted_clock(rig: &Rig) -> Option<(PathBuf, PathBuf)> {
     made.then_some((library, seconds))
 }
 
+/// What the clock is ahead, in seconds. In place: the program has the file mapped.
+fn set_clock(seconds: &Path, shift: i64) {
+    use std::io::Write as _;
+    let file = std::fs::File::options().write(true).open(seconds);
+    file.unwrap().write_all(&shift.to_ne_bytes()).unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn until_the_clock_is_set_the_timetable_waits() {
+    let rig = Rig::quiet().await;
+    let Some((library, seconds)) = shifted_clock(&rig) else {
+        return println!("no C compiler is here: a clock that is not set was not tried");
+    };
+    rig.file("often.lua", "task.wait(1)");
+    let rest = "behaviours: [{ file: often.lua }]\nschedule: [{ run: often, at: '* * * * *' }]\n";
+    rig.file("spykee.yaml", &format!("{BASE}{rest}"));
+    let environment = [
+        ("LD_PRELOAD", library.to_str().unwrap()),
+        ("CLOCK_SHIFT", seconds.to_str().unwrap()),
+    ];
+    // As a computer without a battery for its clock begins.
+    set_clock(&seconds, -1_700_000_000);
+    let args = ["serve", "--config", "spykee.yaml", "--robot", &rig.address];
+    let mut run = rig.spykee_with(&args, &environment);
+    run.says("connected").await;
+    run.says("the clock is not set").await;
+    assert!(!run.text().contains("starts by the timetable"));
+    set_clock(&seconds, 0);
+    run.says("the clock is set: the timetable begins").await;
+    run.says("starts by the timetable").await;
+    run.signal(Signal::TERM);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_clock_that_is_set_back_by_a_day_is_said_and_the_timetable_goes_on_from_there() {
     let rig = Rig::quiet().await;
@@ -148,13 +182,7 @@ async fn a_clock_that_is_set_back_by_a_day_is_said_and_the_timetable_goes_on_fro
     let mut run = rig.spykee_with(&args, &environment);
     run.says("starts by the timetable").await;
     run.says("the script has finished").await;
-    // In place: the program has it mapped.
-    let back = |shift: i64| {
-        use std::io::Write as _;
-        let file = std::fs::File::options().write(true).open(&seconds);
-        file.unwrap().write_all(&shift.to_ne_bytes()).unwrap();
-    };
-    back(-86_400);
+    set_clock(&seconds, -86_400);
     run.says("the clock was set by -8").await;
     let again = async {
         while run.text().matches("starts by the timetable").count() < 2 {

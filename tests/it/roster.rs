@@ -84,6 +84,47 @@ async fn a_restarted_behaviour_is_its_file_as_that_is_now() {
     assert_eq!(states(&text)[1].1, "idle", "{text}");
 }
 
+/// What bash offers for `spykee behaviour start` and a word that has been begun.
+fn completed(folder: &std::path::Path, begun: &str) -> String {
+    let program = std::path::Path::new(env!("CARGO_BIN_EXE_spykee"));
+    let path = std::env::var("PATH").unwrap_or_default();
+    let path = format!("{}:{path}", program.parent().unwrap().display());
+    let script = "source <(spykee completions bash); COMP_WORDS=(spykee behaviour start \"$1\"); \
+                  COMP_CWORD=3; _spykee spykee \"$1\" start; echo \"${COMPREPLY[@]}\"";
+    let mut bash = std::process::Command::new("bash");
+    bash.args(["-c", script, "bash", begun]).env("PATH", path);
+    let output = bash.current_dir(folder).output().unwrap();
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_shell_completes_the_behaviours_of_the_run_and_executes_none() {
+    let rig = Rig::quiet().await;
+    assert!(!completed(rig.folder(), "d").contains("drive"));
+    let hostile = "$(touch hacked).lua";
+    rig.file(hostile, IDLES);
+    rig.file("idle.lua", IDLES);
+    rig.file("drive.lua", DRIVES);
+    let run = rig.spykee(&[
+        "run",
+        "idle.lua",
+        hostile,
+        "drive.lua",
+        "--robot",
+        &rig.address,
+    ]);
+    run.says("connected").await;
+    let (code, text) = tool(&rig, &["behaviour", "list", "--names"]).await;
+    assert_eq!((code, &*text), (Some(0), "idle\ndrive"));
+    let offered = completed(rig.folder(), "");
+    assert!(
+        offered.contains("idle") && offered.contains("drive"),
+        "{offered}"
+    );
+    assert_eq!(completed(rig.folder(), "dr").trim(), "drive");
+    assert!(!rig.folder().join("hacked").exists());
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn what_cannot_be_done_is_said_in_words() {
     let rig = Rig::quiet().await;

@@ -1,6 +1,7 @@
 //! `spykee serve`: a robot that is looked after for good.
 
-use std::os::unix::net::UnixDatagram;
+mod manager;
+
 use std::time::Duration;
 
 use rustix::process::Signal;
@@ -264,15 +265,7 @@ async fn in_quiet_hours_scripts_make_no_sound_and_a_person_may() {
     let noise =
         "robot.play('laser') robot.led('flash', true) robot.led('left', true) task.wait(600)";
     rig.file("noise.lua", noise);
-    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-    let hour = now.unwrap().as_secs() / 3600 % 24;
-    let quiet = format!(
-        "quiet: {:02}:00-{:02}:00\n",
-        (hour + 23) % 24,
-        (hour + 2) % 24
-    );
-    let rest = format!("{quiet}behaviours:\n- {{ file: noise.lua, start: asked }}\n");
-    config(&rig, "", &rest);
+    quiet_now(&rig, "behaviours:\n- { file: noise.lua, start: asked }\n");
     let mut run = serve(&rig);
     run.says("quiet hours").await;
     run.says("connected").await;
@@ -298,34 +291,47 @@ async fn in_quiet_hours_scripts_make_no_sound_and_a_person_may() {
     ends_well(&mut run).await;
 }
 
+/// A config whose quiet hours are now, with this in it.
+fn quiet_now(rig: &Rig, rest: &str) {
+    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    let hour = now.unwrap().as_secs() / 3600 % 24;
+    let (from, until) = ((hour + 23) % 24, (hour + 2) % 24);
+    config(
+        rig,
+        "",
+        &format!("quiet: {from:02}:00-{until:02}:00\n{rest}"),
+    );
+}
+
+/// Whether a robot with a low battery, which finds no station, is heard in quiet hours.
+async fn the_alarm_is_heard(settings: &str) -> bool {
+    let firmware = Firmware {
+        search_limit: Duration::from_millis(300),
+        ..Firmware::default()
+    };
+    let rig = Rig::new(QUIET_WORLD, firmware).await;
+    rig.sim.hide_station(true);
+    let watchdog = "watchdog: { dock_retries: 0, dock_pause: 1, recovery_legs: 0, rescue: off }\n";
+    quiet_now(&rig, &format!("{settings}{watchdog}"));
+    let mut run = serve(&rig);
+    run.says("quiet hours").await;
+    run.says("connected").await;
+    rig.sim.set_battery(15.0);
+    run.says("action=alarm").await;
+    // The next search comes after it.
+    rig.heard_dock(rig.sim.heard_count()).await;
+    run.signal(Signal::TERM);
+    run.code().await;
+    rig.commands(0).contains(&Command::Play(Sound::Alarm))
+}
+
 #[tokio::test(flavor = "multi_thread")]
-async fn the_systems_manager_hears_that_it_is_ready_and_alive() {
-    let rig = Rig::quiet().await;
-    rig.file("drive.lua", DRIVES);
-    config(&rig, "", "behaviours:\n- file: drive.lua\n");
-    let path = rig.folder().join("notify");
-    let socket = UnixDatagram::bind(&path).unwrap();
-    socket.set_read_timeout(Some(PATIENCE)).unwrap();
-    let environment = [
-        ("NOTIFY_SOCKET", path.to_str().unwrap()),
-        ("WATCHDOG_USEC", "400000"),
-    ];
-    let args = ["serve", "--config", "spykee.yaml", "--robot", &rig.address];
-    let mut run = rig.spykee_with(&args, &environment);
-    let hear_all = tokio::task::spawn_blocking(move || {
-        let (mut heard, mut alive) = (String::new(), 0);
-        while alive < 3 || !(heard.contains("READY=1") && heard.contains("; drive")) {
-            let mut buffer = [0; 1024];
-            let length = socket
-                .recv(&mut buffer)
-                .unwrap_or_else(|_| panic!("{heard}"));
-            let text = String::from_utf8_lossy(&buffer[..length]);
-            alive += usize::from(text.contains("WATCHDOG=1"));
-            heard += &text;
-        }
-    });
-    hear_all.await.unwrap();
-    ends_well(&mut run).await;
+async fn in_quiet_hours_the_alarm_is_heard_only_if_the_config_says_so() {
+    let (quiet, loud) = tokio::join!(
+        the_alarm_is_heard(""),
+        the_alarm_is_heard("quiet_alarm: false\n")
+    );
+    assert_eq!((quiet, loud), (false, true));
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -412,62 +418,4 @@ async fn what_will_happen_is_said_and_why_not() {
         "{}",
         run.text()
     );
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn the_unit_has_few_rights() {
-    let rig = Rig::quiet().await;
-    let unit = rig.folder().join("spykee.service");
-    let path = unit.to_str().unwrap();
-    let install = [
-        "service",
-        "install",
-        "--to",
-        path,
-        "--program",
-        "/usr/bin/env",
-        "--password-file",
-        "/etc/hostname",
-    ];
-    let (code, text) = tool(&rig, &install).await;
-    assert_eq!(
-        (code, text.contains("systemctl enable")),
-        (Some(0), true),
-        "{text}"
-    );
-    let (code, text) = tool(&rig, &install).await;
-    assert_eq!((code, text.contains("--force")), (Some(2), true), "{text}");
-    let text = std::fs::read_to_string(&unit).unwrap();
-    assert!(text.contains("ExecStart=/usr/bin/env serve --config /etc/spykee/spykee.yaml"));
-    assert!(text.contains("LoadCredential=password:/etc/hostname"));
-    let analyzed = std::process::Command::new("systemd-analyze")
-        .args(["security", "--offline=true", "--threshold=20", path])
-        .output();
-    match analyzed {
-        Ok(output) => {
-            let text = String::from_utf8_lossy(&output.stdout);
-            assert!(output.status.success(), "{text}");
-        }
-        Err(_) => println!("no systemd-analyze here: its verdict was not asked for"),
-    }
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn a_password_comes_from_the_managers_credentials() {
-    let rig = Rig::quiet().await;
-    config(&rig, "", "");
-    rig.file("password", "wrong\n");
-    let environment = [("CREDENTIALS_DIRECTORY", rig.folder().to_str().unwrap())];
-    let args = ["serve", "--config", "spykee.yaml", "--robot", &rig.address];
-    let mut run = rig.spykee_with(&args, &environment);
-    assert_eq!(run.code().await, Some(3), "{}", run.text());
-    assert!(
-        run.text().contains("refuses user `admin`"),
-        "{}",
-        run.text()
-    );
-    rig.file("password", "admin\n");
-    let mut run = rig.spykee_with(&args, &environment);
-    run.says("connected").await;
-    ends_well(&mut run).await;
 }

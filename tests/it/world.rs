@@ -68,6 +68,33 @@ fn every_ready_world_is_drawn_to_a_picture() {
 }
 
 #[test]
+fn below_the_map_the_beacons_colour_is_explained() {
+    let folder = tempfile::tempdir().unwrap();
+    let (code, _, error) = spykee(folder.path(), &["world", "show", "hall"]);
+    assert_eq!(code, Some(0), "{error}");
+    let map = image::open(folder.path().join("map.png"))
+        .unwrap()
+        .to_rgb8();
+    // Pale red, as the area before the station, in the 84 rows below the room.
+    let swatch: Vec<(u32, u32)> = map
+        .enumerate_pixels()
+        .filter(|(_, y, pixel)| {
+            let [red, green, blue] = pixel.0;
+            *y >= map.height() - 84 && red > 240 && (190..220).contains(&green) && blue < 220
+        })
+        .map(|(x, y, _)| (x, y))
+        .collect();
+    assert!(swatch.len() > 250, "{} pixels of a swatch", swatch.len());
+    let right = swatch.iter().map(|(x, _)| *x).max().unwrap();
+    let rows = swatch.iter().map(|(_, y)| *y).min().unwrap()..map.height();
+    let dark = |pixel: &image::Rgb<u8>| pixel.0.iter().all(|part| *part < 120);
+    let written = map.enumerate_pixels().filter(|(x, y, pixel)| {
+        (right + 4..right + 200).contains(x) && rows.contains(y) && dark(pixel)
+    });
+    assert!(written.count() > 100, "words beside it");
+}
+
+#[test]
 fn worlds_are_listed_and_checked() {
     let folder = tempfile::tempdir().unwrap();
     let (code, list, _) = spykee(folder.path(), &["world", "list"]);

@@ -4,18 +4,28 @@ use std::time::Duration;
 
 use jiff::civil::Date;
 use jiff::tz::TimeZone;
-use jiff::{SignedDuration, Timestamp, ToSpan as _};
+use jiff::{SignedDuration, Timestamp, ToSpan as _, Zoned};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 
-/// The first look at the wall, in Rome: within thirty days its clock goes back by an hour.
-pub const BEGINS: &str = "2026-10-05T08:00:00[Europe/Rome]";
+/// In Rome: within thirty days its clock goes back by an hour.
+const BEGINS: &str = "2026-10-05T08:00:00[Europe/Rome]";
 /// A start that was missed by less is made up for.
 pub const CATCH_UP: Duration = Duration::from_secs(600);
 /// How long a patrol of the timetable lasts.
 pub const PATROL: Duration = Duration::from_secs(1800);
 const HOUR: u64 = 3600;
 const DAY: u64 = 24 * HOUR;
+
+/// The first look at the wall.
+pub fn begins() -> Timestamp {
+    BEGINS.parse::<Zoned>().unwrap().timestamp()
+}
+
+/// Where the wall is.
+pub fn rome() -> TimeZone {
+    TimeZone::get("Europe/Rome").unwrap()
+}
 
 /// What happens to the robot, the network, the computer or its clock.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,9 +60,14 @@ pub fn troubles(days: u64, seed: u64) -> Vec<Due> {
     let mut rng = StdRng::seed_from_u64(seed);
     let mut all = Vec::new();
     let minutes = |minutes: u64| Duration::from_secs(minutes * 60);
+    let mut wall = Wall::new(begins());
     for day in 0..days {
+        let (began, gone_at_night) = (Duration::from_secs(day * DAY), day % 6 == 1);
+        // After the change of the clock the wall shows seven when so many days have passed.
+        let hour = wall.at(began).to_zoned(rome()).hour();
+        let eight = began + minutes(60) * u32::from(hour.abs_diff(8));
         let mut at = |since_eight: u64, trouble: Trouble| {
-            let since = Duration::from_secs(day * DAY + since_eight);
+            let since = eight + Duration::from_secs(since_eight);
             all.push((since, trouble));
         };
         for _ in 0..3 {
@@ -72,7 +87,7 @@ pub fn troubles(days: u64, seed: u64) -> Vec<Due> {
             at(HOUR + 900, Trouble::Battery(18.0));
         }
         // A low robot that finds no station sounds the alarm, in the evening's patrol.
-        if day % 5 == 0 {
+        if matches!(day % 5, 0 | 3) && !gone_at_night {
             let hidden = "{ fault: base_not_found, for: SECONDS }";
             at(13 * HOUR + 300, Trouble::Fault(hidden, minutes(12)));
             at(13 * HOUR + 310, Trouble::Battery(19.0));
@@ -82,12 +97,13 @@ pub fn troubles(days: u64, seed: u64) -> Vec<Due> {
             at(3 * HOUR, Trouble::Fault(broken, minutes(100)));
         }
         // From half past eight in the evening to half past eight in the morning.
-        if day % 6 == 1 {
+        if gone_at_night {
             let gone = "{ fault: reboot, for: SECONDS, state: kept }";
             at(12 * HOUR + 1800, Trouble::Fault(gone, minutes(12 * 60)));
         }
         if day % 10 == 1 {
             at(4 * HOUR, Trouble::ClockBack);
+            wall.set_back(eight + minutes(4 * 60), minutes(24 * 60));
         }
         if day % 3 == 2 {
             let dark = minutes(rng.random_range(1..90));
@@ -105,12 +121,11 @@ pub fn troubles(days: u64, seed: u64) -> Vec<Due> {
 /// The starts that the timetable wants between two looks at the wall, by the calendar alone: patrols at
 /// nine and at twenty-one o'clock, a look at half past fourteen.
 pub fn planned(from: Timestamp, until: Timestamp) -> Vec<(Timestamp, &'static str)> {
-    let rome = TimeZone::get("Europe/Rome").unwrap();
     let mut all = Vec::new();
-    let mut date: Date = from.to_zoned(rome.clone()).date();
-    while date <= until.to_zoned(rome.clone()).date() {
+    let mut date: Date = from.to_zoned(rome()).date();
+    while date <= until.to_zoned(rome()).date() {
         for (hour, minute, run) in [(9, 0, "patrol"), (14, 30, "look"), (21, 0, "patrol")] {
-            let wall = date.at(hour, minute, 0, 0).to_zoned(rome.clone()).unwrap();
+            let wall = date.at(hour, minute, 0, 0).to_zoned(rome()).unwrap();
             all.push((wall.timestamp(), run));
         }
         date = date.checked_add(1.day()).unwrap();

@@ -7,7 +7,7 @@ use spykee::agent::RESCUE_NAME;
 use spykee::journal::{History, Kinds, Record, Span};
 
 use super::Ledger;
-use super::calendar::{CATCH_UP, PATROL, Wall};
+use super::calendar::{CATCH_UP, PATROL, Wall, rome};
 use super::witness::{Witness, at, held, was, within};
 
 /// What is done at once is done within this.
@@ -28,6 +28,7 @@ pub const DOCKED: &str = "a docking that the history calls done is one of the ro
 pub const ALARMS: &str = "every alarm of the robot is in the history";
 pub const ALARMED: &str = "an alarm of the history was heard unless it was a quiet hour";
 pub const LEVELS: &str = "every level of the battery in the history is the robot's";
+pub const TOLD: &str = "every level of the battery that the robot tells is in the history";
 pub const MINUTES: &str = "while the robot is there the history has its battery each minute";
 pub const LOOKS: &str = "what scripts add is in the history";
 
@@ -234,8 +235,7 @@ impl Comparison<'_> {
         }
         for moment in alarms.into_iter().filter(|moment| *moment > since) {
             let shown = self.wall.at(moment);
-            let rome = jiff::tz::TimeZone::get("Europe/Rome").unwrap();
-            let hour = shown.to_zoned(rome).hour();
+            let hour = shown.to_zoned(rome()).hour();
             if (7..22).contains(&hour) && witness.is_calm(moment, moment + SOON) {
                 let mut heard = witness.alarms.iter();
                 let heard =
@@ -248,7 +248,7 @@ impl Comparison<'_> {
     fn battery(&mut self, battery: &Rows) {
         let (witness, since) = (self.witness, self.since);
         for (moment, row) in battery {
-            let level = (row.number("percent").unwrap() as u8, row.is("charging"));
+            let level = told(row);
             let kept = was(
                 &witness.levels,
                 moment.saturating_sub(SOON),
@@ -260,12 +260,22 @@ impl Comparison<'_> {
                 format!("{level:?} at {moment:.0?}, it was {near:?}")
             });
         }
+        for &(moment, level) in witness.levels.iter().filter(|(at, _)| *at >= since) {
+            if !witness.is_calm(moment, moment + SOON) {
+                continue;
+            }
+            let first = battery.partition_point(|(row, _)| *row + LOST < moment);
+            let rows = battery[first..].iter();
+            let kept = rows
+                .take_while(|(row, _)| *row <= moment + SOON)
+                .any(|(_, row)| told(row) == level);
+            self.note(TOLD, kept, || format!("{level:?} at {moment:.0?}"));
+        }
         let minute = Duration::from_secs(62);
         for pair in battery.windows(2) {
             let (from, until) = (pair[0].0, pair[1].0);
-            let there =
-                held(&witness.alive, from, until, true) && held(&witness.users, from, until, true);
-            if there && from >= since {
+            // Who has taken the robot over is a user too.
+            if witness.is_calm(from, until) && from >= since {
                 self.note(MINUTES, until <= from + minute, || {
                     format!("from {from:.0?} to {until:.0?}")
                 });
@@ -308,6 +318,11 @@ impl Witness {
         rest.find(|(_, alive)| *alive)
             .map_or(moment, |(back, _)| *back)
     }
+}
+
+/// The level of a row: percent, charging.
+fn told(row: &Record) -> (u8, bool) {
+    (row.number("percent").unwrap() as u8, row.is("charging"))
 }
 
 /// The runs of `started` and `ended` rows.

@@ -18,13 +18,12 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::time::Duration;
 
-use jiff::Zoned;
 use spykee::clock;
 use spykee::lab::{self, Lab, Recorder};
 use spykee::sim::{Fault, World};
 use tokio::time::sleep;
 
-use calendar::{BEGINS, Trouble, Wall};
+use calendar::{Trouble, Wall, begins};
 use compare::Comparison;
 use house::{House, KEEPS};
 pub use ledger::Ledger;
@@ -32,7 +31,7 @@ pub use process::Size;
 use witness::{LOOK_EVERY, Witness, note};
 
 /// A month without one of these put to the test proves nothing.
-pub const CORE: [&str; 12] = [
+pub const CORE: [&str; 13] = [
     compare::RUNS,
     compare::NO_OTHERS,
     compare::STARTS,
@@ -42,6 +41,7 @@ pub const CORE: [&str; 12] = [
     compare::DOCKED,
     compare::ALARMS,
     compare::LEVELS,
+    compare::TOLD,
     compare::MINUTES,
     compare::LOOKS,
     RESUMES,
@@ -76,7 +76,7 @@ struct Month<'a> {
 pub fn serve(days: u64, seed: u64, data: &Path, progress: Progress<'_>) -> Ledger {
     let world = World::from_yaml(include_str!("world.yaml"), "month").unwrap();
     let (told, events) = std::sync::mpsc::sync_channel(100_000);
-    let begins = BEGINS.parse::<Zoned>().unwrap().timestamp();
+    let begins = begins();
     let options = lab::Options {
         seed,
         events: Some(Recorder::new(move |event| drop(told.try_send(event)))),

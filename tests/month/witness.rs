@@ -25,7 +25,7 @@ pub struct Witness {
     pub looks: Vec<Duration>,
     /// The alarm sounded.
     pub alarms: Vec<Duration>,
-    /// What the robot tells of its battery: percent, charging.
+    /// What the robot told of its battery, in its own words: percent, charging.
     pub levels: Changes<(u8, bool)>,
     pub docked: Changes<bool>,
     /// Somebody is logged in.
@@ -61,8 +61,6 @@ impl Witness {
     /// One look.
     pub fn look(&mut self, lab: &Lab) {
         let (state, now) = (lab.sim().state(), lab.now());
-        let power = state.power;
-        note(&mut self.levels, now, (power.percent, power.charging));
         note(&mut self.docked, now, state.docked);
         note(&mut self.users, now, state.user.is_some());
         for heard in lab.sim().heard_since(self.heard) {
@@ -79,7 +77,9 @@ impl Witness {
         }
         let events: Vec<Event> = self.events.get_mut().unwrap().try_iter().collect();
         for event in events {
-            if event.kind == EventKind::Log && event.text.starts_with("round ") {
+            if let Some(level) = level(&event) {
+                note(&mut self.levels, event.at, level);
+            } else if event.kind == EventKind::Log && event.text.starts_with("round ") {
                 self.legs.push((event.at, event.text));
             } else if event.level == "error" {
                 self.errors
@@ -101,6 +101,14 @@ impl Witness {
             && held(&self.alive, from, until, true)
             && held(&self.users, from, until, true)
     }
+}
+
+/// The level that the robot tells with this, percent and charging: `Power(Power { percent: 56, charging: false })`.
+fn level(event: &Event) -> Option<(u8, bool)> {
+    let told = event.text.strip_prefix("Power(Power { percent: ")?;
+    let (percent, charging) = told.strip_suffix(" })")?.split_once(", charging: ")?;
+    let said = event.kind == EventKind::Said;
+    said.then_some((percent.parse().ok()?, charging.parse().ok()?))
 }
 
 /// Writes down what is new.

@@ -5,6 +5,7 @@ use tokio::time::timeout;
 
 use super::*;
 use crate::behaviour::Library;
+use crate::robot::Frame;
 use crate::script::Options;
 
 const JPEG: &[u8] = include_bytes!("../../../tests/fixtures/ball-422.jpg");
@@ -27,8 +28,8 @@ async fn host_of(source: &str) -> (Sender<ToHost>, Receiver<FromHost>) {
 }
 
 fn frame(seq: u64) -> ToHost {
-    let (age, jpeg) = (Duration::ZERO, Bytes::from_static(JPEG));
-    ToHost::Frame { seq, age, jpeg }
+    let (at, jpeg) = (Instant::now(), Bytes::from_static(JPEG));
+    ToHost::Frame(Frame { seq, at, jpeg })
 }
 
 /// Whether the host wants to look ahead, the next time that it wants a frame; and what the script
@@ -39,7 +40,7 @@ async fn wish(from: &mut Receiver<FromHost>) -> (bool, Vec<String>) {
         let message = timeout(Duration::from_secs(60), from.next()).await.unwrap();
         match message.unwrap().unwrap() {
             FromHost::Output(Output::Log(line)) => lines.push(line.text),
-            FromHost::WantFrame { ahead } => return (ahead, lines),
+            FromHost::WantFrame { ahead, .. } => return (ahead, lines),
             _ => {}
         }
     }

@@ -8,6 +8,7 @@ use serde_json::json;
 
 use super::station;
 use crate::clean;
+use crate::cli::argument::ArgumentError;
 use crate::cli::picture;
 use crate::cli::{Exit, Failure, print};
 use crate::vision::{
@@ -50,16 +51,14 @@ pub(super) struct CameraArgs {
     json: bool,
 }
 
-fn parse_distance(text: &str) -> Result<f64, String> {
+fn parse_distance(text: &str) -> Result<f64, ArgumentError> {
     let distance = text.trim().parse().ok();
     let known = distance.filter(|distance| station::DISTANCES.contains(distance));
-    known.ok_or_else(|| {
-        let (near, far) = (station::DISTANCES.start(), station::DISTANCES.end());
-        format!("expected a distance from {near} to {far} metres, such as 1.5")
-    })
+    let (near, far) = (*station::DISTANCES.start(), *station::DISTANCES.end());
+    known.ok_or(ArgumentError::Distance(near, far))
 }
 
-fn parse_board(text: &str) -> Result<Board, String> {
+fn parse_board(text: &str) -> Result<Board, ArgumentError> {
     let sides = text.split_once(['x', 'X']);
     let side = |text: &str| {
         text.trim()
@@ -74,9 +73,7 @@ fn parse_board(text: &str) -> Result<Board, String> {
                 rows: side(rows)?,
             })
         })
-        .ok_or_else(|| {
-            "expected COLUMNSxROWS, 3 to 40 inner corners each way, such as 9x6".to_owned()
-        })
+        .ok_or(ArgumentError::Board)
 }
 
 /// Looks for the board in each picture, and says what the camera is like.

@@ -4,6 +4,8 @@ use jiff::civil::DateTime;
 use jiff::tz::TimeZone;
 use jiff::{SignedDuration, Timestamp};
 
+use crate::cli::argument::ArgumentError;
+
 /// A moment as people write it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Moment {
@@ -13,18 +15,20 @@ pub(super) enum Moment {
     At(DateTime),
 }
 
-const EXPECTED: &str = "expected so long ago, such as 30m, 12h, 7d or 2w, or a day such as 2026-11-01, or \
-                        2026-11-01T21:30";
+/// A time that no calendar has.
+#[derive(Debug, thiserror::Error)]
+#[error("there is no such time: {0}")]
+pub(super) struct NoSuchTime(#[from] jiff::Error);
 
 /// Reads one.
 ///
 /// # Errors
 /// What was expected.
-pub(super) fn parse(text: &str) -> Result<Moment, String> {
+pub(super) fn parse(text: &str) -> Result<Moment, ArgumentError> {
     let text = text.trim();
     let at = || text.parse::<DateTime>().ok().map(Moment::At);
     let moment = ago(text).map(Moment::Ago).or_else(at);
-    moment.ok_or_else(|| EXPECTED.to_owned())
+    moment.ok_or(ArgumentError::Moment)
 }
 
 /// A number and its unit.
@@ -51,7 +55,7 @@ impl Moment {
     ///
     /// # Errors
     /// A time that no calendar has.
-    pub(super) fn resolve(&self, now: Timestamp, zone: &TimeZone) -> Result<Timestamp, String> {
+    pub(super) fn resolve(&self, now: Timestamp, zone: &TimeZone) -> Result<Timestamp, NoSuchTime> {
         let resolved = match self {
             Moment::Ago(ago) => now.checked_sub(*ago),
             Moment::At(time) => zone
@@ -59,7 +63,7 @@ impl Moment {
                 .compatible()
                 .map(|at| at.timestamp()),
         };
-        resolved.map_err(|error| format!("there is no such time: {error}"))
+        Ok(resolved?)
     }
 }
 
@@ -103,7 +107,7 @@ mod tests {
             "infd",
             "1e9w",
         ] {
-            let error = parse(text).unwrap_err();
+            let error = parse(text).unwrap_err().to_string();
             assert!(error.contains("7d"), "{text}: {error}");
         }
     }

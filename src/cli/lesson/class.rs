@@ -10,12 +10,21 @@ use super::catalogue::Lesson;
 /// Learners of one class.
 const MOST: usize = 2000;
 
+/// Why there is no script of a learner.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub(super) enum NotHandedIn {
+    #[error("nothing handed in")]
+    Nothing,
+    #[error("{count} scripts handed in, and none is called {wanted}")]
+    Several { count: usize, wanted: String },
+}
+
 /// One learner, and what he has handed in.
 #[derive(Debug, PartialEq)]
 pub(super) struct Learner {
     pub(super) name: String,
     /// His script, or why there is none.
-    pub(super) script: Result<PathBuf, String>,
+    pub(super) script: Result<PathBuf, NotHandedIn>,
 }
 
 /// All learners by name: of the folder, and those of the list who are not in it.
@@ -27,9 +36,9 @@ pub(super) fn learners(
     lesson: &Lesson,
     list: &[String],
 ) -> io::Result<Vec<Learner>> {
-    let nothing = || Err("nothing handed in".to_owned());
-    let mut found: BTreeMap<String, Result<PathBuf, String>> =
-        list.iter().map(|name| (name.clone(), nothing())).collect();
+    let nothing = |name: &String| (name.clone(), Err(NotHandedIn::Nothing));
+    let mut found: BTreeMap<String, Result<PathBuf, NotHandedIn>> =
+        list.iter().map(nothing).collect();
     for path in entries(folder)? {
         let (name, script) = if path.is_dir() {
             (name_of(path.file_name()), script_in(&path, lesson)?)
@@ -71,7 +80,7 @@ fn is_script(path: &Path) -> bool {
 }
 
 /// The one with the lesson's name, or the only one.
-fn script_in(folder: &Path, lesson: &Lesson) -> io::Result<Result<PathBuf, String>> {
+fn script_in(folder: &Path, lesson: &Lesson) -> io::Result<Result<PathBuf, NotHandedIn>> {
     let wanted = lesson.file();
     let scripts: Vec<PathBuf> = entries(folder)?
         .into_iter()
@@ -80,11 +89,11 @@ fn script_in(folder: &Path, lesson: &Lesson) -> io::Result<Result<PathBuf, Strin
     let named = scripts.iter().find(|path| path.ends_with(&wanted));
     Ok(match (named, scripts.as_slice()) {
         (Some(path), _) | (None, [path]) => Ok(path.clone()),
-        (None, []) => Err("nothing handed in".to_owned()),
-        (None, several) => Err(format!(
-            "{} scripts handed in, and none is called {wanted}",
-            several.len()
-        )),
+        (None, []) => Err(NotHandedIn::Nothing),
+        (None, several) => Err(NotHandedIn::Several {
+            count: several.len(),
+            wanted,
+        }),
     })
 }
 

@@ -122,7 +122,7 @@ fn grade(learner: Learner, args: &GradeArgs, console: &Console) -> Result<Option
     let file = match learner.script {
         Ok(file) => file,
         Err(why) => {
-            graded.missing.push(why);
+            graded.missing.push(why.to_string());
             return Ok(Some((graded, None, 0)));
         }
     };

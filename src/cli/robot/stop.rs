@@ -89,7 +89,7 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
     })?
 }
 
-/// A service goes on, and nothing moves its robot until somebody lets it go.
+/// A service goes on, and nothing moves its robot until the stop is released.
 fn hold(run: &Client) -> Result<Exit, Failure> {
     if ask(run, &Errand::Stop, AT_ONCE)?.is_none() {
         return Ok(Exit::Interrupted);

@@ -10,6 +10,7 @@ use tokio::sync::mpsc;
 
 use super::super::interrupt::interruption;
 use super::super::{Exit, Failure};
+use crate::cli::argument::ArgumentError;
 use crate::scenario::{Book, Played, Scenario, Setting, Trials};
 
 /// One scenario with one seed.
@@ -133,11 +134,11 @@ pub(in super::super) fn trials(timeout: Duration) -> Result<Trials, Failure> {
 }
 
 /// `--timeout`: seconds of real time.
-pub(in super::super) fn parse_timeout(text: &str) -> Result<Duration, String> {
+pub(in super::super) fn parse_timeout(text: &str) -> Result<Duration, ArgumentError> {
     let seconds = text.parse().ok();
     let seconds = seconds.filter(|seconds| (0.1..=86_400.0).contains(seconds));
     let timeout = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
-    timeout.ok_or_else(|| "expected a number of seconds, 0.1 to 86400".to_owned())
+    timeout.ok_or(ArgumentError::Timeout)
 }
 
 fn no_lab(error: std::io::Error) -> Failure {

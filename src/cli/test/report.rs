@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -32,12 +33,20 @@ pub(super) struct Run {
     outcome: Option<Outcome>,
 }
 
+/// Why there is no picture of the robot's way.
+#[derive(Debug, thiserror::Error)]
+#[error("its way could not be drawn in {}: {source}", path.display())]
+struct NotDrawn {
+    path: PathBuf,
+    source: io::Error,
+}
+
 struct Outcome {
     simulated: Duration,
     took: Duration,
     failure: Option<Failure>,
     lines: Vec<String>,
-    picture: Option<Result<PathBuf, String>>,
+    picture: Option<Result<PathBuf, NotDrawn>>,
 }
 
 /// See the module.
@@ -364,17 +373,18 @@ impl Run {
 }
 
 /// For the user's eyes only, as everything that the program keeps.
-fn save(scene: &Scene, folder: &Path, path: &Path) -> Result<(), String> {
-    let cannot = |error: &dyn std::fmt::Display| {
-        format!("its way could not be drawn in {}: {error}", path.display())
+fn save(scene: &Scene, folder: &Path, path: &Path) -> Result<(), NotDrawn> {
+    let cannot = |source: io::Error| NotDrawn {
+        path: path.to_owned(),
+        source,
     };
     let mut png = std::io::Cursor::new(Vec::new());
     let drawn = scene.picture.write_to(&mut png, image::ImageFormat::Png);
-    drawn.map_err(|error| cannot(&error))?;
+    drawn.map_err(|error| cannot(io::Error::other(error)))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     Folder::make(folder)
         .and_then(|folder| folder.replace(&name, &png.into_inner()))
-        .map_err(|error| cannot(&error))
+        .map_err(cannot)
 }
 
 /// Further lines under the first.

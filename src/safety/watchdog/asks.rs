@@ -5,31 +5,43 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::{Caller, Watchdog};
-use crate::robot::{BehaviourId, DockEnd, MotionEnd, MotionId, Priority, Setpoint};
-use crate::safety::{Ask, Ended, capped};
+use crate::robot::{BehaviourId, DockEnd, Intent, MotionEnd, MotionId, Priority, Setpoint};
+use crate::safety::{Ended, capped};
 
 /// The longest time that is heeded, thirty days. A host may send any, and the clock that they are
 /// added to ends somewhere.
 pub(super) const LONGEST: Duration = Duration::from_secs(30 * 24 * 60 * 60);
 
 impl Watchdog {
-    pub(super) fn asked(&mut self, by: BehaviourId, priority: Priority, ask: Ask, now: Instant) {
+    pub(super) fn asked(
+        &mut self,
+        by: BehaviourId,
+        priority: Priority,
+        intent: Intent,
+        now: Instant,
+    ) {
         self.leases.renew(by, now);
         let caller = |call| Caller { by, priority, call };
-        match ask {
-            Ask::Move {
+        match intent {
+            Intent::Move {
                 motion,
                 setpoint,
                 duration,
             } => self.move_asked((by, priority), motion, setpoint, duration, now),
-            Ask::Release(motion) => {
+            Intent::Release { motion } => {
                 let over = self.arbiter.release(by, motion);
                 self.tell_ended(over);
             }
-            Ask::Stop => self.stop_asked(by, priority, now),
-            Ask::Dock(call, plan) => self.dock_asked(caller(call), plan, now),
-            Ask::Undock(call, timeout) => self.undock_asked(caller(call), timeout, now),
-            Ask::CancelDock => self.cancel_docks(Some((by, priority)), now),
+            Intent::Stop => self.stop_asked(by, priority, now),
+            Intent::Dock { call, plan } => self.dock_asked(caller(call), plan, now),
+            Intent::Undock { call, timeout } => self.undock_asked(caller(call), timeout, now),
+            Intent::CancelDock => self.cancel_docks(Some((by, priority)), now),
+            Intent::Led { .. }
+            | Intent::Play(_)
+            | Intent::StopSound
+            | Intent::Volume(_)
+            | Intent::Say(_)
+            | Intent::Stream { .. } => {}
         }
     }
 

@@ -6,7 +6,9 @@ use tokio::time::Instant;
 
 use super::Watchdog;
 use crate::robot::{BehaviourId, DockEnd, Event, MotionEnd, SafetyAction, Setpoint};
-use crate::safety::{Act, Activity, Means, Next, Outcome, Place, Pulse, Recovery, Rescue, Try};
+use crate::safety::{
+    Act, Activity, DockOutcome, DockState, HostLife, Means, Next, Recovery, Rescue, Try,
+};
 use crate::wire::{Command, Led, Sound};
 
 /// What is said to sound the alarm: at full volume, whatever it was set to before.
@@ -33,20 +35,20 @@ impl Watchdog {
     /// Whether whatever is not needed for the way home is to be switched off: the battery is nearly
     /// empty and does not charge. Needed are the rescue behaviour's camera and the alarm.
     pub fn shed(&self) -> bool {
-        self.guard.critical() && self.place() != Place::Charging
+        self.guard.critical() && self.place() != DockState::Charging
     }
 
     /// While the alarm sounds, volume, headlight and sounds are the watchdog's. It sets the volume to
-    /// 100 % each time, because a script may have set it to 0 before, and nobody sets it back: after
+    /// 100 % each time, because a script may have set it to 0 before, and it is not set back: after
     /// the alarm it is what the next script says.
     pub fn alarm_sounds(&self) -> bool {
         self.alarm.is_some() && self.online
     }
 
     /// A search of the watchdog's own has failed: what follows begins.
-    pub(super) fn go_on(&mut self, outcome: Outcome, now: Instant) {
+    pub(super) fn go_on(&mut self, outcome: DockOutcome, now: Instant) {
         let means = self.means(outcome.took);
-        let stuck = outcome.end == DockEnd::NotCharging && self.place() == Place::Unknown;
+        let stuck = outcome.end == DockEnd::NotCharging && self.place() == DockState::Unknown;
         let Some(recovery) = &mut self.recovery else {
             return;
         };
@@ -141,7 +143,7 @@ impl Watchdog {
             return;
         };
         let moves = self.arbiter.wishing().any(|wishing| wishing == by);
-        let silent = moves && self.leases.pulse(by, now) != Pulse::Alive;
+        let silent = moves && self.leases.pulse(by, now) != HostLife::Alive;
         if let Some(recovery) = &mut self.recovery {
             recovery.note_motion(moves, now);
             if silent {
@@ -179,7 +181,7 @@ impl Watchdog {
         }
     }
 
-    /// Who the tracks may be lent to. A loan to somebody else ends.
+    /// Who the tracks may be lent to. A loan to another behaviour ends.
     pub(super) fn rescuer_is(&mut self, by: Option<BehaviourId>, now: Instant) {
         self.rescuer = by;
         if let Some(recovery) = &mut self.recovery
@@ -200,7 +202,7 @@ impl Watchdog {
         }
     }
 
-    /// The robot is somewhere else, or nobody knows what it does: a low one searches from there now.
+    /// The robot is somewhere else, or it is not known what it does: a low one searches from there now.
     pub(super) fn search_at_once(&mut self, now: Instant) {
         if let Some(recovery) = &mut self.recovery {
             recovery.search_at_once(now);
@@ -236,13 +238,13 @@ impl Watchdog {
             return;
         };
         alarm.flash_on = !alarm.flash_on;
-        let pause = match alarm.flash_on {
-            true => Watchdog::ALARM_FLASH,
-            false => self
-                .limits
+        let pause = if alarm.flash_on {
+            Watchdog::ALARM_FLASH
+        } else {
+            self.limits
                 .alarm_every
                 .get()
-                .saturating_sub(Watchdog::ALARM_FLASH),
+                .saturating_sub(Watchdog::ALARM_FLASH)
         };
         alarm.next = now + pause.max(Watchdog::ALARM_FLASH);
         let on = alarm.flash_on;

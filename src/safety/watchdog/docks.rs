@@ -12,7 +12,7 @@ use super::asks::LONGEST;
 use super::homing::Homing;
 use super::{Caller, Leaving, Watchdog};
 use crate::robot::{BehaviourId, DockEnd, DockPlan, Priority};
-use crate::safety::{Approach, Place, Retry};
+use crate::safety::{DockLimits, DockState, Retry};
 use crate::wire::{Command, Engage};
 
 /// The shortest time of a docking: with none at all there is nothing to wait for.
@@ -37,7 +37,7 @@ impl Watchdog {
             charge_timeout: plan.charge_timeout.clamp(SHORTEST, LONGEST),
             ..plan
         };
-        let approach = Approach {
+        let approach = DockLimits {
             plan,
             retry: Retry::Reverse(Watchdog::BACK_OFF_TIME),
         };
@@ -54,7 +54,7 @@ impl Watchdog {
             Some(DockEnd::Disconnected)
         } else if self.parting {
             Some(DockEnd::Cancelled)
-        } else if self.place() == Place::Charging {
+        } else if self.place() == DockState::Charging {
             Some(DockEnd::AlreadyDocked)
         } else if self.alarm.is_some() || crowded {
             Some(DockEnd::Safety)
@@ -80,7 +80,7 @@ impl Watchdog {
     }
 
     fn undock_refusal(&self, caller: Caller) -> Option<DockEnd> {
-        let left = matches!(self.place(), Place::Left(_)) && !self.whereabouts.is_leaving();
+        let left = matches!(self.place(), DockState::Left(_)) && !self.whereabouts.is_leaving();
         let low = self.guard.low().is_some() || self.guard.at_or_below_low();
         if !self.online {
             Some(DockEnd::Disconnected)
@@ -97,8 +97,8 @@ impl Watchdog {
         }
     }
 
-    /// Whoever waits for a docking hears `cancelled`, if `by` is that behaviour or one of equal or
-    /// higher priority; `None` is above all. With nobody left the docking ends, unless it is the
+    /// A call that waits for a docking ends as `cancelled`, if `by` is that behaviour or one of equal or
+    /// higher priority; `None` is above all. With no call left the docking ends, unless it is the
     /// watchdog's own.
     pub(super) fn cancel_docks(&mut self, by: Option<(BehaviourId, Priority)>, now: Instant) {
         let stays = |caller: &Caller| {
@@ -136,13 +136,13 @@ impl Watchdog {
         self.homing.as_ref().is_some_and(lower)
     }
 
-    /// Somebody of higher priority drives, or waits for an undocking.
+    /// A behaviour of higher priority drives, or waits for an undocking.
     fn is_outranked(&self, priority: Priority) -> bool {
         let leaves = self.leaving.as_ref().map(|leaving| leaving.caller.priority);
         self.arbiter.priority().max(leaves) > Some(priority)
     }
 
-    /// Somebody of higher priority waits for a docking.
+    /// A behaviour of higher priority waits for a docking.
     fn docks_above(&self, priority: Priority) -> bool {
         let homing = self.homing.as_ref();
         homing.and_then(Homing::priority) > Some(priority)

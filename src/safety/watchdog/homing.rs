@@ -7,7 +7,7 @@ use tokio::time::Instant;
 
 use super::{Caller, DockReport, Watchdog};
 use crate::robot::{DockEnd, DockPlan, Event, MotionEnd, Priority, SafetyAction, Setpoint};
-use crate::safety::{Act, Approach, Docking, LowCause, Order, Recovery, Retry};
+use crate::safety::{Act, DockAction, DockLimits, Docking, LowCause, Recovery, Retry};
 use crate::wire::{Command, Engage};
 
 /// A docking under way and who waits for it.
@@ -104,13 +104,18 @@ impl Watchdog {
             self.waiting.extend(homing.callers);
         }
         self.end_motion(MotionEnd::Safety);
-        self.start_homing(Approach { plan, retry }, vec![], now);
+        self.start_homing(DockLimits { plan, retry }, vec![], now);
         if let Some(homing) = &mut self.homing {
             homing.forced = true;
         }
     }
 
-    pub(super) fn start_homing(&mut self, approach: Approach, callers: Vec<Caller>, now: Instant) {
+    pub(super) fn start_homing(
+        &mut self,
+        approach: DockLimits,
+        callers: Vec<Caller>,
+        now: Instant,
+    ) {
         self.end_motion(MotionEnd::Preempted);
         self.tracks.want(Setpoint::STOP);
         let (docking, orders) = Docking::start(approach, self.docked(), now);
@@ -132,23 +137,23 @@ impl Watchdog {
     }
 
     /// Does what the docking wants, then looks whether it is over.
-    pub(super) fn follow(&mut self, orders: Vec<Order>, now: Instant) {
+    pub(super) fn follow(&mut self, orders: Vec<DockAction>, now: Instant) {
         for order in orders {
             match order {
-                Order::Find => {
+                DockAction::Find => {
                     self.halt(now);
                     self.send(Command::Engine(Engage::Dock));
                 }
-                Order::Cancel => {
+                DockAction::Cancel => {
                     self.send(Command::Engine(Engage::CancelDock));
                     self.halt(now);
                 }
-                Order::Reverse => {
+                DockAction::Reverse => {
                     self.halt(now);
                     self.tracks.want(Watchdog::back_off());
                 }
-                Order::Halt => self.halt(now),
-                Order::Undock => {
+                DockAction::Halt => self.halt(now),
+                DockAction::Undock => {
                     let timeout = Docking::LEAVE_TIMEOUT;
                     self.whereabouts.leave_station(timeout, now);
                     self.send(Command::Engine(Engage::Undock));
@@ -158,7 +163,7 @@ impl Watchdog {
         self.answer_homing(now);
     }
 
-    /// Tells whoever waits for a docking that is over; what follows one of the watchdog's own is
+    /// Answers the calls that wait for a docking that is over; what follows one of the watchdog's own is
     /// another story.
     pub(super) fn answer_homing(&mut self, now: Instant) {
         let over = |homing: &mut Homing| homing.docking.outcome().is_some();
@@ -185,7 +190,7 @@ impl Watchdog {
         }
     }
 
-    /// Tells whoever waits for the watchdog's own way home how it ended.
+    /// Tells the callers of the watchdog's own way home how it ended.
     pub(super) fn answer_waiting(&mut self, end: DockEnd, now: Instant) {
         let (failures, took) = self
             .recovery

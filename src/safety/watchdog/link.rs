@@ -1,5 +1,5 @@
 //! The link comes and goes, the machine sleeps, the run ends: what is said then, and what would be
-//! said if nobody were left.
+//! said if the agent died.
 
 use tokio::time::Instant;
 

@@ -20,8 +20,8 @@ pub use self::distress::ALARM;
 use self::distress::Alarm;
 use self::homing::Homing;
 use super::{
-    Act, Activity, Arbiter, BatteryChange, BatteryGuard, Charging, Drain, Ended, Fact, Leases,
-    Limits, LowCause, Outcome, Place, Recovery, Tracks, Trail, Whereabouts,
+    Act, Activity, Arbiter, BatteryChange, BatteryGuard, Charging, DockOutcome, DockState,
+    DockTracker, Drain, Ended, Fact, Leases, Limits, LowCause, Recovery, Tracks, Trail,
 };
 use crate::robot::{
     Battery, BehaviourId, CallId, DockEnd, Event, MotionEnd, Priority, SafetyAction, Setpoint,
@@ -50,7 +50,7 @@ pub struct DockReport {
     /// Who asked for it first; `None`: the watchdog itself.
     pub by: Option<BehaviourId>,
     /// How it went.
-    pub outcome: Outcome,
+    pub outcome: DockOutcome,
 }
 
 /// The pure safety rules. See the module.
@@ -59,7 +59,7 @@ pub struct Watchdog {
     limits: Limits,
     online: bool,
     parting: bool,
-    whereabouts: Whereabouts,
+    whereabouts: DockTracker,
     /// BASE_FIND was sent, and neither a word of the robot nor another command has ended the search.
     searching: bool,
     /// The link went during a search: the robot may still be at it, and a stop alone may not end it.
@@ -77,7 +77,7 @@ pub struct Watchdog {
     leaving: Option<Leaving>,
     /// While the battery is low.
     recovery: Option<Recovery>,
-    /// Whoever waits for the way home of a low robot.
+    /// The calls that wait for the way home of a low robot.
     waiting: Vec<Caller>,
     /// Whom the tracks may be lent to.
     rescuer: Option<BehaviourId>,
@@ -88,7 +88,7 @@ pub struct Watchdog {
     /// When the time was last looked at.
     ticked: Instant,
     acts: Vec<Act>,
-    /// The last docking that is over and that nobody has been told of.
+    /// The last docking that is over and was not reported yet.
     docked_last: Option<DockReport>,
 }
 
@@ -98,7 +98,7 @@ impl Watchdog {
         Watchdog {
             guard: BatteryGuard::new(&limits),
             leases: Leases::new(limits.host_silence.get(), limits.host_grace.get()),
-            whereabouts: Whereabouts::new(limits.charge_timeout.get()),
+            whereabouts: DockTracker::new(limits.charge_timeout.get()),
             limits,
             online: false,
             parting: false,
@@ -149,7 +149,11 @@ impl Watchdog {
                 }
                 self.listening = on;
             }
-            Fact::Asked { by, priority, ask } => self.asked(by, priority, ask, now),
+            Fact::Asked {
+                by,
+                priority,
+                intent,
+            } => self.asked(by, priority, intent, now),
             Fact::Alive(by) => self.leases.renew(by, now),
             Fact::Gone(by) => self.gone(by, now),
             Fact::Rescuer(by) => self.rescuer_is(by, now),
@@ -227,7 +231,7 @@ impl Watchdog {
     }
 
     /// Where the robot is.
-    pub fn place(&self) -> Place {
+    pub fn place(&self) -> DockState {
         self.whereabouts.place()
     }
 
@@ -254,7 +258,7 @@ impl Watchdog {
     /// What is believed of charging, unless the robot has been sent away since it said so.
     fn charging_here(&self) -> Charging {
         match self.place() {
-            Place::Charging => self.guard.charging(),
+            DockState::Charging => self.guard.charging(),
             _ => Charging::No,
         }
     }
@@ -376,10 +380,11 @@ impl Watchdog {
     }
 
     fn undocked(&mut self, now: Instant) {
-        // Nobody knows where a robot is that was carried off its station.
-        match self.whereabouts.is_leaving() {
-            true => self.trail.begin(now),
-            false => self.trail.lose(),
+        // The position of a robot that was carried off its station is not known.
+        if self.whereabouts.is_leaving() {
+            self.trail.begin(now)
+        } else {
+            self.trail.lose()
         }
         self.way = None;
         self.whereabouts.undocked();

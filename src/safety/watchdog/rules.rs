@@ -4,7 +4,7 @@ use tokio::time::Instant;
 
 use super::Watchdog;
 use crate::robot::{BehaviourId, DockEnd, EndReason, MotionEnd, SafetyAction};
-use crate::safety::{Act, BatteryChange, Pulse};
+use crate::safety::{Act, BatteryChange, HostLife};
 
 impl Watchdog {
     /// A host that moves the robot and shows no life: stop first, then, if it stays silent, end it.
@@ -12,16 +12,16 @@ impl Watchdog {
         let moving: Vec<BehaviourId> = self.arbiter.wishing().collect();
         for by in moving {
             match self.leases.pulse(by, now) {
-                Pulse::Alive => {
+                HostLife::Alive => {
                     self.arbiter.hold(by, false);
                 }
-                Pulse::Silent => self.hold_silent(by, now),
-                Pulse::Dead => self.end_silent(by, now),
+                HostLife::Silent => self.hold_silent(by, now),
+                HostLife::Dead => self.end_silent(by, now),
             }
         }
     }
 
-    /// One that stands by disturbs nobody: it just does not get the tracks.
+    /// One that stands by does no harm: it just does not get the tracks.
     fn hold_silent(&mut self, by: BehaviourId, now: Instant) {
         if self.arbiter.hold(by, true) && self.arbiter.driver() == Some(by) {
             self.halt(now);

@@ -7,11 +7,11 @@ use std::time::Duration;
 use mlua::UserDataFields as _;
 use mlua::prelude::{Lua, LuaResult, LuaValue};
 
-use super::super::album::{self, NotSaved};
 use super::super::arguments::{Argument, Given, Refusal};
 use super::super::events::EventName;
-use super::super::held::HeldFrame;
 use super::super::output::Level;
+use super::super::picture_store::{self, NotSaved};
+use super::super::sight::HeldFrame;
 use super::{Answered, Builder, Call, Natives, events};
 use crate::robot::Remark;
 
@@ -89,11 +89,11 @@ fn wait_frame(call: &mut Call<'_>) -> Answered {
 fn save(call: &mut Call<'_>) -> Answered {
     let held = subject(call)?;
     let name = call.args.get::<String>(0)?;
-    let Some(name) = album::file_name(&name) else {
-        return Err(call.args.misuse(album::NAMES));
+    let Some(name) = picture_store::file_name(&name) else {
+        return Err(call.args.misuse(picture_store::NAMES));
     };
     let now = call.state.now;
-    match call.state.album.save(&name, &held.frame.jpeg, now) {
+    match call.state.picture_store.save(&name, &held.frame.jpeg, now) {
         Ok(saved) => {
             if let Some(gone) = saved.gone {
                 call.state.log(Level::Info, &gone);

@@ -172,7 +172,7 @@ impl Call<'_> {
 }
 
 /// What a script is surrounded by.
-pub(super) enum Surroundings {
+pub(super) enum ApiSet {
     /// A robot to drive.
     Robot,
     /// Someone to ask who tries behaviours.
@@ -180,7 +180,7 @@ pub(super) enum Surroundings {
 }
 
 /// Builds the API of one VM and closes it.
-pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: Surroundings) -> LuaResult<()> {
+pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: ApiSet) -> LuaResult<()> {
     let prelude = Prelude::run(lua, place_function(lua)?)?;
     let builder = Builder {
         lua,
@@ -195,7 +195,7 @@ pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: Surroundings) ->
         ("clock", builder.namespace("clock", &[clock::CALLS])?),
         ("task", tasks::namespace(&builder)?),
     ];
-    if let Surroundings::Robot = surroundings {
+    if let ApiSet::Robot = surroundings {
         tables.extend([
             ("robot", robot::namespace(&builder)?),
             ("vision", builder.namespace("vision", &[vision::CALLS])?),
@@ -211,7 +211,7 @@ pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: Surroundings) ->
     for (name, table) in tables {
         builder.close(name, table)?;
     }
-    if let Surroundings::Stage(asked) = surroundings {
+    if let ApiSet::Stage(asked) = surroundings {
         shared.borrow_mut().stage = Some(asked);
         stage::install(&builder)?;
     }

@@ -5,9 +5,9 @@ use mlua::prelude::{Lua, LuaError, LuaFunction, LuaResult, LuaTable, LuaValue};
 use super::super::Script;
 use super::super::arguments::Refusal;
 use super::super::events::EventName;
-use super::super::failure::{Trouble, is_ours, printable};
+use super::super::failure::{VmError, is_ours, printable};
 use super::super::ids::ModuleId;
-use super::super::modules::{ModuleFile, ModuleName, Progress, Target, resolve};
+use super::super::modules::{ModuleFile, ModuleName, NoModule, Progress, Target, resolve};
 use super::super::sandbox;
 use super::super::task::{Answer, Cancel, TaskId, Wait};
 use super::{Answered, Builder, Call, Natives};
@@ -252,7 +252,7 @@ impl Script {
     pub fn deliver_module(
         &mut self,
         name: &ModuleName,
-        file: Result<ModuleFile, String>,
+        file: Result<ModuleFile, NoModule>,
         now: tokio::time::Instant,
     ) {
         let mut state = self.state.borrow_mut();
@@ -264,7 +264,7 @@ impl Script {
             return;
         }
         let progress = match file {
-            Err(words) => Progress::Missing(printable(&words, 400)),
+            Err(NoModule(words)) => Progress::Missing(printable(&words, 400)),
             Ok(file) => match state.modules.arrived(id, &file) {
                 Err(why) => Progress::Missing(why.to_string()),
                 Ok(chunk) => compile(&self.lua, &file.source, &chunk),
@@ -283,9 +283,9 @@ fn compile(lua: &Lua, source: &[u8], chunk: &str) -> Progress {
     let compiled = environment(lua).and_then(|own| sandbox::compile_module(lua, text, chunk, own));
     match compiled {
         Ok(function) => Progress::Ready(function),
-        Err(error) => Progress::Failed(match Trouble::of(&error) {
-            Trouble::Memory => format!("{chunk}: not enough memory for this module"),
-            Trouble::Text(text) => text,
+        Err(error) => Progress::Failed(match VmError::of(&error) {
+            VmError::Memory => format!("{chunk}: not enough memory for this module"),
+            VmError::Text(text) => text,
         }),
     }
 }

@@ -47,7 +47,7 @@ fn declare(call: &mut Call<'_>) -> Answered {
     let declared = declarations(call, &table)?;
     call.state.params.names = Some(declared.keys().cloned().collect());
     let given = &call.state.options.params;
-    match declaration::settle(&declared, given) {
+    match declaration::param_values(&declared, given) {
         Ok(values) => {
             let table = to_lua(call.lua, &values)?;
             call.lua.set_named_registry_value(VALUES, &table)?;
@@ -58,9 +58,9 @@ fn declare(call: &mut Call<'_>) -> Answered {
             call.state.show_params();
             call.reply(table)
         }
-        Err(words) => {
+        Err(error) => {
             // A pcall must not continue with a refused value.
-            call.state.params.refused = Some(words);
+            call.state.params.refused = Some(error.to_string());
             budget::latch_stopped();
             call.reply(())
         }
@@ -75,27 +75,38 @@ fn set(table: &LuaTable, name: &str, value: &ParamValue) -> LuaResult<()> {
     }
 }
 
+/// Why a parameter keeps its value.
+#[derive(Debug, thiserror::Error)]
+pub(in crate::script) enum TurnError {
+    #[error("it declares no parameter '{0}'")]
+    Undeclared(String),
+    #[error("{0} cannot be changed while it runs")]
+    Fixed(String),
+    #[error("{name} must be {expected}")]
+    Refused { name: String, expected: String },
+    #[error("{name} could not be changed: {source}")]
+    Machine { name: String, source: LuaError },
+}
+
 /// A person changes a parameter: the script's table has the new value from now on.
 ///
 /// # Errors
-/// In words: it is not declared, may not be changed, or must be something else.
+/// See [`TurnError`].
 pub(in crate::script) fn turn(
     lua: &Lua,
     state: &mut State,
     name: &str,
     value: ParamValue,
-) -> Result<(), String> {
+) -> Result<(), TurnError> {
     let Some((declaration, current)) = state.params.all.get_mut(name) else {
-        return Err(format!(
-            "it declares no parameter '{}'",
-            printable(name, 60)
-        ));
+        return Err(TurnError::Undeclared(printable(name, 60)));
     };
     if !declaration.live {
-        return Err(format!("{name} cannot be changed while it runs"));
+        return Err(TurnError::Fixed(name.to_owned()));
     }
     if !declaration.allows(&value) {
-        return Err(format!("{name} must be {}", declaration.expected()));
+        let (name, expected) = (name.to_owned(), declaration.expected());
+        return Err(TurnError::Refused { name, expected });
     }
     let changed = lua
         .named_registry_value::<LuaTable>(VALUES)
@@ -105,7 +116,10 @@ pub(in crate::script) fn turn(
             table.set_readonly(true);
             changed
         });
-    changed.map_err(|error| format!("{name} could not be changed: {error}"))?;
+    changed.map_err(|source| TurnError::Machine {
+        name: name.to_owned(),
+        source,
+    })?;
     *current = value;
     state.show_params();
     Ok(())
@@ -209,7 +223,9 @@ impl One<'_> {
             live: self.boolean(table, "live")?,
             doc: self.text(table, "doc")?.unwrap_or_default(),
         };
-        declaration.check().map_err(|words| self.wrong(&words))?;
+        declaration
+            .check()
+            .map_err(|error| self.wrong(&error.to_string()))?;
         Ok(declaration)
     }
 

@@ -5,6 +5,7 @@ use serde_json::Value as Json;
 
 use super::super::arguments::{Args, Refusal};
 use super::super::plain as data;
+use super::super::stage::StageError;
 use super::super::stdlib;
 use super::tasks::wait_function;
 use super::{Answered, Builder, Call, of_row, place};
@@ -56,7 +57,7 @@ fn checked(call: &Call<'_>) -> Result<(String, Option<&'static Function>, Args),
 /// `ask(call, ...)`: what the stage answers.
 fn ask(call: &mut Call<'_>) -> Answered {
     let (name, row, args) = checked(call)?;
-    let wrong = |why: String| Refusal::Misuse(format!("{name}: {why}"));
+    let wrong = |why: StageError| Refusal::Misuse(format!("{name}: {why}"));
     let skipped = usize::from(row.is_some_and(Function::is_method));
     let mut arguments = Vec::new();
     for (index, value) in args.values.iter().skip(skipped).enumerate() {
@@ -67,20 +68,20 @@ fn ask(call: &mut Call<'_>) -> Answered {
         arguments.push(value);
     }
     let Some(stage) = call.state.stage.clone() else {
-        return Err(wrong("there is no stage".to_owned()));
+        return Err(wrong("there is no stage".into()));
     };
     let answer = stage.ask(&name, &arguments, place(call.lua));
     let answer = to_lua(call.lua, row, &answer.map_err(wrong)?)?;
     call.reply(answer)
 }
 
-fn as_json(value: &LuaValue) -> Result<Json, String> {
+fn as_json(value: &LuaValue) -> Result<Json, StageError> {
     // Functions stay here.
     if value.is_nil() || value.is_function() {
         return Ok(Json::Null);
     }
-    let text = data::to_json(value, LONGEST).map_err(|why| why.to_string())?;
-    serde_json::from_str(&text).map_err(|why| why.to_string())
+    let text = data::to_json(value, LONGEST)?;
+    Ok(serde_json::from_str(&text)?)
 }
 
 fn takes_options(row: &Function, index: usize) -> bool {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use mlua::prelude::LuaValue;
 
-use super::super::album;
+use super::super::picture_store;
 use super::super::plain;
 use super::super::shares::{MAX_ENTRY, MAX_KIND};
 use super::{Answered, Call, Natives};
@@ -66,7 +66,7 @@ fn own_picture(call: &Call<'_>, path: &str) -> Result<String, super::Refusal> {
         .filter(|folder| !folder.as_os_str().is_empty());
     let own = folder.is_none() || folder == call.state.options.data_dir.as_deref();
     let name = path.file_name().and_then(|name| name.to_str());
-    match name.and_then(album::file_name) {
+    match name.and_then(picture_store::file_name) {
         Some(name) if own => Ok(name),
         _ => Err(call
             .args

@@ -1,4 +1,4 @@
-//! How events reach a script: calls that wait for them are answered, and listeners get their payload.
+//! How events and frames reach a script: calls that wait for them are answered, and listeners get their payload.
 
 use std::rc::Rc;
 use std::time::Duration;
@@ -7,12 +7,14 @@ use tokio::time::Instant;
 
 use super::State;
 use super::known::shows_motion;
-use crate::robot::Event;
+use crate::robot::{Event, Frame};
 use crate::script::events::{EventName, Loan, Payload};
 use crate::script::output::Level;
+use crate::script::sight::HeldFrame;
 use crate::script::sound::Loudness;
 use crate::script::task::{Answer, SubscriptionId, Wait};
 use crate::script::way_back::way_back;
+use crate::vision::{FrameError, validate_markers};
 
 /// After so long without a loud sound the next one is another noise.
 const QUIET: Duration = Duration::from_secs(1);
@@ -73,6 +75,32 @@ impl State {
                     self.publish(name, Payload::Event(Rc::new(event)));
                 }
             }
+        }
+    }
+
+    /// The newest frame replaces those that no handler has taken. One that its markers already give
+    /// away as no picture is counted and goes no further: `false`.
+    pub(in crate::script) fn deliver_frame(&mut self, frame: Frame) -> bool {
+        // A script that is always busy: the last frame before its memory is taken.
+        self.look_where_it_goes();
+        let size = match validate_markers(&frame.jpeg) {
+            Ok(size) => size,
+            Err(error) => {
+                self.note_damage(frame.seq, &error);
+                return false;
+            }
+        };
+        let held = Rc::new(HeldFrame::new(frame, size, &self.sight.held_bytes));
+        self.sight.newest = Some(Rc::clone(&held));
+        self.plan_look(&held);
+        self.publish(EventName::Frame, Payload::Frame(held));
+        true
+    }
+
+    /// Counts a frame that is no picture; the log says so once in a while.
+    pub(in crate::script) fn note_damage(&mut self, seq: u64, error: &FrameError) {
+        if let Some(text) = self.sight.damage.note(seq, &error.to_string(), self.now) {
+            self.log(Level::Warn, &text);
         }
     }
 

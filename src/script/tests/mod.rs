@@ -23,7 +23,8 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::{
-    Ending, Evaluated, Explain, Level, LogLine, ModuleFile, ModuleName, Options, Output, Script,
+    Ending, Evaluated, Explain, Level, LogLine, ModuleFile, ModuleName, NoModule, Options, Output,
+    Script,
 };
 use crate::robot::{EndReason, Event, Intent, Knob, MotionEnd, Remark, RobotInfo};
 
@@ -120,7 +121,8 @@ impl Rig {
                 file: (*file).to_owned(),
                 source: source.as_bytes().to_vec(),
             });
-            let file = file.ok_or_else(|| format!("module '{}' was not found", name.as_str()));
+            let file =
+                file.ok_or_else(|| NoModule(format!("module '{}' was not found", name.as_str())));
             self.script.deliver_module(&name, file, self.now);
             self.run();
         }

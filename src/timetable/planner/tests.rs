@@ -92,7 +92,7 @@ impl World {
         self.acts.iter().filter_map(start).collect()
     }
 
-    fn told(&self) -> Vec<&Told> {
+    fn told(&self) -> Vec<&Notice> {
         let told = |(_, act): &'_ (Timestamp, Act)| matches!(act, Act::Tell(_));
         let told = self.acts.iter().filter(|act| told(act));
         told.map(|(_, act)| match act {
@@ -173,7 +173,7 @@ fn a_service_that_did_not_run_tells_what_it_missed() {
     let record = world.planner.record();
     let mut next = World::after(patrol(), "2026-05-06 09:01", record);
     next.pass(MINUTE);
-    let missed = Told::Missed {
+    let missed = Notice::Missed {
         run: "patrol".to_owned(),
         planned: when("2026-05-06 09:00"),
         count: 4,
@@ -252,7 +252,7 @@ fn a_start_while_the_behaviour_runs_is_refused_and_told() {
     let mut world = World::new(table(&rules, "10m"), "2026-05-04 08:00");
     world.pass(4 * 60 * MINUTE);
     assert_eq!(world.starts(), ["patrol 04 09:00"]);
-    let overlap = Told::Overlap {
+    let overlap = Notice::Overlap {
         run: "patrol".to_owned(),
         planned: when("2026-05-04 10:00"),
     };
@@ -276,7 +276,7 @@ fn a_start_waits_for_the_robot_as_long_as_it_may_be_late() {
     let mut world = World::new(patrol(), "2026-05-04 08:59");
     world.ready = false;
     world.pass(30 * MINUTE);
-    assert!(matches!(world.told()[..], [Told::NoRobot { .. }]));
+    assert!(matches!(world.told()[..], [Notice::NoRobot { .. }]));
     assert!(!world.planner.is_due());
 }
 
@@ -287,7 +287,7 @@ fn a_clock_that_is_put_back_a_little_repeats_no_start() {
     world.set_clock("2026-05-04 08:58");
     world.pass(3 * 60 * MINUTE);
     assert_eq!(world.starts(), ["patrol 04 09:00"]);
-    assert!(matches!(world.told()[..], [Told::ClockSet { seconds }] if *seconds < -2000));
+    assert!(matches!(world.told()[..], [Notice::ClockSet { seconds }] if *seconds < -2000));
 }
 
 #[test]

@@ -124,9 +124,12 @@ fn in_order(cells: &BTreeMap<Cell, usize>, board: Board) -> Option<Vec<usize>> {
         (columns, rows) if (rows, columns) == (board.columns, board.rows) => true,
         _ => return None,
     };
-    let cell = |column: usize, row: usize| match turned {
-        false => (left + column as i32, top + row as i32),
-        true => (left + row as i32, top + column as i32),
+    let cell = |column: usize, row: usize| {
+        if turned {
+            (left + row as i32, top + column as i32)
+        } else {
+            (left + column as i32, top + row as i32)
+        }
     };
     let order = (0..board.rows).flat_map(|row| (0..board.columns).map(move |column| (column, row)));
     order

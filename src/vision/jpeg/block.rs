@@ -94,7 +94,7 @@ pub(super) fn decode_block(
     loop {
         bits.refill::<{ STEP_BITS + 2 }>();
         let step = ac_table.step(bits.peek(STEP_BITS));
-        // What goes beyond the block is put where nobody reads it, so this needs no question.
+        // What goes beyond the block lands in padding that is never read, so this needs no check.
         put(step.first_place(index), step.first_value());
         put(step.second_place(index), step.second_value());
         let next = step.next(index);
@@ -141,9 +141,10 @@ mod tests {
             let counts = rest[1..].first_chunk::<16>().unwrap();
             let len: usize = counts.iter().copied().map(usize::from).sum();
             let symbols = &rest[17..][..len];
-            assert!(match is_ac {
-                false => dc.load(counts, symbols),
-                true => ac.load(counts, symbols),
+            assert!(if is_ac {
+                ac.load(counts, symbols)
+            } else {
+                dc.load(counts, symbols)
             });
             rest = &rest[17 + len..];
         }

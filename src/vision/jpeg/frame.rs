@@ -151,9 +151,10 @@ fn check_rest(data: &[u8], markers: &Markers) -> Result<(), FrameError> {
     // Each scan goes over the whole picture, however few bytes it has.
     let scans = 1 + data.windows(2).filter(|pair| *pair == [0xFF, 0xDA]).count();
     let pixels = markers.size.width as usize * markers.size.height as usize;
-    match scans > MAX_SCANS || scans * pixels > MAX_SCANNED {
-        true => Err(FrameError::Unsupported("too many scans")),
-        false => Ok(()),
+    if scans > MAX_SCANS || scans * pixels > MAX_SCANNED {
+        Err(FrameError::Unsupported("too many scans"))
+    } else {
+        Ok(())
     }
 }
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 use libfuzzer_sys::fuzz_target;
 use spykee::behaviour::{FromHost, ToHost};
 use spykee::robot::{BehaviourId, Intent, Priority};
-use spykee::safety::{Act, Ask, Fact, Limits, Watchdog};
+use spykee::safety::{Act, Fact, Limits, Watchdog};
 use spykee::script::Output;
 use spykee::wire::{Command, EngineNews, Power};
 use tokio::time::Instant;
@@ -55,28 +55,11 @@ impl Rig {
     }
 
     fn ask(&mut self, intent: Intent) {
-        let ask = match intent {
-            Intent::Move {
-                motion,
-                setpoint,
-                duration,
-            } => Ask::Move {
-                motion,
-                setpoint,
-                duration,
-            },
-            Intent::Release { motion } => Ask::Release(motion),
-            Intent::Stop => Ask::Stop,
-            Intent::Dock { call, plan } => Ask::Dock(call, plan),
-            Intent::Undock { call, timeout } => Ask::Undock(call, timeout),
-            Intent::CancelDock => Ask::CancelDock,
-            _ => return,
-        };
         let low = self.dog.low().is_some();
         let acts = self.take(Fact::Asked {
             by: WHO,
             priority: Priority(0),
-            ask,
+            intent,
         });
         let moves = |command: Command| matches!(command, Command::Move { left, right } if (left, right) != (0, 0));
         assert!(!low || !acts.iter().filter_map(Act::command).any(moves), "a script moves a low robot");

@@ -8,28 +8,22 @@ use super::broker::{Broker, Ear};
 use super::{A, IDLE, robot};
 use crate::rig::{Rig, Run};
 
-/// As in README.md: `rover1` and `rover2` are agents, `anna` may ask for the first, `bruno` for the second.
-const ACCESS: &str = "
-user rover1
-topic readwrite spykee/SPYKEE0001/#
-topic write homeassistant/device/SPYKEE0001/config
-topic read homeassistant/status
-
-user rover2
-topic readwrite spykee/SPYKEE0002/#
-topic write homeassistant/device/SPYKEE0002/config
-topic read homeassistant/status
-
-user anna
-topic read spykee/SPYKEE0001/#
-topic write spykee/SPYKEE0001/command
-topic write spykee/SPYKEE0001/behaviour/set
-
-user bruno
-topic read spykee/SPYKEE0002/#
-topic write spykee/SPYKEE0002/command
-topic write spykee/SPYKEE0002/behaviour/set
-";
+/// The list of the README for `rover1`, an agent, and `anna`, who may ask for its robot; the same for a second
+/// robot, with `rover2` and `bruno`.
+fn access() -> String {
+    let readme = include_str!("../../../README.md");
+    let list = readme
+        .split("```")
+        .find(|block| block.starts_with("\nuser rover1\n"));
+    let (first, _) = list.unwrap().split_once("user homeassistant\n").unwrap();
+    let second = [
+        ("SPYKEE0001", "SPYKEE0002"),
+        ("rover1", "rover2"),
+        ("anna", "bruno"),
+    ];
+    let replace = |text: String, (from, to): (&str, &str)| text.replace(from, to);
+    second.into_iter().fold(first.to_owned(), replace) + first
+}
 
 const USERS: &[(&str, &str)] = &[
     ("rover1", "r1"),
@@ -61,7 +55,7 @@ async fn who_may_ask_for_one_robot_can_neither_drive_nor_see_nor_be_another() {
     let Some(mut broker) = Broker::start_with(lines, USERS) else {
         return;
     };
-    broker.file("access", ACCESS);
+    broker.file("access", &access());
     broker.restart();
     let (first, second) = (robot(A).await, robot("SPYKEE0002").await);
     let (anna, bruno) = (

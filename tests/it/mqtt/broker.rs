@@ -110,6 +110,10 @@ impl Broker {
         std::fs::write(self.folder.path().join(name), text).unwrap();
     }
 
+    pub fn folder(&self) -> &Path {
+        self.folder.path()
+    }
+
     pub fn config(&self) -> String {
         format!("mqtt: {{ host: 127.0.0.1, port: {} }}\n", self.port)
     }
@@ -177,6 +181,20 @@ impl Ear {
         said.await.unwrap();
     }
 
+    /// Waits until it hears again, after the broker was away.
+    pub async fn hears_again(&self) {
+        let until = std::time::Instant::now() + PATIENCE;
+        let from = self.len();
+        while !self.heard.lock().unwrap()[from..]
+            .iter()
+            .any(|(topic, _)| topic == "ear/again")
+        {
+            assert!(std::time::Instant::now() < until, "the broker is not back");
+            self.say("ear/again", "", false).await;
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+    }
+
     pub fn len(&self) -> usize {
         self.heard.lock().unwrap().len()
     }
@@ -202,6 +220,13 @@ impl Ear {
             );
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
+    }
+
+    /// The place of the first such message among all that it has heard.
+    pub fn place_of(&self, topic: &str, word: &str) -> Option<usize> {
+        let heard = self.heard.lock().unwrap();
+        let mut heard = heard.iter();
+        heard.position(|(of, payload)| of == topic && payload == word.as_bytes())
     }
 
     /// Whether anything came from below a topic.

@@ -60,6 +60,7 @@ async fn what_scripts_send_is_published_with_its_picture_and_outlives_a_broker_t
     assert_eq!(waiting(&rig), 1);
     let from = ear.len();
     broker.begin();
+    ear.hears_again().await;
     rig.file("one.lua", "task.wait(600)");
     let mut third = run();
     ear.hears(from, "house/says", |_| true).await;

@@ -3,7 +3,6 @@
 use super::rig::*;
 use super::*;
 use crate::robot::DockPlan;
-use crate::safety::Ask;
 use crate::wire::Led;
 
 #[test]
@@ -115,7 +114,10 @@ fn the_contact_bears_charging_out_before_and_after() {
 #[test]
 fn a_docking_that_backs_off_stands_still_while_one_report_says_charging() {
     let mut rig = Rig::online(60);
-    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    rig.ask(Intent::Dock {
+        call: CallId(7),
+        plan: DockPlan::default(),
+    });
     rig.take(Fact::Engine(EngineNews::BaseNotFound));
     rig.pass(500 * MS, false);
     assert!(rig.dog.moving());
@@ -128,7 +130,10 @@ fn a_docking_that_backs_off_stands_still_while_one_report_says_charging() {
     );
 
     let mut rig = Rig::online(60);
-    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    rig.ask(Intent::Dock {
+        call: CallId(7),
+        plan: DockPlan::default(),
+    });
     rig.take(Fact::Power(charging(60)));
     let acts = rig.take(Fact::Engine(EngineNews::BaseNotFound));
     assert_eq!(tracks(&acts), [(0, 0)], "it does not back off either");
@@ -185,7 +190,10 @@ fn critical_refuses_motion_and_undocking_even_while_charging() {
         power: charging(8),
     });
     assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Safety)]);
-    let acts = rig.ask(Ask::Undock(CallId(1), SECOND));
+    let acts = rig.ask(Intent::Undock {
+        call: CallId(1),
+        timeout: SECOND,
+    });
     assert_eq!(sent(&acts), []);
     assert_eq!(
         told(&acts),
@@ -203,7 +211,10 @@ fn a_robot_that_is_low_stays_on_its_station_though_it_charges() {
         docked: true,
         power: charging(20),
     });
-    let acts = rig.ask(Ask::Undock(CallId(1), SECOND));
+    let acts = rig.ask(Intent::Undock {
+        call: CallId(1),
+        timeout: SECOND,
+    });
     assert_eq!(sent(&acts), []);
     let end = DockEnd::Safety;
     let call = CallId(1);
@@ -260,7 +271,10 @@ fn the_state_says_at_a_glance_how_things_stand() {
         power: power(60),
     });
     assert_eq!(rig.dog.state(), Free);
-    rig.ask(Ask::Dock(CallId(1), DockPlan::default()));
+    rig.ask(Intent::Dock {
+        call: CallId(1),
+        plan: DockPlan::default(),
+    });
     assert_eq!(rig.dog.state(), Docking);
     rig.take(Fact::Power(power(10)));
     assert_eq!(rig.dog.state(), LowGoingHome);

@@ -3,21 +3,26 @@
 use super::rig::*;
 use super::*;
 use crate::robot::DockPlan;
-use crate::safety::Ask;
 use crate::wire::Engage;
 
 #[test]
 fn a_behaviour_docks_and_docked_means_charging() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
-    let acts = rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    let acts = rig.ask(Intent::Dock {
+        call: CallId(7),
+        plan: DockPlan::default(),
+    });
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
     assert_eq!(rig.take(Fact::Engine(EngineNews::Docked)), []);
     assert_eq!(
         dock_ended(&rig.take(Fact::Power(charging(60)))),
         Some((DockEnd::Done, 1))
     );
-    let again = rig.ask(Ask::Dock(CallId(8), DockPlan::default()));
+    let again = rig.ask(Intent::Dock {
+        call: CallId(8),
+        plan: DockPlan::default(),
+    });
     assert_eq!(
         (sent(&again), dock_ended(&again)),
         (vec![], Some((DockEnd::AlreadyDocked, 0)))
@@ -27,13 +32,13 @@ fn a_behaviour_docks_and_docked_means_charging() {
 #[test]
 fn between_a_behaviours_tries_the_robot_backs_off() {
     let mut rig = Rig::online(60);
-    rig.ask(Ask::Dock(
-        CallId(7),
-        DockPlan {
+    rig.ask(Intent::Dock {
+        call: CallId(7),
+        plan: DockPlan {
             retries: 1,
             ..DockPlan::default()
         },
-    ));
+    });
     let back = Command::Move {
         left: -27,
         right: -27,
@@ -50,7 +55,10 @@ fn between_a_behaviours_tries_the_robot_backs_off() {
 #[test]
 fn low_battery_takes_a_docking_over_and_its_caller_is_served() {
     let mut rig = Rig::online(60);
-    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    rig.ask(Intent::Dock {
+        call: CallId(7),
+        plan: DockPlan::default(),
+    });
     assert_eq!(
         sent(&rig.take(Fact::Power(power(20)))),
         [Command::STOP, FIND]
@@ -65,21 +73,24 @@ fn low_battery_takes_a_docking_over_and_its_caller_is_served() {
 #[test]
 fn a_docking_that_was_taken_over_is_given_back_at_the_ok_level() {
     let mut rig = Rig::online(60);
-    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    rig.ask(Intent::Dock {
+        call: CallId(7),
+        plan: DockPlan::default(),
+    });
     rig.take(Fact::Power(power(20)));
     for _ in 0..3 {
         assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
         assert_eq!(sent(&rig.hear(power(50))), []);
     }
     assert_eq!(rig.dog.state(), WatchdogState::Docking);
-    assert_eq!(sent(&rig.ask(Ask::CancelDock)), [CANCEL, Command::STOP]);
+    assert_eq!(sent(&rig.ask(Intent::CancelDock)), [CANCEL, Command::STOP]);
 }
 
 #[test]
 fn no_behaviour_can_end_the_watchdogs_own_docking() {
     let mut rig = Rig::online(20);
-    assert_eq!(sent(&rig.ask(Ask::CancelDock)), []);
-    assert_eq!(sent(&rig.ask(Ask::Stop)), []);
+    assert_eq!(sent(&rig.ask(Intent::CancelDock)), []);
+    assert_eq!(sent(&rig.ask(Intent::Stop)), []);
     assert_eq!(sent(&rig.take(Fact::Gone(WHO))), []);
     assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
 }
@@ -87,8 +98,11 @@ fn no_behaviour_can_end_the_watchdogs_own_docking() {
 #[test]
 fn cancelling_a_docking_answers_its_caller() {
     let mut rig = Rig::online(60);
-    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
-    let acts = rig.ask(Ask::CancelDock);
+    rig.ask(Intent::Dock {
+        call: CallId(7),
+        plan: DockPlan::default(),
+    });
+    let acts = rig.ask(Intent::CancelDock);
     assert_eq!(sent(&acts), [CANCEL, Command::STOP]);
     assert_eq!(dock_ended(&acts), Some((DockEnd::Cancelled, 1)));
 }
@@ -101,7 +115,10 @@ fn undocking_waits_for_the_robots_word() {
         power: charging(80),
     });
     rig.now += SECOND;
-    let acts = rig.ask(Ask::Undock(CallId(1), 20 * SECOND));
+    let acts = rig.ask(Intent::Undock {
+        call: CallId(1),
+        timeout: 20 * SECOND,
+    });
     assert_eq!(sent(&acts), [Command::Engine(Engage::Undock)]);
     let acts = rig.take(Fact::Engine(EngineNews::Undocked));
     assert_eq!(
@@ -117,7 +134,10 @@ fn undocking_waits_for_the_robots_word() {
 #[test]
 fn only_the_end_of_the_one_who_asked_ends_a_docking() {
     let mut rig = Rig::online(60);
-    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    rig.ask(Intent::Dock {
+        call: CallId(7),
+        plan: DockPlan::default(),
+    });
     assert_eq!(rig.take(Fact::Gone(BehaviourId(1))), []);
     assert_eq!(rig.dog.state(), WatchdogState::Docking);
     assert_eq!(sent(&rig.take(Fact::Gone(WHO))), [CANCEL, Command::STOP]);
@@ -132,7 +152,10 @@ fn only_the_one_who_asked_is_told_how_an_undocking_ends() {
             docked: true,
             power: charging(80),
         });
-        rig.ask(Ask::Undock(CallId(1), 20 * SECOND));
+        rig.ask(Intent::Undock {
+            call: CallId(1),
+            timeout: 20 * SECOND,
+        });
         rig.take(Fact::Gone(gone));
         let acts = rig.take(Fact::Engine(EngineNews::Undocked));
         assert_eq!(told(&acts).len(), told_at_the_end);

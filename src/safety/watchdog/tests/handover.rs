@@ -7,7 +7,6 @@ use tokio::time::Instant;
 
 use super::*;
 use crate::robot::{EndReason, MotionId, Priority};
-use crate::safety::Ask;
 
 const MS: Duration = Duration::from_millis(1);
 const PATROL: BehaviourId = BehaviourId(0);
@@ -46,19 +45,23 @@ impl Rig {
         Rig { dog, now, motions }
     }
 
-    fn fact(&mut self, by: BehaviourId, ask: Ask) -> Fact {
+    fn fact(&mut self, by: BehaviourId, intent: Intent) -> Fact {
         let priority = priority(by);
-        Fact::Asked { by, priority, ask }
+        Fact::Asked {
+            by,
+            priority,
+            intent,
+        }
     }
 
     fn wish(&mut self, by: BehaviourId, percent: f64, duration: Option<Duration>) -> Fact {
         self.motions += 1;
-        let ask = Ask::Move {
+        let intent = Intent::Move {
             motion: MotionId(self.motions),
             setpoint: Setpoint::from_percent(percent, percent).unwrap(),
             duration,
         };
-        self.fact(by, ask)
+        self.fact(by, intent)
     }
 
     fn take(&mut self, fact: Fact) -> Vec<Act> {
@@ -107,7 +110,12 @@ fn who_lets_go_and_takes_the_tracks_again_at_once_never_lets_the_lower_drive() {
     let acts = rig.drive(AVOID, -50.0);
     assert_eq!(moves(&acts), [-45]);
     rig.now += 100 * MS;
-    let release = rig.fact(AVOID, Ask::Release(MotionId(2)));
+    let release = rig.fact(
+        AVOID,
+        Intent::Release {
+            motion: MotionId(2),
+        },
+    );
     rig.dog.absorb(release, rig.now);
     let again = rig.wish(AVOID, -20.0, None);
     let acts = rig.take(again);
@@ -144,7 +152,12 @@ fn a_silent_host_that_stands_by_does_not_get_the_tracks() {
     rig.now += 100 * MS;
     rig.drive(AVOID, -50.0);
     rig.pass(300 * MS, &[AVOID]);
-    let release = rig.fact(AVOID, Ask::Release(MotionId(2)));
+    let release = rig.fact(
+        AVOID,
+        Intent::Release {
+            motion: MotionId(2),
+        },
+    );
     assert_eq!(moves(&rig.take(release)), [0]);
     assert_eq!(moves(&rig.drive(PATROL, 30.0)), [] as [i8; 0], "too soon");
     assert_eq!(moves(&rig.pass(50 * MS, &[PATROL])), [27], "alive again");
@@ -193,7 +206,7 @@ proptest! {
                     rig.take(wish)
                 }
                 Step::Release(by, motion) => {
-                    let release = rig.fact(BehaviourId(by), Ask::Release(MotionId(motion)));
+                    let release = rig.fact(BehaviourId(by), Intent::Release { motion: MotionId(motion) });
                     rig.take(release)
                 }
                 Step::Gone(by) => rig.take(Fact::Gone(BehaviourId(by))),

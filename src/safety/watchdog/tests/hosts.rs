@@ -3,7 +3,6 @@
 use super::rig::*;
 use super::*;
 use crate::robot::{DockPlan, EndReason};
-use crate::safety::Ask;
 
 #[test]
 fn a_silent_host_is_stopped_first_and_then_ended() {
@@ -69,9 +68,15 @@ fn no_time_that_a_host_may_send_breaks_the_clock() {
             retries: u32::MAX,
             charge_timeout: time,
         };
-        rig.ask(Ask::Dock(CallId(1), plan));
+        rig.ask(Intent::Dock {
+            call: CallId(1),
+            plan,
+        });
         rig.take(Fact::Engine(EngineNews::Docked));
-        rig.ask(Ask::Undock(CallId(2), time));
+        rig.ask(Intent::Undock {
+            call: CallId(2),
+            timeout: time,
+        });
         rig.pass(SECOND, true);
     }
 }
@@ -87,11 +92,23 @@ fn the_longest_move_takes_thirty_days() {
 #[test]
 fn a_host_that_docks_without_end_fills_no_memory() {
     let mut rig = Rig::online(60);
-    rig.ask(Ask::Dock(CallId(0), DockPlan::default()));
+    rig.ask(Intent::Dock {
+        call: CallId(0),
+        plan: DockPlan::default(),
+    });
     for call in 1..64 {
-        assert_eq!(rig.ask(Ask::Dock(CallId(call), DockPlan::default())), []);
+        assert_eq!(
+            rig.ask(Intent::Dock {
+                call: CallId(call),
+                plan: DockPlan::default()
+            }),
+            []
+        );
     }
-    let acts = rig.ask(Ask::Dock(CallId(64), DockPlan::default()));
+    let acts = rig.ask(Intent::Dock {
+        call: CallId(64),
+        plan: DockPlan::default(),
+    });
     assert_eq!(dock_ended(&acts), Some((DockEnd::Safety, 0)));
 }
 

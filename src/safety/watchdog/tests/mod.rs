@@ -15,3 +15,4 @@ mod rig;
 mod way_back;
 
 use super::*;
+use crate::robot::Intent;

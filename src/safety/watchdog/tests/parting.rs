@@ -3,7 +3,7 @@
 use super::rig::*;
 use super::*;
 use crate::robot::DockPlan;
-use crate::safety::{Ask, LastWords};
+use crate::safety::LastWords;
 
 #[test]
 fn before_a_login_and_with_a_good_battery_the_last_word_is_a_stop() {
@@ -111,7 +111,7 @@ fn after_a_sleep_a_behaviours_docking_is_over() {
     rig.undock(1);
     let acts = rig.take(Fact::Suspended);
     assert_eq!(undock_ended(&acts), Some(DockEnd::Disconnected));
-    assert_eq!(rig.dog.place(), Place::Unknown);
+    assert_eq!(rig.dog.place(), DockState::Unknown);
 }
 
 #[test]
@@ -144,11 +144,17 @@ fn at_the_end_of_a_run_everything_stops_and_nothing_moves_any_more() {
 fn at_the_end_of_a_run_nobody_docks_or_undocks_any_more() {
     let mut rig = Rig::online(60);
     rig.take(Fact::Parting);
-    let acts = rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    let acts = rig.ask(Intent::Dock {
+        call: CallId(7),
+        plan: DockPlan::default(),
+    });
     assert_eq!(sent(&acts), []);
     assert_eq!(dock_ended(&acts), Some((DockEnd::Cancelled, 0)));
     rig.take(Fact::Engine(EngineNews::Docked));
-    let acts = rig.ask(Ask::Undock(CallId(8), SECOND));
+    let acts = rig.ask(Intent::Undock {
+        call: CallId(8),
+        timeout: SECOND,
+    });
     assert_eq!(sent(&acts), []);
     let end = DockEnd::Cancelled;
     assert_eq!(
@@ -163,7 +169,10 @@ fn at_the_end_of_a_run_nobody_docks_or_undocks_any_more() {
 #[test]
 fn at_the_end_of_a_run_a_behaviours_docking_ends_and_the_watchdogs_goes_on() {
     let mut rig = Rig::online(60);
-    rig.ask(Ask::Dock(CallId(7), DockPlan::default()));
+    rig.ask(Intent::Dock {
+        call: CallId(7),
+        plan: DockPlan::default(),
+    });
     assert_eq!(sent(&rig.take(Fact::Parting)), [CANCEL, Command::STOP]);
     let mut rig = Rig::online(20);
     assert_eq!(sent(&rig.take(Fact::Parting)), [Command::STOP, FIND]);

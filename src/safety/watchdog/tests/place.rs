@@ -2,7 +2,7 @@
 
 use super::rig::*;
 use super::*;
-use crate::safety::Word;
+use crate::safety::Evidence;
 use crate::wire::Sound;
 
 /// CHARGE_STOP was sent and nobody has said anything.
@@ -17,7 +17,7 @@ fn an_undocking_that_nobody_confirms_leaves_a_robot_that_searches_when_it_become
     let mut rig = undocked_by_nobodys_word(80);
     let acts = rig.pass(20 * SECOND, false);
     assert_eq!(undock_ended(&acts), Some(DockEnd::Timeout));
-    assert_eq!(rig.dog.place(), Place::Unknown);
+    assert_eq!(rig.dog.place(), DockState::Unknown);
     assert_eq!(
         sent(&rig.take(Fact::Power(power(20)))),
         [Command::STOP, FIND]
@@ -46,7 +46,7 @@ fn current_that_ends_while_the_robot_backs_out_lets_nobody_drive_yet() {
     let mut rig = Rig::docked(charging(80));
     rig.undock(1);
     rig.take(Fact::Power(power(80)));
-    assert_eq!(rig.dog.place(), Place::Left(Word::Power));
+    assert_eq!(rig.dog.place(), DockState::Left(Evidence::Power));
     assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
     let acts = rig.take(Fact::Engine(EngineNews::Undocked));
     assert_eq!(undock_ended(&acts), Some(DockEnd::Done));

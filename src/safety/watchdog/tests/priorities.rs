@@ -3,7 +3,6 @@
 use super::rig::*;
 use super::*;
 use crate::robot::{DockPlan, MotionId};
-use crate::safety::Ask;
 
 const HIGH: BehaviourId = BehaviourId(1);
 const PLAN: DockPlan = DockPlan {
@@ -12,8 +11,8 @@ const PLAN: DockPlan = DockPlan {
     charge_timeout: Duration::from_secs(30),
 };
 
-fn drive(motion: u64) -> Ask {
-    Ask::Move {
+fn drive(motion: u64) -> Intent {
+    Intent::Move {
         motion: MotionId(motion),
         setpoint: Setpoint::from_percent(50.0, 50.0).unwrap(),
         duration: None,
@@ -61,7 +60,7 @@ fn the_watchdogs_own_docking_ends_for_no_priority() {
 
 #[test]
 fn a_docking_is_given_up_by_its_caller_and_by_equal_or_higher_priorities_only() {
-    for give_up in [Ask::Stop, Ask::CancelDock] {
+    for give_up in [Intent::Stop, Intent::CancelDock] {
         for (by, priority, ends) in [
             (WHO, -10, true),
             (HIGH, 10, true),
@@ -69,7 +68,14 @@ fn a_docking_is_given_up_by_its_caller_and_by_equal_or_higher_priorities_only() 
             (HIGH, 4, false),
         ] {
             let mut rig = Rig::online(60);
-            rig.ask_as(WHO, 5, Ask::Dock(CallId(1), PLAN));
+            rig.ask_as(
+                WHO,
+                5,
+                Intent::Dock {
+                    call: CallId(1),
+                    plan: PLAN,
+                },
+            );
             let acts = rig.ask_as(by, priority, give_up.clone());
             let expected = ends.then_some((DockEnd::Cancelled, 1));
             assert_eq!(dock_ended(&acts), expected, "{give_up:?} of {priority}");
@@ -81,9 +87,23 @@ fn a_docking_is_given_up_by_its_caller_and_by_equal_or_higher_priorities_only() 
 #[test]
 fn of_two_callers_the_higher_keeps_the_docking() {
     let mut rig = Rig::online(60);
-    rig.ask_as(WHO, 0, Ask::Dock(CallId(1), PLAN));
-    rig.ask_as(HIGH, 10, Ask::Dock(CallId(2), PLAN));
-    let acts = rig.ask_as(WHO, 0, Ask::CancelDock);
+    rig.ask_as(
+        WHO,
+        0,
+        Intent::Dock {
+            call: CallId(1),
+            plan: PLAN,
+        },
+    );
+    rig.ask_as(
+        HIGH,
+        10,
+        Intent::Dock {
+            call: CallId(2),
+            plan: PLAN,
+        },
+    );
+    let acts = rig.ask_as(WHO, 0, Intent::CancelDock);
     assert_eq!(sent(&acts), []);
     assert_eq!(dock_ended(&acts), Some((DockEnd::Cancelled, 0)));
     assert_eq!(rig.dog.state(), WatchdogState::Docking);
@@ -93,7 +113,10 @@ fn of_two_callers_the_higher_keeps_the_docking() {
 
 #[test]
 fn an_undocking_gives_way_to_a_higher_one_and_to_no_lower() {
-    let undock = |call| Ask::Undock(CallId(call), 20 * SECOND);
+    let undock = |call| Intent::Undock {
+        call: CallId(call),
+        timeout: 20 * SECOND,
+    };
     let mut rig = Rig::docked(charging(80));
     rig.ask_as(WHO, 5, undock(1));
     let acts = rig.ask_as(HIGH, 4, undock(2));
@@ -107,7 +130,14 @@ fn an_undocking_gives_way_to_a_higher_one_and_to_no_lower() {
 #[test]
 fn who_waits_for_charging_is_not_undocked_by_a_lower_priority() {
     let mut rig = Rig::docked(power(80));
-    rig.ask_as(HIGH, 10, Ask::Dock(CallId(1), PLAN));
+    rig.ask_as(
+        HIGH,
+        10,
+        Intent::Dock {
+            call: CallId(1),
+            plan: PLAN,
+        },
+    );
     assert_eq!(undock_ended(&rig.undock(1)), Some(DockEnd::Preempted));
 }
 
@@ -117,7 +147,7 @@ fn no_scripts_stop_touches_a_leg_of_the_watchdog() {
     rig.pass(SECOND, false);
     assert!(rig.dog.moving());
     for priority in [0, i16::MAX] {
-        assert_eq!(sent(&rig.ask_as(WHO, priority, Ask::Stop)), []);
+        assert_eq!(sent(&rig.ask_as(WHO, priority, Intent::Stop)), []);
     }
     assert!(rig.dog.moving());
     assert_eq!(sent(&rig.pass(2 * SECOND, false)).last(), Some(&FIND));

@@ -3,7 +3,7 @@
 use super::rig::*;
 use super::*;
 use crate::robot::{MotionId, Percent, Seconds};
-use crate::safety::{Ask, LastWords, Rescue};
+use crate::safety::{LastWords, Rescue};
 
 const NOT_FOUND: Fact = Fact::Engine(EngineNews::BaseNotFound);
 const RESCUER: BehaviourId = BehaviourId(9);
@@ -22,12 +22,12 @@ fn lent(limits: Limits) -> (Rig, Vec<Act>) {
 }
 
 fn drive(rig: &mut Rig, motion: u64) -> Vec<Act> {
-    let ask = Ask::Move {
+    let intent = Intent::Move {
         motion: MotionId(motion),
         setpoint: Setpoint::from_percent(100.0, 50.0).unwrap(),
         duration: None,
     };
-    let acts = rig.ask_as(RESCUER, 0, ask);
+    let acts = rig.ask_as(RESCUER, 0, intent);
     [acts, alive(rig, 20)].concat()
 }
 
@@ -70,8 +70,8 @@ fn nobody_else_drives_and_nobody_elses_stop_counts() {
     let (mut rig, _) = lent(Limits::default());
     drive(&mut rig, 1);
     assert_eq!(told(&rig.drive(2, None)), [ended(2, MotionEnd::Safety)]);
-    assert_eq!(rig.ask_as(WHO, i16::MAX, Ask::Stop), []);
-    rig.ask_as(WHO, i16::MAX, Ask::CancelDock);
+    assert_eq!(rig.ask_as(WHO, i16::MAX, Intent::Stop), []);
+    rig.ask_as(WHO, i16::MAX, Intent::CancelDock);
     assert!(rig.dog.moving());
 }
 
@@ -80,7 +80,7 @@ fn whatever_ends_a_loan_stops_and_searches_from_there() {
     let stop = |by| Fact::Asked {
         by,
         priority: Priority(0),
-        ask: Ask::Stop,
+        intent: Intent::Stop,
     };
     let found = || vec![Command::STOP, FIND];
     let ends = [
@@ -121,7 +121,13 @@ fn a_second_without_a_motion_ends_a_loan() {
     let (mut rig, _) = lent(Limits::default());
     drive(&mut rig, 1);
     alive(&mut rig, 1000);
-    let acts = rig.ask_as(RESCUER, 0, Ask::Release(MotionId(1)));
+    let acts = rig.ask_as(
+        RESCUER,
+        0,
+        Intent::Release {
+            motion: MotionId(1),
+        },
+    );
     assert_eq!(sent(&acts), [Command::STOP]);
     assert_eq!(sent(&rig.pass(990 * MS, false)), []);
     assert_eq!(sent(&rig.pass(10 * MS, false)), [Command::STOP, FIND]);

@@ -6,7 +6,6 @@ use tokio::time::Instant;
 
 use super::*;
 use crate::robot::{DockPlan, MotionId};
-use crate::safety::Ask;
 use crate::wire::Engage;
 
 pub(super) const SECOND: Duration = Duration::from_secs(1);
@@ -60,26 +59,36 @@ impl Rig {
         rig
     }
 
-    pub(super) fn ask(&mut self, ask: Ask) -> Vec<Act> {
-        self.ask_as(WHO, 0, ask)
+    pub(super) fn ask(&mut self, intent: Intent) -> Vec<Act> {
+        self.ask_as(WHO, 0, intent)
     }
 
-    pub(super) fn ask_as(&mut self, by: BehaviourId, priority: i16, ask: Ask) -> Vec<Act> {
+    pub(super) fn ask_as(&mut self, by: BehaviourId, priority: i16, intent: Intent) -> Vec<Act> {
         let priority = Priority(priority);
-        self.take(Fact::Asked { by, priority, ask })
+        self.take(Fact::Asked {
+            by,
+            priority,
+            intent,
+        })
     }
 
     pub(super) fn dock(&mut self, call: u64) -> Vec<Act> {
-        self.ask(Ask::Dock(CallId(call), DockPlan::default()))
+        self.ask(Intent::Dock {
+            call: CallId(call),
+            plan: DockPlan::default(),
+        })
     }
 
     pub(super) fn undock(&mut self, call: u64) -> Vec<Act> {
-        self.ask(Ask::Undock(CallId(call), 20 * SECOND))
+        self.ask(Intent::Undock {
+            call: CallId(call),
+            timeout: 20 * SECOND,
+        })
     }
 
     pub(super) fn drive(&mut self, motion: u64, duration: Option<Duration>) -> Vec<Act> {
         let setpoint = Setpoint::from_percent(50.0, 50.0).unwrap();
-        self.ask(Ask::Move {
+        self.ask(Intent::Move {
             motion: MotionId(motion),
             setpoint,
             duration,

@@ -3,7 +3,6 @@
 use super::rig::*;
 use super::*;
 use crate::robot::Stroke;
-use crate::safety::Ask;
 
 const NOT_FOUND: Fact = Fact::Engine(EngineNews::BaseNotFound);
 const RESCUER: BehaviourId = BehaviourId(9);
@@ -66,9 +65,9 @@ fn the_first_words_stay_stop_and_search() {
 #[test]
 fn every_turn_is_a_stroke_of_its_own_and_standing_is_none() {
     let mut rig = driven();
-    rig.ask(Ask::Stop);
+    rig.ask(Intent::Stop);
     rig.pass(10 * SECOND, true);
-    rig.ask(Ask::Move {
+    rig.ask(Intent::Move {
         motion: crate::robot::MotionId(2),
         setpoint: Setpoint::from_percent(-100.0, 100.0).unwrap(),
         duration: Some(500 * MS),
@@ -132,7 +131,7 @@ fn a_search_of_the_robots_own_makes_it_unknown() {
     let mut rig = driven();
     rig.dock(7);
     rig.now += SECOND;
-    rig.ask(Ask::CancelDock);
+    rig.ask(Intent::CancelDock);
     assert_eq!(loan_after(rig).unwrap().1, None);
 }
 

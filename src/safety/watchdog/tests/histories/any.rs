@@ -26,23 +26,23 @@ fn any_duration() -> impl Strategy<Value = Duration> {
     ]
 }
 
-fn any_ask() -> impl Strategy<Value = Ask> {
+fn any_intent() -> impl Strategy<Value = Intent> {
     let power = || prop_oneof![8 => -100.0..=100.0f64, 1 => Just(0.0), 1 => Just(-0.4)];
     let drive = (0..50u64, power(), power(), prop::option::of(any_duration()));
     let plan = (any_duration(), 0..3u32, any_duration());
     prop_oneof![
-        8 => drive.prop_map(|(motion, left, right, duration)| Ask::Move {
+        8 => drive.prop_map(|(motion, left, right, duration)| Intent::Move {
             motion: MotionId(motion),
             setpoint: Setpoint::from_percent(left, right).unwrap(),
             duration,
         }),
-        1 => (0..50u64).prop_map(|motion| Ask::Release(MotionId(motion))),
-        1 => Just(Ask::Stop),
+        1 => (0..50u64).prop_map(|motion| Intent::Release { motion: MotionId(motion) }),
+        1 => Just(Intent::Stop),
         3 => (0..50u64, plan).prop_map(|(call, (timeout, retries, charge_timeout))| {
-            Ask::Dock(CallId(call), DockPlan { timeout, retries, charge_timeout })
+            Intent::Dock { call: CallId(call), plan: DockPlan { timeout, retries, charge_timeout } }
         }),
-        4 => (0..50u64, any_duration()).prop_map(|(call, timeout)| Ask::Undock(CallId(call), timeout)),
-        1 => Just(Ask::CancelDock),
+        4 => (0..50u64, any_duration()).prop_map(|(call, timeout)| Intent::Undock { call: CallId(call), timeout }),
+        1 => Just(Intent::CancelDock),
     ]
 }
 
@@ -58,10 +58,10 @@ fn any_fact() -> impl Strategy<Value = Fact> {
         12 => any_news().prop_map(Fact::Engine),
         8 => who().prop_map(Fact::Alive),
         2 => who().prop_map(Fact::Gone),
-        30 => (who(), any_ask()).prop_map(|(by, ask)| Fact::Asked {
+        30 => (who(), any_intent()).prop_map(|(by, intent)| Fact::Asked {
             by,
             priority: Priority(by.0 as i16 / 2),
-            ask,
+            intent,
         }),
         1 => Just(Fact::Parting),
         2 => Just(Fact::Suspended),

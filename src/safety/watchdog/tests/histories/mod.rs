@@ -20,11 +20,11 @@ use tokio::time::Instant;
 use self::any::{any_history, any_limits};
 use self::known::Known;
 use self::play::{Kept, Moment, Play, Step};
-use self::promises::{Patience, WayHome};
+use self::promises::{LongestWait, WayHome};
 use super::rig::{CANCEL, FIND, LEAVE, SECOND, sent, told};
 use super::*;
 use crate::robot::{DockPlan, MotionId, Percent, Priority, Seconds};
-use crate::safety::{Ask, LastWords, Leg, Rescue};
+use crate::safety::{LastWords, Leg, Rescue};
 use crate::wire::Sound;
 
 fn histories() -> Config {
@@ -47,7 +47,7 @@ impl Stop {
             Stop::Asked => Fact::Asked {
                 by: BehaviourId(9),
                 priority: Priority(i16::MAX),
-                ask: Ask::Stop,
+                intent: Intent::Stop,
             },
         }
     }
@@ -75,8 +75,8 @@ proptest! {
         limits in any_limits(),
         history in any_history(),
     ) {
-        let mut patience = Patience::default();
-        Play::new(&limits).steps(&history, &mut |moment| patience.see(&moment))?;
+        let mut wait = LongestWait::default();
+        Play::new(&limits).steps(&history, &mut |moment| wait.see(&moment))?;
     }
 
     #[test]

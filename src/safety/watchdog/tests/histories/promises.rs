@@ -73,14 +73,14 @@ impl WayHome {
 
 /// Since when a low robot waits for BASE_FIND.
 #[derive(Debug, Default)]
-pub(super) struct Patience(Option<Instant>);
+pub(super) struct LongestWait(Option<Instant>);
 
-impl Patience {
+impl LongestWait {
     /// Low, online and not charging, it hears BASE_FIND again within this time.
     fn longest(limits: &Limits) -> Duration {
         let moment = Duration::from_secs(1);
         let pause = limits.recovery_longest_pause.get().max(moment);
-        let on_contact = limits.charge_timeout.get() * 2 + Whereabouts::LONGEST_LEAVING;
+        let on_contact = limits.charge_timeout.get() * 2 + DockTracker::LONGEST_LEAVING;
         let driven = limits.rescue_time.get() + WayHome::LONGEST_LEG;
         limits.dock_timeout.get() + on_contact + pause + driven + moment
     }
@@ -93,7 +93,7 @@ impl Patience {
             now,
             slept,
         } = moment.play;
-        let waits = known.online && known.low && dog.place() != Place::Charging;
+        let waits = known.online && known.low && dog.place() != DockState::Charging;
         if !waits || moment.sends(&FIND) {
             self.0 = waits.then_some(*now);
             return Ok(());
@@ -102,7 +102,7 @@ impl Patience {
         let since = slept.map_or(since, |slept| slept.max(since));
         let waited = *now - since;
         prop_assert!(
-            waited <= Patience::longest(limits),
+            waited <= LongestWait::longest(limits),
             "{:?}: {:?}",
             waited,
             known

@@ -56,22 +56,35 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     );
     note(
         "asked to stop in a leg",
-        alarm && dog.moving() && matches!(moment.fact, Some(Fact::Asked { ask: Ask::Stop, .. })),
+        alarm
+            && dog.moving()
+            && matches!(
+                moment.fact,
+                Some(Fact::Asked {
+                    intent: Intent::Stop,
+                    ..
+                })
+            ),
     );
     note(
         "asked to stop while it moves",
-        matches!(moment.fact, Some(Fact::Asked { ask: Ask::Stop, .. }))
-            && moment.sends(&Command::STOP),
+        matches!(
+            moment.fact,
+            Some(Fact::Asked {
+                intent: Intent::Stop,
+                ..
+            })
+        ) && moment.sends(&Command::STOP),
     );
     note(
         "a behaviour waits for the watchdog's docking",
         forced && !dog.waiting.is_empty(),
     );
     note("the run ends while low", dog.parting && forced);
-    note("place unknown", dog.place() == Place::Unknown);
+    note("place unknown", dog.place() == DockState::Unknown);
     note(
         "place unknown while low",
-        known.low && dog.place() == Place::Unknown,
+        known.low && dog.place() == DockState::Unknown,
     );
     note("backs out", dog.whereabouts.is_leaving());
     note(&format!("last words {:?}", dog.last_words()), true);

@@ -59,7 +59,7 @@ impl Message {
 
 /// Messages that are not wholly written yet.
 #[derive(Debug, Default)]
-pub(super) struct Outbox {
+pub(super) struct SendQueue {
     /// What is left of a message of which a part is out.
     half_out: Bytes,
     commands: VecDeque<Message>,
@@ -70,7 +70,7 @@ pub(super) struct Outbox {
     stalled: Option<Instant>,
 }
 
-impl Outbox {
+impl SendQueue {
     /// Appends commands that belong together; AUDIO goes to the other lane. MOVEs of earlier calls
     /// are forgotten if one of these takes their place. `false`, and nothing done, when too much
     /// waits already.
@@ -136,7 +136,7 @@ impl Outbox {
         self.push(commands, now);
     }
 
-    /// What would be written after [`Outbox::replace_unstarted`], in two parts: what is left of a
+    /// What would be written after [`SendQueue::replace_unstarted`], in two parts: what is left of a
     /// message of which a part is out, and whole messages.
     pub(super) fn after_replacing(&self, commands: &[Command]) -> (&[u8], Vec<u8>) {
         let kept = self.commands.iter();
@@ -182,7 +182,7 @@ impl Outbox {
         bytes.freeze()
     }
 
-    /// So many bytes of the last [`Outbox::offer`] are out; nothing was done in between.
+    /// So many bytes of the last [`SendQueue::offer`] are out; nothing was done in between.
     pub(super) fn advance(&mut self, count: usize, now: Instant) {
         if count == 0 {
             return;
@@ -223,7 +223,7 @@ impl Outbox {
         oldest.into_iter().chain(self.stalled).min()
     }
 
-    /// When [`Outbox::offer`] has something to say that it had not at `now`, with nothing pushed.
+    /// When [`SendQueue::offer`] has something to say that it had not at `now`, with nothing pushed.
     pub(super) fn next_offer(&self, now: Instant) -> Option<Instant> {
         let due = self.speech.due(now)?;
         Some(if due > now { due } else { now + LOOK_AGAIN })

@@ -16,9 +16,9 @@ fn samples(length: usize) -> Bytes {
     Bytes::from(vec![7; length])
 }
 
-/// An outbox whose clock and transport are the test's.
+/// A queue whose clock and transport are the test's.
 struct Rig {
-    outbox: Outbox,
+    queue: SendQueue,
     now: Instant,
     out: Vec<u8>,
 }
@@ -26,22 +26,22 @@ struct Rig {
 impl Rig {
     fn new() -> Rig {
         Rig {
-            outbox: Outbox::default(),
+            queue: SendQueue::default(),
             now: Instant::now(),
             out: Vec::new(),
         }
     }
 
     fn push(&mut self, commands: &[Command]) -> bool {
-        self.outbox.push(commands, self.now)
+        self.queue.push(commands, self.now)
     }
 
     /// Writes at most so many bytes of what is on offer; how many.
     fn write(&mut self, room: usize) -> usize {
-        let offer = self.outbox.offer(self.now, || Some(0));
+        let offer = self.queue.offer(self.now, || Some(0));
         let count = offer.len().min(room);
         self.out.extend_from_slice(&offer[..count]);
-        self.outbox.advance(count, self.now);
+        self.queue.advance(count, self.now);
         count
     }
 
@@ -68,7 +68,7 @@ proptest! {
         let mut rig = Rig::new();
         prop_assert!(rig.push(&[GO, GO, GO]));
         rig.write(cut);
-        rig.outbox.replace_unstarted(&[Command::STOP], rig.now);
+        rig.queue.replace_unstarted(&[Command::STOP], rig.now);
         rig.drain();
         let (messages, last) = rig.out.split_at(rig.out.len() - 7);
         prop_assert_eq!(messages, GO_BYTES.repeat(cut.div_ceil(7)));
@@ -81,8 +81,8 @@ fn what_is_wholly_out_is_forgotten() {
     let mut rig = Rig::new();
     rig.push(&[GO]);
     rig.drain();
-    assert!(rig.outbox.is_empty());
-    rig.outbox.replace_unstarted(&[Command::STOP], rig.now);
+    assert!(rig.queue.is_empty());
+    rig.queue.replace_unstarted(&[Command::STOP], rig.now);
     rig.drain();
     assert_eq!(rig.said(), [GO, Command::STOP]);
 }
@@ -97,10 +97,10 @@ fn what_waits_is_bounded() {
     let pushes = (0..1_000_000).take_while(|_| rig.push(std::slice::from_ref(&light)));
     // Commands of 7 bytes, until more than 64 KiB wait.
     assert_eq!(pushes.count(), 64 * 1024 / 7 + 1);
-    assert!(!rig.outbox.say(&samples(128_002)) && rig.outbox.say(&samples(128_000)));
-    assert!(!rig.outbox.say(&samples(2)));
-    rig.outbox.drop_audio();
-    assert!(rig.outbox.say(&samples(128_000)));
+    assert!(!rig.queue.say(&samples(128_002)) && rig.queue.say(&samples(128_000)));
+    assert!(!rig.queue.say(&samples(2)));
+    rig.queue.drop_audio();
+    assert!(rig.queue.say(&samples(128_000)));
 }
 
 #[test]
@@ -112,7 +112,7 @@ fn more_is_taken_until_more_than_the_bound_waits() {
     };
     let fits = [vec![light.clone(); 9358], vec![Command::Volume(1); 5]].concat();
     assert!(rig.push(&fits));
-    assert_eq!(rig.outbox.waiting, MAX_WAITING);
+    assert_eq!(rig.queue.waiting, MAX_WAITING);
     assert!(rig.push(std::slice::from_ref(&light)));
     assert!(!rig.push(&[light]));
 }
@@ -123,9 +123,9 @@ fn what_another_process_must_say_begins_with_the_rest_of_what_is_partly_out() {
     rig.push(&[GO]);
     rig.write(3);
     rig.push(&[DOCK]);
-    let (rest, whole) = rig.outbox.after_replacing(&[Command::STOP]);
+    let (rest, whole) = rig.queue.after_replacing(&[Command::STOP]);
     assert_eq!((rest, &whole[..]), (&GO_BYTES[3..], &STOP_BYTES[..]));
-    let (rest, whole) = rig.outbox.after_replacing(&[]);
+    let (rest, whole) = rig.queue.after_replacing(&[]);
     assert_eq!((rest, &whole[..]), (&GO_BYTES[3..], &DOCK.to_bytes()[..]));
 }
 
@@ -133,11 +133,11 @@ fn what_another_process_must_say_begins_with_the_rest_of_what_is_partly_out() {
 fn samples_among_commands_are_speech() {
     let mut rig = Rig::new();
     rig.push(&[Command::Audio(samples(100))]);
-    assert!(rig.outbox.is_calm() && !rig.outbox.is_empty());
-    rig.outbox.drop_audio();
-    assert!(rig.outbox.is_empty());
+    assert!(rig.queue.is_calm() && !rig.queue.is_empty());
+    rig.queue.drop_audio();
+    assert!(rig.queue.is_empty());
     rig.push(&[GO]);
-    assert!(!rig.outbox.is_calm());
+    assert!(!rig.queue.is_calm());
 }
 
 #[test]
@@ -173,15 +173,15 @@ fn a_move_that_takes_anothers_place_has_waited_as_long() {
         rig.push(&[GO]);
         rig.now += 500 * MS;
     }
-    assert_eq!(rig.outbox.waits_since(), Some(began));
+    assert_eq!(rig.queue.waits_since(), Some(began));
     rig.drain();
-    assert_eq!(rig.outbox.waits_since(), None);
+    assert_eq!(rig.queue.waits_since(), None);
 }
 
 #[test]
 fn commands_go_before_speech_that_has_not_begun() {
     let mut rig = Rig::new();
-    rig.outbox.say(&samples(4096));
+    rig.queue.say(&samples(4096));
     rig.write(100);
     rig.push(&[Command::STOP, DOCK]);
     rig.drain();
@@ -196,12 +196,12 @@ fn commands_go_before_speech_that_has_not_begun() {
 #[test]
 fn speech_waits_while_the_system_holds_much_and_a_link_that_takes_none_is_noticed() {
     let mut rig = Rig::new();
-    rig.outbox.say(&samples(1024));
-    assert!(rig.outbox.offer(rig.now, || Some(4097)).is_empty());
-    assert_eq!(rig.outbox.waits_since(), Some(rig.now));
-    assert_eq!(rig.outbox.next_offer(rig.now), Some(rig.now + LOOK_AGAIN));
-    assert_eq!(rig.outbox.offer(rig.now, || Some(4096)).len(), 1029);
-    assert_eq!(rig.outbox.offer(rig.now, || None).len(), 1029);
+    rig.queue.say(&samples(1024));
+    assert!(rig.queue.offer(rig.now, || Some(4097)).is_empty());
+    assert_eq!(rig.queue.waits_since(), Some(rig.now));
+    assert_eq!(rig.queue.next_offer(rig.now), Some(rig.now + LOOK_AGAIN));
+    assert_eq!(rig.queue.offer(rig.now, || Some(4096)).len(), 1029);
+    assert_eq!(rig.queue.offer(rig.now, || None).len(), 1029);
 }
 
 #[test]
@@ -210,7 +210,7 @@ fn with_nothing_to_say_at_the_end_a_search_that_waits_is_still_asked_for() {
     rig.push(&[GO]);
     rig.push(&[Command::STOP, DOCK]);
     rig.push(&[GO]);
-    rig.outbox.replace_unstarted(&[], rig.now);
+    rig.queue.replace_unstarted(&[], rig.now);
     rig.drain();
     assert_eq!(rig.said(), [Command::STOP, DOCK]);
 }
@@ -220,9 +220,9 @@ fn talk_goes_out_at_the_speed_of_speech_with_a_small_lead() {
     let mut rig = Rig::new();
     let began = rig.now;
     for _ in 0..60 {
-        assert!(rig.outbox.say(&samples(32_000)));
+        assert!(rig.queue.say(&samples(32_000)));
         let next = rig.now + 1000 * MS;
-        while let Some(look) = rig.outbox.next_offer(rig.now).filter(|look| *look < next) {
+        while let Some(look) = rig.queue.next_offer(rig.now).filter(|look| *look < next) {
             rig.drain();
             let passed = (rig.now - began).as_secs_f64();
             let most = 32_000.0 * (passed + 0.2) + 1030.0;
@@ -240,7 +240,7 @@ fn talk_goes_out_at_the_speed_of_speech_with_a_small_lead() {
     assert!(rig.out.len() as f64 >= wanted, "{}", rig.out.len());
 }
 
-/// What may happen to an outbox.
+/// What may happen to an queue.
 #[derive(Debug, Clone)]
 enum Step {
     Push(Vec<Command>),
@@ -290,30 +290,30 @@ proptest! {
             match step {
                 Step::Push(commands) => {
                     let before = rig.out.len();
-                    let half_out = rig.outbox.half_out.len();
+                    let half_out = rig.queue.half_out.len();
                     prop_assert!(half_out <= 1029);
                     prop_assert!(rig.push(&commands));
                     // Were it written now, nothing but that half message would go before it.
-                    let offer = rig.outbox.offer(rig.now, || Some(0));
-                    if rig.outbox.waiting > 0 {
-                        prop_assert_eq!(offer.len(), half_out + rig.outbox.waiting);
+                    let offer = rig.queue.offer(rig.now, || Some(0));
+                    if rig.queue.waiting > 0 {
+                        prop_assert_eq!(offer.len(), half_out + rig.queue.waiting);
                     }
                     prop_assert_eq!(before, rig.out.len());
                     pushed.extend(commands);
                 }
                 Step::Say(length) => {
-                    said += usize::from(rig.outbox.say(&samples(length))) * length;
+                    said += usize::from(rig.queue.say(&samples(length))) * length;
                 }
                 Step::Write(room) => {
                     rig.write(room);
                 }
                 Step::Pass(ms) => rig.now += ms as u32 * MS,
-                Step::DropAudio => rig.outbox.drop_audio(),
+                Step::DropAudio => rig.queue.drop_audio(),
             }
-            prop_assert!(rig.outbox.waiting <= MAX_WAITING + 100);
+            prop_assert!(rig.queue.waiting <= MAX_WAITING + 100);
         }
         rig.now += Duration::from_secs(60);
-        while !rig.outbox.is_empty() {
+        while !rig.queue.is_empty() {
             rig.write(usize::MAX);
             rig.now += 50 * MS;
         }

@@ -51,7 +51,7 @@ enum Complaint {
 
 /// See the module.
 #[derive(Debug)]
-pub(super) struct Album {
+pub(super) struct PictureStore {
     folder: Option<PathBuf>,
     quota: u64,
     free: u64,
@@ -89,10 +89,10 @@ impl Held {
     }
 }
 
-impl Album {
+impl PictureStore {
     /// `None`: nothing can be saved.
-    pub(super) fn new(folder: Option<PathBuf>, limits: &Limits) -> Album {
-        Album {
+    pub(super) fn new(folder: Option<PathBuf>, limits: &Limits) -> PictureStore {
+        PictureStore {
             folder,
             quota: limits.picture_bytes,
             free: limits.free_bytes,
@@ -261,17 +261,20 @@ mod tests {
     fn the_oldest_pictures_make_room_and_the_folder_is_private() {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("data");
-        let (mut album, now) = (Album::new(Some(folder.clone()), &limits(3)), Instant::now());
+        let (mut store, now) = (
+            PictureStore::new(Some(folder.clone()), &limits(3)),
+            Instant::now(),
+        );
         for name in ["a.jpg", "b.jpg", "a.jpg", "c.jpg"] {
-            assert!(album.save(name, &[1, 2, 3], now).unwrap().gone.is_none());
+            assert!(store.save(name, &[1, 2, 3], now).unwrap().gone.is_none());
         }
-        let told = album.save("d.jpg", &[1], now).unwrap().gone.unwrap();
+        let told = store.save("d.jpg", &[1], now).unwrap().gone.unwrap();
         assert!(told.contains("the oldest make room, 1 so far"), "{told}");
         assert_eq!(names(&folder), ["a.jpg", "c.jpg", "d.jpg"]);
-        assert!(album.save("e.jpg", &[1], now).unwrap().gone.is_none());
+        assert!(store.save("e.jpg", &[1], now).unwrap().gone.is_none());
         // What is no picture stays, and counts.
         fs::write(folder.join("store.json"), "{}").unwrap();
-        let mut again = Album::new(Some(folder.clone()), &limits(3));
+        let mut again = PictureStore::new(Some(folder.clone()), &limits(3));
         let path = again.save("f.jpg", &[9], now).unwrap().path;
         assert_eq!(names(&folder), ["e.jpg", "f.jpg", "store.json"]);
         assert_eq!(fs::read(&path).unwrap(), [9]);
@@ -288,8 +291,8 @@ mod tests {
             picture_bytes_a_day: 48 * LEAST,
             ..limits(100)
         };
-        let mut album = Album::new(folder.clone(), &day);
-        let mut save = |now| album.save("a.jpg", &[1], now);
+        let mut store = PictureStore::new(folder.clone(), &day);
+        let mut save = |now| store.save("a.jpg", &[1], now);
         assert!(save(now).is_ok() && save(now).is_ok());
         let refused = save(now);
         assert!(
@@ -306,9 +309,9 @@ mod tests {
             free_bytes: u64::MAX,
             ..limits(100)
         };
-        let refused = Album::new(folder.clone(), &floor).save("a.jpg", &[1], now);
+        let refused = PictureStore::new(folder.clone(), &floor).save("a.jpg", &[1], now);
         assert!(matches!(refused, Err(NotSaved::Quota(Some(why))) if why.contains("disk")));
-        let large = Album::new(folder, &limits(1)).save("a.jpg", &[1; 5000], now);
+        let large = PictureStore::new(folder, &limits(1)).save("a.jpg", &[1; 5000], now);
         assert!(matches!(large, Err(NotSaved::Quota(Some(why))) if why.contains("larger")));
     }
 
@@ -319,18 +322,18 @@ mod tests {
         fs::write(path("secret"), "secret").unwrap();
         fs::create_dir(path("data")).unwrap();
         symlink(path("secret"), path("data/a.jpg")).unwrap();
-        let mut album = Album::new(Some(path("data")), &limits(10));
-        album.save("a.jpg", &[1], Instant::now()).unwrap();
+        let mut store = PictureStore::new(Some(path("data")), &limits(10));
+        store.save("a.jpg", &[1], Instant::now()).unwrap();
         assert_eq!(fs::read(path("secret")).unwrap(), b"secret");
         symlink(path("data"), path("other")).unwrap();
         let saved =
-            Album::new(Some(path("other")), &limits(10)).save("b.jpg", &[1], Instant::now());
+            PictureStore::new(Some(path("other")), &limits(10)).save("b.jpg", &[1], Instant::now());
         assert!(matches!(saved, Err(NotSaved::Io(_))));
     }
 
     #[test]
     fn without_a_folder_nothing_is_saved() {
-        let result = Album::new(None, &limits(10)).save("a.jpg", &[1], Instant::now());
+        let result = PictureStore::new(None, &limits(10)).save("a.jpg", &[1], Instant::now());
         assert!(matches!(result, Err(NotSaved::Io(_))));
     }
 }

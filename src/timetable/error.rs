@@ -1,0 +1,20 @@
+//! What is wrong with a time of the timetable that a person wrote.
+
+/// What is wrong with a time of the timetable that a person wrote.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum TimetableError {
+    /// No cron pattern, or one that no day fits.
+    #[error("`{text}` is no pattern of times: {why}")]
+    Pattern {
+        /// As written.
+        text: String,
+        /// In words.
+        why: String,
+    },
+    /// A pattern that is too long.
+    #[error("a pattern of times is at most 200 letters long")]
+    LongPattern,
+    /// No quiet hours.
+    #[error("`{0}` are no hours such as 22:00-07:00")]
+    Quiet(String),
+}

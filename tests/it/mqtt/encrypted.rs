@@ -1,0 +1,77 @@
+//! A broker with a certificate: only one that somebody vouches for hears anything.
+
+use std::net::TcpListener;
+use std::path::Path;
+use std::process::Command as Process;
+
+use super::broker::{Broker, Ear};
+use super::{IDLE, robot};
+use crate::rig::Rig;
+
+/// Whether `openssl` does that in this folder.
+fn openssl(folder: &Path, arguments: &str) -> bool {
+    let mut process = Process::new("openssl");
+    process.args(arguments.split(' ')).current_dir(folder);
+    process.output().is_ok_and(|output| output.status.success())
+}
+
+/// Two who vouch, and what the first of them vouches for; `false`: there is no openssl.
+fn certify(folder: &Path) -> bool {
+    let key = "-newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes";
+    let vouch = |name: &str| {
+        openssl(
+            folder,
+            &format!("req -x509 {key} -days 2 -subj /CN={name} -keyout {name}.key -out {name}.pem"),
+        )
+    };
+    vouch("ca")
+        && vouch("stranger")
+        && openssl(
+            folder,
+            &format!(
+                "req {key} -subj /CN=broker -addext subjectAltName=IP:127.0.0.1 -keyout broker.key -out broker.csr"
+            ),
+        )
+        && openssl(
+            folder,
+            "x509 -req -in broker.csr -CA ca.pem -CAkey ca.key -CAcreateserial -days 2 -copy_extensions copy \
+             -out broker.pem",
+        )
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn over_tls_a_broker_is_believed_only_if_its_certificate_is_vouched_for() {
+    let free = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = free.local_addr().unwrap().port();
+    drop(free);
+    let lines = format!(
+        "allow_anonymous true\nlistener {port} 127.0.0.1\n\
+         cafile @/ca.pem\ncertfile @/broker.pem\nkeyfile @/broker.key\n"
+    );
+    let Some(mut broker) = Broker::start_with(&lines, &[]) else {
+        return;
+    };
+    if !certify(broker.folder()) {
+        return println!("skipped: there is no openssl 3 for a certificate");
+    }
+    broker.restart();
+    let (first, second) = (robot("SPYKEE0001").await, robot("SPYKEE0002").await);
+    let start = |rig: &Rig, ca: &str| {
+        rig.file("patrol.lua", IDLE);
+        let ca = broker.folder().join(ca);
+        rig.run_config(&format!(
+            "behaviours: [{{ file: patrol.lua }}]\n\
+             mqtt: {{ host: 127.0.0.1, port: {port}, tls: {{ ca_file: '{}' }}, prefix: house, discovery_prefix: ha }}\n",
+            ca.display()
+        ))
+    };
+    let ear = Ear::at(&broker).await;
+    let (_believes, doubts) = (start(&first, "ca.pem"), start(&second, "stranger.pem"));
+    doubts.says("no encrypted connection").await;
+    // Its topics begin as the config says.
+    ear.hears_word(0, "house/SPYKEE0001/connection", "ONLINE")
+        .await;
+    ear.hears(0, "ha/device/SPYKEE0001/config", |_| true).await;
+    assert!(!ear.heard_of("house/SPYKEE0002"));
+    assert!(!ear.heard_of("spykee/") && !ear.heard_of("homeassistant/"));
+}

@@ -1,0 +1,146 @@
+//! What the system's manager hears of a service, and what it lets it do: systemd, or a socket in its place.
+
+use std::os::unix::net::UnixDatagram;
+use std::time::Duration;
+
+use tokio::time::timeout;
+
+use super::{DRIVES, config, ends_well, tool};
+use crate::guardian::thread_called;
+use crate::rig::{PATIENCE, Rig};
+use crate::slow_system::trace;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_systems_manager_hears_that_it_is_ready_and_alive() {
+    let rig = Rig::quiet().await;
+    rig.file("drive.lua", DRIVES);
+    config(&rig, "", "behaviours:\n- file: drive.lua\n");
+    let path = rig.folder().join("notify");
+    let socket = UnixDatagram::bind(&path).unwrap();
+    socket.set_read_timeout(Some(PATIENCE)).unwrap();
+    let environment = [
+        ("NOTIFY_SOCKET", path.to_str().unwrap()),
+        ("WATCHDOG_USEC", "400000"),
+    ];
+    let args = ["serve", "--config", "spykee.yaml", "--robot", &rig.address];
+    let mut run = rig.spykee_with(&args, &environment);
+    let hear_all = tokio::task::spawn_blocking(move || {
+        let (mut heard, mut alive) = (String::new(), 0);
+        while alive < 3 || !(heard.contains("READY=1") && heard.contains("; drive")) {
+            let mut buffer = [0; 1024];
+            let length = socket
+                .recv(&mut buffer)
+                .unwrap_or_else(|_| panic!("{heard}"));
+            let text = String::from_utf8_lossy(&buffer[..length]);
+            alive += usize::from(text.contains("WATCHDOG=1"));
+            heard += &text;
+        }
+    });
+    hear_all.await.unwrap();
+    ends_well(&mut run).await;
+}
+
+/// The thread that drives does not return from a wait, all others go on.
+#[tokio::test(flavor = "multi_thread")]
+async fn the_systems_manager_hears_nothing_of_a_service_whose_driving_thread_hangs() {
+    let rig = Rig::quiet().await;
+    rig.file("drive.lua", DRIVES);
+    config(&rig, "", "behaviours:\n- file: drive.lua\n");
+    let path = rig.folder().join("notify");
+    let socket = UnixDatagram::bind(&path).unwrap();
+    socket.set_nonblocking(true).unwrap();
+    let environment = [
+        ("NOTIFY_SOCKET", path.to_str().unwrap()),
+        ("WATCHDOG_USEC", "400000"),
+    ];
+    let args = ["serve", "--config", "spykee.yaml", "--robot", &rig.address];
+    let run = rig.spykee_with(&args, &environment);
+    let alive = || {
+        let (mut buffer, mut count) = ([0; 1024], 0);
+        while let Ok(length) = socket.recv(&mut buffer) {
+            count += usize::from(buffer[..length].starts_with(b"WATCHDOG=1"));
+        }
+        count
+    };
+    rig.heard_motion(0).await;
+    let beats = async {
+        while alive() == 0 {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    };
+    timeout(PATIENCE, beats).await.expect("it is alive");
+    let core = thread_called(run.pid(), "core");
+    let hang = "inject=epoll_wait:delay_exit=8000000";
+    let Some(mut tracer) = trace(core, &["-e", "trace=epoll_wait", "-e", hang]) else {
+        return;
+    };
+    // The guardian has noticed it.
+    rig.heard_stop(rig.sim.heard_count()).await;
+    alive();
+    // Ten times as long as from one beat to the next.
+    tokio::time::sleep(Duration::from_secs(1)).await;
+    let beats = alive();
+    let _ = tracer.kill();
+    let _ = tracer.wait();
+    assert_eq!(beats, 0);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_unit_has_few_rights() {
+    let rig = Rig::quiet().await;
+    let unit = rig.folder().join("spykee.service");
+    let path = unit.to_str().unwrap();
+    let install = [
+        "service",
+        "install",
+        "--to",
+        path,
+        "--program",
+        "/usr/bin/env",
+        "--password-file",
+        "/etc/hostname",
+    ];
+    let (code, text) = tool(&rig, &install).await;
+    assert_eq!(
+        (code, text.contains("systemctl enable")),
+        (Some(0), true),
+        "{text}"
+    );
+    let (code, text) = tool(&rig, &install).await;
+    assert_eq!((code, text.contains("--force")), (Some(2), true), "{text}");
+    let text = std::fs::read_to_string(&unit).unwrap();
+    assert!(text.contains("ExecStart=/usr/bin/env serve --config /etc/spykee/spykee.yaml"));
+    assert!(text.contains("LoadCredential=password:/etc/hostname"));
+    let print = [&["service", "print"], &install[4..]].concat();
+    assert_eq!(tool(&rig, &print).await, (Some(0), text.trim_end().into()));
+    let analyzed = std::process::Command::new("systemd-analyze")
+        .args(["security", "--offline=true", "--threshold=20", path])
+        .output();
+    match analyzed {
+        Ok(output) => {
+            let text = String::from_utf8_lossy(&output.stdout);
+            assert!(output.status.success(), "{text}");
+        }
+        Err(_) => println!("no systemd-analyze here: its verdict was not asked for"),
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_password_comes_from_the_managers_credentials() {
+    let rig = Rig::quiet().await;
+    config(&rig, "", "");
+    rig.file("password", "wrong\n");
+    let environment = [("CREDENTIALS_DIRECTORY", rig.folder().to_str().unwrap())];
+    let args = ["serve", "--config", "spykee.yaml", "--robot", &rig.address];
+    let mut run = rig.spykee_with(&args, &environment);
+    assert_eq!(run.code().await, Some(3), "{}", run.text());
+    assert!(
+        run.text().contains("refuses user `admin`"),
+        "{}",
+        run.text()
+    );
+    rig.file("password", "admin\n");
+    let mut run = rig.spykee_with(&args, &environment);
+    run.says("connected").await;
+    ends_well(&mut run).await;
+}
