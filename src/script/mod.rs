@@ -217,6 +217,18 @@ impl Script {
         self.state.borrow_mut().sight.eyes.look_ahead(beginning);
     }
 
+    /// Looks at the newest frame as the script did, so that the next one is looked at sooner; does
+    /// nothing if the script let it pass.
+    pub fn rehearse(&mut self) {
+        let mut state = self.state.borrow_mut();
+        let sight = &mut state.sight;
+        if let Some(held) = sight.newest.clone()
+            && sight.eyes.seen() == Some(held.frame().seq)
+        {
+            sight.eyes.rehearse(&held.frame().jpeg);
+        }
+    }
+
     /// Whether the script has looked at the newest frame, rather than let it pass or save it.
     pub fn looks_at_frames(&self) -> bool {
         let state = self.state.borrow();
