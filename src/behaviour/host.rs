@@ -217,6 +217,9 @@ impl Host {
             }
             let (ready, moving) = (self.script.is_ready(), self.script.has_motion());
             let writes_at = self.writes_at();
+            if !ready {
+                self.script.tidy();
+            }
             tokio::select! {
                 biased;
                 message = self.inbox.next() => match message? {

@@ -100,6 +100,8 @@ pub struct Script {
     // Dropped first: values of the VM in the state are weak.
     lua: Lua,
     state: Shared,
+    /// Bytes in use when all garbage was collected last.
+    tidied: usize,
 }
 
 impl Script {
@@ -173,7 +175,8 @@ impl Script {
             .borrow_mut()
             .tasks
             .add(main, TaskKind::Main, start, None, now);
-        Ok(Script { lua, state })
+        let tidied = 0;
+        Ok(Script { lua, state, tidied })
     }
 
     /// Has failures explained in words for people, wherever they are logged or told.
@@ -226,6 +229,14 @@ impl Script {
             && sight.eyes.seen() == Some(held.frame().seq)
         {
             sight.eyes.rehearse(&held.frame().jpeg);
+        }
+    }
+
+    /// Collects a part of the garbage, if enough has gathered, so that slices need not.
+    pub fn tidy(&mut self) {
+        let used = self.lua.used_memory();
+        if used > self.tidied + self.tidied / 20 && self.lua.gc_step().unwrap_or(true) {
+            self.tidied = self.lua.used_memory();
         }
     }
 
