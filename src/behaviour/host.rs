@@ -10,6 +10,7 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
+use super::cadence::Cadence;
 use super::gallery::Gallery;
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
@@ -124,6 +125,7 @@ pub(super) async fn serve(
                 frame_asked: false,
                 damaged: false,
                 coming: Vec::new(),
+                cadence: Cadence::default(),
                 gallery,
                 findings,
                 store,
@@ -154,6 +156,8 @@ struct Host {
     damaged: bool,
     /// What has come of the next frame.
     coming: Vec<u8>,
+    /// The pace at which frames come.
+    cadence: Cadence,
     /// Where a person can see what the script sees.
     gallery: Option<Gallery>,
     /// People look on.
@@ -213,6 +217,9 @@ impl Host {
             }
             let (ready, moving) = (self.script.is_ready(), self.script.has_motion());
             let writes_at = self.writes_at();
+            if !ready {
+                self.script.tidy();
+            }
             tokio::select! {
                 biased;
                 message = self.inbox.next() => match message? {
@@ -222,6 +229,11 @@ impl Host {
                 () = std::future::ready(()), if ready => {}
                 () = until(self.script.next_deadline()) => {}
                 () = until(writes_at) => {}
+                () = until(self.cadence.prepare_at()), if self.time == Time::Real => {
+                    self.cadence.prepared();
+                    self.script.rehearse();
+                    continue;
+                }
                 _ = beat.tick(), if moving => self.outbox.send(&FromHost::Alive).await?,
                 _ = idle.tick(), if !moving && self.time == Time::Real => {
                     self.outbox.send(&FromHost::Alive).await?;
@@ -265,6 +277,7 @@ impl Host {
             ToHost::Frame(frame) => {
                 self.frame_asked = false;
                 self.coming.clear();
+                self.cadence.came(frame.at);
                 self.damaged = !self.script.deliver_frame(frame, now);
             }
             ToHost::Ahead { at, jpeg } => self.look_ahead(at, &jpeg),
@@ -303,6 +316,10 @@ impl Host {
         if at == self.coming.len() {
             self.coming.extend_from_slice(part);
             self.script.look_ahead(&self.coming);
+        }
+        if at == 0 {
+            self.cadence.prepared();
+            self.script.rehearse();
         }
     }
 

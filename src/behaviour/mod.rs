@@ -3,6 +3,7 @@
 //! alone.
 
 mod ahead;
+mod cadence;
 mod dialogue;
 mod gallery;
 mod host;

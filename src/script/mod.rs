@@ -100,6 +100,8 @@ pub struct Script {
     // Dropped first: values of the VM in the state are weak.
     lua: Lua,
     state: Shared,
+    /// Bytes in use when all garbage was collected last.
+    tidied: usize,
 }
 
 impl Script {
@@ -173,7 +175,8 @@ impl Script {
             .borrow_mut()
             .tasks
             .add(main, TaskKind::Main, start, None, now);
-        Ok(Script { lua, state })
+        let tidied = 0;
+        Ok(Script { lua, state, tidied })
     }
 
     /// Has failures explained in words for people, wherever they are logged or told.
@@ -215,6 +218,26 @@ impl Script {
     /// Decodes what has come of the next frame, so that it is looked at sooner.
     pub fn look_ahead(&mut self, beginning: &[u8]) {
         self.state.borrow_mut().sight.eyes.look_ahead(beginning);
+    }
+
+    /// Looks at the newest frame as the script did, so that the next one is looked at sooner; does
+    /// nothing if the script let it pass.
+    pub fn rehearse(&mut self) {
+        let mut state = self.state.borrow_mut();
+        let sight = &mut state.sight;
+        if let Some(held) = sight.newest.clone()
+            && sight.eyes.seen() == Some(held.frame().seq)
+        {
+            sight.eyes.rehearse(&held.frame().jpeg);
+        }
+    }
+
+    /// Collects a part of the garbage, if enough has gathered, so that slices need not.
+    pub fn tidy(&mut self) {
+        let used = self.lua.used_memory();
+        if used > self.tidied + self.tidied / 20 && self.lua.gc_step().unwrap_or(true) {
+            self.tidied = self.lua.used_memory();
+        }
     }
 
     /// Whether the script has looked at the newest frame, rather than let it pass or save it.

@@ -22,6 +22,8 @@ pub struct Eyes {
     /// Newest use last.
     palettes: Vec<Palette>,
     finder: BlobFinder,
+    /// What was asked last, with the newest palette.
+    asked: Option<BlobOptions>,
     decoded: u64,
 }
 
@@ -54,6 +56,22 @@ impl Eyes {
         self.decoder.look_ahead(beginning);
     }
 
+    /// Decodes the frame that was looked at last once more, unless the beginning of the next one is
+    /// decoded already, and finds its blobs once more. What is found is the same: the use of it is
+    /// that code and buffers are in the processor's caches when the next frame comes.
+    pub fn rehearse(&mut self, jpeg: &[u8]) {
+        let Some((_, Ok(()))) = self.seen else {
+            return;
+        };
+        if !self.decoder.is_ahead() && self.decoder.decode(jpeg).is_err() {
+            return;
+        }
+        if let (Some(options), Some(palette)) = (&self.asked, self.palettes.last_mut()) {
+            self.finder
+                .find(self.decoder.image(), palette, options, self.camera);
+        }
+    }
+
     /// The newest frame that was looked at.
     pub fn seen(&self) -> Option<u64> {
         self.seen.as_ref().map(|(key, _)| *key)
@@ -72,6 +90,9 @@ impl Eyes {
     ) -> Result<&[Blob], FrameError> {
         self.look(key, jpeg)?;
         let palette = newest(&mut self.palettes, colours, options.invert);
+        if self.asked.as_ref() != Some(options) {
+            self.asked = Some(options.clone());
+        }
         Ok(self
             .finder
             .find(self.decoder.image(), palette, options, self.camera))

@@ -50,6 +50,11 @@ impl Decoder {
         }
     }
 
+    /// Whether the beginning of the next frame is decoded.
+    pub fn is_ahead(&self) -> bool {
+        self.baseline.is_ahead()
+    }
+
     /// The newest picture; 0x0 before the first and after a failure.
     pub fn image(&self) -> &Image {
         &self.image

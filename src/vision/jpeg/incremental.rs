@@ -34,6 +34,11 @@ impl Incremental {
         self.baseline.vectors = vectors;
     }
 
+    /// Whether the beginning of the next frame is decoded.
+    pub(super) fn is_ahead(&self) -> bool {
+        self.progress.is_some()
+    }
+
     /// Decodes a whole frame of which nothing was decoded before; see [`Baseline::decode`].
     pub(super) fn decode(
         &mut self,
