@@ -142,3 +142,34 @@ fn newest<'a>(palettes: &'a mut Vec<Palette>, colours: &[Colour], invert: bool) 
     let last = palettes.len() - 1;
     &mut palettes[last]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FIRST: &[u8] = include_bytes!("../../tests/fixtures/ball-420.jpg");
+    const SECOND: &[u8] = include_bytes!("../../tests/fixtures/ball-444.jpg");
+
+    #[test]
+    fn a_rehearsal_changes_nothing_that_is_seen_before_or_after_it() {
+        let colours = [Colour::named("red").unwrap()];
+        let options = BlobOptions::default();
+        let find = |eyes: &mut Eyes, key, jpeg| {
+            eyes.find_blobs(key, jpeg, &colours, &options)
+                .unwrap()
+                .to_vec()
+        };
+        let mut plain = Eyes::default();
+        let expected = [find(&mut plain, 1, FIRST), find(&mut plain, 2, SECOND)];
+        let mut eyes = Eyes::default();
+        eyes.rehearse(FIRST);
+        assert_eq!(find(&mut eyes, 1, FIRST), expected[0]);
+        eyes.rehearse(FIRST);
+        assert_eq!(find(&mut eyes, 1, FIRST), expected[0]);
+        eyes.look_ahead(&SECOND[..SECOND.len() / 2]);
+        eyes.rehearse(FIRST);
+        assert!(eyes.decoder.is_ahead(), "what has come stays decoded");
+        assert_eq!(find(&mut eyes, 2, SECOND), expected[1]);
+        assert_eq!(eyes.decoded(), 2);
+    }
+}
