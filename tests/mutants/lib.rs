@@ -2,7 +2,7 @@
 #![allow(dead_code, unused_imports)]
 
 pub mod link {
-    mod outbox;
+    mod send_queue;
     mod speech;
     mod unsent;
 }
