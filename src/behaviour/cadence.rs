@@ -2,7 +2,7 @@
 //!
 //! Shortly before it is due, a host looks at the last frame once more ([`Script::rehearse`]): code and
 //! buffers that have not been used since then have left the processor's caches, and a frame would be
-//! answered only half as fast. `scripts/bench-reaction` measures it.
+//! answered later. `scripts/bench-reaction` measures it.
 //!
 //! [`Script::rehearse`]: crate::script::Script::rehearse
 
