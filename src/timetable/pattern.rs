@@ -94,7 +94,11 @@ impl FromStr for Pattern {
             .year(Year::Disallowed)
             .build();
         let parsed = parser.parse(text);
-        let cron = parsed.map_err(|error| wrong(error.to_string().trim_end_matches('.')))?;
+        let cron = parsed.map_err(|error| {
+            // The parser quotes a long number several times.
+            let why: String = error.to_string().chars().take(MAX_LEN).collect();
+            wrong(why.trim_end_matches('.'))
+        })?;
         let hours = text.split_whitespace().nth(1);
         let nickname = text.trim().starts_with('@');
         let hourly = text.trim().eq_ignore_ascii_case("@hourly");
