@@ -196,7 +196,15 @@ impl Siege {
         self.reasons.insert(reason);
         let gone = gone(host).await;
         self.promise(gone, || format!("{name}: its host lives on"));
-        let drives_on = self.rig.commands(stop).iter().any(moves);
+        // A slow host is stopped for its silence before it attacks, and then drives on.
+        let commands = self.rig.commands(stop);
+        let drives_on = match times_count() {
+            true => commands.iter().any(moves),
+            false => {
+                let is_motion = |command: &&Command| matches!(command, Command::Move { .. });
+                commands.iter().rfind(is_motion).is_some_and(moves)
+            }
+        };
         self.promise(!drives_on, || format!("{name}: drove on after the stop"));
     }
 
