@@ -9,6 +9,7 @@ use super::line::{Greeting, LinkEvent};
 use super::lost::{HearError, LinkLost};
 use super::{FAILED_EVERY, Pilot};
 use crate::budget::Repeats;
+use crate::link::Received;
 use crate::robot::{Coming, Event, Frame, RobotInfo};
 use crate::safety::Fact;
 use crate::wire::{Accepted, EngineNews, Report};
@@ -18,8 +19,8 @@ impl Pilot {
         self.wake()?;
         match event {
             LinkEvent::Up(greeting) => self.connected(*greeting)?,
-            LinkEvent::Report(report) => self.report(report)?,
-            LinkEvent::Coming(beginning) => self.coming(beginning),
+            LinkEvent::Received(Received::Report(report)) => self.report(report)?,
+            LinkEvent::Received(Received::PartOfFrame(part)) => self.coming(part),
             LinkEvent::Lost(error) => return Err(LinkLost::from(error).into()),
             LinkEvent::Failed(error) if self.info.is_none() => return Err(HearError::First(error)),
             LinkEvent::Failed(error) => self.say_failed(&error.to_string()),
