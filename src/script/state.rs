@@ -189,7 +189,7 @@ impl State {
     /// While the script drives for a time, its pictures tell whether the robot turns, and whether it moves:
     /// after the script's own handlers, whose answer does not wait for that.
     fn plan_look(&mut self, held: &Rc<HeldFrame>) {
-        let at = held.frame().at;
+        let at = held.frame.at;
         self.odometry.mark(at);
         let calibration = self.options.calibration;
         let going = self.motion.timed().map(|(motion, setpoint, since)| Going {
@@ -216,7 +216,7 @@ impl State {
         let Some(Look { held, going, turn }) = self.sight.look.take() else {
             return;
         };
-        let (camera, frame) = (self.options.camera, held.frame());
+        let (camera, frame) = (self.options.camera, &held.frame);
         let Ok(image) = self.sight.eyes.look(frame.seq, &frame.jpeg) else {
             return;
         };
@@ -250,13 +250,13 @@ impl State {
     /// Takes note of what the script was told about a frame.
     pub(super) fn saw(&mut self, held: &HeldFrame, found: impl IntoIterator<Item = Seen>) {
         if let Some(witness) = &mut self.sight.witness {
-            witness.note(held.frame(), self.now, found);
+            witness.note(&held.frame, self.now, found);
         }
     }
 
     /// See [`Script::take_sighting`](super::Script::take_sighting).
     pub(super) fn take_sighting(&mut self) -> Option<Sighting> {
-        let newest = self.sight.newest.as_ref().map(|held| held.frame().seq);
+        let newest = self.sight.newest.as_ref().map(|held| held.frame.seq);
         let busy = !self.has_ended() && self.tasks.is_ready();
         let witness = self.sight.witness.as_mut()?;
         witness.take_if(|sighting| !busy || newest != Some(sighting.frame.seq))
