@@ -328,13 +328,6 @@ impl Pilot {
         self.flush_deferred()
     }
 
-    /// Takes a fact to the watchdog and does what it wants. Like all below it fails if the link is
-    /// lost.
-    fn take(&mut self, fact: Fact) -> Result<(), LinkLost> {
-        let acts = self.watchdog.take(fact, Instant::now());
-        self.perform(acts)
-    }
-
     /// Tells all behaviours when the robot begins to move and when it stands: those that compare
     /// pictures must know, whatever moves it.
     fn tell_motion(&mut self) {
