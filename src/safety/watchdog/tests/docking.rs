@@ -3,7 +3,6 @@
 use super::rig::*;
 use super::*;
 use crate::robot::DockPlan;
-use crate::wire::Engage;
 
 #[test]
 fn a_behaviour_docks_and_docked_means_charging() {

@@ -6,7 +6,6 @@ use tokio::time::Instant;
 
 use super::*;
 use crate::robot::{DockPlan, MotionId};
-use crate::wire::Engage;
 
 pub(super) const SECOND: Duration = Duration::from_secs(1);
 pub(super) const MS: Duration = Duration::from_millis(1);
