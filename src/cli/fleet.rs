@@ -10,7 +10,7 @@ use super::broker;
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Exit, Failure, block_on, print};
-use crate::mqtt::{Fleet, FleetError, Found, Order, Presence};
+use crate::mqtt::{BrokerCommand, Fleet, FleetError, Found, Presence};
 
 /// How long an agent may take to answer: behaviours are loaded and ended meanwhile.
 const ANSWER: Duration = Duration::from_secs(15);
@@ -103,8 +103,10 @@ pub(super) fn run(args: &FleetArgs) -> Result<Exit, Failure> {
 async fn act(fleet: &mut Fleet, action: &Action) -> Result<Exit, Failure> {
     match action {
         Action::List { json, .. } => list(fleet, *json),
-        Action::Run { behaviour, on, .. } => order(fleet, &Order::Run(behaviour.clone()), on).await,
-        Action::Stop { robots, .. } => order(fleet, &Order::Stop, robots).await,
+        Action::Run { behaviour, on, .. } => {
+            order(fleet, &BrokerCommand::Run(behaviour.clone()), on).await
+        }
+        Action::Stop { robots, .. } => order(fleet, &BrokerCommand::Stop, robots).await,
     }
 }
 
@@ -153,7 +155,11 @@ fn row(found: &Found) -> Vec<String> {
 }
 
 /// Asks them all at once, and tells of each how it went.
-async fn order(fleet: &mut Fleet, order: &Order, named: &[String]) -> Result<Exit, Failure> {
+async fn order(
+    fleet: &mut Fleet,
+    order: &BrokerCommand,
+    named: &[String],
+) -> Result<Exit, Failure> {
     let (chosen, absent) = choose(fleet, named)?;
     let answers = fleet.ask(&chosen, order, ANSWER).await;
     let answers = answers.map_err(unreachable)?;

@@ -6,8 +6,8 @@ use std::time::Duration;
 use serde_json::Value;
 use tokio::time::{Instant, timeout_at};
 
+use super::command::{Answer, BrokerCommand};
 use super::line::{Account, Full, Line, Message, Word};
-use super::order::{Answer, Order};
 use super::presence::Presence;
 use super::topics::Topics;
 
@@ -148,7 +148,7 @@ impl Fleet {
     pub async fn ask(
         &mut self,
         robots: &[String],
-        order: &Order,
+        order: &BrokerCommand,
         limit: Duration,
     ) -> Result<BTreeMap<String, Answer>, FleetError> {
         let id = format!("{:016x}", rand::random::<u64>());
@@ -159,7 +159,7 @@ impl Fleet {
     async fn try_ask(
         &mut self,
         robots: &[String],
-        order: &Order,
+        order: &BrokerCommand,
         id: &str,
         limit: Duration,
     ) -> Result<BTreeMap<String, Answer>, String> {

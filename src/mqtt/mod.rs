@@ -11,12 +11,12 @@
 //! An order runs once or not at all: sessions are clean, so a broker keeps no orders for an agent that is
 //! away, and retained ones are ignored.
 
+mod command;
 mod discovery;
 mod envoy;
 mod errands;
 mod fleet;
 mod line;
-mod order;
 mod post;
 mod presence;
 mod report;
@@ -24,9 +24,9 @@ mod scribe;
 mod thread;
 mod topics;
 
+pub use command::{Answer, BrokerCommand, BrokerCommandError};
 pub use fleet::{Fleet, FleetError, Found};
 pub use line::Account;
-pub use order::{Answer, Order, OrderError};
 pub use post::{PostError, publish};
 pub use presence::Presence;
 pub use thread::{Mqtt, MqttError};
