@@ -79,13 +79,13 @@ impl Supervisor {
         requests: mpsc::Sender<Request>,
         frames: watch::Receiver<Pictures>,
     ) -> Supervisor {
-        let (outbox, inbox) = events();
+        let (events, inbox) = events();
         let join = Request::Join {
             by: host.by,
             name: host.name.clone(),
             priority: host.priority,
             role,
-            outbox,
+            events,
         };
         let _ = requests.send(join).await;
         let lookout = Lookout::default();

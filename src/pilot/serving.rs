@@ -27,12 +27,12 @@ impl Pilot {
                 name,
                 priority,
                 role,
-                outbox,
+                events,
             } => {
                 let mut welcome = self.welcome();
                 // The last of them is that it is connected.
                 welcome.insert(0, Event::Moving { on: self.moving });
-                self.seats.join(by, name, priority, role, outbox, &welcome);
+                self.seats.join(by, name, priority, role, events, &welcome);
                 if role == Role::Rescuer {
                     self.defer(Fact::Rescuer(Some(by)));
                 }

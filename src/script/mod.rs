@@ -192,7 +192,7 @@ impl Script {
         if let Err(why) = api::turn_param(&self.lua, &mut state, name, value) {
             let now = state.now;
             let line = LogLine::new(Level::Warn, &why.to_string());
-            state.outbox.log(line, now);
+            state.output.log(line, now);
         }
     }
 
@@ -245,7 +245,7 @@ impl Script {
     /// What the script wants said and done since the last call, in order. Bounded: a script that
     /// floods gets errors, and its log lines are folded.
     pub fn take_output(&mut self) -> Vec<Output> {
-        self.state.borrow_mut().outbox.take()
+        self.state.borrow_mut().output.take()
     }
 
     /// Takes up what an earlier run of the script kept in its store.

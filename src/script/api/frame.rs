@@ -95,7 +95,7 @@ fn save(call: &mut Call<'_>) -> Answered {
             if let Some(gone) = saved.gone {
                 call.state.log(Level::Info, &gone);
             }
-            call.state.outbox.remark(Remark::Picture { name });
+            call.state.output.remark(Remark::Picture { name });
             call.reply(saved.path.to_string_lossy().into_owned())
         }
         Err(NotSaved::Quota(words)) => {
