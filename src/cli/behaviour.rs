@@ -16,7 +16,7 @@ use crate::clock::Span;
 use crate::control::{Answer, Change, Client, Errand, Listed};
 use crate::link::Target;
 
-/// A farewell of the old script, the loading of the new one, and some patience.
+/// A farewell of the old script, the loading of the new one, and some time to spare.
 const CHANGED: Duration = Duration::from_secs(15);
 
 const HEAD: [(&str, Side); 5] = [

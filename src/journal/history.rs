@@ -112,7 +112,7 @@ impl History {
             let newer = schema::SchemaError::Newer { found };
             return Err(newer.into());
         }
-        schema::judge(&connection, found)?;
+        schema::validate(&connection, found)?;
         // Made, and not written yet.
         Ok((found > 0).then_some(History(connection)))
     }

@@ -77,13 +77,13 @@ fn ask(request: Request<Vec<u8>>, limit: Duration) -> Delivery {
         .build()
         .into();
     match agent.run(request) {
-        Ok(answer) => judge(answer.status().as_u16()),
+        Ok(answer) => delivery_of(answer.status().as_u16()),
         Err(error) => failed(&error, limit),
     }
 }
 
 /// What will never do better is given up; a wrong token may be put right.
-fn judge(status: u16) -> Delivery {
+fn delivery_of(status: u16) -> Delivery {
     match status {
         200..=299 => Delivery::Done,
         400 | 405 | 411 | 413 | 415 | 422 => Delivery::Refused(format!("it answers {status}")),
