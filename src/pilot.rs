@@ -42,7 +42,7 @@ use crate::link::{LinkError, Writer};
 use crate::robot::channel::{MAX_REQUESTS, Request, Sleep};
 use crate::robot::{Bus, Event, Pictures, RobotInfo, Streams};
 use crate::safety::{Fact, Limits, Watchdog};
-use crate::wire::{Command, EngineNews};
+use crate::wire::{Command, EngineReport};
 
 pub use self::core::DrivingCore;
 use self::distress::Distress;
@@ -121,7 +121,7 @@ pub struct Pilot {
     simulated: bool,
     /// Unknown kinds of messages, and when each was logged.
     unknown: Repeats<hearing::UnknownKind>,
-    engine_said: Repeats<EngineNews>,
+    engine_said: Repeats<EngineReport>,
     streams_due: Option<Instant>,
     /// What lights, sounds and streams were last made to follow.
     distress: Distress,

@@ -7,7 +7,7 @@ use tokio::time::Instant;
 
 use super::Doubt;
 use crate::robot::{DockEnd, DockPlan};
-use crate::wire::EngineNews;
+use crate::wire::EngineReport;
 
 /// What to do between two tries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -96,21 +96,21 @@ impl Docking {
     }
 
     /// An ENGINE message came.
-    pub fn engine(&mut self, news: EngineNews, now: Instant) -> Vec<DockAction> {
+    pub fn engine(&mut self, news: EngineReport, now: Instant) -> Vec<DockAction> {
         match (self.phase, news) {
-            (Phase::Searching { .. } | Phase::BackingOff { .. }, EngineNews::Docked) => {
+            (Phase::Searching { .. } | Phase::BackingOff { .. }, EngineReport::Docked) => {
                 let until = now + self.approach.plan.charge_timeout;
                 let orders = self.halt_if_backing_off();
                 self.phase = Phase::AwaitingCharge { until };
                 orders
             }
-            (Phase::Searching { .. }, EngineNews::BaseNotFound) => {
+            (Phase::Searching { .. }, EngineReport::BaseNotFound) => {
                 self.failed(DockEnd::BaseNotFound, now)
             }
-            (Phase::AwaitingCharge { .. }, EngineNews::Undocked) => {
+            (Phase::AwaitingCharge { .. }, EngineReport::Undocked) => {
                 self.failed(DockEnd::NotCharging, now)
             }
-            (Phase::Leaving { .. }, EngineNews::Undocked) => self.search(now),
+            (Phase::Leaving { .. }, EngineReport::Undocked) => self.search(now),
             _ => vec![],
         }
     }

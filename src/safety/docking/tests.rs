@@ -34,7 +34,7 @@ fn started(approach: DockLimits) -> (Docking, Instant) {
 #[test]
 fn docked_means_charging() {
     let (mut docking, now) = started(reversing(0));
-    assert_eq!(docking.engine(EngineNews::Docked, now + SECOND), []);
+    assert_eq!(docking.engine(EngineReport::Docked, now + SECOND), []);
     assert_eq!(docking.outcome(), None);
     assert_eq!(docking.charging(now + 2 * SECOND), []);
     let outcome = DockOutcome {
@@ -49,13 +49,13 @@ fn docked_means_charging() {
 fn a_search_that_fails_is_tried_again_from_another_place() {
     let (mut docking, now) = started(reversing(1));
     assert_eq!(
-        docking.engine(EngineNews::BaseNotFound, now),
+        docking.engine(EngineReport::BaseNotFound, now),
         [DockAction::Reverse]
     );
     assert_eq!(docking.poll(now + SECOND / 2), []);
     assert_eq!(docking.poll(now + SECOND), [DockAction::Find]);
     assert_eq!(
-        docking.engine(EngineNews::BaseNotFound, now + SECOND),
+        docking.engine(EngineReport::BaseNotFound, now + SECOND),
         [DockAction::Halt]
     );
     let outcome = docking.outcome().unwrap();
@@ -77,15 +77,15 @@ fn a_search_that_takes_too_long_is_cancelled_first() {
 #[test]
 fn without_charging_a_behaviour_tries_again_and_a_low_robot_stays() {
     let (mut docking, now) = started(reversing(1));
-    docking.engine(EngineNews::Docked, now);
+    docking.engine(EngineReport::Docked, now);
     assert_eq!(docking.poll(now + 5 * SECOND), [DockAction::Undock]);
     assert_eq!(
-        docking.engine(EngineNews::Undocked, now + 6 * SECOND),
+        docking.engine(EngineReport::Undocked, now + 6 * SECOND),
         [DockAction::Find]
     );
 
     let (mut docking, now) = started(once());
-    docking.engine(EngineNews::Docked, now);
+    docking.engine(EngineReport::Docked, now);
     assert_eq!(docking.poll(now + 5 * SECOND), []);
     assert_eq!(docking.outcome().unwrap().end, DockEnd::NotCharging);
 }
@@ -94,9 +94,9 @@ fn without_charging_a_behaviour_tries_again_and_a_low_robot_stays() {
 fn without_charging_in_any_try_a_behaviour_hears_so() {
     let (mut docking, now) = started(reversing(1));
     for order in [vec![DockAction::Undock], vec![]] {
-        docking.engine(EngineNews::Docked, now);
+        docking.engine(EngineReport::Docked, now);
         assert_eq!(docking.poll(now + 5 * SECOND), order);
-        docking.engine(EngineNews::Undocked, now);
+        docking.engine(EngineReport::Undocked, now);
     }
     let outcome = docking.outcome().unwrap();
     assert_eq!((outcome.end, outcome.attempts), (DockEnd::NotCharging, 2));
@@ -105,8 +105,8 @@ fn without_charging_in_any_try_a_behaviour_hears_so() {
 #[test]
 fn a_station_that_lets_go_before_it_charges_is_a_failed_try() {
     let (mut docking, now) = started(reversing(1));
-    docking.engine(EngineNews::Docked, now);
-    let orders = docking.engine(EngineNews::Undocked, now + SECOND);
+    docking.engine(EngineReport::Docked, now);
+    let orders = docking.engine(EngineReport::Undocked, now + SECOND);
     assert_eq!(orders, [DockAction::Reverse]);
 }
 
@@ -115,13 +115,13 @@ fn contact_that_is_not_believed_any_more_is_searched_or_given_up() {
     let (mut docking, now) = started(once());
     assert!(docking.is_searching());
     assert_eq!(docking.lost_contact(Doubt::Contact, now), []);
-    docking.engine(EngineNews::Docked, now);
+    docking.engine(EngineReport::Docked, now);
     assert!(!docking.is_searching());
     assert_eq!(
         docking.lost_contact(Doubt::Leaving, now),
         [DockAction::Find]
     );
-    docking.engine(EngineNews::Docked, now);
+    docking.engine(EngineReport::Docked, now);
     assert_eq!(docking.lost_contact(Doubt::Contact, now), []);
     assert_eq!(docking.outcome().unwrap().end, DockEnd::NotCharging);
 }
@@ -136,7 +136,7 @@ fn cancelling_ends_the_search_or_the_reversing() {
     assert_eq!(docking.outcome().unwrap().end, DockEnd::Cancelled);
 
     let (mut docking, now) = started(reversing(1));
-    docking.engine(EngineNews::BaseNotFound, now);
+    docking.engine(EngineReport::BaseNotFound, now);
     assert_eq!(docking.cancel(DockEnd::Safety, now), [DockAction::Halt]);
     assert_eq!(docking.poll(now + 60 * SECOND), []);
 }

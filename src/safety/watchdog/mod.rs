@@ -26,7 +26,7 @@ use super::{
 use crate::robot::{
     Battery, BehaviourId, CallId, DockEnd, MotionEnd, Priority, Setpoint, Stroke, WatchdogState,
 };
-use crate::wire::EngineNews;
+use crate::wire::EngineReport;
 
 /// A behaviour that waits for a docking or an undocking.
 #[derive(Debug, Clone, Copy)]
@@ -277,28 +277,28 @@ impl Watchdog {
         }
     }
 
-    fn engine(&mut self, news: EngineNews, now: Instant) {
+    fn engine(&mut self, news: EngineReport, now: Instant) {
         match news {
-            EngineNews::Docked => {
+            EngineReport::Docked => {
                 self.searching = false;
                 self.whereabouts.docked(now);
                 self.end_motion(MotionEnd::Docked);
                 self.interrupt_recovery(now);
             }
-            EngineNews::Undocked => self.undocked(now),
-            EngineNews::BaseNotFound => self.searching = false,
-            EngineNews::Charged | EngineNews::Unknown(_) => {}
+            EngineReport::Undocked => self.undocked(now),
+            EngineReport::BaseNotFound => self.searching = false,
+            EngineReport::Charged | EngineReport::Unknown(_) => {}
         }
         let orders = self
             .homing
             .as_mut()
             .map(|homing| homing.docking.engine(news, now));
         self.follow(orders.unwrap_or_default(), now);
-        if news == EngineNews::Undocked && self.homing.is_none() {
+        if news == EngineReport::Undocked && self.homing.is_none() {
             self.search_at_once(now);
         }
         let change = match news {
-            EngineNews::Docked => self.guard.contact(),
+            EngineReport::Docked => self.guard.contact(),
             _ => None,
         };
         self.believe(change, now);
