@@ -238,7 +238,13 @@ pub fn main() -> ExitCode {
         }
     };
     // A config that is wrong is told by the command that needs it.
-    let of_log = SettingsArgs::of(cli.config.file.clone());
+    let named = match cli.command {
+        // The unit's config, which may be another user's.
+        Command::Service(_) => None,
+        _ => cli.config.file,
+    };
+    let is_named = named.is_some();
+    let of_log = SettingsArgs::of(named);
     let own = cli.command.settings();
     let settings = own.unwrap_or(&of_log);
     let logs = settings.config().map(|config| config.logging.clone());
@@ -249,11 +255,11 @@ pub fn main() -> ExitCode {
     };
     report_panics(console.clone());
     logging::start(&console, format, logs.level, logs.time);
-    let named = match own {
-        None if cli.config.file.is_some() => of_log.load().map(|_| ()),
+    let usable = match own {
+        None if is_named => of_log.load().map(|_| ()),
         _ => Ok(()),
     };
-    let (exit, last_words) = match named.and_then(|()| cli.command.run(&console)) {
+    let (exit, last_words) = match usable.and_then(|()| cli.command.run(&console)) {
         Ok(exit) => (exit, None),
         Err(failure) => (failure.exit, Some(failure.report())),
     };

@@ -12,8 +12,7 @@ use crate::config::{Config, ConfigError, Effective};
 /// The flag, which stands before or behind any command.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct ConfigFlag {
-    /// Read the settings from this YAML file, instead of $SPYKEE_CONFIG or spykee.yaml here; a command
-    /// that needs no others takes those of the log from it
+    /// Read the settings from this YAML file, instead of $SPYKEE_CONFIG or spykee.yaml here
     #[arg(id = CONFIG, long, value_name = "FILE", global = true)]
     pub(super) file: Option<PathBuf>,
 }
