@@ -26,10 +26,10 @@ const MOST: usize = 32;
 /// Behaviours are numbered from 0 to below this; persons and the rescue behaviour are above.
 const NUMBERS: u16 = 0xF000;
 
-/// A behaviour with its first host, or why there is none.
+/// A behaviour with its first host, or why it could not be started.
 type Kept = (RestartLoop, Result<Prepared, Ending>);
 
-/// What came of loading a script.
+/// The result of loading a script.
 type Loaded = (BehaviourId, Result<(RestartLoop, Prepared), RosterError>);
 
 /// See the module.
@@ -137,7 +137,7 @@ impl Company {
         std::future::pending().await
     }
 
-    /// Does the next thing there is to do: an order, a script that is loaded, one that has ended.
+    /// Handles the next event: a command, a script that is loaded, a behaviour that has ended.
     /// Cancel-safe.
     ///
     /// # Errors

@@ -152,7 +152,7 @@ struct Host {
     outbox: Sender<FromHost>,
     /// A frame was asked for and has not come yet.
     frame_asked: bool,
-    /// The last one that came is no picture.
+    /// The last frame that came is damaged.
     damaged: bool,
     /// What has come of the next frame.
     coming: Vec<u8>,

@@ -42,8 +42,8 @@ pub(super) struct FleetArgs {
 
 #[derive(Debug, Clone, Subcommand)]
 enum Action {
-    /// List the robots and the state of each: ONLINE, OFFLINE (said goodbye),
-    /// CONNECTIONBROKEN (gone without a word)
+    /// List the robots and the state of each: ONLINE, OFFLINE (logged off),
+    /// CONNECTIONBROKEN (lost its connection)
     List {
         /// Print a JSON list
         #[arg(long)]
@@ -56,7 +56,7 @@ enum Action {
         /// The behaviour, as the robots' own configs call it
         #[arg(value_name = "NAME")]
         behaviour: String,
-        /// On which robots, by uid; all: on every one that is online
+        /// The robots, by uid; all: every robot that is online
         #[arg(long, value_name = "UID", required = true, num_args = 1..)]
         on: Vec<String>,
         #[command(flatten)]
@@ -64,7 +64,7 @@ enum Action {
     },
     /// Stop robots: their tracks rest, and their behaviours end
     Stop {
-        /// Which robots, by uid; all: every one that is online
+        /// The robots, by uid; all: every robot that is online
         #[arg(value_name = "UID", required = true)]
         robots: Vec<String>,
         #[command(flatten)]
@@ -213,7 +213,7 @@ fn choose(fleet: &Fleet, named: &[String]) -> Result<Chosen, Failure> {
         let wanted = names.contains(found.robot.as_str());
         match found.presence {
             Presence::Online if all || wanted => chosen.push(found.robot.clone()),
-            // One that said goodbye is not missed where all are meant.
+            // An agent that logged off is no failure where all are meant.
             Presence::Offline if !wanted => {}
             presence if all || wanted => absent.push((found.robot.clone(), presence)),
             _ => {}

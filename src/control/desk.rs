@@ -152,7 +152,7 @@ impl Run {
         }
     }
 
-    /// Whether the robot is there; one that was let go of is dialled for.
+    /// Whether the robot is there; a released link is dialled again.
     async fn reach(&self) -> bool {
         let mut status = self.status.clone();
         if status.borrow().link == LinkState::Released {
@@ -260,7 +260,7 @@ impl Run {
             let (roster, name) = (self.roster.clone(), member.name.clone());
             ending.spawn(async move { roster.stop(&name).await });
         }
-        // One that has ended by itself meanwhile is where it was wanted.
+        // A behaviour that ended by itself meanwhile needs no stop.
         ending.join_all().await;
         answer(stopped)
     }

@@ -36,7 +36,7 @@ pub enum BrokerCommandError {
     /// Not UTF-8.
     #[error("it is no text")]
     NoText,
-    /// Looks like JSON and is none, or lacks what it needs.
+    /// Begins like JSON and is not valid, or lacks a field.
     #[error("it is no order in JSON ({0}): {{\"order\": \"stop\", \"id\": \"1\"}} is one")]
     Json(String),
     /// No such order.

@@ -29,7 +29,7 @@ pub(super) struct Over {
 pub(super) struct Errands {
     run: Run,
     tasks: JoinSet<Over>,
-    /// The one that drives the robot.
+    /// The errand that drives the robot.
     drive: Option<AbortHandle>,
 }
 

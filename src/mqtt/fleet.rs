@@ -17,7 +17,7 @@ const OPENING: Duration = Duration::from_secs(10);
 const SILENCE: Duration = Duration::from_millis(700);
 /// What it has kept ends by then, however much more it has to say.
 const LISTENING: Duration = Duration::from_secs(5);
-/// A longer state is none, in bytes.
+/// The longest state that is read, in bytes.
 const LONGEST_STATE: usize = 16 << 10;
 /// More agents are not listed.
 const MOST: usize = 10_000;

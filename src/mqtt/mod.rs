@@ -3,7 +3,7 @@
 //!
 //! A thread of its own speaks with the broker; it only listens to the agent ([`Bus`](crate::robot::Bus),
 //! status) and asks what a person may ask ([`control::Run`](crate::control::Run)): watchdog and
-//! priorities hold. What if the broker hangs or is gone? Nobody waits: of the state the newest counts,
+//! priorities hold. What if the broker hangs or is gone? Nothing waits for it: of the state the newest counts,
 //! events that find no room are dropped and counted, the thread connects anew with growing pauses, and
 //! the robot goes on as it did. What if this thread breaks down? Its connection closes, and the broker
 //! says CONNECTIONBROKEN for it.

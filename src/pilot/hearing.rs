@@ -105,8 +105,8 @@ impl Pilot {
         lost
     }
 
-    // A behaviour hears of a fact before it hears what came of it: an answer to a waiting call must
-    // not overtake the news that brought it about. Telling never waits, so nothing is delayed.
+    // Events go to behaviours before the answers that they cause: an answer to a waiting call must not
+    // overtake the event that ended the call. Telling never waits, so nothing is delayed.
 
     /// Takes a fact that may change what is believed of the battery, and tells of such a change.
     fn learn(&mut self, fact: Fact) -> Result<(), LinkLost> {

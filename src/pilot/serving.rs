@@ -57,7 +57,7 @@ impl Pilot {
             }
             Request::Crew(tell) => {
                 let (robot, aboard) = (self.info.clone(), self.seats.aboard());
-                // Who does not wait any more need not know.
+                // The asker may have given up.
                 let _ = tell.send(Crew { robot, aboard });
                 Ok(())
             }

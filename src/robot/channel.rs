@@ -53,7 +53,7 @@ pub enum Request {
 /// Who must make no sound and show no bright light.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Quiet {
-    /// No one: it is day.
+    /// Sounds and lights are allowed.
     #[default]
     Off,
     /// Scripts.

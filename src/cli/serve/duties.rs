@@ -109,7 +109,7 @@ impl Reader {
         })
     }
 
-    /// Reads the config anew at each SIGHUP; one that cannot be used changes nothing. Never returns.
+    /// Reads the config anew at each SIGHUP; a config with an error changes nothing. Never returns.
     pub(super) async fn obey(
         self,
         mut hangup: Signal,
