@@ -154,7 +154,7 @@ async fn a_host_without_motion_that_shows_no_life_is_ended_too() {
     );
 }
 
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod injected {
     use std::ffi::c_void;
 
@@ -165,7 +165,8 @@ mod injected {
 
     use super::*;
 
-    /// What belongs to this processor: the registers of a call, and the calls that others do not have.
+    /// What differs between processors: the registers of a call, and the calls that only one of them has.
+    #[cfg(target_arch = "x86_64")]
     mod processor {
         use super::*;
 
@@ -226,6 +227,48 @@ mod injected {
             ("iopl", sys::SYS_iopl),
             ("ioperm", sys::SYS_ioperm),
         ];
+    }
+    #[cfg(target_arch = "aarch64")]
+    mod processor {
+        use super::*;
+        use nix::sys::ptrace::regset::NT_PRSTATUS;
+
+        pub type Registers = sys::user_regs_struct;
+        /// `svc #0`.
+        const SYSCALL: i64 = 0xd400_0001;
+
+        pub fn read(pid: Pid) -> Registers {
+            ptrace::getregset::<NT_PRSTATUS>(pid).unwrap()
+        }
+
+        pub fn write(pid: Pid, registers: Registers) {
+            ptrace::setregset::<NT_PRSTATUS>(pid, registers).unwrap();
+        }
+
+        /// Where the instruction is by which it waits in the kernel: before the next one, or the next one if
+        /// the kernel is to begin the call again.
+        pub fn gate(pid: Pid, registers: &Registers) -> u64 {
+            let is_call = |at: &u64| {
+                let found = ptrace::read(pid, *at as *mut c_void).unwrap();
+                found & 0xffff_ffff == SYSCALL
+            };
+            let mut places = [registers.pc - 4, registers.pc].into_iter();
+            places.find(is_call).expect("in no call")
+        }
+
+        pub fn calling(before: Registers, gate: u64, call: i64, arguments: [u64; 6]) -> Registers {
+            let mut registers = before;
+            registers.regs[..6].copy_from_slice(&arguments);
+            registers.regs[8] = call.cast_unsigned();
+            registers.pc = gate;
+            registers
+        }
+
+        pub fn answer(registers: &Registers) -> i64 {
+            registers.regs[0].cast_signed()
+        }
+
+        pub const OWN: &[(&str, i64)] = &[("a call of the processor", 0x0f_0001)];
     }
     use processor::{OWN, Registers, answer, calling, gate, read, write};
 

@@ -32,6 +32,8 @@ pub fn rome() -> TimeZone {
 pub enum Trouble {
     /// A fault of the simulator, for so long; `SECONDS` stands for it.
     Fault(&'static str, Duration),
+    /// For so long the robot does not find its station. The link is as good as ever.
+    StationUnseen(Duration),
     /// The battery collapses to this, percent.
     Battery(f64),
     /// The computer is dark for so long. The robot hears no last word of it.
@@ -88,8 +90,7 @@ pub fn troubles(days: u64, seed: u64) -> Vec<Due> {
         }
         // A low robot that finds no station sounds the alarm, in the evening's patrol.
         if matches!(day % 5, 0 | 3) && !gone_at_night {
-            let hidden = "{ fault: base_not_found, for: SECONDS }";
-            at(13 * HOUR + 300, Trouble::Fault(hidden, minutes(12)));
+            at(13 * HOUR + 300, Trouble::StationUnseen(minutes(12)));
             at(13 * HOUR + 310, Trouble::Battery(19.0));
         }
         if day % 6 == 4 {

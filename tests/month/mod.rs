@@ -31,7 +31,7 @@ pub use process::Size;
 use witness::{LOOK_EVERY, Witness, note};
 
 /// A month without one of these put to the test proves nothing.
-pub const CORE: [&str; 13] = [
+pub const CORE: [&str; 14] = [
     compare::RUNS,
     compare::NO_OTHERS,
     compare::STARTS,
@@ -40,6 +40,7 @@ pub const CORE: [&str; 13] = [
     compare::DOCKS,
     compare::DOCKED,
     compare::ALARMS,
+    compare::ALARMED,
     compare::LEVELS,
     compare::TOLD,
     compare::MINUTES,
@@ -55,8 +56,10 @@ const BACK: &str = "no error but those of robots that are gone";
 const DAY: Duration = Duration::from_secs(86_400);
 /// The process is as large as it gets.
 const WARM: Duration = Duration::from_secs(6 * 3600);
+/// The station is there, and the robot does not see it.
+const UNSEEN: &str = "{ fault: base_not_found, for: SECONDS }";
 /// A computer that is switched off says nothing to the robot.
-const SILENT: &str = "{ fault: half_open, for: 20 }";
+const SILENT: &str = "{ fault: half_open, for: SECONDS }";
 
 /// Tells how far it is, after each virtual day.
 pub type Progress<'a> = &'a mut (dyn FnMut(u64, &Size, u64) + Send);
@@ -149,15 +152,13 @@ impl Month<'_> {
         let (sim, now) = (self.lab.sim(), self.lab.now());
         match trouble {
             Trouble::Fault(fault, lasts) => {
-                begin(
-                    self.lab,
-                    &fault.replace("SECONDS", &lasts.as_secs().to_string()),
-                );
+                begin(self.lab, fault, lasts);
                 self.witness.trouble(now, lasts);
             }
+            Trouble::StationUnseen(lasts) => begin(self.lab, UNSEEN, lasts),
             Trouble::Battery(percent) => sim.set_battery(percent.min(sim.state().battery)),
             Trouble::PowerCut(dark) => {
-                begin(self.lab, SILENT);
+                begin(self.lab, SILENT, Duration::from_secs(20));
                 self.witness.trouble(now, dark);
                 self.cut(dark).await;
             }
@@ -249,7 +250,9 @@ impl Month<'_> {
     }
 }
 
-fn begin(lab: &Lab, fault: &str) {
+/// Of a fault, `SECONDS` stands for how long it lasts.
+fn begin(lab: &Lab, fault: &str, lasts: Duration) {
+    let fault = fault.replace("SECONDS", &lasts.as_secs().to_string());
     let yaml = format!("faults: [ {fault} ]");
     let faults = Fault::list_from_yaml(&yaml, "month").unwrap();
     faults.into_iter().for_each(|fault| lab.sim().begin(fault));
