@@ -11,13 +11,13 @@
 
 mod api;
 mod camera;
+mod command;
 mod history;
 mod hub;
 mod log;
 mod messages;
 mod metrics;
 mod openapi;
-mod order;
 mod page;
 mod past;
 mod scripts;

@@ -42,7 +42,7 @@ use crate::link::{LinkError, Writer};
 use crate::robot::channel::{MAX_REQUESTS, Request, Sleep};
 use crate::robot::{Bus, Event, Pictures, RobotInfo, Streams};
 use crate::safety::{Fact, Limits, Watchdog};
-use crate::wire::{Command, EngineNews};
+use crate::wire::{Command, EngineReport};
 
 pub use self::core::DrivingCore;
 use self::distress::Distress;
@@ -121,7 +121,7 @@ pub struct Pilot {
     simulated: bool,
     /// Unknown kinds of messages, and when each was logged.
     unknown: Repeats<hearing::UnknownKind>,
-    engine_said: Repeats<EngineNews>,
+    engine_said: Repeats<EngineReport>,
     streams_due: Option<Instant>,
     /// What lights, sounds and streams were last made to follow.
     distress: Distress,
@@ -326,13 +326,6 @@ impl Pilot {
             self.serve(request)?;
         }
         self.flush_deferred()
-    }
-
-    /// Takes a fact to the watchdog and does what it wants. Like all below it fails if the link is
-    /// lost.
-    fn take(&mut self, fact: Fact) -> Result<(), LinkLost> {
-        let acts = self.watchdog.take(fact, Instant::now());
-        self.perform(acts)
     }
 
     /// Tells all behaviours when the robot begins to move and when it stands: those that compare

@@ -5,8 +5,9 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::Instant;
 
-use super::roster::{MemberState, Reply};
-use crate::robot::{BehaviourId, EndReason};
+use super::roster::{Blueprint, Member, MemberState, Reply};
+use crate::robot::{BehaviourId, EndReason, Priority};
+use crate::script::Ending;
 
 /// Tells one behaviour to end, and why.
 pub(super) type Stop = watch::Sender<Option<EndReason>>;
@@ -63,6 +64,30 @@ impl Aboard {
             None => MemberState::Loading,
         }
     }
+}
+
+/// All behaviours of a company: those of its blueprints first, then those that still run though the
+/// config has them no more. `endings` tells how each ended for the last time, by name.
+pub(super) fn members(
+    blueprints: &[Blueprint],
+    aboard: &[Aboard],
+    endings: &[(String, Ending)],
+) -> Vec<Member> {
+    let known = |name: &str| blueprints.iter().any(|one| one.name() == name);
+    let rest = aboard.iter().filter(|one| !known(&one.name));
+    let rest = rest.map(|one| (one.name.as_str(), Priority::default()));
+    let all = blueprints.iter().map(|one| (one.name(), one.priority()));
+    let member = |(name, priority): (&str, Priority)| {
+        let running = aboard.iter().find(|one| one.name == name);
+        let ending = endings.iter().find(|(of, _)| of == name);
+        Member {
+            name: name.to_owned(),
+            priority,
+            state: running.map_or(MemberState::Idle, Aboard::state),
+            ending: ending.map(|(_, ending)| ending.clone()),
+        }
+    };
+    all.chain(rest).map(member).collect()
 }
 
 /// The first reason stays.

@@ -9,16 +9,16 @@ use tokio::task::JoinSet;
 use tokio::time::{Instant, timeout};
 use tracing::{error, info, warn};
 
-use super::aboard::{Aboard, Stop, tell};
+use super::aboard::{Aboard, Stop, members, tell};
 use super::loading::load;
 use super::restart_loop::{LaunchContext, RestartLoop, report};
-use super::roster::{Blueprint, Member, MemberState, Reply, Roster, RosterCommand, RosterError};
+use super::roster::{Blueprint, Member, Reply, Roster, RosterCommand, RosterError};
 use super::{AgentError, Behaviour, SCRIPTS_END};
 use crate::behaviour::Prepared;
 use crate::clock::until;
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::Role;
-use crate::robot::{BehaviourId, EndReason, Occurrence, Priority};
+use crate::robot::{BehaviourId, EndReason, Occurrence};
 use crate::script::Ending;
 
 /// The most behaviours that run at a time: each is a process.
@@ -26,10 +26,10 @@ const MOST: usize = 32;
 /// Behaviours are numbered from 0 to below this; persons and the rescue behaviour are above.
 const NUMBERS: u16 = 0xF000;
 
-/// A behaviour with its first host, or why there is none.
+/// A behaviour with its first host, or why it could not be started.
 type Kept = (RestartLoop, Result<Prepared, Ending>);
 
-/// What came of loading a script.
+/// The result of loading a script.
 type Loaded = (BehaviourId, Result<(RestartLoop, Prepared), RosterError>);
 
 /// See the module.
@@ -94,7 +94,8 @@ impl Company {
                     return Err((name, ending));
                 }
                 first => {
-                    self.board(by, restart_loop.name().to_owned(), stop, None);
+                    let name = restart_loop.name().to_owned();
+                    self.aboard.push(Aboard::new(by, name, stop, None));
                     prepared.push((restart_loop, first));
                 }
             }
@@ -136,7 +137,7 @@ impl Company {
         std::future::pending().await
     }
 
-    /// Does the next thing there is to do: an order, a script that is loaded, one that has ended.
+    /// Handles the next event: a command, a script that is loaded, a behaviour that has ended.
     /// Cancel-safe.
     ///
     /// # Errors
@@ -236,10 +237,9 @@ impl Company {
         let (around, status) = (self.around(&stop), self.status.clone());
         self.loading
             .spawn(async move { (by, load(around, by, blueprint, status).await) });
-        self.board(by, name.to_owned(), stop, lasts);
-        if let Some(one) = self.aboard.last_mut() {
-            one.started.push(reply);
-        }
+        let mut one = Aboard::new(by, name.to_owned(), stop, lasts);
+        one.started.push(reply);
+        self.aboard.push(one);
     }
 
     fn loaded(&mut self, by: BehaviourId, loaded: Result<(RestartLoop, Prepared), RosterError>) {
@@ -329,10 +329,6 @@ impl Company {
         self.endings.push((name.to_owned(), ending));
     }
 
-    fn board(&mut self, by: BehaviourId, name: String, stop: Stop, lasts: Option<Duration>) {
-        self.aboard.push(Aboard::new(by, name, stop, lasts));
-    }
-
     /// An id that no running behaviour has.
     fn number(&mut self) -> BehaviourId {
         loop {
@@ -367,33 +363,9 @@ impl Company {
         RosterError::unknown(name, self.blueprints.iter().map(Blueprint::name))
     }
 
-    /// Those of the config first, then those that still run though the config has them no more.
     fn publish(&self) {
-        let known = self
-            .blueprints
-            .iter()
-            .map(|one| (one.name(), one.priority()));
-        let mut members: Vec<Member> = known
-            .map(|(name, priority)| self.member(name, priority))
-            .collect();
-        for one in &self.aboard {
-            if self.blueprint(&one.name).is_none() {
-                members.push(self.member(&one.name, Default::default()));
-            }
-        }
+        let members = members(&self.blueprints, &self.aboard, &self.endings);
         self.members.send_replace(members);
-    }
-
-    fn member(&self, name: &str, priority: Priority) -> Member {
-        let aboard = self.aboard.iter().find(|one| one.name == name);
-        let state = aboard.map_or(MemberState::Idle, Aboard::state);
-        let ending = self.endings.iter().find(|(of, _)| of == name);
-        Member {
-            name: name.to_owned(),
-            priority,
-            state,
-            ending: ending.map(|(_, ending)| ending.clone()),
-        }
     }
 }
 

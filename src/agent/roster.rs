@@ -16,7 +16,7 @@ use crate::robot::{
 };
 use crate::script::{Ending, suggestion};
 
-/// Orders that may wait; one that finds the queue full is refused.
+/// Commands that may wait; with a full queue a command is refused.
 const MAX_COMMANDS: usize = 32;
 /// The longest that an order may take: a script's farewell, and the loading of the next one.
 const ANSWER: Duration = Duration::from_secs(10);

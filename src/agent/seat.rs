@@ -13,7 +13,8 @@ use crate::robot::{
 };
 use crate::wire::Stream;
 
-/// How often who moves shows that he lives; the watchdog's patience is 0.25 s.
+/// How often a seat that moves the robot sends a sign of life; the watchdog stops the tracks after 0.25 s
+/// without one.
 const BEAT: Duration = Duration::from_millis(50);
 /// Half a second of speech: s16, mono, 16 kHz.
 const SPEECH: usize = 16_000;
@@ -63,7 +64,7 @@ impl Seat {
         priority: Priority,
         role: Role,
     ) -> Result<Seat, SeatError> {
-        let (outbox, inbox) = events();
+        let (events, inbox) = events();
         let seat = Seat {
             by,
             requests,
@@ -76,7 +77,7 @@ impl Seat {
             name,
             priority,
             role,
-            outbox,
+            events,
         })
         .await?;
         Ok(seat)

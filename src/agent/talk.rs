@@ -129,7 +129,7 @@ impl Session {
                 () = stop.cancelled() => break,
                 error = self.flight.lost() => return Err(error.into()),
                 next = orders.recv() => match next {
-                    // One that does not take its orders is not driven on.
+                    // A behaviour that does not take its lines is ended.
                     Some(next) => if order.try_send(next).is_err() { handle.stop(EndReason::Cancelled) },
                     None => break,
                 },

@@ -152,7 +152,7 @@ struct Host {
     outbox: Sender<FromHost>,
     /// A frame was asked for and has not come yet.
     frame_asked: bool,
-    /// The last one that came is no picture.
+    /// The last frame that came is damaged.
     damaged: bool,
     /// What has come of the next frame.
     coming: Vec<u8>,
@@ -312,15 +312,17 @@ impl Host {
     fn look_ahead(&mut self, at: usize, part: &[u8]) {
         if at == 0 {
             self.coming.clear();
-        }
-        if at == self.coming.len() {
-            self.coming.extend_from_slice(part);
-            self.script.look_ahead(&self.coming);
-        }
-        if at == 0 {
+            self.look_further(part);
             self.cadence.prepared();
             self.script.rehearse();
+        } else if at == self.coming.len() {
+            self.look_further(part);
         }
+    }
+
+    fn look_further(&mut self, part: &[u8]) {
+        self.coming.extend_from_slice(part);
+        self.script.look_ahead(&self.coming);
     }
 
     async fn send_output(&mut self) -> io::Result<()> {

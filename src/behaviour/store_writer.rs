@@ -2,7 +2,7 @@
 //! own, so that neither the script nor a frame ever waits for a disk.
 //!
 //! A file is never half written: its new content is written beside it, brought to the disk and then
-//! given its name. One that is damaged all the same is kept aside as `.bad`.
+//! given its name. A damaged file is kept aside as `.bad`.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_killed_run_left_unfinished_harms_nobody() {
+    fn what_a_killed_run_left_unfinished_does_no_harm() {
         let root = tempfile::tempdir().unwrap();
         fs::write(root.path().join(".store-77"), "{\"a\": ").unwrap();
         fs::write(root.path().join(NAME), "{}").unwrap();

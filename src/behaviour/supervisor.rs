@@ -56,7 +56,7 @@ pub struct Supervisor {
     inbox: EventReceiver,
     frames: watch::Receiver<Pictures>,
     last_frame: u64,
-    /// The one that it got before that.
+    /// The frame that it got before that.
     last_but_one: u64,
     frame_wanted: bool,
     /// The host decodes ahead what it gets of a frame.
@@ -79,13 +79,13 @@ impl Supervisor {
         requests: mpsc::Sender<Request>,
         frames: watch::Receiver<Pictures>,
     ) -> Supervisor {
-        let (outbox, inbox) = events();
+        let (events, inbox) = events();
         let join = Request::Join {
             by: host.by,
             name: host.name.clone(),
             priority: host.priority,
             role,
-            outbox,
+            events,
         };
         let _ = requests.send(join).await;
         let lookout = Lookout::default();
@@ -308,8 +308,8 @@ impl Supervisor {
         }
     }
 
-    /// The newest frame, if it is newer than the last one that was passed on, or what has come of
-    /// the next.
+    /// The newest frame, if it is newer than the last one that was passed on, or the part of the
+    /// next frame that has come.
     fn pass_picture(&mut self) {
         let Pictures { newest, coming, .. } = self.frames.borrow().clone();
         let Some(frame) = newest.filter(|frame| frame.seq > self.last_frame) else {

@@ -3,6 +3,8 @@
 
 mod failures;
 mod reasons;
+#[cfg(test)]
+mod tests;
 
 use std::collections::BTreeMap;
 

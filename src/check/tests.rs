@@ -91,11 +91,6 @@ fn promise(source: &str) -> (String, u32, String) {
     (by.to_owned(), line.parse().unwrap(), words.to_owned())
 }
 
-/// How a broken script fails on a robot that sees nothing.
-fn failure_of(source: &str) -> String {
-    failure_with(source, explain)
-}
-
 #[test]
 fn each_broken_script_gets_the_message_that_it_promises() {
     let corpus = scripts("tests/broken");
@@ -115,7 +110,7 @@ fn each_broken_script_gets_the_message_that_it_promises() {
                     .iter()
                     .filter(|one| one.severity == Severity::Error);
                 wrong.extend(errors.map(|one| format!("{}: not by check: {one}", path.display())));
-                vec![failure_of(&text).replacen("test.lua:", "", 1)]
+                vec![failure_with(&text, explain).replacen("test.lua:", "", 1)]
             }
         };
         let kept = shown
@@ -209,56 +204,6 @@ fn all_that_compiles_is_read_into_a_tree() {
                 path.display()
             );
         }
-    }
-}
-
-#[test]
-fn a_failure_shows_the_line_with_a_caret_below_what_was_nil() {
-    let message = failure_of("local battery\nprint('level', battery.percent)\nbattery = 1");
-    let expected = "test.lua:2: `battery` is nil here, so `battery.percent` cannot be read\n\
-                    2 | print('level', battery.percent)\n  |                ^^^^^^^\n  = help: ";
-    assert!(message.starts_with(expected), "{message}");
-    let message = failure_of("local b = robot.wait_for('docked', 0.1)\nprint(b.x)");
-    assert!(
-        message
-            .contains("robot.wait_for gives nil when the time was over; test it first: if b then"),
-        "{message}"
-    );
-    let message =
-        failure_of("local blobs = robot.wait_frame(5):find_blobs('red')\nprint(blobs[1].cx)");
-    assert!(message.contains("find_blobs has found none"), "{message}");
-}
-
-#[test]
-fn the_words_of_the_vm_become_words_for_people() {
-    for (source, words) in [
-        (
-            "local f\nf()",
-            "test.lua:2: `f` is nil here, so it cannot be called\n2 | f()\n  | ^\n  = help: there is no function of that name here",
-        ),
-        (
-            "print(robot.battery().percent)",
-            "test.lua:1: `robot.battery()` is nil here, so `robot.battery().percent` cannot be read",
-        ),
-        (
-            "print(1 + nil)",
-            "test.lua:1: there is nil, so it cannot be counted with",
-        ),
-        (
-            "print(1 < nil)",
-            "test.lua:1: there is nil, so it cannot be compared with < or >",
-        ),
-        (
-            "table.sort({1, 'a'})",
-            "test.lua:1: only numbers can be compared with numbers",
-        ),
-        (
-            "print('a' .. {})",
-            "test.lua:1: `{}` is a table here, so it cannot be joined to a text",
-        ),
-    ] {
-        let text = failure_of(source);
-        assert!(text.contains(words), "{source}: {text:?} lacks {words:?}");
     }
 }
 

@@ -16,7 +16,7 @@ use crate::clock::Span;
 use crate::control::{Answer, Change, Client, Errand, Listed};
 use crate::link::Target;
 
-/// A farewell of the old script, the loading of the new one, and some patience.
+/// A farewell of the old script, the loading of the new one, and some time to spare.
 const CHANGED: Duration = Duration::from_secs(15);
 
 const HEAD: [(&str, Side); 5] = [
@@ -77,7 +77,7 @@ struct NameArgs {
 
 #[derive(Debug, Clone, clap::Args)]
 struct StartArgs {
-    /// End it after it has run for so long, such as 30m or 1h30m, unless it has ended by itself
+    /// End it after this time, such as 30m or 1h30m, unless it has ended by itself
     #[arg(long = "for", value_name = "TIME", value_parser = some_time)]
     lasts: Option<Span>,
     #[command(flatten)]

@@ -95,7 +95,7 @@ struct Search<'a> {
     colours: Vec<Colour>,
     options: BlobOptions,
     eyes: Eyes,
-    album: Option<MarkedPictures>,
+    marked: Option<MarkedPictures>,
 }
 
 /// Looks at each picture and prints what was found. A picture that cannot be used is told on
@@ -141,8 +141,8 @@ impl<'a> Search<'a> {
     fn new(args: &'a BlobsArgs) -> Result<Search<'a>, Failure> {
         let config = args.settings.config()?;
         let colours = colours::of_names(&args.colours, config)?;
-        let album = args.annotate.as_deref();
-        let album = album.map(|out| MarkedPictures::open(out, &args.images));
+        let marked = args.annotate.as_deref();
+        let marked = marked.map(|out| MarkedPictures::open(out, &args.images));
         Ok(Search {
             args,
             colours,
@@ -156,7 +156,7 @@ impl<'a> Search<'a> {
                 ..BlobOptions::default()
             },
             eyes: Eyes::new(config.camera),
-            album: album.transpose()?,
+            marked: marked.transpose()?,
         })
     }
 
@@ -173,9 +173,9 @@ impl<'a> Search<'a> {
             .find_blobs(key, &jpeg, &self.colours, &self.options)
             .map_err(unusable)?
             .to_vec();
-        if let Some(album) = &mut self.album {
+        if let Some(pictures) = &mut self.marked {
             let image = self.eyes.look(key, &jpeg).map_err(unusable)?;
-            album.keep(path, &marked(image, &blobs, self.args))?;
+            pictures.keep(path, &marked(image, &blobs, self.args))?;
         }
         Ok(Found {
             file: path.display().to_string(),

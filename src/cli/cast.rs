@@ -55,7 +55,7 @@ impl Casting<'_> {
     /// Reads the scripts of these entries.
     ///
     /// # Errors
-    /// A script that cannot be read, a name that is none, a parameter that the script does not declare.
+    /// A script that cannot be read, a name that is not valid, a parameter that the script does not declare.
     pub(super) fn cast(&self, entries: &[Entry]) -> Result<Cast, Failure> {
         let (mut names, mut watches, mut behaviours) = (Vec::new(), Vec::new(), Vec::new());
         for (entry, seed) in entries.iter().zip(self.seed..) {

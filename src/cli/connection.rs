@@ -1,4 +1,4 @@
-//! The flags that say which robot, as whom: shared by all subcommands that drive one.
+//! The flags that name the robot and the login: shared by all subcommands that drive one.
 
 use std::path::{Path, PathBuf};
 

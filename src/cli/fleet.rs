@@ -10,7 +10,7 @@ use super::broker;
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Exit, Failure, block_on, print};
-use crate::mqtt::{Fleet, FleetError, Found, Order, Presence};
+use crate::mqtt::{BrokerCommand, Fleet, FleetError, Found, Presence};
 
 /// How long an agent may take to answer: behaviours are loaded and ended meanwhile.
 const ANSWER: Duration = Duration::from_secs(15);
@@ -42,8 +42,8 @@ pub(super) struct FleetArgs {
 
 #[derive(Debug, Clone, Subcommand)]
 enum Action {
-    /// List the robots and the state of each: ONLINE, OFFLINE (said goodbye),
-    /// CONNECTIONBROKEN (gone without a word)
+    /// List the robots and the state of each: ONLINE, OFFLINE (logged off),
+    /// CONNECTIONBROKEN (lost its connection)
     List {
         /// Print a JSON list
         #[arg(long)]
@@ -56,7 +56,7 @@ enum Action {
         /// The behaviour, as the robots' own configs call it
         #[arg(value_name = "NAME")]
         behaviour: String,
-        /// On which robots, by uid; all: on every one that is online
+        /// The robots, by uid; all: every robot that is online
         #[arg(long, value_name = "UID", required = true, num_args = 1..)]
         on: Vec<String>,
         #[command(flatten)]
@@ -64,7 +64,7 @@ enum Action {
     },
     /// Stop robots: their tracks rest, and their behaviours end
     Stop {
-        /// Which robots, by uid; all: every one that is online
+        /// The robots, by uid; all: every robot that is online
         #[arg(value_name = "UID", required = true)]
         robots: Vec<String>,
         #[command(flatten)]
@@ -103,8 +103,10 @@ pub(super) fn run(args: &FleetArgs) -> Result<Exit, Failure> {
 async fn act(fleet: &mut Fleet, action: &Action) -> Result<Exit, Failure> {
     match action {
         Action::List { json, .. } => list(fleet, *json),
-        Action::Run { behaviour, on, .. } => order(fleet, &Order::Run(behaviour.clone()), on).await,
-        Action::Stop { robots, .. } => order(fleet, &Order::Stop, robots).await,
+        Action::Run { behaviour, on, .. } => {
+            order(fleet, &BrokerCommand::Run(behaviour.clone()), on).await
+        }
+        Action::Stop { robots, .. } => order(fleet, &BrokerCommand::Stop, robots).await,
     }
 }
 
@@ -153,7 +155,11 @@ fn row(found: &Found) -> Vec<String> {
 }
 
 /// Asks them all at once, and tells of each how it went.
-async fn order(fleet: &mut Fleet, order: &Order, named: &[String]) -> Result<Exit, Failure> {
+async fn order(
+    fleet: &mut Fleet,
+    order: &BrokerCommand,
+    named: &[String],
+) -> Result<Exit, Failure> {
     let (chosen, absent) = choose(fleet, named)?;
     let answers = fleet.ask(&chosen, order, ANSWER).await;
     let answers = answers.map_err(unreachable)?;
@@ -207,7 +213,7 @@ fn choose(fleet: &Fleet, named: &[String]) -> Result<Chosen, Failure> {
         let wanted = names.contains(found.robot.as_str());
         match found.presence {
             Presence::Online if all || wanted => chosen.push(found.robot.clone()),
-            // One that said goodbye is not missed where all are meant.
+            // An agent that logged off is no failure where all are meant.
             Presence::Offline if !wanted => {}
             presence if all || wanted => absent.push((found.robot.clone(), presence)),
             _ => {}

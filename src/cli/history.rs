@@ -27,7 +27,7 @@ use crate::journal::{History, Kinds, Record, Span};
                         --csv > docks.csv\n  spykee history --plot battery.png --since 7d"
 )]
 pub(super) struct HistoryArgs {
-    /// What to tell
+    /// What to show
     #[arg(value_enum, default_value_t = Topic::All)]
     topic: Topic,
 
@@ -40,7 +40,7 @@ pub(super) struct HistoryArgs {
     #[arg(long, value_name = "WHEN", value_parser = moment::parse)]
     until: Option<moment::Moment>,
 
-    /// Only of this robot
+    /// Only what concerns this robot
     #[arg(long, value_name = "UID")]
     robot: Option<String>,
 
@@ -165,7 +165,7 @@ fn list(
     };
     let records = records.map_err(unreadable)?;
     if !limited && records.len() == USUAL as usize {
-        tracing::warn!("these are the newest {USUAL}; --since tells more");
+        tracing::warn!("these are the newest {USUAL}; --since shows more");
     }
     if args.json {
         let text = serde_json::to_string(&records).map_err(Failure::usage)?;

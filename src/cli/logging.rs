@@ -28,7 +28,7 @@ fn usual(level: Level) -> &'static str {
     }
 }
 
-/// Logs from now on. `RUST_LOG` chooses what is logged; one that cannot be read is named and the
+/// Logs from now on. `RUST_LOG` chooses what is logged; a value that cannot be read is named and the
 /// default taken. A second call changes nothing.
 pub(super) fn start(console: &Console, format: LogFormat, level: Level, time: Time) {
     let wanted = std::env::var("RUST_LOG")

@@ -78,7 +78,7 @@ use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 pub use connection::{ConnectionArgs, LoginArgs, RobotChoice};
 pub use console::Console;
 pub use failure::{Exit, Failure};
-use settings::SettingsArgs;
+use settings::{ConfigFlag, SettingsArgs};
 
 /// The longest wait for a stderr that takes nothing, when all else is done.
 const CONSOLE_LIMIT: Duration = Duration::from_millis(500);
@@ -91,6 +91,9 @@ const RUNTIME_LIMIT: Duration = Duration::from_millis(200);
 struct Cli {
     #[command(subcommand)]
     command: Command,
+
+    #[command(flatten)]
+    config: ConfigFlag,
 
     /// How logs are written on stderr [default: text]; $RUST_LOG chooses what is logged
     #[arg(long, value_enum, global = true)]
@@ -235,8 +238,15 @@ pub fn main() -> ExitCode {
         }
     };
     // A config that is wrong is told by the command that needs it.
-    let usual = SettingsArgs::default();
-    let settings = cli.command.settings().unwrap_or(&usual);
+    let named = match cli.command {
+        // The unit's config, which may be another user's.
+        Command::Service(_) => None,
+        _ => cli.config.file,
+    };
+    let is_named = named.is_some();
+    let of_log = SettingsArgs::of(named);
+    let own = cli.command.settings();
+    let settings = own.unwrap_or(&of_log);
     let logs = settings.config().map(|config| config.logging.clone());
     let logs = logs.unwrap_or_default();
     let format = cli.log_format.unwrap_or(logs.format.into());
@@ -245,7 +255,11 @@ pub fn main() -> ExitCode {
     };
     report_panics(console.clone());
     logging::start(&console, format, logs.level, logs.time);
-    let (exit, last_words) = match cli.command.run(&console) {
+    let usable = match own {
+        None if is_named => of_log.load().map(|_| ()),
+        _ => Ok(()),
+    };
+    let (exit, last_words) = match usable.and_then(|()| cli.command.run(&console)) {
         Ok(exit) => (exit, None),
         Err(failure) => (failure.exit, Some(failure.report())),
     };

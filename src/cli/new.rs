@@ -17,11 +17,11 @@ const MAX_NAME: usize = 64;
 /// Make a folder for a new behaviour
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct NewArgs {
-    /// What it is called: letters, digits, `_` and `-`, beginning with a letter
+    /// Name of the behaviour and its folder: letters, digits, `_` and `-`, beginning with a letter
     #[arg(value_name = "NAME", value_parser = parse_name)]
     name: String,
 
-    /// What it does to begin with
+    /// What the behaviour does at first
     #[arg(long, value_enum, default_value = "patrol")]
     template: Template,
 
@@ -30,14 +30,14 @@ pub(super) struct NewArgs {
     into: PathBuf,
 }
 
-/// What the behaviour does to begin with.
+/// What the behaviour does at first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Template {
     /// Drives a square again and again.
     Patrol,
     /// Follows something red.
     Follow,
-    /// Says hello; all the rest is yours.
+    /// Prints a greeting.
     Empty,
 }
 

@@ -1,4 +1,4 @@
-//! `spykee notify`, and the notifications of a run: whom the config names, with their secrets.
+//! `spykee notify`, and the notifications of a run: the targets of the config, with their secrets.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

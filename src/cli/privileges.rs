@@ -31,7 +31,7 @@ pub(super) fn leave_root(user: Option<&str>, data: &Path) -> Result<(), Failure>
     let found = User::from_name(name).ok().flatten();
     let user = found.ok_or_else(|| {
         let failure = Failure::usage(format_args!("no user of this computer is called `{name}`"));
-        failure.help("`service: { user: ... }` in the config names one that there is")
+        failure.help("`service: { user: ... }` in the config names an existing user")
     })?;
     give_folder(data, &user).map_err(|error| {
         let data = data.display();
@@ -43,7 +43,7 @@ pub(super) fn leave_root(user: Option<&str>, data: &Path) -> Result<(), Failure>
     Ok(())
 }
 
-/// One that is there stays as it is.
+/// An existing folder stays as it is.
 fn give_folder(data: &Path, user: &User) -> std::io::Result<()> {
     if data.exists() {
         return Ok(());

@@ -1,4 +1,4 @@
-//! How a robot is reached: which one is meant, and a link to it, or to a simulated one that is started here.
+//! How a robot is reached: which robot the flags and the config name, and a link to it or to a simulator started here.
 
 use super::embedded::{EmbeddedSim, Simulated};
 use super::{ConnectionArgs, Failure, RobotChoice};

@@ -23,7 +23,7 @@ impl RemoteArgs {
     /// The service that is meant, if one is: that of the command line, or else of the config.
     ///
     /// # Errors
-    /// An address or a token that is none; the service is out of reach, or does not let us in.
+    /// An address or a token that is not valid; the service is out of reach, or refuses the token.
     pub(super) fn client(&self, settings: &SettingsArgs) -> Result<Option<Client>, Failure> {
         let effective = settings.load()?;
         let options = &effective.config.remote;

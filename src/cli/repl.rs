@@ -129,7 +129,7 @@ async fn converse(talk: Talk, terminal: &Terminal, console: &Console) -> Result<
         begun: false,
         running: false,
         failed: false,
-        patience: None,
+        terminal_due: None,
     };
     let console = console.clone();
     let thread = std::thread::Builder::new().name("editor".into());
@@ -144,7 +144,7 @@ async fn converse(talk: Talk, terminal: &Terminal, console: &Console) -> Result<
             ended = &mut session => return repl.exit(ended, stop.is_cancelled()),
             () = next(&mut interruption) => repl.interrupted(&stop),
             Some(said) = said.recv() => repl.hear(said),
-            () = until(repl.patience) => repl.give_up_on_terminal(),
+            () = until(repl.terminal_due) => repl.give_up_on_terminal(),
             typed = typed.recv(), if repl.order.is_some() => match typed {
                 Some(typed) => repl.take(typed),
                 // A prompt that is gone: no more input can come.
@@ -176,13 +176,13 @@ struct Repl {
     /// A line has failed.
     failed: bool,
     /// When a terminal that shows no prompt has had its time.
-    patience: Option<Instant>,
+    terminal_due: Option<Instant>,
 }
 
 impl Repl {
     fn take(&mut self, typed: Typed) {
         match typed {
-            Typed::Ready => self.patience = None,
+            Typed::Ready => self.terminal_due = None,
             Typed::Line { text, more } => {
                 self.running = true;
                 self.order(PromptCommand::Evaluate { text, more });
@@ -264,12 +264,12 @@ impl Repl {
 
     fn finish(&mut self, next: Next) {
         self.running = false;
-        self.patience = Some(Instant::now() + TERMINAL_LIMIT);
+        self.terminal_due = Some(Instant::now() + TERMINAL_LIMIT);
         let _ = self.tell.try_send(EditorCommand::Done(next));
     }
 
     fn give_up_on_terminal(&mut self) {
-        self.patience = None;
+        self.terminal_due = None;
         self.order(PromptCommand::Interrupt);
         tracing::warn!("the terminal takes no output: everything was stopped");
     }

@@ -94,7 +94,7 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "FILE", requires = "fast")]
     events: Option<PathBuf>,
 
-    /// Show it in the browser and steer it from there; prints the address [default: 127.0.0.1:7788].
+    /// Show the run in the browser and steer it from there; prints the address [default: 127.0.0.1:7788].
     /// The run goes on when its behaviours have ended; Ctrl-C ends it. With --fast the page holds the
     /// clock: pause, one step, 1 to 100 times as fast
     #[arg(long, value_name = "IP:PORT", num_args = 0..=1, require_equals = true)]

@@ -14,8 +14,8 @@ use crate::link::Target;
 /// How long a run may take for what is done at once.
 pub(super) const AT_ONCE: Duration = Duration::from_secs(5);
 
-/// The run that has the robot which is meant: the one that was named, else the config's, else that of
-/// the only run. With --sim a robot of its own is meant.
+/// The run that has the named robot, else the config's robot, or else the only run. With --sim there is
+/// no such run: the robot is started here.
 ///
 /// # Errors
 /// A config that cannot be used; several runs, and none was named.

@@ -19,8 +19,8 @@ const HEAD: [(&str, Side); 4] = [
 
 /// Say what the timetable of the config will do, and what it will not and why
 ///
-/// Goes by the config alone: whether the robot is there, and what a person starts meanwhile, no plan can
-/// foresee.
+/// Reads the config alone: it does not know whether the robot will be in reach, nor what a person will
+/// start meanwhile.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee schedule --next 20 --from \"2026-03-28 12:00\"")]
 pub(super) struct ScheduleArgs {

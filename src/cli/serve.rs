@@ -1,7 +1,7 @@
 //! `spykee serve`: a robot that is looked after for good, by timetable and when asked.
 
+mod duties;
 mod fast;
-mod order;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use tokio::sync::{Notify, mpsc, watch};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use self::order::{Order, Reader};
+use self::duties::{LoadedDuties, Reader};
 use super::embedded::{EmbeddedSim, Simulated};
 use super::interrupt::{listen, obey_as_service};
 use super::live::Ahead;
@@ -110,9 +110,9 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
             Zone::system()
         },
     };
-    let order = reader.order(&config)?;
+    let loaded = reader.load(&config)?;
     if args.fast {
-        return fast::serve(args, place, login, (&config, order), (seed, console));
+        return fast::serve(args, place, login, (&config, loaded), (seed, console));
     }
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
@@ -132,7 +132,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     let (tries, beats) = (Tries::default(), Arc::new(Notify::new()));
     let plan = Plan {
         behaviours: Vec::new(),
-        blueprints: order.duties.blueprints.clone(),
+        blueprints: loaded.duties.blueprints.clone(),
         stays: true,
         settings: config.pilot(simulated, seed),
         dial: until_answered(
@@ -153,7 +153,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         _ => startup::journal(&config, &bus, &(target.to_string(), simulated), clock),
     };
     let account = broker::of_run(args.settings.load()?)?;
-    let (known, shown) = watch::channel(order.known.clone());
+    let (known, shown) = watch::channel(loaded.known.clone());
     let page = config.live.listen.map(|_| Ahead::of(&config, shown, &bus));
     let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
     let voice = notify::start(args.settings.load()?, &bus)?;
@@ -171,7 +171,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
             target,
             beats,
         },
-        (reader, config, order),
+        (reader, config, loaded),
         (page, known, account),
         line,
         console,
@@ -204,7 +204,7 @@ struct Means {
 
 async fn serve(
     means: Means,
-    (reader, config, order): (Reader, Config, Order),
+    (reader, config, loaded): (Reader, Config, LoadedDuties),
     (page, known, account): Beside,
     line: StatusLine,
     console: &Console,
@@ -240,7 +240,7 @@ async fn serve(
         agent,
         status: status.clone(),
         clock: means.clock,
-        duties: order.duties.clone(),
+        duties: loaded.duties.clone(),
         record: means.record,
         herald: herald.clone(),
         bus,
@@ -259,7 +259,7 @@ async fn serve(
         never = showing => match never {},
         never = startup::serve(desk, asked) => match never {},
         never = herald.pass_on(means.beats) => match never {},
-        never = reader.obey(hangup, reload, known, (config, order)) => match never {},
+        never = reader.obey(hangup, reload, known, (config, loaded)) => match never {},
     };
     mqtt.map(|mqtt| mqtt.finish(broker::END));
     Ok(outcome)

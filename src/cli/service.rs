@@ -58,11 +58,11 @@ struct UnitArgs {
     #[arg(long, value_name = "FILE")]
     password_file: Option<PathBuf>,
 
-    /// A user of this computer who runs the service; without it systemd makes one of its own
+    /// The user of this computer that runs the service [default: one that systemd makes for it]
     #[arg(long, value_name = "NAME", value_parser = user)]
     user: Option<String>,
 
-    /// The program; without it this one
+    /// The program that the unit starts [default: this one]
     #[arg(long, value_name = "FILE")]
     program: Option<PathBuf>,
 }
@@ -90,7 +90,10 @@ impl UnitArgs {
             .chain(&self.password_file)
         {
             if !path.is_absolute() {
-                let what = format_args!("a unit needs whole paths, and {} is none", path.display());
+                let what = format_args!(
+                    "a unit needs absolute paths, and {} is not one",
+                    path.display()
+                );
                 return Err(Failure::usage(what).help("a path that begins with /"));
             }
         }

@@ -4,21 +4,61 @@ use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use clap::{ArgMatches, FromArgMatches};
+
 use super::Failure;
 use crate::config::{Config, ConfigError, Effective};
 
-/// Which settings.
-#[derive(Debug, Clone, Default, clap::Args)]
-pub(super) struct SettingsArgs {
+/// The flag, which stands before or behind any command.
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct ConfigFlag {
     /// Read the settings from this YAML file, instead of $SPYKEE_CONFIG or spykee.yaml here
-    #[arg(long, value_name = "FILE")]
-    config: Option<PathBuf>,
+    #[arg(id = CONFIG, long, value_name = "FILE", global = true)]
+    pub(super) file: Option<PathBuf>,
+}
 
-    #[arg(skip)]
+/// Clap's name of the flag.
+const CONFIG: &str = "config";
+
+/// The settings of a command, from the file that [`ConfigFlag`] names.
+#[derive(Debug, Clone)]
+pub(super) struct SettingsArgs {
+    config: Option<PathBuf>,
     read: OnceCell<Arc<Result<Effective, ConfigError>>>,
 }
 
+impl FromArgMatches for SettingsArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<SettingsArgs, clap::Error> {
+        let named = matches.try_get_one::<PathBuf>(CONFIG);
+        Ok(SettingsArgs::of(named.ok().flatten().cloned()))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = SettingsArgs::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
+
+/// Adds no flag: the one of the whole program is known to every command.
+impl clap::Args for SettingsArgs {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        command
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        command
+    }
+}
+
 impl SettingsArgs {
+    /// Those of this file; `None`: of the usual one.
+    pub(super) fn of(config: Option<PathBuf>) -> SettingsArgs {
+        SettingsArgs {
+            config,
+            read: OnceCell::new(),
+        }
+    }
+
     /// The settings; the first call reads them.
     ///
     /// # Errors
@@ -45,10 +85,7 @@ impl SettingsArgs {
 
     /// The same, to be read anew.
     pub(super) fn anew(&self) -> SettingsArgs {
-        SettingsArgs {
-            config: self.config.clone(),
-            read: OnceCell::new(),
-        }
+        SettingsArgs::of(self.config.clone())
     }
 
     /// Says in the log which file counts.

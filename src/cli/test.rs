@@ -19,7 +19,7 @@ use crate::scenario::{Book, BookError, Scenario, Setting, Trials};
 use crew::{Crew, Done, parse_timeout};
 use report::Report;
 
-/// Play scenarios: *_test.lua files that say what must become true of behaviours
+/// Play scenarios: *_test.lua files that say what behaviours must achieve
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct TestArgs {
     /// Scenario files, or folders that are searched for *_test.lua

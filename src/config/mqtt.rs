@@ -12,7 +12,7 @@ const LONGEST_PREFIX: usize = 64;
 /// Less would be a storm at a broker that is gone.
 const SHORTEST_PAUSE: Seconds = Seconds::from_millis(100);
 
-/// A broker of MQTT. Without a host there is none.
+/// The MQTT broker. Without a host MQTT is off.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "MqttOptions")]

@@ -46,7 +46,7 @@ pub async fn runs(data: &Path) -> (Vec<Client>, usize) {
                 way: Way::Socket(data.to_owned()),
                 overview: *overview,
             }),
-            // One that is just ending.
+            // The run is just ending.
             Ok(_) | Err(AskError::Ended) => {}
             Err(_) => silent += 1,
         }

@@ -15,7 +15,7 @@ use tracing::{debug, info};
 use super::errand::{Answer, Change, Errand, Listed, MAX_SPEECH, Next, Overview};
 use super::folder::{Bound, Folder};
 use super::pipe::Pipe;
-use crate::agent::{Docked, Member, MemberState, Roster, Seat, SeatError};
+use crate::agent::{Docked, MemberState, Roster, Seat, SeatError};
 use crate::pilot::{LinkState, Reactions, Status};
 use crate::robot::channel::{Crew, Request, Role};
 use crate::robot::{BehaviourId, Intent, Pictures, Priority, Streams, Use};
@@ -118,7 +118,7 @@ async fn serve(stream: UnixStream, run: Run) {
         Err(_) => return debug!("a client asks nothing"),
     };
     if !matches!(errand, Errand::Overview | Errand::Behaviours) {
-        info!("a person asks from outside: {}", words(&errand));
+        info!("a person asks from outside: {}", errand.words());
     }
     let answer = tokio::select! {
         answer = run.perform(errand) => answer,
@@ -152,7 +152,7 @@ impl Run {
         }
     }
 
-    /// Whether the robot is there; one that was let go of is dialled for.
+    /// Whether the robot is there; a released link is dialled again.
     async fn reach(&self) -> bool {
         let mut status = self.status.clone();
         if status.borrow().link == LinkState::Released {
@@ -225,42 +225,33 @@ impl Run {
     fn behaviours(&self) -> Answer {
         let members = self.roster.members();
         let members = members.borrow();
-        Answer::Behaviours(members.iter().map(listed).collect())
+        Answer::Behaviours(members.iter().map(Listed::of).collect())
     }
 
     async fn change(&self, name: &str, change: Change) -> Answer {
-        let changed = match change {
+        answer(match change {
             Change::Start => self.roster.start(name).await,
             Change::StartFor(lasts) => self.roster.start_for(name, lasts).await,
             Change::Stop => self.roster.stop(name).await,
             Change::Restart => self.roster.restart(name).await,
-        };
-        match changed {
-            Ok(()) => Answer::Done,
-            Err(error) => Answer::Refused(error.to_string()),
-        }
+        })
     }
 
     /// The tracks rest at once; then the run comes to its end, so that nothing drives on.
     async fn halt(&self) -> Answer {
-        let stopped = match self.seat("a person").await {
-            Ok(seat) => seat.intend(Intent::Stop).await,
-            Err(error) => Err(error),
-        };
+        let stopped = self.stop_tracks().await;
         self.stop.cancel();
-        match stopped {
-            Ok(()) => Answer::Done,
-            Err(error) => Answer::Refused(error.to_string()),
-        }
+        answer(stopped)
+    }
+
+    async fn stop_tracks(&self) -> Result<(), SeatError> {
+        self.seat("a person").await?.intend(Intent::Stop).await
     }
 
     /// The tracks rest at once, and all behaviours end, so that nothing drives on. Unlike [`Errand::Stop`]
     /// it does not end a run that stays.
     pub async fn rest(&self) -> Answer {
-        let stopped = match self.seat("a person").await {
-            Ok(seat) => seat.intend(Intent::Stop).await,
-            Err(error) => Err(error),
-        };
+        let stopped = self.stop_tracks().await;
         let mut ending = JoinSet::new();
         for member in self.roster.members().borrow().iter() {
             if matches!(member.state, MemberState::Idle | MemberState::Ending) {
@@ -269,12 +260,9 @@ impl Run {
             let (roster, name) = (self.roster.clone(), member.name.clone());
             ending.spawn(async move { roster.stop(&name).await });
         }
-        // One that has ended by itself meanwhile is where it was wanted.
+        // A behaviour that ended by itself meanwhile needs no stop.
         ending.join_all().await;
-        match stopped {
-            Ok(()) => Answer::Done,
-            Err(error) => Answer::Refused(error.to_string()),
-        }
+        answer(stopped)
     }
 
     async fn picture(&self, seat: &Seat, limit: Duration) -> Result<Answer, SeatError> {
@@ -358,50 +346,9 @@ impl Run {
     }
 }
 
-fn listed(member: &Member) -> Listed {
-    let (state, running) = match member.state {
-        MemberState::Idle => ("idle", None),
-        MemberState::Loading => ("loading", None),
-        MemberState::Running { since, .. } => ("running", Some(since.elapsed())),
-        MemberState::Ending => ("ending", None),
-    };
-    let ending = member.ending.as_ref().map(|ending| {
-        let words = ending.message.as_deref();
-        let words = words.unwrap_or(ending.reason.sentence());
-        (ending.reason, words.to_owned())
-    });
-    Listed {
-        name: member.name.clone(),
-        priority: member.priority,
-        state: state.to_owned(),
-        running,
-        ending,
-    }
-}
-
-/// For the log.
-fn words(errand: &Errand) -> String {
-    match errand {
-        Errand::Overview => "how things stand".to_owned(),
-        Errand::Dock(_) => "dock".to_owned(),
-        Errand::Undock(_) => "undock".to_owned(),
-        Errand::Stop => "stop; the run ends".to_owned(),
-        Errand::Led { led, on: true } => format!("light {} on", led.name()),
-        Errand::Led { led, on: false } => format!("light {} off", led.name()),
-        Errand::Play(sound) => format!("play {}", sound.name()),
-        Errand::StopSound => "stop the music".to_owned(),
-        Errand::Volume(percent) => format!("volume {percent}"),
-        Errand::Say(_) => "talk".to_owned(),
-        Errand::Picture(_) => "a picture".to_owned(),
-        Errand::Behaviours => "which behaviours there are".to_owned(),
-        Errand::Behaviour { name, change } => format!("{} behaviour {name:?}", verb(*change)),
-    }
-}
-
-fn verb(change: Change) -> &'static str {
-    match change {
-        Change::Start | Change::StartFor(_) => "start",
-        Change::Stop => "stop",
-        Change::Restart => "restart",
+fn answer<E: ToString>(done: Result<(), E>) -> Answer {
+    match done {
+        Ok(()) => Answer::Done,
+        Err(error) => Answer::Refused(error.to_string()),
     }
 }

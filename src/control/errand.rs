@@ -5,6 +5,7 @@ use std::time::Duration;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
+use crate::agent::{Member, MemberState};
 use crate::robot::channel::Aboard;
 use crate::robot::{Battery, DockEnd, DockPlan, EndReason, Percent, Priority, RobotInfo};
 use crate::timetable::View;
@@ -52,6 +53,27 @@ pub enum Errand {
     },
 }
 
+impl Errand {
+    /// For the log.
+    pub(super) fn words(&self) -> String {
+        match self {
+            Errand::Overview => "how things stand".to_owned(),
+            Errand::Dock(_) => "dock".to_owned(),
+            Errand::Undock(_) => "undock".to_owned(),
+            Errand::Stop => "stop; the run ends".to_owned(),
+            Errand::Led { led, on: true } => format!("light {} on", led.name()),
+            Errand::Led { led, on: false } => format!("light {} off", led.name()),
+            Errand::Play(sound) => format!("play {}", sound.name()),
+            Errand::StopSound => "stop the music".to_owned(),
+            Errand::Volume(percent) => format!("volume {percent}"),
+            Errand::Say(_) => "talk".to_owned(),
+            Errand::Picture(_) => "a picture".to_owned(),
+            Errand::Behaviours => "which behaviours there are".to_owned(),
+            Errand::Behaviour { name, change } => format!("{} behaviour {name:?}", change.verb()),
+        }
+    }
+}
+
 /// What is to become of a behaviour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Change {
@@ -63,6 +85,16 @@ pub enum Change {
     Stop,
     /// It ends if it runs, and begins anew from its file.
     Restart,
+}
+
+impl Change {
+    fn verb(self) -> &'static str {
+        match self {
+            Change::Start | Change::StartFor(_) => "start",
+            Change::Stop => "stop",
+            Change::Restart => "restart",
+        }
+    }
 }
 
 /// What becomes of an [`Errand`].
@@ -166,4 +198,28 @@ pub struct Listed {
     pub running: Option<Duration>,
     /// How it ended for the last time in this run.
     pub ending: Option<(EndReason, String)>,
+}
+
+impl Listed {
+    /// How it is with a behaviour of a run.
+    pub(super) fn of(member: &Member) -> Listed {
+        let (state, running) = match member.state {
+            MemberState::Idle => ("idle", None),
+            MemberState::Loading => ("loading", None),
+            MemberState::Running { since, .. } => ("running", Some(since.elapsed())),
+            MemberState::Ending => ("ending", None),
+        };
+        let ending = member.ending.as_ref().map(|ending| {
+            let words = ending.message.as_deref();
+            let words = words.unwrap_or(ending.reason.sentence());
+            (ending.reason, words.to_owned())
+        });
+        Listed {
+            name: member.name.clone(),
+            priority: member.priority,
+            state: state.to_owned(),
+            running,
+            ending,
+        }
+    }
 }

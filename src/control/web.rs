@@ -1,5 +1,5 @@
 //! A run on another computer, asked by its JSON API: each errand is one of the calls that
-//! `/api/openapi.json` describes, and its answer is the one that the private socket would give.
+//! `/api/openapi.json` describes, and its answer is that of the private socket.
 
 use std::io;
 use std::time::Duration;

@@ -11,7 +11,7 @@ use tracing::{error, info, warn};
 use super::note::{Note, Received, Words};
 use super::starter::{Started, Starter};
 
-/// How often the driving core must beat while there is a link; a third of the guardian's patience.
+/// How often the driving core must beat while there is a link; a third of the time after which the guardian acts.
 pub const BEAT: Duration = Duration::from_millis(100);
 /// Beats in a row that a living guardian leaves without an answer on the busiest machine. Beats and
 /// not seconds: an agent that was stopped itself has not beaten meanwhile.

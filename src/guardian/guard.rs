@@ -7,7 +7,7 @@ use tokio::time::Instant;
 use super::note::{Note, Words};
 
 /// How long the driving core may be silent before the guardian speaks in its place.
-pub(super) const PATIENCE: Duration = Duration::from_millis(300);
+pub(super) const HEARTBEAT_TIMEOUT: Duration = Duration::from_millis(300);
 
 /// What the guardian is to write now.
 #[derive(Debug, PartialEq, Eq)]
@@ -68,7 +68,7 @@ impl Guard {
         let listening = self.words.is_some() && !self.said;
         self.beaten
             .filter(|_| listening)
-            .map(|beaten| beaten + PATIENCE)
+            .map(|beaten| beaten + HEARTBEAT_TIMEOUT)
     }
 
     fn speak(&mut self) -> Option<Speech> {
@@ -108,7 +108,7 @@ mod tests {
     fn a_core_that_beats_is_left_alone() {
         let (mut guard, mut now) = guarding(words(b"", b"stop"));
         for _ in 0..10 {
-            now += PATIENCE - MS;
+            now += HEARTBEAT_TIMEOUT - MS;
             assert_eq!(guard.poll(now), None);
             guard.take(Note::Beat, now);
         }
@@ -117,19 +117,19 @@ mod tests {
     #[test]
     fn silence_is_answered_once_until_the_next_beat() {
         let (mut guard, now) = guarding(words(b"", b"stop"));
-        assert_eq!(guard.next_deadline(), Some(now + PATIENCE));
-        let speech = guard.poll(now + PATIENCE).unwrap();
+        assert_eq!(guard.next_deadline(), Some(now + HEARTBEAT_TIMEOUT));
+        let speech = guard.poll(now + HEARTBEAT_TIMEOUT).unwrap();
         assert_eq!((&*speech.bytes, speech.closes), (&b"stop"[..], false));
-        assert_eq!(guard.poll(now + 10 * PATIENCE), None);
-        guard.take(Note::Beat, now + 10 * PATIENCE);
-        assert!(guard.poll(now + 11 * PATIENCE).is_some());
+        assert_eq!(guard.poll(now + 10 * HEARTBEAT_TIMEOUT), None);
+        guard.take(Note::Beat, now + 10 * HEARTBEAT_TIMEOUT);
+        assert!(guard.poll(now + 11 * HEARTBEAT_TIMEOUT).is_some());
     }
 
     #[test]
     fn a_message_that_is_half_out_is_finished_first_and_the_link_closed() {
         let (mut guard, now) = guarding(words(b"", b"stop"));
         guard.take(Note::Words(words(b"rest", b"dock")), now);
-        let speech = guard.poll(now + PATIENCE).unwrap();
+        let speech = guard.poll(now + HEARTBEAT_TIMEOUT).unwrap();
         assert_eq!((&*speech.bytes, speech.closes), (&b"restdock"[..], true));
         assert_eq!(guard.end(), None, "the link is closed");
     }
@@ -137,7 +137,7 @@ mod tests {
     #[test]
     fn the_end_of_the_agent_is_answered_at_once_even_if_the_words_were_said() {
         let (mut guard, now) = guarding(words(b"", b"stop"));
-        assert!(guard.poll(now + PATIENCE).is_some());
+        assert!(guard.poll(now + HEARTBEAT_TIMEOUT).is_some());
         assert!(guard.end().is_some());
     }
 
@@ -145,7 +145,7 @@ mod tests {
     fn a_robot_that_is_best_left_alone_is_told_nothing() {
         let (mut guard, now) = guarding(words(b"", b"stop"));
         guard.take(Note::Words(Words::default()), now);
-        assert_eq!(guard.poll(now + PATIENCE), None);
+        assert_eq!(guard.poll(now + HEARTBEAT_TIMEOUT), None);
         assert_eq!(guard.end(), None);
     }
 
@@ -156,6 +156,9 @@ mod tests {
         assert_eq!((guard.next_deadline(), guard.end()), (None, None));
         let (mut guard, now) = guarding(words(b"", b"stop"));
         guard.take(Note::Release, now);
-        assert_eq!((guard.poll(now + PATIENCE), guard.end()), (None, None));
+        assert_eq!(
+            (guard.poll(now + HEARTBEAT_TIMEOUT), guard.end()),
+            (None, None)
+        );
     }
 }

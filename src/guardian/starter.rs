@@ -57,7 +57,7 @@ impl Starter {
         Ok((Starter { lost, started }, socket))
     }
 
-    /// Asks for another guardian in the place of one that is gone, or of no use, and is killed. Never
+    /// Asks for another guardian in place of one that is gone, or does not answer and is killed. Never
     /// waits. One is asked for at a time.
     pub(super) fn replace(&self, socket: OwnedFd) {
         let _ = self.lost.try_send(socket);

@@ -104,8 +104,8 @@ impl Access {
 
     /// # Errors
     /// Not meant for us, or of another site's page.
-    pub(super) fn judge(&self, request: Addressed<'_>) -> Result<(), Reason> {
-        self.names.judge(request)
+    pub(super) fn validate(&self, request: Addressed<'_>) -> Result<(), Reason> {
+        self.names.validate(request)
     }
 
     /// A session for who knows a password, or a token.

@@ -97,7 +97,7 @@ fn admit(
         site: only(headers, &HeaderName::from_static("sec-fetch-site")),
         acts: upgrade || !matches!(*request.method(), Method::GET | Method::HEAD),
     };
-    access.judge(addressed).map_err(|reason| match reason {
+    access.validate(addressed).map_err(|reason| match reason {
         Reason::Host => Refusal::new(StatusCode::MISDIRECTED_REQUEST, reason.to_string()),
         Reason::Origin => Refusal::new(StatusCode::FORBIDDEN, reason.to_string()),
     })?;

@@ -47,7 +47,7 @@ impl Names {
 
     /// # Errors
     /// See [`Reason`].
-    pub(super) fn judge(&self, request: Addressed<'_>) -> Result<(), Reason> {
+    pub(super) fn validate(&self, request: Addressed<'_>) -> Result<(), Reason> {
         let host = request.host.ok_or(Reason::Host)?.to_ascii_lowercase();
         if !self.is_ours(&host) {
             return Err(Reason::Host);
@@ -106,9 +106,9 @@ mod tests {
         Names::new(listen.parse().unwrap(), &["Robot.Example.org".to_owned()])
     }
 
-    fn judge(listen: &str, host: &str, origin: Option<&str>) -> Result<(), Reason> {
+    fn validate(listen: &str, host: &str, origin: Option<&str>) -> Result<(), Reason> {
         let host = Some(host);
-        names(listen).judge(Addressed {
+        names(listen).validate(Addressed {
             host,
             origin,
             site: None,
@@ -125,7 +125,7 @@ mod tests {
             "LOCALHOST:7788",
             "robot.example.org",
         ] {
-            assert_eq!(judge(here, good, None), Ok(()), "{good}");
+            assert_eq!(validate(here, good, None), Ok(()), "{good}");
         }
         for bad in [
             "evil.example",
@@ -138,22 +138,22 @@ mod tests {
             ":",
             "[::1]:7788",
         ] {
-            assert_eq!(judge(here, bad, None), Err(Reason::Host), "{bad}");
+            assert_eq!(validate(here, bad, None), Err(Reason::Host), "{bad}");
         }
-        assert_eq!(judge("0.0.0.0:7788", "192.168.1.7:7788", None), Ok(()));
+        assert_eq!(validate("0.0.0.0:7788", "192.168.1.7:7788", None), Ok(()));
         assert_eq!(
-            judge("0.0.0.0:7788", "evil.example:7788", None),
+            validate("0.0.0.0:7788", "evil.example:7788", None),
             Err(Reason::Host)
         );
-        assert_eq!(judge("[::1]:7788", "[::1]:7788", None), Ok(()));
-        let nobody = names(here).judge(Addressed::default());
+        assert_eq!(validate("[::1]:7788", "[::1]:7788", None), Ok(()));
+        let nobody = names(here).validate(Addressed::default());
         assert_eq!(nobody, Err(Reason::Host));
     }
 
     #[test]
     fn another_sites_page_is_turned_away() {
         let here = "127.0.0.1:7788";
-        let ask = |origin| judge(here, here, Some(origin));
+        let ask = |origin| validate(here, here, Some(origin));
         assert_eq!(ask("http://127.0.0.1:7788"), Ok(()));
         for bad in [
             "http://evil.example",
@@ -168,7 +168,7 @@ mod tests {
         }
         let (host, origin) = (Some(here), None);
         let from = |site, acts| {
-            names(here).judge(Addressed {
+            names(here).validate(Addressed {
                 host,
                 origin,
                 site,
@@ -188,7 +188,7 @@ mod tests {
     proptest! {
         #[test]
         fn no_header_makes_it_panic_and_no_stranger_is_let_in(host in "\\PC{0,40}", origin in "\\PC{0,40}") {
-            let verdict = judge("127.0.0.1:7788", &host, Some(&origin));
+            let verdict = validate("127.0.0.1:7788", &host, Some(&origin));
             let known = host.to_ascii_lowercase();
             let ours = known.starts_with("127.0.0.1") || known.starts_with("localhost")
                 || known.starts_with("robot.example.org");

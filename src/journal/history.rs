@@ -1,4 +1,4 @@
-//! Reading a journal, also one that is being written.
+//! Reads a journal, also while it is being written.
 
 use std::path::Path;
 use std::time::Duration;
@@ -69,7 +69,7 @@ pub enum Kinds {
     Of(&'static [&'static str]),
 }
 
-/// From when to when, both included, and of whom.
+/// From when to when, both included, and of which robot.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Span {
     /// `None`: from the beginning.
@@ -112,7 +112,7 @@ impl History {
             let newer = schema::SchemaError::Newer { found };
             return Err(newer.into());
         }
-        schema::judge(&connection, found)?;
+        schema::validate(&connection, found)?;
         // Made, and not written yet.
         Ok((found > 0).then_some(History(connection)))
     }

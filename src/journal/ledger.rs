@@ -87,7 +87,7 @@ impl Ledger {
         })
     }
 
-    /// Renames the file of a journal that is none any more. Its new name.
+    /// Renames a file that is not a journal any more. Returns its new name.
     pub(super) fn set_aside(data: &Path, now: Timestamp) -> io::Result<String> {
         let private = Folder::open(&folder(data))?;
         let aside = format!("{FILE}.damaged-{}", now.as_second());

@@ -70,11 +70,11 @@ fn parts(connection: &Connection) -> rusqlite::Result<Vec<[Option<String>; 3]>> 
 ///
 /// # Errors
 /// [`SchemaError::Foreign`], or SQLite's words.
-pub(super) fn judge(connection: &Connection, version: usize) -> Result<(), SchemaError> {
-    judge_by(STEPS, connection, version)
+pub(super) fn validate(connection: &Connection, version: usize) -> Result<(), SchemaError> {
+    validate_by(STEPS, connection, version)
 }
 
-fn judge_by(steps: &[&str], connection: &Connection, version: usize) -> Result<(), SchemaError> {
+fn validate_by(steps: &[&str], connection: &Connection, version: usize) -> Result<(), SchemaError> {
     let own = Connection::open_in_memory()?;
     for step in steps.iter().take(version) {
         own.execute_batch(step)?;
@@ -98,7 +98,7 @@ fn migrate_by(steps: &[&str], connection: &mut Connection) -> Result<(), SchemaE
     if found > steps.len() {
         return Err(SchemaError::Newer { found });
     }
-    judge_by(steps, &transaction, found)?;
+    validate_by(steps, &transaction, found)?;
     for step in &steps[found..] {
         transaction.execute_batch(step)?;
     }
@@ -146,10 +146,10 @@ mod tests {
         ] {
             let mut connection = Connection::open_in_memory().unwrap();
             migrate(&mut connection).unwrap();
-            judge(&connection, VERSION).unwrap();
+            validate(&connection, VERSION).unwrap();
             connection.execute_batch(foreign).unwrap();
             assert!(
-                matches!(judge(&connection, VERSION), Err(SchemaError::Foreign)),
+                matches!(validate(&connection, VERSION), Err(SchemaError::Foreign)),
                 "{foreign}"
             );
             assert!(migrate(&mut connection).is_err(), "{foreign}");

@@ -23,7 +23,7 @@ pub use backoff::Backoff;
 pub use delivery::{Delivery, farewell};
 pub use error::LinkError;
 pub use options::Options;
-pub use reader::Reader;
+pub use reader::{Reader, Received};
 pub use session::{MAX_EARLY_REPORTS, Session, connect, open};
 pub use target::{Target, TargetError};
 pub use writer::Writer;

@@ -12,8 +12,18 @@ use crate::wire::{Decoder, Report};
 /// A good part of a frame in one read, and nothing beside the robot's 64 KiB messages.
 const CHUNK_LEN: usize = 16 * 1024;
 
-/// A frame on its way is reported again when so many bytes more of it have come.
+/// A frame on its way is passed on again when so many bytes more of it have come.
 const GROWTH: usize = 1024;
+
+/// What has come from the robot.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Received {
+    /// A whole message.
+    Report(Report),
+    /// The first bytes of a frame whose rest is on its way, a good part more of them than the last
+    /// time.
+    PartOfFrame(Bytes),
+}
 
 /// The read half of a [`super::Session`]. Holds one message and one chunk, never more.
 pub struct Reader {
@@ -21,8 +31,8 @@ pub struct Reader {
     decoder: Decoder,
     chunk: Box<[u8]>,
     unread: std::ops::Range<usize>,
-    /// Bytes of the frame on its way that were reported.
-    reported: usize,
+    /// Bytes of the frame on its way that were passed on.
+    passed_on: usize,
     dead_after: Duration,
 }
 
@@ -33,7 +43,7 @@ impl Reader {
             decoder: Decoder::new(),
             chunk: vec![0; CHUNK_LEN].into_boxed_slice(),
             unread: 0..0,
-            reported: 0,
+            passed_on: 0,
             dead_after,
         }
     }
@@ -44,29 +54,28 @@ impl Reader {
     /// As [`Reader::hear`].
     pub async fn next(&mut self) -> Result<Report, LinkError> {
         loop {
-            if let Some(report) = self.hear().await? {
+            if let Received::Report(report) = self.hear().await? {
                 return Ok(report);
             }
         }
     }
 
-    /// Waits for the next report. `None`: a good part more of a frame has come, which
-    /// [`Reader::coming_frame`] has. Cancel-safe.
+    /// Waits for the next report, or for more of a frame. Cancel-safe.
     ///
     /// # Errors
     /// [`LinkError::Closed`] at the end of the stream, also within a message;
     /// [`LinkError::Framing`] when it is out of step, from then on always; [`LinkError::Dead`] when
     /// the system gave the connection up.
-    pub async fn hear(&mut self) -> Result<Option<Report>, LinkError> {
+    pub async fn hear(&mut self) -> Result<Received, LinkError> {
         // Thousands of small messages fit into one chunk: timers must get their turn between them.
         coop::consume_budget().await;
         loop {
             if let Some(report) = self.decode()? {
-                self.reported = 0;
-                return Ok(Some(report));
+                self.passed_on = 0;
+                return Ok(Received::Report(report));
             }
-            if self.has_grown() {
-                return Ok(None);
+            if let Some(part) = self.grown_frame() {
+                return Ok(Received::PartOfFrame(part));
             }
             let read = self.io.read(&mut self.chunk).await;
             let count = read.map_err(|error| LinkError::from_io(error, self.dead_after))?;
@@ -87,18 +96,14 @@ impl Reader {
         }
     }
 
-    /// The part of a frame that has come, if it is not whole yet.
-    pub fn coming_frame(&self) -> Option<Bytes> {
-        self.decoder.coming_frame().map(Bytes::copy_from_slice)
-    }
-
-    fn has_grown(&mut self) -> bool {
-        let come = self.decoder.coming_frame().map_or(0, <[u8]>::len);
-        let grown = come >= self.reported + GROWTH;
-        if grown {
-            self.reported = come;
+    /// The part of a frame that has come, if it is a good part more than was passed on.
+    fn grown_frame(&mut self) -> Option<Bytes> {
+        let part = self.decoder.coming_frame()?;
+        if part.len() < self.passed_on + GROWTH {
+            return None;
         }
-        grown
+        self.passed_on = part.len();
+        Some(Bytes::copy_from_slice(part))
     }
 
     fn decode(&mut self) -> Result<Option<Report>, LinkError> {
@@ -139,7 +144,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_frame_on_its_way_is_reported_as_it_grows() {
+    async fn a_frame_on_its_way_is_passed_on_as_it_grows() {
         let jpeg: Bytes = (0..5000).map(|index| index as u8).collect();
         let mut pieces = pieces(&Report::Video(jpeg.clone()), 700);
         pieces.extend(self::pieces(&Report::Audio(jpeg.clone()), 700));
@@ -147,8 +152,8 @@ mod tests {
         let mut told = Vec::new();
         let report = loop {
             match reader.hear().await.unwrap() {
-                None => told.push(reader.coming_frame().unwrap()),
-                Some(report) => break report,
+                Received::PartOfFrame(part) => told.push(part),
+                Received::Report(report) => break report,
             }
         };
         assert_eq!(report, Report::Video(jpeg.clone()));
@@ -160,7 +165,8 @@ mod tests {
             "{lens:?}"
         );
         // Of nothing else.
-        assert!(matches!(reader.hear().await, Ok(Some(Report::Audio(_)))));
+        let next = reader.hear().await;
+        assert!(matches!(next, Ok(Received::Report(Report::Audio(_)))));
     }
 
     #[tokio::test]

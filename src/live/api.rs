@@ -10,8 +10,8 @@ use axum::routing::{get, post};
 use axum::{Json, Router};
 use serde::Deserialize;
 
+use super::command::{Done, PageCommand, Turn, UNDOCK, errand, good, in_words, perform};
 use super::hub::Hub;
-use super::order::{Done, Order, Turn, UNDOCK, errand, good, in_words, perform};
 use super::past::{self, Past};
 use super::scripts::{self, Behaviour, Text};
 use super::shapes::{Become, Dock, Docking, Health, Lamp, Outcome, TimeLimit, Tune, Tuned, Volume};
@@ -65,7 +65,7 @@ pub(super) fn routes(hub: Arc<Hub>) -> Router {
         .route("/api/play", post(play))
         .route(
             "/api/stop-sound",
-            post(async |hub: Shared, who: Driver| order(hub, who, Order::StopSound).await),
+            post(async |hub: Shared, who: Driver| order(hub, who, PageCommand::StopSound).await),
         )
         .route("/api/volume", post(volume))
         .layer(DefaultBodyLimit::max(MAX_BODY))
@@ -141,7 +141,7 @@ async fn change(
     Json(Become { change, lasts }): Json<Become>,
 ) -> Reply<Outcome> {
     let Some(lasts) = lasts else {
-        return order(hub, who, Order::Behaviour { name, change }).await;
+        return order(hub, who, PageCommand::Behaviour { name, change }).await;
     };
     if change != Turn::Start || lasts.get().is_zero() {
         let why = "`for` goes with `start`, and is a second at least";
@@ -157,7 +157,7 @@ async fn tune(
     Path(name): Path<String>,
     Json(Tuned { param, value }): Json<Tuned>,
 ) -> Reply<Outcome> {
-    order(hub, who, Order::Param { name, param, value }).await
+    order(hub, who, PageCommand::Param { name, param, value }).await
 }
 
 async fn script(State(hub): Shared, _: Visitor, Path(name): Path<String>) -> Reply<Text> {
@@ -222,7 +222,7 @@ async fn picture(
     _: Visitor,
     Query(TimeLimit { seconds }): Query<TimeLimit>,
 ) -> Result<Response, Refusal> {
-    let limit = seconds.map_or(PICTURE, |seconds| patience(seconds, LONGEST_PICTURE));
+    let limit = seconds.map_or(PICTURE, |seconds| time_limit(seconds, LONGEST_PICTURE));
     match hub.run.perform(Errand::Picture(limit)).await {
         Answer::Picture(jpeg) => Ok(([(header::CONTENT_TYPE, "image/jpeg")], jpeg).into_response()),
         Answer::Refused(why) => Err(Refusal::new(StatusCode::CONFLICT, why)),
@@ -240,7 +240,7 @@ async fn dock(State(hub): Shared, _: Driver, body: Option<Json<Dock>>) -> Respon
     let plan = DockPlan {
         timeout: asked
             .seconds
-            .map_or(usual.timeout, |seconds| patience(seconds, LONGEST_SEARCH)),
+            .map_or(usual.timeout, |seconds| time_limit(seconds, LONGEST_SEARCH)),
         retries: asked
             .retries
             .map_or(usual.retries, |retries| retries.min(MOST_RETRIES)),
@@ -251,12 +251,12 @@ async fn dock(State(hub): Shared, _: Driver, body: Option<Json<Dock>>) -> Respon
 
 async fn undock(State(hub): Shared, _: Driver, body: Option<Json<TimeLimit>>) -> Response {
     let seconds = body.and_then(|Json(asked)| asked.seconds);
-    let limit = seconds.map_or(UNDOCK, |seconds| patience(seconds, LONGEST_UNDOCKING));
+    let limit = seconds.map_or(UNDOCK, |seconds| time_limit(seconds, LONGEST_UNDOCKING));
     docking(hub.run.perform(Errand::Undock(limit)).await)
 }
 
 /// At least a second, and at most so long.
-fn patience(seconds: u64, most: Duration) -> Duration {
+fn time_limit(seconds: u64, most: Duration) -> Duration {
     Duration::from_secs(seconds.max(1)).min(most)
 }
 
@@ -303,11 +303,11 @@ fn held(ok: bool) -> Reply<Outcome> {
 }
 
 async fn led(hub: Shared, who: Driver, Json(Lamp { light, on }): Json<Lamp>) -> Reply<Outcome> {
-    order(hub, who, Order::Led { light, on }).await
+    order(hub, who, PageCommand::Led { light, on }).await
 }
 
 async fn play(hub: Shared, who: Driver, Json(Tune { sound }): Json<Tune>) -> Reply<Outcome> {
-    order(hub, who, Order::Play { sound }).await
+    order(hub, who, PageCommand::Play { sound }).await
 }
 
 async fn volume(
@@ -315,7 +315,7 @@ async fn volume(
     who: Driver,
     Json(Volume { percent }): Json<Volume>,
 ) -> Reply<Outcome> {
-    order(hub, who, Order::Volume { percent }).await
+    order(hub, who, PageCommand::Volume { percent }).await
 }
 
 /// s16 little-endian, mono, 16 kHz.
@@ -323,7 +323,7 @@ async fn say(State(hub): Shared, _: Driver, samples: bytes::Bytes) -> Reply<Outc
     done(hub.run.perform(Errand::Say(samples.to_vec())).await)
 }
 
-async fn order(State(hub): Shared, _: Driver, order: Order) -> Reply<Outcome> {
+async fn order(State(hub): Shared, _: Driver, order: PageCommand) -> Reply<Outcome> {
     match errand(order) {
         Ok(errand) => done(hub.run.perform(errand).await),
         Err(order) => outcome(perform(*order, &hub.run, hub.sim.as_ref()).await),

@@ -6,8 +6,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use super::command::PageCommand;
 use super::log::Line;
-use super::order::Order;
 use super::scripts::Behaviour;
 use super::state::State;
 use super::world::{Map, Place};
@@ -48,7 +48,7 @@ pub(super) enum FromPage {
         /// Counts up.
         id: u32,
         /// What.
-        order: Order,
+        order: PageCommand,
     },
 }
 

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::order::{Light, Turn};
+use super::command::{Light, Turn};
 use crate::clock::Span;
 use crate::robot::{ParamValue, Percent};
 

@@ -15,10 +15,10 @@ use tokio::sync::{broadcast, mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 use tokio_util::task::AbortOnDropHandle;
 
+use super::command::{PageCommand, perform};
 use super::hub::{Hub, text};
 use super::log::Line;
 use super::messages::{FromPage, Hello, ToPage, Watch};
-use super::order::{Order, perform};
 use super::state::has_camera;
 use super::ticket::{NoWheel, Ticket};
 use super::world;
@@ -178,7 +178,7 @@ impl Reader {
         }
     }
 
-    fn order(&mut self, id: u32, order: Order) {
+    fn order(&mut self, id: u32, order: PageCommand) {
         self.orders.retain(|order| !order.is_finished());
         let words = self.wants.words.clone();
         let answer = move |(ok, said): (bool, String)| {

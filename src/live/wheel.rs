@@ -17,7 +17,7 @@ use crate::robot::{Event, Setpoint};
 
 /// How long a setpoint lives.
 pub(super) const LIFE: Duration = Duration::from_millis(300);
-/// How often the seat shows life; the watchdog's patience is 0.25 s.
+/// How often the seat sends a sign of life; the watchdog stops the tracks after 0.25 s without one.
 const BEAT: Duration = Duration::from_millis(50);
 
 /// How long STOP waits before it takes the tracks again.

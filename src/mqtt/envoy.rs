@@ -9,10 +9,10 @@ use tokio::time::{Instant, sleep_until, timeout_at};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
+use super::command::{Answer, BrokerCommand, BrokerCommandError};
 use super::discovery::{EVENTS, discovery};
 use super::errands::{Errands, Over};
 use super::line::{Account, Full, Line, Message, Will, Word};
-use super::order::{Answer, Order, OrderError};
 use super::presence::Presence;
 use super::report::Report;
 use super::scribe::Scribe;
@@ -291,7 +291,7 @@ impl Envoy {
             return;
         }
         let read = if message.topic == self.topics.command() {
-            Order::parse(&message.payload)
+            BrokerCommand::parse(&message.payload)
         } else if message.topic == self.topics.behaviour() {
             choice(&message.payload).map(|order| (order, None))
         } else {
@@ -314,7 +314,7 @@ impl Envoy {
         self.scribe
             .info(&format!("a person asks by the broker: {order}"));
         let members = self.members();
-        if let Order::Choose(name) = &order {
+        if let BrokerCommand::Choose(name) = &order {
             if !self.report.choose(name, &members) {
                 self.scribe
                     .warn(&format!("no behaviour is called `{name}`"));
@@ -378,12 +378,12 @@ fn topics(account: &Account, uid: &str) -> Topics {
 }
 
 /// The name of a behaviour.
-fn choice(payload: &[u8]) -> Result<Order, OrderError> {
+fn choice(payload: &[u8]) -> Result<BrokerCommand, BrokerCommandError> {
     if payload.len() > LONGEST_CHOICE {
-        return Err(OrderError::TooLong);
+        return Err(BrokerCommandError::TooLong);
     }
-    let name = std::str::from_utf8(payload).map_err(|_| OrderError::NoText)?;
-    Ok(Order::Choose(name.trim().to_owned()))
+    let name = std::str::from_utf8(payload).map_err(|_| BrokerCommandError::NoText)?;
+    Ok(BrokerCommand::Choose(name.trim().to_owned()))
 }
 
 /// What the line has to say, or the time to make one. Cancel-safe.

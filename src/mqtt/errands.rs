@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use tokio::task::{AbortHandle, JoinSet};
 
-use super::order::{Answer, Order};
+use super::command::{Answer, BrokerCommand};
 use crate::control::{self, Change, Errand, Run};
 use crate::robot::{DockEnd, DockPlan};
 use crate::wire::Sound;
@@ -29,7 +29,7 @@ pub(super) struct Over {
 pub(super) struct Errands {
     run: Run,
     tasks: JoinSet<Over>,
-    /// The one that drives the robot.
+    /// The errand that drives the robot.
     drive: Option<AbortHandle>,
 }
 
@@ -40,16 +40,21 @@ impl Errands {
     }
 
     /// Begins with one. `chosen` is what `start` starts.
-    pub(super) fn begin(&mut self, order: Order, id: Option<String>, chosen: Option<String>) {
-        let drives = matches!(order, Order::Dock | Order::Undock);
-        if drives || order == Order::Stop {
+    pub(super) fn begin(
+        &mut self,
+        order: BrokerCommand,
+        id: Option<String>,
+        chosen: Option<String>,
+    ) {
+        let drives = matches!(order, BrokerCommand::Dock | BrokerCommand::Undock);
+        if drives || order == BrokerCommand::Stop {
             // Who asked for the last one is gone: the pilot gives it up.
             self.give_up_driving();
         }
         if self.tasks.len() >= MOST_STOPS {
             return;
         }
-        let full = self.tasks.len() >= MOST && order != Order::Stop;
+        let full = self.tasks.len() >= MOST && order != BrokerCommand::Stop;
         let run = self.run.clone();
         let task = self.tasks.spawn(async move {
             let words = order.to_string();
@@ -103,29 +108,33 @@ impl Errands {
 
 type Done = Result<Option<String>, String>;
 
-async fn perform(run: &Run, order: Order, chosen: Option<String>) -> (Done, Option<Vec<u8>>) {
+async fn perform(
+    run: &Run,
+    order: BrokerCommand,
+    chosen: Option<String>,
+) -> (Done, Option<Vec<u8>>) {
     let change = Change::Start;
     let errand = match order {
-        Order::Stop => return (judge(run.rest().await), None),
-        Order::Start => match chosen {
+        BrokerCommand::Stop => return (outcome_of(run.rest().await), None),
+        BrokerCommand::Start => match chosen {
             Some(name) => Errand::Behaviour { name, change },
             None => return (Err("there is no behaviour to start".to_owned()), None),
         },
-        Order::Run(name) => Errand::Behaviour { name, change },
+        BrokerCommand::Run(name) => Errand::Behaviour { name, change },
         // Done where the choice is kept.
-        Order::Choose(_) => return (Ok(None), None),
-        Order::Dock => Errand::Dock(DockPlan::default()),
-        Order::Undock => Errand::Undock(UNDOCKING),
-        Order::Locate => Errand::Play(Sound::Laser),
-        Order::Snapshot => Errand::Picture(PICTURE),
+        BrokerCommand::Choose(_) => return (Ok(None), None),
+        BrokerCommand::Dock => Errand::Dock(DockPlan::default()),
+        BrokerCommand::Undock => Errand::Undock(UNDOCKING),
+        BrokerCommand::Locate => Errand::Play(Sound::Laser),
+        BrokerCommand::Snapshot => Errand::Picture(PICTURE),
     };
     match run.perform(errand).await {
         control::Answer::Picture(jpeg) => (Ok(None), Some(jpeg)),
-        answer => (judge(answer), None),
+        answer => (outcome_of(answer), None),
     }
 }
 
-fn judge(answer: control::Answer) -> Done {
+fn outcome_of(answer: control::Answer) -> Done {
     match answer {
         control::Answer::Docked { end, .. } | control::Answer::Undocked(end) => {
             let words = end.name().replace('_', " ");

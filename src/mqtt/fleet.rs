@@ -6,8 +6,8 @@ use std::time::Duration;
 use serde_json::Value;
 use tokio::time::{Instant, timeout_at};
 
+use super::command::{Answer, BrokerCommand};
 use super::line::{Account, Full, Line, Message, Word};
-use super::order::{Answer, Order};
 use super::presence::Presence;
 use super::topics::Topics;
 
@@ -17,7 +17,7 @@ const OPENING: Duration = Duration::from_secs(10);
 const SILENCE: Duration = Duration::from_millis(700);
 /// What it has kept ends by then, however much more it has to say.
 const LISTENING: Duration = Duration::from_secs(5);
-/// A longer state is none, in bytes.
+/// The longest state that is read, in bytes.
 const LONGEST_STATE: usize = 16 << 10;
 /// More agents are not listed.
 const MOST: usize = 10_000;
@@ -148,7 +148,7 @@ impl Fleet {
     pub async fn ask(
         &mut self,
         robots: &[String],
-        order: &Order,
+        order: &BrokerCommand,
         limit: Duration,
     ) -> Result<BTreeMap<String, Answer>, FleetError> {
         let id = format!("{:016x}", rand::random::<u64>());
@@ -159,7 +159,7 @@ impl Fleet {
     async fn try_ask(
         &mut self,
         robots: &[String],
-        order: &Order,
+        order: &BrokerCommand,
         id: &str,
         limit: Duration,
     ) -> Result<BTreeMap<String, Answer>, String> {

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub enum Presence {
     /// It is.
     Online,
-    /// It has said goodbye.
+    /// It has logged off.
     Offline,
     /// It is gone, or out of reach: the broker says so for it.
     ConnectionBroken,

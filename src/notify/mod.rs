@@ -3,7 +3,7 @@
 //!
 //! A thread listens and puts messages into queues on the disk; a thread for each target sends them. What
 //! if a target hangs, refuses or is gone? Its own queue waits, with growing pauses, and is bounded;
-//! nobody else waits. Secrets of a target are in no log, no error and no queue.
+//! nothing else waits. Secrets of a target are in no log, no error and no queue.
 
 mod broker;
 mod command;

@@ -154,7 +154,7 @@ impl Voice {
                 let said = self.rules.hear(&one.what, Instant::now());
                 self.tell(said, one.at);
             }
-            Heard::Missed(missed) => warn!(missed, "events passed that nobody could be told of"),
+            Heard::Missed(missed) => warn!(missed, "events were lost before a rule could see them"),
             Heard::Closed => return false,
         }
         true

@@ -20,7 +20,7 @@ const LONGEST_TOPIC: usize = 200;
 /// What a webhook may be asked with.
 const METHODS: &[&str] = &["POST", "PUT", "PATCH"];
 
-/// Whom to tell what.
+/// Which messages go to which targets.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "NotifyOptions")]
@@ -217,7 +217,7 @@ pub enum TargetError {
     /// A token on a command line.
     #[error("a command gets no token: it would stand in lists of processes")]
     TokenOfCommand,
-    /// A topic that is none, or a pattern of topics.
+    /// Not a topic, or a pattern of topics.
     #[error(
         "its topic must be one topic, such as `house/robot`, at most {LONGEST_TOPIC} bytes, without \
          +, # and braces"

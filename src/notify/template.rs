@@ -36,7 +36,7 @@ fn known() -> String {
 /// Whether all names in braces are known.
 ///
 /// # Errors
-/// Names the one that is not.
+/// Names the placeholder that is unknown.
 pub(super) fn check(template: &str) -> Result<(), UnknownName> {
     for name in parts(template).filter_map(|part| part.err()) {
         if !NAMES.contains(&name) {

@@ -32,10 +32,10 @@ pub(super) fn send(
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RequestError {
     /// The address.
-    #[error("its url is none")]
+    #[error("its url is not valid")]
     Url,
     /// The header field of this name.
-    #[error("its header field `{0}` is none")]
+    #[error("its header field `{0}` is not valid")]
     Header(String),
 }
 
@@ -77,13 +77,13 @@ fn ask(request: Request<Vec<u8>>, limit: Duration) -> Delivery {
         .build()
         .into();
     match agent.run(request) {
-        Ok(answer) => judge(answer.status().as_u16()),
+        Ok(answer) => delivery_of(answer.status().as_u16()),
         Err(error) => failed(&error, limit),
     }
 }
 
 /// What will never do better is given up; a wrong token may be put right.
-fn judge(status: u16) -> Delivery {
+fn delivery_of(status: u16) -> Delivery {
     match status {
         200..=299 => Delivery::Done,
         400 | 405 | 411 | 413 | 415 | 422 => Delivery::Refused(format!("it answers {status}")),
@@ -100,7 +100,7 @@ fn failed(error: &ureq::Error, limit: Duration) -> Delivery {
         HostNotFound => "its host is not known".to_owned(),
         Io(error) => format!("no connection: {error}"),
         TooManyRedirects => "it sends us elsewhere again and again".to_owned(),
-        BadUri(_) => return Delivery::Refused("its url is none".to_owned()),
+        BadUri(_) => return Delivery::Refused("its url is not valid".to_owned()),
         ureq::Error::ConnectionFailed => "no connection".to_owned(),
         _ => "no connection, or no HTTP on it".to_owned(),
     })

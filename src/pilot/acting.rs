@@ -7,10 +7,17 @@ use super::Pilot;
 use super::last_words::tell_guardian;
 use super::lost::LinkLost;
 use crate::robot::Event;
-use crate::safety::Act;
+use crate::safety::{Act, Fact};
 use crate::wire::Command;
 
 impl Pilot {
+    /// Takes a fact to the watchdog and does what it wants. Like all here it fails if the link is
+    /// lost.
+    pub(super) fn take(&mut self, fact: Fact) -> Result<(), LinkLost> {
+        let acts = self.watchdog.take(fact, Instant::now());
+        self.perform(acts)
+    }
+
     /// Does what the watchdog wants: first all commands in one write, then the rest.
     pub(super) fn perform(&mut self, acts: Vec<Act>) -> Result<(), LinkLost> {
         let commands = acts.iter().filter_map(Act::command);

@@ -9,17 +9,18 @@ use super::line::{Greeting, LinkEvent};
 use super::lost::{HearError, LinkLost};
 use super::{FAILED_EVERY, Pilot};
 use crate::budget::Repeats;
+use crate::link::Received;
 use crate::robot::{Coming, Event, Frame, RobotInfo};
 use crate::safety::Fact;
-use crate::wire::{Accepted, EngineNews, Report};
+use crate::wire::{Accepted, EngineReport, Report};
 
 impl Pilot {
     pub(super) fn hear(&mut self, event: LinkEvent) -> Result<(), HearError> {
         self.wake()?;
         match event {
             LinkEvent::Up(greeting) => self.connected(*greeting)?,
-            LinkEvent::Report(report) => self.report(report)?,
-            LinkEvent::Coming(beginning) => self.coming(beginning),
+            LinkEvent::Received(Received::Report(report)) => self.report(report)?,
+            LinkEvent::Received(Received::PartOfFrame(part)) => self.coming(part),
             LinkEvent::Lost(error) => return Err(LinkLost::from(error).into()),
             LinkEvent::Failed(error) if self.info.is_none() => return Err(HearError::First(error)),
             LinkEvent::Failed(error) => self.say_failed(&error.to_string()),
@@ -93,7 +94,7 @@ impl Pilot {
                 self.silence.level(Instant::now());
                 return lost.and(self.learn(Fact::Power(power)));
             }
-            Report::Engine(news) => return lost.and(self.engine(news)),
+            Report::Engine(report) => return lost.and(self.engine(report)),
             Report::Video(jpeg) => self.frame(jpeg),
             Report::Audio(samples) => self.seats.tell_audience(&Event::Audio(samples)),
             Report::SoundFinished => self.seats.tell_all(&Event::SoundFinished),
@@ -104,8 +105,8 @@ impl Pilot {
         lost
     }
 
-    // A behaviour hears of a fact before it hears what came of it: an answer to a waiting call must
-    // not overtake the news that brought it about. Telling never waits, so nothing is delayed.
+    // Events go to behaviours before the answers that they cause: an answer to a waiting call must not
+    // overtake the event that ended the call. Telling never waits, so nothing is delayed.
 
     /// Takes a fact that may change what is believed of the battery, and tells of such a change.
     fn learn(&mut self, fact: Fact) -> Result<(), LinkLost> {
@@ -124,17 +125,17 @@ impl Pilot {
         self.perform(acts)
     }
 
-    fn engine(&mut self, news: EngineNews) -> Result<(), LinkLost> {
-        let event = match news {
-            EngineNews::Docked => Event::Docked,
-            EngineNews::Undocked => Event::Undocked,
-            EngineNews::Charged => Event::Charged,
-            EngineNews::BaseNotFound => Event::BaseNotFound,
-            EngineNews::Unknown(code) => Event::Engine { code },
+    fn engine(&mut self, report: EngineReport) -> Result<(), LinkLost> {
+        let event = match report {
+            EngineReport::Docked => Event::Docked,
+            EngineReport::Undocked => Event::Undocked,
+            EngineReport::Charged => Event::Charged,
+            EngineReport::BaseNotFound => Event::BaseNotFound,
+            EngineReport::Unknown(code) => Event::Engine { code },
         };
-        self.say_engine(news);
+        self.say_engine(report);
         self.seats.tell_all(&event);
-        self.learn(Fact::Engine(news))
+        self.learn(Fact::Engine(report))
     }
 
     /// Puts a frame into the slot of the newest one, unread: its readers validate it.
@@ -168,16 +169,16 @@ impl Pilot {
     }
 
     /// A broken robot, or one that only claims to be one, may say the same a thousand times a second.
-    fn say_engine(&mut self, news: EngineNews) {
-        let said = match news {
-            EngineNews::Unknown(code) => {
+    fn say_engine(&mut self, report: EngineReport) {
+        let said = match report {
+            EngineReport::Unknown(code) => {
                 self.unknown.note(UnknownKind::Engine(code), Instant::now())
             }
             known => self.engine_said.note(known, Instant::now()),
         };
         match said {
-            Some(0) => info!("the robot says: {}", words(news)),
-            Some(repeated) => info!(repeated, "the robot says: {}", words(news)),
+            Some(0) => info!("the robot says: {}", words(report)),
+            Some(repeated) => info!(repeated, "the robot says: {}", words(report)),
             None => {}
         }
     }
@@ -202,12 +203,12 @@ pub(super) enum UnknownKind {
     Engine(u8),
 }
 
-fn words(news: EngineNews) -> String {
-    match news {
-        EngineNews::Docked => "on the station".to_owned(),
-        EngineNews::Undocked => "off the station".to_owned(),
-        EngineNews::Charged => "the battery is full".to_owned(),
-        EngineNews::BaseNotFound => "station not found".to_owned(),
-        EngineNews::Unknown(code) => format!("ENGINE {code}, an unknown value"),
+fn words(report: EngineReport) -> String {
+    match report {
+        EngineReport::Docked => "on the station".to_owned(),
+        EngineReport::Undocked => "off the station".to_owned(),
+        EngineReport::Charged => "the battery is full".to_owned(),
+        EngineReport::BaseNotFound => "station not found".to_owned(),
+        EngineReport::Unknown(code) => format!("ENGINE {code}, an unknown value"),
     }
 }

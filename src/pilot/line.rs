@@ -5,13 +5,12 @@ use std::net::SocketAddr;
 use std::pin::Pin;
 use std::time::Duration;
 
-use bytes::Bytes;
 use rand::SeedableRng;
 use rand::rngs::StdRng;
 use tokio::time::{Sleep, sleep};
 use tracing::debug;
 
-use crate::link::{self, Backoff, Delivery, LinkError, Options, Reader, Session, Writer};
+use crate::link::{self, Backoff, Delivery, LinkError, Options, Reader, Received, Session, Writer};
 use crate::wire::{Accepted, Command, Power, Report};
 
 type Dialling = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send>>;
@@ -38,10 +37,8 @@ pub(super) struct Greeting {
 pub(super) enum LinkEvent {
     /// Connected and logged in.
     Up(Box<Greeting>),
-    /// A message from the robot.
-    Report(Report),
-    /// More of a frame on its way, from its start.
-    Coming(Bytes),
+    /// Something from the robot.
+    Received(Received),
     /// An open link is gone.
     Lost(LinkError),
     /// A try has failed; another will be made.
@@ -119,8 +116,7 @@ impl Line {
                 }
                 State::Up(reader) => {
                     return match reader.hear().await {
-                        Ok(Some(report)) => LinkEvent::Report(report),
-                        Ok(None) => LinkEvent::Coming(reader.coming_frame().unwrap_or_default()),
+                        Ok(received) => LinkEvent::Received(received),
                         Err(error) => LinkEvent::Lost(error),
                     };
                 }

@@ -1,4 +1,4 @@
-//! How the pilot leaves a link: one that is lost, and the last one, at the end of the run.
+//! How the pilot leaves a link: a lost link, and the last link at the end of the run.
 
 use std::pin::pin;
 

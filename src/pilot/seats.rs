@@ -16,7 +16,7 @@ struct Seat {
     name: String,
     priority: Priority,
     role: Role,
-    outbox: EventSender,
+    events: EventSender,
     streams: BTreeSet<Stream>,
     throttle: Throttle,
 }
@@ -60,17 +60,17 @@ impl Seats {
         name: String,
         priority: Priority,
         role: Role,
-        mut outbox: EventSender,
+        mut events: EventSender,
         welcome: &[Event],
     ) {
-        welcome.iter().for_each(|event| outbox.tell(event.clone()));
+        welcome.iter().for_each(|event| events.tell(event.clone()));
         self.seats.insert(
             by,
             Seat {
                 name,
                 priority,
                 role,
-                outbox,
+                events,
                 streams: BTreeSet::new(),
                 throttle: Throttle::new(Instant::now()),
             },
@@ -116,7 +116,7 @@ impl Seats {
     /// Has a behaviour ended; from now on nothing it asks is heard.
     pub(super) fn kill(&mut self, by: BehaviourId, reason: EndReason) {
         if let Some(seat) = self.seats.remove(&by) {
-            seat.outbox.kill(reason);
+            seat.events.kill(reason);
         }
     }
 
@@ -150,27 +150,27 @@ impl Seats {
     /// Tells one behaviour.
     pub(super) fn tell(&mut self, by: BehaviourId, event: Event) {
         if let Some(seat) = self.seats.get_mut(&by) {
-            seat.outbox.tell(event);
+            seat.events.tell(event);
         }
     }
 
     /// Tells every behaviour that there is a newer picture.
     pub(super) fn show_all(&self) {
-        self.seats.values().for_each(|seat| seat.outbox.show());
+        self.seats.values().for_each(|seat| seat.events.show());
     }
 
     /// Tells every behaviour.
     pub(super) fn tell_all(&mut self, event: &Event) {
         self.seats
             .values_mut()
-            .for_each(|seat| seat.outbox.tell(event.clone()));
+            .for_each(|seat| seat.events.tell(event.clone()));
     }
 
     /// Tells the behaviours that listen to the microphone.
     pub(super) fn tell_audience(&mut self, event: &Event) {
         let listens = |seat: &&mut Seat| seat.streams.contains(&Stream::AudioIn);
         let audience = self.seats.values_mut().filter(listens);
-        audience.for_each(|seat| seat.outbox.tell(event.clone()));
+        audience.for_each(|seat| seat.events.tell(event.clone()));
     }
 
     /// Tells every behaviour how things stand after a login.
@@ -345,13 +345,13 @@ mod tests {
     #[tokio::test]
     async fn a_killed_behaviour_is_heard_no_more() {
         let mut seats = Seats::default();
-        let (outbox, mut inbox) = events();
+        let (events, mut inbox) = events();
         seats.join(
             ONE,
             "one".to_owned(),
             Priority(3),
             Role::Behaviour,
-            outbox,
+            events,
             &[],
         );
         assert_eq!(seats.priority(ONE), Some(Priority(3)));

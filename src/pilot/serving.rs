@@ -27,12 +27,12 @@ impl Pilot {
                 name,
                 priority,
                 role,
-                outbox,
+                events,
             } => {
                 let mut welcome = self.welcome();
                 // The last of them is that it is connected.
                 welcome.insert(0, Event::Moving { on: self.moving });
-                self.seats.join(by, name, priority, role, outbox, &welcome);
+                self.seats.join(by, name, priority, role, events, &welcome);
                 if role == Role::Rescuer {
                     self.defer(Fact::Rescuer(Some(by)));
                 }
@@ -57,7 +57,7 @@ impl Pilot {
             }
             Request::Crew(tell) => {
                 let (robot, aboard) = (self.info.clone(), self.seats.aboard());
-                // Who does not wait any more need not know.
+                // The asker may have given up.
                 let _ = tell.send(Crew { robot, aboard });
                 Ok(())
             }
@@ -75,12 +75,6 @@ impl Pilot {
         intent: Intent,
     ) -> Result<(), LinkLost> {
         match intent {
-            Intent::Move { .. } => {
-                self.stopwatch.serving(true);
-                let asked = self.ask(by, priority, intent);
-                self.stopwatch.serving(false);
-                asked
-            }
             Intent::Release { .. } => {
                 self.defer(Fact::Asked {
                     by,
@@ -98,8 +92,20 @@ impl Pilot {
                 self.seats.tell(by, Event::UndockEnded { call, end });
                 Ok(())
             }
-            Intent::Stop | Intent::Dock { .. } | Intent::Undock { .. } | Intent::CancelDock => {
-                self.ask(by, priority, intent)
+            Intent::Move { .. }
+            | Intent::Stop
+            | Intent::Dock { .. }
+            | Intent::Undock { .. }
+            | Intent::CancelDock => {
+                self.stopwatch
+                    .serving(matches!(intent, Intent::Move { .. }));
+                let served = self.take(Fact::Asked {
+                    by,
+                    priority,
+                    intent,
+                });
+                self.stopwatch.serving(false);
+                served
             }
             Intent::Stream { stream, on } => self.stream(by, stream, on),
             Intent::Led { led, on } => self.signal(by, Command::Led { led, on }),
@@ -216,14 +222,6 @@ impl Pilot {
         }
         self.tell_sound();
         Ok(())
-    }
-
-    fn ask(&mut self, by: BehaviourId, priority: Priority, intent: Intent) -> Result<(), LinkLost> {
-        self.take(Fact::Asked {
-            by,
-            priority,
-            intent,
-        })
     }
 
     /// Whether a behaviour may ask for one more docking or undocking.

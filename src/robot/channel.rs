@@ -27,7 +27,7 @@ pub enum Request {
         /// What it is there for.
         role: Role,
         /// Where it is told.
-        outbox: EventSender,
+        events: EventSender,
     },
     /// A behaviour asks for something.
     Intent(BehaviourId, Intent),
@@ -53,7 +53,7 @@ pub enum Request {
 /// Who must make no sound and show no bright light.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Quiet {
-    /// No one: it is day.
+    /// Sounds and lights are allowed.
     #[default]
     Off,
     /// Scripts.
@@ -209,20 +209,20 @@ mod tests {
 
     #[tokio::test]
     async fn a_kill_overtakes_events() {
-        let (mut outbox, mut inbox) = events();
-        outbox.tell(Event::Docked);
-        outbox.kill(EndReason::Cpu);
+        let (mut events, mut inbox) = events();
+        events.tell(Event::Docked);
+        events.kill(EndReason::Cpu);
         assert_eq!(inbox.next().await, PilotMessage::Kill(EndReason::Cpu));
     }
 
     #[tokio::test]
     async fn news_that_does_not_fit_is_dropped_and_an_answer_ends_the_behaviour() {
-        let (mut outbox, mut inbox) = events();
-        (0..MAX_EVENTS + 3).for_each(|_| outbox.tell(Event::Docked));
-        assert_eq!(outbox.dropped(), 3);
+        let (mut events, mut inbox) = events();
+        (0..MAX_EVENTS + 3).for_each(|_| events.tell(Event::Docked));
+        assert_eq!(events.dropped(), 3);
         assert_eq!(inbox.next().await, PilotMessage::Event(Event::Docked));
-        outbox.tell(Event::Docked);
-        outbox.tell(Event::MotionEnded {
+        events.tell(Event::Docked);
+        events.tell(Event::MotionEnded {
             motion: MotionId(1),
             end: MotionEnd::Done,
         });
@@ -231,8 +231,8 @@ mod tests {
 
     #[tokio::test]
     async fn without_a_pilot_the_line_is_closed() {
-        let (outbox, mut inbox) = events();
-        drop(outbox);
+        let (events, mut inbox) = events();
+        drop(events);
         assert_eq!(inbox.next().await, PilotMessage::Closed);
     }
 }

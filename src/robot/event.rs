@@ -76,7 +76,7 @@ pub enum Event {
         /// It moves.
         on: bool,
     },
-    /// The robot was told to make a sound, by whomever.
+    /// The robot was told to make a sound, by any behaviour, person or rule.
     Sounding,
     /// A setpoint is over.
     MotionEnded {

@@ -9,7 +9,7 @@ use super::param::Console;
 /// Things of one frame, and letters of each.
 const MOST: usize = 64;
 const LONGEST: usize = 40;
-/// Frames that who looks on may be behind.
+/// Frames that a viewer may be behind.
 const BEHIND: usize = 32;
 
 /// One thing, in pixels of the frame.
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_host_that_says_too_much_is_cut_short_and_who_is_slow_holds_nobody_up() {
+    fn a_host_that_says_too_much_is_cut_short_and_a_slow_viewer_delays_nothing() {
         let lookout = Lookout::default();
         let mut slow = lookout.look();
         let text = "x".repeat(1000);

@@ -1,7 +1,7 @@
 //! What goes into the watchdog and what comes out of it.
 
 use crate::robot::{BehaviourId, EndReason, Event, Intent, Priority};
-use crate::wire::{Command, EngineNews, Power};
+use crate::wire::{Command, EngineReport, Power};
 
 /// Something that has happened.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,7 +20,7 @@ pub enum Fact {
     /// A battery level came.
     Power(Power),
     /// An ENGINE message came.
-    Engine(EngineNews),
+    Engine(EngineReport),
     /// Whether a stream is on that makes the robot send.
     Listening(bool),
     /// A behaviour asks for something that moves the robot.

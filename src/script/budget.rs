@@ -201,7 +201,7 @@ thread_local! {
     static SEAT: Seat = Seat(Watcher::get().enrol());
     /// The seat's slot while a slice runs; without destructor, so that reading it costs nothing.
     static SLOT: Cell<Option<&'static Slot>> = const { Cell::new(None) };
-    static PATIENCE: Cell<u32> = const { Cell::new(WALL_FACTOR) };
+    static WALL_TIME_FACTOR: Cell<u32> = const { Cell::new(WALL_FACTOR) };
     static RUNNING: RefCell<Option<Running>> = const { RefCell::new(None) };
 }
 
@@ -228,19 +228,19 @@ impl Running {
         // In this order: asking for the processor's clock costs a system call.
         wall >= self.limit && {
             let processor = processor_time().saturating_sub(self.processor);
-            is_too_long(wall, processor, self.limit, PATIENCE.get())
+            is_too_long(wall, processor, self.limit, WALL_TIME_FACTOR.get())
         }
     }
 }
 
 /// Of a slice that took its budget by the wall clock.
-fn is_too_long(wall: Duration, processor: Duration, limit: Duration, patience: u32) -> bool {
-    wall >= limit * patience || processor >= limit / 2
+fn is_too_long(wall: Duration, processor: Duration, limit: Duration, wall_factor: u32) -> bool {
+    wall >= limit * wall_factor || processor >= limit / 2
 }
 
 /// From now on no real robot waits for the scripts of this thread.
 pub(crate) fn only_simulated() {
-    PATIENCE.set(SIMULATED_WALL_FACTOR);
+    WALL_TIME_FACTOR.set(SIMULATED_WALL_FACTOR);
 }
 
 /// What this thread has computed so far.
@@ -328,8 +328,8 @@ pub(super) enum BudgetVerdict {
     RaiseFirst(&'static CStr),
 }
 
-/// Judges the running slice.
-pub(super) fn judge() -> BudgetVerdict {
+/// Whether the running slice may go on.
+pub(super) fn verdict() -> BudgetVerdict {
     let Some(slot) = SLOT.get() else {
         return BudgetVerdict::GoOn;
     };

@@ -32,7 +32,7 @@ impl State {
     /// Before a slice.
     pub(super) fn before(&self) -> Before {
         Before {
-            mark: self.outbox.mark(),
+            mark: self.output.mark(),
             motion: self.motion.current(),
         }
     }
@@ -53,7 +53,7 @@ impl State {
     /// Its motion ends now, every task is cancelled and every subscription is off.
     pub(super) fn halt(&mut self) {
         if let Some(motion) = self.motion.release_any() {
-            self.outbox.send(Intent::Release { motion });
+            self.output.send(Intent::Release { motion });
         }
         let subscriptions: Vec<_> = self.subscriptions.keys().copied().collect();
         for id in subscriptions {
@@ -103,10 +103,10 @@ impl State {
             }
             Life::Ended(_) => return,
         };
-        self.outbox.withdraw_since(before.mark);
+        self.output.withdraw_since(before.mark);
         let _ = self.motion.release_any();
         if let Some(motion) = before.motion {
-            self.outbox.send(Intent::Release { motion });
+            self.output.send(Intent::Release { motion });
         }
         self.give_up_docking();
         self.end(ending);
@@ -115,7 +115,7 @@ impl State {
     fn give_up_docking(&mut self) {
         let docks = |wait: &Wait| matches!(wait, Wait::Dock(_));
         if !self.tasks.waiting_for(docks).is_empty() {
-            self.outbox.send(Intent::CancelDock);
+            self.output.send(Intent::CancelDock);
         }
     }
 
@@ -129,7 +129,7 @@ impl State {
         if let Some(text) = self.sight.damage.rest() {
             self.log(Level::Warn, &text);
         }
-        self.outbox.say_folded();
+        self.output.say_folded();
         self.life = Life::Ended(ending);
     }
 }

@@ -66,7 +66,7 @@ impl Script {
                 let start = Answer::Start(LuaMultiValue::new());
                 state.tasks.add(thread, TaskKind::Line, start, None, now);
             }
-            Err(answer) => state.outbox.answer(answer),
+            Err(answer) => state.output.answer(answer),
         }
     }
 
@@ -80,7 +80,7 @@ impl Script {
                 return;
             }
             state.halt();
-            state.outbox.send_stop();
+            state.output.send_stop();
         }
         self.advance_ending();
     }

@@ -42,15 +42,15 @@ unsafe extern "C-unwind" fn interrupt(state: *mut ffi::lua_State, gc: c_int) {
     // SAFETY: `state` is the running coroutine. `raise` is not reached with live destructors: the
     // message is a `&'static CStr`.
     unsafe {
-        if let Some(message) = judge(state) {
+        if let Some(message) = message_of(state) {
             raise(state, message);
         }
     }
 }
 
 /// Whether to raise, and with which words. The first over-run remembers where it was.
-unsafe fn judge(state: *mut ffi::lua_State) -> Option<&'static CStr> {
-    match budget::judge() {
+unsafe fn message_of(state: *mut ffi::lua_State) -> Option<&'static CStr> {
+    match budget::verdict() {
         BudgetVerdict::GoOn => None,
         BudgetVerdict::Raise(message) => Some(message),
         BudgetVerdict::RaiseFirst(message) => {

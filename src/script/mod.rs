@@ -61,11 +61,9 @@ use std::rc::Rc;
 use mlua::prelude::{Lua, LuaMultiValue, LuaResult};
 use tokio::time::Instant;
 
-use crate::robot::{EndReason, Event, Frame};
-use crate::wire::Stream;
+use crate::robot::EndReason;
 
 use api::Shared;
-use events::EventName;
 use life::{Life, is_kill};
 use state::State;
 use task::{Answer, TaskKind};
@@ -184,15 +182,6 @@ impl Script {
         self.state.borrow_mut().complaints.explain = Some(explain);
     }
 
-    /// Tells the script what happened.
-    pub fn deliver(&mut self, event: Event, now: Instant) {
-        let mut state = self.state.borrow_mut();
-        state.tick(now);
-        if !state.has_ended() {
-            state.deliver(event);
-        }
-    }
-
     /// A person gives one of its parameters another value; a refusal is said in its log.
     pub fn turn_param(&mut self, name: &str, value: ParamValue, now: Instant) {
         let mut state = self.state.borrow_mut();
@@ -203,32 +192,7 @@ impl Script {
         if let Err(why) = api::turn_param(&self.lua, &mut state, name, value) {
             let now = state.now;
             let line = LogLine::new(Level::Warn, &why.to_string());
-            state.outbox.log(line, now);
-        }
-    }
-
-    /// Gives the script a frame; it replaces one that no handler has taken. `false`: its markers give
-    /// it away as no picture, and the script is not told of it.
-    pub fn deliver_frame(&mut self, frame: Frame, now: Instant) -> bool {
-        let mut state = self.state.borrow_mut();
-        state.tick(now);
-        state.has_ended() || state.deliver_frame(frame)
-    }
-
-    /// Decodes what has come of the next frame, so that it is looked at sooner.
-    pub fn look_ahead(&mut self, beginning: &[u8]) {
-        self.state.borrow_mut().sight.eyes.look_ahead(beginning);
-    }
-
-    /// Looks at the newest frame as the script did, so that the next one is looked at sooner; does
-    /// nothing if the script let it pass.
-    pub fn rehearse(&mut self) {
-        let mut state = self.state.borrow_mut();
-        let sight = &mut state.sight;
-        if let Some(held) = sight.newest.clone()
-            && sight.eyes.seen() == Some(held.frame().seq)
-        {
-            sight.eyes.rehearse(&held.frame().jpeg);
+            state.output.log(line, now);
         }
     }
 
@@ -238,13 +202,6 @@ impl Script {
         if used > self.tidied + self.tidied / 20 && self.lua.gc_step().unwrap_or(true) {
             self.tidied = self.lua.used_memory();
         }
-    }
-
-    /// Whether the script has looked at the newest frame, rather than let it pass or save it.
-    pub fn looks_at_frames(&self) -> bool {
-        let state = self.state.borrow();
-        let newest = state.sight.newest.as_ref().map(|held| held.frame().seq);
-        newest.is_some() && newest == state.sight.eyes.seen()
     }
 
     /// Runs the next task that is ready or due, until it waits: one slice, so that the host can
@@ -279,14 +236,6 @@ impl Script {
         state.next_deadline()
     }
 
-    /// Whether a frame would be looked at: something listens or waits, or the script has switched
-    /// the video on.
-    pub fn wants_frames(&self) -> bool {
-        let state = self.state.borrow();
-        !state.has_ended()
-            && (state.streams.is_on(Stream::Video) || state.is_heard(EventName::Frame))
-    }
-
     /// Whether a setpoint of this script is on, as far as it knows, be it one of standing still: it
     /// too needs signs of life.
     pub fn has_motion(&self) -> bool {
@@ -296,7 +245,7 @@ impl Script {
     /// What the script wants said and done since the last call, in order. Bounded: a script that
     /// floods gets errors, and its log lines are folded.
     pub fn take_output(&mut self) -> Vec<Output> {
-        self.state.borrow_mut().outbox.take()
+        self.state.borrow_mut().output.take()
     }
 
     /// Takes up what an earlier run of the script kept in its store.

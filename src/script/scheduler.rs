@@ -112,9 +112,9 @@ impl State {
         match wait {
             Wait::Motion(motion) if self.motion.current() == Some(motion) => {
                 self.motion.ended(motion);
-                self.outbox.send(Intent::Release { motion });
+                self.output.send(Intent::Release { motion });
             }
-            Wait::Dock(_) => self.outbox.send(Intent::CancelDock),
+            Wait::Dock(_) => self.output.send(Intent::CancelDock),
             Wait::Group(group) => self.dissolve(group),
             _ => {}
         }
@@ -138,7 +138,7 @@ impl State {
             (TaskKind::Main, Outcome::Failed(text)) => self.fail(text),
             (TaskKind::Line, outcome) => {
                 let answer = self.evaluated(outcome);
-                self.outbox.answer(answer);
+                self.output.answer(answer);
             }
             (TaskKind::Spawned | TaskKind::Farewell, Outcome::Failed(text)) => self.complain(&text),
             _ => {}

@@ -19,11 +19,6 @@ pub(super) struct HeldFrame {
 }
 
 impl HeldFrame {
-    /// As it came.
-    pub(super) fn frame(&self) -> &Frame {
-        &self.frame
-    }
-
     /// `size` is what its markers say. Adds its bytes to `held` for as long as it lives.
     pub(super) fn new(frame: Frame, size: Size, held: &Rc<Cell<u64>>) -> HeldFrame {
         held.set(held.get() + frame.jpeg.len() as u64);

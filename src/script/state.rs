@@ -88,7 +88,7 @@ pub(super) struct State {
     /// Whom a script asks that drives no robot.
     pub(super) stage: Option<Rc<dyn Stage>>,
     pub(super) params: Declared,
-    pub(super) outbox: OutputQueue,
+    pub(super) output: OutputQueue,
     pub(super) life: Life,
     pub(super) exit: Exit,
     /// No coroutine of the running task stands where it cannot yield.
@@ -110,7 +110,7 @@ impl State {
     pub(super) fn show_params(&mut self) {
         let all = self.params.all.iter();
         let knobs = all.map(|(name, (declaration, value))| declaration.knob(name, value.clone()));
-        self.outbox.params(knobs.collect());
+        self.output.params(knobs.collect());
     }
 
     pub(super) fn new(options: Options, now: Instant) -> State {
@@ -140,7 +140,7 @@ impl State {
             modules,
             stage: None,
             params: Declared::default(),
-            outbox: OutputQueue::new(now),
+            output: OutputQueue::new(now),
             life: Life::Running,
             exit: Exit::default(),
             can_wait: true,
@@ -161,7 +161,7 @@ impl State {
             self.moved = Some(self.now);
         }
         self.note_used_streams();
-        self.outbox.unfold(self.now);
+        self.output.unfold(self.now);
     }
 
     /// Whether the robot has moved within the last `time`, for any reason.
@@ -189,7 +189,7 @@ impl State {
     /// While the script drives for a time, its pictures tell whether the robot turns, and whether it moves:
     /// after the script's own handlers, whose answer does not wait for that.
     fn plan_look(&mut self, held: &Rc<HeldFrame>) {
-        let at = held.frame().at;
+        let at = held.frame.at;
         self.odometry.mark(at);
         let calibration = self.options.calibration;
         let going = self.motion.timed().map(|(motion, setpoint, since)| Going {
@@ -216,7 +216,7 @@ impl State {
         let Some(Look { held, going, turn }) = self.sight.look.take() else {
             return;
         };
-        let (camera, frame) = (self.options.camera, held.frame());
+        let (camera, frame) = (self.options.camera, &held.frame);
         let Ok(image) = self.sight.eyes.look(frame.seq, &frame.jpeg) else {
             return;
         };
@@ -243,20 +243,20 @@ impl State {
     fn end_blocked(&mut self, motion: MotionId, since: Instant) {
         self.odometry.rewind(since);
         self.motion.ended(motion);
-        self.outbox.send(Intent::Release { motion });
+        self.output.send(Intent::Release { motion });
         self.answer(Wait::Motion(motion), || Answer::Motion(MotionEnd::Blocked));
     }
 
     /// Takes note of what the script was told about a frame.
     pub(super) fn saw(&mut self, held: &HeldFrame, found: impl IntoIterator<Item = Seen>) {
         if let Some(witness) = &mut self.sight.witness {
-            witness.note(held.frame(), self.now, found);
+            witness.note(&held.frame, self.now, found);
         }
     }
 
     /// See [`Script::take_sighting`](super::Script::take_sighting).
     pub(super) fn take_sighting(&mut self) -> Option<Sighting> {
-        let newest = self.sight.newest.as_ref().map(|held| held.frame().seq);
+        let newest = self.sight.newest.as_ref().map(|held| held.frame.seq);
         let busy = !self.has_ended() && self.tasks.is_ready();
         let witness = self.sight.witness.as_mut()?;
         witness.take_if(|sighting| !busy || newest != Some(sighting.frame.seq))
@@ -264,7 +264,7 @@ impl State {
 
     /// Writes a line of the runtime's own into the script's log.
     pub(super) fn log(&mut self, level: Level, text: &str) {
-        self.outbox.log(LogLine::new(level, text), self.now);
+        self.output.log(LogLine::new(level, text), self.now);
     }
 
     /// Logs a failure, the first time and then ever more rarely for the same place.
@@ -301,7 +301,7 @@ impl State {
     /// An owner is gone, and its setpoint with it.
     pub(super) fn release(&mut self, owner: Owner) {
         if let Some(motion) = self.motion.release(owner) {
-            self.outbox.send(Intent::Release { motion });
+            self.output.send(Intent::Release { motion });
         }
     }
 
@@ -318,7 +318,7 @@ impl State {
             Life::Running => None,
             Life::Ended(_) => return None,
         };
-        let timers = [self.tasks.next_timer(), self.outbox.unfolds_at(), ending];
+        let timers = [self.tasks.next_timer(), self.output.unfolds_at(), ending];
         timers
             .into_iter()
             .chain([self.next_stream_end()])

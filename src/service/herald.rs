@@ -8,10 +8,10 @@ use sd_notify::NotifyState;
 use tokio::sync::Notify;
 use tokio::time::Instant;
 
-/// News that may wait; more are dropped, and told anew with the next change.
+/// Messages that may wait; more are dropped, and told anew with the next change.
 const WAITING: usize = 16;
 
-enum News {
+enum ManagerMessage {
     Ready,
     Status(String),
     Alive,
@@ -21,7 +21,7 @@ enum News {
 /// See the module. Cheap to clone; without a manager it does nothing.
 #[derive(Debug, Clone, Default)]
 pub struct Herald {
-    news: Option<SyncSender<News>>,
+    messages: Option<SyncSender<ManagerMessage>>,
 }
 
 impl Herald {
@@ -30,10 +30,12 @@ impl Herald {
         if std::env::var_os("NOTIFY_SOCKET").is_none() {
             return Herald::default();
         }
-        let (news, told) = sync_channel(WAITING);
+        let (messages, told) = sync_channel(WAITING);
         let thread = std::thread::Builder::new().name("herald".into());
         match thread.spawn(move || tell(&told)) {
-            Ok(_) => Herald { news: Some(news) },
+            Ok(_) => Herald {
+                messages: Some(messages),
+            },
             Err(error) => {
                 tracing::warn!("the system's manager is told nothing: no thread: {error}");
                 Herald::default()
@@ -43,45 +45,45 @@ impl Herald {
 
     /// The service has begun.
     pub fn ready(&self) {
-        self.say(News::Ready);
+        self.say(ManagerMessage::Ready);
     }
 
     /// One line that says what it does.
     pub fn status(&self, text: impl Into<String>) {
-        self.say(News::Status(text.into()));
+        self.say(ManagerMessage::Status(text.into()));
     }
 
     /// It comes to its end.
     pub fn stopping(&self) {
-        self.say(News::Stopping);
+        self.say(ManagerMessage::Stopping);
     }
 
     /// Passes the beats of the driving core on to the manager's watchdog, if it has one, as often as it
     /// wants to hear them. There is no timer: without beats nothing is passed on. Never returns.
     pub async fn pass_on(&self, beats: Arc<Notify>) -> std::convert::Infallible {
-        let Some(patience) = sd_notify::watchdog_enabled() else {
+        let Some(timeout) = sd_notify::watchdog_enabled() else {
             return std::future::pending().await;
         };
-        let pace = patience / 4;
+        let pace = timeout / 4;
         let mut last: Option<Instant> = None;
         loop {
             beats.notified().await;
             let now = Instant::now();
             if last.is_none_or(|last| now.saturating_duration_since(last) >= pace) {
                 last = Some(now);
-                self.say(News::Alive);
+                self.say(ManagerMessage::Alive);
             }
         }
     }
 
-    fn say(&self, news: News) {
-        if let Some(sender) = &self.news {
-            let _ = sender.try_send(news);
+    fn say(&self, message: ManagerMessage) {
+        if let Some(sender) = &self.messages {
+            let _ = sender.try_send(message);
         }
     }
 }
 
-fn tell(news: &Receiver<News>) {
+fn tell(messages: &Receiver<ManagerMessage>) {
     let mut failed = false;
     let mut send = |state: &[NotifyState<'_>]| {
         if let (Err(error), false) = (sd_notify::notify(state), failed) {
@@ -89,12 +91,12 @@ fn tell(news: &Receiver<News>) {
             failed = true;
         }
     };
-    while let Ok(news) = news.recv() {
-        match news {
-            News::Ready => send(&[NotifyState::Ready]),
-            News::Status(text) => send(&[NotifyState::Status(&one_line(&text))]),
-            News::Alive => send(&[NotifyState::Watchdog]),
-            News::Stopping => send(&[NotifyState::Stopping]),
+    while let Ok(message) = messages.recv() {
+        match message {
+            ManagerMessage::Ready => send(&[NotifyState::Ready]),
+            ManagerMessage::Status(text) => send(&[NotifyState::Status(&one_line(&text))]),
+            ManagerMessage::Alive => send(&[NotifyState::Watchdog]),
+            ManagerMessage::Stopping => send(&[NotifyState::Stopping]),
         }
     }
 }

@@ -3,7 +3,7 @@
 /// What is wrong with a time of the timetable that a person wrote.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TimetableError {
-    /// No cron pattern, or one that no day fits.
+    /// Not a cron pattern, or a pattern that matches no day.
     #[error("`{text}` is no pattern of times: {why}")]
     Pattern {
         /// As written.

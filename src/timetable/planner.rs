@@ -29,7 +29,7 @@ pub struct Facts<'a> {
     pub at: Instant,
     /// There is a robot that could drive.
     pub ready: bool,
-    /// The behaviours that run, whoever started them.
+    /// The behaviours that run, started by the timetable or not.
     pub running: &'a [String],
 }
 
@@ -44,7 +44,7 @@ struct Due {
     over: Option<Instant>,
 }
 
-/// One that the timetable has started.
+/// A behaviour that the timetable has started.
 #[derive(Debug, Clone)]
 struct Started {
     run: String,

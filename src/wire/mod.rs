@@ -21,7 +21,7 @@ mod values;
 pub use command::{Command, Engage, FileChunk, Login, Secret};
 pub use listing::{Network, Setting, join_settings, latin1, parse_networks, parse_settings};
 pub use packet::{Decoder, FramingError, HEADER_LEN, MAX_PACKET_LEN, MAX_PAYLOAD_LEN, Packet};
-pub use report::{Accepted, EngineNews, Power, Refusal, Report};
+pub use report::{Accepted, EngineReport, Power, Refusal, Report};
 pub use values::{Led, Sound, Stream};
 
 /// TCP and UDP port of the robot (`PROTOCOL.md`, *Network*).

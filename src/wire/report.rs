@@ -26,7 +26,7 @@ pub enum Report {
     /// WIRELESS_NETWORKS: `essid:encryption:strength;...`
     Networks(Bytes),
     /// ENGINE: docked, undocked, charged, or the search has failed.
-    Engine(EngineNews),
+    Engine(EngineReport),
     /// LOG: text of the robot's log.
     Log(Bytes),
     /// A type, a length or a battery level that the protocol does not know; MUTE and NONE included.
@@ -47,7 +47,7 @@ impl Report {
             }
             Report::Config(text) => packet::emit(kind::CONFIG, text, out),
             Report::Networks(text) => packet::emit(kind::WIRELESS_NETWORKS, text, out),
-            Report::Engine(news) => packet::emit(kind::ENGINE, &[news.to_byte()], out),
+            Report::Engine(report) => packet::emit(kind::ENGINE, &[report.to_byte()], out),
             Report::Log(text) => packet::emit(kind::LOG, text, out),
             Report::Unknown(packet) => packet.emit(out),
         }
@@ -75,7 +75,7 @@ impl Report {
                 .map_or_else(|| Report::Unknown(packet.clone()), Report::Accepted),
             (kind::CONFIG, _) => Report::Config(payload.clone()),
             (kind::WIRELESS_NETWORKS, _) => Report::Networks(payload.clone()),
-            (kind::ENGINE, &[news, ..]) => Report::Engine(news.into()),
+            (kind::ENGINE, &[report, ..]) => Report::Engine(report.into()),
             (kind::LOG, _) => Report::Log(payload.clone()),
             _ => Report::Unknown(packet),
         }
@@ -195,7 +195,7 @@ impl Refusal {
 
 /// What ENGINE tells (`PROTOCOL.md`, ENGINE).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum EngineNews {
+pub enum EngineReport {
     /// 1 ACTIVATE: has left the charging station.
     Undocked,
     /// 2 DEACTIVATE: is on the charging station.
@@ -208,27 +208,27 @@ pub enum EngineNews {
     Unknown(u8),
 }
 
-impl EngineNews {
+impl EngineReport {
     /// What stands on the wire.
     pub fn to_byte(self) -> u8 {
         match self {
-            EngineNews::Undocked => 1,
-            EngineNews::Docked => 2,
-            EngineNews::Charged => 3,
-            EngineNews::BaseNotFound => 8,
-            EngineNews::Unknown(byte) => byte,
+            EngineReport::Undocked => 1,
+            EngineReport::Docked => 2,
+            EngineReport::Charged => 3,
+            EngineReport::BaseNotFound => 8,
+            EngineReport::Unknown(byte) => byte,
         }
     }
 }
 
-impl From<u8> for EngineNews {
-    fn from(byte: u8) -> EngineNews {
+impl From<u8> for EngineReport {
+    fn from(byte: u8) -> EngineReport {
         match byte {
-            1 => EngineNews::Undocked,
-            2 => EngineNews::Docked,
-            3 => EngineNews::Charged,
-            8 => EngineNews::BaseNotFound,
-            other => EngineNews::Unknown(other),
+            1 => EngineReport::Undocked,
+            2 => EngineReport::Docked,
+            3 => EngineReport::Charged,
+            8 => EngineReport::BaseNotFound,
+            other => EngineReport::Unknown(other),
         }
     }
 }

@@ -67,7 +67,7 @@ impl fmt::Debug for Report {
             Report::Refused(refusal) => tuple(f, "Refused", refusal),
             Report::Config(bytes) => tuple(f, "Config", &Length(bytes.len())),
             Report::Networks(bytes) => tuple(f, "Networks", &Length(bytes.len())),
-            Report::Engine(news) => tuple(f, "Engine", news),
+            Report::Engine(report) => tuple(f, "Engine", report),
             Report::Log(bytes) => tuple(f, "Log", &Length(bytes.len())),
             Report::Unknown(packet) => tuple(f, "Unknown", packet),
         }

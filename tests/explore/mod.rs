@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use spykee::robot::{BehaviourId, CallId, DockPlan, Event, Intent, MotionId, Priority, Setpoint};
 use spykee::safety::{Act, DockState, Fact, LastWords, Limits, Watchdog, WatchdogState};
-use spykee::wire::{Command, Engage, EngineNews, Power};
+use spykee::wire::{Command, Engage, EngineReport, Power};
 use tokio::time::Instant;
 
 const SCRIPT: BehaviourId = BehaviourId(0);
@@ -20,7 +20,7 @@ pub enum Step {
     /// Nothing, until the watchdog's next deadline.
     Wait,
     Power(u8, bool),
-    Engine(EngineNews),
+    Engine(EngineReport),
     Up {
         docked: bool,
         percent: u8,
@@ -45,9 +45,9 @@ pub const STEPS: [Step; 22] = [
     Step::Power(5, false),
     Step::Power(15, true),
     Step::Power(60, true),
-    Step::Engine(EngineNews::Docked),
-    Step::Engine(EngineNews::Undocked),
-    Step::Engine(EngineNews::BaseNotFound),
+    Step::Engine(EngineReport::Docked),
+    Step::Engine(EngineReport::Undocked),
+    Step::Engine(EngineReport::BaseNotFound),
     Step::Up {
         docked: false,
         percent: 15,

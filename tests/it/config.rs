@@ -165,6 +165,27 @@ async fn every_command_that_takes_a_config_logs_as_it_says() {
 }
 
 #[tokio::test]
+async fn a_config_is_named_before_or_behind_any_command_and_one_that_is_missing_is_an_error() {
+    let rig = Rig::quiet().await;
+    rig.file("other.yaml", "user: ann\nlogging: { format: json }\n");
+    for words in [
+        &["--config", "other.yaml", "config", "show"][..],
+        &["config", "--config", "other.yaml", "show"],
+        &["config", "show", "--config", "other.yaml"],
+    ] {
+        let mut run = rig.spykee(words);
+        assert_eq!(run.code().await, Some(0), "{words:?}: {}", run.text());
+        assert!(run.text().contains("ann"), "{words:?}: {}", run.text());
+    }
+    for command in [&["config", "show"][..], &["config", "schema"], &["api"]] {
+        let mut run = rig.spykee(&[&["--config", "missing.yaml"], command].concat());
+        assert_eq!(run.code().await, Some(2), "{command:?}: {}", run.text());
+        let text = run.text();
+        assert!(text.contains("missing.yaml"), "{command:?}: {text}");
+    }
+}
+
+#[tokio::test]
 async fn the_guard_watches_on_without_a_microphone_and_listens_on_without_a_camera() {
     let guard = concat!(env!("CARGO_MANIFEST_DIR"), "/behaviours/guard.lua");
     for (stream, event, seen) in [("audio_in", "noise", true), ("video", "frame", false)] {

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use rustix::process::Pid;
 use serde_json::Value;
-use spykee::wire::{Command, EngineNews, Led, Report};
+use spykee::wire::{Command, EngineReport, Led, Report};
 use tokio::time::{Instant, sleep, timeout};
 
 use crate::rig::{PATIENCE, Rig, Run, moves};
@@ -174,7 +174,7 @@ impl Siege {
         let from = self.rig.sim.heard_count();
         self.rig
             .sim
-            .inject(Report::Engine(EngineNews::Unknown(FIRST_TURN + turn)));
+            .inject(Report::Engine(EngineReport::Unknown(FIRST_TURN + turn)));
         let mark = self
             .rig
             .heard(from, |command| *command == Command::Volume(turn))

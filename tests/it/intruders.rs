@@ -9,7 +9,7 @@ use std::process::{Command as Process, Output, Stdio};
 
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use spykee::sim::{Options, Server, World};
-use spykee::wire::{Command, EngineNews, Login, Report};
+use spykee::wire::{Command, EngineReport, Login, Report};
 use tokio::time::timeout;
 
 use crate::rig::{PATIENCE, QUIET_WORLD, Rig};
@@ -309,7 +309,7 @@ async fn a_robot_that_says_the_same_without_end_does_not_fill_the_log() {
     run.says("connected").await;
     for code in 0..2000 {
         rig.sim
-            .inject(Report::Engine(EngineNews::Unknown(200 + code as u8 % 3)));
+            .inject(Report::Engine(EngineReport::Unknown(200 + code as u8 % 3)));
     }
     // What a script hears is bounded: the flood may have taken the place of the first of these.
     while run.lives() {

@@ -11,7 +11,7 @@ use std::time::Duration;
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use spykee::link::{self, LinkError, Options, Session, Target};
-use spykee::wire::{Command, EngineNews, Login, Power, Report};
+use spykee::wire::{Command, EngineReport, Login, Power, Report};
 use tokio::io::{AsyncReadExt, AsyncWriteExt, DuplexStream, duplex};
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
 
@@ -159,10 +159,10 @@ async fn reports_between_login_and_power_are_kept_in_order_without_pictures() {
     let video = b"PK\x02\x00\x02\xFF\xD8";
     let answers = [DOCKED, ACCEPTED, video, BASE_NOT_FOUND, POWER_80, DOCKED].concat();
     let (mut session, _robot) = opened(&answers).await;
-    let news = [EngineNews::Docked, EngineNews::BaseNotFound].map(Report::Engine);
+    let news = [EngineReport::Docked, EngineReport::BaseNotFound].map(Report::Engine);
     assert_eq!(session.early, news);
     let next = session.reader.next().await.unwrap();
-    assert_eq!(next, Report::Engine(EngineNews::Docked));
+    assert_eq!(next, Report::Engine(EngineReport::Docked));
 }
 
 #[tokio::test]
@@ -352,7 +352,7 @@ async fn a_dropped_wait_for_a_report_loses_nothing() {
         robot.write_all(piece).await.unwrap();
     }
     let report = session.reader.next().await.unwrap();
-    assert_eq!(report, Report::Engine(EngineNews::Docked));
+    assert_eq!(report, Report::Engine(EngineReport::Docked));
 }
 
 #[tokio::test(start_paused = true)]

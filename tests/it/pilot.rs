@@ -53,13 +53,13 @@ impl Cockpit {
             let (ended, ()) = tokio::join!(run, beside);
             ended.unwrap();
         });
-        let (outbox, inbox) = events();
+        let (to_behaviour, inbox) = events();
         let join = Request::Join {
             by: WHO,
             name: "script".to_owned(),
             priority: Priority(0),
             role: Default::default(),
-            outbox,
+            events: to_behaviour,
         };
         requests.send(join).await.unwrap();
         Cockpit {

@@ -2,7 +2,7 @@
 //! a gap or a jump.
 
 use rustix::process::{Pid, Signal};
-use spykee::wire::{Command, Engage, EngineNews, Led, Report};
+use spykee::wire::{Command, Engage, EngineReport, Led, Report};
 
 use crate::rig::{Rig, Run, moves};
 
@@ -32,7 +32,7 @@ impl Crew {
     fn turn(&self, code: u8) {
         self.rig
             .sim
-            .inject(Report::Engine(EngineNews::Unknown(code)));
+            .inject(Report::Engine(EngineReport::Unknown(code)));
     }
 
     /// Waits until the tracks are told this from a place in the journal on; the next place.

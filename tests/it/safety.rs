@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use rustix::process::Signal;
 use spykee::sim::Firmware;
-use spykee::wire::{Command, Engage, EngineNews, Led, Packet, Power, Report, Sound, kind};
+use spykee::wire::{Command, Engage, EngineReport, Led, Packet, Power, Report, Sound, kind};
 use tokio::time::{Instant, timeout};
 
 use crate::rig::{PATIENCE, QUIET_WORLD, Rig, moves};
@@ -118,7 +118,7 @@ async fn one_garbage_level_neither_frees_a_low_robot_nor_ends_its_search() {
     ];
     for (code, report) in (100..).zip(garbage) {
         rig.sim.inject(report);
-        rig.sim.inject(Report::Engine(EngineNews::Unknown(code)));
+        rig.sim.inject(Report::Engine(EngineReport::Unknown(code)));
         run.says(&format!("engine {code} false safety")).await;
     }
     let heard = rig.commands(dock);
@@ -449,7 +449,7 @@ async fn an_unknown_engine_byte_reaches_the_script_as_a_number() {
     timeout(PATIENCE, rig.sim.wait_state(|state| state.user.is_some()))
         .await
         .unwrap();
-    let unknown = Report::Engine(EngineNews::Unknown(42));
+    let unknown = Report::Engine(EngineReport::Unknown(42));
     let told = async {
         while !run.text().contains("engine 42") {
             rig.sim.inject(unknown.clone());

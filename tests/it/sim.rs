@@ -7,7 +7,7 @@ use std::time::Duration;
 use rand::rngs::StdRng;
 use rand::{Rng, RngExt, SeedableRng};
 use spykee::sim::{Firmware, Handle, Options, Pose, Server, Tracks, World};
-use spykee::wire::{Command, EngineNews, Power, Report};
+use spykee::wire::{Command, EngineReport, Power, Report};
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, DuplexStream};
 use tokio::net::{TcpStream, UdpSocket};
 use tokio::time::{sleep, timeout};
@@ -610,7 +610,7 @@ async fn a_firmware_that_wants_repeats_stops_without_them() {
 #[tokio::test(start_paused = true)]
 async fn a_handle_makes_trouble() {
     let (handle, mut client) = robot(playpen()).await;
-    handle.inject(Report::Engine(EngineNews::Unknown(42)));
+    handle.inject(Report::Engine(EngineReport::Unknown(42)));
     assert!(client.waits_for(&[0x50, 0x4B, 0x10, 0x00, 0x01, 42]).await);
     handle.inject(Report::Power(Power {
         percent: 10,

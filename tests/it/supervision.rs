@@ -12,7 +12,7 @@ use spykee::link;
 use spykee::pilot::Settings;
 use spykee::robot::Priority;
 use spykee::script;
-use spykee::wire::{Command, EngineNews, Led, Login, Report, Sound};
+use spykee::wire::{Command, EngineReport, Led, Login, Report, Sound};
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep, timeout};
 
@@ -136,7 +136,7 @@ async fn a_killed_host_is_started_again_and_a_run_that_then_ends_well_is_0() {
     let at = hears(&rig, at, 0).await;
     hears(&rig, at, 45).await;
     assert_ne!(run.hosts(), [host]);
-    rig.sim.inject(Report::Engine(EngineNews::Unknown(100)));
+    rig.sim.inject(Report::Engine(EngineReport::Unknown(100)));
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     assert_eq!(
         run.text().matches("starts again").count(),

@@ -79,7 +79,7 @@ fn parse_board(text: &str) -> Result<Board, ArgumentError> {
 /// Looks for the board in each picture, and says what the camera is like.
 ///
 /// # Errors
-/// Pictures that are none or differ in size, too few with the board, too much alike.
+/// Files that are no pictures, pictures of different sizes, too few with the board, too much alike.
 pub(super) fn run(args: &CameraArgs) -> Result<Exit, Failure> {
     if !args.station.is_empty() {
         return station::run(&args.images, &args.station, args.json);

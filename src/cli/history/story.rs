@@ -102,7 +102,7 @@ pub(super) struct Mark {
 pub(super) struct Story {
     pub(super) since: Timestamp,
     pub(super) until: Timestamp,
-    /// Of whom; several if there are.
+    /// The robots that it tells of.
     pub(super) robots: Vec<String>,
     pub(super) levels: Vec<Level>,
     pub(super) marks: Vec<Mark>,

@@ -23,7 +23,7 @@ pub(super) enum NotHandedIn {
 #[derive(Debug, PartialEq)]
 pub(super) struct Learner {
     pub(super) name: String,
-    /// His script, or why there is none.
+    /// The script, or why it cannot be read.
     pub(super) script: Result<PathBuf, NotHandedIn>,
 }
 

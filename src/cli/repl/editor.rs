@@ -138,7 +138,7 @@ impl Prompt {
             tracing::warn!("lines are not kept in {}: {error}", path.display());
             return;
         }
-        // One that cannot be read is begun anew.
+        // A history that cannot be read begins anew.
         let _ = self.lines.load_history(&path);
         self.history = Some(path);
     }

@@ -92,7 +92,7 @@ impl RobotArgs {
 /// Does the one thing.
 ///
 /// # Errors
-/// The command line, the robot, or what came of it.
+/// The command line, the robot, or its answer.
 pub(super) fn run(args: &RobotArgs, console: &Console) -> Result<Exit, Failure> {
     match &args.command {
         RobotCommand::Info(args) => ask::info(args),
@@ -112,7 +112,7 @@ pub(super) fn run(args: &RobotArgs, console: &Console) -> Result<Exit, Failure> 
     }
 }
 
-/// Which robot, as whom, with whose numbers.
+/// Which robot, with which login and settings.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct AimArgs {
     #[command(flatten)]

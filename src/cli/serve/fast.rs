@@ -1,6 +1,6 @@
 //! `serve --sim --fast`: days and weeks of a service in a laboratory, in virtual time.
 
-use super::order::Order;
+use super::duties::LoadedDuties;
 use super::{ServeArgs, exit};
 use crate::agent::{Agent, Tries, until_answered};
 use crate::cli::embedded;
@@ -23,7 +23,7 @@ pub(super) fn serve(
     args: &ServeArgs,
     place: RobotChoice,
     login: Login,
-    (config, order): (&Config, Order),
+    (config, loaded): (&Config, LoadedDuties),
     (seed, console): (u64, &Console),
 ) -> Result<Exit, Failure> {
     let RobotChoice::Sim(world) = place else {
@@ -58,7 +58,7 @@ pub(super) fn serve(
     let outcome = lab::run(world, options, async |lab: &Lab| {
         let mut plan = lab.plan(Vec::new());
         (plan.stays, plan.limit) = (true, limit);
-        plan.blueprints = order.duties.blueprints.clone();
+        plan.blueprints = loaded.duties.blueprints.clone();
         plan.dial = until_answered(plan.dial, link, lab.seed(), Tries::default());
         let bus = plan.bus.clone();
         let journal = keeping.map(|keeping| keeping.start(&bus));
@@ -68,7 +68,7 @@ pub(super) fn serve(
             agent,
             status,
             clock: Clock::default(),
-            duties: order.duties,
+            duties: loaded.duties,
             record: (Record::default(), None),
             herald: Herald::default(),
             bus,

@@ -12,7 +12,7 @@ use crate::clean;
 /// The whole document.
 ///
 /// # Errors
-/// None that is known: it is written to memory.
+/// None is known: the document is written to memory.
 pub(super) fn document(report: &Report) -> Result<Vec<u8>, Failure> {
     write(report).map_err(|error| Failure::usage(format_args!("no JUnit report: {error}")))
 }

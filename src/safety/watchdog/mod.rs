@@ -3,16 +3,16 @@
 //! Every command that can move the robot is made here and nowhere else. The behaviours' wishes go
 //! through the [`Arbiter`], then through [`Watchdog::refusal`]; what is left goes to [`Tracks`].
 
+mod acts;
 mod asks;
 mod distress;
 mod docks;
 mod homing;
 mod link;
+mod power;
 mod rules;
 #[cfg(test)]
 mod tests;
-
-use std::time::Duration;
 
 use tokio::time::Instant;
 
@@ -20,14 +20,13 @@ pub use self::distress::ALARM;
 use self::distress::Alarm;
 use self::homing::Homing;
 use super::{
-    Act, Activity, Arbiter, BatteryChange, BatteryGuard, Charging, DockOutcome, DockState,
-    DockTracker, Drain, Ended, Fact, Leases, Limits, LowCause, Recovery, Tracks, Trail,
+    Act, Arbiter, BatteryGuard, Charging, DockOutcome, DockState, DockTracker, Drain, Fact, Leases,
+    Limits, LowCause, Recovery, Tracks, Trail,
 };
 use crate::robot::{
-    Battery, BehaviourId, CallId, DockEnd, Event, MotionEnd, Priority, SafetyAction, Setpoint,
-    Stroke, WatchdogState,
+    Battery, BehaviourId, CallId, DockEnd, MotionEnd, Priority, Setpoint, Stroke, WatchdogState,
 };
-use crate::wire::{Command, Engage, EngineNews, Power};
+use crate::wire::EngineReport;
 
 /// A behaviour that waits for a docking or an undocking.
 #[derive(Debug, Clone, Copy)]
@@ -250,19 +249,6 @@ impl Watchdog {
         })
     }
 
-    /// One report says that it charges and nothing bears that out yet: nothing is to drive it away.
-    fn may_charge(&self) -> bool {
-        self.charging_here() == Charging::Said
-    }
-
-    /// What is believed of charging, unless the robot has been sent away since it said so.
-    fn charging_here(&self) -> Charging {
-        match self.place() {
-            DockState::Charging => self.guard.charging(),
-            _ => Charging::No,
-        }
-    }
-
     /// The tracks have been told to move.
     pub fn moving(&self) -> bool {
         self.tracks.moving_since().is_some()
@@ -291,89 +277,28 @@ impl Watchdog {
         }
     }
 
-    fn power(&mut self, power: Power, now: Instant) {
-        let was_critical = self.guard.critical();
-        let contact = self.whereabouts.has_contact();
-        let change = self.guard.report(power, contact, now);
-        let was_docked = self.docked();
-        let charges = self.guard.charging() != Charging::No;
-        self.whereabouts.power(charges, now);
-        if self.docked() && !was_docked {
-            self.end_motion(MotionEnd::Docked);
-            self.interrupt_recovery(now);
-        }
-        if let Some(Battery {
-            percent, charging, ..
-        }) = self.battery()
-        {
-            self.drain.level(percent.get(), charging, now);
-        }
-        self.believe(change, now);
-        if self.guard.critical() && !was_critical {
-            if self.borrower().is_none() {
-                self.end_motion(MotionEnd::Safety);
-            }
-            let reason = format!(
-                "battery at {} %: nothing moves but on the way home",
-                power.percent
-            );
-            self.notice(SafetyAction::Hold, reason);
-        }
-    }
-
-    /// Does what follows from news of the battery.
-    pub(super) fn believe(&mut self, change: Option<BatteryChange>, now: Instant) {
-        let charging = self.charging_here();
-        let orders = self.homing.as_mut().map(|homing| match charging {
-            Charging::No => vec![],
-            Charging::Said => homing.docking.wait(),
-            Charging::Believed => homing.docking.charging(now),
-        });
-        if charging == Charging::Believed {
-            self.searching = false;
-            self.end_alarm();
-        }
-        self.follow(orders.unwrap_or_default(), now);
-        match change {
-            Some(BatteryChange::BecameLow(cause)) => self.became_low(cause, now),
-            Some(BatteryChange::Released) => self.released(now),
-            None => {}
-        }
-    }
-
-    fn activity(&self) -> Activity {
-        let searches = |homing: &Homing| homing.docking.is_searching();
-        if self.moving() {
-            Activity::Driving
-        } else if self.homing.as_ref().is_some_and(searches) {
-            Activity::Searching
-        } else {
-            Activity::Standing
-        }
-    }
-
-    fn engine(&mut self, news: EngineNews, now: Instant) {
+    fn engine(&mut self, news: EngineReport, now: Instant) {
         match news {
-            EngineNews::Docked => {
+            EngineReport::Docked => {
                 self.searching = false;
                 self.whereabouts.docked(now);
                 self.end_motion(MotionEnd::Docked);
                 self.interrupt_recovery(now);
             }
-            EngineNews::Undocked => self.undocked(now),
-            EngineNews::BaseNotFound => self.searching = false,
-            EngineNews::Charged | EngineNews::Unknown(_) => {}
+            EngineReport::Undocked => self.undocked(now),
+            EngineReport::BaseNotFound => self.searching = false,
+            EngineReport::Charged | EngineReport::Unknown(_) => {}
         }
         let orders = self
             .homing
             .as_mut()
             .map(|homing| homing.docking.engine(news, now));
         self.follow(orders.unwrap_or_default(), now);
-        if news == EngineNews::Undocked && self.homing.is_none() {
+        if news == EngineReport::Undocked && self.homing.is_none() {
             self.search_at_once(now);
         }
         let change = match news {
-            EngineNews::Docked => self.guard.contact(),
+            EngineReport::Docked => self.guard.contact(),
             _ => None,
         };
         self.believe(change, now);
@@ -437,65 +362,5 @@ impl Watchdog {
             }
             self.send(setpoint.command());
         }
-    }
-
-    /// Stops the tracks in this very batch of acts, whatever was sent before.
-    fn halt(&mut self, now: Instant) {
-        self.tracks.told_to_stop(now);
-        let sent = |act: &Act| matches!(act, Act::Send(_));
-        let stop = Act::Send(Command::STOP);
-        if self.acts.iter().rfind(|act| sent(act)) != Some(&stop) {
-            self.send(Command::STOP);
-        }
-    }
-
-    fn end_motion(&mut self, end: MotionEnd) {
-        let over = self.arbiter.clear(end);
-        self.tell_ended(over);
-    }
-
-    fn tell_ended(&mut self, over: Vec<Ended>) {
-        let tell = |Ended { by, motion, end }| Act::Tell(by, Event::MotionEnded { motion, end });
-        self.acts.extend(over.into_iter().map(tell));
-    }
-
-    fn answer_dock(
-        &mut self,
-        Caller { by, call, .. }: Caller,
-        end: DockEnd,
-        attempts: u32,
-        took: Duration,
-    ) {
-        self.acts.push(Act::Tell(
-            by,
-            Event::DockEnded {
-                call,
-                end,
-                attempts,
-                took,
-            },
-        ));
-    }
-
-    fn answer_undock(&mut self, Caller { by, call, .. }: Caller, end: DockEnd) {
-        self.acts
-            .push(Act::Tell(by, Event::UndockEnded { call, end }));
-    }
-
-    fn notice(&mut self, action: SafetyAction, reason: String) {
-        self.acts
-            .push(Act::Announce(Event::Safety { action, reason }));
-    }
-
-    fn send(&mut self, command: Command) {
-        match command {
-            Command::Engine(Engage::Dock) => self.searching = true,
-            Command::Engine(_) | Command::Move { .. } => self.searching = false,
-            _ => {}
-        }
-        if matches!(command, Command::Engine(_)) {
-            self.trail.lose();
-        }
-        self.acts.push(Act::Send(command));
     }
 }

@@ -22,24 +22,21 @@ pub(super) const METHODS: &Natives = &[("Frame:save", save)];
 /// Older frames are not the newest any more: the stream has stopped.
 const STALE: Duration = Duration::from_secs(1);
 
-/// What the script holds of a frame.
-struct FrameObject(Rc<HeldFrame>);
-
 /// The Frame object of a frame.
 pub(super) fn to_lua(lua: &Lua, held: &Rc<HeldFrame>) -> LuaResult<LuaValue> {
-    let object = lua.create_any_userdata(FrameObject(Rc::clone(held)))?;
+    let object = lua.create_any_userdata(Rc::clone(held))?;
     Ok(LuaValue::UserData(object))
 }
 
 /// The frame that is a script's value.
 pub(super) fn of_value(value: &LuaValue) -> Option<Rc<HeldFrame>> {
-    let object = value.as_userdata()?.borrow::<FrameObject>().ok()?;
-    Some(Rc::clone(&object.0))
+    let object = value.as_userdata()?.borrow::<Rc<HeldFrame>>().ok()?;
+    Some(Rc::clone(&object))
 }
 
 /// The frame that a method was called on.
 pub(super) fn subject(call: &Call<'_>) -> Result<Rc<HeldFrame>, Refusal> {
-    Ok(Rc::clone(&call.subject::<FrameObject>()?.0))
+    Ok(Rc::clone(&*call.subject::<Rc<HeldFrame>>()?))
 }
 
 impl Argument for Rc<HeldFrame> {
@@ -51,14 +48,14 @@ impl Argument for Rc<HeldFrame> {
 /// With these methods.
 pub(super) fn register(builder: &Builder<'_>, natives: &[&Natives]) -> LuaResult<()> {
     let shared = Rc::clone(builder.shared);
-    builder.object::<FrameObject>("Frame", natives, |registry| {
-        registry.add_field_method_get("seq", |_, frame| Ok(frame.0.frame.seq));
-        registry.add_field_method_get("bytes", |_, frame| Ok(frame.0.frame.jpeg.len()));
-        registry.add_field_method_get("width", |_, frame| Ok(frame.0.size.width));
-        registry.add_field_method_get("height", |_, frame| Ok(frame.0.size.height));
-        registry.add_field_method_get("age", move |_, frame| {
+    builder.object::<Rc<HeldFrame>>("Frame", natives, |registry| {
+        registry.add_field_method_get("seq", |_, held| Ok(held.frame.seq));
+        registry.add_field_method_get("bytes", |_, held| Ok(held.frame.jpeg.len()));
+        registry.add_field_method_get("width", |_, held| Ok(held.size.width));
+        registry.add_field_method_get("height", |_, held| Ok(held.size.height));
+        registry.add_field_method_get("age", move |_, held| {
             let now = shared.borrow().now;
-            let age = now.saturating_duration_since(frame.0.frame.at);
+            let age = now.saturating_duration_since(held.frame.at);
             Ok(age.as_secs_f64())
         });
     })
@@ -98,7 +95,7 @@ fn save(call: &mut Call<'_>) -> Answered {
             if let Some(gone) = saved.gone {
                 call.state.log(Level::Info, &gone);
             }
-            call.state.outbox.remark(Remark::Picture { name });
+            call.state.output.remark(Remark::Picture { name });
             call.reply(saved.path.to_string_lossy().into_owned())
         }
         Err(NotSaved::Quota(words)) => {

@@ -37,6 +37,6 @@ fn write(call: &mut Call<'_>, level: Level) -> Answered {
     };
     line.line = place(call.lua).map(|place| place.line);
     let now = call.state.now;
-    call.state.outbox.log(line, now);
+    call.state.output.log(line, now);
     call.reply(())
 }

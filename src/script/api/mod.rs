@@ -151,7 +151,7 @@ impl Call<'_> {
     /// Sends an intent, unless too many wait already.
     fn send(&mut self, intent: crate::robot::Intent) -> Result<(), Refusal> {
         self.make_room(0)?;
-        self.state.outbox.send(intent);
+        self.state.output.send(intent);
         Ok(())
     }
 
@@ -162,7 +162,7 @@ impl Call<'_> {
     }
 
     fn make_room(&self, speech: usize) -> Result<(), Refusal> {
-        if self.state.outbox.has_room(speech) {
+        if self.state.output.has_room(speech) {
             return Ok(());
         }
         Err(self

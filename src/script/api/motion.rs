@@ -128,7 +128,7 @@ fn go(call: &mut Call<'_>, setpoint: Option<Setpoint>, time: Option<Duration>) -
         let now = call.state.now;
         call.state.motion.set(owner, setpoint, time.is_some(), now)
     };
-    call.state.outbox.send(Intent::Move {
+    call.state.output.send(Intent::Move {
         motion,
         setpoint,
         duration: time,
@@ -156,7 +156,7 @@ pub(super) fn refused(call: &mut Call<'_>, waits: bool) -> Answered {
 /// `robot.stop()`: always works.
 fn stop(call: &mut Call<'_>) -> Answered {
     let _ = call.state.motion.release_any();
-    call.state.outbox.send_stop();
+    call.state.output.send_stop();
     call.reply(())
 }
 

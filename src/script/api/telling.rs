@@ -34,7 +34,7 @@ fn add(call: &mut Call<'_>) -> Answered {
     let now = call.state.now;
     let kept = call.state.shares.takes_entry(kind.len() + json.len(), now);
     if kept {
-        call.state.outbox.remark(Remark::Entry { kind, json });
+        call.state.output.remark(Remark::Entry { kind, json });
     }
     call.reply(kept)
 }
@@ -53,7 +53,7 @@ fn send(call: &mut Call<'_>) -> Answered {
     let now = call.state.now;
     let sent = call.state.shares.takes_notice(now);
     if sent {
-        call.state.outbox.remark(Remark::Notify { text, picture });
+        call.state.output.remark(Remark::Notify { text, picture });
     }
     call.reply(sent)
 }

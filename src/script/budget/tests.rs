@@ -3,13 +3,13 @@ use super::*;
 #[test]
 fn what_the_machine_did_not_run_is_over_late_and_in_a_simulation_later() {
     let limit = Duration::from_millis(100);
-    let is_over = |wall: u64, processor: u64, patience| {
+    let is_over = |wall: u64, processor: u64, wall_factor| {
         let [wall, processor] = [wall, processor].map(Duration::from_millis);
-        is_too_long(wall, processor, limit, patience)
+        is_too_long(wall, processor, limit, wall_factor)
     };
-    for patience in [WALL_FACTOR, SIMULATED_WALL_FACTOR] {
-        assert!(is_over(100, 50, patience));
-        assert!(!is_over(499, 49, patience));
+    for wall_factor in [WALL_FACTOR, SIMULATED_WALL_FACTOR] {
+        assert!(is_over(100, 50, wall_factor));
+        assert!(!is_over(499, 49, wall_factor));
     }
     assert!(is_over(500, 0, WALL_FACTOR));
     assert!(!is_over(9_999, 49, SIMULATED_WALL_FACTOR));
@@ -54,7 +54,7 @@ fn a_slice_that_is_stuck_is_told_once_with_its_file() {
 
 #[test]
 fn a_thread_of_simulations_is_as_patient_as_that() {
-    assert_eq!(PATIENCE.get(), WALL_FACTOR);
+    assert_eq!(WALL_TIME_FACTOR.get(), WALL_FACTOR);
     only_simulated();
-    assert_eq!(PATIENCE.get(), SIMULATED_WALL_FACTOR);
+    assert_eq!(WALL_TIME_FACTOR.get(), SIMULATED_WALL_FACTOR);
 }

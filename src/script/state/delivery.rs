@@ -8,6 +8,7 @@ use tokio::time::Instant;
 use super::State;
 use super::known::shows_motion;
 use crate::robot::{Event, Frame};
+use crate::script::Script;
 use crate::script::events::{EventName, Loan, Payload};
 use crate::script::output::Level;
 use crate::script::sight::HeldFrame;
@@ -15,6 +16,7 @@ use crate::script::sound::Loudness;
 use crate::script::task::{Answer, SubscriptionId, Wait};
 use crate::script::way_back::way_back;
 use crate::vision::{FrameError, validate_markers};
+use crate::wire::Stream;
 
 /// After so long without a loud sound the next one is another noise.
 const QUIET: Duration = Duration::from_secs(1);
@@ -23,9 +25,60 @@ const MOTOR: Duration = Duration::from_secs(1);
 /// A sound may be heard for so long after it has begun.
 const SOUND: Duration = Duration::from_secs(5);
 
+impl Script {
+    /// Tells the script what happened.
+    pub fn deliver(&mut self, event: Event, now: Instant) {
+        let mut state = self.state.borrow_mut();
+        state.tick(now);
+        if !state.has_ended() {
+            state.deliver(event);
+        }
+    }
+
+    /// Gives the script a frame; it replaces one that no handler has taken. `false`: its markers give
+    /// it away as no picture, and the script is not told of it.
+    pub fn deliver_frame(&mut self, frame: Frame, now: Instant) -> bool {
+        let mut state = self.state.borrow_mut();
+        state.tick(now);
+        state.has_ended() || state.deliver_frame(frame)
+    }
+
+    /// Decodes what has come of the next frame, so that it is looked at sooner.
+    pub fn look_ahead(&mut self, beginning: &[u8]) {
+        self.state.borrow_mut().sight.eyes.look_ahead(beginning);
+    }
+
+    /// Looks at the newest frame as the script did, so that the next one is looked at sooner; does
+    /// nothing if the script let it pass.
+    pub fn rehearse(&mut self) {
+        let mut state = self.state.borrow_mut();
+        let sight = &mut state.sight;
+        if let Some(held) = sight.newest.clone()
+            && sight.eyes.seen() == Some(held.frame.seq)
+        {
+            sight.eyes.rehearse(&held.frame.jpeg);
+        }
+    }
+
+    /// Whether the script has looked at the newest frame, rather than let it pass or save it.
+    pub fn looks_at_frames(&self) -> bool {
+        let state = self.state.borrow();
+        let newest = state.sight.newest.as_ref().map(|held| held.frame.seq);
+        newest.is_some() && newest == state.sight.eyes.seen()
+    }
+
+    /// Whether a frame would be looked at: something listens or waits, or the script has switched
+    /// the video on.
+    pub fn wants_frames(&self) -> bool {
+        let state = self.state.borrow();
+        !state.has_ended()
+            && (state.streams.is_on(Stream::Video) || state.is_heard(EventName::Frame))
+    }
+}
+
 impl State {
     /// Takes note of an event and hands it on.
-    pub(in crate::script) fn deliver(&mut self, event: Event) {
+    fn deliver(&mut self, event: Event) {
         self.known.note(&event, self.now);
         if shows_motion(&event) {
             self.moved = Some(self.now);
@@ -80,7 +133,7 @@ impl State {
 
     /// The newest frame replaces those that no handler has taken. One that its markers already give
     /// away as no picture is counted and goes no further: `false`.
-    pub(in crate::script) fn deliver_frame(&mut self, frame: Frame) -> bool {
+    fn deliver_frame(&mut self, frame: Frame) -> bool {
         // A script that is always busy: the last frame before its memory is taken.
         self.look_where_it_goes();
         let size = match validate_markers(&frame.jpeg) {

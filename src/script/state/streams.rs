@@ -16,7 +16,7 @@ impl State {
     pub(in crate::script) fn want(&mut self, stream: Stream, by: Demand) -> Result<(), StreamOff> {
         self.options.streams.allow(stream)?;
         if self.streams.want(stream, by, self.now) {
-            self.outbox.send(Intent::Stream { stream, on: true });
+            self.output.send(Intent::Stream { stream, on: true });
         }
         Ok(())
     }
@@ -40,7 +40,7 @@ impl State {
     pub(in crate::script) fn drop_unused_streams(&mut self) {
         for stream in self.streams.lent() {
             if !self.is_used(stream) && self.streams.drop_if_unused(stream, self.now) {
-                self.outbox.send(Intent::Stream { stream, on: false });
+                self.output.send(Intent::Stream { stream, on: false });
             }
         }
     }

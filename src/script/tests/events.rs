@@ -1,6 +1,5 @@
 use super::*;
 use crate::robot::{Battery, Frame, Percent, SafetyAction, Stroke};
-use crate::wire::Stream;
 use bytes::Bytes;
 
 fn battery(percent: u8, charging: bool) -> Battery {
@@ -24,11 +23,6 @@ fn frame(rig: &Rig, seq: u64, size: usize) -> Frame {
         at: rig.now,
         jpeg: Bytes::from(jpeg),
     }
-}
-
-/// A chunk of the microphone, all samples alike.
-fn audio(sample: i16) -> Event {
-    Event::Audio(Bytes::from(sample.to_le_bytes().repeat(160)))
 }
 
 #[test]
@@ -213,74 +207,6 @@ fn five_failures_in_a_row_end_the_script() {
 }
 
 #[test]
-fn handlers_and_waits_switch_their_streams_on() {
-    for (source, stream) in [
-        ("robot.on('frame', print)", Stream::Video),
-        ("robot.wait_frame(1)", Stream::Video),
-        ("robot.frame() task.wait(1)", Stream::Video),
-        ("robot.wait_for('frame')", Stream::Video),
-        ("robot.on('audio', print)", Stream::AudioIn),
-        ("robot.once('noise', print)", Stream::AudioIn),
-    ] {
-        let rig = Rig::new(source);
-        assert_eq!(rig.intents, [Intent::Stream { stream, on: true }]);
-        assert_eq!(rig.script.wants_frames(), stream == Stream::Video);
-    }
-    let mut rig = Rig::new(
-        "robot.on('frame', print) robot.on('frame', print) robot.stream('video', false) robot.stream('video', true)",
-    );
-    let on = rig.take_intents().into_iter().map(|intent| match intent {
-        Intent::Stream { on, .. } => on,
-        other => panic!("{other:?}"),
-    });
-    assert_eq!(on.collect::<Vec<_>>(), [true, false, true]);
-}
-
-/// When the rig's script has switched which stream.
-fn switches(rig: &mut Rig) -> Vec<(Stream, bool)> {
-    let intents = rig.take_intents().into_iter();
-    let switch = |intent| match intent {
-        Intent::Stream { stream, on } => Some((stream, on)),
-        _ => None,
-    };
-    intents.filter_map(switch).collect()
-}
-
-#[test]
-fn a_stream_that_nobody_uses_any_more_goes_off_after_a_while() {
-    for source in [
-        "robot.wait_frame(5)",
-        "robot.frame() task.wait(5)",
-        "local on = robot.on('frame', print) task.wait(5) on:off()",
-        "robot.wait_for('frame', 5)",
-    ] {
-        let mut rig = Rig::new(&format!("{source} task.wait(60)"));
-        assert_eq!(switches(&mut rig), [(Stream::Video, true)], "{source}");
-        rig.pass(1.9);
-        assert_eq!(switches(&mut rig), [], "{source}");
-        rig.pass(5.2);
-        assert_eq!(switches(&mut rig), [(Stream::Video, false)], "{source}");
-        assert!(!rig.script.wants_frames(), "{source}");
-        rig.pass(60.0);
-        assert_eq!(switches(&mut rig), [], "{source}");
-    }
-}
-
-#[test]
-fn a_stream_stays_on_for_whoever_asks_again_and_again_or_switched_it_on() {
-    for source in [
-        "robot.stream('video', true) task.wait(60)",
-        "robot.stream('video', true) robot.wait_frame(1) task.wait(60)",
-        "while true do robot.wait_frame(1) task.wait(1.5) end",
-        "robot.on('frame', print)",
-    ] {
-        let mut rig = Rig::new(source);
-        rig.pass(30.0);
-        assert_eq!(switches(&mut rig), [(Stream::Video, true)], "{source}");
-    }
-}
-
-#[test]
 fn the_newest_frame_wins() {
     let mut rig = Rig::new(
         "robot.on('frame', function(f) print(f.seq, f.bytes, f.age) task.wait(1) end)
@@ -315,58 +241,6 @@ fn frames_that_are_kept_are_bounded() {
         rig.run();
     }
     rig.assert_ended(EndReason::Memory, "of frames");
-}
-
-#[test]
-fn audio_tells_its_loudness_and_noise_is_what_is_loud() {
-    let mut rig = Rig::new(
-        "robot.on('audio', function(a)
-             print(a.rate, a.rms, a.peak, a.dbfs < 0, buffer.readi16(a.samples, 0), buffer.len(a.samples))
-         end)
-         robot.on('noise', function(n) print('noise', math.round(n.dbfs)) end)",
-    );
-    rig.deliver(audio(100));
-    rig.deliver(audio(16_384));
-    assert_eq!(rig.texts()[0].split(' ').next(), Some("16000"));
-    assert_eq!(
-        rig.texts()[1..],
-        ["noise -6", "16000 0.5 0.5 true 16384 320"]
-    );
-}
-
-#[test]
-fn a_noise_that_may_be_the_robots_own_says_so() {
-    let mut rig = Rig::new("robot.on('noise', function(n) print(n.own) end)");
-    let mut heard = |event: Option<Event>, seconds: f64| {
-        if let Some(event) = event {
-            rig.deliver(event);
-        }
-        rig.pass(seconds);
-        rig.deliver(audio(16_384));
-        rig.texts().last().map(|text| (*text).to_owned())
-    };
-    let (own, foreign) = (Some("true".to_owned()), Some("false".to_owned()));
-    assert_eq!(heard(None, 2.0), foreign);
-    assert_eq!(heard(Some(Event::Moving { on: true }), 20.0), own);
-    assert_eq!(heard(Some(Event::Moving { on: false }), 0.9), own);
-    assert_eq!(heard(None, 1.1), foreign);
-    assert_eq!(heard(Some(Event::Sounding), 4.9), own);
-    assert_eq!(heard(None, 1.1), foreign);
-}
-
-#[test]
-fn a_noise_is_one_however_long_it_lasts() {
-    let mut rig = Rig::new("robot.on('noise', function() print('noise') task.wait(2) end)");
-    for (chunks, count) in [(20, 1), (60, 1), (1, 1)] {
-        for _ in 0..chunks {
-            rig.deliver(audio(16_384));
-            rig.pass(0.05);
-        }
-        assert_eq!(rig.texts().len(), count);
-    }
-    rig.pass(3.0);
-    rig.deliver(audio(16_384));
-    assert_eq!(rig.texts().len(), 2);
 }
 
 #[test]

@@ -2,17 +2,20 @@
 
 mod events;
 mod examples;
+mod frames;
 mod hostile;
 mod language;
 mod life;
 mod modules;
 mod motion;
+mod noises;
 mod params;
 mod properties;
 mod sounds_and_lights;
 mod stage;
 mod stdlib;
 mod store;
+mod streams;
 mod tasks;
 mod telling;
 mod typed;

@@ -6,7 +6,7 @@ mod obey;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use crate::wire::{EngineNews, Report, Sound};
+use crate::wire::{EngineReport, Report, Sound};
 
 use super::battery::Battery;
 use super::chassis::{Chassis, Tracks};
@@ -160,7 +160,7 @@ impl Robot {
         lock(&self.trace).follow(self.time, self.chassis.pose, Movers { places, balls });
         self.battery.step(dt, self.chassis.effort());
         if self.battery.take_full() {
-            self.report_engine(EngineNews::Charged);
+            self.report_engine(EngineReport::Charged);
         }
         if self.speaker.step(dt) == Some(Sound::Music) {
             self.reports.push(Report::SoundFinished);
@@ -263,7 +263,7 @@ impl Robot {
             DockingStep::Drive(_) => self.commanded.speeds(),
             DockingStep::Left => Tracks::default(),
             DockingStep::NotFound => {
-                self.report_engine(EngineNews::BaseNotFound);
+                self.report_engine(EngineReport::BaseNotFound);
                 Tracks::default()
             }
         };
@@ -302,9 +302,9 @@ impl Robot {
         }
         if let Some(docked) = self.contacts.take_change(&self.docking) {
             self.report_engine(if docked {
-                EngineNews::Docked
+                EngineReport::Docked
             } else {
-                EngineNews::Undocked
+                EngineReport::Undocked
             });
         }
     }
@@ -357,15 +357,15 @@ impl Robot {
         self.reports.push(Report::Power(power));
     }
 
-    fn report_engine(&mut self, news: EngineNews) {
-        self.note(&format!("engine says {news:?}"));
-        match news {
-            EngineNews::Docked => self.mark(What::Docked),
-            EngineNews::Undocked => self.mark(What::Undocked),
-            EngineNews::BaseNotFound => self.mark(What::BaseNotFound),
+    fn report_engine(&mut self, report: EngineReport) {
+        self.note(&format!("engine says {report:?}"));
+        match report {
+            EngineReport::Docked => self.mark(What::Docked),
+            EngineReport::Undocked => self.mark(What::Undocked),
+            EngineReport::BaseNotFound => self.mark(What::BaseNotFound),
             _ => {}
         }
-        self.reports.push(Report::Engine(news));
+        self.reports.push(Report::Engine(report));
     }
 
     /// Adds an observation to the trace, for the picture of the run.

@@ -26,7 +26,7 @@ pub(crate) enum Turn {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Phase {
+enum TimingPhase {
     Waiting { until: Instant },
     On { since: Instant },
     Over,
@@ -36,7 +36,7 @@ enum Phase {
 #[derive(Debug, Clone)]
 pub(crate) struct Beat {
     timing: Timing,
-    phase: Phase,
+    phase: TimingPhase,
 }
 
 impl Beat {
@@ -45,18 +45,18 @@ impl Beat {
         let until = now + timing.after;
         Beat {
             timing,
-            phase: Phase::Waiting { until },
+            phase: TimingPhase::Waiting { until },
         }
     }
 
     /// The next turn that has come by `now`; to be asked until there is none.
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Turn> {
         match self.phase {
-            Phase::Waiting { until } if until <= now => {
-                self.phase = Phase::On { since: until };
+            TimingPhase::Waiting { until } if until <= now => {
+                self.phase = TimingPhase::On { since: until };
                 Some(Turn::Begins)
             }
-            Phase::On { since } if since + self.timing.lasts? <= now => {
+            TimingPhase::On { since } if since + self.timing.lasts? <= now => {
                 self.phase = self.after(since, now);
                 Some(Turn::Ends)
             }
@@ -66,17 +66,17 @@ impl Beat {
 
     /// It will not come any more.
     pub(crate) fn is_over(&self) -> bool {
-        self.phase == Phase::Over
+        self.phase == TimingPhase::Over
     }
 
     /// Skips missed beginnings: after a suspend they do not all happen at once.
-    fn after(&self, since: Instant, now: Instant) -> Phase {
+    fn after(&self, since: Instant, now: Instant) -> TimingPhase {
         let Some(every) = self.timing.every.filter(|every| !every.is_zero()) else {
-            return Phase::Over;
+            return TimingPhase::Over;
         };
         let missed = now.duration_since(since).as_nanos() / every.as_nanos();
         let beats = u32::try_from(missed).unwrap_or(u32::MAX - 1) + 1;
-        Phase::Waiting {
+        TimingPhase::Waiting {
             until: since + every * beats,
         }
     }

@@ -17,7 +17,7 @@ const MAX_CLIENTS: usize = 8;
 const LOGIN_LIMIT: Duration = Duration::from_secs(30);
 
 struct Client {
-    outbox: Arc<ReportQueue>,
+    reports: Arc<ReportQueue>,
     cut: CancellationToken,
     since: Instant,
 }
@@ -34,7 +34,7 @@ pub(crate) struct Clients {
 /// The number of a user without a connection here.
 const STRANGER: u64 = u64::MAX;
 
-/// A new client's number, its outbox and the token that cuts it off.
+/// A new client's number, its reports and the token that cuts it off.
 pub(crate) type Admission = (u64, Arc<ReportQueue>, CancellationToken);
 
 impl Clients {
@@ -43,7 +43,7 @@ impl Clients {
         if self.all.len() >= MAX_CLIENTS {
             return None;
         }
-        let (id, outbox, cut) = (
+        let (id, reports, cut) = (
             self.next,
             Arc::new(ReportQueue::new()),
             CancellationToken::new(),
@@ -52,12 +52,12 @@ impl Clients {
         self.all.insert(
             id,
             Client {
-                outbox: outbox.clone(),
+                reports: reports.clone(),
                 cut: cut.clone(),
                 since: now,
             },
         );
-        Some((id, outbox, cut))
+        Some((id, reports, cut))
     }
 
     /// Whether `id` is the one that may command the robot.
@@ -104,8 +104,8 @@ impl Clients {
     /// Sends `id` the refusal, and closes the connection when it has been written.
     pub(crate) fn refuse(&mut self, id: u64, refusal: Refusal) {
         if let Some(client) = self.all.get(&id) {
-            let _ = client.outbox.push(&Report::Refused(refusal));
-            client.outbox.close();
+            let _ = client.reports.push(&Report::Refused(refusal));
+            client.reports.close();
         }
     }
 
@@ -114,14 +114,14 @@ impl Clients {
         let Some(client) = self.user.as_ref().and_then(|(id, _)| self.all.get(id)) else {
             return true;
         };
-        client.outbox.push(report).is_ok()
+        client.reports.push(report).is_ok()
     }
 
     /// Cuts a connection off and forgets it; true if it was the user's.
     pub(crate) fn cut(&mut self, id: u64) -> bool {
         if let Some(client) = self.all.remove(&id) {
             client.cut.cancel();
-            self.dropped += client.outbox.dropped();
+            self.dropped += client.reports.dropped();
         }
         let was_user = self.is_user(id);
         if was_user {
@@ -156,7 +156,7 @@ impl Clients {
             + self
                 .all
                 .values()
-                .map(|client| client.outbox.dropped())
+                .map(|client| client.reports.dropped())
                 .sum::<u64>()
     }
 }

@@ -1,5 +1,5 @@
 //! One client's connection over anything that reads and writes bytes: cuts what comes into
-//! commands for the server, writes what waits in the outbox.
+//! commands for the server, writes what waits in the reports.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -43,7 +43,7 @@ pub(crate) enum Event {
 /// A connection's ties to the server.
 pub(crate) struct Line {
     pub(crate) client: u64,
-    pub(crate) outbox: Arc<ReportQueue>,
+    pub(crate) reports: Arc<ReportQueue>,
     pub(crate) events: mpsc::Sender<Event>,
     pub(crate) muted: watch::Receiver<bool>,
     /// Counts the reads of all connections.
@@ -84,7 +84,7 @@ async fn read(reader: &mut (impl AsyncRead + Unpin), line: &Line) -> Result<(), 
         let Ok(length @ 1..) = reader.read(&mut buffer).await else {
             return Ok(());
         };
-        let opened = line.outbox.opened();
+        let opened = line.reports.opened();
         line.unmuted().await;
         let write = line.writes.fetch_add(1, Ordering::Relaxed);
         let (commands, end) = cut(&mut decoder, &buffer[..length]);
@@ -114,13 +114,13 @@ fn cut(decoder: &mut Decoder, mut bytes: &[u8]) -> (Vec<Command>, Result<(), Fra
 }
 
 /// One message a write, with a pause between two: a client that reads once for each message keeps up
-/// with the robot. Ends well when the outbox is closed.
+/// with the robot. Ends well when the reports is closed.
 async fn write(writer: &mut (impl AsyncWrite + Unpin), line: &Line) -> std::io::Result<()> {
     let mut rested = Instant::now();
     loop {
         line.unmuted().await;
         sleep_until(rested).await;
-        let Some(bytes) = line.outbox.next().await else {
+        let Some(bytes) = line.reports.next().await else {
             return Ok(());
         };
         line.unmuted().await;

@@ -171,22 +171,22 @@ mod tests {
 
     #[tokio::test]
     async fn only_the_newest_frame_waits_and_messages_go_first() {
-        let outbox = ReportQueue::new();
+        let reports = ReportQueue::new();
         for report in [frame(1), frame(2), power(), frame(3)] {
-            outbox.push(&report).unwrap();
+            reports.push(&report).unwrap();
         }
-        assert_eq!(outbox.next().await.unwrap(), power().to_bytes());
-        assert_eq!(outbox.next().await.unwrap(), frame(3).to_bytes());
-        assert_eq!(outbox.dropped(), 2);
+        assert_eq!(reports.next().await.unwrap(), power().to_bytes());
+        assert_eq!(reports.next().await.unwrap(), frame(3).to_bytes());
+        assert_eq!(reports.dropped(), 2);
     }
 
     #[tokio::test]
     async fn what_waits_is_written_before_the_end() {
-        let outbox = ReportQueue::new();
-        outbox.push(&power()).unwrap();
-        outbox.close();
-        assert_eq!(outbox.next().await.unwrap(), power().to_bytes());
-        assert_eq!(outbox.next().await, None);
+        let reports = ReportQueue::new();
+        reports.push(&power()).unwrap();
+        reports.close();
+        assert_eq!(reports.next().await.unwrap(), power().to_bytes());
+        assert_eq!(reports.next().await, None);
     }
 
     #[tokio::test]
@@ -199,28 +199,28 @@ mod tests {
             docked: false,
             tail: Bytes::new(),
         };
-        let outbox = ReportQueue::new();
-        outbox.push(&power()).unwrap();
-        outbox.push(&Report::Accepted(accepted)).unwrap();
-        outbox.next().await.unwrap();
-        outbox.next().await.unwrap();
-        assert!(!outbox.opened());
-        outbox.push(&power()).unwrap();
-        assert!(!outbox.opened());
-        outbox.next().await.unwrap();
-        assert!(outbox.opened());
+        let reports = ReportQueue::new();
+        reports.push(&power()).unwrap();
+        reports.push(&Report::Accepted(accepted)).unwrap();
+        reports.next().await.unwrap();
+        reports.next().await.unwrap();
+        assert!(!reports.opened());
+        reports.push(&power()).unwrap();
+        assert!(!reports.opened());
+        reports.next().await.unwrap();
+        assert!(reports.opened());
     }
 
     #[test]
     fn a_client_that_never_reads_overflows_by_messages_alone() {
-        let outbox = ReportQueue::new();
+        let reports = ReportQueue::new();
         for _ in 0..10_000 {
-            outbox.push(&frame(0)).unwrap();
-            outbox
+            reports.push(&frame(0)).unwrap();
+            reports
                 .push(&Report::Audio(Bytes::from(vec![0; 1600])))
                 .unwrap();
         }
         let log = Report::Log(Bytes::from(vec![b'x'; 60_000]));
-        assert!((0..10).any(|_| outbox.push(&log) == Err(Overflow)));
+        assert!((0..10).any(|_| reports.push(&log) == Err(Overflow)));
     }
 }

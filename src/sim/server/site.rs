@@ -184,13 +184,13 @@ impl Site {
         if self.away {
             return;
         }
-        let Some((client, outbox, cut)) = self.clients.admit(Instant::now()) else {
+        let Some((client, reports, cut)) = self.clients.admit(Instant::now()) else {
             tracing::warn!(target: "spykee::sim", "too many connections: one is turned away");
             return;
         };
         let line = Line {
             client,
-            outbox,
+            reports,
             events: self.events.clone(),
             muted: self.ends.muted.clone(),
             writes: self.writes.clone(),

@@ -61,11 +61,11 @@ fn golden() -> Vec<(Report, &'static [u8])> {
             &[0x50, 0x4B, 0x03, 0x00, 0x01, 0xB0],
         ),
         (
-            Report::Engine(EngineNews::Docked),
+            Report::Engine(EngineReport::Docked),
             &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x02],
         ),
         (
-            Report::Engine(EngineNews::BaseNotFound),
+            Report::Engine(EngineReport::BaseNotFound),
             &[0x50, 0x4B, 0x10, 0x00, 0x01, 0x08],
         ),
     ]
@@ -92,12 +92,12 @@ fn every_type_of_the_table_has_its_meaning() {
         (
             16,
             Bytes::from_static(&[1]),
-            Report::Engine(EngineNews::Undocked),
+            Report::Engine(EngineReport::Undocked),
         ),
         (
             16,
             Bytes::from_static(&[3]),
-            Report::Engine(EngineNews::Charged),
+            Report::Engine(EngineReport::Charged),
         ),
         (17, bytes.clone(), Report::Log(bytes.clone())),
     ] {
@@ -153,7 +153,7 @@ fn odd_lengths_and_unknown_types_are_values() {
         assert_eq!(Report::parse(packet.clone()), Report::Unknown(packet));
     }
     let news = Report::parse(Packet::new(kind::ENGINE, vec![42]));
-    assert_eq!(news, Report::Engine(EngineNews::Unknown(42)));
+    assert_eq!(news, Report::Engine(EngineReport::Unknown(42)));
 }
 
 proptest! {

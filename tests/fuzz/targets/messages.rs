@@ -9,7 +9,7 @@ use spykee::behaviour::{FromHost, ToHost};
 use spykee::robot::{BehaviourId, Intent, Priority};
 use spykee::safety::{Act, Fact, Limits, Watchdog};
 use spykee::script::Output;
-use spykee::wire::{Command, EngineNews, Power};
+use spykee::wire::{Command, EngineReport, Power};
 use tokio::time::Instant;
 
 const WHO: BehaviourId = BehaviourId(0);
@@ -68,7 +68,7 @@ impl Rig {
     fn happen(&mut self, happens: u8) {
         let (what, how) = (happens & 7, happens >> 3);
         match what {
-            0 => drop(self.take(Fact::Engine(EngineNews::from(how)))),
+            0 => drop(self.take(Fact::Engine(EngineReport::from(how)))),
             1 | 2 => drop(self.take(Fact::Power(Power {
                 percent: how * 4,
                 charging: what == 2,

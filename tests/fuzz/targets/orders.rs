@@ -6,7 +6,7 @@
 use libfuzzer_sys::fuzz_target;
 use serde_json::Value;
 use spykee::live::understood;
-use spykee::mqtt::Order;
+use spykee::mqtt::BrokerCommand;
 use spykee::robot::Setpoint;
 
 /// The longest order of a broker.
@@ -26,7 +26,7 @@ fuzz_target!(|bytes: &[u8]| {
 });
 
 fn broker(payload: &[u8]) {
-    let (order, id) = match Order::parse(payload) {
+    let (order, id) = match BrokerCommand::parse(payload) {
         Ok(read) => read,
         Err(error) => {
             let words = error.to_string();
@@ -37,7 +37,7 @@ fn broker(payload: &[u8]) {
     let id = id.unwrap_or_else(|| "7".to_owned());
     let said = order.to_json(&id);
     if said.len() <= LONGEST {
-        assert_eq!(Order::parse(said.as_bytes()), Ok((order, Some(id))), "{said}");
+        assert_eq!(BrokerCommand::parse(said.as_bytes()), Ok((order, Some(id))), "{said}");
     }
 }
 

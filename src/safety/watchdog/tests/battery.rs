@@ -84,7 +84,7 @@ fn while_one_report_says_charging_no_search_and_no_leg_begins() {
     );
 
     let mut rig = Rig::online(20);
-    rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    rig.take(Fact::Engine(EngineReport::BaseNotFound));
     rig.hear(charging(20));
     assert_eq!(
         sent(&rig.pass(100 * SECOND, false)),
@@ -98,7 +98,10 @@ fn while_one_report_says_charging_no_search_and_no_leg_begins() {
 fn the_contact_bears_charging_out_before_and_after() {
     for contact_first in [true, false] {
         let mut rig = Rig::online(20);
-        let mut facts = [Fact::Engine(EngineNews::Docked), Fact::Power(charging(20))];
+        let mut facts = [
+            Fact::Engine(EngineReport::Docked),
+            Fact::Power(charging(20)),
+        ];
         if !contact_first {
             facts.reverse();
         }
@@ -118,7 +121,7 @@ fn a_docking_that_backs_off_stands_still_while_one_report_says_charging() {
         call: CallId(7),
         plan: DockPlan::default(),
     });
-    rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    rig.take(Fact::Engine(EngineReport::BaseNotFound));
     rig.pass(500 * MS, false);
     assert!(rig.dog.moving());
     let acts = rig.take(Fact::Power(charging(60)));
@@ -135,7 +138,7 @@ fn a_docking_that_backs_off_stands_still_while_one_report_says_charging() {
         plan: DockPlan::default(),
     });
     rig.take(Fact::Power(charging(60)));
-    let acts = rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    let acts = rig.take(Fact::Engine(EngineReport::BaseNotFound));
     assert_eq!(tracks(&acts), [(0, 0)], "it does not back off either");
 }
 
@@ -157,7 +160,7 @@ fn it_learns_how_long_the_battery_lasts() {
 #[test]
 fn charging_releases_and_the_station_still_holds() {
     let mut rig = Rig::online(20);
-    rig.take(Fact::Engine(EngineNews::Docked));
+    rig.take(Fact::Engine(EngineReport::Docked));
     rig.take(Fact::Power(charging(20)));
     assert_eq!(rig.dog.low(), None);
     assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
@@ -278,7 +281,7 @@ fn the_state_says_at_a_glance_how_things_stand() {
     assert_eq!(rig.dog.state(), Docking);
     rig.take(Fact::Power(power(10)));
     assert_eq!(rig.dog.state(), LowGoingHome);
-    rig.take(Fact::Engine(EngineNews::Docked));
+    rig.take(Fact::Engine(EngineReport::Docked));
     assert_eq!(rig.dog.state(), Docked);
     rig.pass(40 * SECOND, false);
     assert_eq!(rig.dog.state(), Alarm);

@@ -3,7 +3,6 @@
 use super::rig::*;
 use super::*;
 use crate::robot::DockPlan;
-use crate::wire::Engage;
 
 #[test]
 fn a_behaviour_docks_and_docked_means_charging() {
@@ -14,7 +13,7 @@ fn a_behaviour_docks_and_docked_means_charging() {
         plan: DockPlan::default(),
     });
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
-    assert_eq!(rig.take(Fact::Engine(EngineNews::Docked)), []);
+    assert_eq!(rig.take(Fact::Engine(EngineReport::Docked)), []);
     assert_eq!(
         dock_ended(&rig.take(Fact::Power(charging(60)))),
         Some((DockEnd::Done, 1))
@@ -43,12 +42,12 @@ fn between_a_behaviours_tries_the_robot_backs_off() {
         left: -27,
         right: -27,
     };
-    let acts = rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    let acts = rig.take(Fact::Engine(EngineReport::BaseNotFound));
     assert_eq!(sent(&acts)[0], Command::STOP);
     let acts = [acts, rig.pass(2 * SECOND, false)].concat();
     assert!(sent(&acts).contains(&back));
     assert_eq!(sent(&acts)[sent(&acts).len() - 2..], [Command::STOP, FIND]);
-    let over = rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    let over = rig.take(Fact::Engine(EngineReport::BaseNotFound));
     assert_eq!(dock_ended(&over), Some((DockEnd::BaseNotFound, 2)));
 }
 
@@ -63,7 +62,7 @@ fn low_battery_takes_a_docking_over_and_its_caller_is_served() {
         sent(&rig.take(Fact::Power(power(20)))),
         [Command::STOP, FIND]
     );
-    rig.take(Fact::Engine(EngineNews::Docked));
+    rig.take(Fact::Engine(EngineReport::Docked));
     assert_eq!(
         dock_ended(&rig.take(Fact::Power(charging(20)))),
         Some((DockEnd::Done, 1))
@@ -120,7 +119,7 @@ fn undocking_waits_for_the_robots_word() {
         timeout: 20 * SECOND,
     });
     assert_eq!(sent(&acts), [Command::Engine(Engage::Undock)]);
-    let acts = rig.take(Fact::Engine(EngineNews::Undocked));
+    let acts = rig.take(Fact::Engine(EngineReport::Undocked));
     assert_eq!(
         told(&acts),
         [Event::UndockEnded {
@@ -157,7 +156,7 @@ fn only_the_one_who_asked_is_told_how_an_undocking_ends() {
             timeout: 20 * SECOND,
         });
         rig.take(Fact::Gone(gone));
-        let acts = rig.take(Fact::Engine(EngineNews::Undocked));
+        let acts = rig.take(Fact::Engine(EngineReport::Undocked));
         assert_eq!(told(&acts).len(), told_at_the_end);
     }
 }

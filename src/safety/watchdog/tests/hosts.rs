@@ -72,7 +72,7 @@ fn no_time_that_a_host_may_send_breaks_the_clock() {
             call: CallId(1),
             plan,
         });
-        rig.take(Fact::Engine(EngineNews::Docked));
+        rig.take(Fact::Engine(EngineReport::Docked));
         rig.ask(Intent::Undock {
             call: CallId(2),
             timeout: time,

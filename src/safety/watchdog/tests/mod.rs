@@ -14,5 +14,8 @@ mod rescue;
 mod rig;
 mod way_back;
 
+use std::time::Duration;
+
 use super::*;
-use crate::robot::Intent;
+use crate::robot::{Event, Intent, SafetyAction};
+use crate::wire::{Command, Engage, Power};

@@ -22,7 +22,7 @@ fn before_a_login_and_with_a_good_battery_the_last_word_is_a_stop() {
 fn a_low_robot_that_searches_is_left_alone_and_one_that_does_not_is_sent() {
     let mut rig = Rig::online(20);
     assert_eq!(rig.dog.last_words(), LastWords::Nothing);
-    rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    rig.take(Fact::Engine(EngineReport::BaseNotFound));
     assert_eq!(rig.dog.last_words(), LastWords::StopAndDock);
     rig.pass(5 * SECOND, false);
     assert_eq!(rig.dog.last_words(), LastWords::Nothing);
@@ -49,7 +49,7 @@ fn a_search_of_a_behaviour_with_a_good_battery_is_ended() {
     let mut rig = Rig::online(60);
     rig.dock(1);
     assert_eq!(rig.dog.last_words(), LastWords::EndSearch);
-    rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    rig.take(Fact::Engine(EngineReport::BaseNotFound));
     assert_eq!(rig.dog.last_words(), LastWords::Stop);
 }
 
@@ -150,7 +150,7 @@ fn at_the_end_of_a_run_nobody_docks_or_undocks_any_more() {
     });
     assert_eq!(sent(&acts), []);
     assert_eq!(dock_ended(&acts), Some((DockEnd::Cancelled, 0)));
-    rig.take(Fact::Engine(EngineNews::Docked));
+    rig.take(Fact::Engine(EngineReport::Docked));
     let acts = rig.ask(Intent::Undock {
         call: CallId(8),
         timeout: SECOND,

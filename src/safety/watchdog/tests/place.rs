@@ -48,7 +48,7 @@ fn current_that_ends_while_the_robot_backs_out_lets_nobody_drive_yet() {
     rig.take(Fact::Power(power(80)));
     assert_eq!(rig.dog.place(), DockState::Left(Evidence::Power));
     assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
-    let acts = rig.take(Fact::Engine(EngineNews::Undocked));
+    let acts = rig.take(Fact::Engine(EngineReport::Undocked));
     assert_eq!(undock_ended(&acts), Some(DockEnd::Done));
     assert_eq!(sent(&rig.drive(2, None)), [FORWARD]);
 }
@@ -94,27 +94,27 @@ fn a_link_that_drops_again_and_again_does_not_renew_that_belief() {
 fn on_a_station_without_current_it_sounds_the_alarm_and_searches_at_once_when_it_is_lost() {
     let (mut rig, _) = lost(20, Limits::default());
     rig.pass(3 * SECOND, false);
-    rig.take(Fact::Engine(EngineNews::Docked));
+    rig.take(Fact::Engine(EngineReport::Docked));
     let acts = rig.pass(29 * SECOND, false);
     assert_eq!(count(&acts, &FIND), 0);
-    let acts = rig.take(Fact::Engine(EngineNews::Undocked));
+    let acts = rig.take(Fact::Engine(EngineReport::Undocked));
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
 }
 
 #[test]
 fn a_low_robot_that_slides_off_its_station_searches_in_the_same_instant() {
     let mut rig = Rig::docked(power(10));
-    let acts = rig.take(Fact::Engine(EngineNews::Undocked));
+    let acts = rig.take(Fact::Engine(EngineReport::Undocked));
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
-    rig.take(Fact::Engine(EngineNews::Docked));
-    let acts = rig.take(Fact::Engine(EngineNews::Undocked));
+    rig.take(Fact::Engine(EngineReport::Docked));
+    let acts = rig.take(Fact::Engine(EngineReport::Undocked));
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
 }
 
 #[test]
 fn a_robot_whose_charge_is_held_by_hysteresis_is_not_undocked() {
     let mut rig = Rig::online(20);
-    rig.take(Fact::Engine(EngineNews::Docked));
+    rig.take(Fact::Engine(EngineReport::Docked));
     rig.take(Fact::Power(power(30)));
     assert_eq!(undock_ended(&rig.undock(1)), Some(DockEnd::Safety));
 }

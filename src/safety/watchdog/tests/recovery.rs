@@ -5,7 +5,7 @@ use super::*;
 use crate::robot::Seconds;
 use crate::wire::{Led, Sound};
 
-const NOT_FOUND: Fact = Fact::Engine(EngineNews::BaseNotFound);
+const NOT_FOUND: Fact = Fact::Engine(EngineReport::BaseNotFound);
 
 #[test]
 fn where_it_finds_no_station_it_drives_a_short_leg_and_searches_from_there() {
@@ -23,7 +23,7 @@ fn where_it_finds_no_station_it_drives_a_short_leg_and_searches_from_there() {
     let acts = [rig.take(NOT_FOUND), rig.pass(2950 * MS, false)].concat();
     assert_eq!(tracks(&acts), [(0, 0), (-27, 27), (27, 27), (0, 0)]);
     assert_eq!(count(&acts, &FIND), 1);
-    rig.take(Fact::Engine(EngineNews::Docked));
+    rig.take(Fact::Engine(EngineReport::Docked));
     rig.take(Fact::Power(charging(19)));
     assert_eq!(rig.dog.state(), WatchdogState::Docked);
     assert_eq!(sent(&rig.pass(1000 * SECOND, false)), []);
@@ -121,7 +121,7 @@ fn whatever_releases_takes_over_or_cuts_off_the_robot_ends_a_leg() {
     let stop = || vec![Command::STOP];
     let ends = [
         (Fact::Power(charging(19)), stop()),
-        (Fact::Engine(EngineNews::Docked), stop()),
+        (Fact::Engine(EngineReport::Docked), stop()),
         (Fact::Parting, [stop(), vec![FIND]].concat()),
         (Fact::Suspended, [stop(), vec![FIND]].concat()),
         (Fact::LinkDown, vec![]),
@@ -178,7 +178,7 @@ fn who_waits_for_a_low_robots_docking_waits_through_its_failures() {
     rig.pass(100 * SECOND, false);
     assert_eq!(dock_ended(&rig.take(NOT_FOUND)), None);
     rig.pass(5 * SECOND, false);
-    rig.take(Fact::Engine(EngineNews::Docked));
+    rig.take(Fact::Engine(EngineReport::Docked));
     let acts = rig.take(Fact::Power(charging(20)));
     assert_eq!(dock_ended(&acts), Some((DockEnd::Done, 2)));
 
@@ -198,7 +198,7 @@ fn load_is_shed_at_the_critical_level_unless_it_charges() {
     assert!(!rig.dog.shed());
     rig.take(Fact::Power(power(8)));
     assert!(rig.dog.shed());
-    rig.take(Fact::Engine(EngineNews::Docked));
+    rig.take(Fact::Engine(EngineReport::Docked));
     assert!(rig.dog.shed(), "not yet");
     rig.take(Fact::Power(charging(8)));
     assert!(!rig.dog.shed());

@@ -5,7 +5,7 @@ use super::*;
 use crate::robot::{MotionId, Percent, Seconds};
 use crate::safety::{LastWords, Rescue};
 
-const NOT_FOUND: Fact = Fact::Engine(EngineNews::BaseNotFound);
+const NOT_FOUND: Fact = Fact::Engine(EngineReport::BaseNotFound);
 const RESCUER: BehaviourId = BehaviourId(9);
 const CAPPED: Command = Command::Move {
     left: 27,
@@ -91,7 +91,7 @@ fn whatever_ends_a_loan_stops_and_searches_from_there() {
         (Fact::Parting, found()),
         (Fact::Suspended, found()),
         (Fact::LinkDown, vec![]),
-        (Fact::Engine(EngineNews::Docked), vec![Command::STOP]),
+        (Fact::Engine(EngineReport::Docked), vec![Command::STOP]),
         (Fact::Power(charging(20)), vec![Command::STOP]),
     ];
     for (end, expected) in ends {
@@ -188,9 +188,9 @@ fn a_rescuer_is_wanted_while_a_low_robot_is_off_its_station() {
     assert!(!rig.dog.wants_rescue());
     rig.take(Fact::Power(power(20)));
     assert!(rig.dog.wants_rescue());
-    rig.take(Fact::Engine(EngineNews::Docked));
+    rig.take(Fact::Engine(EngineReport::Docked));
     assert!(!rig.dog.wants_rescue());
-    rig.take(Fact::Engine(EngineNews::Undocked));
+    rig.take(Fact::Engine(EngineReport::Undocked));
     assert!(rig.dog.wants_rescue());
     rig.take(Fact::Parting);
     assert!(!rig.dog.wants_rescue());

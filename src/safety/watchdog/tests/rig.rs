@@ -6,7 +6,6 @@ use tokio::time::Instant;
 
 use super::*;
 use crate::robot::{DockPlan, MotionId};
-use crate::wire::Engage;
 
 pub(super) const SECOND: Duration = Duration::from_secs(1);
 pub(super) const MS: Duration = Duration::from_millis(1);
@@ -183,11 +182,11 @@ pub(super) fn lost(percent: u8, limits: Limits) -> (Rig, Vec<Act>) {
     });
     for _ in 0..3 {
         rig.pass(SECOND, false);
-        rig.take(Fact::Engine(EngineNews::BaseNotFound));
+        rig.take(Fact::Engine(EngineReport::BaseNotFound));
         rig.pass(30 * SECOND, false);
         assert_ne!(rig.dog.state(), WatchdogState::Alarm);
     }
-    let acts = rig.take(Fact::Engine(EngineNews::BaseNotFound));
+    let acts = rig.take(Fact::Engine(EngineReport::BaseNotFound));
     assert_eq!(rig.dog.state(), WatchdogState::Alarm);
     (rig, acts)
 }

@@ -4,7 +4,7 @@ use super::rig::*;
 use super::*;
 use crate::robot::Stroke;
 
-const NOT_FOUND: Fact = Fact::Engine(EngineNews::BaseNotFound);
+const NOT_FOUND: Fact = Fact::Engine(EngineReport::BaseNotFound);
 const RESCUER: BehaviourId = BehaviourId(9);
 /// Of a quarter of the power for two seconds.
 const WAY: Stroke = Stroke {
@@ -17,7 +17,7 @@ fn driven() -> Rig {
     let mut rig = Rig::docked(power(90));
     rig.undock(1);
     rig.now += SECOND;
-    rig.take(Fact::Engine(EngineNews::Undocked));
+    rig.take(Fact::Engine(EngineReport::Undocked));
     rig.drive(1, None);
     rig.pass(2 * SECOND, true);
     rig
@@ -101,11 +101,11 @@ fn whatever_else_moves_the_robot_on_its_way_makes_it_unknown() {
         (
             "on its station, and carried off",
             vec![
-                Fact::Engine(EngineNews::Docked),
-                Fact::Engine(EngineNews::Undocked),
+                Fact::Engine(EngineReport::Docked),
+                Fact::Engine(EngineReport::Undocked),
             ],
         ),
-        ("carried", vec![Fact::Engine(EngineNews::Undocked)]),
+        ("carried", vec![Fact::Engine(EngineReport::Undocked)]),
         (
             "charges, and charges no more",
             vec![
@@ -153,7 +153,7 @@ fn what_happens_in_the_first_search_makes_it_unknown() {
     let cases: [(&str, Vec<Fact>); 3] = [
         ("the link dropped", vec![Fact::LinkDown, up]),
         ("the machine slept", vec![Fact::Suspended]),
-        ("carried", vec![Fact::Engine(EngineNews::Undocked)]),
+        ("carried", vec![Fact::Engine(EngineReport::Undocked)]),
     ];
     for (why, facts) in cases {
         let mut rig = driven();
@@ -182,12 +182,12 @@ fn a_leg_makes_it_unknown() {
 #[test]
 fn each_undocking_begins_a_way_of_its_own() {
     let mut rig = driven();
-    rig.take(Fact::Engine(EngineNews::Docked));
+    rig.take(Fact::Engine(EngineReport::Docked));
     rig.hear(charging(90));
     rig.hear(charging(90));
     rig.undock(2);
     rig.now += SECOND;
-    rig.take(Fact::Engine(EngineNews::Undocked));
+    rig.take(Fact::Engine(EngineReport::Undocked));
     rig.drive(2, None);
     rig.pass(2 * SECOND, true);
     assert_eq!(loan_after(rig).unwrap().1, Some(vec![WAY]));

@@ -9,7 +9,7 @@ use super::super::firmware::Answer;
 use super::super::log::describe;
 use super::super::trace::What;
 use super::Robot;
-use crate::wire::{Command, Engage, EngineNews, Report, Sound};
+use crate::wire::{Command, Engage, EngineReport, Report, Sound};
 
 /// ENGINE 1 towards the robot, as one client sends it (`PROTOCOL.md`, *Not known*).
 const ACTIVATE: u8 = 1;
@@ -77,7 +77,7 @@ impl Robot {
 
     fn obey_engine(&mut self, engage: Engage) {
         match engage {
-            Engage::Dock if self.contacts.touching() => self.report_engine(EngineNews::Docked),
+            Engage::Dock if self.contacts.touching() => self.report_engine(EngineReport::Docked),
             Engage::Dock => {
                 self.mark(What::FindBase);
                 self.commanded = Tracks::default();

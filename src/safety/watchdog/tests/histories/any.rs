@@ -9,10 +9,10 @@ fn any_power() -> impl Strategy<Value = Power> {
         .prop_map(|(percent, charging)| Power { percent, charging })
 }
 
-fn any_news() -> impl Strategy<Value = EngineNews> {
+fn any_news() -> impl Strategy<Value = EngineReport> {
     let byte =
         prop_oneof![2 => Just(1), 2 => Just(2), 1 => Just(3), 4 => Just(8), 1 => any::<u8>()];
-    byte.prop_map(|byte: u8| EngineNews::from(byte))
+    byte.prop_map(|byte: u8| EngineReport::from(byte))
 }
 
 /// From none at all to more than any clock can hold: a host may say what it likes.
@@ -147,7 +147,7 @@ fn lost() -> impl Strategy<Value = Vec<Step>> {
             percent,
             charging: false,
         };
-        let not_found = Step::Fact(Fact::Engine(EngineNews::BaseNotFound));
+        let not_found = Step::Fact(Fact::Engine(EngineReport::BaseNotFound));
         let login = Step::Fact(Fact::LinkUp {
             docked: false,
             power,

@@ -65,16 +65,16 @@ impl Known {
             Fact::Rescuer(by) => self.rescuer = *by,
             Fact::Gone(by) if self.rescuer == Some(*by) => self.rescuer = None,
             Fact::Parting => self.parted = true,
-            Fact::Engine(EngineNews::BaseNotFound) => self.not_found = true,
+            Fact::Engine(EngineReport::BaseNotFound) => self.not_found = true,
             Fact::Power(power) => self.power(*power, limits, now),
-            Fact::Engine(EngineNews::Docked) => {
+            Fact::Engine(EngineReport::Docked) => {
                 (self.on_station, self.not_found) = (true, false);
                 self.charges_here &= !self.told_to_leave;
                 self.told_to_leave = false;
                 self.touched |= self.charging;
                 self.surely_touched |= self.charging;
             }
-            Fact::Engine(EngineNews::Undocked) => {
+            Fact::Engine(EngineReport::Undocked) => {
                 (self.on_station, self.charging) = (false, false);
                 self.charges_here = false;
                 (self.charges, self.touched, self.doubted) = (0, false, false);
@@ -86,7 +86,7 @@ impl Known {
         }
         let said = matches!(
             fact,
-            Fact::Engine(EngineNews::Docked | EngineNews::Undocked)
+            Fact::Engine(EngineReport::Docked | EngineReport::Undocked)
         );
         self.idle &= self.on_station && !self.charges_here && !said;
         let contact = self.on_station && !self.charges_here;
@@ -146,7 +146,7 @@ impl Known {
 
     /// Whether the robot searches by itself after this moment.
     pub(super) fn still_searches(&self, moment: &Moment<'_>, before: bool) -> bool {
-        use EngineNews::{BaseNotFound, Docked};
+        use EngineReport::{BaseNotFound, Docked};
         let over = match moment.fact {
             Some(Fact::Power(_)) => moment.play.dog.guard.charging() == Charging::Believed,
             Some(Fact::Engine(news)) => matches!(news, Docked | BaseNotFound),

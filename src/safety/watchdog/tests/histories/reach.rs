@@ -90,7 +90,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     note(&format!("last words {:?}", dog.last_words()), true);
     note(
         "an engine code nobody knows",
-        matches!(moment.fact, Some(Fact::Engine(EngineNews::Unknown(_)))),
+        matches!(moment.fact, Some(Fact::Engine(EngineReport::Unknown(_)))),
     );
     for act in &moment.acts {
         match act {

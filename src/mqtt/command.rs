@@ -8,7 +8,7 @@ const LONGEST: usize = 1024;
 /// One thing that is asked. As text a word (`stop`, `run patrol`), or JSON with an `id` that comes back in
 /// the answer: `{"order": "run patrol", "id": "7"}`.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Order {
+pub enum BrokerCommand {
     /// Start the chosen behaviour.
     Start,
     /// Stop the robot and end all behaviours.
@@ -29,14 +29,14 @@ pub enum Order {
 
 /// Why a text is no order.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum OrderError {
+pub enum BrokerCommandError {
     /// Longer than any order.
     #[error("it is longer than any order")]
     TooLong,
     /// Not UTF-8.
     #[error("it is no text")]
     NoText,
-    /// Looks like JSON and is none, or lacks what it needs.
+    /// Begins like JSON and is not valid, or lacks a field.
     #[error("it is no order in JSON ({0}): {{\"order\": \"stop\", \"id\": \"1\"}} is one")]
     Json(String),
     /// No such order.
@@ -53,36 +53,36 @@ struct Written {
     id: Option<String>,
 }
 
-impl Order {
+impl BrokerCommand {
     /// Reads one, with its id if it has one.
     ///
     /// # Errors
-    /// See [`OrderError`].
-    pub fn parse(payload: &[u8]) -> Result<(Order, Option<String>), OrderError> {
+    /// See [`BrokerCommandError`].
+    pub fn parse(payload: &[u8]) -> Result<(BrokerCommand, Option<String>), BrokerCommandError> {
         if payload.len() > LONGEST {
-            return Err(OrderError::TooLong);
+            return Err(BrokerCommandError::TooLong);
         }
-        let text = std::str::from_utf8(payload).map_err(|_| OrderError::NoText)?;
+        let text = std::str::from_utf8(payload).map_err(|_| BrokerCommandError::NoText)?;
         let text = text.trim();
         if !text.starts_with('{') {
-            return Ok((Order::of_words(text)?, None));
+            return Ok((BrokerCommand::of_words(text)?, None));
         }
-        let written: Written =
-            serde_json::from_str(text).map_err(|error| OrderError::Json(error.to_string()))?;
-        Ok((Order::of_words(written.order.trim())?, written.id))
+        let written: Written = serde_json::from_str(text)
+            .map_err(|error| BrokerCommandError::Json(error.to_string()))?;
+        Ok((BrokerCommand::of_words(written.order.trim())?, written.id))
     }
 
-    fn of_words(words: &str) -> Result<Order, OrderError> {
+    fn of_words(words: &str) -> Result<BrokerCommand, BrokerCommandError> {
         Ok(match words {
-            "start" => Order::Start,
-            "stop" => Order::Stop,
-            "return_to_base" | "dock" => Order::Dock,
-            "undock" => Order::Undock,
-            "locate" => Order::Locate,
-            "snapshot" => Order::Snapshot,
+            "start" => BrokerCommand::Start,
+            "stop" => BrokerCommand::Stop,
+            "return_to_base" | "dock" => BrokerCommand::Dock,
+            "undock" => BrokerCommand::Undock,
+            "locate" => BrokerCommand::Locate,
+            "snapshot" => BrokerCommand::Snapshot,
             other => match other.strip_prefix("run ").map(str::trim) {
-                Some(name) if !name.is_empty() => Order::Run(name.to_owned()),
-                _ => return Err(OrderError::Unknown(other.to_owned())),
+                Some(name) if !name.is_empty() => BrokerCommand::Run(name.to_owned()),
+                _ => return Err(BrokerCommandError::Unknown(other.to_owned())),
             },
         })
     }
@@ -95,17 +95,17 @@ impl Order {
     }
 }
 
-impl std::fmt::Display for Order {
+impl std::fmt::Display for BrokerCommand {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
-            Order::Start => "start",
-            Order::Stop => "stop",
-            Order::Dock => "return_to_base",
-            Order::Undock => "undock",
-            Order::Locate => "locate",
-            Order::Snapshot => "snapshot",
-            Order::Run(name) => return write!(f, "run {name}"),
-            Order::Choose(name) => return write!(f, "choose {name}"),
+            BrokerCommand::Start => "start",
+            BrokerCommand::Stop => "stop",
+            BrokerCommand::Dock => "return_to_base",
+            BrokerCommand::Undock => "undock",
+            BrokerCommand::Locate => "locate",
+            BrokerCommand::Snapshot => "snapshot",
+            BrokerCommand::Run(name) => return write!(f, "run {name}"),
+            BrokerCommand::Choose(name) => return write!(f, "choose {name}"),
         })
     }
 }
@@ -130,17 +130,17 @@ mod tests {
 
     #[test]
     fn words_and_json_are_orders() {
-        let parse = |text: &str| Order::parse(text.as_bytes());
-        assert_eq!(parse(" stop\n"), Ok((Order::Stop, None)));
-        assert_eq!(parse("return_to_base"), Ok((Order::Dock, None)));
-        let run = Order::Run("patrol".to_owned());
+        let parse = |text: &str| BrokerCommand::parse(text.as_bytes());
+        assert_eq!(parse(" stop\n"), Ok((BrokerCommand::Stop, None)));
+        assert_eq!(parse("return_to_base"), Ok((BrokerCommand::Dock, None)));
+        let run = BrokerCommand::Run("patrol".to_owned());
         assert_eq!(parse("run patrol"), Ok((run.clone(), None)));
         assert_eq!(parse(&run.to_json("7")), Ok((run, Some("7".to_owned()))));
     }
 
     #[test]
     fn what_is_no_order_is_refused_in_words() {
-        let refused = |bytes: &[u8]| Order::parse(bytes).unwrap_err().to_string();
+        let refused = |bytes: &[u8]| BrokerCommand::parse(bytes).unwrap_err().to_string();
         assert!(refused(b"fly").contains("return_to_base"));
         assert!(refused(b"run ").contains("no order"));
         assert!(refused(b"{\"id\": \"7\"}").contains("order"));
@@ -151,7 +151,7 @@ mod tests {
     proptest! {
         #[test]
         fn no_payload_makes_it_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
-            let _ = Order::parse(&bytes);
+            let _ = BrokerCommand::parse(&bytes);
         }
     }
 }

@@ -19,7 +19,7 @@ use crate::timetable::Timetable;
 
 /// Duties, and from what they were made.
 #[derive(Clone)]
-pub(super) struct Order {
+pub(super) struct LoadedDuties {
     pub(super) duties: Duties,
     /// Of each behaviour with all that it is started with.
     prints: BTreeMap<String, u64>,
@@ -43,7 +43,7 @@ pub(super) struct Reader {
 impl Reader {
     /// # Errors
     /// A script that cannot be read or has a mistake, a timetable that names what is not there.
-    pub(super) fn order(&self, config: &Config) -> Result<Order, Failure> {
+    pub(super) fn load(&self, config: &Config) -> Result<LoadedDuties, Failure> {
         let casting = Casting {
             config,
             file: self.settings.file(),
@@ -92,7 +92,7 @@ impl Reader {
             scripts: behaviours.iter().map(live::script).collect(),
             timetable: (!table.rules.is_empty()).then(|| (table.clone(), self.clock)),
         };
-        Ok(Order {
+        Ok(LoadedDuties {
             duties: Duties {
                 blueprints,
                 always,
@@ -109,13 +109,13 @@ impl Reader {
         })
     }
 
-    /// Reads the config anew at each SIGHUP; one that cannot be used changes nothing. Never returns.
+    /// Reads the config anew at each SIGHUP; a config with an error changes nothing. Never returns.
     pub(super) async fn obey(
         self,
         mut hangup: Signal,
         reload: mpsc::Sender<Reload>,
         shown: watch::Sender<Known>,
-        mut now: (Config, Order),
+        mut now: (Config, LoadedDuties),
     ) -> Infallible {
         while hangup.recv().await.is_some() {
             tracing::info!("SIGHUP: the settings are read anew");
@@ -151,14 +151,14 @@ impl Reader {
             .unwrap_or_else(|| self.zone.clone())
     }
 
-    fn read_anew(&self) -> Result<(Config, Order), Failure> {
+    fn read_anew(&self) -> Result<(Config, LoadedDuties), Failure> {
         let reader = Reader {
             settings: self.settings.anew(),
             ..self.clone()
         };
         let config = reader.settings.config()?.clone();
-        let order = reader.order(&config)?;
-        Ok((config, order))
+        let loaded = reader.load(&config)?;
+        Ok((config, loaded))
     }
 }
 

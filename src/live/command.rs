@@ -23,7 +23,8 @@ const FAR: f64 = 1000.0;
 /// One thing to do.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
-pub(super) enum Order {
+#[schemars(rename = "Order")]
+pub(super) enum PageCommand {
     /// Drive to the station.
     Dock,
     /// Leave it.
@@ -178,41 +179,45 @@ pub(super) enum Change {
 pub(super) type Done = (bool, String);
 
 /// Does it. Dropping the wait gives it up.
-pub(super) async fn perform(order: Order, run: &Run, sim: Option<&Simulation>) -> Done {
+pub(super) async fn perform(order: PageCommand, run: &Run, sim: Option<&Simulation>) -> Done {
     match errand(order) {
         Ok(errand) => in_words(run.perform(errand).await),
         Err(order) => match (*order, sim) {
-            (Order::Sim { change }, Some(sim)) => told(alter(change, sim)),
-            (Order::Param { name, param, value }, _) => {
+            (PageCommand::Sim { change }, Some(sim)) => told(alter(change, sim)),
+            (PageCommand::Param { name, param, value }, _) => {
                 let turned = run.roster.turn(&name, &param, value);
                 told(turned)
             }
-            (Order::Play { sound }, _) => (false, format!("there is no sound `{}`", short(&sound))),
+            (PageCommand::Play { sound }, _) => {
+                (false, format!("there is no sound `{}`", short(&sound)))
+            }
             _ => (false, "this robot is no simulated one".to_owned()),
         },
     }
 }
 
 /// What the run's desk can do for it; what that cannot is given back.
-pub(super) fn errand(order: Order) -> Result<Errand, Box<Order>> {
+pub(super) fn errand(order: PageCommand) -> Result<Errand, Box<PageCommand>> {
     Ok(match order {
-        Order::Dock => Errand::Dock(DockPlan::DEFAULT),
-        Order::Undock => Errand::Undock(UNDOCK),
-        Order::Led { light, on } => Errand::Led {
+        PageCommand::Dock => Errand::Dock(DockPlan::DEFAULT),
+        PageCommand::Undock => Errand::Undock(UNDOCK),
+        PageCommand::Led { light, on } => Errand::Led {
             led: light.into(),
             on,
         },
-        Order::StopSound => Errand::StopSound,
-        Order::Behaviour { name, change } => Errand::Behaviour {
+        PageCommand::StopSound => Errand::StopSound,
+        PageCommand::Behaviour { name, change } => Errand::Behaviour {
             name,
             change: change.into(),
         },
-        Order::Volume { percent } => Errand::Volume(percent),
-        Order::Play { ref sound } => match wire::Sound::from_name(sound) {
+        PageCommand::Volume { percent } => Errand::Volume(percent),
+        PageCommand::Play { ref sound } => match wire::Sound::from_name(sound) {
             Some(sound) => Errand::Play(sound),
             None => return Err(Box::new(order)),
         },
-        other @ (Order::Param { .. } | Order::Sim { .. }) => return Err(Box::new(other)),
+        other @ (PageCommand::Param { .. } | PageCommand::Sim { .. }) => {
+            return Err(Box::new(other));
+        }
     })
 }
 

@@ -1,0 +1,180 @@
+use super::*;
+use crate::robot::{RobotInfo, WatchdogState};
+
+const LONG: Duration = Duration::from_secs(600);
+
+fn up() -> Occurrence {
+    Occurrence::LinkUp {
+        robot: RobotInfo {
+            uid: "SPYKEE7".to_owned(),
+            name: "Rover".to_owned(),
+            firmware: String::new(),
+            address: String::new(),
+            simulated: false,
+        },
+        docked: false,
+    }
+}
+
+fn down() -> Occurrence {
+    let reason = "closed".to_owned();
+    Occurrence::LinkDown { reason }
+}
+
+fn failed(behaviour: &str) -> Occurrence {
+    Occurrence::Ended {
+        behaviour: behaviour.to_owned(),
+        reason: EndReason::Error,
+        message: Some("a.lua:3: no".to_owned()),
+        seconds: 1.0,
+    }
+}
+
+fn low(low: bool) -> Occurrence {
+    Occurrence::Watchdog {
+        state: WatchdogState::Free,
+        low,
+        docked: false,
+    }
+}
+
+#[test]
+fn a_robot_that_is_away_for_long_is_told_once_and_that_it_is_back() {
+    let mut now = Instant::now();
+    let mut rules = Rules::new(LONG, now);
+    assert_eq!(rules.hear(&up(), now), None);
+    assert_eq!(rules.deadline(), None);
+    rules.hear(&down(), now);
+    now += LONG / 2;
+    assert_eq!(rules.poll(now), None);
+    // Another failure in between changes nothing.
+    rules.hear(&down(), now);
+    now += LONG / 2;
+    let told = rules.poll(now).unwrap();
+    assert_eq!(told.text, "Rover has been out of reach for 10 min: closed");
+    assert_eq!((rules.poll(now + LONG), rules.deadline()), (None, None));
+    assert!(
+        rules
+            .hear(&up(), now)
+            .unwrap()
+            .text
+            .contains("in reach again")
+    );
+    rules.hear(&down(), now);
+    assert_eq!(rules.hear(&up(), now), None, "a short absence is none");
+}
+
+#[test]
+fn a_robot_that_was_never_there_is_told_too() {
+    let now = Instant::now();
+    let mut rules = Rules::new(LONG, now);
+    assert!(
+        rules
+            .poll(now + LONG)
+            .unwrap()
+            .text
+            .contains("spykee has been")
+    );
+}
+
+#[test]
+fn low_is_told_when_it_becomes_low_and_each_failure_once_in_a_while() {
+    let mut now = Instant::now();
+    let mut rules = Rules::new(LONG, now);
+    assert_eq!(rules.hear(&low(true), now).unwrap().rule, Rule::Low);
+    assert_eq!(rules.hear(&low(true), now), None);
+    assert_eq!(rules.hear(&low(false), now), None);
+    assert!(rules.hear(&low(true), now).is_some());
+    assert!(
+        rules
+            .hear(&failed("a"), now)
+            .unwrap()
+            .text
+            .contains("a.lua:3")
+    );
+    assert_eq!(rules.hear(&failed("a"), now), None);
+    assert!(
+        rules.hear(&failed("b"), now).is_some(),
+        "of another behaviour"
+    );
+    now += AGAIN;
+    assert!(rules.hear(&failed("a"), now).is_some());
+}
+
+#[test]
+fn each_rule_of_the_config_has_its_happening_and_its_words() {
+    let behaviour = || "patrol".to_owned();
+    let entry = |kind: &str| Occurrence::Entry {
+        behaviour: behaviour(),
+        kind: kind.to_owned(),
+        data: serde_json::json!({ "energy": 3.5, "where": "door" }),
+    };
+    let alarm = Occurrence::Safety {
+        action: SafetyAction::Alarm,
+        reason: "no station".to_owned(),
+    };
+    let given_up = Occurrence::GivenUp {
+        behaviour: behaviour(),
+        message: "no".to_owned(),
+    };
+    let missed = Occurrence::StartMissed {
+        behaviour: behaviour(),
+        reason: "no robot was there".to_owned(),
+    };
+    let sent = Occurrence::Notify {
+        behaviour: behaviour(),
+        text: "look".to_owned(),
+        picture: Some("a.jpg".into()),
+    };
+    let now = Instant::now();
+    for (what, rule, text) in [
+        (alarm, Rule::Alarm, "the alarm sounds: no station"),
+        (
+            given_up,
+            Rule::RunFailed,
+            "patrol is given up, it failed too often: no",
+        ),
+        (
+            missed,
+            Rule::StartMissed,
+            "patrol did not start: no robot was there",
+        ),
+        (
+            entry("moved"),
+            Rule::Moved,
+            "patrol: something moved (energy 3.5, where door)",
+        ),
+        (
+            entry("noise"),
+            Rule::Moved,
+            "patrol: a noise (energy 3.5, where door)",
+        ),
+        (sent, Rule::Script, "look"),
+    ] {
+        let told = Rules::new(LONG, now).hear(&what, now).unwrap();
+        assert_eq!((told.rule, &*told.text), (rule, text));
+        assert_eq!(told.picture.is_some(), rule == Rule::Script);
+    }
+    assert_eq!(Rules::new(LONG, now).hear(&entry("lamp"), now), None);
+}
+
+#[test]
+fn only_what_went_wrong_with_a_docking_is_told() {
+    let now = Instant::now();
+    let dock = |end| Occurrence::Dock {
+        by: None,
+        end,
+        attempts: 1,
+        seconds: 180.0,
+    };
+    for end in [
+        DockEnd::Done,
+        DockEnd::Cancelled,
+        DockEnd::Preempted,
+        DockEnd::Disconnected,
+    ] {
+        assert_eq!(Rules::new(LONG, now).hear(&dock(end), now), None, "{end}");
+    }
+    let told = Rules::new(LONG, now).hear(&dock(DockEnd::BaseNotFound), now);
+    assert_eq!(told.unwrap().rule, Rule::NotDocked);
+}

@@ -1,0 +1,160 @@
+use super::*;
+
+const SECOND: Duration = Duration::from_secs(1);
+const WHO: BehaviourId = BehaviourId(7);
+const STANDING: Means = Means {
+    rescuer: None,
+    leg: false,
+    worth: Duration::from_secs(100),
+    critical: false,
+};
+const BLIND: Means = Means {
+    leg: true,
+    ..STANDING
+};
+const SEEING: Means = Means {
+    rescuer: Some(WHO),
+    ..BLIND
+};
+
+/// After the first search has begun, a while ago.
+fn searching() -> (Recovery, Instant) {
+    let now = Instant::now();
+    let mut recovery = Recovery::new(&Limits::default(), now);
+    assert_eq!(recovery.poll(true, now), Some(Try::Search));
+    assert_eq!(recovery.next_deadline(now), None);
+    (recovery, now + 60 * SECOND)
+}
+
+#[test]
+fn a_leg_comes_at_once_and_its_search_when_it_is_over() {
+    let (mut recovery, now) = searching();
+    let next = recovery.failed(DockEnd::BaseNotFound, BLIND, now);
+    assert_eq!((next, recovery.legs()), (Next::Leg, 1));
+    assert!(recovery.setpoint(now + SECOND).is_some());
+    let due = recovery.next_deadline(now).unwrap();
+    assert_eq!(due, now + 2 * SECOND);
+    assert_eq!(recovery.next_deadline(due), Some(due), "at once");
+    assert_eq!(recovery.poll(true, now + SECOND), None);
+    assert_eq!(recovery.poll(true, due), Some(Try::Search));
+    assert_eq!(recovery.setpoint(due), None);
+    recovery.failed(DockEnd::BaseNotFound, BLIND, due);
+    assert_eq!(recovery.legs(), 2);
+    recovery.end(due);
+    assert_eq!(recovery.poll(true, due + SECOND), Some(Try::Search));
+    let due = due + SECOND;
+    assert_eq!(recovery.poll(true, due), None, "not twice in a second");
+}
+
+#[test]
+fn a_search_that_ended_without_a_word_is_followed_by_another() {
+    let (mut recovery, now) = searching();
+    assert_eq!(recovery.poll(true, now), Some(Try::Search));
+    assert_eq!(recovery.poll(true, now), None, "not twice in a second");
+    assert_eq!(recovery.next_deadline(now), Some(now + SECOND));
+}
+
+#[test]
+fn who_sees_drives_before_who_does_not() {
+    let (mut recovery, now) = searching();
+    let next = recovery.failed(DockEnd::BaseNotFound, SEEING, now);
+    assert_eq!((next, recovery.borrower()), (Next::Loan, Some(WHO)));
+    recovery.note_motion(true, now + SECOND);
+    let due = now + 8 * SECOND;
+    assert_eq!(recovery.next_deadline(now), Some(due));
+    assert_eq!(recovery.poll(true, due), Some(Try::Search));
+    assert_eq!(recovery.borrower(), None);
+}
+
+#[test]
+fn a_loan_that_nobody_uses_gives_way_to_a_leg_where_one_is_allowed() {
+    for (may_drive, next) in [(true, Try::Leg), (false, Try::Search)] {
+        let (mut recovery, now) = searching();
+        recovery.failed(DockEnd::BaseNotFound, SEEING, now);
+        let due = now + Loan::FIRST;
+        assert_eq!(recovery.poll(may_drive, due), Some(next));
+    }
+}
+
+#[test]
+fn only_a_station_not_found_leads_to_a_leg() {
+    let (mut recovery, now) = searching();
+    let next = recovery.failed(DockEnd::Timeout, BLIND, now);
+    assert_eq!(next, Next::Pause(5 * SECOND));
+    let next = recovery.failed(DockEnd::NotCharging, SEEING, now);
+    assert_eq!(next, Next::Search);
+    assert_eq!(recovery.poll(true, now), Some(Try::Search));
+}
+
+#[test]
+fn pauses_grow_up_to_what_a_search_is_worth() {
+    let (mut recovery, mut now) = searching();
+    for pause in [5, 10, 20, 60, 100, 100] {
+        let next = recovery.failed(DockEnd::BaseNotFound, STANDING, now);
+        assert_eq!(next, Next::Pause(pause * SECOND));
+        let due = recovery.next_deadline(now).unwrap();
+        assert_eq!(due, now + pause * SECOND);
+        assert_eq!(recovery.poll(true, due), Some(Try::Search));
+        now = due + 60 * SECOND;
+    }
+    assert!(recovery.is_alarming());
+}
+
+#[test]
+fn a_search_that_fails_at_once_is_worth_a_moment_and_a_nearly_empty_battery_no_pause() {
+    let means = Means {
+        worth: Duration::ZERO,
+        ..STANDING
+    };
+    let (mut recovery, now) = searching();
+    let next = recovery.failed(DockEnd::BaseNotFound, means, now);
+    assert_eq!(next, Next::Pause(SECOND));
+    let critical = Means {
+        critical: true,
+        ..STANDING
+    };
+    let (mut recovery, now) = searching();
+    let next = recovery.failed(DockEnd::BaseNotFound, critical, now);
+    assert_eq!(next, Next::Pause(Duration::ZERO));
+    assert_eq!(recovery.poll(true, now), Some(Try::Search));
+    recovery.failed(DockEnd::BaseNotFound, critical, now);
+    assert_eq!(recovery.poll(true, now), None, "not twice in a second");
+    assert_eq!(recovery.poll(true, now + SECOND), Some(Try::Search));
+}
+
+#[test]
+fn a_leg_that_is_not_allowed_any_more_is_over() {
+    let (mut recovery, now) = searching();
+    recovery.failed(DockEnd::BaseNotFound, BLIND, now);
+    assert_eq!(recovery.poll(false, now + SECOND), Some(Try::Search));
+}
+
+#[test]
+fn an_interruption_ends_what_is_under_way_and_no_pause() {
+    let (mut recovery, now) = searching();
+    recovery.failed(DockEnd::BaseNotFound, BLIND, now);
+    recovery.interrupt(now);
+    assert_eq!(recovery.next_deadline(now), Some(now + SECOND));
+    assert_eq!(recovery.poll(true, now + SECOND), Some(Try::Search));
+    recovery.failed(DockEnd::Timeout, STANDING, now + SECOND);
+    let due = recovery.next_deadline(now);
+    recovery.interrupt(now + 2 * SECOND);
+    assert_eq!(recovery.next_deadline(now), due);
+    recovery.search_at_once(now + 3 * SECOND);
+    assert_eq!(recovery.poll(true, now + 3 * SECOND), Some(Try::Search));
+}
+
+#[test]
+fn an_end_in_a_pause_or_a_search_changes_nothing() {
+    let (mut recovery, now) = searching();
+    recovery.end(now);
+    assert_eq!(recovery.next_deadline(now), None);
+    recovery.failed(DockEnd::BaseNotFound, STANDING, now);
+    recovery.end(now);
+    assert_eq!(recovery.next_deadline(now), Some(now + 5 * SECOND));
+    recovery.search_at_once(now);
+    recovery.poll(true, now);
+    recovery.failed(DockEnd::BaseNotFound, BLIND, now + SECOND);
+    recovery.end(now + 2 * SECOND);
+    assert_eq!(recovery.poll(true, now + 2 * SECOND), Some(Try::Search));
+}

@@ -1,0 +1,84 @@
+//! What follows from the battery's level and from whether it charges.
+
+use tokio::time::Instant;
+
+use super::{Homing, Watchdog};
+use crate::robot::{Battery, MotionEnd, SafetyAction};
+use crate::safety::{Activity, BatteryChange, Charging, DockState};
+use crate::wire::Power;
+
+impl Watchdog {
+    pub(super) fn power(&mut self, power: Power, now: Instant) {
+        let was_critical = self.guard.critical();
+        let contact = self.whereabouts.has_contact();
+        let change = self.guard.report(power, contact, now);
+        let was_docked = self.docked();
+        let charges = self.guard.charging() != Charging::No;
+        self.whereabouts.power(charges, now);
+        if self.docked() && !was_docked {
+            self.end_motion(MotionEnd::Docked);
+            self.interrupt_recovery(now);
+        }
+        if let Some(Battery {
+            percent, charging, ..
+        }) = self.battery()
+        {
+            self.drain.level(percent.get(), charging, now);
+        }
+        self.believe(change, now);
+        if self.guard.critical() && !was_critical {
+            if self.borrower().is_none() {
+                self.end_motion(MotionEnd::Safety);
+            }
+            let reason = format!(
+                "battery at {} %: nothing moves but on the way home",
+                power.percent
+            );
+            self.notice(SafetyAction::Hold, reason);
+        }
+    }
+
+    /// Does what follows from news of the battery.
+    pub(super) fn believe(&mut self, change: Option<BatteryChange>, now: Instant) {
+        let charging = self.charging_here();
+        let orders = self.homing.as_mut().map(|homing| match charging {
+            Charging::No => vec![],
+            Charging::Said => homing.docking.wait(),
+            Charging::Believed => homing.docking.charging(now),
+        });
+        if charging == Charging::Believed {
+            self.searching = false;
+            self.end_alarm();
+        }
+        self.follow(orders.unwrap_or_default(), now);
+        match change {
+            Some(BatteryChange::BecameLow(cause)) => self.became_low(cause, now),
+            Some(BatteryChange::Released) => self.released(now),
+            None => {}
+        }
+    }
+
+    pub(super) fn activity(&self) -> Activity {
+        let searches = |homing: &Homing| homing.docking.is_searching();
+        if self.moving() {
+            Activity::Driving
+        } else if self.homing.as_ref().is_some_and(searches) {
+            Activity::Searching
+        } else {
+            Activity::Standing
+        }
+    }
+
+    /// One report says that it charges and nothing bears that out yet: nothing is to drive it away.
+    pub(super) fn may_charge(&self) -> bool {
+        self.charging_here() == Charging::Said
+    }
+
+    /// What is believed of charging, unless the robot has been sent away since it said so.
+    pub(super) fn charging_here(&self) -> Charging {
+        match self.place() {
+            DockState::Charging => self.guard.charging(),
+            _ => Charging::No,
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! Frames as they come: kept, damaged, of any size.
+
+use bytes::Bytes;
+use image::{Rgb, RgbImage};
+
+use super::vision::{RED, looking, picture, seen, show};
+use super::*;
+
+#[test]
+fn frames_are_saved_as_they_came() {
+    let folder = tempfile::tempdir().unwrap();
+    let jpeg = picture(&[]);
+    let mut rig = looking(
+        "print(f:save('ball-' .. f.seq)) print(f:save('more.jpg'))",
+        |options| {
+            options.data_dir = Some(folder.path().join("data"));
+            options.limits.free_bytes = 0;
+        },
+    );
+    for seq in 1..=2 {
+        show(&mut rig, seq, &jpeg);
+    }
+    let path = folder.path().join("data/ball-1.jpg");
+    assert_eq!(std::fs::read(&path).unwrap(), jpeg);
+    assert_eq!(rig.texts()[0], path.to_str().unwrap());
+    assert!(folder.path().join("data/more.jpg").exists());
+
+    let root = folder.path().to_owned();
+    let mut rig = looking("print(f:save('x'))", |options| {
+        options.data_dir = Some(root.join("none"));
+        options.limits.picture_bytes = 0;
+    });
+    show(&mut rig, 1, &jpeg);
+    let texts = rig.texts();
+    assert!(texts[0].contains("larger than all pictures"), "{texts:?}");
+    assert_eq!(texts[1], "nil quota");
+
+    let texts = seen("print(f:save('x'))", &jpeg);
+    assert!(texts[0].contains("there is no data folder"));
+    assert_eq!(texts[1], "nil io");
+}
+
+/// Without a part of its data, which its markers do not show.
+fn torn(jpeg: &Bytes) -> Bytes {
+    let (middle, end) = (jpeg.len() - 400, jpeg.len() - 100);
+    [&jpeg[..middle], &jpeg[end..]].concat().into()
+}
+
+#[test]
+fn a_frame_cut_short_never_reaches_a_script() {
+    let jpeg = picture(&[((100, 50, 40, 20), RED)]);
+    let mut rig = Rig::new(
+        "robot.on('frame', function(f) print(f.seq, robot.frame().seq) end)
+         print('next', robot.wait_frame(5).seq)",
+    );
+    show(&mut rig, 1, &jpeg.slice(..jpeg.len() / 2));
+    assert_eq!(rig.texts(), [rig.logged(Level::Warn)[0]]);
+    show(&mut rig, 2, &jpeg);
+    show(&mut rig, 3, &jpeg.slice(..jpeg.len() - 2));
+    assert_eq!(rig.logged(Level::Info), ["next 2", "2 2"]);
+    assert!(rig.logged(Level::Warn)[0].contains("cut short"));
+    assert_eq!(rig.logged(Level::Warn).len(), 1);
+}
+
+#[test]
+fn a_damaged_frame_shows_nothing_and_is_counted_once() {
+    let jpeg = picture(&[((100, 50, 40, 20), RED)]);
+    let mut rig = looking(
+        "local t = vision.tracker{colour = 'red'} local d = vision.motion()
+         print(f.width >= 0, #f:find_blobs('red'), f:brightness(), f:get_pixel(1, 1), f:find_line('red'), #f:find_qrcodes(),
+             #t:update(f), d:update(f).score, f:sharpness(), vision.learn(f, {1, 1, 9, 9}))",
+        |_| {},
+    );
+    show(&mut rig, 1, &torn(&jpeg));
+    show(&mut rig, 2, &torn(&jpeg));
+    assert_eq!(
+        rig.logged(Level::Info),
+        ["true 0 0 nil nil 0 0 0 0 nil too_grey"; 2]
+    );
+    assert!(rig.logged(Level::Warn)[0].contains("damaged"));
+    assert_eq!(rig.logged(Level::Warn).len(), 1);
+    rig.script.stop(EndReason::Shutdown, rig.now);
+    rig.collect();
+    assert!(rig.logged(Level::Warn)[1].starts_with("2 damaged frames so far"));
+    assert_eq!(rig.logged(Level::Error), [""; 0]);
+}
+
+#[test]
+fn a_frame_is_decoded_once_for_many_questions() {
+    let jpeg = picture(&[]);
+    let mut rig = looking(
+        "for _ = 1, 5 do f:find_blobs('red') f:brightness() f:get_pixel(1, 1) end",
+        |_| {},
+    );
+    for seq in 1..=3 {
+        show(&mut rig, seq, &jpeg);
+    }
+    assert_eq!(rig.script.state.borrow().sight.eyes.decoded(), 3);
+}
+
+/// A floor under a wall, and something red that stands on it, in a picture of any size.
+fn room(width: u32, height: u32) -> Bytes {
+    let pixels = RgbImage::from_fn(width, height, |x, y| {
+        let red = (width * 9 / 20..width * 11 / 20).contains(&x)
+            && (height * 9 / 20..height * 12 / 20).contains(&y);
+        match (red, y < height * 11 / 20) {
+            (true, _) => Rgb(RED),
+            (_, true) => Rgb([200, 210, 220]),
+            _ => Rgb([120, 100, 80]),
+        }
+    });
+    let mut jpeg = Vec::new();
+    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 90)
+        .encode_image(&pixels)
+        .unwrap();
+    Bytes::from(jpeg)
+}
+
+/// What a behaviour that comes along does when it is shown three frames of this size.
+fn shown(behaviour: &str, width: u32, height: u32) -> Rig {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("behaviours")
+        .join(behaviour);
+    let source = std::fs::read_to_string(path).unwrap();
+    let mut rig = Rig::with(&source, |options| {
+        options.limits.callback_budget_ms = 5_000;
+    });
+    rig.deliver(connected(false));
+    // It stands off its station: there is nothing to leave.
+    if let Some(Intent::Undock { call, .. }) = rig.take_intents().last() {
+        let (call, end) = (*call, crate::robot::DockEnd::NotDocked);
+        rig.deliver(Event::UndockEnded { call, end });
+    }
+    let jpeg = room(width, height);
+    for seq in 1..=3 {
+        rig.pass(0.2);
+        show(&mut rig, seq, &jpeg);
+    }
+    rig
+}
+
+#[test]
+fn behaviours_that_see_the_floor_work_with_frames_of_any_size_or_say_that_they_cannot() {
+    for behaviour in ["explore.lua", "find_and_return.lua"] {
+        for (width, height) in [
+            (64, 48),
+            (160, 120),
+            (317, 241),
+            (320, 240),
+            (640, 480),
+            (1280, 1024),
+        ] {
+            let rig = shown(behaviour, width, height);
+            assert!(
+                rig.script.ended().is_none(),
+                "{behaviour} {width}x{height}: {:?}",
+                rig.script.ended()
+            );
+            let moves = |intent: &Intent| matches!(intent, Intent::Move { .. });
+            assert!(
+                rig.intents.iter().any(moves),
+                "{behaviour} {width}x{height}"
+            );
+        }
+    }
+    let words = "the floor cannot be seen in pictures of 32x24";
+    shown("explore.lua", 32, 24).assert_ended(EndReason::Error, words);
+}
