@@ -116,7 +116,7 @@ const FUNCTIONS: &[Function] = &[
         "robot.pose",
         &[],
         &[object("pose", &POSE_ESTIMATE, "since `robot.reset_pose()`, or since the script began")],
-        "Estimates where the robot is: from what the script made its tracks do, with turns on the spot as the camera sees them while it is on. What others make it do is not known: then the errors grow.",
+        "Estimates where the robot is: from what the script made its tracks do, with turns as the camera sees them while it is on. What others make it do is not known: then the errors grow.",
         "robot.reset_pose()\nrobot.forward(0.5)\nlocal pose = robot.pose()\nprint(pose.x, pose.y, math.deg(pose.heading), pose.error)",
     )
     .pure(),

@@ -1,5 +1,5 @@
 //! Where the robot is since the script last asked to begin at zero: dead reckoning from the setpoints of
-//! the script, with turns on the spot as the camera sees them where it does, and how far off that may be.
+//! the script, with turns as the camera sees them where it does, and how far off that may be.
 
 use std::collections::VecDeque;
 use std::f64::consts::PI;
@@ -20,12 +20,6 @@ const SEEN_TURN: f64 = 0.04;
 /// The camera stands this share of the distance to what it sees before the middle of the robot, which makes
 /// turns look larger: 0.1 m before it, and 1.25 m to what stands around in a room.
 const PARALLAX: f64 = 1.05;
-/// A curve of so small a radius, in metres, is a turn on the spot. In a wider one things move through the
-/// picture because the robot comes past them, and the skyline takes that for a turn: in the simulated hall
-/// it was once off by 0.6 radians after 44 s, and the tracks alone by 0.01.
-const ON_THE_SPOT: f64 = 0.1;
-/// Metres that do not count as a way.
-const LEAST_WAY: f64 = 0.002;
 /// Radians per second that something else may turn the robot by.
 const OTHERS_TURN: f64 = 2.0;
 /// What others do counts from so much after the script's own motion: the news of its end is as late.
@@ -147,14 +141,11 @@ impl Odometry {
         self.marks.push_back((at, self.pose));
     }
 
-    /// The turn between the last two frames, as the tracks should have made it. None where they made the robot
-    /// come on, too: what the camera then sees is no measure of a turn.
+    /// The turn between the last two frames, as the tracks should have made it.
     pub(super) fn last_turn(&self) -> Option<f64> {
         let mut newest = self.marks.iter().rev();
         let (now, before) = (newest.next()?.1, newest.next()?.1);
-        let turn = now.heading - before.heading;
-        let way = (now.x - before.x).hypot(now.y - before.y);
-        (way < ON_THE_SPOT * turn.abs() + LEAST_WAY).then_some(turn)
+        Some(now.heading - before.heading)
     }
 
     /// The camera has seen another turn between the last two frames, in radians.
@@ -275,25 +266,6 @@ mod tests {
             near(seen.heading, 1.4) && seen.heading_error < unseen.heading_error,
             "{seen:?}"
         );
-    }
-
-    #[test]
-    fn only_a_turn_on_the_spot_is_looked_for_in_pictures() {
-        let (mut odometry, mut now) = odometry();
-        let mut turned = |driver| {
-            odometry.mark(now);
-            now += Duration::from_millis(125);
-            odometry.advance(now, driver);
-            odometry.mark(now);
-            odometry.last_turn()
-        };
-        let curve = Driver::Script(Drive {
-            forward: 0.2,
-            turn: 0.5,
-        });
-        assert!(turned(LEFT).is_some_and(|turn| near(turn, FRAC_PI_2 / 8.0)));
-        assert_eq!(turned(Driver::Nobody), Some(0.0));
-        assert_eq!([turned(AHEAD), turned(curve)], [None, None]);
     }
 
     #[test]
