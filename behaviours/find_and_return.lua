@@ -108,14 +108,18 @@ local function celebrate()
 	robot.blink("all", { on = 0.2, off = 0.2, count = 3 }):join()
 end
 
--- The station shines only so far: where its light is not seen the robot goes on and tries again.
+-- The station shines only so far: where its light is not seen the robot goes on and tries again. A search turns
+-- the robot by the same angle each time: without a turn by lot it would go to and fro between two places.
 local function come_home()
 	local home, code
-	for _ = 1, settings.places do
+	for place = 1, settings.places do
 		log.info("going home")
 		home, code = robot.dock({ retries = 0 })
 		if home or code ~= "base_not_found" then
 			break
+		end
+		if place > 1 then
+			robot.turn(math.rad(math.random(-150, 150)))
 		end
 		floor.drive_on(10, settings.speed)
 	end
