@@ -13,8 +13,8 @@ use tokio::time::Instant;
 
 use crate::robot::MotionId;
 use crate::vision::{
-    Approach, Camera, Drive, Glance, Image, Outline, Verdict, compare_glances, compare_outlines,
-    foot_ahead, nearer_than,
+    Approach, Camera, Drive, Glance, Image, Looming, Outline, Verdict, compare_glances,
+    compare_outlines, foot_ahead, looming_distance, nearer_than,
 };
 
 /// The robot gains speed, and its pictures are late: what is older than this after the beginning of a
@@ -35,6 +35,8 @@ const FLICKER: u32 = 4;
 const NEAREST: f64 = 0.3;
 /// Metres from the lens to what has just left the picture, at least: nearer ones are mistakes.
 const LEAST_ROOM: f64 = 0.15;
+/// Metres by which what grows may be farther than it seemed.
+const MARGIN: f64 = 0.02;
 /// Pictures that are kept.
 const MOST: usize = 16;
 
@@ -48,6 +50,7 @@ pub(super) struct Blockage {
     /// Close before something plain; see [`Close`].
     close: Option<Close>,
     approach: Approach,
+    looming: Looming,
     /// A picture's memory, to use again.
     spare: Option<(Glance, Outline)>,
 }
@@ -99,6 +102,7 @@ impl Blockage {
             self.views.clear();
             (self.standing, self.close) = (None, None);
             self.approach = Approach::default();
+            self.looming = Looming::default();
         }
         let (mut glance, mut outline) = self.spare.take().unwrap_or_default();
         glance.take(image);
@@ -119,6 +123,7 @@ impl Blockage {
             glance,
             outline,
         };
+        self.note_looming(&now, going);
         let (verdict, then) = self.compare(&now, camera, going.drive);
         self.note(verdict, then);
         self.keep(now);
@@ -161,6 +166,24 @@ impl Blockage {
             self.spare = oldest.map(|view| (view.glance, view.outline));
         }
         self.views.push_back(now);
+    }
+
+    fn note_looming(&mut self, now: &View, going: Going) {
+        let Some(close) = self.close.filter(|_| going.drive.turn.abs() < STRAIGHT) else {
+            return;
+        };
+        let seen = self.before(now.at, FARTHER_APART).and_then(|before| {
+            let way = now.odometer - before.odometer;
+            looming_distance(before.outline.horizon(), now.outline.horizon(), way)
+        });
+        if let Some(distance) = seen {
+            if std::env::var("DBG").is_ok() { println!("LOOM {:.3} {:.3} {:.3}", going.odometer, distance, going.odometer + distance); }
+            self.looming.note(now.odometer, distance);
+        }
+        if let Some(arrival) = self.looming.arrival() {
+            let room = arrival + MARGIN - close.odometer;
+            self.close = Some(Close { room: room.min(close.room), ..close });
+        }
     }
 
     fn note_close(&mut self, nearer_than: Option<f64>, at: Instant, going: Going) {

@@ -53,6 +53,11 @@ pub struct Outline {
 }
 
 impl Outline {
+    /// The brightness along the columns just above the horizon.
+    pub fn horizon(&self) -> &[f32] {
+        &self.bands[1]
+    }
+
     /// Of a picture; reuses the memory of `self`.
     pub fn take(&mut self, glance: &Glance) {
         let (w, h) = glance.size();
