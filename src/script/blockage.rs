@@ -14,7 +14,7 @@ use tokio::time::Instant;
 use crate::robot::MotionId;
 use crate::vision::{
     Approach, Camera, Drive, Glance, Image, Looming, Outline, Verdict, compare_glances,
-    compare_outlines, foot_ahead, looming_distance, nearer_than,
+    compare_outlines, foot_ahead, looming_distance, nearer_than, swayed,
 };
 
 /// The robot gains speed, and its pictures are late: what is older than this after the beginning of a
@@ -27,6 +27,8 @@ const FARTHER_APART: Duration = Duration::from_millis(750);
 /// It must have stood for so long, in at least so many pictures.
 const STOOD: Duration = Duration::from_millis(500);
 const PICTURES: u32 = 3;
+/// Pictures that told so longer ago count no more.
+const FORGOTTEN: Duration = Duration::from_millis(400);
 /// How fast it may turn, in radians a second, so that what it sees ahead is what it will meet.
 const STRAIGHT: f64 = 0.06;
 /// In so many pictures in a row floor must be seen, until it is believed again.
@@ -37,6 +39,8 @@ const NEAREST: f64 = 0.3;
 const LEAST_ROOM: f64 = 0.15;
 /// Metres by which what grows may be farther than it seemed.
 const MARGIN: f64 = 0.02;
+const HALF_WIDTH: u32 = 160;
+const VEER: f64 = 6.0;
 /// Pictures that are kept.
 const MOST: usize = 16;
 
@@ -45,14 +49,23 @@ const MOST: usize = 16;
 pub(super) struct Blockage {
     motion: Option<MotionId>,
     views: VecDeque<View>,
-    /// Since when, and in how many pictures, it has stood.
-    standing: Option<(Instant, u32)>,
+    standing: Option<Standing>,
     /// Close before something plain; see [`Close`].
     close: Option<Close>,
     approach: Approach,
     looming: Looming,
     /// A picture's memory, to use again.
     spare: Option<(Glance, Outline)>,
+}
+
+/// It has stood.
+#[derive(Debug, Clone, Copy)]
+struct Standing {
+    since: Instant,
+    /// When a picture last told so.
+    last: Instant,
+    /// How many have.
+    pictures: u32,
 }
 
 /// A picture that others are compared with.
@@ -73,6 +86,8 @@ struct Close {
     odometer: f64,
     /// The most that there is to go, metres.
     room: f64,
+    /// Where the odometer stands when it arrives, by how what is ahead grew.
+    arrival: Option<f64>,
     /// Pictures in a row that may show floor again.
     floor: u32,
 }
@@ -123,32 +138,45 @@ impl Blockage {
             glance,
             outline,
         };
-        self.note_looming(&now, going);
+        self.note_looming(&now, camera, going);
         let (verdict, then) = self.compare(&now, camera, going.drive);
-        self.note(verdict, then);
+        self.note(verdict, then, at);
         self.keep(now);
-        let stood = self.standing.filter(|(since, pictures)| {
-            *pictures >= PICTURES && at.saturating_duration_since(*since) >= STOOD
+        let stood = self.standing.filter(|standing| {
+            standing.pictures >= PICTURES && at.saturating_duration_since(standing.since) >= STOOD
         });
         stood
-            .map(|(since, _)| since)
+            .map(|standing| standing.since)
             .or_else(|| self.arrived(going))
     }
 
     /// What two pictures say, and when the first was taken.
     fn compare(&self, now: &View, camera: Camera, drive: Drive) -> (Verdict, Option<Instant>) {
-        let pairs = [APART.1, FARTHER_APART].map(|most| self.before(now.at, most));
-        let mut told = pairs.into_iter().flatten().map(|before| {
+        let told = |before: &View| {
             let verdict = self.compare_two(before, now, camera, drive);
             (verdict, Some(before.at))
-        });
-        let told = told.find(|(verdict, _)| *verdict != Verdict::Unknown);
-        told.unwrap_or((Verdict::Unknown, None))
+        };
+        let near = self.before(now.at, APART.1).map(&told);
+        match near {
+            Some((Verdict::Unknown, _)) | None => {}
+            Some(near) => return near,
+        }
+        // It may have driven for the beginning of that time: so this tells nothing of a movement.
+        let straight = drive.turn.abs() < STRAIGHT;
+        let far = self
+            .before(now.at, FARTHER_APART)
+            .filter(|_| straight)
+            .map(told);
+        far.filter(|(verdict, _)| *verdict == Verdict::Stands)
+            .unwrap_or((Verdict::Unknown, None))
     }
 
     fn compare_two(&self, before: &View, now: &View, camera: Camera, drive: Drive) -> Verdict {
         let apart = now.at - before.at;
-        match compare_glances(&before.glance, &now.glance, camera, drive, apart) {
+        let turned = camera.focal_length(HALF_WIDTH) * drive.turn * apart.as_secs_f64();
+        let (least, most) = (turned.min(0.0) * 1.4 - VEER, turned.max(0.0) * 1.4 + VEER);
+        let sway = swayed(&before.outline, &now.outline, least as isize, most as isize);
+        match compare_glances(&before.glance, &now.glance, camera, drive, apart, sway) {
             Verdict::Unknown => {
                 let ahead = self
                     .close
@@ -168,21 +196,33 @@ impl Blockage {
         self.views.push_back(now);
     }
 
-    fn note_looming(&mut self, now: &View, going: Going) {
-        let Some(close) = self.close.filter(|_| going.drive.turn.abs() < STRAIGHT) else {
+    fn note_looming(&mut self, now: &View, camera: Camera, going: Going) {
+        let Some(close) = self.close else {
             return;
         };
         let seen = self.before(now.at, FARTHER_APART).and_then(|before| {
             let way = now.odometer - before.odometer;
-            looming_distance(before.outline.horizon(), now.outline.horizon(), way)
+            let turned = camera.focal_length(HALF_WIDTH)
+                * going.drive.turn
+                * (now.at - before.at).as_secs_f64();
+            looming_distance(before.outline.horizon(), now.outline.horizon(), way, turned)
         });
         if let Some(distance) = seen {
-            if std::env::var("DBG").is_ok() { println!("LOOM {:.3} {:.3} {:.3}", going.odometer, distance, going.odometer + distance); }
+            if std::env::var("DBG").is_ok() {
+                println!(
+                    "LOOM {:.3} {:.3} {:.3}",
+                    going.odometer,
+                    distance,
+                    going.odometer + distance
+                );
+            }
             self.looming.note(now.odometer, distance);
         }
         if let Some(arrival) = self.looming.arrival() {
-            let room = arrival + MARGIN - close.odometer;
-            self.close = Some(Close { room: room.min(close.room), ..close });
+            self.close = Some(Close {
+                arrival: Some(arrival + MARGIN),
+                ..close
+            });
         }
     }
 
@@ -194,6 +234,7 @@ impl Blockage {
                 room: self
                     .room(going.odometer)
                     .map_or(room, |seen| room.min(seen)),
+                arrival: None,
                 floor: 0,
             }),
             (Some(_), Some(close)) => Some(Close { floor: 0, ..close }),
@@ -214,13 +255,16 @@ impl Blockage {
     /// When it came to what was close before it, if its tracks have made that way: then the lens would be there, and
     /// it is behind the front of the robot.
     fn arrived(&self, going: Going) -> Option<Instant> {
-        let driven = |close: &Close| going.odometer - close.odometer;
-        let close = self
-            .close
-            .filter(|close| close.floor == 0 && driven(close) > close.room)
-            .filter(|_| going.drive.turn.abs() < STRAIGHT)?;
-        let seconds = close.room / going.drive.forward.max(0.01);
-        Some(close.at + Duration::try_from_secs_f64(seconds).unwrap_or_default())
+        let straight = going.drive.turn.abs() < STRAIGHT;
+        let close = self.close.filter(|close| close.floor == 0)?;
+        let room = close.arrival.map(|arrival| arrival - close.odometer);
+        let room = room
+            .into_iter()
+            .chain(straight.then_some(close.room))
+            .reduce(f64::min)?;
+        let arrived = going.odometer - close.odometer > room;
+        let seconds = room / going.drive.forward.max(0.01);
+        arrived.then(|| close.at + Duration::try_from_secs_f64(seconds).unwrap_or_default())
     }
 
     /// The oldest picture that is neither too old nor too new to be compared.
@@ -232,10 +276,20 @@ impl Blockage {
         self.views.iter().find(apart)
     }
 
-    fn note(&mut self, verdict: Verdict, then: Option<Instant>) {
-        self.standing = match (verdict, self.standing, then) {
-            (Verdict::Stands, None, Some(then)) => Some((then, 1)),
-            (Verdict::Stands, Some((since, pictures)), _) => Some((since, pictures + 1)),
+    fn note(&mut self, verdict: Verdict, then: Option<Instant>, at: Instant) {
+        let lately = |standing: &Standing| at.saturating_duration_since(standing.last) < FORGOTTEN;
+        let standing = self.standing.filter(lately);
+        self.standing = match (verdict, standing, then) {
+            (Verdict::Stands, None, Some(then)) => Some(Standing {
+                since: then,
+                last: at,
+                pictures: 1,
+            }),
+            (Verdict::Stands, Some(standing), _) => Some(Standing {
+                last: at,
+                pictures: standing.pictures + 1,
+                ..standing
+            }),
             (Verdict::Unknown, standing, _) => standing,
             _ => None,
         };

@@ -7,6 +7,8 @@
 
 use std::collections::VecDeque;
 
+use super::standstill::LENS_AHEAD;
+
 /// Shorter ways between two pictures show too little growth, metres.
 const SHORTEST: f64 = 0.025;
 /// Distances that are tried, metres, each this much farther than the one before.
@@ -30,21 +32,27 @@ const AGREE: f64 = 0.05;
 
 /// Metres from the lens to what is ahead now, if the way between these two pictures shows it. They are rows of
 /// brightness at the height of the lens.
-pub fn distance(before: &[f32], now: &[f32], way: f64) -> Option<f64> {
+pub fn distance(before: &[f32], now: &[f32], way: f64, turned: f64) -> Option<f64> {
     if before.len() != now.len() || now.len() < 16 || way < SHORTEST {
         return None;
     }
-    let least = |growth: f64| {
-        let costs = (-SWAY..=SWAY).map(|sway| unlike(before, now, growth, f64::from(sway)));
+    let slack = SWAY + (0.1 * turned.abs()) as i32;
+    let least = |growth: f64, aside: f64| {
+        let costs =
+            (-slack..=slack).map(|sway| unlike(before, now, growth, aside + f64::from(sway)));
         costs.fold(f64::INFINITY, f64::min)
     };
-    let still = least(1.0);
+    let still = least(1.0, turned);
     if still < TELLS {
         return None;
     }
     let far = |step: usize| NEAREST * STEP.powi(step as i32);
     let costs: Vec<f64> = (0..STEPS)
-        .map(|step| least((far(step) + way) / far(step)))
+        .map(|step| {
+            let growth = (far(step) + way) / far(step);
+            let aside = turned * (1.0 + LENS_AHEAD / far(step) + (growth - 1.0) / 2.0);
+            least(growth, aside)
+        })
         .collect();
     let (best, cost) = costs
         .iter()
@@ -103,5 +111,76 @@ impl Looming {
         last.sort_by(f64::total_cmp);
         let agree = last.len() == FEWEST_SEEN && last[FEWEST_SEEN - 1] - last[0] <= AGREE;
         agree.then(|| last[FEWEST_SEEN / 2])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Edges at these places of a wall, metres to the right, seen from so far by a lens that has turned to the left by
+    /// so many pixels; with a little noise.
+    fn wall(far: f64, edges: &[f64], turned: f64, noise: u32) -> Vec<f32> {
+        let focal = 190.0;
+        let column = |column: u32| {
+            let x = (f64::from(column) - 79.5 - turned) * far / focal;
+            let stripes = edges.iter().filter(|edge| x > **edge).count();
+            let mixed = (column + noise * 7919).wrapping_mul(0x2C1B_3C6D) >> 24;
+            let grain = mixed as f32 / 256.0 - 0.5;
+            if stripes % 2 == 0 {
+                150.0 + grain
+            } else {
+                143.0 + grain
+            }
+        };
+        (0..160).map(column).collect()
+    }
+
+    #[test]
+    fn stripes_that_move_apart_tell_how_far_a_wall_is() {
+        for (edges, far) in [
+            (&[-0.06, 0.12][..], 0.4),
+            (&[0.07], 0.3),
+            (&[-0.03, 0.02], 0.15),
+        ] {
+            let (before, now) = (wall(far + 0.08, edges, 0.0, 1), wall(far, edges, 1.0, 2));
+            let seen = distance(&before, &now, 0.08, 0.0).unwrap();
+            assert!((seen / far - 1.0).abs() < 0.25, "{far}: {seen}");
+        }
+    }
+
+    #[test]
+    fn a_plain_wall_and_one_that_comes_no_nearer_tell_nothing() {
+        let plain = (wall(0.4, &[], 0.0, 1), wall(0.3, &[], 0.0, 2));
+        assert_eq!(distance(&plain.0, &plain.1, 0.1, 0.0), None);
+        let held = (wall(0.3, &[0.05], 0.0, 1), wall(0.3, &[0.05], 0.0, 2));
+        assert_eq!(distance(&held.0, &held.1, 0.1, 0.0), None);
+        assert_eq!(distance(&[], &[], 0.1, 0.0), None);
+    }
+
+    #[test]
+    fn looks_that_disagree_tell_no_arrival() {
+        let mut looming = Looming::default();
+        for (odometer, far) in [(1.0, 0.4), (1.05, 0.36)] {
+            looming.note(odometer, far);
+            assert_eq!(looming.arrival(), None);
+        }
+        looming.note(1.1, 0.3);
+        assert!((looming.arrival().unwrap() - 1.4).abs() < 0.02);
+        looming.note(1.15, 0.1);
+        assert_eq!(looming.arrival(), None);
+    }
+
+    proptest! {
+        #[test]
+        fn any_rows_are_answered(
+            rows in proptest::collection::vec(any::<u8>(), 100), way in -1e3f64..1e3, turned in -1e2f64..1e2,
+        ) {
+            let rows: Vec<f32> = rows.into_iter().map(f32::from).collect();
+            let seen = distance(&rows[..50], &rows[50..], way, turned);
+            prop_assert!(seen.is_none_or(|far| far > 0.0));
+        }
     }
 }

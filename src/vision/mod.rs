@@ -52,7 +52,7 @@ pub use line::{Line, find_line};
 pub use looming::{Looming, distance as looming_distance};
 pub use motion::{Motion, MotionDetector, MotionOptions};
 pub use near_wall::{Approach, foot_ahead, nearer_than};
-pub use outline::{Outline, compare as compare_outlines};
+pub use outline::{Outline, compare as compare_outlines, swayed};
 pub use picture::image::{Image, Roi};
 pub use picture::measure::{brightness, sharpness};
 pub use picture::size::{MAX_HEIGHT, MAX_WIDTH, Size};

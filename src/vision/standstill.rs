@@ -1,9 +1,10 @@
 //! Tells by two pictures whether the camera stood still although its robot should have moved.
 //!
-//! Driving forwards, the floor and what stands on it must come nearer; turning, all must move sideways. So a tile of the picture is a *witness* if it would look different after the
-//! expected movement. If nearly all witnesses look the same, the camera stood still; people who walk
-//! through the view hide some of them. Without enough witnesses (a plain wall, the dark) nothing is said.
-//! A small shift to the side of all tiles alike is allowed: a robot that pushes against a wall may turn a little.
+//! Driving on, the floor and what stands on it must come nearer; turning, all must move sideways. So a
+//! tile of the picture is a *witness* if it would look different after the expected movement. If nearly
+//! all witnesses look the same, the camera stood still; people who walk through the view hide some of
+//! them. Without enough witnesses (a plain wall, the dark) nothing is said. A shift to the side of all
+//! tiles alike is allowed while it drives: a robot that is held may turn.
 
 use std::time::Duration;
 
@@ -15,6 +16,8 @@ use crate::vision::picture::size::Size;
 const TILE: usize = 8;
 /// The lens above the floor, metres.
 pub(super) const LENS_HEIGHT: f64 = 0.2;
+/// The lens before the middle of the robot, metres.
+pub(super) const LENS_AHEAD: f64 = 0.1;
 /// A tile is asked only if the expected movement shifts it by so many half-size pixels at least.
 const LEAST_SHIFT: f64 = 2.0;
 /// A tile is a witness if the expected movement changes its pixels by so much on average, of 255.
@@ -101,13 +104,15 @@ impl Glance {
 }
 
 /// Whether the camera stood still between two pictures taken `apart` from each other, while the robot
-/// should have made this movement.
+/// should have made this movement. One that is held may still turn: `swayed` is by how many half-size pixels the
+/// picture has most likely moved to the right if that is all that it did.
 pub fn compare(
     before: &Glance,
     now: &Glance,
     camera: Camera,
     drive: Drive,
     apart: Duration,
+    swayed: isize,
 ) -> Verdict {
     if (before.w, before.h) != (now.w, now.h) || now.w < TILE || now.h < TILE {
         return Verdict::Unknown;
@@ -126,32 +131,65 @@ pub fn compare(
     if count < FEWEST_WITNESSES || quarters(&witnesses, now.w) < FEWEST_QUARTERS {
         return Verdict::Unknown;
     }
+    let curve = drive.forward != 0.0 && expected.turn != 0.0;
     // Driving on, what is on the left moves to the left and what is on the right to the right: one side alone might
     // as well have swayed.
-    let still = |sway: isize| {
-        let share = |side: &dyn Fn(&&Witness) -> bool| {
-            let (mut count, mut still) = (0, 0);
-            for one in witnesses.iter().filter(side) {
-                count += 1;
-                still += u32::from(one.stands(before, now, sway));
-            }
-            (count >= FEWEST_ASIDE).then(|| f64::from(still) / f64::from(count))
-        };
-        let left = |one: &&Witness| one.place.0 + TILE / 2 < now.w / 2;
-        if drive.forward == 0.0 || (sway == 0 && expected.turn == 0.0) {
-            share(&|_| true)
-        } else {
-            Some(share(&left)?.min(share(&|one| !left(one))?))
+    let both_sides = |sway: isize| drive.forward != 0.0 && (sway != 0 || curve);
+    let (mut most, mut stands) = (0.0, false);
+    for sway in SWAYS.into_iter().chain(swayed - 1..=swayed + 1) {
+        let mut votes = Votes::default();
+        for one in &witnesses {
+            let still = one.stands(before, now, expected.sway_at(one.place, sway));
+            votes.add(one.place.0 + TILE / 2 >= now.w / 2, still);
         }
-    };
-    let most = SWAYS.into_iter().filter_map(still).fold(0.0, f64::max);
-    if most >= STANDS {
+        most = f64::max(most, votes.share());
+        let share = if both_sides(sway) {
+            votes.least_share(FEWEST_ASIDE)
+        } else {
+            Some(votes.share())
+        };
+        stands |= share.is_some_and(|share| share >= STANDS);
+    }
+    if stands {
         Verdict::Stands
-    } else if most <= MOVES && (drive.forward == 0.0 || expected.turn == 0.0) {
+    } else if most <= MOVES && !curve {
         Verdict::Moves
     } else {
         // Also one that is held in a curve may turn.
         Verdict::Unknown
+    }
+}
+
+/// How many witnesses there were on the left and on the right, and how many of them stood still.
+#[derive(Debug, Default)]
+pub(super) struct Votes {
+    asked: [u32; 2],
+    still: [u32; 2],
+}
+
+impl Votes {
+    pub(super) fn add(&mut self, right: bool, still: bool) {
+        self.asked[usize::from(right)] += 1;
+        self.still[usize::from(right)] += u32::from(still);
+    }
+
+    pub(super) fn count(&self) -> u32 {
+        self.asked[0] + self.asked[1]
+    }
+
+    /// Of all.
+    pub(super) fn share(&self) -> f64 {
+        let still = self.still[0] + self.still[1];
+        f64::from(still) / f64::from(self.count().max(1))
+    }
+
+    /// Of the side where fewer stood still; `None` if there are fewer than so many on a side.
+    pub(super) fn least_share(&self, fewest: u32) -> Option<f64> {
+        let share = |side: usize| {
+            let (still, asked) = (self.still[side], self.asked[side]);
+            (asked >= fewest).then(|| f64::from(still) / f64::from(asked))
+        };
+        Some(share(0)?.min(share(1)?))
     }
 }
 
@@ -187,17 +225,17 @@ impl Witness {
         (change >= WITNESS).then_some(witness)
     }
 
-    /// It looks as before, and not rather as after the movement.
+    /// So far to the right it looks as it did here, and not rather as after the movement.
     fn stands(&self, before: &Glance, now: &Glance, sway: isize) -> bool {
-        let here = || now.tile(self.place.0, self.place.1);
-        let off = before
-            .shifted(self.place, (-sway, 0))
-            .map(|there| difference(here(), there))
-            .filter(|off| *off < STILL * self.change);
-        off.is_some_and(|off| {
-            let moved = unlike_moved(before, self.place, self.shift, here, off);
-            moved.is_some_and(|moved| moved > off)
-        })
+        let Some(there) = now.shifted(self.place, (sway, 0)) else {
+            return false;
+        };
+        let off = difference(there.clone(), before.tile(self.place.0, self.place.1));
+        if off >= STILL * self.change {
+            return false;
+        }
+        let moved = unlike_moved(before, self.place, self.shift, || there.clone(), off);
+        moved.is_some_and(|moved| moved > off)
     }
 }
 
@@ -241,12 +279,14 @@ struct Expected {
     way: f64,
     /// Radians to the left.
     turn: f64,
+    /// Whether the robot also drives on or back.
+    drives: bool,
 }
 
 impl Expected {
     fn new(glance: &Glance, camera: Camera, drive: Drive, seconds: f64) -> Expected {
         let centre = (glance.w as f64 / 2.0, glance.h as f64 / 2.0);
-        let focal = centre.0 / (camera.hfov / 2.0).tan();
+        let focal = camera.focal_length(glance.w as u32);
         let turn = drive.turn * seconds;
         Expected {
             centre,
@@ -258,7 +298,15 @@ impl Expected {
             } else {
                 0.0
             },
+            drives: drive.forward != 0.0,
         }
+    }
+
+    /// What is near moves farther when the robot turns: the lens is before the middle of the robot.
+    fn sway_at(&self, (_, top): (usize, usize), sway: isize) -> isize {
+        let y = (top + TILE / 2) as f64 - self.centre.1;
+        let near = LENS_AHEAD / LENS_HEIGHT * y.max(0.0) / self.focal;
+        (sway as f64 * (1.0 + near)).round() as isize
     }
 
     /// Half-size pixels to the right and down; `None` where they are too few to be seen.
@@ -272,7 +320,9 @@ impl Expected {
         } else {
             0.0
         };
-        let aside = self.focal * self.turn * (1.0 + (x / self.focal).powi(2));
+        // Who is held in a curve may turn or not: only the way ahead tells.
+        let turn = if self.drives { 0.0 } else { self.turn };
+        let aside = self.focal * turn * (1.0 + (x / self.focal).powi(2));
         let (right, down) = (x * ahead + aside, y * ahead);
         // What is further is out of the picture anyway.
         let pixels = |shift: f64| shift.clamp(-1e6, 1e6);
