@@ -3,8 +3,9 @@
 //!
 //! Three things tell: tiles of the picture that should have changed and did not, outlines that did not (paler ones, and
 //! of what is close), and, where the picture is all plain, the way that the tracks have made since the foot of what
-//! stands ahead was seen last. They rest on the height of the lens above the floor, on its looking level, on the
-//! field of view and on the calibration of the tracks; on nothing of how the simulated camera draws.
+//! stands ahead left the picture, or since its last stripes and edges did, which moved apart as they came nearer. They
+//! rest on the height of the lens above the floor, on its looking level, on the field of view and on the calibration
+//! of the tracks; on nothing of how the simulated camera draws.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -39,8 +40,10 @@ const NEAREST: f64 = 0.3;
 const LEAST_ROOM: f64 = 0.15;
 /// Metres by which what grows may be farther than it seemed.
 const MARGIN: f64 = 0.02;
-const HALF_WIDTH: u32 = 160;
+/// Tracks that differ turn the picture by so many half-size pixels between two looks; and a turn that was asked for may
+/// come out so much larger, since the lens is before the middle of the robot.
 const VEER: f64 = 6.0;
+const PARALLAX: f64 = 1.4;
 /// Pictures that are kept.
 const MOST: usize = 16;
 
@@ -49,6 +52,7 @@ const MOST: usize = 16;
 pub(super) struct Blockage {
     motion: Option<MotionId>,
     views: VecDeque<View>,
+    /// Pictures tell that it stands.
     standing: Option<Standing>,
     /// Close before something plain; see [`Close`].
     close: Option<Close>,
@@ -58,7 +62,7 @@ pub(super) struct Blockage {
     spare: Option<(Glance, Outline)>,
 }
 
-/// It has stood.
+/// Since when it has stood, as far as the pictures tell.
 #[derive(Debug, Clone, Copy)]
 struct Standing {
     since: Instant,
@@ -173,8 +177,11 @@ impl Blockage {
 
     fn compare_two(&self, before: &View, now: &View, camera: Camera, drive: Drive) -> Verdict {
         let apart = now.at - before.at;
-        let turned = camera.focal_length(HALF_WIDTH) * drive.turn * apart.as_secs_f64();
-        let (least, most) = (turned.min(0.0) * 1.4 - VEER, turned.max(0.0) * 1.4 + VEER);
+        let turned = turned(now, camera, drive, apart);
+        let (least, most) = (
+            turned.min(0.0) * PARALLAX - VEER,
+            turned.max(0.0) * PARALLAX + VEER,
+        );
         let sway = swayed(&before.outline, &now.outline, least as isize, most as isize);
         match compare_glances(&before.glance, &now.glance, camera, drive, apart, sway) {
             Verdict::Unknown => {
@@ -196,26 +203,17 @@ impl Blockage {
         self.views.push_back(now);
     }
 
+    /// Where it will arrive at what is close, by how that grows.
     fn note_looming(&mut self, now: &View, camera: Camera, going: Going) {
         let Some(close) = self.close else {
             return;
         };
         let seen = self.before(now.at, FARTHER_APART).and_then(|before| {
             let way = now.odometer - before.odometer;
-            let turned = camera.focal_length(HALF_WIDTH)
-                * going.drive.turn
-                * (now.at - before.at).as_secs_f64();
+            let turned = turned(now, camera, going.drive, now.at - before.at);
             looming_distance(before.outline.horizon(), now.outline.horizon(), way, turned)
         });
         if let Some(distance) = seen {
-            if std::env::var("DBG").is_ok() {
-                println!(
-                    "LOOM {:.3} {:.3} {:.3}",
-                    going.odometer,
-                    distance,
-                    going.odometer + distance
-                );
-            }
             self.looming.note(now.odometer, distance);
         }
         if let Some(arrival) = self.looming.arrival() {
@@ -294,4 +292,9 @@ impl Blockage {
             _ => None,
         };
     }
+}
+
+/// By how many half-size pixels to the right such a turn moves what is far.
+fn turned(now: &View, camera: Camera, drive: Drive, apart: Duration) -> f64 {
+    camera.focal_length(now.outline.width()) * drive.turn * apart.as_secs_f64()
 }

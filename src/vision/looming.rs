@@ -31,7 +31,8 @@ const FEWEST_SEEN: usize = 3;
 const AGREE: f64 = 0.05;
 
 /// Metres from the lens to what is ahead now, if the way between these two pictures shows it. They are rows of
-/// brightness at the height of the lens.
+/// brightness at the height of the lens; `turned` is by how many of their pixels the robot has turned meanwhile, to
+/// the left, as its tracks should have made it.
 pub fn distance(before: &[f32], now: &[f32], way: f64, turned: f64) -> Option<f64> {
     if before.len() != now.len() || now.len() < 16 || way < SHORTEST {
         return None;
@@ -141,12 +142,12 @@ mod tests {
     #[test]
     fn stripes_that_move_apart_tell_how_far_a_wall_is() {
         for (edges, far) in [
-            (&[-0.06, 0.12][..], 0.4),
-            (&[0.07], 0.3),
-            (&[-0.03, 0.02], 0.15),
+            (&[-0.12, 0.06][..], 0.4),
+            (&[-0.07, 0.1], 0.3),
+            (&[0.04], 0.15),
         ] {
-            let (before, now) = (wall(far + 0.08, edges, 0.0, 1), wall(far, edges, 1.0, 2));
-            let seen = distance(&before, &now, 0.08, 0.0).unwrap();
+            let (before, now) = (wall(far + 0.1, edges, 0.0, 1), wall(far, edges, 0.0, 2));
+            let seen = distance(&before, &now, 0.1, 0.0).unwrap();
             assert!((seen / far - 1.0).abs() < 0.25, "{far}: {seen}");
         }
     }

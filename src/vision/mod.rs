@@ -28,9 +28,11 @@ mod outline;
 mod picture;
 mod qrcode;
 mod standstill;
+mod sway;
 mod tracker;
 mod turn;
 mod vectors;
+mod votes;
 
 pub use blobs::{Blob, BlobFinder, BlobOptions};
 pub use calibration::{
@@ -52,11 +54,12 @@ pub use line::{Line, find_line};
 pub use looming::{Looming, distance as looming_distance};
 pub use motion::{Motion, MotionDetector, MotionOptions};
 pub use near_wall::{Approach, foot_ahead, nearer_than};
-pub use outline::{Outline, compare as compare_outlines, swayed};
+pub use outline::{Outline, compare as compare_outlines};
 pub use picture::image::{Image, Roi};
 pub use picture::measure::{brightness, sharpness};
 pub use picture::size::{MAX_HEIGHT, MAX_WIDTH, Size};
 pub use qrcode::{MAX_CODES, QrCode, find_qrcodes, find_qrcodes_counting};
 pub use standstill::{Drive, Glance, Verdict, compare as compare_glances};
+pub use sway::swayed;
 pub use tracker::{Track, Tracker, TrackerOptions};
 pub use turn::Skyline;

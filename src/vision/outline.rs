@@ -9,7 +9,8 @@
 use std::time::Duration;
 
 use super::camera::Camera;
-use super::standstill::{Drive, Glance, LENS_HEIGHT, Verdict, Votes};
+use super::standstill::{Drive, Glance, LENS_HEIGHT, Verdict};
+use super::votes::Votes;
 
 /// The rows over which columns are summed up: shares of the height below the horizon. What is above it counts only
 /// where all is near.
@@ -46,13 +47,18 @@ const SWAY: i32 = 2;
 #[derive(Debug, Clone, Default)]
 pub struct Outline {
     size: (usize, usize),
-    bands: [Vec<f32>; BANDS.len()],
+    pub(super) bands: [Vec<f32>; BANDS.len()],
     strips: [Vec<f32>; STRIPS],
     /// Strips in which no floor is seen.
     near: [bool; STRIPS],
 }
 
 impl Outline {
+    /// Columns.
+    pub fn width(&self) -> u32 {
+        self.size.0 as u32
+    }
+
     /// The brightness along the columns just above the horizon.
     pub fn horizon(&self) -> &[f32] {
         &self.bands[1]
@@ -106,35 +112,6 @@ fn rows_of_bands(height: usize) -> [(usize, usize); BANDS.len()] {
     let horizon = height / 2;
     let row = |share: f64| ((1.0 + share) * horizon as f64) as usize;
     BANDS.map(|(top, bottom)| (row(top), row(bottom)))
-}
-
-/// By how many half-size pixels the picture has moved to the right, if all that the camera did was to turn by not more
-/// than `least..=most`.
-pub fn swayed(before: &Outline, now: &Outline, least: isize, most: isize) -> isize {
-    let unlike = |by: isize| {
-        let bands = before.bands.iter().zip(&now.bands);
-        bands
-            .map(|(before, now)| unlike_aside(before, now, by))
-            .sum::<f32>()
-    };
-    let all = (least..=most).map(|by| (by, unlike(by)));
-    let best = all.min_by(|one, other| one.1.total_cmp(&other.1));
-    best.map_or(0, |(by, _)| by)
-}
-
-/// The mean difference of two rows of which one has moved to the right.
-fn unlike_aside(before: &[f32], now: &[f32], by: isize) -> f32 {
-    let (before, now) = match usize::try_from(by) {
-        Ok(by) => (before, now.get(by..).unwrap_or_default()),
-        Err(_) => (before.get(by.unsigned_abs()..).unwrap_or_default(), now),
-    };
-    let count = before.len().min(now.len()).max(1) as f32;
-    let sum: f32 = before
-        .iter()
-        .zip(now)
-        .map(|(one, other)| (one - other).abs())
-        .sum();
-    sum / count
 }
 
 /// Whether the camera stood still between two pictures taken `apart` from each other, while the robot should have made

@@ -9,6 +9,7 @@
 use std::time::Duration;
 
 use super::camera::Camera;
+use super::votes::Votes;
 use crate::vision::picture::image::Image;
 use crate::vision::picture::size::Size;
 
@@ -36,6 +37,8 @@ const STANDS: f64 = 0.7;
 const MOVES: f64 = 0.4;
 /// Shifts of the whole half-size picture to the side that still count as standing, pixels.
 const SWAYS: [isize; 5] = [0, 1, -1, 2, -2];
+/// By how many half-size pixels a sway might deceive.
+const SLIDES: isize = 10;
 /// A turn is looked for only if it is expected to shift the picture by more than this, half-size pixels.
 const LEAST_TURN: f64 = 8.0;
 
@@ -134,21 +137,42 @@ pub fn compare(
     let curve = drive.forward != 0.0 && expected.turn != 0.0;
     // Driving on, what is on the left moves to the left and what is on the right to the right: one side alone might
     // as well have swayed.
-    let both_sides = |sway: isize| drive.forward != 0.0 && (sway != 0 || curve);
-    let (mut most, mut stands) = (0.0, false);
-    for sway in SWAYS.into_iter().chain(swayed - 1..=swayed + 1) {
+    let votes = |sway: isize, asked: &dyn Fn(&Witness) -> bool| {
         let mut votes = Votes::default();
-        for one in &witnesses {
-            let still = one.stands(before, now, expected.sway_at(one.place, sway));
-            votes.add(one.place.0 + TILE / 2 >= now.w / 2, still);
+        for one in witnesses.iter().filter(|one| asked(one)) {
+            if let Some(still) = one.stands(before, now, expected.sway_at(one.place, sway)) {
+                votes.add(one.place.0 + TILE / 2 >= now.w / 2, still);
+            }
         }
-        most = f64::max(most, votes.share());
-        let share = if both_sides(sway) {
-            votes.least_share(FEWEST_ASIDE)
-        } else {
-            Some(votes.share())
+        votes
+    };
+    let slides = SLIDES + expected.turned_pixels() as isize;
+    let (mut most, mut stands) = (0.0, false);
+    let around = (swayed - 1..=swayed + 1).filter(|sway| !SWAYS.contains(sway));
+    for sway in SWAYS.into_iter().chain(around) {
+        let all = votes(sway, &|_| true);
+        if all.count() < FEWEST_WITNESSES {
+            continue;
+        }
+        most = f64::max(most, all.share());
+        if all.share() < STANDS {
+            continue;
+        }
+        // Driving on, what is on the left moves to the left and what is on the right to the right: one side alone
+        // might as well have swayed, unless it shows that nothing came down either.
+        let aside = drive.forward != 0.0 && (sway != 0 || curve);
+        // In a curve the edge of a thing that is passed may look like one that only turned.
+        let both = || {
+            all.least_share(FEWEST_ASIDE)
+                .is_some_and(|share| share >= STANDS)
         };
-        stands |= share.is_some_and(|share| share >= STANDS);
+        stands = !aside || (!curve && both()) || {
+            let sure = votes(sway, &|one| one.is_unlike_any_sway(before, slides));
+            sure.count() >= FEWEST_WITNESSES && sure.share() >= STANDS
+        };
+        if stands {
+            break;
+        }
     }
     if stands {
         Verdict::Stands
@@ -157,39 +181,6 @@ pub fn compare(
     } else {
         // Also one that is held in a curve may turn.
         Verdict::Unknown
-    }
-}
-
-/// How many witnesses there were on the left and on the right, and how many of them stood still.
-#[derive(Debug, Default)]
-pub(super) struct Votes {
-    asked: [u32; 2],
-    still: [u32; 2],
-}
-
-impl Votes {
-    pub(super) fn add(&mut self, right: bool, still: bool) {
-        self.asked[usize::from(right)] += 1;
-        self.still[usize::from(right)] += u32::from(still);
-    }
-
-    pub(super) fn count(&self) -> u32 {
-        self.asked[0] + self.asked[1]
-    }
-
-    /// Of all.
-    pub(super) fn share(&self) -> f64 {
-        let still = self.still[0] + self.still[1];
-        f64::from(still) / f64::from(self.count().max(1))
-    }
-
-    /// Of the side where fewer stood still; `None` if there are fewer than so many on a side.
-    pub(super) fn least_share(&self, fewest: u32) -> Option<f64> {
-        let share = |side: usize| {
-            let (still, asked) = (self.still[side], self.asked[side]);
-            (asked >= fewest).then(|| f64::from(still) / f64::from(asked))
-        };
-        Some(share(0)?.min(share(1)?))
     }
 }
 
@@ -225,17 +216,28 @@ impl Witness {
         (change >= WITNESS).then_some(witness)
     }
 
-    /// So far to the right it looks as it did here, and not rather as after the movement.
-    fn stands(&self, before: &Glance, now: &Glance, sway: isize) -> bool {
-        let Some(there) = now.shifted(self.place, (sway, 0)) else {
-            return false;
-        };
+    /// Whether no sway looks like the movement here: an edge that runs straight through the tile does not show how far
+    /// it has moved along itself.
+    fn is_unlike_any_sway(&self, before: &Glance, slides: isize) -> bool {
+        let (right, down) = self.shift;
+        let here = || before.tile(self.place.0, self.place.1);
+        let slides = slides + 2 * (right.abs() + down.abs());
+        (-slides..=slides).all(|slid| {
+            let unlike = unlike_moved(before, self.place, (right + slid, down), here, WITNESS);
+            unlike.is_none_or(|unlike| unlike >= WITNESS)
+        })
+    }
+
+    /// Whether it looks so far to the right as it did here, and not rather as after the movement; `None` if that is not in
+    /// the picture.
+    fn stands(&self, before: &Glance, now: &Glance, sway: isize) -> Option<bool> {
+        let there = now.shifted(self.place, (sway, 0))?;
         let off = difference(there.clone(), before.tile(self.place.0, self.place.1));
         if off >= STILL * self.change {
-            return false;
+            return Some(false);
         }
         let moved = unlike_moved(before, self.place, self.shift, || there.clone(), off);
-        moved.is_some_and(|moved| moved > off)
+        Some(moved.is_some_and(|moved| moved > off))
     }
 }
 
@@ -300,6 +302,11 @@ impl Expected {
             },
             drives: drive.forward != 0.0,
         }
+    }
+
+    /// By how many half-size pixels a turn, in whatever measure it came about, may move the picture.
+    fn turned_pixels(&self) -> f64 {
+        (self.turn * self.focal * 1.4).abs().min(60.0)
     }
 
     /// What is near moves farther when the robot turns: the lens is before the middle of the robot.
