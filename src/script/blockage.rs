@@ -29,7 +29,7 @@ const FARTHER_APART: Duration = Duration::from_millis(750);
 const STOOD: Duration = Duration::from_millis(500);
 const PICTURES: u32 = 3;
 /// Pictures that told so longer ago count no more.
-const FORGOTTEN: Duration = Duration::from_millis(400);
+const FORGOTTEN: Duration = Duration::from_millis(500);
 /// How fast it may turn, in radians a second, so that what it sees ahead is what it will meet.
 const STRAIGHT: f64 = 0.06;
 /// In so many pictures in a row floor must be seen, until it is believed again.
@@ -206,6 +206,7 @@ impl Blockage {
     /// Where it will arrive at what is close, by how that grows.
     fn note_looming(&mut self, now: &View, camera: Camera, going: Going) {
         let Some(close) = self.close else {
+            self.looming = Looming::default();
             return;
         };
         let seen = self.before(now.at, FARTHER_APART).and_then(|before| {
