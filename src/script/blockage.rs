@@ -3,8 +3,9 @@
 //!
 //! Three things tell: tiles of the picture that should have changed and did not, outlines that did not (paler ones, and
 //! of what is close), and, where the picture is all plain, the way that the tracks have made since the foot of what
-//! stands ahead was seen last. They rest on the height of the lens above the floor, on its looking level, on the
-//! field of view and on the calibration of the tracks; on nothing of how the simulated camera draws.
+//! stands ahead left the picture, or since its last stripes and edges did, which moved apart as they came nearer. They
+//! rest on the height of the lens above the floor, on its looking level, on the field of view and on the calibration
+//! of the tracks; on nothing of how the simulated camera draws.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -13,8 +14,8 @@ use tokio::time::Instant;
 
 use crate::robot::MotionId;
 use crate::vision::{
-    Approach, Camera, Drive, Glance, Image, Outline, Verdict, compare_glances, compare_outlines,
-    foot_ahead, nearer_than,
+    Approach, Camera, Drive, Glance, Image, Looming, Outline, Verdict, compare_glances,
+    compare_outlines, foot_ahead, looming_distance, nearer_than, swayed,
 };
 
 /// The robot gains speed, and its pictures are late: what is older than this after the beginning of a
@@ -27,6 +28,8 @@ const FARTHER_APART: Duration = Duration::from_millis(750);
 /// It must have stood for so long, in at least so many pictures.
 const STOOD: Duration = Duration::from_millis(500);
 const PICTURES: u32 = 3;
+/// Pictures that told so longer ago count no more.
+const FORGOTTEN: Duration = Duration::from_millis(500);
 /// How fast it may turn, in radians a second, so that what it sees ahead is what it will meet.
 const STRAIGHT: f64 = 0.06;
 /// In so many pictures in a row floor must be seen, until it is believed again.
@@ -35,6 +38,12 @@ const FLICKER: u32 = 4;
 const NEAREST: f64 = 0.3;
 /// Metres from the lens to what has just left the picture, at least: nearer ones are mistakes.
 const LEAST_ROOM: f64 = 0.15;
+/// Metres by which what grows may be farther than it seemed.
+const MARGIN: f64 = 0.02;
+/// Tracks that differ turn the picture by so many half-size pixels between two looks; and a turn that was asked for may
+/// come out so much larger, since the lens is before the middle of the robot.
+const VEER: f64 = 6.0;
+const PARALLAX: f64 = 1.4;
 /// Pictures that are kept.
 const MOST: usize = 16;
 
@@ -43,13 +52,24 @@ const MOST: usize = 16;
 pub(super) struct Blockage {
     motion: Option<MotionId>,
     views: VecDeque<View>,
-    /// Since when, and in how many pictures, it has stood.
-    standing: Option<(Instant, u32)>,
+    /// Pictures tell that it stands.
+    standing: Option<Standing>,
     /// Close before something plain; see [`Close`].
     close: Option<Close>,
     approach: Approach,
+    looming: Looming,
     /// A picture's memory, to use again.
     spare: Option<(Glance, Outline)>,
+}
+
+/// Since when it has stood, as far as the pictures tell.
+#[derive(Debug, Clone, Copy)]
+struct Standing {
+    since: Instant,
+    /// When a picture last told so.
+    last: Instant,
+    /// How many have.
+    pictures: u32,
 }
 
 /// A picture that others are compared with.
@@ -70,6 +90,8 @@ struct Close {
     odometer: f64,
     /// The most that there is to go, metres.
     room: f64,
+    /// Where the odometer stands when it arrives, by how what is ahead grew.
+    arrival: Option<f64>,
     /// Pictures in a row that may show floor again.
     floor: u32,
 }
@@ -99,6 +121,7 @@ impl Blockage {
             self.views.clear();
             (self.standing, self.close) = (None, None);
             self.approach = Approach::default();
+            self.looming = Looming::default();
         }
         let (mut glance, mut outline) = self.spare.take().unwrap_or_default();
         glance.take(image);
@@ -119,31 +142,48 @@ impl Blockage {
             glance,
             outline,
         };
+        self.note_looming(&now, camera, going);
         let (verdict, then) = self.compare(&now, camera, going.drive);
-        self.note(verdict, then);
+        self.note(verdict, then, at);
         self.keep(now);
-        let stood = self.standing.filter(|(since, pictures)| {
-            *pictures >= PICTURES && at.saturating_duration_since(*since) >= STOOD
+        let stood = self.standing.filter(|standing| {
+            standing.pictures >= PICTURES && at.saturating_duration_since(standing.since) >= STOOD
         });
         stood
-            .map(|(since, _)| since)
+            .map(|standing| standing.since)
             .or_else(|| self.arrived(going))
     }
 
     /// What two pictures say, and when the first was taken.
     fn compare(&self, now: &View, camera: Camera, drive: Drive) -> (Verdict, Option<Instant>) {
-        let pairs = [APART.1, FARTHER_APART].map(|most| self.before(now.at, most));
-        let mut told = pairs.into_iter().flatten().map(|before| {
+        let told = |before: &View| {
             let verdict = self.compare_two(before, now, camera, drive);
             (verdict, Some(before.at))
-        });
-        let told = told.find(|(verdict, _)| *verdict != Verdict::Unknown);
-        told.unwrap_or((Verdict::Unknown, None))
+        };
+        let near = self.before(now.at, APART.1).map(&told);
+        match near {
+            Some((Verdict::Unknown, _)) | None => {}
+            Some(near) => return near,
+        }
+        // It may have driven for the beginning of that time: so this tells nothing of a movement.
+        let straight = drive.turn.abs() < STRAIGHT;
+        let far = self
+            .before(now.at, FARTHER_APART)
+            .filter(|_| straight)
+            .map(told);
+        far.filter(|(verdict, _)| *verdict == Verdict::Stands)
+            .unwrap_or((Verdict::Unknown, None))
     }
 
     fn compare_two(&self, before: &View, now: &View, camera: Camera, drive: Drive) -> Verdict {
         let apart = now.at - before.at;
-        match compare_glances(&before.glance, &now.glance, camera, drive, apart) {
+        let turned = turned(now, camera, drive, apart);
+        let (least, most) = (
+            turned.min(0.0) * PARALLAX - VEER,
+            turned.max(0.0) * PARALLAX + VEER,
+        );
+        let sway = swayed(&before.outline, &now.outline, least as isize, most as isize);
+        match compare_glances(&before.glance, &now.glance, camera, drive, apart, sway) {
             Verdict::Unknown => {
                 let ahead = self
                     .close
@@ -163,6 +203,28 @@ impl Blockage {
         self.views.push_back(now);
     }
 
+    /// Where it will arrive at what is close, by how that grows.
+    fn note_looming(&mut self, now: &View, camera: Camera, going: Going) {
+        let Some(close) = self.close else {
+            self.looming = Looming::default();
+            return;
+        };
+        let seen = self.before(now.at, FARTHER_APART).and_then(|before| {
+            let way = now.odometer - before.odometer;
+            let turned = turned(now, camera, going.drive, now.at - before.at);
+            looming_distance(before.outline.horizon(), now.outline.horizon(), way, turned)
+        });
+        if let Some(distance) = seen {
+            self.looming.note(now.odometer, distance);
+        }
+        if let Some(arrival) = self.looming.arrival() {
+            self.close = Some(Close {
+                arrival: Some(arrival + MARGIN),
+                ..close
+            });
+        }
+    }
+
     fn note_close(&mut self, nearer_than: Option<f64>, at: Instant, going: Going) {
         self.close = match (nearer_than, self.close) {
             (Some(room), None) if going.drive.forward > 0.0 => Some(Close {
@@ -171,6 +233,7 @@ impl Blockage {
                 room: self
                     .room(going.odometer)
                     .map_or(room, |seen| room.min(seen)),
+                arrival: None,
                 floor: 0,
             }),
             (Some(_), Some(close)) => Some(Close { floor: 0, ..close }),
@@ -191,13 +254,16 @@ impl Blockage {
     /// When it came to what was close before it, if its tracks have made that way: then the lens would be there, and
     /// it is behind the front of the robot.
     fn arrived(&self, going: Going) -> Option<Instant> {
-        let driven = |close: &Close| going.odometer - close.odometer;
-        let close = self
-            .close
-            .filter(|close| close.floor == 0 && driven(close) > close.room)
-            .filter(|_| going.drive.turn.abs() < STRAIGHT)?;
-        let seconds = close.room / going.drive.forward.max(0.01);
-        Some(close.at + Duration::try_from_secs_f64(seconds).unwrap_or_default())
+        let straight = going.drive.turn.abs() < STRAIGHT;
+        let close = self.close.filter(|close| close.floor == 0)?;
+        let room = close.arrival.map(|arrival| arrival - close.odometer);
+        let room = room
+            .into_iter()
+            .chain(straight.then_some(close.room))
+            .reduce(f64::min)?;
+        let arrived = going.odometer - close.odometer > room;
+        let seconds = room / going.drive.forward.max(0.01);
+        arrived.then(|| close.at + Duration::try_from_secs_f64(seconds).unwrap_or_default())
     }
 
     /// The oldest picture that is neither too old nor too new to be compared.
@@ -209,12 +275,27 @@ impl Blockage {
         self.views.iter().find(apart)
     }
 
-    fn note(&mut self, verdict: Verdict, then: Option<Instant>) {
-        self.standing = match (verdict, self.standing, then) {
-            (Verdict::Stands, None, Some(then)) => Some((then, 1)),
-            (Verdict::Stands, Some((since, pictures)), _) => Some((since, pictures + 1)),
+    fn note(&mut self, verdict: Verdict, then: Option<Instant>, at: Instant) {
+        let lately = |standing: &Standing| at.saturating_duration_since(standing.last) < FORGOTTEN;
+        let standing = self.standing.filter(lately);
+        self.standing = match (verdict, standing, then) {
+            (Verdict::Stands, None, Some(then)) => Some(Standing {
+                since: then,
+                last: at,
+                pictures: 1,
+            }),
+            (Verdict::Stands, Some(standing), _) => Some(Standing {
+                last: at,
+                pictures: standing.pictures + 1,
+                ..standing
+            }),
             (Verdict::Unknown, standing, _) => standing,
             _ => None,
         };
     }
+}
+
+/// By how many half-size pixels to the right such a turn moves what is far.
+fn turned(now: &View, camera: Camera, drive: Drive, apart: Duration) -> f64 {
+    camera.focal_length(now.outline.width()) * drive.turn * apart.as_secs_f64()
 }

@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use super::camera::Camera;
 use super::standstill::{Drive, Glance, LENS_HEIGHT, Verdict};
+use super::votes::Votes;
 
 /// The rows over which columns are summed up: shares of the height below the horizon. What is above it counts only
 /// where all is near.
@@ -46,13 +47,23 @@ const SWAY: i32 = 2;
 #[derive(Debug, Clone, Default)]
 pub struct Outline {
     size: (usize, usize),
-    bands: [Vec<f32>; BANDS.len()],
+    pub(super) bands: [Vec<f32>; BANDS.len()],
     strips: [Vec<f32>; STRIPS],
     /// Strips in which no floor is seen.
     near: [bool; STRIPS],
 }
 
 impl Outline {
+    /// Columns.
+    pub fn width(&self) -> u32 {
+        self.size.0 as u32
+    }
+
+    /// The brightness along the columns just above the horizon.
+    pub fn horizon(&self) -> &[f32] {
+        &self.bands[1]
+    }
+
     /// Of a picture; reuses the memory of `self`.
     pub fn take(&mut self, glance: &Glance) {
         let (w, h) = glance.size();
@@ -131,48 +142,27 @@ pub fn compare(
         near: std::array::from_fn(|strip| before.near[strip] && now.near[strip]),
         farthest: (reach / (h as f64 / 2.0)).min(ahead.unwrap_or(f64::INFINITY)),
     };
-    let share = |sway| moved.witnesses(before, now, sway).share(sway);
-    let most = (-SWAY..=SWAY).filter_map(share).reduce(f64::max);
+    let (mut most, mut stands, mut enough) = (0.0, false, false);
+    for sway in -SWAY..=SWAY {
+        let votes = moved.votes(before, now, sway);
+        if votes.count() < FEWEST {
+            continue;
+        }
+        // Driving on, what is on the left moves to the left and what is on the right to the right: if the camera is
+        // to have swayed, both sides must say the same.
+        let share = if sway == 0 {
+            Some(votes.share())
+        } else {
+            votes.least_share(FEWEST_ASIDE)
+        };
+        stands |= share.is_some_and(|share| share >= STANDS);
+        most = f64::max(most, votes.share());
+        enough = true;
+    }
     match most {
-        Some(share) if share >= STANDS => Verdict::Stands,
-        Some(share) if share <= MOVES => Verdict::Moves,
+        _ if stands => Verdict::Stands,
+        most if enough && most <= MOVES => Verdict::Moves,
         _ => Verdict::Unknown,
-    }
-}
-
-/// Samples that should have changed, and those of them that stood still, on the left and on the right.
-#[derive(Default)]
-struct Witnesses {
-    asked: [u32; 2],
-    still: [u32; 2],
-}
-
-impl Witnesses {
-    /// A sample on the right or on the left.
-    fn ask(&mut self, right: bool, sample: &Sample) {
-        let change = (sample.moved - sample.before).abs();
-        if change >= WITNESS {
-            let off = (sample.now - sample.stood).abs();
-            let still = off < STILL * change && off < (sample.now - sample.moved).abs();
-            self.asked[usize::from(right)] += 1;
-            self.still[usize::from(right)] += u32::from(still);
-        }
-    }
-
-    /// The share that stood still. Driving on, what is on the left moves to the left and what is on the right to the
-    /// right; so if the camera is to have swayed, both sides must say the same.
-    fn share(&self, sway: i32) -> Option<f64> {
-        let share = |still, asked| f64::from(still) / f64::from(asked);
-        let asked = self.asked[0] + self.asked[1];
-        let [left, right] = [0, 1].map(|side| {
-            let enough = self.asked[side] >= FEWEST_ASIDE;
-            enough.then(|| share(self.still[side], self.asked[side]))
-        });
-        match sway {
-            _ if asked < FEWEST => None,
-            0 => Some(share(self.still[0] + self.still[1], asked)),
-            _ => Some(left?.min(right?)),
-        }
     }
 }
 
@@ -184,6 +174,20 @@ struct Sample {
     stood: f64,
     /// What it would be after the movement.
     moved: f64,
+}
+
+impl Sample {
+    /// Votes if it is a witness on this side.
+    fn ask(&self, right: bool, votes: &mut Votes) {
+        let change = (self.moved - self.before).abs();
+        if change >= WITNESS {
+            let off = (self.now - self.stood).abs();
+            votes.add(
+                right,
+                off < STILL * change && off < (self.now - self.moved).abs(),
+            );
+        }
+    }
 }
 
 /// What should have happened between the pictures.
@@ -198,19 +202,19 @@ struct Moved {
 }
 
 impl Moved {
-    fn witnesses(&self, before: &Outline, now: &Outline, sway: i32) -> Witnesses {
-        let (mut witnesses, height) = (Witnesses::default(), now.size.1);
+    fn votes(&self, before: &Outline, now: &Outline, sway: i32) -> Votes {
+        let (mut votes, height) = (Votes::default(), now.size.1);
         let bands = before.bands.iter().zip(&now.bands);
         for ((before, now), (top, _)) in bands.zip(rows_of_bands(height)) {
             let rows = top as f64 - height as f64 / 2.0;
-            self.ask_band(before, now, rows, sway, &mut witnesses);
+            self.ask_band(before, now, rows, sway, &mut votes);
         }
         let horizon = height as f64 / 2.0 - top_of_strips(height) as f64;
         for (strip, (before, now)) in before.strips.iter().zip(&now.strips).enumerate() {
             let right = 2 * strip >= STRIPS;
-            self.ask_strip(before, now, horizon, |sample| witnesses.ask(right, sample));
+            self.ask_strip(before, now, horizon, |sample| sample.ask(right, &mut votes));
         }
-        witnesses
+        votes
     }
 
     /// By how much what is seen so many rows below the horizon grows, at least.
@@ -224,14 +228,7 @@ impl Moved {
         depth / (depth - self.way).max(0.05)
     }
 
-    fn ask_band(
-        &self,
-        before: &[f32],
-        now: &[f32],
-        rows: f64,
-        sway: i32,
-        witnesses: &mut Witnesses,
-    ) {
+    fn ask_band(&self, before: &[f32], now: &[f32], rows: f64, sway: i32, votes: &mut Votes) {
         let middle = before.len() as f64 / 2.0 - 0.5;
         let growth = [false, true].map(|near| self.growth(rows, near));
         for (column, value) in now.iter().enumerate() {
@@ -249,7 +246,7 @@ impl Moved {
                     stood: swayed,
                     moved,
                 };
-                witnesses.ask(x > 0.0, &sample);
+                sample.ask(x > 0.0, votes);
             }
         }
     }

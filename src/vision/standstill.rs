@@ -1,13 +1,15 @@
 //! Tells by two pictures whether the camera stood still although its robot should have moved.
 //!
-//! Driving forwards, the floor and what stands on it must come nearer; turning, all must move sideways. So a tile of the picture is a *witness* if it would look different after the
-//! expected movement. If nearly all witnesses look the same, the camera stood still; people who walk
-//! through the view hide some of them. Without enough witnesses (a plain wall, the dark) nothing is said.
-//! A small shift to the side of all tiles alike is allowed: a robot that pushes against a wall may turn a little.
+//! Driving on, the floor and what stands on it must come nearer; turning, all must move sideways. So a
+//! tile of the picture is a *witness* if it would look different after the expected movement. If nearly
+//! all witnesses look the same, the camera stood still; people who walk through the view hide some of
+//! them. Without enough witnesses (a plain wall, the dark) nothing is said. A shift to the side of all
+//! tiles alike is allowed while it drives: a robot that is held may turn.
 
 use std::time::Duration;
 
 use super::camera::Camera;
+use super::votes::Votes;
 use crate::vision::picture::image::Image;
 use crate::vision::picture::size::Size;
 
@@ -15,6 +17,8 @@ use crate::vision::picture::size::Size;
 const TILE: usize = 8;
 /// The lens above the floor, metres.
 pub(super) const LENS_HEIGHT: f64 = 0.2;
+/// The lens before the middle of the robot, metres.
+pub(super) const LENS_AHEAD: f64 = 0.1;
 /// A tile is asked only if the expected movement shifts it by so many half-size pixels at least.
 const LEAST_SHIFT: f64 = 2.0;
 /// A tile is a witness if the expected movement changes its pixels by so much on average, of 255.
@@ -33,6 +37,8 @@ const STANDS: f64 = 0.7;
 const MOVES: f64 = 0.4;
 /// Shifts of the whole half-size picture to the side that still count as standing, pixels.
 const SWAYS: [isize; 5] = [0, 1, -1, 2, -2];
+/// By how many half-size pixels a sway might deceive.
+const SLIDES: isize = 10;
 /// A turn is looked for only if it is expected to shift the picture by more than this, half-size pixels.
 const LEAST_TURN: f64 = 8.0;
 
@@ -101,13 +107,15 @@ impl Glance {
 }
 
 /// Whether the camera stood still between two pictures taken `apart` from each other, while the robot
-/// should have made this movement.
+/// should have made this movement. One that is held may still turn: `swayed` is by how many half-size pixels the
+/// picture has most likely moved to the right if that is all that it did.
 pub fn compare(
     before: &Glance,
     now: &Glance,
     camera: Camera,
     drive: Drive,
     apart: Duration,
+    swayed: isize,
 ) -> Verdict {
     if (before.w, before.h) != (now.w, now.h) || now.w < TILE || now.h < TILE {
         return Verdict::Unknown;
@@ -126,28 +134,49 @@ pub fn compare(
     if count < FEWEST_WITNESSES || quarters(&witnesses, now.w) < FEWEST_QUARTERS {
         return Verdict::Unknown;
     }
+    let curve = drive.forward != 0.0 && expected.turn != 0.0;
     // Driving on, what is on the left moves to the left and what is on the right to the right: one side alone might
     // as well have swayed.
-    let still = |sway: isize| {
-        let share = |side: &dyn Fn(&&Witness) -> bool| {
-            let (mut count, mut still) = (0, 0);
-            for one in witnesses.iter().filter(side) {
-                count += 1;
-                still += u32::from(one.stands(before, now, sway));
+    let votes = |sway: isize, asked: &dyn Fn(&Witness) -> bool| {
+        let mut votes = Votes::default();
+        for one in witnesses.iter().filter(|one| asked(one)) {
+            if let Some(still) = one.stands(before, now, expected.sway_at(one.place, sway)) {
+                votes.add(one.place.0 + TILE / 2 >= now.w / 2, still);
             }
-            (count >= FEWEST_ASIDE).then(|| f64::from(still) / f64::from(count))
-        };
-        let left = |one: &&Witness| one.place.0 + TILE / 2 < now.w / 2;
-        if drive.forward == 0.0 || (sway == 0 && expected.turn == 0.0) {
-            share(&|_| true)
-        } else {
-            Some(share(&left)?.min(share(&|one| !left(one))?))
         }
+        votes
     };
-    let most = SWAYS.into_iter().filter_map(still).fold(0.0, f64::max);
-    if most >= STANDS {
+    let slides = SLIDES + expected.turned_pixels() as isize;
+    let (mut most, mut stands) = (0.0, false);
+    let around = (swayed - 1..=swayed + 1).filter(|sway| !SWAYS.contains(sway));
+    for sway in SWAYS.into_iter().chain(around) {
+        let all = votes(sway, &|_| true);
+        if all.count() < FEWEST_WITNESSES {
+            continue;
+        }
+        most = f64::max(most, all.share());
+        if all.share() < STANDS {
+            continue;
+        }
+        // Driving on, what is on the left moves to the left and what is on the right to the right: one side alone
+        // might as well have swayed, unless it shows that nothing came down either.
+        let aside = drive.forward != 0.0 && (sway != 0 || curve);
+        // In a curve the edge of a thing that is passed may look like one that only turned.
+        let both = || {
+            all.least_share(FEWEST_ASIDE)
+                .is_some_and(|share| share >= STANDS)
+        };
+        stands = !aside || (!curve && both()) || {
+            let sure = votes(sway, &|one| one.is_unlike_any_sway(before, slides));
+            sure.count() >= FEWEST_WITNESSES && sure.share() >= STANDS
+        };
+        if stands {
+            break;
+        }
+    }
+    if stands {
         Verdict::Stands
-    } else if most <= MOVES && (drive.forward == 0.0 || expected.turn == 0.0) {
+    } else if most <= MOVES && !curve {
         Verdict::Moves
     } else {
         // Also one that is held in a curve may turn.
@@ -187,17 +216,28 @@ impl Witness {
         (change >= WITNESS).then_some(witness)
     }
 
-    /// It looks as before, and not rather as after the movement.
-    fn stands(&self, before: &Glance, now: &Glance, sway: isize) -> bool {
-        let here = || now.tile(self.place.0, self.place.1);
-        let off = before
-            .shifted(self.place, (-sway, 0))
-            .map(|there| difference(here(), there))
-            .filter(|off| *off < STILL * self.change);
-        off.is_some_and(|off| {
-            let moved = unlike_moved(before, self.place, self.shift, here, off);
-            moved.is_some_and(|moved| moved > off)
+    /// Whether no sway looks like the movement here: an edge that runs straight through the tile does not show how far
+    /// it has moved along itself.
+    fn is_unlike_any_sway(&self, before: &Glance, slides: isize) -> bool {
+        let (right, down) = self.shift;
+        let here = || before.tile(self.place.0, self.place.1);
+        let slides = slides + 2 * (right.abs() + down.abs());
+        (-slides..=slides).all(|slid| {
+            let unlike = unlike_moved(before, self.place, (right + slid, down), here, WITNESS);
+            unlike.is_none_or(|unlike| unlike >= WITNESS)
         })
+    }
+
+    /// Whether it looks so far to the right as it did here, and not rather as after the movement; `None` if that is not in
+    /// the picture.
+    fn stands(&self, before: &Glance, now: &Glance, sway: isize) -> Option<bool> {
+        let there = now.shifted(self.place, (sway, 0))?;
+        let off = difference(there.clone(), before.tile(self.place.0, self.place.1));
+        if off >= STILL * self.change {
+            return Some(false);
+        }
+        let moved = unlike_moved(before, self.place, self.shift, || there.clone(), off);
+        Some(moved.is_some_and(|moved| moved > off))
     }
 }
 
@@ -241,12 +281,14 @@ struct Expected {
     way: f64,
     /// Radians to the left.
     turn: f64,
+    /// Whether the robot also drives on or back.
+    drives: bool,
 }
 
 impl Expected {
     fn new(glance: &Glance, camera: Camera, drive: Drive, seconds: f64) -> Expected {
         let centre = (glance.w as f64 / 2.0, glance.h as f64 / 2.0);
-        let focal = centre.0 / (camera.hfov / 2.0).tan();
+        let focal = camera.focal_length(glance.w as u32);
         let turn = drive.turn * seconds;
         Expected {
             centre,
@@ -258,7 +300,20 @@ impl Expected {
             } else {
                 0.0
             },
+            drives: drive.forward != 0.0,
         }
+    }
+
+    /// By how many half-size pixels a turn, in whatever measure it came about, may move the picture.
+    fn turned_pixels(&self) -> f64 {
+        (self.turn * self.focal * 1.4).abs().min(60.0)
+    }
+
+    /// What is near moves farther when the robot turns: the lens is before the middle of the robot.
+    fn sway_at(&self, (_, top): (usize, usize), sway: isize) -> isize {
+        let y = (top + TILE / 2) as f64 - self.centre.1;
+        let near = LENS_AHEAD / LENS_HEIGHT * y.max(0.0) / self.focal;
+        (sway as f64 * (1.0 + near)).round() as isize
     }
 
     /// Half-size pixels to the right and down; `None` where they are too few to be seen.
@@ -272,7 +327,9 @@ impl Expected {
         } else {
             0.0
         };
-        let aside = self.focal * self.turn * (1.0 + (x / self.focal).powi(2));
+        // Who is held in a curve may turn or not: only the way ahead tells.
+        let turn = if self.drives { 0.0 } else { self.turn };
+        let aside = self.focal * turn * (1.0 + (x / self.focal).powi(2));
         let (right, down) = (x * ahead + aside, y * ahead);
         // What is further is out of the picture anyway.
         let pixels = |shift: f64| shift.clamp(-1e6, 1e6);

@@ -108,6 +108,17 @@ fn close_before_a_plain_wall_the_way_tells() {
     assert!(pushed < 0.25, "{pushed} m for nothing: {told:?}");
 }
 
+#[test]
+fn close_before_a_wall_its_last_stripe_tells() {
+    // From where no foot of the wall is seen any more.
+    let close = at(3.4, 1.5, 0.0);
+    let (told, end) = play("yard", close, &moves("robot.forward(2, 0.25)"), 1);
+    let (seconds, code) = seconds_and_code(&told);
+    assert!(code == "blocked", "{told:?}, {end:?}");
+    let pushed = 0.25 * seconds - (end.x - close.x);
+    assert!(pushed < 0.17, "{pushed} m for nothing: {told:?}");
+}
+
 /// A room with nothing in it but low walls.
 const PLAIN: &str = "
 room: { width: 4, depth: 3, height: 0.6, walls: '#c9d3d6' }

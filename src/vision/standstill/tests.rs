@@ -48,6 +48,16 @@ fn corridor(way: f64, aside: i64, noise: i64, walker: Option<u32>) -> Glance {
     glance(&picture)
 }
 
+impl Glance {
+    /// All of it so many pixels further to the right, less than a tile.
+    fn moved_right(mut self, by: usize) -> Glance {
+        self.luma
+            .chunks_mut(self.w)
+            .for_each(|row| row.rotate_right(by));
+        self
+    }
+}
+
 fn glance(picture: &RgbImage) -> Glance {
     let mut glance = Glance::default();
     glance.take(&Image::from_rgb(picture));
@@ -55,7 +65,7 @@ fn glance(picture: &RgbImage) -> Glance {
 }
 
 fn verdict(before: &Glance, now: &Glance, drive: Drive) -> Verdict {
-    compare(before, now, Camera::default(), drive, APART)
+    compare(before, now, Camera::default(), drive, APART, 0)
 }
 
 #[test]
@@ -115,6 +125,20 @@ fn a_robot_that_should_turn_and_does_not_stands() {
 }
 
 #[test]
+fn a_robot_that_is_held_in_a_curve_stands_though_it_turns() {
+    let curve = Drive {
+        forward: 0.2,
+        turn: 0.3,
+    };
+    let before = corridor(0.0, 0, 1, None);
+    let turned = corridor(0.0, 0, 2, None).moved_right(6);
+    let verdict = |now: &Glance| compare(&before, now, Camera::default(), curve, APART, 6);
+    assert_eq!(verdict(&turned), Verdict::Stands);
+    let driven = corridor(0.08, 0, 3, None).moved_right(6);
+    assert_eq!(verdict(&driven), Verdict::Unknown);
+}
+
+#[test]
 fn pictures_of_other_sizes_are_not_compared() {
     for side in [0, 1, 2, 15, 16, 17] {
         let small = glance(&RgbImage::from_pixel(side, side, Rgb([9; 3])));
@@ -130,11 +154,11 @@ proptest! {
     #[test]
     fn any_picture_and_any_drive_is_answered(
         pixels in proptest::collection::vec(any::<u8>(), 40 * 30), w in 1u32..40, h in 1u32..30,
-        forward in -1e9f64..1e9, turn in -1e9f64..1e9, millis in 0u64..1_000_000,
+        forward in -1e9f64..1e9, turn in -1e9f64..1e9, millis in 0u64..1_000_000, sway in -99isize..99,
     ) {
         let picture = RgbImage::from_fn(w, h, |x, y| Rgb([pixels[(y * 40 + x) as usize]; 3]));
         let one = glance(&picture);
         let apart = Duration::from_millis(millis);
-        compare(&one, &one, Camera::default(), Drive { forward, turn }, apart);
+        compare(&one, &one, Camera::default(), Drive { forward, turn }, apart, sway);
     }
 }

@@ -1,0 +1,33 @@
+//! How far a picture has moved to the side, if that is all that it did.
+
+use super::outline::Outline;
+
+/// By how many half-size pixels the picture has moved to the right, if all that the camera did was to turn by not more
+/// than `least..=most`.
+pub fn swayed(before: &Outline, now: &Outline, least: isize, most: isize) -> isize {
+    let unlike = |by: isize| {
+        let bands = before.bands.iter().zip(&now.bands);
+        bands
+            .map(|(before, now)| unlike_aside(before, now, by))
+            .sum::<f32>()
+    };
+    let farthest = now.width() as isize / 2;
+    let all = (least.max(-farthest)..=most.min(farthest)).map(|by| (by, unlike(by)));
+    let best = all.min_by(|one, other| one.1.total_cmp(&other.1));
+    best.map_or(0, |(by, _)| by)
+}
+
+/// The mean difference of two rows of which one has moved to the right.
+fn unlike_aside(before: &[f32], now: &[f32], by: isize) -> f32 {
+    let (before, now) = match usize::try_from(by) {
+        Ok(by) => (before, now.get(by..).unwrap_or_default()),
+        Err(_) => (before.get(by.unsigned_abs()..).unwrap_or_default(), now),
+    };
+    let count = before.len().min(now.len()).max(1) as f32;
+    let sum: f32 = before
+        .iter()
+        .zip(now)
+        .map(|(one, other)| (one - other).abs())
+        .sum();
+    sum / count
+}
