@@ -1,5 +1,5 @@
 -- Resumes, closes and wraps the coroutines that the scheduler runs.
--- expect: error
+-- expect: error done
 local main = coroutine.running()
 local waiting
 task.spawn(function()
