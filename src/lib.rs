@@ -27,7 +27,8 @@
 //!
 //! A frame becomes a setpoint of the tracks:
 //!
-//! 1. `link/reader.rs` cuts the stream into messages: a `Report` (`wire/report.rs`);
+//! 1. `link/reader.rs` cuts the stream into messages: a `Report` (`wire/report.rs`). The first part of a
+//!    frame whose rest is on its way goes ahead, so that its host decodes meanwhile;
 //! 2. `pilot/hearing.rs` makes it a `Frame` with a number and a time, and puts it unread into the
 //!    slot of the newest one: older frames that were not taken are dropped;
 //! 3. `behaviour/supervisor.rs` sends the `Frame` through the pipe when its host wants one;
@@ -37,13 +38,13 @@
 //!    blobs (`vision/eyes.rs`);
 //! 6. `robot.move` (`script/api/motion.rs`) makes a `Setpoint` and, with its number, an `Intent`, which
 //!    goes back through the pipe;
-//! 7. `pilot/serving.rs` takes the `Intent` as a `Fact` to the watchdog
+//! 7. `pilot/serving.rs` makes a `Fact` of the `Intent`, and `pilot/acting.rs` takes it to the watchdog
 //!    (`safety/watchdog/asks.rs`): `safety/arbiter.rs` says who may drive, `safety/tracks.rs` when the
 //!    robot is told;
-//! 8. `pilot/acting.rs` hands the `Command` to `link/writer.rs`, which writes it.
+//! 8. `pilot/acting.rs` hands the watchdog's `Command` to `link/writer.rs`, which writes it.
 //!
-//! Besides these, a message is carried by envelopes that hold other messages too (`LinkEvent`,
-//! `ToHost`, `FromHost`, `Output`, `Request`, `Act`) and waits in queues (`script/events.rs`,
+//! Besides these, a message is carried by envelopes that hold other messages too (`Received`,
+//! `LinkEvent`, `ToHost`, `Payload`, `Output`, `FromHost`, `Request`, `Act`) and waits in queues (`script/events.rs`,
 //! `script/output.rs`, `link/send_queue.rs`).
 //!
 //! A low battery sends the robot home; no VM, no decoder and no lock of theirs is on this path:

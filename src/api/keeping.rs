@@ -77,7 +77,7 @@ const STORED: &[Function] = &[
         "store.keys",
         &[],
         &[value("keys", Type::List(&Type::Text(None)), "in order")],
-        "All keys under which something is kept.",
+        "All keys that have a value.",
         "for _, key in store.keys() do\n\tprint(key, store.get(key))\nend",
     ),
 ];

@@ -35,7 +35,7 @@ const OK: Value = boolean("ok", "whether it was done");
 const SECONDS_OF_MOTION: Value = bounded(
     "seconds",
     DRIVE,
-    "waits so long and stops; without it the setpoint holds until changed",
+    "waits for this time and stops; without it the setpoint holds until changed",
 )
 .unit("s")
 .optional();
@@ -79,7 +79,7 @@ const FUNCTIONS: &[Function] = &[
             SECONDS_OF_MOTION,
         ],
         ENDED_IF_TIMED,
-        "Drives a curve; what is too fast is slowed and the curve kept.",
+        "Drives a curve; a speed beyond full power is reduced, and the curve kept.",
         "robot.drive(0.2, 0.5, 3) -- a curve to the left",
     )
     .waiting(),
@@ -116,7 +116,7 @@ const FUNCTIONS: &[Function] = &[
         "robot.pose",
         &[],
         &[object("pose", &POSE_ESTIMATE, "since `robot.reset_pose()`, or since the script began")],
-        "Estimates where the robot is: from what the script made its tracks do, with turns as the camera sees them while it is on. What others make it do is not known: then the errors grow.",
+        "Estimates where the robot is: from what the script made its tracks do, with turns as the camera sees them while it is on. Motion that others cause is not known, and makes the errors grow.",
         "robot.reset_pose()\nrobot.forward(0.5)\nlocal pose = robot.pose()\nprint(pose.x, pose.y, math.deg(pose.heading), pose.error)",
     )
     .pure(),

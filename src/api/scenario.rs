@@ -274,7 +274,7 @@ pub(super) const SIM: Object = strict(
             "sim:light",
             &[bounded("factor", Bounds::Between(0.0, 10.0), "1 is the world's")],
             &[],
-            "Makes all light so many times as bright as in the world.",
+            "Multiplies the brightness of all light in the world.",
             "sim:light(0.2)",
         )
         .waiting(),

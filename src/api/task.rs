@@ -81,7 +81,7 @@ const FUNCTIONS: &[Function] = &[
             boolean("ok", "false when the time was over"),
             value("results", Type::Any, "of the function, or \"timeout\"").optional(),
         ],
-        "Runs a function, for so long at most.",
+        "Runs a function within a time limit.",
         "local ok = task.timeout(5, function()\n\trobot.forward(1)\nend)\nprint(ok)",
     )
     .and("arguments of the function")

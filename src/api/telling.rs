@@ -27,7 +27,7 @@ const JOURNALLED: &[Function] = &[call(
         "kept",
         "false: the day's share of this script is used up",
     )],
-    "Has the journal remember something, which `spykee history` shows.",
+    "Adds an entry to the journal; `spykee history` shows it.",
     "journal.add(\"moved\", { energy = 3.5, where = \"door\" })",
 )];
 

@@ -100,11 +100,6 @@ impl Prepared {
         }
     }
 
-    /// The script's name.
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
     /// The ending of a host that ended without saying why.
     pub(super) async fn broken(&mut self) -> Ending {
         let status = match timeout(EXIT_TIME, self.process.wait()).await {

@@ -60,7 +60,6 @@ pub enum LiveError {
 #[derive(Debug)]
 pub struct Live {
     address: SocketAddr,
-    open: bool,
     stop: CancellationToken,
     thread: Option<JoinHandle<()>>,
 }
@@ -84,8 +83,7 @@ impl Live {
                 runtime.block_on(async {
                     match open(&shown, &options).await {
                         Ok((door, access)) => {
-                            let about = door.address().map(|address| (address, access.is_open()));
-                            let _ = started.send(about.map_err(LiveError::System));
+                            let _ = started.send(door.address().map_err(LiveError::System));
                             let served = serve(door, access, shown, &options);
                             let _ = stopped.run_until_cancelled(served).await;
                         }
@@ -95,25 +93,14 @@ impl Live {
                 runtime.shutdown_background();
             })?;
         match starting.recv() {
-            Ok(Ok((address, open))) => Ok(Live {
+            Ok(Ok(address)) => Ok(Live {
                 address,
-                open,
                 stop,
                 thread: Some(thread),
             }),
             Ok(Err(error)) => Err(error),
             Err(_) => Err(LiveError::System(io::Error::other("its thread has ended"))),
         }
-    }
-
-    /// Where it listens.
-    pub fn address(&self) -> SocketAddr {
-        self.address
-    }
-
-    /// No login is needed.
-    pub fn is_open(&self) -> bool {
-        self.open
     }
 
     /// What to type into a browser on this machine.

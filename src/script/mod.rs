@@ -242,12 +242,6 @@ impl Script {
         self.state.borrow().motion.current().is_some()
     }
 
-    /// What the script wants said and done since the last call, in order. Bounded: a script that
-    /// floods gets errors, and its log lines are folded.
-    pub fn take_output(&mut self) -> Vec<Output> {
-        self.state.borrow_mut().output.take()
-    }
-
     /// Takes up what an earlier run of the script kept in its store.
     ///
     /// # Errors

@@ -5,6 +5,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
+use super::Script;
 use super::failure::printable;
 use super::modules::ModuleName;
 use crate::robot::{Intent, Knob, Remark};
@@ -85,6 +86,14 @@ impl LogLine {
             fields: Vec::new(),
             line: None,
         }
+    }
+}
+
+impl Script {
+    /// What the script wants said and done since the last call, in order. Bounded: a script that
+    /// floods gets errors, and its log lines are folded.
+    pub fn take_output(&mut self) -> Vec<Output> {
+        self.state.borrow_mut().output.take()
     }
 }
 

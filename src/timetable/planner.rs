@@ -93,11 +93,6 @@ impl Planner {
         }
     }
 
-    /// The timetable.
-    pub fn table(&self) -> &Timetable {
-        &self.table
-    }
-
     /// Whether a start waits for the robot.
     pub fn is_due(&self) -> bool {
         !self.due.is_empty()

@@ -21,7 +21,7 @@ from homeassistant import bootstrap, config_entries, const, core, loader
 from homeassistant.helpers import device_registry, entity_registry
 
 # Nothing that is waited for takes so long.
-PATIENCE = 60
+WAIT_LIMIT = 60
 UID = "SPYKEE0001"
 WORLD = """
 name: check
@@ -67,12 +67,12 @@ def say(text):
 
 async def until(what, found):
     """Waits for a value that is there."""
-    for _ in range(PATIENCE * 20):
+    for _ in range(WAIT_LIMIT * 20):
         value = found()
         if value:
             return value
         await asyncio.sleep(0.05)
-    raise Failed(f"in {PATIENCE} s it did not come to this: {what}")
+    raise Failed(f"in {WAIT_LIMIT} s it did not come to this: {what}")
 
 
 def free_port():
@@ -197,7 +197,7 @@ async def picture_comes(robot):
     async def picture():
         image = await camera.async_camera_image()
         return image and image[:2] == b"\xff\xd8" and len(image)
-    for _ in range(PATIENCE * 20):
+    for _ in range(WAIT_LIMIT * 20):
         if size := await picture():
             say(f"the camera shows a JPEG of {size} bytes")
             return

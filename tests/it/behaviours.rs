@@ -6,7 +6,7 @@ use spykee::sim::{Firmware, State, World};
 use spykee::wire::{Command, Led, Sound};
 use tokio::time::timeout;
 
-use crate::rig::{PATIENCE, Rig, Run};
+use crate::rig::{Rig, Run, WAIT_LIMIT};
 
 fn behaviour(rig: &Rig, name: &str) -> Run {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -23,7 +23,7 @@ fn behaviour(rig: &Rig, name: &str) -> Run {
 }
 
 async fn until(rig: &Rig, what: &str, run: &Run, wanted: impl Fn(&State) -> bool) -> State {
-    let reached = timeout(PATIENCE * 3, rig.sim.wait_state(wanted)).await;
+    let reached = timeout(WAIT_LIMIT * 3, rig.sim.wait_state(wanted)).await;
     reached.unwrap_or_else(|_| panic!("never {what}: {:?}\n{}", rig.sim.state(), run.text()))
 }
 

@@ -8,7 +8,7 @@ use spykee::sim::Firmware;
 use spykee::wire::{Command, Engage, Led, Sound};
 use tokio::time::timeout;
 
-use crate::rig::{PATIENCE, QUIET_WORLD, Rig, Run, moves};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, moves};
 
 const DRIVE: &str = "while true do robot.move(30, 30, 0.5) end";
 const IDLE: &str = "task.wait(600)";
@@ -191,7 +191,7 @@ async fn stop_beats_the_watchdogs_own_search_and_says_that_the_battery_is_low() 
     let resting = rig
         .sim
         .wait_state(|state| !state.searching && !state.moving());
-    timeout(PATIENCE, resting).await.expect("it rests");
+    timeout(WAIT_LIMIT, resting).await.expect("it rests");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -242,7 +242,7 @@ async fn a_run_that_is_killed_leaves_a_socket_that_nobody_minds() {
     let (code, text) = tool(&rig, &["status", "--json"]).await;
     assert_eq!((code, &*text), (Some(0), "[]"));
     let free = rig.sim.wait_state(|state| state.user.is_none());
-    timeout(PATIENCE, free).await.unwrap();
+    timeout(WAIT_LIMIT, free).await.unwrap();
     let (code, text) = tool(&rig, &["robot", "battery", "--robot", &rig.address]).await;
     assert_eq!((code, text.contains("90 %")), (Some(0), true), "{text}");
     let _run = running(&rig, IDLE).await;
@@ -274,7 +274,7 @@ async fn clients_that_say_nothing_or_nonsense_keep_neither_the_robot_nor_others_
             }
         }
     };
-    timeout(PATIENCE, told).await.expect("others are served");
+    timeout(WAIT_LIMIT, told).await.expect("others are served");
     drop(silent);
     let heard = rig.sim.heard_since(from);
     let at: Vec<_> = heard

@@ -17,7 +17,7 @@ use spykee::sim::{Handle, Options, Server, World};
 use spykee::wire::{Accepted, Command, Engage, Power, Report};
 use tokio::time::{sleep, timeout};
 
-use crate::rig::{PATIENCE, QUIET_WORLD, moves};
+use crate::rig::{QUIET_WORLD, WAIT_LIMIT, moves};
 
 const ROBOT: &str = "10.9.0.1:9000";
 
@@ -123,7 +123,7 @@ impl Net {
             user.write_all(&power.to_bytes()).unwrap();
             let _ = told.recv();
         });
-        entered.recv_timeout(PATIENCE).unwrap();
+        entered.recv_timeout(WAIT_LIMIT).unwrap();
         (entered, may)
     }
 
@@ -171,7 +171,7 @@ impl Agent {
                 sleep(Duration::from_millis(5)).await;
             }
         };
-        timeout(PATIENCE, ended).await.expect("it ends");
+        timeout(WAIT_LIMIT, ended).await.expect("it ends");
         let mut said = String::new();
         let mut stderr = self.0.stderr.take().unwrap();
         std::io::Read::read_to_string(&mut stderr, &mut said).unwrap();
@@ -212,12 +212,14 @@ impl Stage {
         let path = self.folder.path().join("script.lua");
         std::fs::write(&path, script).unwrap();
         let free = self.sim.wait_state(|state| state.user.is_none());
-        timeout(PATIENCE, free).await.expect("nobody is connected");
+        timeout(WAIT_LIMIT, free)
+            .await
+            .expect("nobody is connected");
         let (from, frames) = (self.sim.heard_count(), self.sim.state().frames);
         let agent = self.net.run(&path);
-        let moving = timeout(PATIENCE, self.sim.wait_heard(from, moves)).await;
+        let moving = timeout(WAIT_LIMIT, self.sim.wait_heard(from, moves)).await;
         let seen = self.sim.wait_state(|state| state.frames > frames + 10);
-        timeout(PATIENCE, seen).await.expect("frames");
+        timeout(WAIT_LIMIT, seen).await.expect("frames");
         (agent, moving.expect("drives"))
     }
 
@@ -272,7 +274,7 @@ async fn a_low_robot_is_still_sent_home_at_the_end() {
     let charging = false;
     stage.sim.inject(Report::Power(Power { percent, charging }));
     let dock = |command: &Command| *command == Command::Engine(Engage::Dock);
-    let first = timeout(PATIENCE, stage.sim.wait_heard(moving, dock)).await;
+    let first = timeout(WAIT_LIMIT, stage.sim.wait_heard(moving, dock)).await;
     stage.interrupt(&mut agent, OUTAGES[1]).await;
     let again = first.expect("goes home") + 1;
     assert!(stage.hears(again, Command::Engine(Engage::Dock)).await);
@@ -302,7 +304,7 @@ async fn robot_stop_says_that_its_stop_has_not_arrived() {
     let Some(net) = Net::new() else { return };
     let (entered, may_tell) = net.doorkeeper();
     let mut stop = net.spykee(&["robot", "stop", "--timeout", "1"]);
-    entered.recv_timeout(PATIENCE).unwrap();
+    entered.recv_timeout(WAIT_LIMIT).unwrap();
     assert!(net.shell(DROP).status.success());
     may_tell.send(()).unwrap();
     let said = stop.ended().await;

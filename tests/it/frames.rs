@@ -11,7 +11,7 @@ use spykee::vision::validate_markers;
 use spykee::wire::Report;
 use tokio::time::{Instant, timeout};
 
-use crate::rig::{PATIENCE, QUIET_WORLD, Rig};
+use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT};
 
 const GOOD: &[u8] = include_bytes!("../fixtures/ball-444.jpg");
 
@@ -150,7 +150,7 @@ async fn annotate_shows_a_person_what_a_behaviour_saw() {
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     };
-    let waited = timeout(PATIENCE, several).await;
+    let waited = timeout(WAIT_LIMIT, several).await;
     assert!(waited.is_ok(), "{}", run.text());
     run.signal(Signal::INT);
     assert_eq!(run.code().await, Some(130), "{}", run.text());

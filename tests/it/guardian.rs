@@ -7,7 +7,7 @@ use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 use spykee::wire::{Command, Engage};
 use tokio::time::{Instant, timeout};
 
-use crate::rig::{PATIENCE, QUIET_WORLD, Rig, Run, becomes, state_of};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, becomes, state_of};
 
 /// Twice what the guardian promises, for a busy machine.
 const LIMIT: Duration = Duration::from_secs(2);
@@ -27,7 +27,7 @@ async fn driving() -> (Rig, Run) {
 async fn rests(rig: &Rig) -> Duration {
     let began = Instant::now();
     let resting = rig.sim.wait_state(|state| !state.moving());
-    timeout(PATIENCE, resting).await.expect("the tracks rest");
+    timeout(WAIT_LIMIT, resting).await.expect("the tracks rest");
     began.elapsed()
 }
 
@@ -111,10 +111,10 @@ async fn a_killed_agent_does_not_end_the_search_of_a_low_robot() {
     rig.sim.set_battery(10.0);
     let dock = rig.heard_dock(0).await;
     let searching = rig.sim.wait_state(|state| state.searching);
-    timeout(PATIENCE, searching).await.unwrap();
+    timeout(WAIT_LIMIT, searching).await.unwrap();
     run.signal(Signal::KILL);
     let home = rig.sim.wait_state(|state| state.charging);
-    timeout(2 * PATIENCE, home).await.expect("it comes home");
+    timeout(2 * WAIT_LIMIT, home).await.expect("it comes home");
     // Killed between two of its own steps, the agent may have left the same words once more.
     let find = Command::Engine(Engage::Dock);
     let later = rig.commands(dock + 1);
@@ -142,7 +142,7 @@ async fn a_low_robot_between_two_searches_is_sent_home_by_the_guardian() {
     rig.sim.set_battery(10.0);
     let dock = rig.heard_dock(0).await;
     let ended = rig.sim.wait_state(|state| !state.searching);
-    timeout(PATIENCE, ended).await.unwrap();
+    timeout(WAIT_LIMIT, ended).await.unwrap();
     rig.heard_stop(dock).await;
     let killed = rig.sim.heard_count();
     run.signal(Signal::KILL);
@@ -212,7 +212,7 @@ async fn the_guardian_ends_with_a_run_that_ends_in_order() {
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     };
-    timeout(PATIENCE, gone).await.expect("it has ended");
+    timeout(WAIT_LIMIT, gone).await.expect("it has ended");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -243,7 +243,7 @@ async fn in_the_place_of_a_guardian_that_is_killed_there_is_another_one() {
                 tokio::time::sleep(Duration::from_millis(10)).await;
             }
         };
-        timeout(PATIENCE, again).await.expect("another guardian");
+        timeout(WAIT_LIMIT, again).await.expect("another guardian");
         replaced(&run, old).await;
     }
     run.signal(Signal::KILL);
@@ -349,7 +349,7 @@ async fn docking() -> (Rig, Run) {
     let searching = rig
         .sim
         .wait_state(|state| state.searching && state.moving());
-    timeout(PATIENCE, searching).await.unwrap();
+    timeout(WAIT_LIMIT, searching).await.unwrap();
     (rig, run)
 }
 

@@ -15,7 +15,7 @@ use serde_json::Value;
 use spykee::wire::{Command, EngineReport, Led, Report};
 use tokio::time::{Instant, sleep, timeout};
 
-use crate::rig::{PATIENCE, Rig, Run, moves};
+use crate::rig::{Rig, Run, WAIT_LIMIT, moves};
 
 /// All hosts of one kind have started, on an emulated machine too.
 const ALL_STARTED: Duration = Duration::from_secs(180);
@@ -222,7 +222,7 @@ impl Siege {
             if let Some(record) = ended.next() {
                 return (field(&record, "reason"), field(&record, "message"));
             }
-            assert!(begun.elapsed() < PATIENCE, "{name} does not end:\n{text}");
+            assert!(begun.elapsed() < WAIT_LIMIT, "{name} does not end:\n{text}");
             sleep(Duration::from_millis(5)).await;
         }
     }
@@ -318,7 +318,13 @@ fn host_of(run: &Run, name: &str) -> Pid {
 async fn gone(host: Pid) -> bool {
     let begun = Instant::now();
     while Path::new(&format!("/proc/{}", host.as_raw_nonzero())).exists() {
-        if begun.elapsed() > if times_count() { GONE_WITHIN } else { PATIENCE } {
+        if begun.elapsed()
+            > if times_count() {
+                GONE_WITHIN
+            } else {
+                WAIT_LIMIT
+            }
+        {
             return false;
         }
         sleep(Duration::from_millis(5)).await;

@@ -12,7 +12,7 @@ use spykee::sim::{Options, Server, World};
 use spykee::wire::{Command, EngineReport, Login, Report};
 use tokio::time::timeout;
 
-use crate::rig::{PATIENCE, QUIET_WORLD, Rig};
+use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT};
 
 fn spykee(folder: &Path, args: &[&str]) -> Process {
     let mut process = Process::new(env!("CARGO_BIN_EXE_spykee"));
@@ -29,7 +29,10 @@ async fn end(mut process: Process) -> (Option<i32>, String) {
     let process = tokio::process::Command::from(process)
         .kill_on_drop(true)
         .output();
-    let output: Output = timeout(PATIENCE, process).await.expect("it hangs").unwrap();
+    let output: Output = timeout(WAIT_LIMIT, process)
+        .await
+        .expect("it hangs")
+        .unwrap();
     let said = [output.stdout, output.stderr].concat();
     (output.status.code(), String::from_utf8(said).unwrap())
 }

@@ -8,7 +8,7 @@ use rusqlite::{Connection, OpenFlags};
 use rustix::process::Signal;
 use spykee::wire::{Command, Led};
 
-use crate::rig::{PATIENCE, QUIET_WORLD, Rig, Run};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT};
 
 const CONFIG: &str = "data: data\njournal: { record: on }\nbehaviours: [{ file: one.lua }]\n";
 
@@ -33,7 +33,7 @@ fn number(connection: &Connection, query: &str) -> i64 {
 
 /// Waits until the journal answers a query with a number other than 0.
 async fn written(rig: &Rig, query: &str) -> i64 {
-    let until = Instant::now() + PATIENCE;
+    let until = Instant::now() + WAIT_LIMIT;
     while Instant::now() < until {
         if let Ok(connection) = open(rig)
             && let Ok(found) = connection.query_row(query, [], |row| row.get::<_, i64>(0))
@@ -106,7 +106,7 @@ async fn while_the_disk_takes_nothing_the_robot_is_driven_and_later_nothing_is_m
     let mut run = start(&rig, lights);
     written(&rig, "SELECT count(*) FROM event WHERE kind = 'entry'").await;
     let holder = open(&rig).unwrap();
-    holder.busy_timeout(PATIENCE).unwrap();
+    holder.busy_timeout(WAIT_LIMIT).unwrap();
     holder.execute_batch("BEGIN EXCLUSIVE").unwrap();
     let stuck = number(&holder, "SELECT count(*) FROM event");
     let from = rig.sim.heard_since(0).len();

@@ -13,7 +13,7 @@ use tokio::time::{sleep, timeout};
 
 pub use self::browser::get;
 use self::browser::{Heard, Page, address, ask};
-use crate::rig::{PATIENCE, Rig, Run, moves};
+use crate::rig::{Rig, Run, WAIT_LIMIT, moves};
 
 const IDLE: &str = "task.wait(600)";
 const DRIVE: &str = "while true do robot.move(30, 30, 0.5) end";
@@ -314,7 +314,7 @@ async fn stop_beats_the_watchdog_that_sends_a_low_robot_home_also_at_the_end() {
     let resting = rig
         .sim
         .wait_state(|state| !state.searching && !state.moving());
-    timeout(PATIENCE, resting).await.expect("it rests");
+    timeout(WAIT_LIMIT, resting).await.expect("it rests");
     assert_eq!(post(&at, "/api/let-go", "", json!({})).await.0, 200);
     let home = rig.heard_dock(stopped).await;
     assert_eq!(post(&at, "/api/stop", "", json!({})).await.0, 200);
@@ -441,7 +441,7 @@ async fn frames_findings_and_log_reach_the_page() {
             }
         }
     };
-    timeout(PATIENCE, seen).await.expect("frames");
+    timeout(WAIT_LIMIT, seen).await.expect("frames");
     page.until("found", |found| found["behaviour"] == "script")
         .await;
 }
@@ -474,7 +474,7 @@ async fn viewers_are_bounded_and_one_who_never_reads_is_hung_up_on() {
             }
         }
     };
-    timeout(PATIENCE, alone)
+    timeout(WAIT_LIMIT, alone)
         .await
         .expect("the slow one is hung up on");
     assert!(frames > 20, "{frames}");

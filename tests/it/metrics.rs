@@ -10,7 +10,7 @@ use tokio::time::{sleep, timeout};
 
 use self::exposition::{Family, read};
 use crate::live::{get, live};
-use crate::rig::{PATIENCE, QUIET_WORLD, Rig, Run};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT};
 
 /// The figures of a robot that has been driven by its camera, sent home, and taken by the watchdog.
 async fn figures() -> (Rig, Run, String) {
@@ -36,7 +36,9 @@ async fn figures() -> (Rig, Run, String) {
             sleep(std::time::Duration::from_millis(50)).await;
         }
     };
-    let text = timeout(PATIENCE, all).await.expect("all figures are there");
+    let text = timeout(WAIT_LIMIT, all)
+        .await
+        .expect("all figures are there");
     (rig, run, text)
 }
 

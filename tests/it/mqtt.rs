@@ -17,7 +17,7 @@ use spykee::wire::{Command, Sound};
 
 pub use self::broker::Broker;
 use self::broker::Ear;
-use crate::rig::{PATIENCE, QUIET_WORLD, Rig, Run};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT};
 
 async fn robot(uid: &str) -> Rig {
     let options = Options {
@@ -116,7 +116,7 @@ async fn an_order_that_the_broker_kept_does_nothing_and_none_runs_twice_when_it_
             }
         }
     };
-    tokio::time::timeout(PATIENCE, ordered).await.unwrap();
+    tokio::time::timeout(WAIT_LIMIT, ordered).await.unwrap();
     let commands = rig.commands(0);
     assert_eq!(commands.iter().filter(|one| laser(one)).count(), 1);
     let docks = |one: &&Command| matches!(one, Command::Engine(spykee::wire::Engage::Dock));

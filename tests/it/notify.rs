@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use rustix::process::Signal;
 use spykee::wire::{Command, Led};
 
-use crate::rig::{PATIENCE, QUIET_WORLD, Rig, Run};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT};
 
 /// A request as it came.
 #[derive(Debug, Clone)]
@@ -73,7 +73,7 @@ impl Webhook {
 
     /// Waits for so many requests.
     async fn wait(&self, count: usize) -> Vec<Asked> {
-        let until = Instant::now() + PATIENCE;
+        let until = Instant::now() + WAIT_LIMIT;
         while self.asked().len() < count {
             assert!(Instant::now() < until, "instead: {:?}", self.asked());
             tokio::time::sleep(Duration::from_millis(20)).await;
@@ -241,7 +241,7 @@ async fn people_hear_of_a_start_that_was_missed_and_of_a_robot_that_is_gone_and_
     );
     let mut run = rig.spykee(&["serve", "--config", "spykee.yaml", "--robot", &rig.address]);
     let hears = async |words: &str| {
-        let until = Instant::now() + PATIENCE;
+        let until = Instant::now() + WAIT_LIMIT;
         while !hook.asked().iter().any(|one| one.text().contains(words)) {
             assert!(Instant::now() < until, "{words}: {:?}", hook.asked());
             tokio::time::sleep(Duration::from_millis(20)).await;

@@ -7,7 +7,7 @@ use std::process::Command as Process;
 use rustix::process::Signal;
 use spykee::wire::{Command, Led};
 
-use crate::rig::{PATIENCE, QUIET_WORLD, Rig};
+use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT};
 
 const BASE: &str = "link: { longest_pause: 0.3 }\ntime_zone: UTC\nservice: { user: root }\n";
 
@@ -23,7 +23,7 @@ async fn waits_for(mut what: impl FnMut() -> bool) {
             tokio::time::sleep(std::time::Duration::from_millis(20)).await;
         }
     };
-    tokio::time::timeout(PATIENCE, looks)
+    tokio::time::timeout(WAIT_LIMIT, looks)
         .await
         .expect("it comes");
 }

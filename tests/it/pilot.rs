@@ -12,7 +12,7 @@ use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio::time::{sleep, timeout};
 
-use crate::rig::{PATIENCE, Rig, moves};
+use crate::rig::{Rig, WAIT_LIMIT, moves};
 
 const WHO: BehaviourId = BehaviourId(0);
 
@@ -107,7 +107,7 @@ impl Cockpit {
                 }
             }
         };
-        timeout(PATIENCE, told).await.expect("told")
+        timeout(WAIT_LIMIT, told).await.expect("told")
     }
 
     async fn connected(&mut self) {
@@ -121,7 +121,7 @@ async fn a_pilot_that_is_dropped_stops_the_tracks() {
     let rig = Rig::quiet().await;
     let mut cockpit = Cockpit::start(&rig).await;
     cockpit.connected().await;
-    cockpit.drive(50.0, Some(PATIENCE)).await;
+    cockpit.drive(50.0, Some(WAIT_LIMIT)).await;
     let moving = rig.heard_motion(0).await;
     cockpit.flight.abort();
     rig.heard_stop(moving).await;
@@ -137,7 +137,7 @@ async fn a_panic_in_the_pilots_task_stops_the_tracks() {
     };
     let mut cockpit = Cockpit::with(&rig, bomb).await;
     cockpit.connected().await;
-    cockpit.drive(50.0, Some(PATIENCE)).await;
+    cockpit.drive(50.0, Some(WAIT_LIMIT)).await;
     let moving = rig.heard_motion(0).await;
     rig.heard_stop(moving).await;
     assert!(cockpit.flight.await.unwrap_err().is_panic());
@@ -152,7 +152,7 @@ async fn a_behaviour_that_shows_no_life_is_stopped_and_ended() {
     let moving = rig.heard_motion(0).await;
     let held = rig.heard_stop(moving).await;
     let killed = async { while !matches!(cockpit.inbox.next().await, PilotMessage::Kill(_)) {} };
-    timeout(PATIENCE, killed).await.expect("killed");
+    timeout(WAIT_LIMIT, killed).await.expect("killed");
     let index = rig.heard_stop(held + 1).await + 1;
     cockpit.drive(50.0, None).await;
     cockpit
@@ -220,7 +220,7 @@ async fn at_the_end_the_stop_is_written_and_streams_are_switched_off() {
     let mut cockpit = Cockpit::start(&rig).await;
     cockpit.connected().await;
     cockpit.want(Stream::Video).await;
-    cockpit.drive(50.0, Some(PATIENCE)).await;
+    cockpit.drive(50.0, Some(WAIT_LIMIT)).await;
     let moving = rig.heard_motion(0).await;
     cockpit.ending.parting.cancel();
     let end = cockpit
@@ -234,7 +234,7 @@ async fn at_the_end_the_stop_is_written_and_streams_are_switched_off() {
         }
     );
     cockpit.ending.closing.cancel();
-    timeout(PATIENCE, &mut cockpit.flight)
+    timeout(WAIT_LIMIT, &mut cockpit.flight)
         .await
         .unwrap()
         .unwrap();
@@ -244,7 +244,7 @@ async fn at_the_end_the_stop_is_written_and_streams_are_switched_off() {
     };
     rig.heard(moving, |command| *command == off).await;
     rig.heard_stop(moving).await;
-    timeout(PATIENCE, rig.sim.wait_state(|state| state.user.is_none()))
+    timeout(WAIT_LIMIT, rig.sim.wait_state(|state| state.user.is_none()))
         .await
         .unwrap();
 }

@@ -5,7 +5,7 @@ use rustix::process::Signal;
 use serde_json::Value;
 use spykee::wire::{Command, Sound};
 
-use crate::rig::{PATIENCE, Rig, Run};
+use crate::rig::{Rig, Run, WAIT_LIMIT};
 
 const CONFIG: &str = "link: { longest_pause: 0.3 }\ntime_zone: UTC\nservice: { user: root }\n\
     live: { listen: '127.0.0.1:0' }\nbehaviours:\n- { file: asked.lua, start: asked }\n\
@@ -140,7 +140,9 @@ async fn a_behaviour_that_was_started_for_a_time_ends_when_it_is_over() {
                 }
             }
         };
-        tokio::time::timeout(PATIENCE, over).await.expect("it ends");
+        tokio::time::timeout(WAIT_LIMIT, over)
+            .await
+            .expect("it ends");
     }
     assert_eq!(
         run.text().matches("its time is over").count(),
@@ -253,7 +255,7 @@ async fn the_time_from_a_frame_to_the_move_that_a_behaviour_makes_of_it_is_in_th
             }
         }
     };
-    let text = tokio::time::timeout(PATIENCE, some)
+    let text = tokio::time::timeout(WAIT_LIMIT, some)
         .await
         .expect("it reacts");
     assert!(

@@ -7,7 +7,7 @@ use tokio::io::AsyncWriteExt as _;
 use tokio::process::{Child, ChildStdin, Command as Process};
 use tokio::time::timeout;
 
-use crate::rig::{PATIENCE, Rig};
+use crate::rig::{Rig, WAIT_LIMIT};
 use spykee::wire::Command;
 
 /// A session whose prompt is a pipe.
@@ -41,7 +41,7 @@ impl Session {
     /// After the last line: exit code, stdout, stderr.
     async fn ends(self) -> (Option<i32>, String, String) {
         drop(self.prompt);
-        let output = timeout(PATIENCE, self.child.wait_with_output()).await;
+        let output = timeout(WAIT_LIMIT, self.child.wait_with_output()).await;
         let output = output.expect("it does not end").unwrap();
         let text = |bytes| String::from_utf8(bytes).unwrap();
         (
@@ -155,7 +155,7 @@ async fn a_signal_ends_with_a_stop_even_while_a_line_waits() {
     rustix::process::kill_process(rustix::process::Pid::from_raw(pid).unwrap(), Signal::TERM)
         .unwrap();
     rig.heard_stop(moved).await;
-    let status = timeout(PATIENCE, session.child.wait())
+    let status = timeout(WAIT_LIMIT, session.child.wait())
         .await
         .unwrap()
         .unwrap();

@@ -12,8 +12,8 @@ use spykee::sim::{Firmware, Handle, Options, Server, World};
 use spykee::wire::{Command, Engage};
 use tokio::time::timeout;
 
-/// Nothing that is waited for takes so long, on however slow a machine.
-pub const PATIENCE: Duration = Duration::from_secs(60);
+/// The limit of every wait for what must happen: far more than that takes on a slow machine.
+pub const WAIT_LIMIT: Duration = Duration::from_secs(60);
 
 /// A robot in a plain room with a full battery that hardly drains.
 pub const QUIET_WORLD: &str = "
@@ -118,7 +118,7 @@ impl Rig {
 
     /// Waits until the robot has heard a command, from a place in its journal on.
     pub async fn heard(&self, from: usize, wanted: impl Fn(&Command) -> bool) -> usize {
-        let heard = timeout(PATIENCE, self.sim.wait_heard(from, wanted)).await;
+        let heard = timeout(WAIT_LIMIT, self.sim.wait_heard(from, wanted)).await;
         heard.unwrap_or_else(|_| panic!("not heard; instead {:?}", self.commands(from)))
     }
 
@@ -195,7 +195,7 @@ pub async fn becomes(pid: rustix::process::Pid, state: char) {
             tokio::time::sleep(Duration::from_millis(5)).await;
         }
     };
-    let waited = timeout(PATIENCE, became).await;
+    let waited = timeout(WAIT_LIMIT, became).await;
     waited.unwrap_or_else(|_| panic!("{pid:?} is {}, not {state}", state_of(pid)));
 }
 
@@ -254,7 +254,7 @@ impl Run {
                 tokio::time::sleep(Duration::from_millis(10)).await;
             }
         };
-        let waited = timeout(PATIENCE, said).await;
+        let waited = timeout(WAIT_LIMIT, said).await;
         waited.unwrap_or_else(|_| panic!("`{text}` was not said; instead:\n{}", self.text()));
     }
 
@@ -295,7 +295,7 @@ impl Run {
                 tokio::time::sleep(Duration::from_millis(5)).await;
             }
         };
-        let status = timeout(PATIENCE, ended).await;
+        let status = timeout(WAIT_LIMIT, ended).await;
         let status = status.unwrap_or_else(|_| panic!("it does not end:\n{}", self.text()));
         self.readers
             .drain(..)

@@ -7,7 +7,7 @@ use spykee::sim::Firmware;
 use spykee::wire::{Command, Engage, EngineReport, Led, Packet, Power, Report, Sound, kind};
 use tokio::time::{Instant, timeout};
 
-use crate::rig::{PATIENCE, QUIET_WORLD, Rig, moves};
+use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT, moves};
 
 /// Drives and then never waits again; prints when the block begins.
 const STUCK: &str = "robot.move(50, 50)\ntask.wait(0.3)\nrobot.led('left', true)\ntask.wait(0)\nwhile true do end\n";
@@ -139,7 +139,7 @@ async fn the_watchdog_brings_a_low_robot_home_and_it_charges() {
     rig.sim.set_battery(15.0);
     rig.heard_dock(0).await;
     let charging = rig.sim.wait_state(|state| state.docked && state.charging);
-    timeout(PATIENCE * 2, charging)
+    timeout(WAIT_LIMIT * 2, charging)
         .await
         .expect("docked and charging");
 }
@@ -265,7 +265,7 @@ async fn an_interrupt_stops_the_tracks_before_the_link_closes() {
             "{:?}",
             interrupted.elapsed()
         );
-        timeout(PATIENCE, rig.sim.wait_state(|state| state.user.is_none()))
+        timeout(WAIT_LIMIT, rig.sim.wait_state(|state| state.user.is_none()))
             .await
             .unwrap();
         let last = rig
@@ -340,7 +340,7 @@ async fn hosts_do_not_outlive_their_agent() {
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     };
-    timeout(PATIENCE, gone).await.expect("the host is gone");
+    timeout(WAIT_LIMIT, gone).await.expect("the host is gone");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -364,7 +364,7 @@ async fn after_a_lost_link_the_robot_first_hears_a_stop() {
             }
         }
     };
-    timeout(PATIENCE, again).await.expect("drives again");
+    timeout(WAIT_LIMIT, again).await.expect("drives again");
     let heard = rig.sim.heard_since(moving);
     let anew: Vec<&Command> = heard
         .iter()
@@ -380,7 +380,7 @@ async fn a_stream_that_falls_silent_while_moving_stops_the_robot() {
     let rig = Rig::quiet().await;
     let run = rig.run("robot.stream('video', true) robot.move(40, 40) task.wait(600)");
     rig.heard_motion(0).await;
-    timeout(PATIENCE, rig.sim.wait_state(|state| state.frames > 3))
+    timeout(WAIT_LIMIT, rig.sim.wait_state(|state| state.frames > 3))
         .await
         .unwrap();
     rig.sim.mute(true);
@@ -446,7 +446,7 @@ async fn a_higher_priority_drives_and_the_lower_hears_preempted() {
 async fn an_unknown_engine_byte_reaches_the_script_as_a_number() {
     let rig = Rig::quiet().await;
     let mut run = rig.run("print('engine', robot.wait_for('engine', 30).code)");
-    timeout(PATIENCE, rig.sim.wait_state(|state| state.user.is_some()))
+    timeout(WAIT_LIMIT, rig.sim.wait_state(|state| state.user.is_some()))
         .await
         .unwrap();
     let unknown = Report::Engine(EngineReport::Unknown(42));
@@ -456,7 +456,7 @@ async fn an_unknown_engine_byte_reaches_the_script_as_a_number() {
             tokio::time::sleep(Duration::from_millis(100)).await;
         }
     };
-    timeout(PATIENCE, told).await.expect("told");
+    timeout(WAIT_LIMIT, told).await.expect("told");
     assert_eq!(run.code().await, Some(0));
 }
 

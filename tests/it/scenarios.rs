@@ -547,7 +547,7 @@ async fn trials(run: &crate::rig::Run) -> Vec<rustix::process::Pid> {
         if !trials.is_empty() {
             return trials;
         }
-        assert!(begun.elapsed() < crate::rig::PATIENCE, "{}", run.text());
+        assert!(begun.elapsed() < crate::rig::WAIT_LIMIT, "{}", run.text());
         tokio::time::sleep(Duration::from_millis(5)).await;
     }
 }
@@ -588,7 +588,7 @@ async fn run_until_played(run: &crate::rig::Run) {
         if line.is_ok_and(|line| String::from_utf8_lossy(&line).contains("\x00601\x00")) {
             return;
         }
-        assert!(begun.elapsed() < crate::rig::PATIENCE, "{}", run.text());
+        assert!(begun.elapsed() < crate::rig::WAIT_LIMIT, "{}", run.text());
         tokio::time::sleep(Duration::from_millis(5)).await;
     }
 }

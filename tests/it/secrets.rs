@@ -10,7 +10,7 @@ use spykee::sim::{Handle, Options, Server, World};
 use spykee::wire::{Command, Login};
 use tokio::time::timeout;
 
-use crate::rig::{PATIENCE, QUIET_WORLD, Rig, children_of};
+use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT, children_of};
 
 /// Nothing else that the program says can hold it by chance.
 const PASSWORD: &str = "correct-horse-battery";
@@ -75,7 +75,7 @@ async fn the_password_is_in_no_output_at_the_finest_level() {
     ];
     for args in runs {
         let text = timeout(
-            PATIENCE,
+            WAIT_LIMIT,
             tokio::task::spawn_blocking({
                 let process = spykee(&args);
                 move || said(process)
@@ -96,7 +96,7 @@ async fn the_password_is_in_no_process_list_and_no_host_has_it() {
     agent.stdout(Stdio::null()).stderr(Stdio::null());
     let mut agent = agent.current_dir(rig.folder()).spawn().unwrap();
     let lit = sim.wait_heard(0, |command| matches!(command, Command::Led { .. }));
-    timeout(PATIENCE, lit).await.unwrap();
+    timeout(WAIT_LIMIT, lit).await.unwrap();
     let pid = Pid::from_child(&agent);
     let read = |pid: Pid, file: &str| {
         let path = format!("/proc/{}/{file}", pid.as_raw_nonzero());

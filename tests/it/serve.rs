@@ -9,7 +9,7 @@ use spykee::sim::{Firmware, Options, World};
 use spykee::wire::{Command, Led, Sound};
 use tokio::time::timeout;
 
-use crate::rig::{PATIENCE, QUIET_WORLD, Rig, Run};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT};
 
 const DRIVES: &str = "while true do robot.move(30, 30, 0.5) end";
 
@@ -120,11 +120,11 @@ async fn the_timetable_starts_what_was_missed_by_little_and_a_power_cut_does_not
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     };
-    timeout(PATIENCE, kept).await.expect("it is kept");
+    timeout(WAIT_LIMIT, kept).await.expect("it is kept");
     run.signal(Signal::KILL);
     run.status().await;
     let free = rig.sim.wait_state(|state| state.user.is_none());
-    timeout(PATIENCE, free).await.unwrap();
+    timeout(WAIT_LIMIT, free).await.unwrap();
     let from = rig.sim.heard_count();
     let mut next = serve(&rig);
     next.says("goes on: it was under way").await;
@@ -199,7 +199,7 @@ async fn a_reload_touches_only_what_has_changed_and_a_bad_config_nothing() {
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     };
-    timeout(PATIENCE, alone).await.expect("one is left");
+    timeout(WAIT_LIMIT, alone).await.expect("one is left");
     ends_well(&mut run).await;
 }
 
@@ -221,7 +221,7 @@ async fn an_idle_robot_is_sent_home() {
     assert_eq!(tool(&rig, &["behaviour", "stop", "asked"]).await.0, Some(0));
     rig.heard_dock(moving).await;
     let home = rig.sim.wait_state(|state| state.docked);
-    timeout(PATIENCE, home).await.expect("it comes home");
+    timeout(WAIT_LIMIT, home).await.expect("it comes home");
     ends_well(&mut run).await;
 }
 
@@ -237,7 +237,7 @@ async fn an_idle_robot_on_its_station_is_let_go_of_and_dialled_when_somebody_wan
     let mut run = serve(&rig);
     run.says("free for others").await;
     let free = || rig.sim.wait_state(|state| state.user.is_none());
-    timeout(PATIENCE, free())
+    timeout(WAIT_LIMIT, free())
         .await
         .expect("somebody else can log in");
     let (code, text) = tool(&rig, &["status"]).await;
@@ -250,7 +250,7 @@ async fn an_idle_robot_on_its_station_is_let_go_of_and_dialled_when_somebody_wan
     assert_eq!(code, Some(0), "{text} {}", run.text());
     rig.heard(0, |command| *command == Command::Volume(37))
         .await;
-    timeout(PATIENCE, free()).await.expect("let go of again");
+    timeout(WAIT_LIMIT, free()).await.expect("let go of again");
     let (code, text) = tool(&rig, &["behaviour", "start", "asked"]).await;
     assert_eq!(code, Some(0), "{text} {}", run.text());
     rig.heard(0, |command| *command == Command::Volume(44))

@@ -9,7 +9,7 @@ use rustix::process::Signal;
 use spykee::wire::{Command, Led};
 use tokio::time::{Instant, sleep};
 
-use crate::rig::{PATIENCE, Rig, Run, moves};
+use crate::rig::{Rig, Run, WAIT_LIMIT, moves};
 
 const DECLARES: &str = "local p = params.declare{ speed = {default = 40, min = 10, max = 60, unit = '%'} }\n\
                         print('speed is', p.speed) robot.move(p.speed, p.speed, 0.2)";
@@ -128,7 +128,7 @@ async fn the_store_survives_kill_9_of_the_host_and_of_the_agent() {
         run.says(&format!("begins with {before}")).await;
         let begun = Instant::now();
         while !store_file(&rig).exists() || kept(&rig) < before + 20.0 {
-            assert!(begun.elapsed() < PATIENCE, "{}", run.text());
+            assert!(begun.elapsed() < WAIT_LIMIT, "{}", run.text());
             sleep(Duration::from_millis(20)).await;
         }
         match round % 2 {

@@ -16,7 +16,7 @@ use spykee::wire::{Command, EngineReport, Led, Login, Report, Sound};
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep, timeout};
 
-use crate::rig::{PATIENCE, Rig, Run, hosts_of};
+use crate::rig::{Rig, Run, WAIT_LIMIT, hosts_of};
 
 /// Beats until the robot says that a sound has ended.
 const WITNESS: &str = "
@@ -49,7 +49,7 @@ async fn says(run: &Run, text: &str, times: usize) {
             sleep(Duration::from_millis(5)).await;
         }
     };
-    let waited = timeout(PATIENCE, said).await;
+    let waited = timeout(WAIT_LIMIT, said).await;
     waited.unwrap_or_else(|_| panic!("`{text}` was not said {times} times:\n{}", run.text()));
 }
 
@@ -356,7 +356,7 @@ impl Reloader {
     async fn footprint(&self) -> Footprint {
         let pid = Pid::from_child(&self.process);
         let begun = Instant::now();
-        while hosts_of(pid).len() > 1 && begun.elapsed() < PATIENCE {
+        while hosts_of(pid).len() > 1 && begun.elapsed() < WAIT_LIMIT {
             sleep(Duration::from_millis(5)).await;
         }
         let folder = format!("/proc/{}", pid.as_raw_nonzero());

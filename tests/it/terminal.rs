@@ -14,7 +14,7 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{LocalModes, tcgetattr};
 use tokio::time::timeout;
 
-use crate::rig::{PATIENCE, Rig, becomes};
+use crate::rig::{Rig, WAIT_LIMIT, becomes};
 
 /// How long the reader of the screen waits before it looks whether the terminal is to be closed.
 const LOOK: Timespec = Timespec {
@@ -92,7 +92,7 @@ impl Terminal {
                 tokio::time::sleep(Duration::from_millis(10)).await;
             }
         };
-        let end = timeout(PATIENCE, shown).await;
+        let end = timeout(WAIT_LIMIT, shown).await;
         self.read += end.unwrap_or_else(|_| panic!("no `{words}`: {}", self.text()));
     }
 
@@ -138,7 +138,7 @@ impl Terminal {
                 tokio::time::sleep(Duration::from_millis(5)).await;
             }
         };
-        timeout(PATIENCE, ended).await.unwrap()
+        timeout(WAIT_LIMIT, ended).await.unwrap()
     }
 }
 
@@ -156,7 +156,7 @@ async fn closed(rig: &Rig, mut terminal: Terminal) {
     rig.heard_stop(moving).await;
     assert_eq!(terminal.code().await, Some(130), "{}", terminal.text());
     let resting = rig.sim.wait_state(|state| !state.moving());
-    timeout(PATIENCE, resting).await.expect("the tracks rest");
+    timeout(WAIT_LIMIT, resting).await.expect("the tracks rest");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -198,7 +198,7 @@ async fn ctrl_z_at_a_prompt_stops_the_tracks_and_gives_the_terminal_back_until_i
     rig.heard_stop(moving).await;
     becomes(terminal.pid(), 'T').await;
     let resting = rig.sim.wait_state(|state| !state.moving());
-    timeout(PATIENCE, resting).await.expect("the tracks rest");
+    timeout(WAIT_LIMIT, resting).await.expect("the tracks rest");
     assert!(terminal.is_plain());
     let slept = rig.sim.heard_count();
     kill_process(terminal.pid(), Signal::CONT).unwrap();

@@ -8,7 +8,7 @@ use std::time::Duration;
 use spykee::wire::Command;
 use tokio::time::timeout;
 
-use crate::rig::{PATIENCE, Rig, children_of};
+use crate::rig::{Rig, WAIT_LIMIT, children_of};
 
 /// Lights up once it runs, and waits.
 const WAITS: &str = "robot.led('left', true) task.wait(1000)";
@@ -100,7 +100,9 @@ async fn no_descriptor_that_the_agent_was_given_reaches_its_children() {
         .spawn()
         .unwrap();
     let lit = |command: &Command| matches!(command, Command::Led { .. });
-    timeout(PATIENCE, rig.sim.wait_heard(0, lit)).await.unwrap();
+    timeout(WAIT_LIMIT, rig.sim.wait_heard(0, lit))
+        .await
+        .unwrap();
     let pid = rustix::process::Pid::from_child(&agent);
     let leaks = |pid: rustix::process::Pid| {
         let folder = format!("/proc/{}/fd", pid.as_raw_nonzero());

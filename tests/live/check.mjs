@@ -15,7 +15,7 @@ const { chromium } = require("playwright-core");
 const WebSocket = require("ws");
 const axe = fs.readFileSync(require.resolve("axe-core/axe.min.js"), "utf8");
 const root = path.resolve(path.dirname(fileURLToPath(import.meta.url)), "../..");
-const PATIENCE = 30_000;
+const WAIT_LIMIT = 30_000;
 
 /** A program that says something when it is there. */
 class Process {
@@ -96,7 +96,7 @@ class Line {
   }
 }
 
-async function until(is, what, context = () => "", patience = PATIENCE) {
+async function until(is, what, context = () => "", patience = WAIT_LIMIT) {
   const began = Date.now();
   while (!(await is())) {
     if (Date.now() - began > patience) {
@@ -185,7 +185,7 @@ async function open(browser, run, options = DESK) {
 }
 
 async function ready(page) {
-  await page.getByRole("img", { name: "What the robot's camera sees" }).waitFor({ timeout: PATIENCE });
+  await page.getByRole("img", { name: "What the robot's camera sees" }).waitFor({ timeout: WAIT_LIMIT });
 }
 
 function clean(page) {
@@ -315,7 +315,7 @@ const promises = {
     await page.getByLabel("y, metres").fill("2.5");
     await button(page, "Put there").click();
     await button(page, "Go to the station").click();
-    await until(() => witness.state.docked, "a docked robot", () => page.locator(".notice").textContent(), 4 * PATIENCE);
+    await until(() => witness.state.docked, "a docked robot", () => page.locator(".notice").textContent(), 4 * WAIT_LIMIT);
     await page.getByText("It is on its station").waitFor();
     await button(page, "Leave the station").click();
     await until(() => !witness.state.docked, "a robot that has left");

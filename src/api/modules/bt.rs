@@ -62,8 +62,8 @@ pub(super) const BT: Namespace = module(
             "bt.parallel",
             &[
                 options(&[
-                    number("succeed", "so many must succeed; all unless given").optional(),
-                    number("fail", "so many may not fail").default(1.0),
+                    number("succeed", "how many must succeed; all unless given").optional(),
+                    number("fail", "with how many failures it fails").default(1.0),
                 ])
                 .required(),
                 NODE,

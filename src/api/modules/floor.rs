@@ -96,7 +96,7 @@ pub(super) const MEMORY: Object = open(
             "memory:forget",
             &[],
             &[],
-            "Forgets all: after somebody else has moved the robot.",
+            "Forgets everything: call it after something else has moved the robot.",
             "local memory = require(\"@spykee/floor\").memory()\nmemory:forget()",
         ),
     ],

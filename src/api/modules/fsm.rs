@@ -33,7 +33,7 @@ const STATES: &[Value] = &[
     value(
         "timeout",
         Type::Fields,
-        "`{seconds, \"state\"}`: after so many seconds in the state",
+        "`{seconds, \"state\"}`: after this number of seconds in the state",
     )
     .optional(),
 ];

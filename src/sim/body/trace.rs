@@ -212,12 +212,6 @@ impl Trace {
             _ => None,
         })
     }
-
-    /// How often it played the camera's sound, which behaviours do when they keep a picture.
-    pub fn photos(&self) -> usize {
-        let photos = self.events.iter();
-        photos.filter(|event| event.what == What::Photo).count()
-    }
 }
 
 #[cfg(test)]
@@ -273,6 +267,5 @@ mod tests {
         let mut trace = Trace::from(pose(0.0));
         (0..MAX_EVENTS + 5).for_each(|_| trace.note(What::Photo));
         assert_eq!((trace.events().len(), trace.missed()), (MAX_EVENTS, 5));
-        assert_eq!(trace.photos(), MAX_EVENTS);
     }
 }

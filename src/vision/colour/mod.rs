@@ -22,16 +22,6 @@ use crate::vision::picture::space::{hsv_of, lab_of};
 pub struct Span(f64, f64);
 
 impl Span {
-    /// Lowest value.
-    pub fn low(self) -> f64 {
-        self.0
-    }
-
-    /// Highest value; below [`Span::low`] only for a hue that wraps.
-    pub fn high(self) -> f64 {
-        self.1
-    }
-
     fn has(self, value: f64) -> bool {
         (self.0..=self.1).contains(&value)
     }

@@ -6,7 +6,7 @@ use spykee::link::{LinkError, Options, Session, Target, connect};
 use spykee::wire::Login;
 use tokio::time::{sleep, timeout};
 
-use crate::rig::{PATIENCE, Rig, Run};
+use crate::rig::{Rig, Run, WAIT_LIMIT};
 
 /// A simulator of its own with faults, and where it listens.
 async fn simulator(rig: &Rig, faults: &str) -> (Run, Target) {
@@ -52,7 +52,7 @@ async fn a_simulator_with_a_file_of_faults_breaks_connections() {
                 }
             }
         };
-        let error = timeout(PATIENCE, end).await.expect("dropped");
+        let error = timeout(WAIT_LIMIT, end).await.expect("dropped");
         assert!(matches!(error, LinkError::Closed), "{error}");
     }
 }
@@ -67,13 +67,13 @@ async fn a_robot_that_reboots_cannot_be_reached_and_comes_back_at_the_same_addre
             sleep(std::time::Duration::from_millis(20)).await;
         }
     };
-    timeout(PATIENCE, gone).await.expect("gone");
+    timeout(WAIT_LIMIT, gone).await.expect("gone");
     let back = async {
         while log_in(&target).await.is_err() {
             sleep(std::time::Duration::from_millis(20)).await;
         }
     };
-    timeout(PATIENCE, back).await.expect("back");
+    timeout(WAIT_LIMIT, back).await.expect("back");
 }
 
 #[tokio::test(flavor = "multi_thread")]

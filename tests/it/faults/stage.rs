@@ -8,7 +8,7 @@ use spykee::wire::{Command, Sound};
 use tokio::time::{sleep, timeout};
 
 use super::table::{Scenario, Script};
-use crate::rig::{PATIENCE, Rig, Run, moves};
+use crate::rig::{Rig, Run, WAIT_LIMIT, moves};
 
 /// The station is near: most of the robot's ways home take seconds.
 const WORLD: &str = "
@@ -131,7 +131,7 @@ impl Stage {
                 sleep(Duration::from_millis(10)).await;
             }
         };
-        let waited = timeout(PATIENCE, said).await;
+        let waited = timeout(WAIT_LIMIT, said).await;
         waited.unwrap_or_else(|_| panic!("`{text}` not said; instead:\n{}", self.run.text()));
     }
 
@@ -156,14 +156,14 @@ impl Stage {
                 }
             }
         };
-        let waited = timeout(PATIENCE, back).await;
+        let waited = timeout(WAIT_LIMIT, back).await;
         waited.unwrap_or_else(|_| panic!("it does not come back:\n{}", self.run.text()));
         self.sessions_begin_with_a_stop();
         assert!(self.said("hears disconnected") > 0, "{}", self.run.text());
     }
 
     pub async fn until(&self, what: &str, wanted: impl Fn(&State) -> bool) -> State {
-        let reached = timeout(PATIENCE, self.rig.sim.wait_state(wanted)).await;
+        let reached = timeout(WAIT_LIMIT, self.rig.sim.wait_state(wanted)).await;
         let failed = || {
             panic!(
                 "never {what}: {:?}\n{}",

@@ -11,7 +11,7 @@ use super::{GUIDE, scripts};
 use crate::live::get;
 use crate::mqtt::Broker;
 use crate::notify::Webhook;
-use crate::rig::{PATIENCE, Rig, Run};
+use crate::rig::{Rig, Run, WAIT_LIMIT};
 
 /// What the answers to some commands have in them.
 const SAYS: &[(&str, &str)] = &[
@@ -203,7 +203,7 @@ impl Owner {
     /// Whether that is said; what takes its time to begin is asked for again.
     async fn tells(&self, words: &[&str], said: &str, wanted: &str) -> bool {
         let asks = matches!(words[1..], ["status" | "history", ..] | [_, "list", ..]);
-        let until = Instant::now() + PATIENCE;
+        let until = Instant::now() + WAIT_LIMIT;
         let mut known = said.contains(wanted);
         while asks && !known && Instant::now() < until {
             known = self.tool(&words[1..]).await.contains(wanted);

@@ -7,7 +7,7 @@ use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 use tokio::time::timeout;
 
-use crate::rig::{PATIENCE, Run};
+use crate::rig::{Run, WAIT_LIMIT};
 
 /// Where a run's page is.
 pub async fn address(run: &Run) -> String {
@@ -44,7 +44,7 @@ pub async fn send(address: &str, bytes: &[u8]) -> Vec<u8> {
     let mut stream = TcpStream::connect(address).await.unwrap();
     let _ = stream.write_all(bytes).await;
     let mut answer = Vec::new();
-    let _ = timeout(PATIENCE, stream.read_to_end(&mut answer))
+    let _ = timeout(WAIT_LIMIT, stream.read_to_end(&mut answer))
         .await
         .expect("it answers");
     answer
@@ -98,7 +98,7 @@ impl Page {
 
     async fn read(&mut self) -> bool {
         let mut bytes = [0; 64 * 1024];
-        let read = timeout(PATIENCE, self.stream.read(&mut bytes))
+        let read = timeout(WAIT_LIMIT, self.stream.read(&mut bytes))
             .await
             .expect("it talks");
         let read = read.unwrap_or(0);
@@ -194,7 +194,7 @@ impl Page {
                 }
             }
         };
-        timeout(PATIENCE, found)
+        timeout(WAIT_LIMIT, found)
             .await
             .unwrap_or_else(|_| panic!("no {kind} as wanted"))
     }
@@ -202,6 +202,6 @@ impl Page {
     /// Waits until the other side hangs up.
     pub async fn closed(&mut self) {
         let closed = async { while !matches!(self.hear().await, Heard::Closed) {} };
-        timeout(PATIENCE, closed).await.expect("it is closed");
+        timeout(WAIT_LIMIT, closed).await.expect("it is closed");
     }
 }

@@ -10,7 +10,7 @@ use rumqttc::{AsyncClient, Event, MqttOptions, Packet, QoS};
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::rig::PATIENCE;
+use crate::rig::WAIT_LIMIT;
 
 /// A broker of the test's own.
 pub struct Broker {
@@ -183,7 +183,7 @@ impl Ear {
 
     /// Waits until it hears again, after the broker was away.
     pub async fn hears_again(&self) {
-        let until = std::time::Instant::now() + PATIENCE;
+        let until = std::time::Instant::now() + WAIT_LIMIT;
         let from = self.len();
         while !self.heard.lock().unwrap()[from..]
             .iter()
@@ -201,7 +201,7 @@ impl Ear {
 
     /// Waits for a message from a place on, and gives it.
     pub async fn hears(&self, from: usize, topic: &str, wanted: impl Fn(&[u8]) -> bool) -> Vec<u8> {
-        let until = std::time::Instant::now() + PATIENCE;
+        let until = std::time::Instant::now() + WAIT_LIMIT;
         loop {
             let heard = self.heard.lock().unwrap()[from..].to_vec();
             let found = heard

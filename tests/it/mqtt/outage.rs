@@ -8,7 +8,7 @@ use spykee::wire::{Command, Led, Sound};
 
 use super::broker::{Broker, Ear};
 use super::{A, robot};
-use crate::rig::PATIENCE;
+use crate::rig::WAIT_LIMIT;
 
 /// Upper end of the pauses, in seconds.
 const LONGEST_PAUSE: u64 = 2;
@@ -27,7 +27,7 @@ fn knocks(port: u16) -> Vec<Instant> {
     let mut came = Vec::new();
     for stream in door.incoming() {
         let mut stream = stream.unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        stream.set_read_timeout(Some(WAIT_LIMIT)).unwrap();
         let mut said = [0; 256];
         let length = stream.read(&mut said).unwrap_or(0);
         let is_agent = String::from_utf8_lossy(&said[..length]).contains("spykee-SPYKEE0001");
@@ -62,7 +62,7 @@ async fn after_a_long_outage_all_is_told_anew_and_no_old_order_runs() {
     broker.forget();
     let port = broker.port;
     let came = tokio::task::spawn_blocking(move || knocks(port));
-    let came = tokio::time::timeout(PATIENCE * 2, came)
+    let came = tokio::time::timeout(WAIT_LIMIT * 2, came)
         .await
         .unwrap()
         .unwrap();

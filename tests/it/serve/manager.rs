@@ -7,7 +7,7 @@ use tokio::time::timeout;
 
 use super::{DRIVES, config, ends_well, tool};
 use crate::guardian::thread_called;
-use crate::rig::{PATIENCE, Rig};
+use crate::rig::{Rig, WAIT_LIMIT};
 use crate::slow_system::trace;
 
 #[tokio::test(flavor = "multi_thread")]
@@ -17,7 +17,7 @@ async fn the_systems_manager_hears_that_it_is_ready_and_alive() {
     config(&rig, "", "behaviours:\n- file: drive.lua\n");
     let path = rig.folder().join("notify");
     let socket = UnixDatagram::bind(&path).unwrap();
-    socket.set_read_timeout(Some(PATIENCE)).unwrap();
+    socket.set_read_timeout(Some(WAIT_LIMIT)).unwrap();
     let environment = [
         ("NOTIFY_SOCKET", path.to_str().unwrap()),
         ("WATCHDOG_USEC", "400000"),
@@ -68,7 +68,7 @@ async fn the_systems_manager_hears_nothing_of_a_service_whose_driving_thread_han
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     };
-    timeout(PATIENCE, beats).await.expect("it is alive");
+    timeout(WAIT_LIMIT, beats).await.expect("it is alive");
     let core = thread_called(run.pid(), "core");
     let hang = "inject=epoll_wait:delay_exit=8000000";
     let Some(mut tracer) = trace(core, &["-e", "trace=epoll_wait", "-e", hang]) else {

@@ -8,7 +8,7 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::time::{sleep, timeout};
 
 use super::{DRIVES, drove_on};
-use crate::rig::{PATIENCE, Rig, Run};
+use crate::rig::{Rig, Run, WAIT_LIMIT};
 
 const COMMAND: &str = "spykee/SPYKEE0001/command";
 const CHOICE: &str = "spykee/SPYKEE0001/behaviour/set";
@@ -70,7 +70,7 @@ async fn next(line: &mut TcpStream) -> Option<(u8, Vec<u8>)> {
 }
 
 async fn accept(listener: &TcpListener) -> TcpStream {
-    let accepted = timeout(PATIENCE, listener.accept()).await;
+    let accepted = timeout(WAIT_LIMIT, listener.accept()).await;
     accepted.expect("the agent comes").unwrap().0
 }
 
@@ -99,7 +99,7 @@ impl Visit {
     async fn welcome(&mut self) {
         let mut wishes = 0;
         while wishes < 3 {
-            let coming = timeout(PATIENCE, next(&mut self.line))
+            let coming = timeout(WAIT_LIMIT, next(&mut self.line))
                 .await
                 .expect("it talks");
             let (head, body) = coming.expect("it stays");
@@ -122,7 +122,7 @@ impl Visit {
     async fn listens(&mut self) -> bool {
         let laser = |command: &Command| *command == Command::Play(Sound::Laser);
         let mut rest = vec![0; 1 << 16];
-        let until = tokio::time::Instant::now() + PATIENCE;
+        let until = tokio::time::Instant::now() + WAIT_LIMIT;
         while tokio::time::Instant::now() < until {
             if self.line.write_all(&order(b"locate")).await.is_err() {
                 return false;
@@ -323,7 +323,7 @@ async fn a_flood_of_messages_fills_no_log_and_keeps_no_robot_from_driving() {
         let flooded = async {
             tokio::select! { () = flood => {}, () = drain => {} }
         };
-        timeout(PATIENCE, flooded)
+        timeout(WAIT_LIMIT, flooded)
             .await
             .unwrap_or_else(|_| panic!("{what}: it takes nothing"));
         visit.listens().await;

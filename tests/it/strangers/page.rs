@@ -10,7 +10,7 @@ use tokio::time::timeout;
 
 use super::{DRIVES, drove_on};
 use crate::live::browser::{self, Page, address, ask, get};
-use crate::rig::{PATIENCE, Rig, Run};
+use crate::rig::{Rig, Run, WAIT_LIMIT};
 
 /// A robot that drives, and where its page is.
 async fn driving(rig: &Rig) -> (Run, String) {
@@ -95,7 +95,7 @@ async fn a_body_that_comes_byte_by_byte_is_given_up() {
             () = drip => Vec::new(),
         }
     };
-    let answer = timeout(PATIENCE, given_up)
+    let answer = timeout(WAIT_LIMIT, given_up)
         .await
         .expect("it is waited for without end");
     assert!(
@@ -179,7 +179,7 @@ async fn bodies_that_are_endless_too_long_or_mad_are_refused() {
     let pour = async { while writer.write_all(chunk.as_bytes()).await.is_ok() {} };
     let mut answer = Vec::new();
     let refused = async { tokio::join!(pour, reader.read_to_end(&mut answer)) };
-    timeout(PATIENCE, refused)
+    timeout(WAIT_LIMIT, refused)
         .await
         .expect("an endless body is taken without end")
         .1
@@ -268,7 +268,7 @@ async fn heads_that_are_none_or_lead_elsewhere_get_no_file_and_no_robot() {
         let (mut reader, mut writer) = stream.split();
         let mut answer = Vec::new();
         let both = async { tokio::join!(writer.write_all(&head), reader.read_to_end(&mut answer)) };
-        let _ = timeout(PATIENCE, both)
+        let _ = timeout(WAIT_LIMIT, both)
             .await
             .expect("it is answered or hung up on");
         assert!(!String::from_utf8_lossy(&answer).contains("root:"));

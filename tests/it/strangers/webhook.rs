@@ -207,7 +207,7 @@ async fn a_form_has_the_fields_of_the_config_and_not_one_more() {
         ];
         let mut test = rig.spykee(&args);
         assert_eq!(test.code().await, Some(0), "{}", test.text());
-        let sent = heard.recv_timeout(crate::rig::PATIENCE).unwrap();
+        let sent = heard.recv_timeout(crate::rig::WAIT_LIMIT).unwrap();
         let sent = String::from_utf8_lossy(&sent);
         let boundary = sent
             .split_once("boundary=")
