@@ -27,10 +27,10 @@ const HEAD: [(&str, Side); 5] = [
     ("LAST ENDED", Side::Left),
 ];
 
-/// Start, stop and restart the behaviours of a run that is on, or list them
+/// Start, stop, restart or list the behaviours of an active run
 ///
-/// Asks the `spykee run` or `spykee serve` of this data folder, by its private socket there, or with
-/// --url a service on another computer. A script is read from its file when it starts; one with a
+/// Asks the `spykee run` or `spykee serve` of this data folder through its private socket, or with
+/// --url a service on another computer. Each start reads the script from its file; a script with a
 /// mistake is refused.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
@@ -47,11 +47,11 @@ pub(super) struct BehaviourArgs {
 enum BehaviourCommand {
     /// List the behaviours of the run and what each does
     List(ListArgs),
-    /// Start a behaviour that does not run
+    /// Start a behaviour that is not running
     Start(StartArgs),
     /// End a behaviour; it is not restarted
     Stop(NameArgs),
-    /// End a behaviour if it runs, and start it from its file as that is now
+    /// End a behaviour if it is running, and start it from its file as it is now
     Restart(NameArgs),
 }
 
@@ -60,7 +60,8 @@ struct ListArgs {
     /// Print a JSON list
     #[arg(long)]
     json: bool,
-    /// Print the names only, one a line, for shells: those of letters, digits, `.`, `_` and `-`
+    /// Print only the names, one per line, for shells; leaves out names with characters other than
+    /// letters, digits, `.`, `_` and `-`
     #[arg(long, conflicts_with = "json")]
     names: bool,
     #[command(flatten)]
@@ -77,7 +78,7 @@ struct NameArgs {
 
 #[derive(Debug, Clone, clap::Args)]
 struct StartArgs {
-    /// End it after this time, such as 30m or 1h30m, unless it has ended by itself
+    /// End it after this time, such as 30m or 1h30m, unless it ends by itself first
     #[arg(long = "for", value_name = "TIME", value_parser = some_time)]
     lasts: Option<Span>,
     #[command(flatten)]
@@ -96,7 +97,7 @@ fn some_time(text: &str) -> Result<Span, ArgumentError> {
 /// Which run.
 #[derive(Debug, Clone, clap::Args)]
 struct WhichArgs {
-    /// The run that has this robot; without it the only run that is on
+    /// The run of this robot [default: the only active run]
     #[arg(long, value_name = "HOST[:PORT]")]
     robot: Option<Target>,
     #[command(flatten)]
@@ -183,7 +184,8 @@ impl WhichArgs {
     }
 }
 
-/// Whether a shell that completes this name takes it as it is: bash executes what such words contain.
+/// Whether a shell that completes this name takes it as it is: bash executes what such words
+/// contain.
 fn is_plain(name: &str) -> bool {
     let plain = |letter: char| letter.is_alphanumeric() || "._-".contains(letter);
     !name.starts_with('-') && name.chars().all(plain)

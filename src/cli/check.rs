@@ -15,7 +15,7 @@ use crate::clean;
 use crate::config::{Config, Entry};
 use crate::script::Options;
 
-/// Look for mistakes in behaviours without running them
+/// Look for mistakes in behaviours, without running them
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct CheckArgs {
     /// Scripts, or folders of them

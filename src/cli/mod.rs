@@ -87,7 +87,7 @@ const RUNTIME_LIMIT: Duration = Duration::from_millis(200);
 
 /// Lua behaviours for the Spykee robot
 #[derive(Debug, Parser)]
-#[command(version, disable_help_subcommand = true)]
+#[command(version)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -95,7 +95,7 @@ struct Cli {
     #[command(flatten)]
     config: ConfigFlag,
 
-    /// How logs are written on stderr [default: text]; $RUST_LOG chooses what is logged
+    /// Format of the log on stderr [default: text]; $RUST_LOG sets what is logged
     #[arg(long, value_enum, global = true)]
     log_format: Option<LogFormat>,
 }
@@ -114,7 +114,7 @@ impl From<Format> for LogFormat {
 pub enum LogFormat {
     /// Lines for people.
     Text,
-    /// One JSON object a line.
+    /// One JSON object per line.
     Json,
 }
 

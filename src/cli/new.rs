@@ -14,7 +14,7 @@ use crate::config;
 /// The longest name.
 const MAX_NAME: usize = 64;
 
-/// Make a folder for a new behaviour
+/// Make a folder for a new behaviour: script, config, scenarios, completion for editors
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct NewArgs {
     /// Name of the behaviour and its folder: letters, digits, `_` and `-`, beginning with a letter

@@ -36,10 +36,10 @@ const TERMINAL_LIMIT: Duration = Duration::from_secs(2);
 /// Texts that may wait for the terminal, and one place for what becomes of the line.
 const MAX_TOLD: usize = 257;
 
-/// Type Lua and see what the robot does
+/// Run the Lua that you type, at once
 ///
-/// Ctrl-C stops the tracks, every task and every handler; Ctrl-D ends. Lines can also come from a
-/// pipe; then the exit code is 1 if one of them failed.
+/// Ctrl-C stops the tracks, all tasks and all handlers; Ctrl-D ends the session. Lines can also
+/// come from a pipe; then the exit code is 1 if one of them failed.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct ReplArgs {
     #[command(flatten)]

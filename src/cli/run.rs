@@ -44,14 +44,14 @@ const LONGEST_RUN: f64 = 366.0 * 86_400.0;
 /// Run behaviours on a robot, or on a simulated one with --sim
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct RunArgs {
-    /// Behaviour scripts; several run side by side. Without one: those of the config
+    /// Behaviour scripts; several run at once [default: those of the config]
     #[arg(value_name = "FILE.lua")]
     files: Vec<PathBuf>,
 
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
 
-    /// Dial until the robot answers, instead of ending with exit code 3 if it does not
+    /// Keep dialling until the robot answers, instead of ending with exit code 3
     #[arg(long, conflicts_with = "fast")]
     wait: bool,
 
@@ -63,13 +63,13 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
 
-    /// Keep copies of the frames that the behaviours look at, with all that they find drawn in:
-    /// DIR/BEHAVIOUR/00.jpg to 99.jpg, at most two a second, the newest hundred
+    /// Keep copies of the frames that the behaviours look at, with everything they find drawn in:
+    /// DIR/BEHAVIOUR/00.jpg to 99.jpg, at most two per second, the newest hundred
     #[arg(long, value_name = "DIR")]
     annotate: Option<PathBuf>,
 
-    /// Start a behaviour that failed again, after growing pauses and not too often: never or
-    /// on-failure. For all behaviours, whatever the config says
+    /// Whether a behaviour that failed is restarted, after growing pauses and a limited number of
+    /// times. Overrides the config, for all behaviours
     #[arg(long, value_name = "POLICY", value_parser = restart_words())]
     restart: Option<RestartPolicy>,
 
@@ -77,7 +77,7 @@ pub(super) struct RunArgs {
     #[arg(long, conflicts_with = "fast")]
     watch: bool,
 
-    /// With --sim: draw the way that the robot went, and what happened, onto the map of its world
+    /// With --sim: draw the robot's path and the events onto the map of its world
     #[arg(long, value_name = "FILE.png", value_parser = super::world::parse_png)]
     trace: Option<PathBuf>,
 
@@ -85,18 +85,18 @@ pub(super) struct RunArgs {
     #[arg(long)]
     fast: bool,
 
-    /// With --sim: the date and time at the beginning, in the config's time zone; with --fast, unless
-    /// given, 2026-01-01 09:00 in universal time
+    /// With --sim: the date and time at the start, in the config's time zone [default: now; with
+    /// --fast: 2026-01-01 09:00 UTC]
     #[arg(long, value_name = "DATE")]
     date: Option<Date>,
 
-    /// With --fast: write all that happens to this file, one JSON object a line
+    /// With --fast: write all events to this file, one JSON object per line
     #[arg(long, value_name = "FILE", requires = "fast")]
     events: Option<PathBuf>,
 
-    /// Show the run in the browser and steer it from there; prints the address [default: 127.0.0.1:7788].
-    /// The run goes on when its behaviours have ended; Ctrl-C ends it. With --fast the page holds the
-    /// clock: pause, one step, 1 to 100 times as fast
+    /// Show the run in the browser and steer it from there; prints the address [default:
+    /// 127.0.0.1:7788]. The run continues when its behaviours have ended; Ctrl-C ends it. With
+    /// --fast the page controls the clock: pause, single steps, 1 to 100 times real time
     #[arg(long, value_name = "IP:PORT", num_args = 0..=1, require_equals = true)]
     live: Option<Option<SocketAddr>>,
 

@@ -21,11 +21,11 @@ const HEAD: [(&str, Side); 8] = [
     ("BEHAVIOURS", Side::Left),
 ];
 
-/// List the runs that are on: robot, battery, place, behaviours, the timetable's next start
+/// List the active runs: robot, battery, place, behaviours, the timetable's next start
 ///
-/// Asks every `spykee run` of this data folder, by its private socket there. `spykee robot battery`,
-/// `info`, `snapshot`, `dock`, `undock`, `stop`, `led`, `play`, `volume` and `say` go through a run that
-/// has the robot, too. With --url a service on another computer is asked.
+/// Asks every `spykee run` and `spykee serve` of this data folder through its private socket, or
+/// with --url a service on another computer. `spykee robot battery`, `info`, `snapshot`, `dock`,
+/// `undock`, `stop`, `led`, `play`, `volume` and `say` go through the run as well.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee status --json")]
 pub(super) struct StatusArgs {

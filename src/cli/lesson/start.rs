@@ -12,7 +12,7 @@ pub(super) struct StartArgs {
     #[arg(value_name = "LESSON", value_parser = LessonParser, hide_possible_values = true)]
     lesson: &'static Lesson,
 
-    /// The folder to make [default: such as lesson-03-moving]
+    /// The folder to make [default: named after the lesson, such as lesson-03-moving]
     #[arg(value_name = "DIR")]
     folder: Option<PathBuf>,
 }

@@ -7,7 +7,8 @@ use tokio::time::{Instant, timeout_at};
 
 use super::{Aim, AimArgs};
 use crate::cli::interrupt::interruption;
-use crate::cli::running::taken;
+use crate::cli::remote::RemoteArgs;
+use crate::cli::running::{run_on, taken};
 use crate::cli::{Exit, Failure, block_on};
 use crate::config::Config;
 use crate::link::{LinkError, Session, farewell};
@@ -70,7 +71,7 @@ pub(super) fn talk_alone(
     args: &AimArgs,
     job: impl AsyncFnOnce(&mut Talk) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
-    match args.run_on()? {
+    match run_on(&args.settings, &args.connection, &RemoteArgs::default())? {
         Some(run) => Err(taken(&run)),
         None => talk(args, job),
     }

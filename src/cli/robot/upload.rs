@@ -23,14 +23,14 @@ const ANSWER: Duration = Duration::from_secs(20);
 
 /// Upload an MP3 as one of the user's sounds, or as the music
 ///
-/// The file is checked, sent in chunks, and then the robot is asked for its settings: an answer shows
-/// that it has read all of the file. The protocol has no word for "stored": listen with
-/// `spykee robot play SLOT`. How large a sound may be is not documented; this program refuses more
-/// than 2 MiB. Firmware cannot be uploaded.
+/// Checks the file, sends it in chunks, and then asks the robot for its settings: an answer shows
+/// that the robot has read the whole file. The protocol cannot confirm that the sound is stored:
+/// listen to it with `spykee robot play SLOT`. The largest size that the robot accepts is not
+/// documented; this program refuses more than 2 MiB. Firmware cannot be uploaded.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot upload-sound user0 hello.mp3 --robot 172.17.6.1")]
 pub(super) struct UploadArgs {
-    /// The place on the robot; what is there is replaced
+    /// The slot on the robot; its present sound is replaced
     #[arg(value_parser = ["user0", "user1", "music"])]
     slot: String,
     /// The sound
