@@ -36,7 +36,7 @@ fn the_words_of_the_vm_become_words_for_people() {
         ),
         (
             "print(1 + nil)",
-            "test.lua:1: there is nil, so it cannot be counted with",
+            "test.lua:1: there is nil, so it cannot be used in arithmetic",
         ),
         (
             "print(1 < nil)",
@@ -48,7 +48,7 @@ fn the_words_of_the_vm_become_words_for_people() {
         ),
         (
             "print('a' .. {})",
-            "test.lua:1: `{}` is a table here, so it cannot be joined to a text",
+            "test.lua:1: `{}` is a table here, so it cannot be joined to a string",
         ),
     ] {
         let text = failure_of(source);
