@@ -1,6 +1,6 @@
-//! The time of day. The one place where this program asks what time it is on the wall; all else goes by
-//! `tokio::time`. In a laboratory the time on the wall is virtual too: it begins at a date and goes on
-//! with the runtime's clock.
+//! The time of day. Only this module reads the wall clock; everything else uses `tokio::time`. In a
+//! laboratory the wall clock is virtual too: it starts at a given date and advances with the
+//! runtime's clock.
 
 mod error;
 mod span;

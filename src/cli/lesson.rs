@@ -1,4 +1,4 @@
-//! `spykee lesson`: exercises that come along, and a check that says what is missing.
+//! `spykee lesson`: built-in exercises, and a check that says what is missing.
 
 mod catalogue;
 mod check;

@@ -86,7 +86,7 @@ impl Book {
     }
 
     /// Of a text that is in no file, such as one within the program. It sees no files beside it:
-    /// no modules, no worlds but those that come along.
+    /// no modules, only built-in worlds.
     ///
     /// # Errors
     /// [`BookError::Invalid`].

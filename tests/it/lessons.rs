@@ -282,9 +282,9 @@ fn a_learner_reads_points_sentences_and_where_a_hint_is() {
         "Lesson 3, Moving: mine.lua\n\n  \
          ok       2 of 2  It drives away\n  \
          not yet  0 of 3  It rests for a second\n           \
-         It drives away and stays there: it is to come back.\n  \
+         It drives away and stays there: it should come back.\n  \
          not yet  0 of 5  It comes back to where it started\n           \
-         In the end it stands 35 centimetres from where it started.\n\n\
+         At the end it is 35 centimetres from where it started.\n\n\
          2 of 10 points. A hint: spykee lesson check mine.lua --hint 1\n"
     );
     let said = learner.checks(&["--hint", "3", "--picture", "way.png"]);

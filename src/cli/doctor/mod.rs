@@ -1,4 +1,4 @@
-//! `spykee doctor`: what stands between this computer and a robot that runs behaviours.
+//! `spykee doctor`: checks everything between this computer and a robot that runs behaviours.
 
 mod computer;
 mod network;
