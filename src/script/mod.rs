@@ -84,7 +84,7 @@ pub use sandbox::MAX_SOURCE;
 pub(crate) use sandbox::{check_source as read_text, compile_error};
 pub(crate) use shares::{MAX_ENTRY, MAX_KIND, MAX_NOTICE};
 pub use sighting::{Seen, Sighting};
-pub use stage::{Stage, StageError};
+pub use stage::{Stage, StageAnswer, StageCall, StageError};
 pub use state::Usage;
 pub use stdlib::RESCUE;
 
@@ -312,13 +312,8 @@ impl Script {
 struct Empty;
 
 impl Stage for Empty {
-    fn ask(
-        &self,
-        call: &str,
-        _: &[serde_json::Value],
-        _: Option<SourceLocation>,
-    ) -> Result<serde_json::Value, StageError> {
-        Err(format!("{call} is not possible here").into())
+    fn answer(&self, call: StageCall<'_>) -> StageAnswer {
+        Err(format!("{} is not possible here", call.name).into())
     }
 }
 

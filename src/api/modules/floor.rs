@@ -1,8 +1,8 @@
 //! `@spykee/floor`: what of the floor is free.
 
-use super::shapes::{module, open};
+use super::shapes::module;
 use crate::api::frame::FRAME;
-use crate::api::make::{boolean, call, function, number, object, table, value};
+use crate::api::make::{boolean, call, function, number, object, open, table, value};
 use crate::api::terms::{Namespace, Object, Type, Value};
 
 const PICTURE: Value = object("frame", &FRAME, "");
@@ -65,25 +65,22 @@ pub(super) const FLOOR: Namespace = module(
     "local floor = require(\"@spykee/floor\")\nrobot.on(\"frame\", function(frame)\n\tlocal free = floor.look(frame)\n\trobot.drive(if free.ahead > 0.8 then 0.2 else 0, free.turn)\nend)",
 );
 
+const HALF: &str = "the least free distance in that half of the picture";
+const LEFT: Value = number("left", HALF).unit("m");
+const RIGHT: Value = number("right", HALF).unit("m");
+const TURN: Value = number(
+    "turn",
+    "where there is more room: from -1, right, to 1, left",
+);
+
 pub(super) const FREE: Object = table(
     "Free",
     "The free floor in front of the robot; made by `floor.look`.",
     &[
         number("ahead", "free distance ahead, over the robot's width").unit("m"),
-        number(
-            "left",
-            "the least free distance in that half of the picture",
-        )
-        .unit("m"),
-        number(
-            "right",
-            "the least free distance in that half of the picture",
-        )
-        .unit("m"),
-        number(
-            "turn",
-            "where there is more room: from -1, right, to 1, left",
-        ),
+        LEFT,
+        RIGHT,
+        TURN,
     ],
 );
 
@@ -119,20 +116,9 @@ pub(super) const FREE_AROUND: Object = table(
             "free distance ahead, over the robot's width, from what is seen or remembered",
         )
         .unit("m"),
-        number(
-            "left",
-            "the least free distance in that half of the picture",
-        )
-        .unit("m"),
-        number(
-            "right",
-            "the least free distance in that half of the picture",
-        )
-        .unit("m"),
-        number(
-            "turn",
-            "where there is more room: from -1, right, to 1, left",
-        ),
+        LEFT,
+        RIGHT,
+        TURN,
         object(
             "beside",
             &BESIDE,

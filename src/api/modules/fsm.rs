@@ -1,7 +1,7 @@
 //! `@spykee/fsm`: state machines.
 
-use super::shapes::{module, open};
-use crate::api::make::{call, function, object, options, text, value};
+use super::shapes::module;
+use crate::api::make::{call, function, object, open, options, text, value};
 use crate::api::terms::{Namespace, Object, Type, Value};
 
 const STATE: Value = text("state", "its name");

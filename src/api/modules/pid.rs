@@ -1,7 +1,7 @@
 //! `@spykee/pid`: PID controllers.
 
-use super::shapes::{module, open};
-use crate::api::make::{call, number, object, options};
+use super::shapes::module;
+use crate::api::make::{call, number, object, open, options};
 use crate::api::terms::{Namespace, Object};
 
 pub(super) const PID: Namespace = module(
