@@ -102,7 +102,7 @@ pub enum AgentError {
     #[error(transparent)]
     Link(#[from] LinkError),
     /// A task of ours panicked; the robot was told to stop.
-    #[error("internal error: {0} broke down; the robot was told to stop")]
+    #[error("internal error: {0} panicked; the robot has been stopped")]
     Broken(&'static str),
 }
 

@@ -158,7 +158,7 @@ impl StoreWriter {
         if self.slow == Some(false) {
             self.slow = Some(true);
             return Some(format!(
-                "{} bytes a day are used up: from now on what is on the disk is up to a minute old",
+                "the limit of {} bytes per day is used up: from now on the store is saved once per minute",
                 self.day.per_day()
             ));
         }

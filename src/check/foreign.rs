@@ -66,7 +66,7 @@ pub(super) fn belongs_to(name: &str) -> Option<String> {
     let text = api::choices().find(|choice| (choice.names)().contains(&name));
     if let Some(choice) = text {
         return Some(format!(
-            "the name of a {} stands in quotes: \"{name}\"",
+            "write the name of a {} in quotes: \"{name}\"",
             choice.what
         ));
     }

@@ -44,7 +44,7 @@ fn one(name: &str) -> Result<String, Failure> {
         let known = api::known();
         let near = suggestion(name, known.iter().map(String::as_str));
         let failure = Failure::usage(format_args!("nothing in the API is called '{name}'{near}"));
-        failure.help("spykee api lists all of it")
+        failure.help("spykee api lists everything")
     })
 }
 

@@ -164,7 +164,7 @@ fn change(args: &NameArgs, change: Change) -> Result<Exit, Failure> {
                 Change::Start => "runs".to_owned(),
                 Change::StartFor(lasts) => format!("runs, for {} at most", time(lasts)),
                 Change::Stop => "has ended".to_owned(),
-                Change::Restart => "runs anew".to_owned(),
+                Change::Restart => "restarted".to_owned(),
             };
             print(&format!("{} {done}\n", args.name))?;
             Ok(Exit::Done)
@@ -178,8 +178,11 @@ impl WhichArgs {
         let found = run_of(&self.settings, self.robot.as_ref(), &self.remote)?;
         let data = self.settings.config()?.data_folder().display();
         found.ok_or_else(|| {
-            Failure::new(Exit::Unreachable, format_args!("no run is on in {data}"))
-                .help("`spykee run` and `spykee serve` begin one; `spykee status` lists them")
+            Failure::new(
+                Exit::Unreachable,
+                format_args!("no run is active in {data}"),
+            )
+            .help("`spykee run` and `spykee serve` start one; `spykee status` lists them")
         })
     }
 }

@@ -113,7 +113,7 @@ pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<
         Ok(())
     } else {
         Err(Failure::new(Exit::Check, texts.join("\n\nerror: "))
-            .help("nothing was run; --no-check runs it all the same"))
+            .help("nothing was run; --no-check runs it anyway"))
     }
 }
 

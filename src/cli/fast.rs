@@ -338,7 +338,7 @@ impl EventFile {
         match writing.trouble.take().map_or(flushed, Err) {
             Ok(()) => Ok(()),
             Err(error) => Err(Failure::usage(format_args!(
-                "the event log {} is not whole: {error}",
+                "the event log {} is incomplete: {error}",
                 self.shown
             ))),
         }

@@ -36,8 +36,7 @@ impl FirmwareArgs {
         if simulated || self.firmware.is_none() {
             return Ok(());
         }
-        let failure =
-            Failure::usage("--firmware describes a simulated robot, and goes with --sim only");
+        let failure = Failure::usage("--firmware needs --sim: it describes a simulated robot");
         Err(failure.help("--sim [WORLD.yaml] runs on a simulated robot"))
     }
 }

@@ -207,7 +207,7 @@ fn choose(fleet: &Fleet, named: &[String]) -> Result<Chosen, Failure> {
         .find(|name| **name != ALL && fleet.found().all(|found| found.robot != **name));
     if let Some(unknown) = unknown {
         let failure = Failure::usage(format_args!("no robot {unknown} has been at this broker"));
-        return Err(failure.help("`spykee fleet list` tells which have"));
+        return Err(failure.help("`spykee fleet list` shows which have"));
     }
     let (mut chosen, mut absent) = (Vec::new(), Vec::new());
     for found in fleet.found() {
@@ -223,7 +223,7 @@ fn choose(fleet: &Fleet, named: &[String]) -> Result<Chosen, Failure> {
     if chosen.is_empty() && absent.is_empty() {
         return Err(
             Failure::new(Exit::Unreachable, "no robot is online at this broker")
-                .help("a `spykee run` whose config names the same broker is found there"),
+                .help("a run appears there if its config names the same broker"),
         );
     }
     Ok((chosen, absent))

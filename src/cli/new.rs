@@ -86,10 +86,8 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
         Failure::usage(format_args!("cannot make {}: {error}", args.into.display()))
     })?;
     fs::create_dir(&folder).map_err(|error| match error.kind() {
-        std::io::ErrorKind::AlreadyExists => {
-            Failure::usage(format_args!("{shown} is there already"))
-                .help("nothing was changed; choose another name")
-        }
+        std::io::ErrorKind::AlreadyExists => Failure::usage(format_args!("{shown} already exists"))
+            .help("nothing was changed; choose another name"),
         _ => Failure::usage(format_args!("cannot make {shown}: {error}")),
     })?;
     for (name, text) in files(&args.name, args.template) {

@@ -84,10 +84,10 @@ pub(super) fn run(args: &NotifyArgs) -> Result<Exit, Failure> {
     for (name, target) in chosen {
         let token = tokens.get(name).map_or("", String::as_str);
         let outcome = match deliver(target, token, &post, &notice) {
-            Delivery::Done => "told".to_owned(),
+            Delivery::Done => "sent".to_owned(),
             Delivery::Later(why) | Delivery::Refused(why) => {
                 exit = Exit::Check;
-                format!("not told: {why}")
+                format!("not sent: {why}")
             }
         };
         print(&format!("{name}: {outcome}\n"))?;

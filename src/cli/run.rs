@@ -159,7 +159,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let trace = trace_file(&args, simulated)?;
     args.firmware.refuse_unless(simulated)?;
     if args.date.is_some() && !simulated {
-        let what = "--date goes with --sim only: a real robot lives today";
+        let what = "--date needs --sim: a real robot uses today's date";
         return Err(
             Failure::usage(what).help("spykee run FILE.lua --sim --date \"2026-03-29 01:30\"")
         );
@@ -249,7 +249,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
 fn trace_file(args: &RunArgs, simulated: bool) -> Result<Option<TraceFile>, Failure> {
     match args.trace.as_deref() {
         Some(_) if !simulated => {
-            let failure = Failure::usage("--trace draws what happens in a simulation only");
+            let failure = Failure::usage("--trace needs --sim: it draws a simulation");
             Err(failure.help("--sim [WORLD.yaml] runs on a simulated robot"))
         }
         path => path.map(TraceFile::create).transpose(),
@@ -279,7 +279,7 @@ fn fast(
     console: &Console,
 ) -> Result<Exit, Failure> {
     let RobotChoice::Sim(world) = place else {
-        let why = "--fast goes with --sim only: a real robot's time cannot be hurried";
+        let why = "--fast needs --sim: a real robot runs in real time";
         return Err(Failure::usage(why).help("spykee run FILE.lua --sim --fast"));
     };
     let events = args.events.as_deref().map(EventFile::create).transpose()?;

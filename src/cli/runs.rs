@@ -60,7 +60,7 @@ pub(super) fn run(args: &StatusArgs) -> Result<Exit, Failure> {
         let text = serde_json::to_string(&runs).map_err(Failure::usage)?;
         print(&format!("{text}\n"))?;
     } else if runs.is_empty() {
-        print(&format!("no run is on in {}\n", data.display()))?;
+        print(&format!("no run is active in {}\n", data.display()))?;
     } else {
         let zone = config.zone();
         let rows: Vec<Vec<String>> = runs.iter().map(|run| row(run, &zone)).collect();

@@ -282,7 +282,7 @@ fn clock(args: &ServeArgs, config: &Config, simulated: bool) -> Result<Clock, Fa
         Some(_) if args.fast && simulated => Ok(Clock::default()),
         Some(date) if simulated => Ok(Clock::set_to(date.at(&config.zone()))),
         Some(_) => Err(Failure::usage(
-            "--date goes with --sim only: a real robot lives today",
+            "--date needs --sim: a real robot uses today's date",
         )),
     }
 }

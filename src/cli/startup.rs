@@ -81,7 +81,7 @@ pub(super) fn rescue(config: &Config, seed: u64) -> Result<Option<Launch>, Failu
         Failure::usage(format_args!(
             "cannot read the rescue behaviour {choice}: {error}"
         ))
-        .help("watchdog: { rescue: builtin } uses the one that comes along")
+        .help("watchdog: { rescue: builtin } uses the built-in one")
     })
 }
 

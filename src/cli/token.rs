@@ -83,7 +83,7 @@ pub(super) fn run(args: &TokenArgs) -> Result<Exit, Failure> {
                 let failure = Failure::usage(format_args!("there is no token `{name}`"));
                 return Err(failure.help("spykee token list"));
             }
-            tracing::info!("a run that is on goes by the old tokens until it is started anew");
+            tracing::info!("an active run uses the old tokens until it is restarted");
         }
     }
     Ok(Exit::Done)

@@ -85,7 +85,7 @@ pub enum MqttError {
     #[error("mqtt.longest_pause: at least 0.1 seconds")]
     LongestPause,
     /// A password for no user.
-    #[error("mqtt.password_file: there is no mqtt.user whose password it is")]
+    #[error("mqtt.password_file needs mqtt.user")]
     PasswordFile,
 }
 

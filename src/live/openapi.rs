@@ -152,7 +152,7 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
     };
     post(
         "/api/stop",
-        "STOP: nothing moves the robot until it is let go.",
+        "STOP: nothing moves the robot until it is released.",
         "viewer",
         Body::Nothing,
     );

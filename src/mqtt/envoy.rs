@@ -151,7 +151,9 @@ impl Envoy {
                 }
                 self.announce(&one.what);
             }
-            Heard::Missed(missed) => warn!(missed, "events passed that no broker was told of"),
+            Heard::Missed(missed) => {
+                warn!(missed, "events were dropped and not sent to the broker")
+            }
             Heard::Closed => {}
         }
         self.touch();

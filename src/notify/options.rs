@@ -205,7 +205,7 @@ pub enum TargetError {
     #[error("`{{token}}` needs `token_file` or `token_env`")]
     NoToken,
     /// A token that no text fills in.
-    #[error("its token is nowhere used: write {{token}} where it belongs")]
+    #[error("its token is not used: write {{token}} where it belongs")]
     UnusedToken,
     /// Another scheme.
     #[error("its url must begin with https:// or http://")]
@@ -217,7 +217,7 @@ pub enum TargetError {
     #[error("it has both `body` and `json`; one of them is sent")]
     TwoBodies,
     /// A token on a command line.
-    #[error("a command gets no token: it would stand in lists of processes")]
+    #[error("a command cannot have a token: it would show in lists of processes")]
     TokenOfCommand,
     /// Not a topic, or a pattern of topics.
     #[error(

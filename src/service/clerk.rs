@@ -184,7 +184,10 @@ impl Clerk {
             } => {
                 let planned = clock::words(&self.duties.table.zone.time(planned));
                 if resumed {
-                    info!(behaviour = run, "goes on: it was under way, from {planned}")
+                    info!(
+                        behaviour = run,
+                        "resumes a run that was interrupted, from {planned}"
+                    )
                 } else {
                     info!(
                         behaviour = run,
@@ -236,7 +239,7 @@ impl Clerk {
                 }
             }
             Wish::Dock => {
-                info!("nothing runs and the robot is off its station: it is sent there");
+                info!("no behaviour runs and the robot is off its station: sending it there");
                 self.way_home = Some(self.orders.send_home(self.requests.clone()));
             }
         }
@@ -312,7 +315,7 @@ impl Clerk {
         self.waiting.extend(new);
         self.planner.replace(self.duties.table.clone());
         self.idle.replace(self.duties.idle);
-        info!("the new settings count");
+        info!("the new settings are in effect");
     }
 
     /// Written when something begins or ends, not with each look.

@@ -429,7 +429,7 @@ fn what_cannot_be_done_is_said_and_nothing_is_overwritten() {
     tells(
         &["lesson", "start", "3"],
         &[
-            "lesson-03-moving is there already",
+            "lesson-03-moving already exists",
             "nothing was changed",
             "spykee lesson start 3 DIR",
         ],

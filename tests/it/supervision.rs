@@ -139,7 +139,7 @@ async fn a_killed_host_is_started_again_and_a_run_that_then_ends_well_is_0() {
     rig.sim.inject(Report::Engine(EngineReport::Unknown(100)));
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     assert_eq!(
-        run.text().matches("starts again").count(),
+        run.text().matches("restarts in").count(),
         1,
         "{}",
         run.text()

@@ -139,7 +139,7 @@ impl<'a> Scene<'a> {
                 };
                 match function.returns.get(number) {
                     Some(result) if result.need != Need::Required && !result.doc.is_empty() => {
-                        format!("{} returned {}; ", function.path, result.doc)
+                        format!("{} returns {}; ", function.path, result.doc)
                     }
                     None if function.returns.is_empty() => {
                         format!("{} returns nothing; ", function.path)

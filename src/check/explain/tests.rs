@@ -14,8 +14,7 @@ fn a_failure_shows_the_line_with_a_caret_below_what_was_nil() {
     assert!(message.starts_with(expected), "{message}");
     let message = failure_of("local b = robot.wait_for('docked', 0.1)\nprint(b.x)");
     assert!(
-        message
-            .contains("robot.wait_for gives nil when the time was over; test it first: if b then"),
+        message.contains("robot.wait_for returns nil after a time-out; test it first: if b then"),
         "{message}"
     );
     let message =

@@ -108,7 +108,7 @@ pub(super) fn run(args: &CameraArgs) -> Result<Exit, Failure> {
     for path in &missed {
         let Board { columns, rows } = args.board;
         tracing::warn!(
-            "no board of {columns}x{rows} inner corners is seen in {}: it does not count",
+            "found no board of {columns}x{rows} inner corners in {}: the picture is ignored",
             path.display()
         );
     }

@@ -153,8 +153,8 @@ fn show_battery(as_json: bool, battery: Battery) -> Result<Exit, Failure> {
 }
 
 fn never_connected() -> Failure {
-    let what = "the run that is on has not reached its robot yet";
-    Failure::new(Exit::Unreachable, what).help("`spykee status` tells how things stand")
+    let what = "the active run has not reached its robot yet";
+    Failure::new(Exit::Unreachable, what).help("`spykee status` shows its state")
 }
 
 pub(super) fn log(args: &LogArgs) -> Result<Exit, Failure> {

@@ -37,7 +37,7 @@ pub(super) fn say(args: &SayArgs) -> Result<Exit, Failure> {
     let file = read(&args.file)?;
     let shown = args.file.display();
     let refused = |why: &dyn std::fmt::Display| {
-        Failure::usage(format_args!("{shown} cannot be spoken: {why}"))
+        Failure::usage(format_args!("{shown} cannot be played: {why}"))
             .help("ffmpeg -i FILE -ac 1 -ar 16000 -c:a pcm_s16le FILE.wav makes one that can")
     };
     let samples = wav::samples(&file).map_err(|error| refused(&error))?;

@@ -184,7 +184,9 @@ fn confirm(uid: &str, args: &ChangeArgs, wanted: &[Setting]) -> Result<(), Failu
         Some(typed) => typed.clone(),
         None if !std::io::stdin().is_terminal() => {
             let failure = Failure::usage("no terminal to confirm the change at");
-            return Err(failure.help("scripts name the robot: --yes-i-mean ID (`robot info`)"));
+            return Err(
+                failure.help("without a terminal, name the robot: --yes-i-mean ID (`robot info`)")
+            );
         }
         None => {
             let changes = table(wanted);
@@ -208,7 +210,7 @@ fn confirm(uid: &str, args: &ChangeArgs, wanted: &[Setting]) -> Result<(), Failu
         return Ok(());
     }
     let what = format_args!("`{typed}` is not this robot: nothing was changed");
-    Err(Failure::usage(what).help("`spykee robot info` tells the robot's id"))
+    Err(Failure::usage(what).help("`spykee robot info` shows the robot's id"))
 }
 
 /// What `--set` says, before any robot is asked.
@@ -234,10 +236,10 @@ fn wish(text: &str) -> Result<Setting, Failure> {
     };
     let unsendable = |c: char| matches!(c, '&' | '=') || c.is_control() || u32::from(c) > 255;
     if key.contains(unsendable) || value.contains(unsendable) {
-        return Err(
-            wrong(&format!("{key}: a character that the robot cannot be told"))
-                .help("&, = and letters outside of western European languages cannot be sent"),
-        );
+        return Err(wrong(&format!(
+            "{key}: a character that cannot be sent to the robot"
+        ))
+        .help("&, = and letters outside of western European languages cannot be sent"));
     }
     if key.chars().count() + value.chars().count() > MAX_VALUE {
         return Err(wrong(&format!("{key}: longer than {MAX_VALUE} characters")));

@@ -140,7 +140,7 @@ fn exit_of(end: DockEnd, low: bool) -> Result<Exit, Failure> {
     let (exit, what, help) = match end {
         DockEnd::Done => return Ok(Exit::Done),
         DockEnd::AlreadyDocked => {
-            tracing::info!("it stood on its station already");
+            tracing::info!("it was already on its station");
             return Ok(Exit::Done);
         }
         DockEnd::NotDocked => {

@@ -63,8 +63,10 @@ fn load(path: &Path) -> Result<(Bytes, Mp3), Failure> {
         return Err(failure.help("make it shorter, or encode it with fewer kilobits a second"));
     }
     let mp3 = mp3::check(&content).map_err(|error| {
-        Failure::usage(format_args!("{shown} is no MP3 that can be sent: {error}"))
-            .help("the robot's own sounds are MP3 files (MPEG layer III, constant frames)")
+        Failure::usage(format_args!(
+            "{shown} is not an MP3 that can be sent: {error}"
+        ))
+        .help("the robot's own sounds are MP3 files (MPEG layer III, constant frames)")
     })?;
     Ok((content.into(), mp3))
 }
@@ -81,7 +83,7 @@ fn chunks(slot: &str, content: &Bytes) -> Result<Vec<Command>, Failure> {
         FileChunk::of_sound(sound, flags, content.slice(from..to)).map(Command::File)
     };
     let chunks: Option<Vec<Command>> = (0..=last).map(chunk).collect();
-    chunks.ok_or_else(|| Failure::usage(format_args!("{slot} is no place for a sound")))
+    chunks.ok_or_else(|| Failure::usage(format_args!("{slot} is not a slot for a sound")))
 }
 
 async fn send(talk: &mut Talk, chunks: &[Command], console: &Console) -> Result<(), Failure> {

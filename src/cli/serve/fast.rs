@@ -27,7 +27,7 @@ pub(super) fn serve(
     (seed, console): (u64, &Console),
 ) -> Result<Exit, Failure> {
     let RobotChoice::Sim(world) = place else {
-        let why = "--fast goes with --sim only: a real robot's time cannot be hurried";
+        let why = "--fast needs --sim: a real robot runs in real time";
         return Err(Failure::usage(why).help("spykee serve --sim --fast --for 86400"));
     };
     let zone = config.time_zone.clone().unwrap_or_else(Zone::utc);

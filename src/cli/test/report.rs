@@ -35,7 +35,7 @@ pub(super) struct Run {
 
 /// Why there is no picture of the robot's way.
 #[derive(Debug, thiserror::Error)]
-#[error("its way could not be drawn in {}: {source}", path.display())]
+#[error("its path could not be drawn in {}: {source}", path.display())]
 struct NotDrawn {
     path: PathBuf,
     source: io::Error,
