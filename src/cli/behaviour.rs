@@ -8,11 +8,10 @@ use serde_json::{Value, json};
 use super::argument::ArgumentError;
 use super::remote::RemoteArgs;
 use super::running::{ask, nonsense, run_of};
-use super::runs::time;
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Exit, Failure, print};
-use crate::clock::Span;
+use crate::clock::{self, Span};
 use crate::control::{Answer, Change, Client, Errand, Listed};
 use crate::link::Target;
 
@@ -162,7 +161,7 @@ fn change(args: &NameArgs, change: Change) -> Result<Exit, Failure> {
         Some(Answer::Done) => {
             let done = match change {
                 Change::Start => "runs".to_owned(),
-                Change::StartFor(lasts) => format!("runs, for {} at most", time(lasts)),
+                Change::StartFor(lasts) => format!("runs, for {} at most", clock::hours(lasts)),
                 Change::Stop => "has ended".to_owned(),
                 Change::Restart => "restarted".to_owned(),
             };
@@ -198,7 +197,7 @@ fn row(one: &Listed) -> Vec<String> {
     vec![
         one.name.clone(),
         one.state.clone(),
-        one.running.map_or_else(|| "-".to_owned(), time),
+        one.running.map_or_else(|| "-".to_owned(), clock::hours),
         one.priority.0.to_string(),
         one.ending.as_ref().map_or_else(
             || "-".to_owned(),

@@ -1,7 +1,5 @@
 //! `spykee status`: which runs are on, and how things stand with them.
 
-use std::time::Duration;
-
 use super::remote::RemoteArgs;
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
@@ -77,7 +75,7 @@ fn row(run: &Overview, zone: &Zone) -> Vec<String> {
         run.state.clone(),
         run.battery.map_or_else(|| "-".to_owned(), words),
         run.place.clone(),
-        time(run.running),
+        clock::hours(run.running),
         run.pid.to_string(),
         run.next.as_ref().map_or_else(
             || "-".to_owned(),
@@ -99,13 +97,6 @@ pub(super) fn words(battery: Battery) -> String {
     format!("{}{charging}{left}", battery.percent)
 }
 
-/// Hours, minutes and seconds.
-pub(super) fn time(lasted: Duration) -> String {
-    let seconds = lasted.as_secs();
-    let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
-    format!("{hours}:{minutes:02}:{:02}", seconds % 60)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -121,6 +112,5 @@ mod tests {
         assert_eq!(words(battery(false, None)), "42 %");
         assert_eq!(words(battery(true, None)), "42 %, charging");
         assert_eq!(words(battery(false, Some(17.6))), "42 %, 18 minutes left");
-        assert_eq!(time(Duration::from_secs(3725)), "1:02:05");
     }
 }
