@@ -94,7 +94,9 @@ fn hold(run: &Client) -> Result<Exit, Failure> {
     if ask(run, &Errand::Stop, AT_ONCE)?.is_none() {
         return Ok(Exit::Interrupted);
     }
-    print("stopped: nothing moves the robot until the page, or POST /api/let-go, lets it go\n")?;
+    print(
+        "stopped: nothing moves the robot until somebody releases it at the page, or with POST /api/let-go\n",
+    )?;
     Ok(Exit::Done)
 }
 

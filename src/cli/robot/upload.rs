@@ -60,7 +60,7 @@ fn load(path: &Path) -> Result<(Bytes, Mp3), Failure> {
         .map_err(|error| Failure::usage(format_args!("cannot read {shown}: {error}")))?;
     if content.len() > MAX_LEN {
         let failure = Failure::usage(format_args!("{shown} is longer than 2 MiB"));
-        return Err(failure.help("make it shorter, or encode it with fewer kilobits a second"));
+        return Err(failure.help("make it shorter, or encode it with fewer kilobits per second"));
     }
     let mp3 = mp3::check(&content).map_err(|error| {
         Failure::usage(format_args!(

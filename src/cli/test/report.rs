@@ -324,7 +324,7 @@ impl Run {
         }
         match &outcome.picture {
             Some(Ok(path)) => {
-                let _ = writeln!(text, "        its way is drawn in {}", path.display());
+                let _ = writeln!(text, "        its path is drawn in {}", path.display());
             }
             Some(Err(why)) => {
                 let _ = writeln!(text, "        {why}");
