@@ -15,7 +15,7 @@ use tokio::time::{MissedTickBehavior, interval, sleep};
 
 use super::interrupt::EndingSignals;
 use super::live::Ahead;
-use super::startup::STATUS_PERIOD;
+use super::startup::{STATUS_PERIOD, runtime};
 use super::status::StatusLine;
 use super::trace::TraceFile;
 use super::{Console, Exit, Failure};
@@ -94,10 +94,7 @@ impl Fast {
         names: String,
         console: &Console,
     ) -> Result<Result<Outcome, AgentError>, Failure> {
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-            .map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
+        let runtime = runtime()?;
         let began = Instant::now();
         let (outcome, simulated) = runtime.block_on(self.watched(names, began, console))?;
         tracing::info!("{}", Pace::new(simulated, began.elapsed()).summary());

@@ -21,12 +21,14 @@ use super::outcome::exit;
 use super::params::Param;
 use super::reach::{dial, place, reach_with};
 use super::settings::SettingsArgs;
-use super::startup::{JOURNAL_END, driving_core, journal, pulse, rescue, serve, show};
+use super::startup::{
+    JOURNAL_END, driving_core, journal, launcher, pulse, rescue, runtime, serve, show,
+};
 use super::status::StatusLine;
 use super::trace::TraceFile;
 use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, check, notify};
 use crate::agent::{Agent, Behaviour, Bus, Plan, Tries, until_answered};
-use crate::behaviour::{Launcher, RestartPolicy};
+use crate::behaviour::RestartPolicy;
 use crate::clock::{Clock, Date, Zone};
 use crate::config::{Config, Entry};
 use crate::control::{self, Desk};
@@ -181,10 +183,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
             console,
         );
     }
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build();
-    let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
+    let runtime = runtime()?;
     let kind = Simulated {
         faults: args.live.is_some(),
         firmware: args.firmware.load()?,
@@ -193,9 +192,6 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let desk = Desk::open(config.data_folder());
     let about = (target.to_string(), sim.is_some());
     let settings = config.pilot(sim.is_some(), seed);
-    let launcher = Launcher::this_executable().map_err(|error| {
-        Failure::usage(format_args!("cannot find this program's own file: {error}"))
-    })?;
     let names = names(&behaviours);
     let (link, tries) = (config.link.clone(), Tries::default());
     let dial = if args.wait {
@@ -213,7 +209,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         stays: args.live.is_some(),
         settings,
         dial,
-        launcher,
+        launcher: launcher()?,
         core: core.handle().clone(),
         pulse: Some(pulse(sim.is_some())),
         rescue: rescue(&config, seed)?,

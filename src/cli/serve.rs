@@ -24,7 +24,6 @@ use super::startup::{self, driving_core, pulse, rescue, show};
 use super::status::StatusLine;
 use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, notify};
 use crate::agent::{Agent, AgentError, Bus, Outcome, Plan, Tries, until_answered};
-use crate::behaviour::Launcher;
 use crate::clock::{Clock, Date, Zone};
 use crate::config::Config;
 use crate::control::{self, Desk};
@@ -115,10 +114,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     if args.fast {
         return fast::serve(args, place, login, (&config, loaded), (seed, console));
     }
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build();
-    let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
+    let runtime = startup::runtime()?;
     let kind = Simulated {
         faults: config.live.listen.is_some(),
         ..Simulated::default()
@@ -126,9 +122,6 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     let (target, sim) = reach_with(place, &login, seed, kind)?;
     let desk = Desk::open(config.data_folder());
     let record = RecordFile::open(config.data_folder());
-    let launcher = Launcher::this_executable().map_err(|error| {
-        Failure::usage(format_args!("cannot find this program's own file: {error}"))
-    })?;
     let (core, bus) = (driving_core()?, Bus::default());
     let (tries, beats) = (Tries::default(), Arc::new(Notify::new()));
     let plan = Plan {
@@ -142,7 +135,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
             seed,
             tries.clone(),
         ),
-        launcher,
+        launcher: startup::launcher()?,
         core: core.handle().clone(),
         pulse: Some(pulse(simulated).heard_by(beats.clone())),
         rescue: rescue(&config, seed)?,

@@ -151,9 +151,7 @@ impl Envoy {
                 }
                 self.announce(&one.what);
             }
-            Heard::Missed(missed) => {
-                warn!(missed, "events were dropped and not sent to the broker")
-            }
+            Heard::Missed(missed) => warn!(missed, "events were dropped, not sent"),
             Heard::Closed => {}
         }
         self.touch();

@@ -19,7 +19,7 @@ fn a_failure_shows_the_line_with_a_caret_below_what_was_nil() {
     );
     let message =
         failure_of("local blobs = robot.wait_frame(5):find_blobs('red')\nprint(blobs[1].cx)");
-    assert!(message.contains("find_blobs has found none"), "{message}");
+    assert!(message.contains("find_blobs found none"), "{message}");
 }
 
 #[test]
