@@ -55,7 +55,7 @@ pub(super) const FRAME: Object = strict(
     "A picture of the camera, decoded when it is first used.",
     &[
         whole("seq", "a running number"),
-        number("age", "age since its arrival").unit("s"),
+        number("age", "since it arrived").unit("s"),
         whole("width", "").unit("px"),
         whole("height", "").unit("px"),
         whole("bytes", "size of the JPEG"),
@@ -223,7 +223,11 @@ pub(super) const QR_CODE: Object = table(
     "A QR code in a frame.",
     &[
         text("text", "its content"),
-        value("corners", Type::List(&Type::Object(&CORNER)), "four"),
+        value(
+            "corners",
+            Type::List(&Type::Object(&CORNER)),
+            "its four corners",
+        ),
     ],
 );
 
@@ -238,7 +242,11 @@ pub(super) const MOTION: Object = table(
     "The motion between frames.",
     &[
         number("score", "share of the picture that changed, 0 to 1"),
-        whole("pixels", "how many").unit("px"),
-        value("blobs", Type::List(&Type::Object(&BLOB)), "where"),
+        whole("pixels", "number of pixels that changed").unit("px"),
+        value(
+            "blobs",
+            Type::List(&Type::Object(&BLOB)),
+            "the areas that changed",
+        ),
     ],
 );

@@ -14,7 +14,7 @@ const PARAMETER: &[Value] = &[
     ),
     number("min", "the least value of a number").optional(),
     number("max", "the greatest value of a number").optional(),
-    text("unit", "of a number, for people").optional(),
+    text("unit", "the unit of a number, for people").optional(),
     value(
         "choices",
         Type::List(&Type::Text(None)),

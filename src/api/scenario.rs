@@ -102,7 +102,7 @@ pub(super) const SCENARIO: Namespace = Namespace {
 
 const LEDS: Object = table(
     "Leds",
-    "Returns which lights are on.",
+    "The lights of the robot: which are on.",
     &[
         boolean("flash", ""),
         boolean("left", ""),
@@ -112,7 +112,7 @@ const LEDS: Object = table(
 
 const PLAYED: Object = table(
     "PlayedSound",
-    "Returns the sounds that the robot was told to play.",
+    "A sound that the robot was told to play.",
     &[
         text("name", ""),
         number("time", "since the start").unit("s"),
