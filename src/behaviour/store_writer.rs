@@ -330,7 +330,7 @@ mod tests {
         assert!(writer.is_due(now + PACE) && writer.trouble().is_none());
         writer.offer(Some(b"34".to_vec()), now + PACE);
         assert!(!writer.is_due(now + PACE + PACE) && writer.is_due(now + PACE + SLOW_PACE));
-        assert!(writer.trouble().unwrap().contains("a minute old"));
+        assert!(writer.trouble().unwrap().contains("once per minute"));
         assert!(writer.trouble().is_none());
         assert_eq!(writer.finish(Some(b"56".to_vec())), None);
         assert_eq!(writer.read().unwrap().unwrap(), b"56");

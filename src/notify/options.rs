@@ -313,7 +313,7 @@ mod tests {
             ),
             ("{ url: 'ftp://a' }", "https://"),
             ("{ url: 'http://a/{token}' }", "needs `token_file`"),
-            ("{ url: 'http://a', token_env: A }", "nowhere used"),
+            ("{ url: 'http://a', token_env: A }", "is not used"),
             ("{ url: 'http://a', body: '{tetx}' }", "{tetx}"),
             (
                 "{ url: 'http://a', json: { a: [{ b: '{secret}' }] } }",

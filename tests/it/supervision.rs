@@ -196,7 +196,8 @@ async fn under_watch_a_script_may_be_broken_at_first() {
     let script = rig.file("script.lua", "x = = 1");
     let run = rig.spykee(&["run", "script.lua", "--watch", "--robot", &rig.address]);
     run.says("script.lua:1").await;
-    run.says("stands still until the script is saved again").await;
+    run.says("stands still until the script is saved again")
+        .await;
     std::fs::write(script, "robot.move(60, 60) task.wait(600)").unwrap();
     hears(&rig, 0, 54).await;
 }
