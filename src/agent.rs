@@ -170,8 +170,7 @@ impl Agent {
     }
 
     /// Runs until every behaviour has ended (unless the plan says that it stays), the time is over,
-    /// or
-    /// `stop` is cancelled. Scripts that cannot be loaded and are not watched end the run before
+    /// or `stop` is cancelled. Scripts that cannot be loaded and are not watched end the run before
     /// the robot is connected to.
     ///
     /// # Errors

@@ -29,27 +29,24 @@
 //! A frame becomes a setpoint of the tracks:
 //!
 //! 1. `link/reader.rs` cuts the stream into messages: a `Report` (`wire/report.rs`). The first part
-//! of a frame that is still arriving is passed on early, so that its host can start to decode;
+//!    of a frame that is still arriving is passed on early, so that its host can start to decode;
 //! 2. `pilot/hearing.rs` makes it a `Frame` with a number and a time, and puts it unread into the
 //!    slot of the newest one: older frames that were not taken are dropped;
 //! 3. `behaviour/supervisor.rs` sends the `Frame` through the pipe when its host asks for one;
 //! 4. `behaviour/host.rs` gives it to the VM; `script/state/delivery.rs` validates its markers
-//! (only here) and queues it for the script's handler as a `HeldFrame`;
+//!    (only here) and queues it for the script's handler as a `HeldFrame`;
 //! 5. `frame:find_blobs` (`script/api/looking.rs`) decodes it, once and on demand, and finds its
-//! blobs (`vision/eyes.rs`);
+//!    blobs (`vision/eyes.rs`);
 //! 6. `robot.move` (`script/api/motion.rs`) makes a `Setpoint` and, with its number, an `Intent`,
-//! which
-//!    goes back through the pipe;
+//!    which goes back through the pipe;
 //! 7. `pilot/serving.rs` makes a `Fact` of the `Intent`, and `pilot/acting.rs` takes it to the
-//! watchdog
-//!    (`safety/watchdog/asks.rs`): `safety/arbiter.rs` decides who may drive, `safety/tracks.rs`
-//! when a command is sent;
+//!    watchdog (`safety/watchdog/asks.rs`): `safety/arbiter.rs` decides who may drive,
+//!    `safety/tracks.rs` when a command is sent;
 //! 8. `pilot/acting.rs` hands the watchdog's `Command` to `link/writer.rs`, which writes it.
 //!
-//! On the way it travels in envelopes that carry other messages too (`Received`,
-//! `LinkEvent`, `ToHost`, `Payload`, `Output`, `FromHost`, `Request`, `Act`) and waits in queues
-//! (`script/events.rs`,
-//! `script/output.rs`, `link/send_queue.rs`).
+//! On the way it travels in envelopes that carry other messages too (`Received`, `LinkEvent`,
+//! `ToHost`, `Payload`, `Output`, `FromHost`, `Request`, `Act`) and waits in queues
+//! (`script/events.rs`, `script/output.rs`, `link/send_queue.rs`).
 //!
 //! A low battery sends the robot home; this path involves no VM, no decoder and none of their
 //! locks:
@@ -63,12 +60,9 @@
 //! # How to add
 //!
 //! - **A call for scripts**: its row in the table of the API (`api/`: name, arguments, bounds,
-//!   results,
-//!   an example), its native under `script/api/`, and, if the robot has to do something, an
-//! `Intent`
-//!   (`robot/intent.rs`) that `pilot/serving.rs` serves. `spykee api`, the editor's definitions and
-//! the
-//!   guide's reference come from the table; a native without a row does not load.
+//!   results, an example), its native under `script/api/`, and, if the robot has to do something, an
+//!   `Intent` (`robot/intent.rs`) that `pilot/serving.rs` serves. `spykee api`, the editor's
+//!   definitions and the guide's reference come from the table; a native without a row does not load.
 //! - **A command to the robot**: its section in `wire/PROTOCOL.md` with a byte vector, its variant
 //!   with `parse` and `emit` in `wire/command.rs`, what the simulated robot does with it in
 //!   `sim/body/robot/obey.rs`. If it can move the robot, only the watchdog may make it.
@@ -77,9 +71,9 @@
 //! - **A fault**: its variant of `sim::Trouble` (`sim/faults/fault.rs`), its name and keys in YAML
 //!   (`sim/faults/entry.rs`), its effect on bytes (`sim/faults/mangle.rs`, `sim/faults/lane.rs`) or
 //!   on the robot (`sim/server/site.rs`), and its row in `tests/it/faults/table.rs`.
-//! - **An event that people want to know of**: its variant of `Occurrence`
-//!   (`robot/occurrence.rs`), published on the agent's `Bus` where it happens; its text in
-//! `cli/history/view.rs`. Journal, notifications and all other listeners then receive it.
+//! - **An event that people want to know of**: its variant of `Occurrence` (`robot/occurrence.rs`),
+//!   published on the agent's `Bus` where it happens; its text in `cli/history/view.rs`. Journal,
+//!   notifications and all other listeners then receive it.
 //! - **A lesson**: a folder in `behaviours/lessons/` with `README.md`, `starter.lua`,
 //!   `solution.lua` and `check.lua`, its line in `cli/lesson/catalogue.rs`, its row in
 //!   `behaviours/lessons/README.md`.

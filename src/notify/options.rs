@@ -109,8 +109,7 @@ pub enum PictureWay {
     /// As the body; the text is in the header fields.
     Body,
     /// As a form: the members of `json` as its fields, or `body` as the field `body`; the picture
-    /// as
-    /// `attachment`.
+    /// as `attachment`.
     Form,
 }
 

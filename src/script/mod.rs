@@ -114,8 +114,7 @@ impl Script {
     }
 
     /// Loads a script that has `scenario`, `expect` and `sim`, and of the usual names `task`,
-    /// `log`,
-    /// `script`, `print` and `require`.
+    /// `log`, `script`, `print` and `require`.
     ///
     /// # Errors
     /// As of [`Script::load`].
