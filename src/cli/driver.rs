@@ -102,7 +102,10 @@ impl Driver {
             Priority(0),
             Role::Person,
         );
-        self.seat = Some(seat.await.map_err(refused)?);
+        self.seat = match seat.await {
+            Ok(seat) => Some(seat),
+            Err(error) => return Err(self.refused(error).await),
+        };
         Ok(())
     }
 
@@ -121,7 +124,7 @@ impl Driver {
         duration: Duration,
     ) -> Result<MotionEnd, Failure> {
         let end = self.seat()?.run(setpoint, duration).await;
-        end.map_err(refused)
+        self.answered(end).await
     }
 
     /// Goes to the station.
@@ -129,7 +132,8 @@ impl Driver {
     /// # Errors
     /// The pilot is gone.
     pub(super) async fn dock(&mut self, plan: DockPlan) -> Result<Docked, Failure> {
-        self.seat()?.dock(plan).await.map_err(refused)
+        let end = self.seat()?.dock(plan).await;
+        self.answered(end).await
     }
 
     /// Leaves the station.
@@ -137,7 +141,8 @@ impl Driver {
     /// # Errors
     /// The pilot is gone.
     pub(super) async fn undock(&mut self, timeout: Duration) -> Result<DockEnd, Failure> {
-        self.seat()?.undock(timeout).await.map_err(refused)
+        let end = self.seat()?.undock(timeout).await;
+        self.answered(end).await
     }
 
     /// Speaks: s16 little-endian, mono, 16 kHz.
@@ -145,18 +150,28 @@ impl Driver {
     /// # Errors
     /// The pilot is gone.
     pub(super) async fn say(&mut self, samples: &[u8]) -> Result<(), Failure> {
-        self.seat()?.say(samples).await.map_err(refused)
+        let end = self.seat()?.say(samples).await;
+        self.answered(end).await
     }
 
     fn seat(&mut self) -> Result<&mut Seat, Failure> {
-        self.seat.as_mut().ok_or_else(|| refused(SeatError::Closed))
+        let broken = || failed(AgentError::Broken("the pilot"));
+        self.seat.as_mut().ok_or_else(broken)
     }
-}
 
-fn refused(error: SeatError) -> Failure {
-    match error {
-        SeatError::Closed => failed(AgentError::Broken("the pilot")),
-        SeatError::Ended(_) => Failure::new(Exit::Safety, error),
+    async fn answered<T>(&mut self, answer: Result<T, SeatError>) -> Result<T, Failure> {
+        match answer {
+            Ok(answer) => Ok(answer),
+            Err(error) => Err(self.refused(error).await),
+        }
+    }
+
+    /// Where the pilot is gone, its own reason tells more than its absence.
+    async fn refused(&mut self, error: SeatError) -> Failure {
+        match error {
+            SeatError::Closed => failed(self.flight.lost().await),
+            SeatError::Ended(_) => Failure::new(Exit::Safety, error),
+        }
     }
 }
 

@@ -14,7 +14,7 @@ use crate::vision::Drive;
 /// What tracks slip on an unknown floor: metres for each metre, radians for each radian and for each metre.
 const SLIP_OF_WAY: f64 = 0.1;
 const SLIP_OF_TURN: f64 = 0.15;
-const VEER: f64 = 0.2;
+const VEER: f64 = 0.3;
 /// The same for a turn that the camera has seen: for each radian, and for each metre, since what the robot comes
 /// past moves through the picture too.
 const SEEN_TURN: f64 = 0.04;

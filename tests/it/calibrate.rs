@@ -1,6 +1,7 @@
 //! `spykee calibrate`: the simulator's true values, the config, and when it refuses.
 
 use std::f64::consts::{PI, TAU};
+use std::io::{Read, Write};
 
 use spykee::sim::{FULL_SPEED, Firmware, TRACK_WIDTH};
 
@@ -76,6 +77,28 @@ async fn on_its_station_or_with_a_low_battery_nothing_is_measured() {
         assert_eq!(run.code().await, Some(code), "{}", run.text());
         assert!(run.text().contains(why), "{}", run.text());
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_no_robot_at_that_address_is_named_as_such() {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    std::thread::spawn(move || {
+        for stream in listener.incoming().flatten() {
+            let mut login = [0; 64];
+            let _ = (&stream).read(&mut login);
+            let _ = (&stream).write_all(b"<!DOCTYPE HTML>\n");
+        }
+    });
+    let rig = Rig::quiet().await;
+    let mut run = rig.spykee(&["calibrate", "--robot", &address]);
+    assert_eq!(run.code().await, Some(3), "{}", run.text());
+    let text = run.text();
+    assert!(
+        text.contains("error: the robot sends something that is not a Spykee message")
+            && !text.contains("internal"),
+        "{text}"
+    );
 }
 
 #[tokio::test(flavor = "multi_thread")]
