@@ -27,6 +27,8 @@ const ROUNDS: usize = 4;
 /// Fewer feet are no wall, nor is less than this share of all.
 const FEWEST: usize = 12;
 const SHARE: f64 = 0.6;
+/// A look with fewer shows none.
+const FEWEST_AT_ONCE: usize = 3;
 /// Of the feet of so many last looks half must belong to it.
 const NEWEST: usize = 5;
 /// A foot that is seen this many times as far as it is below the lens belongs to a wall from which it is so far, in
@@ -88,7 +90,7 @@ impl Wall {
     pub fn distance(&self, stand: Stand) -> Option<f64> {
         let along = stand.y * self.normal.0 - stand.x * self.normal.1;
         let here = self.seen.0 - BEYOND <= along && along <= self.seen.1 + BEYOND;
-        here.then(|| self.far - self.normal.0 * stand.x - self.normal.1 * stand.y)
+        here.then_some(self.far - self.normal.0 * stand.x - self.normal.1 * stand.y)
     }
 
     /// The share of a way ahead that leads to the wall, -1 to 1.
@@ -130,7 +132,7 @@ pub struct Feet {
 }
 
 impl Feet {
-    /// A look from there. Whether any foot is seen.
+    /// A look from there. Whether feet are seen.
     pub fn note(&mut self, glance: &Glance, camera: Camera, stand: Stand) -> bool {
         let (w, h) = glance.size();
         if w < PROBES * WIDE || h < 8 * REACH {
@@ -154,7 +156,7 @@ impl Feet {
                 weight: (NEAR * down).min(1.0).powi(4),
             })
         });
-        let any = feet.iter().any(Option::is_some);
+        let any = feet.iter().flatten().count() >= FEWEST_AT_ONCE;
         if any {
             if self.seen.len() == MOST_SEEN {
                 self.seen.pop_front();
