@@ -90,7 +90,7 @@ const FUNCTIONS: &[Function] = &[
             bounded("speed", WAY_SPEED, "half of full speed without it").unit("m/s").optional(),
         ],
         ENDED,
-        "Drives straight for a distance, and waits until that is done. With the camera on it ends early as `blocked` when the pictures show that the robot is held: seldom in a curve or in the dark, and late or never when it pushes against something plain from the start.",
+        "Drives straight for a distance, and waits until that is done. With the camera on it ends early as `blocked` when the pictures show that the robot is held: less often in a curve or in the dark, and late or never when it pushes against something plain from the start.",
         "local ok, code = robot.forward(0.5)\nprint(ok, code)",
     )
     .waiting(),
