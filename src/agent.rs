@@ -1,5 +1,5 @@
-//! Wiring and lifetimes of a run: load the scripts, connect, run them side by side, and bring
-//! everything to an end within two seconds, whatever hangs.
+//! Wiring and lifetimes of a run: load the scripts, connect, run them in parallel, and end
+//! everything within two seconds, whatever hangs.
 
 mod aboard;
 mod company;
@@ -50,9 +50,9 @@ pub struct Behaviour {
     pub checked: bool,
     /// What is done when it fails.
     pub restart: RestartPolicy,
-    /// Where new texts of the script come from, if it is watched. It is stopped for each that can be
-    /// loaded, and when it has ended it waits for the next: then only the token or the time limit
-    /// ends the run.
+    /// Where new texts of the script come from, if it is watched. It is stopped for each that can
+    /// be loaded, and when it has ended it waits for the next: then only the token or the time
+    /// limit ends the run.
     pub reloads: Option<mpsc::Receiver<Reload>>,
 }
 
@@ -60,8 +60,8 @@ pub struct Behaviour {
 pub struct Plan {
     /// Those that run from the beginning.
     pub behaviours: Vec<Behaviour>,
-    /// What else can be started, and from what those of the beginning are made when they are started
-    /// anew; without one, from the text that they had.
+    /// What else can be started, and from what those of the beginning are made when they are
+    /// started anew; without one, from the text that they had.
     pub blueprints: Vec<Blueprint>,
     /// Goes on when no behaviour runs.
     pub stays: bool,
@@ -71,8 +71,8 @@ pub struct Plan {
     pub dial: Dial,
     /// How to start hosts.
     pub launcher: Launcher,
-    /// Runs the pilot and serves the hosts' pipes: that of a [`DrivingCore`](crate::pilot::DrivingCore), or in virtual time
-    /// the only one there is.
+    /// Runs the pilot and serves the hosts' pipes: that of a
+    /// [`DrivingCore`](crate::pilot::DrivingCore), or in virtual time the only one there is.
     pub core: runtime::Handle,
     /// Of a run in real time.
     pub pulse: Option<Pulse>,
@@ -102,7 +102,7 @@ pub enum AgentError {
     #[error(transparent)]
     Link(#[from] LinkError),
     /// A task of ours panicked; the robot was told to stop.
-    #[error("internal error: {0} broke down; the robot was told to stop")]
+    #[error("internal error: {0} panicked; the robot has been stopped")]
     Broken(&'static str),
 }
 
@@ -169,9 +169,9 @@ impl Agent {
         self.roster.clone()
     }
 
-    /// Runs until every behaviour has ended (unless the plan says that it stays), the time is over, or
-    /// `stop` is cancelled. Scripts that cannot be loaded and are not watched end the run before the
-    /// robot is connected to.
+    /// Runs until every behaviour has ended (unless the plan says that it stays), the time is over,
+    /// or `stop` is cancelled. Scripts that cannot be loaded and are not watched end the run before
+    /// the robot is connected to.
     ///
     /// # Errors
     /// See [`AgentError`].

@@ -1,13 +1,13 @@
-//! What a disk and its owner can bear: so many bytes a day, and a line that is said once and then
-//! counted. Pure: the time is an argument.
+//! Limits for the disk and for the log's reader: bytes per day, and lines that are logged once and
+//! then counted. Pure: the time is an argument.
 
 use std::time::Duration;
 
 use tokio::time::Instant;
 
 const DAY: Duration = Duration::from_secs(86_400);
-/// This part of a day's bytes may be spent at once; the rest comes evenly. So no flood in one minute
-/// silences the rest of the day, and no 24 hours have more than the day's bytes.
+/// This part of a day's bytes may be spent at once; the rest comes evenly. So no flood in one
+/// minute silences the rest of the day, and no 24 hours have more than the day's bytes.
 const AT_ONCE: f64 = 1.0 / 24.0;
 
 /// Bytes of a day.
@@ -50,8 +50,8 @@ impl Budget {
     }
 }
 
-/// Things of which one is said in each span of time; the others are counted. The caller's kinds must
-/// be few.
+/// Things of which one is said in each span of time; the others are counted. The caller's kinds
+/// must be few.
 #[derive(Debug, Clone)]
 pub struct Repeats<K> {
     every: Duration,

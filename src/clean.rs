@@ -1,8 +1,8 @@
-//! Text of a robot, a script, a file or the network, made harmless for what shows or reads it: a
+//! Makes text from a robot, a script, a file or the network harmless for what shows or reads it: a
 //! terminal, a text log, XML, JSON. Everything that leaves the program goes through here.
 //!
-//! What a terminal obeys is taken out; what would make a text read in another order than it stands,
-//! or hides in it, is shown as `\u202e`: in JSON that is the very same character.
+//! Terminal control sequences are removed; characters that are invisible or reverse the order of
+//! text are shown as `\u202e`, which in JSON is the very same character.
 
 use std::fmt::Write as _;
 

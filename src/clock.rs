@@ -1,6 +1,6 @@
-//! The time of day. The one place where this program asks what time it is on the wall; all else goes by
-//! `tokio::time`. In a laboratory the time on the wall is virtual too: it begins at a date and goes on
-//! with the runtime's clock.
+//! The time of day. What depends on the date asks this module; everything else uses `tokio::time`. In a
+//! laboratory the wall clock is virtual too: it starts at a given date and advances with the
+//! runtime's clock.
 
 mod error;
 mod span;
@@ -9,6 +9,7 @@ mod zone;
 
 use std::cell::Cell;
 use std::str::FromStr;
+use std::time::Duration;
 
 use jiff::civil::DateTime;
 use jiff::{SignedDuration, Timestamp, Zoned};
@@ -105,9 +106,22 @@ pub fn words(time: &Zoned) -> String {
     time.strftime("%a %Y-%m-%d %H:%M").to_string()
 }
 
+/// A length of time as people read it, in hours, minutes and whole seconds: `1:02:05`.
+pub fn hours(time: Duration) -> String {
+    let seconds = time.as_secs();
+    let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
+    format!("{hours}:{minutes:02}:{:02}", seconds % 60)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_length_of_time_is_hours_minutes_and_seconds() {
+        assert_eq!(hours(Duration::from_secs(3725)), "1:02:05");
+        assert_eq!(hours(Duration::from_secs(90_061)), "25:01:01");
+    }
 
     #[test]
     fn a_date_is_an_instant_of_its_zone_across_changes_of_the_clock() {

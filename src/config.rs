@@ -40,7 +40,7 @@ use crate::yaml;
 /// Where scripts save pictures unless the config says something else.
 const DATA_FOLDER: &str = "spykee-data";
 
-/// What the file may say; everything has a default.
+/// The contents of a config file; everything is optional.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
@@ -49,36 +49,36 @@ pub struct Config {
     pub robot: Option<Target>,
     /// Log in as this user.
     pub user: Option<String>,
-    /// The file whose first line is the password.
+    /// A file with the password in its first line.
     pub password_file: Option<PathBuf>,
-    /// What to run, if the command line names nothing.
+    /// The behaviours to run if the command line names none.
     #[serde(deserialize_with = "behaviours::entries", skip_serializing)]
     #[schemars(with = "Vec<schema::Behaviour>")]
     pub behaviours: Vec<Entry>,
     /// When `spykee serve` starts which behaviour.
     pub schedule: Vec<Rule>,
-    /// Whose clock is meant, such as `Europe/Rome`; the computer's unless given.
+    /// The time zone, such as `Europe/Rome` [default: the computer's].
     #[schemars(with = "Option<String>")]
     pub time_zone: Option<Zone>,
-    /// Hours such as `22:00-07:00` in which scripts make no sound and put the headlight not on.
+    /// Hours such as `22:00-07:00` in which scripts may use neither sounds nor the headlight.
     #[schemars(with = "Option<String>")]
     pub quiet: Option<Quiet>,
-    /// The alarm, too, is quiet in these hours.
+    /// Whether the alarm is silent too in these hours.
     pub quiet_alarm: bool,
-    /// A start of the timetable that was missed by less than this is made up for: 10m.
+    /// A start of the timetable missed by less than this is made up for: 10m.
     #[schemars(with = "String")]
     pub catch_up: Span,
-    /// What `spykee serve` does while nothing runs, and as whom.
+    /// What `spykee serve` does while no behaviour runs, and as which user it runs.
     pub service: Service,
-    /// The safety rules' numbers.
+    /// The numbers of the safety rules.
     pub watchdog: safety::Limits,
-    /// The link's times.
+    /// The link's time limits.
     pub link: link::Options,
-    /// When the robot's streams are on; `off` is for good.
+    /// When the robot's streams are on; `off` forbids them.
     pub streams: Streams,
     /// What a script may use.
     pub limits: script::Limits,
-    /// How power becomes speed.
+    /// The conversion of track power to speed.
     pub calibration: Calibration,
     /// The camera's field of view and distortion.
     #[serde(deserialize_with = "camera")]
@@ -87,17 +87,17 @@ pub struct Config {
     /// `l`, `a` and `b`.
     #[schemars(with = "BTreeMap<String, BTreeMap<String, [f64; 2]>>")]
     pub colours: BTreeMap<String, Colour>,
-    /// Where scripts save pictures, a folder for each.
+    /// The data folder, with a folder for each behaviour.
     pub data: Option<PathBuf>,
     /// The page in the browser and the JSON API.
     pub live: http::Options,
     /// How logs are written.
     pub logging: Logging,
-    /// What is remembered of what happens.
+    /// The record of what happens.
     pub journal: journal::Options,
-    /// Who is told of what happens, by webhooks, topics and commands.
+    /// The people who are notified, by webhooks, topics and commands.
     pub notify: notify::Options,
-    /// The broker of MQTT by which others see the robot and ask for it.
+    /// The MQTT broker through which others see and command the robot.
     pub mqtt: Mqtt,
     /// A service on another computer that `spykee status`, `behaviour` and `robot` ask.
     pub remote: Remote,
@@ -196,7 +196,7 @@ impl Config {
         Config::of_text(&Config::read(path)?, path)
     }
 
-    /// Where scripts save pictures, a folder for each.
+    /// The data folder, with a folder for each behaviour.
     pub fn data_folder(&self) -> &Path {
         self.data.as_deref().unwrap_or(Path::new(DATA_FOLDER))
     }

@@ -1,10 +1,10 @@
-//! A run that is on can be asked: a private socket in the data folder, by which other programs of the
-//! same user ask for one thing each. What they ask for goes to the run's own pilot, as requests of a
-//! person, whose priority is above that of every behaviour; the watchdog's rules hold for them too.
+//! Requests to an active run: through a private socket in the data folder other programs of the
+//! same user send one request each. The run's own pilot handles them as requests of a person, with
+//! a priority above every behaviour; the watchdog's rules hold for them too.
 //!
-//! The socket is served off the driving core. Clients are few at a time, each asks once, in time and in
-//! bounded length, or is hung up on. A run on another computer is asked by its JSON API, with the same
-//! errands and answers.
+//! The socket is not served on the driving core. Few clients are served at a time; each sends one
+//! request of bounded length in time, or is disconnected. A run on another computer takes the same
+//! errands, and gives the same answers, through its JSON API.
 
 mod client;
 mod desk;

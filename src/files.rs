@@ -1,6 +1,6 @@
-//! Files that come from elsewhere, and folders that others may have prepared. Reading is for regular
-//! files of a bounded length only: a pipe, a device or a folder in their place is an error and no
-//! wait. Writing stays within one opened folder and follows no symbolic link in it.
+//! Untrusted files and folders. Reads only regular files of bounded length: a pipe, a device or a
+//! folder instead is an error and never blocks. Writes stay within one opened folder and follow no
+//! symbolic link in it.
 
 use std::fs::{DirBuilder, File};
 use std::io::{self, Read as _, Write as _};

@@ -1,9 +1,10 @@
-//! HTTP for people and programs: a bounded server on one address, and a guard in front of all it
-//! serves. Knows no robot.
+//! HTTP for people and programs: a bounded server on one address, and a guard in front of
+//! everything it serves. Knows no robot.
 //!
-//! The guard answers three questions about each request before anything else sees it. Is it meant for
-//! us (`Host`, against DNS rebinding)? Did our own page send it (`Origin`)? Who sends it (session,
-//! token, or anyone, on loopback without a password)? What fails is answered here.
+//! The guard answers three questions about each request before anything else sees it. Is it meant
+//! for us (`Host`, against DNS rebinding)? Did our own page send it (`Origin`)? Who sends it
+//! (session, token, or anyone, on loopback without a password)? Requests that fail are rejected
+//! here.
 
 mod access;
 mod attempts;

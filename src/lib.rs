@@ -6,8 +6,9 @@
 //! # Processes
 //!
 //! ```text
-//!  robot                    agent: `spykee run`                     behaviour hosts, one a script
-//! +---------+     TCP      +--------------------------------+ pipe +-----------------------------+
+//!  robot                    agent: `spykee run`                     behaviour hosts, one per
+//! script +---------+     TCP      +--------------------------------+ pipe
+//! +-----------------------------+
 //! | camera, |  reports     | driving core, a thread:        | ---> | VM, scheduler, JPEG decoder |
 //! | tracks, | -----------> |   link, pilot with watchdog,   |      | (landlock, seccomp, limits) |
 //! | battery | <----------- |   agent's side of the pipes    | <--- |                             |
@@ -18,49 +19,50 @@
 //!      +------------------ guardian, a process: acts when the agent no longer can
 //! ```
 //!
-//! Nothing on the driving core waits for a disk, a process or a name. A host that hangs, crashes or
-//! breaks the rules is killed, and its motion ends with it. In virtual time ([`lab`]) all
-//! of this, the simulated robot of [`sim`] included, runs on one thread over pipes in memory: the
-//! same code and messages.
+//! Nothing on the driving core waits for a disk, a process or a name lookup. A host that hangs,
+//! crashes or breaks the rules is killed, and its motion ends with it. In virtual time ([`lab`])
+//! all of this, the simulated robot of [`sim`] included, runs on one thread over pipes in memory:
+//! the same code and messages.
 //!
 //! # The two data paths
 //!
 //! A frame becomes a setpoint of the tracks:
 //!
-//! 1. `link/reader.rs` cuts the stream into messages: a `Report` (`wire/report.rs`). The first part of a
-//!    frame whose rest is on its way goes ahead, so that its host decodes meanwhile;
+//! 1. `link/reader.rs` cuts the stream into messages: a `Report` (`wire/report.rs`). The first part
+//!    of a frame that is still arriving is passed on early, so that its host can start to decode;
 //! 2. `pilot/hearing.rs` makes it a `Frame` with a number and a time, and puts it unread into the
 //!    slot of the newest one: older frames that were not taken are dropped;
-//! 3. `behaviour/supervisor.rs` sends the `Frame` through the pipe when its host wants one;
-//! 4. `behaviour/host.rs` gives it to the VM; `script/state/delivery.rs` validates its markers, which
-//!    is done here alone, and queues it for the script's handler as a `HeldFrame`;
-//! 5. `frame:find_blobs` (`script/api/looking.rs`) has it decoded, once and on demand, and finds its
+//! 3. `behaviour/supervisor.rs` sends the `Frame` through the pipe when its host asks for one;
+//! 4. `behaviour/host.rs` gives it to the VM; `script/state/delivery.rs` validates its markers
+//!    (only here) and queues it for the script's handler as a `HeldFrame`;
+//! 5. `frame:find_blobs` (`script/api/looking.rs`) decodes it, once and on demand, and finds its
 //!    blobs (`vision/eyes.rs`);
-//! 6. `robot.move` (`script/api/motion.rs`) makes a `Setpoint` and, with its number, an `Intent`, which
-//!    goes back through the pipe;
-//! 7. `pilot/serving.rs` makes a `Fact` of the `Intent`, and `pilot/acting.rs` takes it to the watchdog
-//!    (`safety/watchdog/asks.rs`): `safety/arbiter.rs` says who may drive, `safety/tracks.rs` when the
-//!    robot is told;
+//! 6. `robot.move` (`script/api/motion.rs`) makes a `Setpoint` and, with its number, an `Intent`,
+//!    which goes back through the pipe;
+//! 7. `pilot/serving.rs` makes a `Fact` of the `Intent`, and `pilot/acting.rs` takes it to the
+//!    watchdog (`safety/watchdog/asks.rs`): `safety/arbiter.rs` decides who may drive,
+//!    `safety/tracks.rs` when a command is sent;
 //! 8. `pilot/acting.rs` hands the watchdog's `Command` to `link/writer.rs`, which writes it.
 //!
-//! Besides these, a message is carried by envelopes that hold other messages too (`Received`,
-//! `LinkEvent`, `ToHost`, `Payload`, `Output`, `FromHost`, `Request`, `Act`) and waits in queues (`script/events.rs`,
-//! `script/output.rs`, `link/send_queue.rs`).
+//! On the way it travels in envelopes that carry other messages too (`Received`, `LinkEvent`,
+//! `ToHost`, `Payload`, `Output`, `FromHost`, `Request`, `Act`) and waits in queues
+//! (`script/events.rs`, `script/output.rs`, `link/send_queue.rs`).
 //!
-//! A low battery sends the robot home; no VM, no decoder and no lock of theirs is on this path:
+//! A low battery sends the robot home; this path involves no VM, no decoder and none of their
+//! locks:
 //!
 //! 1. `link/reader.rs` reads POWER (`wire/report.rs`);
 //! 2. `pilot/hearing.rs` gives it to the watchdog as a fact (`safety/watchdog/mod.rs`);
 //! 3. `safety/battery.rs` decides that the level is low, `safety/watchdog/homing.rs` that the robot
 //!    goes home;
-//! 4. `link/writer.rs` writes `MOVE 0 0` and `BASE_FIND` at once, before everything that waits.
+//! 4. `link/writer.rs` writes `MOVE 0 0` and `BASE_FIND` at once, ahead of everything queued.
 //!
 //! # How to add
 //!
-//! - **A call for scripts**: its row in the table of the API (`api/`: name, arguments, bounds, results,
-//!   an example), its native under `script/api/`, and, if the robot has to do something, an `Intent`
-//!   (`robot/intent.rs`) that `pilot/serving.rs` serves. `spykee api`, the editor's definitions and the
-//!   guide's reference come from the table; a native without a row does not load.
+//! - **A call for scripts**: its row in the table of the API (`api/`: name, arguments, bounds,
+//!   results, an example), its native under `script/api/`, and, if the robot has to do something, an
+//!   `Intent` (`robot/intent.rs`) that `pilot/serving.rs` serves. `spykee api`, the editor's
+//!   definitions and the guide's reference come from the table; a native without a row does not load.
 //! - **A command to the robot**: its section in `wire/PROTOCOL.md` with a byte vector, its variant
 //!   with `parse` and `emit` in `wire/command.rs`, what the simulated robot does with it in
 //!   `sim/body/robot/obey.rs`. If it can move the robot, only the watchdog may make it.
@@ -69,9 +71,9 @@
 //! - **A fault**: its variant of `sim::Trouble` (`sim/faults/fault.rs`), its name and keys in YAML
 //!   (`sim/faults/entry.rs`), its effect on bytes (`sim/faults/mangle.rs`, `sim/faults/lane.rs`) or
 //!   on the robot (`sim/server/site.rs`), and its row in `tests/it/faults/table.rs`.
-//! - **Something that happens and that people want to know**: its variant of `Occurrence`
-//!   (`robot/occurrence.rs`), told on the agent's `Bus` where it happens; the words for it in
-//!   `cli/history/view.rs`. Journal, notifications and everybody else who listens have it then.
+//! - **An event that people want to know of**: its variant of `Occurrence` (`robot/occurrence.rs`),
+//!   published on the agent's `Bus` where it happens; its text in `cli/history/view.rs`. Journal,
+//!   notifications and all other listeners then receive it.
 //! - **A lesson**: a folder in `behaviours/lessons/` with `README.md`, `starter.lua`,
 //!   `solution.lua` and `check.lua`, its line in `cli/lesson/catalogue.rs`, its row in
 //!   `behaviours/lessons/README.md`.
@@ -83,17 +85,17 @@
 //! | agent | the process that `spykee run` starts: link, watchdog, supervisors |
 //! | behaviour, host | a script of the user; the process that runs it |
 //! | intent | what a behaviour asks of the robot |
-//! | setpoint | the power of both tracks that was asked for last |
-//! | lease | how long a setpoint holds without being renewed |
-//! | act, fact | what the watchdog wants done; what it is told |
-//! | deferred | taken as a fact, with its acts left to the end of the turn |
-//! | dock state | where the robot is with respect to its station, as far as it has said |
-//! | `Options` | the settings of one room, as its part of the config; always named with its room |
-//! | last words | what is written to the robot if the agent ends now |
+//! | setpoint | the power of both tracks last requested |
+//! | lease | how long a setpoint is valid unless renewed |
+//! | act, fact | an output of the watchdog; an input |
+//! | deferred | accepted as a fact, with its acts postponed to the end of the turn |
+//! | dock state | the robot's position relative to its station, as far as it has reported |
+//! | `Options` | the settings of one room, its part of the config; always written with its room |
+//! | last words | the commands that are sent to the robot if the agent dies now |
 //! | seat | what the pilot keeps of one behaviour: its rights, its streams, its queue of events |
 //! | station, docked | the charging station; the robot stands on its contacts |
 //! | beacon | the station's infrared light, which the robot's own search follows |
-//! | rescue | a behaviour that drives a robot which finds no station to where it can find it |
+//! | rescue | a behaviour that drives a robot that cannot find its station to where it can |
 //! | report, command | a message from the robot; a message to it |
 //! | world | a simulated place, read from YAML |
 //! | fault, trouble | something that goes wrong in a simulation, with its time; what it is |
@@ -105,22 +107,22 @@
 //! | --- | --- | --- |
 //! | 0 | `wire` | messages to bytes and back, discovery datagrams; knows no socket |
 //! | 0 | `vision` | JPEG to pixels to blobs, and the simulator's JPEG encoder; knows no robot |
-//! | 0 | `walls` | what the kernel holds processes to that deal with people's scripts |
+//! | 0 | `walls` | the kernel's confinement of processes that handle people's scripts |
 //! | 0 | `files` | regular files of bounded length, folders without links |
-//! | 0 | `yaml` | texts that nest too deeply are refused before they are parsed |
+//! | 0 | `yaml` | refuses texts that nest too deeply before they are parsed |
 //! | 0 | `clean` | text from outside, harmless for terminals, logs, XML and JSON |
-//! | 0 | `budget` | so many bytes a day, and lines that are said once a minute |
-//! | 0 | `clock` | the time of day, time zones, lengths of time as people write them |
+//! | 0 | `budget` | bytes per day, and lines that are logged once a minute |
+//! | 0 | `clock` | the time of day, time zones, durations as people write them |
 //! | 0 | `paper` | areas, lines and letters in pixels |
 //! | 1 | `http` | a bounded server and its guard: who may ask; knows no robot |
-//! | 1 | `timetable` | when behaviours are started, and when it is to be quiet: pure rules |
-//! | 1 | `robot` | the words that cross between tasks and processes |
+//! | 1 | `timetable` | when behaviours start, and quiet hours: pure rules |
+//! | 1 | `robot` | the data types that tasks and processes exchange |
 //! | 1 | `guardian` | the process that stops the robot when the agent cannot |
 //! | 2 | `api` | the one table of what scripts can call and read |
 //! | 2 | `safety` | watchdog, arbiter, docking: pure rules |
 //! | 2 | `link` | connect, log in, reconnect, discover |
 //! | 2 | `journal` | what has happened, in a SQLite file |
-//! | 2 | `notify` | what people are told of it, by webhooks, topics and commands |
+//! | 2 | `notify` | notifications of it, by webhooks, topics and commands |
 //! | 3 | `script` | the VM: sandbox, tasks, the natives behind the API |
 //! | 3 | `pilot` | the task that owns the socket |
 //! | 4 | `check` | what is wrong in a script, before it runs and when it failed |
@@ -128,11 +130,11 @@
 //! | 6 | `agent` | wiring and lifetimes |
 //! | 6 | `config` | the YAML file, composed of each module's own options |
 //! | 7 | `lab` | a whole run in virtual time: agent, hosts and simulator on one thread |
-//! | 7 | `control` | how a run that is on is asked: by its socket, or elsewhere by its API |
+//! | 7 | `control` | requests to an active run: by its socket, or remotely by its API |
 //! | 8 | `live` | the page in the browser, the JSON API, health and metrics |
-//! | 8 | `service` | an agent that stays for good: timetable, idle robot, the system's manager |
-//! | 8 | `mqtt` | the broker by which others see the robot, ask for it, and find a fleet |
-//! | 8 | `scenario` | worlds, behaviours and what must become true: plays `*_test.lua` files |
+//! | 8 | `service` | an agent that runs permanently: timetable, idle robot, systemd |
+//! | 8 | `mqtt` | the broker through which others see and command the robot, and find a fleet |
+//! | 8 | `scenario` | worlds, behaviours and expectations: plays `*_test.lua` files |
 //! | 9 | `cli` | one file per subcommand |
 //! | side | `sim` | the simulated robot and its world; imports floor 0 only |
 //!

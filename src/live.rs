@@ -1,13 +1,13 @@
-//! The page: see a robot and steer it from a browser. And beside it what programs ask by HTTP: the
-//! JSON API, health and metrics.
+//! The page, to see a robot and steer it from a browser, and what programs use by HTTP: the JSON
+//! API, health and metrics.
 //!
-//! It has a thread and a runtime of its own. The driving core never waits for it: what a robot shows
-//! is taken from channels in which the newest wins, and what a person wants goes through a seat in
-//! front of the pilot like that of any behaviour, with the same watchdog. A viewer who is slow loses
-//! frames, then his connection.
+//! It has a thread and a runtime of its own. The driving core never waits for it: it reads channels
+//! in which the newest value wins, and a person's requests go through a seat in front of the pilot
+//! like those of any behaviour, with the same watchdog. A slow viewer loses frames, then the
+//! connection.
 //!
-//! Who steers by hand sends setpoints; each lives 0.3 s (`wheel`). STOP is no setpoint: it holds the
-//! robot until a person lets go.
+//! A person who steers by hand sends setpoints; each is valid for 0.3 s (`wheel`). STOP is not a
+//! setpoint but a latch: it holds the robot until a person releases it.
 
 mod api;
 mod camera;

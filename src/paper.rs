@@ -1,4 +1,4 @@
-//! White paper to draw on, in pixels: areas, lines, and letters that are part of the program.
+//! A white canvas in pixels: areas, lines, and letters from a built-in font.
 
 use image::RgbImage;
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};

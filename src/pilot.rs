@@ -2,8 +2,8 @@
 //! robot. Facts go into the watchdog, its acts come out and are done here, all commands of one
 //! batch in one write. Knows no script, no decoder and no lock.
 //!
-//! However this task ends, by order, by a panic or by being dropped, the [`Writer`]'s own drop says
-//! the last words that the watchdog has left with it.
+//! However this task ends, by order, by a panic or by being dropped, the [`Writer`]'s own drop
+//! sends the last words that the watchdog has left with it.
 //!
 //! Nothing here waits for the robot to take a command: see [`Writer::queue`].
 
@@ -63,7 +63,8 @@ pub use self::status::{LinkState, Status};
 /// Requests served in a row before the robot is heard again.
 const REQUESTS_IN_A_ROW: usize = 32;
 
-/// How often the other tasks get a turn before a timeout is evaluated: once to read, once to pass on.
+/// How often the other tasks get a turn before a timeout is evaluated: once to read, once to pass
+/// on.
 const HEARINGS: usize = 2;
 
 /// Of sounds that follow each other faster, such as speech, behaviours are told so often.
@@ -197,8 +198,8 @@ impl Pilot {
         self.bus = bus;
     }
 
-    /// Connects, serves and reconnects until told to close. Then says whether what the robot was told
-    /// last has arrived, for which it waits up to [`DELIVERY`].
+    /// Connects, serves and reconnects until told to close. Then says whether what the robot was
+    /// told last has arrived, for which it waits up to [`DELIVERY`].
     ///
     /// # Errors
     /// [`LinkError`] if the very first connection fails: then a person is there to read it. Later
@@ -254,8 +255,8 @@ impl Pilot {
         deadlines.into_iter().flatten().min()
     }
 
-    /// To be called before anything else is done in a turn: beats, and if the program was asleep nothing
-    /// from before is repeated.
+    /// To be called before anything else is done in a turn: beats, and if the program was asleep
+    /// nothing from before is repeated.
     fn wake(&mut self) -> Result<(), LinkLost> {
         let pulse = self.pulse.as_mut();
         match pulse.and_then(|pulse| pulse.beat(Instant::now())) {
@@ -338,7 +339,8 @@ impl Pilot {
         }
     }
 
-    /// Tells all behaviours that the robot makes a sound, so that none takes it for a noise of others.
+    /// Tells all behaviours that the robot makes a sound, so that none takes it for a noise of
+    /// others.
     fn tell_sound(&mut self) {
         let now = Instant::now();
         let lately = |at: Instant| now.saturating_duration_since(at) < SOUND_TOLD_AGAIN;

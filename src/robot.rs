@@ -1,6 +1,6 @@
-//! The words that cross between tasks and processes: what a behaviour may ask ([`Intent`]), what it
-//! is told ([`Event`], [`Frame`]), how things end, and the quantities they speak of. Data only: no
-//! rule, no socket, no VM.
+//! The data types that tasks and processes exchange: what a behaviour may ask ([`Intent`]), what it
+//! receives ([`Event`], [`Frame`]), results, and the quantities in them. Data only: no rule, no
+//! socket, no VM.
 
 mod bus;
 pub mod channel;
@@ -95,7 +95,8 @@ pub struct Battery {
     pub percent: Percent,
     /// On the charger.
     pub charging: bool,
-    /// Minutes until it is empty, if it goes on as of late. `None` until known, and while it charges.
+    /// Minutes until it is empty, if it goes on as of late. `None` until known, and while it
+    /// charges.
     pub minutes_left: Option<f32>,
 }
 

@@ -1,8 +1,9 @@
-//! YAML from outside, looked at before it is parsed, so that the work is bounded by its length. The parser's time grows with the square of the
-//! depth of nesting, so a text that nests deeper than any of ours is refused before it is parsed.
+//! Checks untrusted YAML before it is parsed, so that the work is bounded by its length. The
+//! parser's time grows with the square of the depth of nesting, so a text that nests deeper than
+//! any valid one is refused.
 
-/// The longest text: more than a thousand lines. What nests in a way that is not noticed below costs
-/// the square of this.
+/// The longest text: more than a thousand lines. What nests in a way that is not noticed below
+/// costs the square of this.
 pub const MAX_LEN: u64 = 128 * 1024;
 /// The deepest nesting of brackets and braces, or of items and keys on one line.
 const MAX_DEPTH: usize = 64;

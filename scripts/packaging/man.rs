@@ -1,4 +1,5 @@
-//! The manual pages, made from the definition of the command line: a page for each subcommand. Part of
+//! The manual pages, made from the definition of the command line: a page for each subcommand. Part
+//! of
 //! `scripts/package`: `cargo bench --profile dev --bench man -- FOLDER`.
 #![allow(missing_docs)]
 
@@ -20,13 +21,13 @@ A script failed, or the robot did not do what a tool asked.
 The command line, the config or a file cannot be used.
 .TP
 3
-The robot cannot be reached or does not let us in.
+The robot cannot be reached or refused the login.
 .TP
 4
 A mistake was found in a script, or a scenario failed.
 .TP
 5
-At the end the watchdog had the robot: its battery is low.
+At the end the battery was low and the watchdog had taken over.
 .TP
 130
 Interrupted by a signal.
@@ -55,10 +56,10 @@ The config of the current folder, if no other is named.
 The config of the service (Debian package).
 .TP
 /var/lib/spykee
-What the service keeps (Debian package).
+The data of the service (Debian package).
 .TP
 /usr/share/spykee/behaviours
-Behaviours, worlds and lessons that come along, and README.md, the guide to writing scripts (Debian package).
+Built-in behaviours, worlds and lessons, and README.md, the guide to writing scripts (Debian package).
 "#;
 
 fn main() -> io::Result<()> {

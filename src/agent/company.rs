@@ -174,7 +174,7 @@ impl Company {
             }
         };
         if timeout(SCRIPTS_END, scripts).await.is_err() {
-            warn!("scripts that did not end in time were left behind");
+            warn!("scripts that did not end in time were abandoned");
         }
         self.endings
     }

@@ -31,7 +31,7 @@ pub(super) async fn load(
     let restart_loop = RestartLoop::new(around, by, Role::Behaviour, behaviour);
     let prepared = restart_loop.prepare().await;
     let host = prepared.map_err(|ending| RosterError::CannotLoad(words(&ending)))?;
-    // A robot that was let go of is dialled for meanwhile.
+    // A robot that was disconnected from is dialled in the meantime.
     let up = status.wait_for(|status| status.link == LinkState::Up);
     match timeout(REACH, up).await {
         Ok(Ok(_)) => Ok((restart_loop, host)),

@@ -199,7 +199,7 @@ impl RestartLoop {
         let (behaviour, of) = (self.name(), self.limits());
         warn!(
             behaviour,
-            "starts again in {:.1} s: restart {number} {of}",
+            "restarts in {:.1} s: restart {number} {of}",
             pause.as_secs_f64()
         );
         tokio::select! {
@@ -259,7 +259,10 @@ impl RestartLoop {
         loop {
             let behaviour = self.name();
             if reload.is_none() {
-                info!(behaviour, "stands still and waits for the next save");
+                info!(
+                    behaviour,
+                    "the robot stands still until the script is saved again"
+                );
             }
             let Reload { source } = match reload.take() {
                 Some(reload) => reload,

@@ -152,7 +152,7 @@ pub enum RosterError {
     #[error("{0}")]
     CannotLoad(String),
     /// It was stopped before it had begun.
-    #[error("`{0}` was stopped before it had begun")]
+    #[error("`{0}` was stopped before it had started")]
     StoppedFirst(String),
     /// So many run that there is no room for another.
     #[error("{0} behaviours run already, and that is the most")]
@@ -164,10 +164,10 @@ pub enum RosterError {
     #[error("the robot is not connected")]
     Offline,
     /// The agent has too much to do.
-    #[error("too much is asked for at once, try again")]
+    #[error("too many requests at once, try again")]
     Busy,
     /// The agent is coming to its end.
-    #[error("the run is coming to its end")]
+    #[error("the run is ending")]
     Closed,
 }
 

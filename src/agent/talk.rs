@@ -147,7 +147,7 @@ impl Session {
         let _ = self.requests.try_send(rest);
         handle.stop(EndReason::Shutdown);
         if timeout(SCRIPTS_END, running).await.is_err() {
-            warn!("the lines' own end took too long and was left behind");
+            warn!("a typed script's on_stop took too long and was abandoned");
         }
         Ok(None)
     }

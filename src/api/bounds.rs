@@ -21,9 +21,10 @@ impl Bounds {
         }
     }
 
-    /// Such as `between 0 and 100`.
+    /// Such as `between 0 and 100`, or `of at least 0` without an upper bound.
     pub fn words(self) -> String {
         match self {
+            Bounds::Between(low, f64::MAX) => format!("of at least {low}"),
             Bounds::Between(low, high) => format!("between {low} and {high}"),
             Bounds::Above(low, high) => format!("above {low} and at most {high}"),
         }

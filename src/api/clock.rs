@@ -18,8 +18,8 @@ pub(super) const DATE: Object = table(
         whole("minute", "0 to 59"),
         whole("second", "0 to 59"),
         text("weekday", "such as `monday`"),
-        text("zone", "whose clock shows it, such as `Europe/Rome`"),
-        whole("offset", "how far that is ahead of universal time").unit("s"),
+        text("zone", "the time zone, such as `Europe/Rome`"),
+        whole("offset", "its offset from UTC, east positive").unit("s"),
         text("text", "such as `2026-03-29 01:30:00`"),
     ],
 );
@@ -28,16 +28,16 @@ const FUNCTIONS: &[Function] = &[
     call(
         "clock.now",
         &[],
-        &[number("seconds", "since the beginning of 1970 in universal time").unit("s")],
-        "The time of day, as a number; in virtual time that of the simulation.",
+        &[number("seconds", "since 1970-01-01 00:00 UTC").unit("s")],
+        "Returns the date and time as a number; in virtual time, those of the simulation.",
         "store.set(\"patrolled\", clock.now())",
     )
     .pure(),
     call(
         "clock.date",
-        &[bounded("seconds", INSTANT, "as of `clock.now`; now unless given").unit("s").optional()],
+        &[bounded("seconds", INSTANT, "a time of `clock.now`; default: now").unit("s").optional()],
         &[object("date", &DATE, "")],
-        "The date and the time of day, in the time zone of the config (`time_zone:`).",
+        "Returns the date and time of day, in the time zone of the config (`time_zone:`).",
         "local date = clock.date()\nif date.hour >= 22 then\n\tprint(\"good night, it is\", date.text)\nend",
     )
     .pure(),

@@ -33,22 +33,22 @@ macro_rules! events {
 }
 
 events! {
-    Connected: "connected", Some(&CONNECTED), "There is a link to the robot.";
-    Disconnected: "disconnected", Some(&DISCONNECTED), "The link is lost.";
+    Connected: "connected", Some(&CONNECTED), "The robot is connected.";
+    Disconnected: "disconnected", Some(&DISCONNECTED), "The connection to the robot is lost.";
     Battery: "battery", Some(&BATTERY), "The battery's level or charging changed.";
-    BatteryLow: "battery_low", Some(&BATTERY), "The watchdog finds the battery low and takes the robot home.";
-    BatteryOk: "battery_ok", Some(&BATTERY), "The watchdog lets go of a robot that was low: it charges, or its battery is full enough.";
+    BatteryLow: "battery_low", Some(&BATTERY), "The battery is low, and the watchdog takes the robot home.";
+    BatteryOk: "battery_ok", Some(&BATTERY), "The watchdog releases a robot that was low: it charges, or its battery is full enough.";
     Charging: "charging", Some(&CHARGING), "Charging began or ended.";
     Charged: "charged", None, "The battery is full.";
-    Docked: "docked", None, "The robot stands on its charging station.";
+    Docked: "docked", None, "The robot is on its charging station.";
     Undocked: "undocked", None, "The robot has left its charging station.";
     BaseNotFound: "base_not_found", None, "The robot has not found its charging station.";
-    Frame: "frame", Some(&FRAME), "The camera has sent a picture; only the newest is kept.";
-    Audio: "audio", Some(&AUDIO), "The microphone has sent a chunk of sound; only the newest is kept.";
-    Noise: "noise", Some(&NOISE), "It became loud: a sound above the set level, after a second without one.";
+    Frame: "frame", Some(&FRAME), "The camera has sent a picture; only the latest is kept.";
+    Audio: "audio", Some(&AUDIO), "The microphone has sent a chunk of sound; only the latest is kept.";
+    Noise: "noise", Some(&NOISE), "A sound exceeds the configured level, after a second without one.";
     SoundFinished: "sound_finished", None, "The robot has finished playing music.";
-    Safety: "safety", Some(&SAFETY), "The watchdog has done something.";
-    Loan: "loan", Some(&LOAN), "The watchdog lends this behaviour the tracks of a robot with a low battery. Only the rescue behaviour of the config hears of it.";
+    Safety: "safety", Some(&SAFETY), "The watchdog has acted.";
+    Loan: "loan", Some(&LOAN), "The watchdog lends this behaviour the tracks of a robot with a low battery. Only the rescue behaviour of the config receives it.";
     Engine: "engine", Some(&ENGINE), "The robot has sent an engine code that is not documented.";
 }
 

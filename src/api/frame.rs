@@ -8,8 +8,8 @@ use super::make::{
 use super::terms::{Function, Object, Type, Value};
 use crate::vision::BlobOptions;
 
-const ROI: Value = value("roi", Type::Roi, "only here").optional();
-pub(super) const COLOURS: Value = value("colour", Type::Colours, "which");
+const ROI: Value = value("roi", Type::Roi, "search or measure only this part").optional();
+pub(super) const COLOURS: Value = value("colour", Type::Colours, "what to look for");
 /// Coordinates and sizes of a part of a frame, in pixels.
 pub const PIXELS: Bounds = Bounds::Between(-10_000.0, 10_000.0);
 /// Of a direction.
@@ -22,22 +22,22 @@ const FIND_BLOBS: Function = call(
         COLOURS,
         options(&[
             ROI,
-            boolean("invert", "find what is not of the colour").default_is(USUAL.invert),
-            count("area_threshold", 2_000_000, "the smallest box")
+            boolean("invert", "find what does not have the colour").default_is(USUAL.invert),
+            count("area_threshold", 2_000_000, "the least area of the box")
                 .unit("px")
                 .default(USUAL.area_threshold as f64),
-            count("pixels_threshold", 2_000_000, "the fewest pixels")
+            count("pixels_threshold", 2_000_000, "the least number of pixels of the colour")
                 .unit("px")
                 .default(USUAL.pixels_threshold as f64),
-            boolean("merge", "make one of those whose boxes overlap").default_is(USUAL.merge),
+            boolean("merge", "merge blobs whose boxes overlap").default_is(USUAL.merge),
             count(
                 "margin",
                 10_000,
-                "by how much boxes may miss each other and be merged",
+                "the largest gap between boxes that are merged",
             )
             .unit("px")
             .default(USUAL.margin as f64),
-            count("max_blobs", 1000, "the most to find").default(USUAL.max_blobs as f64),
+            count("max_blobs", 1000, "the most blobs to return").default(USUAL.max_blobs as f64),
         ]),
     ],
     &[value(
@@ -45,20 +45,20 @@ const FIND_BLOBS: Function = call(
         Type::List(&Type::Object(&BLOB)),
         "the largest first; empty if there are none",
     )],
-    "Finds patches of a colour, as OpenMV does.",
+    "Finds blobs, patches of a colour, with the names and options of OpenMV.",
     "local ball = frame:find_blobs(\"red\", { pixels_threshold = 25 })[1]\nif ball then\n\tprint(ball.cx, ball.bearing)\nend",
 )
 .pure();
 
 pub(super) const FRAME: Object = strict(
     "Frame",
-    "A picture of the camera; decoded when it is first looked at.",
+    "A picture of the camera, decoded when it is first used.",
     &[
-        whole("seq", "its number"),
-        number("age", "since it came").unit("s"),
+        whole("seq", "a running number"),
+        number("age", "since it arrived").unit("s"),
         whole("width", "").unit("px"),
         whole("height", "").unit("px"),
-        whole("bytes", "of the picture as it came"),
+        whole("bytes", "size of the JPEG"),
     ],
     &[
         FIND_BLOBS,
@@ -66,7 +66,7 @@ pub(super) const FRAME: Object = strict(
             "Frame:find_line",
             &[COLOURS, options(&[ROI])],
             &[object("line", &LINE, "nil if there is none").optional()],
-            "Finds a line on the floor, to follow it.",
+            "Finds a line on the floor, for line following.",
             "local line = frame:find_line(\"black\")\nif line then\n\trobot.drive(0.1, -line.offset)\nend",
         )
         .pure(),
@@ -82,15 +82,15 @@ pub(super) const FRAME: Object = strict(
             "Frame:brightness",
             &[ROI],
             &[number("brightness", "0 is black, 1 is white")],
-            "How bright the picture is.",
+            "Measures the brightness of the picture.",
             "if frame:brightness() < 0.1 then\n\trobot.led(\"flash\", true)\nend",
         )
         .pure(),
         call(
             "Frame:sharpness",
             &[ROI],
-            &[number("sharpness", "0 or more; more is sharper")],
-            "How sharp the picture is, for comparing pictures of one place.",
+            &[number("sharpness", "0 or more; higher is sharper")],
+            "Measures the sharpness of the picture, to compare pictures of one scene.",
             "print(frame:sharpness())",
         )
         .pure(),
@@ -105,43 +105,43 @@ pub(super) const FRAME: Object = strict(
                 whole("g", "green").optional(),
                 whole("b", "blue").optional(),
             ],
-            "The colour of one pixel.",
+            "Returns the colour of one pixel.",
             "local r, g, b = frame:get_pixel(160, 120)\nprint(r, g, b)",
         )
         .pure(),
         call(
             "Frame:direction",
             &[
-                bounded("x", PIXELS, "column, 0 is the middle of the leftmost").unit("px"),
-                bounded("y", PIXELS, "row, 0 is the middle of the topmost").unit("px"),
+                bounded("x", PIXELS, "column, 0 is the centre of the leftmost").unit("px"),
+                bounded("y", PIXELS, "row, 0 is the centre of the topmost").unit("px"),
             ],
             &[
-                number("bearing", "to the left positive; nil in a damaged picture")
+                number("bearing", "left positive; nil in a damaged picture")
                     .unit("rad")
                     .optional(),
-                number("elevation", "above the horizon positive, where the camera looks level")
+                number("elevation", "above the horizon positive, for a camera that looks level")
                     .unit("rad")
                     .optional(),
             ],
-            "In which direction a place of the picture lies, by the config's `camera`: its field of view, and how its lens bends the picture.",
+            "Returns the direction of a point of the picture, computed with the field of view and lens distortion of the config's `camera`.",
             "local bearing, elevation = frame:direction(160, 200)\nif elevation and elevation < 0 then\n\tprint(`the floor there is {0.2 / math.tan(-elevation)} m away`)\nend",
         )
         .pure(),
         call(
             "Frame:pixel_at",
             &[
-                bounded("bearing", ANGLE, "to the left positive").unit("rad"),
+                bounded("bearing", ANGLE, "left positive").unit("rad"),
                 bounded("elevation", ANGLE, "above the horizon positive").unit("rad"),
             ],
             &[
-                number("x", "column; nil for what is beside or behind the camera")
+                number("x", "column; nil for a direction beside or behind the camera")
                     .unit("px")
                     .optional(),
-                number("y", "row; as the column it may be outside the picture")
+                number("y", "row; like the column it may be outside the picture")
                     .unit("px")
                     .optional(),
             ],
-            "Where in the picture a direction lies: the inverse of `frame:direction`.",
+            "Returns the point of the picture in a direction: the inverse of `frame:direction`.",
             "local x, y = frame:pixel_at(math.rad(10), 0)\nif x and y then\n\tprint(frame:get_pixel(x, y))\nend",
         )
         .pure(),
@@ -152,7 +152,7 @@ pub(super) const FRAME: Object = strict(
                 text("path", "nil if it was not saved").optional(),
                 text("why", "\"quota\" or \"io\"").optional(),
             ],
-            "Saves the picture as it came from the camera. The oldest pictures make room when the folder is full; \"quota\" means that the bytes of the day are used up, or the disk is.",
+            "Saves the picture as the camera sent it. When the folder is full, the oldest pictures are deleted; \"quota\" means that the day's bytes are used up or the disk is nearly full.",
             "local path, why = frame:save(\"ball.jpg\")\nprint(path or why)",
         ),
     ],
@@ -165,27 +165,27 @@ const PATCH: [Value; 18] = [
     whole("h", "rows of its box").unit("px"),
     number("cx", "column of its centroid").unit("px"),
     number("cy", "row of its centroid").unit("px"),
-    whole("pixels", "how many pixels have the colour").unit("px"),
-    whole("area", "pixels of its box").unit("px"),
+    whole("pixels", "number of pixels of the colour").unit("px"),
+    whole("area", "area of its box").unit("px"),
     number("density", "`pixels / area`, 0 to 1"),
-    number("rotation", "of its long axis; 0 lies flat").unit("rad"),
+    number("rotation", "direction of its long axis; 0 is horizontal").unit("rad"),
     number("elongation", "0 for a disc, towards 1 for a line"),
     number("roundness", "1 for a disc, 0 for a line"),
     whole("perimeter", "its border pixels").unit("px"),
-    whole("code", "one bit for each colour of the list"),
-    whole("count", "how many blobs were merged into it"),
+    whole("code", "one bit for each colour of the list that it has"),
+    whole("count", "number of blobs merged into it"),
     text(
         "colour",
-        "the first of the names that matches; nil for a colour without a name",
+        "the first name that matches; nil for a colour without a name",
     )
     .optional(),
     number("bearing", "direction of its centroid, left positive").unit("rad"),
-    boolean("edge", "it touches the border of the picture"),
+    boolean("edge", "whether it touches the border of the picture"),
 ];
 
 const FOLLOWED: [Value; 23] = {
     let own = [
-        whole("id", "stays the same while it is followed"),
+        whole("id", "constant while it is followed"),
         whole("age", "frames since it was first seen"),
         whole("lost", "frames since it was last seen; 0 while in sight"),
         number("vx", "to the right").unit("px/s"),
@@ -204,7 +204,7 @@ pub(super) const BLOB: Object = table("Blob", "A patch of a colour in a frame.",
 
 pub(super) const TRACK: Object = table(
     "Track",
-    "A Blob that is followed from frame to frame.",
+    "A Blob that a tracker follows from frame to frame.",
     &FOLLOWED,
 );
 
@@ -213,8 +213,8 @@ pub(super) const LINE: Object = table(
     "A line on the floor.",
     &[
         number("offset", "-1 is the left border, 1 the right one"),
-        number("angle", "of the line").unit("rad"),
-        number("strength", "how surely, 0 to 1"),
+        number("angle", "direction of the line").unit("rad"),
+        number("strength", "confidence, 0 to 1"),
     ],
 );
 
@@ -222,23 +222,31 @@ pub(super) const QR_CODE: Object = table(
     "QrCode",
     "A QR code in a frame.",
     &[
-        text("text", "what it says"),
-        value("corners", Type::List(&Type::Object(&CORNER)), "four"),
+        text("text", "its content"),
+        value(
+            "corners",
+            Type::List(&Type::Object(&CORNER)),
+            "its four corners",
+        ),
     ],
 );
 
 pub(super) const CORNER: Object = table(
     "Corner",
-    "A place in a frame.",
+    "A point of a frame.",
     &[number("x", "").unit("px"), number("y", "").unit("px")],
 );
 
 pub(super) const MOTION: Object = table(
     "Motion",
-    "What has moved.",
+    "The motion between frames.",
     &[
-        number("score", "the part of the picture that changed, 0 to 1"),
-        whole("pixels", "how many").unit("px"),
-        value("blobs", Type::List(&Type::Object(&BLOB)), "where"),
+        number("score", "share of the picture that changed, 0 to 1"),
+        whole("pixels", "number of pixels that changed").unit("px"),
+        value(
+            "blobs",
+            Type::List(&Type::Object(&BLOB)),
+            "the areas that changed",
+        ),
     ],
 );

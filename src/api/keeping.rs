@@ -3,30 +3,30 @@
 use super::make::{boolean, call, number, short_text, text, value};
 use super::terms::{Availability, Function, Namespace, Type, Value};
 
-const KEY: Value = short_text("key", 200, "of UTF-8, not empty");
+const KEY: Value = short_text("key", 200, "UTF-8, not empty");
 
 /// What can be said of one parameter.
 const PARAMETER: &[Value] = &[
     value(
         "default",
         Type::Any,
-        "a number, a text, or true or false: the parameter is of that kind",
+        "a number, a text, or true or false; it determines the type of the parameter",
     ),
-    number("min", "of a number").optional(),
-    number("max", "of a number").optional(),
-    text("unit", "of a number, for people").optional(),
+    number("min", "the least value of a number").optional(),
+    number("max", "the greatest value of a number").optional(),
+    text("unit", "the unit of a number, for people").optional(),
     value(
         "choices",
         Type::List(&Type::Text(None)),
-        "of a text: these and no others",
+        "the permitted values of a text",
     )
     .optional(),
     boolean(
         "live",
-        "a person may change it while the script runs, such as at the page: read it anew each time",
+        "whether a person can change it while the script runs, at the page for example; read it afresh each time",
     )
     .optional(),
-    text("doc", "what it is for").optional(),
+    text("doc", "what it means, for people").optional(),
 ];
 
 const DECLARE: &[Function] = &[call(
@@ -35,9 +35,9 @@ const DECLARE: &[Function] = &[call(
     &[value(
         "values",
         Type::Any,
-        "by name; from --param, the config, or the default",
+        "by name: from --param, else the config, else the default",
     )],
-    "Declares what a person may set from outside, and gives the values.",
+    "Declares the script's parameters, and returns their values.",
     "local params = params.declare({\n\tspeed = { default = 40, min = 10, max = 100, unit = \"%\", doc = \"how fast\" },\n})\nrobot.move(params.speed, params.speed, 1)",
 )];
 
@@ -46,10 +46,15 @@ const STORED: &[Function] = &[
         "store.get",
         &[
             KEY,
-            value("default", Type::Any, "if nothing is kept under the key").optional(),
+            value(
+                "default",
+                Type::Any,
+                "returned if nothing is stored under the key",
+            )
+            .optional(),
         ],
         &[value("value", Type::Any, "nil if there is none").optional()],
-        "What was kept under a key, also in an earlier run.",
+        "Returns the value stored under a key, in this or an earlier run.",
         "local runs = store.get(\"runs\", 0) + 1\nstore.set(\"runs\", runs)\nprint(\"run number\", runs)",
     ),
     call(
@@ -59,25 +64,29 @@ const STORED: &[Function] = &[
             value(
                 "value",
                 Type::Any,
-                "a text, a number, true, false, or a table of these",
+                "a string, a number, true, false, or a table of these",
             ),
         ],
         &[],
-        "Keeps a value for later runs; at most 1 MiB in all.",
+        "Stores a value for later runs; at most 1 MiB in total.",
         "store.set(\"home\", { x = 1, y = 2 })",
     ),
     call(
         "store.delete",
         &[KEY],
-        &[boolean("was_there", "whether there was anything")],
-        "Forgets what is kept under a key.",
+        &[boolean("was_there", "whether there was a value")],
+        "Deletes the value stored under a key.",
         "store.delete(\"home\")",
     ),
     call(
         "store.keys",
         &[],
-        &[value("keys", Type::List(&Type::Text(None)), "in order")],
-        "All keys that have a value.",
+        &[value(
+            "keys",
+            Type::List(&Type::Text(None)),
+            "in alphabetical order",
+        )],
+        "Returns all keys that have a value.",
         "for _, key in store.keys() do\n\tprint(key, store.get(key))\nend",
     ),
 ];
@@ -87,18 +96,18 @@ const GLOBAL: &[Function] = &[
         "print",
         &[],
         &[],
-        "Writes its arguments to the log, with a space between two.",
+        "Writes its arguments to the log, with spaces between them.",
         "print(\"it is\", task.now(), \"s since I began\")",
     )
-    .and("what to print"),
+    .and("values to print"),
     call(
         "require",
         &[text(
             "path",
-            "./NAME beside this file, or @spykee/NAME for what comes with the runtime",
+            "./NAME for a file beside this one, or @spykee/NAME for a built-in module",
         )],
         &[value("module", Type::Any, "what the module's file returns")],
-        "Loads a module, once for each script.",
+        "Loads a module, once per script.",
         "local pid = require(\"@spykee/pid\")\nprint(pid)",
     )
     .waiting(),
@@ -106,7 +115,7 @@ const GLOBAL: &[Function] = &[
 
 pub(super) const PARAMS: Namespace = Namespace {
     name: "params",
-    about: "what a person may set from outside",
+    about: "settings that a person can change",
     availability: Availability::Behaviour,
     functions: DECLARE,
     constants: &[],
@@ -115,7 +124,7 @@ pub(super) const PARAMS: Namespace = Namespace {
 
 pub(super) const STORE: Namespace = Namespace {
     name: "store",
-    about: "what is kept from run to run",
+    about: "values kept from one run to the next",
     availability: Availability::Behaviour,
     functions: STORED,
     constants: &[],

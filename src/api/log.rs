@@ -4,8 +4,8 @@ use super::make::{call, value};
 use super::terms::{Availability, Function, Namespace, Type, Value};
 
 const PARAMETERS: &[Value] = &[
-    value("text", Type::Any, "what to say"),
-    value("fields", Type::Fields, "named values beside the text").optional(),
+    value("text", Type::Any, "what to write: any value"),
+    value("fields", Type::Fields, "further values, by name").optional(),
 ];
 
 const FUNCTIONS: &[Function] = &[
@@ -13,7 +13,7 @@ const FUNCTIONS: &[Function] = &[
         "log.debug",
         PARAMETERS,
         &[],
-        "Writes a line that is shown only when someone looks for faults.",
+        "Writes a line that is shown only with the log level debug.",
         "log.debug(\"looking\", { angle = 0.4 })",
     ),
     call(
@@ -34,7 +34,7 @@ const FUNCTIONS: &[Function] = &[
         "log.error",
         PARAMETERS,
         &[],
-        "Writes an error to the log; the script goes on.",
+        "Writes an error to the log; the script continues.",
         "log.error(\"no ball far and wide\")",
     ),
 ];

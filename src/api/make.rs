@@ -151,6 +151,19 @@ pub(super) const fn table(
     }
 }
 
+/// An object that scripts may keep values of their own in.
+pub(super) const fn open(
+    name: &'static str,
+    doc: &'static str,
+    fields: &'static [Value],
+    methods: &'static [Function],
+) -> Object {
+    Object {
+        methods,
+        ..table(name, doc, fields)
+    }
+}
+
 /// An object whose names are checked.
 pub(super) const fn strict(
     name: &'static str,
@@ -159,8 +172,7 @@ pub(super) const fn strict(
     methods: &'static [Function],
 ) -> Object {
     Object {
-        methods,
         strict: true,
-        ..table(name, doc, fields)
+        ..open(name, doc, fields, methods)
     }
 }

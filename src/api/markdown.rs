@@ -55,7 +55,7 @@ fn constants(text: &mut String, namespace: &Namespace) {
 }
 
 fn function(text: &mut String, function: &Function) {
-    let waits = if function.waits { " It may wait." } else { "" };
+    let waits = if function.waits { " May wait." } else { "" };
     let _ = writeln!(
         text,
         "#### `{}`\n\n{}{waits}\n",
@@ -101,7 +101,7 @@ fn values(text: &mut String, values: &[Value]) {
             };
             for key in keys {
                 let optional = if key.need == Need::Required {
-                    " (needed)"
+                    " (required)"
                 } else {
                     ""
                 };
@@ -112,7 +112,7 @@ fn values(text: &mut String, values: &[Value]) {
         let optional = if value.need == Need::Required {
             ""
         } else {
-            " (may be left out)"
+            " (optional)"
         };
         let _ = writeln!(text, "- `{}`{optional}: {}", value.name, value.words());
     }

@@ -170,7 +170,7 @@ fn fields(same: impl Fn(&str) -> bool) -> Vec<String> {
 fn of_function(function: &Function) -> String {
     let mut text = format!("{}\n\n{}\n", function.signature(), function.doc);
     if function.waits {
-        text += "It may wait; a cancelled task ends there.\n";
+        text += "May wait: other tasks run in the meantime, and a cancelled task ends there.\n";
     }
     section(&mut text, "takes", function.parameters);
     if let Some(rest) = function.rest {

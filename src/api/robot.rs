@@ -30,29 +30,29 @@ const DOCKING: Bounds = Bounds::Between(1.0, 3600.0);
 const RATE: Bounds = Bounds::Between(0.001, 1000.0);
 const PLAN: DockPlan = DockPlan::DEFAULT;
 /// `ok` of calls that wait for an end.
-const OK: Value = boolean("ok", "whether it was done");
+const OK: Value = boolean("ok", "whether it was completed");
 
 const SECONDS_OF_MOTION: Value = bounded(
     "seconds",
     DRIVE,
-    "waits for this time and stops; without it the setpoint holds until changed",
+    "drives for this time, waits, and stops; without it the setpoint holds until it is changed",
 )
 .unit("s")
 .optional();
 const ENDED: &[Value] = &[OK, choice("code", MOTION_CODE, "why it ended")];
 /// Nothing is returned where no time was given.
 const ENDED_IF_TIMED: &[Value] = &[
-    boolean("ok", "whether it was done; only with seconds").optional(),
+    boolean("ok", "whether it was completed; only with `seconds`").optional(),
     choice("code", MOTION_CODE, "why it ended").optional(),
 ];
-const NAMED_LIGHT: Value = choice("name", LIGHT, "which");
-const NAMED_EVENT: Value = choice("name", EVENT, "which event");
+const NAMED_LIGHT: Value = choice("name", LIGHT, "which one");
+const NAMED_EVENT: Value = choice("name", EVENT, "name of the event");
 const HANDLER: Value = value("fn", Type::Handler, "gets the event's payload");
 const SUBSCRIPTION: Value = object("subscription", &LISTENER, "");
-const TIMEOUT: Value = bounded("timeout", SECONDS, "waits for ever without it")
+const TIMEOUT: Value = bounded("timeout", SECONDS, "default: no limit")
     .unit("s")
     .optional();
-const WHY_NOT: Value = value("why", Type::Text(None), "\"timeout\" when there is none").optional();
+const WHY_NOT: Value = value("why", Type::Text(None), "\"timeout\" if the first is nil").optional();
 
 const fn seconds(name: &'static str, bounds: Bounds, usual: f64, doc: &'static str) -> Value {
     bounded(name, bounds, doc).unit("s").default(usual)
@@ -67,8 +67,8 @@ const FUNCTIONS: &[Function] = &[
             SECONDS_OF_MOTION,
         ],
         ENDED_IF_TIMED,
-        "Sets the power of both tracks; with seconds, `blocked` as with `robot.forward`.",
-        "robot.move(40, 40, 2) -- two seconds straight on\nrobot.move(20, -20) -- turns to the right until told otherwise\ntask.wait(1)\nrobot.stop()",
+        "Sets the power of both tracks. With `seconds` it waits, and can end as `blocked` like `robot.forward`.",
+        "robot.move(40, 40, 2) -- two seconds straight ahead\nrobot.move(20, -20) -- turns to the right until changed\ntask.wait(1)\nrobot.stop()",
     )
     .waiting(),
     call(
@@ -79,7 +79,7 @@ const FUNCTIONS: &[Function] = &[
             SECONDS_OF_MOTION,
         ],
         ENDED_IF_TIMED,
-        "Drives a curve; a speed beyond full power is reduced, and the curve kept.",
+        "Drives a curve. If the speed would need more than full power, it is reduced and the curve kept.",
         "robot.drive(0.2, 0.5, 3) -- a curve to the left",
     )
     .waiting(),
@@ -87,10 +87,10 @@ const FUNCTIONS: &[Function] = &[
         "robot.forward",
         &[
             bounded("metres", WAY, "backwards if negative").unit("m"),
-            bounded("speed", WAY_SPEED, "half of full speed without it").unit("m/s").optional(),
+            bounded("speed", WAY_SPEED, "default: half of full speed").unit("m/s").optional(),
         ],
         ENDED,
-        "Drives straight for a distance, and waits until that is done. With the camera on it ends early as `blocked` when the pictures show that the robot is held: less often in a curve or in the dark, and late or never when it pushes against something plain from the start.",
+        "Drives straight for a distance, and waits until that is done. With the camera on it ends early as `blocked` when the pictures show that the robot is held: less often in a curve or in the dark, and late or never when it pushes against a uniform surface from the start.",
         "local ok, code = robot.forward(0.5)\nprint(ok, code)",
     )
     .waiting(),
@@ -98,11 +98,11 @@ const FUNCTIONS: &[Function] = &[
         "robot.turn",
         &[
             bounded("angle", WAY, "to the left; to the right if negative").unit("rad"),
-            bounded("speed", WAY_SPEED, "half of full speed without it").unit("rad/s").optional(),
+            bounded("speed", WAY_SPEED, "default: half of full speed").unit("rad/s").optional(),
         ],
         ENDED,
         "Turns on the spot, and waits until that is done; `blocked` as with `robot.forward`.",
-        "robot.turn(math.rad(90)) -- a quarter to the left",
+        "robot.turn(math.rad(90)) -- a quarter turn to the left",
     )
     .waiting(),
     call(
@@ -115,8 +115,8 @@ const FUNCTIONS: &[Function] = &[
     call(
         "robot.pose",
         &[],
-        &[object("pose", &POSE_ESTIMATE, "since `robot.reset_pose()`, or since the script began")],
-        "Estimates where the robot is: from what the script made its tracks do, with turns as the camera sees them while it is on. Motion that others cause is not known, and makes the errors grow.",
+        &[object("pose", &POSE_ESTIMATE, "since `robot.reset_pose()`, or since the script started")],
+        "Estimates the robot's pose by dead reckoning, from the commands of the script to the tracks and, while the camera is on, from the turns that it sees. Motion that others cause is not counted, and makes the errors grow.",
         "robot.reset_pose()\nrobot.forward(0.5)\nlocal pose = robot.pose()\nprint(pose.x, pose.y, math.deg(pose.heading), pose.error)",
     )
     .pure(),
@@ -124,7 +124,7 @@ const FUNCTIONS: &[Function] = &[
         "robot.reset_pose",
         &[],
         &[],
-        "Makes the robot's place the new zero of `robot.pose()`, and its direction the new x.",
+        "Makes the robot's present position the origin of `robot.pose()`, and its heading the x axis.",
         "robot.reset_pose()",
     ),
     call(
@@ -139,13 +139,13 @@ const FUNCTIONS: &[Function] = &[
         &[
             NAMED_LIGHT,
             options(&[
-                seconds("on", BLINK, 0.2, "how long it is on"),
-                seconds("off", BLINK, 0.2, "how long it is off"),
-                count("count", 1_000_000, "how often").default(3.0),
+                seconds("on", BLINK, 0.2, "time on"),
+                seconds("off", BLINK, 0.2, "time off"),
+                count("count", 1_000_000, "number of blinks").default(3.0),
             ]),
         ],
-        &[object("task", &TASK, "ends it with `:cancel()`")],
-        "Blinks a light, as a task of its own.",
+        &[object("task", &TASK, "`:cancel()` ends it")],
+        "Blinks a light, in a task of its own.",
         "robot.blink(\"all\", { on = 0.1, off = 0.3, count = 5 }):join()",
     ),
     call(
@@ -159,35 +159,35 @@ const FUNCTIONS: &[Function] = &[
         "robot.stop_sound",
         &[],
         &[],
-        "Ends what is playing, but not the watchdog's alarm: while that sounds, no script plays, talks or stops sounds.",
+        "Stops the sound, but not the watchdog's alarm: while that sounds, no script can play, talk or stop sounds.",
         "robot.play(\"music\")\ntask.wait(2)\nrobot.stop_sound()",
     ),
     call(
         "robot.volume",
         &[bounded("percent", Bounds::Between(0.0, 100.0), "").unit("%")],
         &[],
-        "Sets how loud the robot is. The watchdog's alarm is always at 100 %, and leaves it so.",
+        "Sets the volume. The watchdog's alarm always sounds at 100 %, and leaves the volume there.",
         "robot.volume(60)",
     ),
     call(
         "robot.say",
-        &[value("samples", Type::Buffer, "signed 16-bit numbers, mono, 16000 a second")],
+        &[value("samples", Type::Buffer, "signed 16-bit samples, mono, 16000 per second")],
         &[],
-        "Sends sound to the loudspeaker; needs the stream `audio_out`.",
+        "Plays samples on the loudspeaker; needs the stream `audio_out`.",
         "robot.stream(\"audio_out\", true)\nlocal tone = buffer.create(3200)\nfor at = 0, 1599 do\n\tbuffer.writei16(tone, 2 * at, 8000 * math.sin(at * 0.17))\nend\nrobot.say(tone)",
     ),
     call(
         "robot.stream",
-        &[choice("name", STREAM, "which"), boolean("on", "")],
+        &[choice("name", STREAM, "which one"), boolean("on", "")],
         &[],
-        "Switches video or sound on or off; handlers and waits switch on what they need, for as long as they need it and two seconds more.",
+        "Switches a video or audio stream on or off. Handlers and waits switch on what they need, until two seconds after they need it.",
         "robot.stream(\"video\", true)",
     ),
     call(
         "robot.battery",
         &[],
         &[object("battery", &BATTERY, "nil before the robot's first report").optional()],
-        "The battery's level, and whether it charges.",
+        "Returns the battery's level, and whether it charges.",
         "local battery = robot.battery()\nif battery then\n\tprint(battery.percent, \"%\")\nend",
     )
     .pure(),
@@ -195,7 +195,7 @@ const FUNCTIONS: &[Function] = &[
         "robot.docked",
         &[],
         &[boolean("docked", "")],
-        "Whether the robot stands on its charging station.",
+        "Returns whether the robot is on its charging station.",
         "if robot.docked() then\n\trobot.undock()\nend",
     )
     .pure(),
@@ -203,7 +203,7 @@ const FUNCTIONS: &[Function] = &[
         "robot.connected",
         &[],
         &[boolean("connected", "")],
-        "Whether there is a link to the robot.",
+        "Returns whether the robot is connected.",
         "print(robot.connected())",
     )
     .pure(),
@@ -211,7 +211,7 @@ const FUNCTIONS: &[Function] = &[
         "robot.info",
         &[],
         &[object("info", &INFO, "nil before the first connection").optional()],
-        "Which robot this is.",
+        "Identifies the robot.",
         "local info = robot.info()\nif info then\n\tprint(\"I am\", info.name)\nend",
     )
     .pure(),
@@ -219,13 +219,13 @@ const FUNCTIONS: &[Function] = &[
         "robot.dock",
         &[options(&[
             seconds("timeout", DOCKING, PLAN.timeout.as_secs() as f64, "the longest search of one try"),
-            count("retries", 20, "tries after the first").default(PLAN.retries as f64),
-            seconds("charge_timeout", DOCKING, PLAN.charge_timeout.as_secs() as f64, "how long charging may take to begin"),
+            count("retries", 20, "further tries after the first").default(PLAN.retries as f64),
+            seconds("charge_timeout", DOCKING, PLAN.charge_timeout.as_secs() as f64, "the longest wait for charging to begin"),
         ])],
         &[
             OK,
             choice("code", DOCK_CODE, "how it ended"),
-            object("info", &DOCK_INFO, "nil if it could not begin").optional(),
+            object("info", &DOCK_INFO, "nil if docking could not begin").optional(),
         ],
         "Drives to the charging station, and waits until the robot charges.",
         "local docked, code = robot.dock({ retries = 3 })\nif not docked then\n\tlog.warn(`not home: {code}`)\nend",
@@ -243,7 +243,7 @@ const FUNCTIONS: &[Function] = &[
         "robot.cancel_dock",
         &[],
         &[],
-        "Gives up docking; a `robot.dock` that waits returns `cancelled`.",
+        "Cancels docking; a waiting `robot.dock` returns `cancelled`.",
         "task.delay(20, robot.cancel_dock)\nrobot.dock()",
     ),
     call(
@@ -252,43 +252,43 @@ const FUNCTIONS: &[Function] = &[
             NAMED_EVENT,
             HANDLER,
             options(&[
-                bounded("rate", RATE, "runs a second, at most").unit("Hz").optional(),
-                choice("queue", QUEUE, "keep all that happened meanwhile, or only the newest").optional(),
+                bounded("rate", RATE, "the most calls per second; without it there is no limit").unit("Hz").optional(),
+                choice("queue", QUEUE, "whether to queue every event, or only the latest; default: latest for frame, audio and noise, else all").optional(),
             ]),
         ],
         &[SUBSCRIPTION],
-        "Calls a function whenever something happens.",
+        "Calls a function at each event of this name.",
         "robot.on(\"battery_low\", function(battery)\n\tlog.warn(`{battery.percent} % left`)\nend)",
     ),
     call(
         "robot.once",
         &[NAMED_EVENT, HANDLER],
         &[SUBSCRIPTION],
-        "Calls a function the next time something happens, and not again.",
+        "Calls a function at the next event of this name, once.",
         "robot.once(\"frame\", function(frame)\n\tprint(frame.width, frame.height)\nend)",
     ),
     call(
         "robot.wait_for",
         &[NAMED_EVENT, TIMEOUT],
         &[
-            value("payload", Type::Payload, "nil when the time was over").optional(),
+            value("payload", Type::Payload, "nil after a time-out").optional(),
             WHY_NOT,
         ],
-        "Waits until something happens.",
+        "Waits for the next event of this name.",
         "local battery, why = robot.wait_for(\"battery\", 30)\nprint(battery and battery.percent or why)",
     )
     .waiting(),
     call(
         "robot.frame",
         &[],
-        &[object("frame", &FRAME, "nil without one of the last second").optional()],
-        "The newest picture of the camera.",
+        &[object("frame", &FRAME, "nil if none arrived within the last second").optional()],
+        "Returns the latest picture of the camera.",
         "local frame = robot.frame()\nif frame then\n\tprint(frame:brightness())\nend",
     ),
     call(
         "robot.wait_frame",
         &[TIMEOUT],
-        &[object("frame", &FRAME, "nil when the time was over").optional(), WHY_NOT],
+        &[object("frame", &FRAME, "nil after a time-out").optional(), WHY_NOT],
         "Waits for the next picture of the camera.",
         "local frame = robot.wait_frame(2)\nif frame then\n\tframe:save(\"here.jpg\")\nend",
     )
@@ -298,7 +298,7 @@ const FUNCTIONS: &[Function] = &[
 /// What `robot.on` and `robot.once` give.
 pub(super) const LISTENER: Object = strict(
     "Subscription",
-    "What `robot.on` and `robot.once` give.",
+    "A subscription to an event; made by `robot.on` and `robot.once`.",
     &[],
     &[call(
         "Subscription:off",

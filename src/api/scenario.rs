@@ -27,13 +27,13 @@ const SETTING: Value = options(&[
     short_text(
         "world",
         LONGEST,
-        "a ready world's name, or a YAML file beside the scenario",
+        "the name of a built-in world, or a YAML file beside the scenario",
     )
     .optional(),
     bounded(
         "battery",
         BATTERY,
-        "its level at the start; the world's unless given",
+        "its level at the start; default: the world's",
     )
     .unit("%")
     .optional(),
@@ -41,26 +41,26 @@ const SETTING: Value = options(&[
         "seeds",
         1.0,
         10_000.0,
-        "it is played with the seeds from 1 to this",
+        "it is played with the seeds 1 to this number",
     )
     .default(1.0),
     bounded(
         "limit",
         Bounds::Between(0.1, 30.0 * 86_400.0),
-        "virtual time that it may take",
+        "the virtual time after which it fails",
     )
     .unit("s")
     .default(300.0),
-    count("points", 1000, "what it counts in a lesson").default(1.0),
+    count("points", 1000, "its points in a lesson").default(1.0),
     bounded(
         "fps",
         Bounds::Between(0.1, 30.0),
-        "of the camera; the world's unless given",
+        "frames per second of the camera; default: the world's",
     )
     .optional(),
     boolean(
         "may_fail",
-        "a behaviour that fails does not fail the scenario",
+        "whether the scenario can succeed although a behaviour fails",
     )
     .default_is(false),
 ]);
@@ -75,7 +75,7 @@ pub(super) const SCENARIO: Namespace = Namespace {
             &[
                 short_text("name", 200, "unique in its file"),
                 SETTING,
-                function("fn", "(sim: Sim) -> ()", "plays it; gets `sim`"),
+                function("fn", "(sim: Sim) -> ()", "the scenario itself; gets `sim`"),
             ],
             &[],
             "Declares a scenario, at the top of the file.",
@@ -84,11 +84,15 @@ pub(super) const SCENARIO: Namespace = Namespace {
         call(
             "expect",
             &[
-                value("condition", Type::Any, "anything but nil and false is true"),
-                value("message", Type::Any, "what the report says").optional(),
+                value(
+                    "condition",
+                    Type::Any,
+                    "anything but nil and false counts as true",
+                ),
+                value("message", Type::Any, "for the report").optional(),
             ],
             &[value("condition", Type::Any, "")],
-            "The scenario fails here unless the condition is true.",
+            "Fails the scenario here unless the condition is true.",
             "expect(1 < 2, \"numbers have changed\")",
         ),
     ],
@@ -98,7 +102,7 @@ pub(super) const SCENARIO: Namespace = Namespace {
 
 const LEDS: Object = table(
     "Leds",
-    "Which lights are on.",
+    "The lights of the robot: which are on.",
     &[
         boolean("flash", ""),
         boolean("left", ""),
@@ -108,7 +112,7 @@ const LEDS: Object = table(
 
 const PLAYED: Object = table(
     "PlayedSound",
-    "What the robot was told to play.",
+    "A sound that the robot was told to play.",
     &[
         text("name", ""),
         number("time", "since the start").unit("s"),
@@ -128,13 +132,13 @@ const LOGGED: Object = table(
 
 const POINT: Object = table(
     "Point",
-    "A place in the world.",
+    "A point of the world.",
     &[number("x", "").unit("m"), number("y", "").unit("m")],
 );
 
 const POSE: Object = table(
     "Pose",
-    "A place in the world and a direction.",
+    "A point of the world and a direction.",
     &[
         number("x", "").unit("m"),
         number("y", "").unit("m"),
@@ -154,7 +158,7 @@ pub(super) const SIM: Object = strict(
             "sim:run",
             &[],
             &[],
-            "Starts behaviours; without any, the one whose name the scenario's file has.",
+            "Starts behaviours; without arguments, the behaviour that the scenario's file is named after.",
             "sim:run(\"patrol.lua\", { \"guard.lua\", priority = 5, params = { loud = true } })",
         )
         .and("behaviours, each a file or a table `{ FILE, name =, priority =, restart =, params = {...} }`")
@@ -163,7 +167,7 @@ pub(super) const SIM: Object = strict(
             "sim:stop",
             &[],
             &[],
-            "Ends the behaviours in order. The next `sim:run()` finds robot and stores as they are.",
+            "Ends the behaviours in order. The next `sim:run()` finds the robot and the stores as they are.",
             "sim:stop()",
         )
         .waiting(),
@@ -171,7 +175,7 @@ pub(super) const SIM: Object = strict(
             "sim:kill",
             &[],
             &[],
-            "Ends the behaviours all at once, as a power cut of the computer does.",
+            "Kills all behaviours at once, like a power cut of the computer.",
             "sim:kill()",
         )
         .waiting(),
@@ -185,80 +189,80 @@ pub(super) const SIM: Object = strict(
         .waiting(),
         call(
             "sim:wait_until",
-            &[function("fn", "() -> any", "looked at every 0.05 s"), TIME],
-            &[boolean("ok", "false when the time was over")],
-            "Waits until a function answers something true.",
+            &[function("fn", "() -> any", "tested every 0.05 s"), TIME],
+            &[boolean("ok", "false after a time-out")],
+            "Waits until a function returns something true.",
             "expect(sim:wait_until(function() return sim:docked() end, 60))",
         )
         .waiting(),
-        call("sim:time", &[], &[number("seconds", "").unit("s")], "Virtual seconds since the start.", "print(sim:time())").pure(),
-        call("sim:seed", &[], &[whole("seed", "")], "The seed that it is played with.", "print(sim:seed())").pure(),
+        call("sim:time", &[], &[number("seconds", "").unit("s")], "Returns the virtual seconds since the start.", "print(sim:time())").pure(),
+        call("sim:seed", &[], &[whole("seed", "")], "Returns the seed of this run of the scenario.", "print(sim:seed())").pure(),
         call(
             "sim:clock",
             &[short_text("date", 40, "in the config's time zone")],
             &[],
-            "Sets the clock on the wall, which goes on from there. It begins at 09:00 of 2026-01-01 in universal time.",
+            "Sets the date and time, which run on from there. At the start they are 2026-01-01 09:00 UTC.",
             "sim:clock(\"2026-03-29 01:30\")",
         ),
-        call("sim:pose", &[], &[object("pose", &POSE, "")], "Where the robot really is.", "print(sim:pose().x)").pure(),
+        call("sim:pose", &[], &[object("pose", &POSE, "")], "Returns the robot's true pose.", "print(sim:pose().x)").pure(),
         call(
             "sim:place",
             &[options(&[
                 X,
                 Y,
-                bounded("heading", FAR, "as before unless given").unit("rad").optional(),
+                bounded("heading", FAR, "default: unchanged").unit("rad").optional(),
             ])
             .required()],
             &[],
-            "Carries the robot somewhere.",
+            "Places the robot somewhere.",
             "sim:place({ x = 1, y = 2, heading = 0 })",
         )
         .waiting(),
-        call("sim:ball", &[BALL], &[object("place", &POINT, "")], "Where a ball of the world is.", "print(sim:ball(1).x)").pure(),
+        call("sim:ball", &[BALL], &[object("place", &POINT, "")], "Returns the position of a ball of the world.", "print(sim:ball(1).x)").pure(),
         call(
             "sim:place_ball",
             &[BALL, options(&[X, Y]).required()],
             &[],
-            "Puts a ball of the world somewhere, at rest.",
+            "Places a ball of the world somewhere, at rest.",
             "sim:place_ball(1, { x = 1, y = 2 })",
         )
         .waiting(),
         call(
             "sim:battery",
-            &[bounded("percent", BATTERY, "sets it first").unit("%").optional()],
+            &[bounded("percent", BATTERY, "sets the level first").unit("%").optional()],
             &[number("percent", "").unit("%")],
-            "The battery's level.",
+            "Returns the battery's level, and can set it.",
             "sim:battery(15)",
         )
         .waiting(),
-        call("sim:charging", &[], &[boolean("charging", "")], "Whether the battery charges.", "print(sim:charging())").pure(),
-        call("sim:docked", &[], &[boolean("docked", "")], "Whether the robot stands on its charging station.", "print(sim:docked())").pure(),
-        call("sim:connected", &[], &[boolean("connected", "")], "Whether someone is logged in.", "print(sim:connected())").pure(),
-        call("sim:leds", &[], &[object("leds", &LEDS, "")], "Which lights are on.", "print(sim:leds().left)").pure(),
+        call("sim:charging", &[], &[boolean("charging", "")], "Returns whether the battery charges.", "print(sim:charging())").pure(),
+        call("sim:docked", &[], &[boolean("docked", "")], "Returns whether the robot is on its charging station.", "print(sim:docked())").pure(),
+        call("sim:connected", &[], &[boolean("connected", "")], "Returns whether a client is logged in.", "print(sim:connected())").pure(),
+        call("sim:leds", &[], &[object("leds", &LEDS, "")], "Returns which lights are on.", "print(sim:leds().left)").pure(),
         call(
             "sim:sounds",
             &[],
             &[value("sounds", Type::List(&Type::Object(&PLAYED)), "")],
-            "What the robot was told to play.",
+            "Returns the sounds that the robot was told to play.",
             "print(#sim:sounds())",
         )
         .pure(),
-        call("sim:photos", &[], &[whole("count", "")], "How many pictures the behaviours have saved.", "print(sim:photos())").pure(),
-        call("sim:distance", &[], &[number("metres", "").unit("m")], "The way driven so far.", "print(sim:distance())").pure(),
-        call("sim:collisions", &[], &[whole("count", "")], "How often the robot ran into something.", "print(sim:collisions())").pure(),
+        call("sim:photos", &[], &[whole("count", "")], "Returns the number of pictures that the behaviours have saved.", "print(sim:photos())").pure(),
+        call("sim:distance", &[], &[number("metres", "").unit("m")], "Returns the distance driven so far.", "print(sim:distance())").pure(),
+        call("sim:collisions", &[], &[whole("count", "")], "Returns the number of collisions so far.", "print(sim:collisions())").pure(),
         call(
             "sim:ended",
-            &[short_text("name", LONGEST, "of a behaviour; any unless given").optional()],
+            &[short_text("name", LONGEST, "the behaviour's name; default: any").optional()],
             &[text("reason", "`done`, `error`, `cpu`, `safety`, ...; nil while it runs").optional()],
-            "Why a behaviour has ended.",
+            "Returns why a behaviour has ended.",
             "expect(sim:ended() == nil)",
         )
         .pure(),
         call(
             "sim:log",
-            &[short_text("text", LONGEST, "what the lines contain").optional()],
+            &[short_text("text", LONGEST, "text that the lines contain; default: all lines").optional()],
             &[value("lines", Type::List(&Type::Object(&LOGGED)), "")],
-            "The lines that behaviours have written.",
+            "Returns the lines that behaviours have written.",
             "expect(#sim:log(\"hello\") > 0)",
         )
         .pure(),
@@ -282,7 +286,7 @@ pub(super) const SIM: Object = strict(
             "sim:hide_station",
             &[boolean("hidden", "")],
             &[],
-            "The charging station cannot be found.",
+            "Sets whether the charging station is impossible to find.",
             "sim:hide_station(true)",
         )
         .waiting(),
@@ -290,7 +294,7 @@ pub(super) const SIM: Object = strict(
             "sim:break_charger",
             &[boolean("broken", "")],
             &[],
-            "The charging station has no current.",
+            "Sets whether the charging station lacks current.",
             "sim:break_charger(true)",
         )
         .waiting(),
@@ -298,7 +302,7 @@ pub(super) const SIM: Object = strict(
             "sim:fault",
             &[value("fault", Type::Fields, "as in the YAML of `spykee sim --faults`")],
             &[],
-            "Begins a fault of the network or the robot.",
+            "Starts a fault of the network or the robot.",
             "sim:fault({ fault = \"drop\" })",
         )
         .waiting(),

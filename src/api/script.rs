@@ -7,16 +7,16 @@ use super::terms::{Availability, Constant, Function, Namespace, Type};
 const CONSTANTS: &[Constant] = &[Constant {
     path: "script.name",
     kind: Type::Text(None),
-    doc: "The script's name: its file's, without `.lua`.",
+    doc: "The script's name: that of its file without `.lua`, or the one in the config.",
     example: "print(script.name)",
 }];
 
 const FUNCTIONS: &[Function] = &[
     call(
         "script.stop",
-        &[short_text("reason", 1000, "stands in the log").optional()],
+        &[short_text("reason", 1000, "for the log").optional()],
         &[],
-        "Ends the script; the calling task does not go on.",
+        "Ends the script; the calling task does not continue.",
         "script.stop(\"seen enough\")",
     ),
     call(
@@ -24,17 +24,17 @@ const FUNCTIONS: &[Function] = &[
         &[function(
             "fn",
             "(reason: string) -> ...any",
-            "gets why the script ends, has 0.5 s and cannot move",
+            "gets the reason, has 0.5 s, and cannot drive",
         )],
         &[],
-        "Calls a function when the script ends, whatever the reason.",
+        "Calls a function when the script ends, for whatever reason.",
         "script.on_stop(function(reason)\n\tprint(\"goodbye:\", reason)\nend)",
     ),
     call(
         "script.usage",
         &[],
         &[object("usage", &USAGE, "")],
-        "What the script has used so far.",
+        "Returns the resources that the script has used so far.",
         "print(script.usage().memory_bytes // 1024, \"KiB\")",
     )
     .pure(),
@@ -42,7 +42,7 @@ const FUNCTIONS: &[Function] = &[
 
 pub(super) const SCRIPT: Namespace = Namespace {
     name: "script",
-    about: "the script's own life",
+    about: "the script itself",
     availability: Availability::Everywhere,
     functions: FUNCTIONS,
     constants: CONSTANTS,

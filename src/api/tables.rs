@@ -10,10 +10,10 @@ pub(super) const BATTERY: Object = table(
     &[
         whole("percent", "its level").unit("%"),
         boolean("charging", ""),
-        number("age", "since the robot said so").unit("s"),
+        number("age", "since the robot reported it").unit("s"),
         number(
             "minutes_left",
-            "until it is empty, if it goes on as of late; nil until known, and while it charges",
+            "estimated time until it is empty, at the recent consumption; nil until known, and while it charges",
         )
         .unit("min")
         .optional(),
@@ -22,19 +22,19 @@ pub(super) const BATTERY: Object = table(
 
 pub(super) const POSE_ESTIMATE: Object = table(
     "PoseEstimate",
-    "Where the robot is, by what its tracks did and its camera saw.",
+    "The robot's estimated pose, from its tracks and its camera.",
     &[
-        number("x", "ahead of where it began").unit("m"),
-        number("y", "to the left of it").unit("m"),
+        number("x", "ahead of the origin").unit("m"),
+        number("y", "to the left of the origin").unit("m"),
         number(
             "heading",
-            "turned to the left since; more than a full turn counts on",
+            "turned to the left since then; not limited to a full turn",
         )
         .unit("rad"),
-        number("error", "how far the place may be off").unit("m"),
+        number("error", "the estimated error of the position").unit("m"),
         number(
             "heading_error",
-            "how far the heading may be off, at most pi",
+            "the estimated error of the heading, at most pi",
         )
         .unit("rad"),
     ],
@@ -42,7 +42,7 @@ pub(super) const POSE_ESTIMATE: Object = table(
 
 pub(super) const INFO: Object = table(
     "Info",
-    "Which robot it is.",
+    "The identity of a robot.",
     &[
         text("uid", "its serial number"),
         text("name", ""),
@@ -54,20 +54,20 @@ pub(super) const INFO: Object = table(
 
 pub(super) const DOCK_INFO: Object = table(
     "DockInfo",
-    "How docking went.",
+    "The course of a docking.",
     &[
-        whole("attempts", "how many tries it took"),
-        number("seconds", "how long").unit("s"),
+        whole("attempts", "number of tries"),
+        number("seconds", "duration").unit("s"),
     ],
 );
 
 pub(super) const USAGE: Object = table(
     "Usage",
-    "What a script has used.",
+    "The resources that a script has used.",
     &[
-        number("cpu_ms", "time spent running").unit("ms"),
+        number("cpu_ms", "CPU time").unit("ms"),
         whole("memory_bytes", "").unit("bytes"),
-        number("worst_callback_ms", "the longest time without waiting").unit("ms"),
+        number("worst_callback_ms", "the longest run without waiting").unit("ms"),
     ],
 );
 
@@ -75,7 +75,7 @@ pub(super) const AUDIO: Object = table(
     "Audio",
     "A chunk of sound from the microphone.",
     &[
-        whole("rate", "samples a second: 16000").unit("Hz"),
+        whole("rate", "samples per second: 16000").unit("Hz"),
         number("rms", "its loudness, 0 to 1"),
         number("peak", "its loudest sample, 0 to 1"),
         number("dbfs", "its loudness").unit("dBFS"),
@@ -85,27 +85,34 @@ pub(super) const AUDIO: Object = table(
 
 pub(super) const NOISE: Object = table(
     "Noise",
-    "A sound above the set level.",
+    "A sound above the configured level.",
     &[
         number("dbfs", "its loudness").unit("dBFS"),
         boolean(
             "own",
-            "it may be the robot itself, which moves or makes a sound, or did just now",
+            "whether the robot itself may be the source: it moves or makes a sound, or did just before",
         ),
     ],
 );
 
-pub(super) const CONNECTED: Object = table("Connected", "A link was made.", &[text("address", "")]);
+pub(super) const CONNECTED: Object = table(
+    "Connected",
+    "The robot was connected.",
+    &[text("address", "")],
+);
 
-pub(super) const DISCONNECTED: Object =
-    table("Disconnected", "A link was lost.", &[text("reason", "")]);
+pub(super) const DISCONNECTED: Object = table(
+    "Disconnected",
+    "The connection was lost.",
+    &[text("reason", "")],
+);
 
 pub(super) const CHARGING: Object =
     table("Charging", "Charging began or ended.", &[boolean("on", "")]);
 
 pub(super) const SAFETY: Object = table(
     "Safety",
-    "What the watchdog did.",
+    "An action of the watchdog.",
     &[choice("action", SAFETY_ACTION, ""), text("reason", "")],
 );
 
@@ -115,15 +122,15 @@ pub(super) const LOAN: Object = table(
     &[
         number(
             "seconds",
-            "how long at most; a stop ends it, and so does a second without motion",
+            "the longest duration; a stop ends the loan, and so does a second without motion",
         )
         .unit("s"),
-        number("power", "the most power of each track; more is scaled down").unit("%"),
-        number("low_for", "since the battery has become low").unit("s"),
+        number("power", "the limit of each track's power; more is scaled down").unit("%"),
+        number("low_for", "since the battery became low").unit("s"),
         value(
             "way_back",
             Type::List(&Type::Object(&PLACE)),
-            "to the station, the nearest place first, as the robot came; nil unless that is known, and nothing but one search has moved it since",
+            "points back to the station along the robot's path, the nearest first; nil unless the path is known, and nothing but one search has moved the robot since",
         )
         .optional(),
     ],
@@ -131,10 +138,10 @@ pub(super) const LOAN: Object = table(
 
 pub(super) const PLACE: Object = table(
     "Place",
-    "A place on a robot's way back, seen from where it stood when its battery became low. By what its tracks were told, so the farther the less exact.",
+    "A point on the way back, relative to the pose of the robot when its battery became low. It comes from dead reckoning: the farther, the less exact.",
     &[
-        number("x", "ahead of it, as it looked then").unit("m"),
-        number("y", "to its left").unit("m"),
+        number("x", "ahead of that pose").unit("m"),
+        number("y", "to the left of that pose").unit("m"),
     ],
 );
 

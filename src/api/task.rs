@@ -7,7 +7,7 @@ use super::make::{
 };
 use super::terms::{Availability, Function, Namespace, Object, Type, Value};
 
-const FUNCTION: Value = function("fn", "(...any) -> ...any", "what to run");
+const FUNCTION: Value = function("fn", "(...any) -> ...any", "the function to run");
 const HANDLE: Value = object("task", &TASK, "");
 /// The shortest and the longest beat of `task.every`, in seconds.
 const BEAT: Bounds = Bounds::Between(0.001, 30.0 * 86_400.0);
@@ -17,8 +17,8 @@ const FUNCTIONS: &[Function] = &[
     call(
         "task.wait",
         &[TIME.default(0.0)],
-        &[number("passed", "the time that really passed").unit("s")],
-        "Waits; other tasks and handlers run meanwhile.",
+        &[number("passed", "the time that has really passed").unit("s")],
+        "Waits; other tasks and handlers run in the meantime.",
         "task.wait(0.5)",
     )
     .waiting(),
@@ -26,7 +26,7 @@ const FUNCTIONS: &[Function] = &[
         "task.now",
         &[],
         &[number("seconds", "").unit("s")],
-        "Seconds since the script started.",
+        "Returns the seconds since the script started.",
         "local began = task.now()\ntask.wait(1)\nprint(task.now() - began)",
     )
     .pure(),
@@ -34,7 +34,7 @@ const FUNCTIONS: &[Function] = &[
         "task.spawn",
         &[FUNCTION],
         &[HANDLE],
-        "Runs a function as a task of its own, beside the others.",
+        "Runs a function in a task of its own, in parallel with the others.",
         "local lights = task.spawn(function()\n\trobot.led(\"left\", true)\n\ttask.wait(1)\n\trobot.led(\"left\", false)\nend)\nlights:join()",
     )
     .and("arguments of the function"),
@@ -42,25 +42,25 @@ const FUNCTIONS: &[Function] = &[
         "task.delay",
         &[TIME, FUNCTION],
         &[HANDLE],
-        "Runs a function later, as a task of its own.",
+        "Runs a function later, in a task of its own.",
         "task.delay(2, robot.play, \"bip_2\")",
     )
     .and("arguments of the function"),
     call(
         "task.every",
         &[
-            bounded("seconds", BEAT, "from beat to beat").unit("s"),
-            function("fn", "(missed: number) -> ...any", "gets how many beats were missed"),
+            bounded("seconds", BEAT, "the period").unit("s"),
+            function("fn", "(missed: number) -> ...any", "gets the number of missed periods"),
         ],
         &[HANDLE],
-        "Runs a function again and again, with a steady beat.",
+        "Runs a function periodically, in a task of its own.",
         "local beat = task.every(1, function()\n\tprint(\"tick\")\nend)\ntask.wait(3)\nbeat:cancel()",
     ),
     call(
         "task.all",
         &[],
-        &[value("results", Type::Any, "the first result of each function, in order").optional()],
-        "Runs functions side by side and waits for all of them.",
+        &[value("results", Type::Any, "the first result of each function, in their order").optional()],
+        "Runs functions in parallel and waits for all of them.",
         "task.all(function()\n\ttask.wait(1)\nend, function()\n\trobot.blink(\"all\"):join()\nend)",
     )
     .and("the functions")
@@ -68,8 +68,8 @@ const FUNCTIONS: &[Function] = &[
     call(
         "task.race",
         &[FUNCTION],
-        &[value("results", Type::Any, "of the first that is done").optional()],
-        "Runs functions side by side until one is done; the others are cancelled.",
+        &[value("results", Type::Any, "of the first function that ends").optional()],
+        "Runs functions in parallel until one of them ends, then cancels the others.",
         "task.race(function()\n\ttask.wait(1)\nend, function()\n\trobot.wait_for(\"docked\")\nend)",
     )
     .and("more functions")
@@ -78,8 +78,8 @@ const FUNCTIONS: &[Function] = &[
         "task.timeout",
         &[TIME, FUNCTION],
         &[
-            boolean("ok", "false when the time was over"),
-            value("results", Type::Any, "of the function, or \"timeout\"").optional(),
+            boolean("ok", "false after a time-out"),
+            value("results", Type::Any, "those of the function, or \"timeout\"").optional(),
         ],
         "Runs a function within a time limit.",
         "local ok = task.timeout(5, function()\n\trobot.forward(1)\nend)\nprint(ok)",
@@ -90,10 +90,10 @@ const FUNCTIONS: &[Function] = &[
 
 pub(super) const TASK: Object = strict(
     "Task",
-    "A function that runs beside others.",
+    "A function that runs in parallel with others.",
     &[
-        choice("status", TASK_STATUS, "how it is"),
-        whole("missed", "beats of `task.every` that were missed"),
+        choice("status", TASK_STATUS, "its state"),
+        whole("missed", "missed periods of `task.every`"),
     ],
     &[
         call(
@@ -105,13 +105,13 @@ pub(super) const TASK: Object = strict(
         ),
         call(
             "Task:join",
-            &[bounded("timeout", SECONDS, "waits for ever without it")
+            &[bounded("timeout", SECONDS, "default: no limit")
                 .unit("s")
                 .optional()],
             &[
-                boolean("ok", "whether the task is done"),
+                boolean("ok", "whether the task has ended without an error"),
                 text("status", "as `.status`, or \"timeout\""),
-                text("message", "of a task that failed").optional(),
+                text("message", "the error of a task that failed").optional(),
             ],
             "Waits until the task has ended.",
             "robot.blink(\"left\"):join()",
@@ -122,7 +122,7 @@ pub(super) const TASK: Object = strict(
 
 pub(super) const TASKS: Namespace = Namespace {
     name: "task",
-    about: "time, and functions side by side",
+    about: "time, and functions that run in parallel",
     availability: Availability::Everywhere,
     functions: FUNCTIONS,
     constants: &[],

@@ -9,23 +9,23 @@ const KIND: usize = 40;
 const MESSAGE: usize = 1000;
 
 const ADD: &[Value] = &[
-    short_text("kind", KIND, "one word: letters, digits, - and _"),
+    short_text("kind", KIND, "one word of letters, digits, - and _"),
     value(
         "fields",
         Type::Fields,
-        "named values: texts, numbers, true, false, or tables of these; 4096 bytes at most",
+        "values by name: strings, numbers, true, false, or tables of these; at most 4096 bytes",
     )
     .optional(),
 ];
 
-const MORE: &[Value] = &[text("picture", "what frame:save gave").optional()];
+const MORE: &[Value] = &[text("picture", "the path that `frame:save` returned").optional()];
 
 const JOURNALLED: &[Function] = &[call(
     "journal.add",
     ADD,
     &[boolean(
         "kept",
-        "false: the day's share of this script is used up",
+        "false if this script's share of the day is used up",
     )],
     "Adds an entry to the journal; `spykee history` shows it.",
     "journal.add(\"moved\", { energy = 3.5, where = \"door\" })",
@@ -34,20 +34,20 @@ const JOURNALLED: &[Function] = &[call(
 const NOTIFIED: &[Function] = &[call(
     "notify.send",
     &[
-        short_text("text", MESSAGE, "what people are told"),
+        short_text("text", MESSAGE, "the message"),
         value("options", Type::Options(MORE), "").optional(),
     ],
     &[boolean(
         "sent",
-        "false: the day's share of this script is used up",
+        "false if this script's share of the day is used up",
     )],
-    "Tells people, wherever the config's `notify:` says; does not wait for it.",
+    "Sends a message to the targets of the config's `notify:`, without waiting for it.",
     "notify.send(\"somebody is at the door\")",
 )];
 
 pub(super) const JOURNAL: Namespace = Namespace {
     name: "journal",
-    about: "what is remembered for people",
+    about: "a record for people",
     availability: Availability::Behaviour,
     functions: JOURNALLED,
     constants: &[],

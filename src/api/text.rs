@@ -81,12 +81,15 @@ impl Value {
 
     /// All that is known of it in one line, such as `a number between -100 and 100, in %: power`.
     pub fn words(&self) -> String {
+        if matches!(self.kind, Type::Any) && !self.doc.is_empty() {
+            return self.doc.to_owned();
+        }
         let mut words = self.kind.words();
         if !self.unit.is_empty() {
             let _ = write!(words, ", in {}", self.unit);
         }
         if let Need::Default(usual) = self.need {
-            let _ = write!(words, ", {usual} unless given");
+            let _ = write!(words, ", default {usual}");
         }
         if !self.doc.is_empty() {
             let _ = write!(words, ": {}", self.doc);

@@ -25,7 +25,7 @@ pub(super) const COLOUR: Object = strict(
 
 pub(super) const LEARNED: Object = table(
     "Learned",
-    "How well a colour was learned.",
+    "The quality of a learned colour.",
     &[number("quality", "0 to 1")],
 );
 
@@ -38,14 +38,14 @@ pub(super) const TRACKER: Object = strict(
             "Tracker:update",
             &[NEXT],
             &[value("tracks", Type::List(&Type::Object(&TRACK)), "")],
-            "Looks at the next frame.",
+            "Processes the next frame.",
             "local balls = vision.tracker({ colour = \"red\" })\nfor _, ball in balls:update(frame) do\n\tprint(ball.id, ball.cx)\nend",
         ),
         call(
             "Tracker:best",
             &[],
             &[object("track", &TRACK, "nil while there is none").optional()],
-            "The one to follow: seen for long enough, and the largest.",
+            "Returns the blob to follow: the largest of those seen for long enough.",
             "local balls = vision.tracker({ colour = \"red\" })\nballs:update(frame)\nlocal ball = balls:best()\nprint(ball and ball.cx)",
         )
         .pure(),
@@ -53,7 +53,7 @@ pub(super) const TRACKER: Object = strict(
             "Tracker:reset",
             &[],
             &[],
-            "Forgets all that was seen.",
+            "Forgets everything seen so far.",
             "local balls = vision.tracker({ colour = \"red\" })\nballs:reset()",
         ),
     ],
@@ -61,7 +61,7 @@ pub(super) const TRACKER: Object = strict(
 
 pub(super) const DETECTOR: Object = strict(
     "Detector",
-    "Notices motion; made by `vision.motion`.",
+    "Detects motion; made by `vision.motion`.",
     &[],
     &[call(
         "Detector:update",
@@ -70,12 +70,12 @@ pub(super) const DETECTOR: Object = strict(
             object(
                 "motion",
                 &MOTION,
-                "nil while anything moves the robot, and for a second after",
+                "nil while the robot moves, and for a second afterwards",
             )
             .optional(),
             text("why", "\"moving\"").optional(),
         ],
-        "Compares the frame with the ones before.",
+        "Compares a frame with the previous ones.",
         "local watch = vision.motion()\nlocal motion = watch:update(frame)\nprint(motion and motion.score)",
     )],
 );
@@ -89,7 +89,7 @@ const FUNCTIONS: &[Function] = &[
             range("b", OPPONENT, "from blue to yellow"),
         ])],
         &[object("colour", &COLOUR, "")],
-        "A colour as ranges of L*a*b*.",
+        "Makes a colour from ranges of L*a*b*.",
         "local sock = vision.lab({ l = { 30, 70 }, a = { 20, 80 }, b = { 10, 60 } })\nlocal frame = robot.frame()\nprint(frame and #frame:find_blobs(sock))",
     ),
     call(
@@ -100,27 +100,32 @@ const FUNCTIONS: &[Function] = &[
             range("v", PERCENT, "value").unit("%"),
         ])],
         &[object("colour", &COLOUR, "")],
-        "A colour as ranges of hue, saturation and value.",
+        "Makes a colour from ranges of hue, saturation and value.",
         "local pink = vision.hsv({ h = { 310, 350 }, s = { 30, 100 }, v = { 40, 100 } })\nlocal frame = robot.frame()\nprint(frame and #frame:find_blobs(pink))",
     ),
     call(
         "vision.tracker",
         &[options(&[
-            value("colour", Type::Colours, "what to follow"),
-            count("min_age", 1000, "frames until a blob counts").default(TRACKS.min_age as f64),
-            count("max_lost", 1000, "frames that it may be out of sight")
-                .default(TRACKS.max_lost as f64),
+            value("colour", Type::Colours, "the colours to follow"),
+            count("min_age", 1000, "frames in sight before a blob counts")
+                .default(TRACKS.min_age as f64),
+            count(
+                "max_lost",
+                1000,
+                "frames out of sight before it is given up",
+            )
+            .default(TRACKS.max_lost as f64),
             bounded(
                 "max_jump",
                 Bounds::Above(0.0, 10_000.0),
-                "from frame to frame",
+                "the longest move from one frame to the next",
             )
             .unit("px")
             .default(TRACKS.max_jump),
         ])
         .required()],
         &[object("tracker", &TRACKER, "")],
-        "Follows blobs from frame to frame.",
+        "Makes a tracker, which follows blobs from frame to frame.",
         "local balls = vision.tracker({ colour = \"red\" })\nrobot.on(\"frame\", function(frame)\n\tballs:update(frame)\n\tlocal ball = balls:best()\n\tif ball then\n\t\tprint(ball.id, ball.vx)\n\tend\nend)",
     ),
     call(
@@ -129,15 +134,19 @@ const FUNCTIONS: &[Function] = &[
             count(
                 "threshold",
                 255,
-                "how much brighter or darker a pixel must become",
+                "the smallest change of a pixel's brightness (0 to 255) that counts",
             )
             .default(MOVES.threshold as f64),
-            count("min_pixels", 2_000_000, "the smallest thing that counts")
-                .unit("px")
-                .default(MOVES.min_pixels as f64),
+            count(
+                "min_pixels",
+                2_000_000,
+                "the smallest moving area that counts",
+            )
+            .unit("px")
+            .default(MOVES.min_pixels as f64),
         ])],
         &[object("detector", &DETECTOR, "")],
-        "Notices what moves before a camera that stands still.",
+        "Makes a motion detector, for a camera that stands still.",
         "local watch = vision.motion()\nrobot.on(\"frame\", function(frame)\n\tlocal motion = watch:update(frame)\n\tif motion and motion.score > 0.05 then\n\t\trobot.play(\"alarm\")\n\tend\nend)",
     ),
     call(
@@ -146,19 +155,23 @@ const FUNCTIONS: &[Function] = &[
             value(
                 "frames",
                 Type::OneOrMore(&Type::Object(&FRAME)),
-                "1 to 16 frames that show the thing",
+                "1 to 16 frames that show the object",
             ),
-            value("roi", Type::Roi, "where it is in them"),
+            value(
+                "roi",
+                Type::Roi,
+                "the part of the frames that the object fills",
+            ),
         ],
         &[
-            object("colour", &COLOUR, "nil if none can be told").optional(),
+            object("colour", &COLOUR, "nil if no colour could be learned").optional(),
             value(
                 "info",
                 Type::Any,
                 "a Learned; or \"too_grey\" or \"too_mixed\"",
             ),
         ],
-        "Learns the colour of a thing that is held before the camera.",
+        "Learns the colour of an object in front of the camera.",
         "local frame = robot.wait_frame(2)\nif frame then\n\tlocal colour = vision.learn({ frame }, { 150, 110, 20, 20 })\n\tprint(colour or \"hold it nearer\")\nend",
     ),
 ];

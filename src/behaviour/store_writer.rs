@@ -158,7 +158,7 @@ impl StoreWriter {
         if self.slow == Some(false) {
             self.slow = Some(true);
             return Some(format!(
-                "{} bytes a day are used up: from now on what is on the disk is up to a minute old",
+                "the limit of {} bytes per day is used up: from now on the store is saved once per minute",
                 self.day.per_day()
             ));
         }
@@ -330,7 +330,7 @@ mod tests {
         assert!(writer.is_due(now + PACE) && writer.trouble().is_none());
         writer.offer(Some(b"34".to_vec()), now + PACE);
         assert!(!writer.is_due(now + PACE + PACE) && writer.is_due(now + PACE + SLOW_PACE));
-        assert!(writer.trouble().unwrap().contains("a minute old"));
+        assert!(writer.trouble().unwrap().contains("once per minute"));
         assert!(writer.trouble().is_none());
         assert_eq!(writer.finish(Some(b"56".to_vec())), None);
         assert_eq!(writer.read().unwrap().unwrap(), b"56");

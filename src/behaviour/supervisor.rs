@@ -148,10 +148,7 @@ impl Supervisor {
         let served = core.spawn(self.serve_to_the_end(handle.stop.subscribe()));
         let Ok((mut supervisor, ending)) = AbortOnDropHandle::new(served).await else {
             let _ = requests.send(Request::Gone(by)).await;
-            return self::ending(
-                EndReason::Error,
-                "internal error: its supervisor broke down",
-            );
+            return self::ending(EndReason::Error, "internal error: its supervisor panicked");
         };
         let ending = match ending {
             Some(ending) => ending,
@@ -289,7 +286,7 @@ impl Supervisor {
             (Fate::LeftOut(before), _) => warn!(
                 behaviour = %name,
                 before,
-                "it logs too much: lines are left out, which is said at most once a minute"
+                "it logs too much: lines are dropped; this is logged at most once a minute"
             ),
             (Fate::Silent, _) => {}
         }
@@ -301,7 +298,7 @@ impl Supervisor {
             remarks::Fate::LeftOut(before) => warn!(
                 behaviour = %self.host.name,
                 before,
-                "it tells too much: an entry, a message or a picture is not told, which is said at \
+                "it sends too much: journal entries, messages or pictures are dropped; this is logged at \
                  most once a minute"
             ),
             remarks::Fate::Silent => {}
@@ -362,7 +359,7 @@ impl Supervisor {
     }
 
     fn deaf(&self) -> Ending {
-        let text = format!("{}: it does not read what it is told", self.host.name);
+        let text = format!("{}: it does not read its messages", self.host.name);
         ending(EndReason::Cpu, &text)
     }
 

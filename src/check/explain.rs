@@ -88,32 +88,32 @@ fn general(words: &str, at: Span) -> Option<Remark> {
     };
     if words.contains("stack overflow") {
         return said(
-            "a function calls itself again and again, without end",
-            "let it stop at some point, or use a loop: while true do ... task.wait(0.1) end",
+            "a function calls itself endlessly",
+            "let it end at some point, or use a loop: while true do ... task.wait(0.1) end",
         );
     }
     if words.contains("attempt to call a") || words.contains("attempt to call missing") {
         return said(
-            "what is called here is no function",
+            "what is called here is not a function",
             "check the spelling of its name",
         );
     }
     if words.contains("attempt to yield across") {
         return said(
             words,
-            "nothing can wait inside a table.sort or gsub function or a metamethod",
+            "a function for table.sort or gsub, or a metamethod, cannot wait",
         );
     }
     if words.contains("readonly table") {
         return said(
-            "this is a readonly table, which cannot be changed",
+            "this table is read-only and cannot be changed",
             "keep your own values in a local variable",
         );
     }
     let kin = [
         (
             "attempt to index",
-            "a field is read of what has none, perhaps of nil",
+            "a field is read from a value that has no fields, perhaps nil",
         ),
         (
             "attempt to perform arithmetic",
@@ -125,20 +125,20 @@ fn general(words: &str, at: Span) -> Option<Remark> {
         ),
         (
             "attempt to concatenate",
-            "one of the two values is no text, perhaps nil",
+            "one of the two values is not a string, perhaps nil",
         ),
         (
             "attempt to get length",
-            "only lists and texts have a length",
+            "only lists and strings have a length",
         ),
         (
             "attempt to iterate",
-            "what stands behind `in` is no list, perhaps nil",
+            "the value after `in` is not a list, perhaps nil",
         ),
         ("invalid 'for'", "a `for` counts with numbers only"),
     ];
     let found = kin.iter().find(|(piece, _)| words.contains(piece));
-    found.and_then(|(_, message)| said(message, "print the values to see which it is"))
+    found.and_then(|(_, message)| said(message, "print the values to see which one it is"))
 }
 
 struct Scene<'a> {

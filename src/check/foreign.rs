@@ -4,9 +4,9 @@ use crate::api;
 
 /// Names of other languages, and what is meant by them here.
 const MEANT: [(&str, &str); 32] = [
-    ("null", "nothing is called nil here"),
-    ("None", "nothing is called nil here"),
-    ("undefined", "nothing is called nil here"),
+    ("null", "it is written nil"),
+    ("None", "it is written nil"),
+    ("undefined", "it is written nil"),
     ("True", "it is written true, in small letters"),
     ("False", "it is written false, in small letters"),
     ("TRUE", "it is written true, in small letters"),
@@ -19,10 +19,10 @@ const MEANT: [(&str, &str); 32] = [
     ),
     (
         "spawn",
-        "to run a function beside others, write task.spawn(fn)",
+        "to run a function in parallel, write task.spawn(fn)",
     ),
-    ("import", "modules come with require(\"./name\")"),
-    ("include", "modules come with require(\"./name\")"),
+    ("import", "load a module with require(\"./name\")"),
+    ("include", "load a module with require(\"./name\")"),
     ("elif", "it is written elseif"),
     ("elsif", "it is written elseif"),
     ("def", "functions begin with the word function"),
@@ -36,10 +36,10 @@ const MEANT: [(&str, &str); 32] = [
     ("printf", "to write something, use print(...)"),
     ("len", "the length of a list or text is #list"),
     ("range", "to count, write for i = 1, 10 do"),
-    ("str", "a text of a value is tostring(value)"),
+    ("str", "tostring(value) converts a value to a string"),
     (
         "int",
-        "a number of a text is tonumber(text); math.floor(x) rounds down",
+        "tonumber(text) converts a string to a number; math.floor(x) rounds down",
     ),
     ("self", "only functions declared with a colon have self"),
     (
@@ -66,7 +66,7 @@ pub(super) fn belongs_to(name: &str) -> Option<String> {
     let text = api::choices().find(|choice| (choice.names)().contains(&name));
     if let Some(choice) = text {
         return Some(format!(
-            "the name of a {} stands in quotes: \"{name}\"",
+            "write the name of a {} in quotes: \"{name}\"",
             choice.what
         ));
     }

@@ -37,7 +37,7 @@ impl ValueKind<'_> {
             ValueKind::Number(Some(number)) => number.to_string(),
             ValueKind::Number(None) => "a number".to_owned(),
             ValueKind::Text(Some(text)) => format!("'{}'", crate::script::printable(text, 40)),
-            ValueKind::Text(None) => "a text".to_owned(),
+            ValueKind::Text(None) => "a string".to_owned(),
             ValueKind::Table(_) | ValueKind::Params(_) => "a table".to_owned(),
             ValueKind::Function(_) | ValueKind::Native(_) => "a function".to_owned(),
             ValueKind::Namespace(name) => format!("all of {name}"),

@@ -1,9 +1,9 @@
-//! Looks at a script before it runs: syntax, names, calls of the API, modules. And explains in words
-//! for people what the VM says of a script that failed: [`explain`].
+//! Checks a script before it runs: syntax, names, calls of the API, modules. And explains the VM's
+//! error of a script that failed in plain words: [`explain`].
 //!
-//! The compiler judges syntax; for the rest the script is read into a tree. A script that is right
-//! is never complained about: what the file alone cannot tell is left to the run. The work is
-//! bounded whatever the file holds, and nothing of it runs.
+//! The compiler judges syntax; for the rest the script is read into a tree. There are no false
+//! positives: what the file alone cannot tell is left to the run. The work is bounded whatever the
+//! file contains, and no part of the script runs.
 
 mod explain;
 mod finding;
@@ -125,8 +125,8 @@ pub fn errors(source: &[u8], options: &Options) -> Vec<Finding> {
     findings
 }
 
-/// Whether a file's script tries behaviours rather than being one: `*_test.lua`, and the `check.lua`
-/// of a lesson.
+/// Whether a file's script tries behaviours rather than being one: `*_test.lua`, and the
+/// `check.lua` of a lesson.
 fn is_scenario(file: &Path) -> bool {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     name.ends_with("_test.lua") || name == "check.lua"

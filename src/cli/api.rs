@@ -14,15 +14,15 @@ pub(super) struct ApiArgs {
     #[arg(value_name = "NAME")]
     name: Option<String>,
 
-    /// Print the definition file of luau-lsp, for completion in editors
+    /// Print a definition file for luau-lsp, for completion in editors
     #[arg(long, conflicts_with_all = ["name", "markdown", "json"])]
     luau: bool,
 
-    /// Print the reference as it stands in behaviours/README.md
+    /// Print the reference of behaviours/README.md
     #[arg(long, conflicts_with_all = ["name", "json"])]
     markdown: bool,
 
-    /// Print all of it as JSON
+    /// Print everything as JSON
     #[arg(long, conflicts_with = "name")]
     json: bool,
 }
@@ -44,7 +44,7 @@ fn one(name: &str) -> Result<String, Failure> {
         let known = api::known();
         let near = suggestion(name, known.iter().map(String::as_str));
         let failure = Failure::usage(format_args!("nothing in the API is called '{name}'{near}"));
-        failure.help("spykee api lists all of it")
+        failure.help("spykee api lists everything")
     })
 }
 

@@ -43,7 +43,7 @@ pub(super) enum ArgumentError {
     #[error("expected a number of seconds, at most {0}")]
     Duration(f64),
     /// `sim --fps`.
-    #[error("expected 0.1 to 60 frames a second")]
+    #[error("expected 0.1 to 60 frames per second")]
     FrameRate,
     /// `--roi`.
     #[error("expected x,y,w,h in whole pixels, such as 100,80,40,30; w and h at least 1")]

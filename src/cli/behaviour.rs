@@ -8,11 +8,10 @@ use serde_json::{Value, json};
 use super::argument::ArgumentError;
 use super::remote::RemoteArgs;
 use super::running::{ask, nonsense, run_of};
-use super::runs::time;
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Exit, Failure, print};
-use crate::clock::Span;
+use crate::clock::{self, Span};
 use crate::control::{Answer, Change, Client, Errand, Listed};
 use crate::link::Target;
 
@@ -27,10 +26,10 @@ const HEAD: [(&str, Side); 5] = [
     ("LAST ENDED", Side::Left),
 ];
 
-/// Start, stop and restart the behaviours of a run that is on, or list them
+/// Start, stop, restart or list the behaviours of an active run
 ///
-/// Asks the `spykee run` or `spykee serve` of this data folder, by its private socket there, or with
-/// --url a service on another computer. A script is read from its file when it starts; one with a
+/// Asks the `spykee run` or `spykee serve` of this data folder through its private socket, or with
+/// --url a service on another computer. Each start reads the script from its file; a script with a
 /// mistake is refused.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
@@ -47,11 +46,11 @@ pub(super) struct BehaviourArgs {
 enum BehaviourCommand {
     /// List the behaviours of the run and what each does
     List(ListArgs),
-    /// Start a behaviour that does not run
+    /// Start a behaviour that is not running
     Start(StartArgs),
     /// End a behaviour; it is not restarted
     Stop(NameArgs),
-    /// End a behaviour if it runs, and start it from its file as that is now
+    /// End a behaviour if it is running, and start it from its file as it is now
     Restart(NameArgs),
 }
 
@@ -60,7 +59,8 @@ struct ListArgs {
     /// Print a JSON list
     #[arg(long)]
     json: bool,
-    /// Print the names only, one a line, for shells: those of letters, digits, `.`, `_` and `-`
+    /// Print only the names, one per line, for shells; leaves out names with characters other than
+    /// letters, digits, `.`, `_` and `-`
     #[arg(long, conflicts_with = "json")]
     names: bool,
     #[command(flatten)]
@@ -77,7 +77,7 @@ struct NameArgs {
 
 #[derive(Debug, Clone, clap::Args)]
 struct StartArgs {
-    /// End it after this time, such as 30m or 1h30m, unless it has ended by itself
+    /// End it after this time, such as 30m or 1h30m, unless it ends by itself first
     #[arg(long = "for", value_name = "TIME", value_parser = some_time)]
     lasts: Option<Span>,
     #[command(flatten)]
@@ -96,7 +96,7 @@ fn some_time(text: &str) -> Result<Span, ArgumentError> {
 /// Which run.
 #[derive(Debug, Clone, clap::Args)]
 struct WhichArgs {
-    /// The run that has this robot; without it the only run that is on
+    /// The run of this robot [default: the only active run]
     #[arg(long, value_name = "HOST[:PORT]")]
     robot: Option<Target>,
     #[command(flatten)]
@@ -161,9 +161,9 @@ fn change(args: &NameArgs, change: Change) -> Result<Exit, Failure> {
         Some(Answer::Done) => {
             let done = match change {
                 Change::Start => "runs".to_owned(),
-                Change::StartFor(lasts) => format!("runs, for {} at most", time(lasts)),
+                Change::StartFor(lasts) => format!("runs, for {} at most", clock::hours(lasts)),
                 Change::Stop => "has ended".to_owned(),
-                Change::Restart => "runs anew".to_owned(),
+                Change::Restart => "restarted".to_owned(),
             };
             print(&format!("{} {done}\n", args.name))?;
             Ok(Exit::Done)
@@ -177,13 +177,17 @@ impl WhichArgs {
         let found = run_of(&self.settings, self.robot.as_ref(), &self.remote)?;
         let data = self.settings.config()?.data_folder().display();
         found.ok_or_else(|| {
-            Failure::new(Exit::Unreachable, format_args!("no run is on in {data}"))
-                .help("`spykee run` and `spykee serve` begin one; `spykee status` lists them")
+            Failure::new(
+                Exit::Unreachable,
+                format_args!("no run is active in {data}"),
+            )
+            .help("`spykee run` and `spykee serve` start one; `spykee status` lists them")
         })
     }
 }
 
-/// Whether a shell that completes this name takes it as it is: bash executes what such words contain.
+/// Whether a shell that completes this name takes it as it is: bash executes what such words
+/// contain.
 fn is_plain(name: &str) -> bool {
     let plain = |letter: char| letter.is_alphanumeric() || "._-".contains(letter);
     !name.starts_with('-') && name.chars().all(plain)
@@ -193,7 +197,7 @@ fn row(one: &Listed) -> Vec<String> {
     vec![
         one.name.clone(),
         one.state.clone(),
-        one.running.map_or_else(|| "-".to_owned(), time),
+        one.running.map_or_else(|| "-".to_owned(), clock::hours),
         one.priority.0.to_string(),
         one.ending.as_ref().map_or_else(
             || "-".to_owned(),

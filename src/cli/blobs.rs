@@ -31,19 +31,20 @@ const HEAD: [(&str, Side); 13] = [
     ("EDGE", Side::Left),
 ];
 
-/// Find blobs of colour in pictures, as scripts do
+/// Find blobs of a colour in pictures, as scripts do
 ///
 /// Prints a row for each blob, the largest of each picture first: its number, box and centroid in
 /// pixels from the top left, roundness (1 for a disc, 0 for a line), bearing in radians (left
-/// positive) and whether it touches the edge of the picture. --json has every field that scripts have.
+/// positive) and whether it touches the edge of the picture. --json prints every field that scripts
+/// see.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct BlobsArgs {
     /// JPEG pictures, such as scripts save with frame:save
     #[arg(value_name = "IMAGE.jpg", required = true)]
     images: Vec<PathBuf>,
 
-    /// What to look for: red, orange, yellow, green, cyan, blue, magenta, white, black, or a name
-    /// of the config's colours; may be repeated
+    /// What to look for: red, orange, yellow, green, cyan, blue, magenta, white, black, or a colour
+    /// of the config; may be repeated
     #[arg(
         long = "colour",
         alias = "color",
@@ -56,28 +57,28 @@ pub(super) struct BlobsArgs {
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
 
-    /// Look only at this part: left column, top row, width, height
+    /// Look only at this part, in pixels: left column, top row, width, height
     #[arg(long, value_name = "X,Y,W,H", value_parser = picture::parse_roi)]
     roi: Option<Roi>,
 
-    /// Leave out blobs of fewer pixels
+    /// Omit blobs of fewer pixels
     #[arg(long, value_name = "NUMBER", default_value_t = BlobOptions::default().pixels_threshold)]
     min_pixels: u32,
 
-    /// Make one blob of those whose boxes overlap
+    /// Merge blobs whose boxes overlap
     #[arg(long)]
     merge: bool,
 
-    /// Show at most this many blobs of a picture, the largest
+    /// Show at most this many blobs per picture, the largest
     #[arg(long, value_name = "NUMBER", default_value_t = BlobOptions::default().max_blobs)]
     max_blobs: usize,
 
-    /// Print a JSON array in place of the table
+    /// Print a JSON array instead of the table
     #[arg(long)]
     json: bool,
 
-    /// Draw boxes, numbers and names: for one picture the PNG file to write, for SEVERAL pictures
-    /// a FOLDER, made if it is not there, that gets NAME-blobs.png for each
+    /// Draw boxes, numbers and names: for one picture the PNG file to write; for several pictures a
+    /// folder, made if missing, that gets NAME-blobs.png for each
     #[arg(long, value_name = "OUT.png|FOLDER")]
     annotate: Option<PathBuf>,
 }

@@ -59,7 +59,7 @@ pub(super) fn of_run(settings: &Effective) -> Result<Option<Account>, Failure> {
     if let (Some(_), Some((config, Named::Found))) = (&account, settings.file_of("mqtt.host")) {
         let config = config.display();
         let failure = Failure::usage(format_args!(
-            "the config {config} was found here, not named, and lets a broker ask for the robot"
+            "the config {config} was found here, not named, and would connect the robot to a broker"
         ));
         return Err(failure.help(format!(
             "name the config, --config {config}, if you trust it"

@@ -7,7 +7,7 @@ use super::cast::params;
 use super::examiner::Examiner;
 use super::settings::SettingsArgs;
 use super::source::read_source;
-use super::{Console, Exit, Failure, print, print_coloured};
+use super::{Console, Exit, Failure, plural, print, print_coloured};
 use crate::agent::Behaviour;
 use crate::behaviour::Launch;
 use crate::check::{Finding, Severity};
@@ -15,7 +15,7 @@ use crate::clean;
 use crate::config::{Config, Entry};
 use crate::script::Options;
 
-/// Look for mistakes in behaviours without running them
+/// Look for mistakes in behaviours, without running them
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct CheckArgs {
     /// Scripts, or folders of them
@@ -113,7 +113,7 @@ pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<
         Ok(())
     } else {
         Err(Failure::new(Exit::Check, texts.join("\n\nerror: "))
-            .help("nothing was run; --no-check runs it all the same"))
+            .help("nothing was run; --no-check runs it anyway"))
     }
 }
 
@@ -160,8 +160,6 @@ fn report(findings: &[Finding], files: usize) -> String {
         .filter(|one| one.severity == Severity::Error)
         .count();
     let warnings = findings.len() - errors;
-    let plural =
-        |count: usize, word: &str| format!("{count} {word}{}", if count == 1 { "" } else { "s" });
     text += &match (errors, warnings) {
         (0, 0) => format!("{}: nothing to complain about\n", plural(files, "script")),
         (_, 0) => format!("{}\n", plural(errors, "error")),

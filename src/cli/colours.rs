@@ -15,7 +15,7 @@ const MAX_SHOWN: usize = 40;
 pub(super) fn of_names(names: &[String], config: &Config) -> Result<Vec<Colour>, Failure> {
     if names.len() > MAX_COLOURS {
         return Err(Failure::usage(format_args!(
-            "{} colours; at most {MAX_COLOURS} can be told apart at once",
+            "{} colours; at most {MAX_COLOURS} can be distinguished at once",
             names.len()
         )));
     }

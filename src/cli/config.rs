@@ -19,13 +19,17 @@ pub(super) struct ConfigArgs {
 
 #[derive(Debug, Clone, Subcommand)]
 enum Action {
-    /// Print the settings that count: flags over $SPYKEE_... over the file over defaults
+    /// Print the settings in effect: a flag overrides $SPYKEE_..., that the file, and that the
+    /// default
     Show(ShowArgs),
     /// Check a config file
     Check {
-        /// The file
-        #[arg(value_name = "FILE", default_value = "spykee.yaml")]
-        file: PathBuf,
+        /// The file [default: that of --config, or else $SPYKEE_CONFIG, or else spykee.yaml]
+        #[arg(value_name = "FILE")]
+        file: Option<PathBuf>,
+
+        #[command(flatten)]
+        settings: SettingsArgs,
     },
     /// Print the JSON Schema of the config, for editors
     Schema,
@@ -36,7 +40,7 @@ struct ShowArgs {
     #[command(flatten)]
     settings: SettingsArgs,
 
-    /// Say where each value comes from
+    /// Show where each value comes from
     #[arg(long)]
     origin: bool,
 
@@ -62,7 +66,8 @@ impl ConfigArgs {
     pub(super) fn settings(&self) -> Option<&SettingsArgs> {
         match &self.action {
             Action::Show(args) => Some(&args.settings),
-            _ => None,
+            Action::Check { settings, .. } => Some(settings),
+            Action::Schema => None,
         }
     }
 }
@@ -71,7 +76,10 @@ impl ConfigArgs {
 pub(super) fn run(args: &ConfigArgs) -> Result<Exit, Failure> {
     match &args.action {
         Action::Show(args) => show(args),
-        Action::Check { file } => check(file),
+        Action::Check { file, settings } => match file {
+            Some(file) => check(file),
+            None => check(&settings.path()),
+        },
         Action::Schema => {
             print(&format!("{:#}\n", config::schema()))?;
             Ok(Exit::Done)

@@ -26,11 +26,11 @@ pub enum RobotChoice {
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Connection")]
 pub struct ConnectionArgs {
-    /// The robot's address; the port is 9000 unless given
+    /// The robot's address [default port: 9000]
     #[arg(long, value_name = "HOST[:PORT]", conflicts_with = "sim")]
     pub robot: Option<Target>,
 
-    /// Drive a simulated robot, in the built-in world or the one of a YAML file
+    /// Use a simulated robot, in the built-in living room, another built-in world or a world file
     #[arg(long, value_name = "WORLD", num_args = 0..=1, value_parser = WorldParser, hide_possible_values = true)]
     pub sim: Option<Option<PathBuf>>,
 
@@ -47,8 +47,8 @@ pub struct LoginArgs {
     #[arg(long, value_name = "NAME")]
     pub user: Option<String>,
 
-    /// Read the password from the first line of this file. Without it the password is
-    /// $SPYKEE_PASSWORD, or else admin
+    /// Read the password from the first line of this file [default: $SPYKEE_PASSWORD, or else the
+    /// config's password_file, or else admin]
     #[arg(long, value_name = "FILE")]
     pub password_file: Option<PathBuf>,
 }
@@ -74,8 +74,9 @@ impl LoginArgs {
     /// default.
     ///
     /// # Errors
-    /// A password file that cannot be read or is empty, or that a config names which was found and not
-    /// named and may not; a name or password that the robot cannot know. The password is not shown.
+    /// A password file that cannot be read or is empty, or that a config names which was found and
+    /// not named and may not; a name or password that the robot cannot know. The password is not
+    /// shown.
     pub(super) fn login(&self, settings: &Effective) -> Result<Login, Failure> {
         let config = &settings.config;
         let user = self.user.as_deref().or(config.user.as_deref());

@@ -17,18 +17,18 @@ const NO_ANSWER: &str = "no robot answered";
 const NO_ANSWER_HELP: &str = "is the robot on, and is this computer in its Wi-Fi (SPYKEE...)? A firewall \
                            must let UDP port 9000 through. `spykee sim` starts a simulated one";
 
-/// List the robots in reach
+/// List the robots on the network
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct DiscoverArgs {
     /// How long to wait for answers
     #[arg(long, value_name = "SECONDS", default_value = "3", value_parser = parse_timeout)]
     timeout: Duration,
 
-    /// Print a JSON array in place of the table
+    /// Print a JSON array instead of the table
     #[arg(long)]
     json: bool,
 
-    /// Ask only this address, not every network; may be repeated
+    /// Ask only this address instead of every network; may be repeated
     #[arg(long, value_name = "IP:PORT")]
     ask: Vec<SocketAddr>,
 }

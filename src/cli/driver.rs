@@ -7,10 +7,10 @@ use tokio::sync::mpsc;
 use tokio_util::sync::CancellationToken;
 
 use super::interrupt::obey;
-use super::startup::{driving_core, pulse};
+use super::startup::{driving_core, launcher, pulse};
 use super::{Exit, Failure};
 use crate::agent::{AgentError, Docked, Flight, Preflight, Seat, SeatError};
-use crate::behaviour::{Launch, Launcher};
+use crate::behaviour::Launch;
 use crate::pilot::{Dial, Settings, Status};
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, DockEnd, DockPlan, MotionEnd, Priority, Setpoint};
@@ -84,10 +84,7 @@ impl Driver {
         let requests = flight.requests();
         obey(core, requests.clone(), stop.clone())?;
         if let Some(rescue) = rescue {
-            let launcher = Launcher::this_executable().map_err(|error| {
-                Failure::usage(format_args!("cannot find this program's own file: {error}"))
-            })?;
-            flight.stand_by(launcher, rescue);
+            flight.stand_by(launcher()?, rescue);
         }
         Ok(Driver {
             requests,

@@ -15,11 +15,12 @@ use tokio::time::{MissedTickBehavior, interval, sleep};
 
 use super::interrupt::EndingSignals;
 use super::live::Ahead;
-use super::startup::STATUS_PERIOD;
+use super::startup::{STATUS_PERIOD, runtime};
 use super::status::StatusLine;
 use super::trace::TraceFile;
 use super::{Console, Exit, Failure};
 use crate::agent::{AgentError, Behaviour, Bus, Outcome, Tries};
+use crate::clock::hours;
 use crate::config::Config;
 use crate::control;
 use crate::journal::{self, LabJournal};
@@ -93,10 +94,7 @@ impl Fast {
         names: String,
         console: &Console,
     ) -> Result<Result<Outcome, AgentError>, Failure> {
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()
-            .map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
+        let runtime = runtime()?;
         let began = Instant::now();
         let (outcome, simulated) = runtime.block_on(self.watched(names, began, console))?;
         tracing::info!("{}", Pace::new(simulated, began.elapsed()).summary());
@@ -257,7 +255,7 @@ impl Pace {
     fn summary(&self) -> String {
         format!(
             "{} simulated in {:.1} s ({:.0}x)",
-            clock(self.simulated),
+            hours(self.simulated),
             self.real.as_secs_f64(),
             self.factor()
         )
@@ -267,19 +265,8 @@ impl Pace {
 /// As the status line begins.
 impl fmt::Display for Pace {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} ({:.0}x)", clock(self.simulated), self.factor())
+        write!(f, "{} ({:.0}x)", hours(self.simulated), self.factor())
     }
-}
-
-/// Hours, minutes and whole seconds: `1:00:00`.
-pub(super) fn clock(time: Duration) -> String {
-    let seconds = time.as_secs();
-    format!(
-        "{}:{:02}:{:02}",
-        seconds / 3600,
-        seconds / 60 % 60,
-        seconds % 60
-    )
 }
 
 /// An event log as a file: one JSON object a line. The first trouble in writing is kept.
@@ -338,7 +325,7 @@ impl EventFile {
         match writing.trouble.take().map_or(flushed, Err) {
             Ok(()) => Ok(()),
             Err(error) => Err(Failure::usage(format_args!(
-                "the event log {} is not whole: {error}",
+                "the event log {} is incomplete: {error}",
                 self.shown
             ))),
         }
@@ -353,6 +340,5 @@ mod tests {
     fn the_summary_says_how_long_and_how_fast() {
         let pace = Pace::new(Duration::from_secs(3600), Duration::from_millis(1100));
         assert_eq!(pace.summary(), "1:00:00 simulated in 1.1 s (3273x)");
-        assert_eq!(clock(Duration::from_secs(90_061)), "25:01:01");
     }
 }

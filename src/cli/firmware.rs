@@ -8,7 +8,8 @@ use crate::sim::Firmware;
 /// Which firmware a simulated robot has.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(super) struct FirmwareArgs {
-    /// How the simulated robot behaves where the real firmware's behaviour is unknown: a YAML file such as the README's
+    /// YAML file that sets how the simulated robot behaves where the real firmware is unknown; the
+    /// README lists the keys
     #[arg(long, value_name = "FILE.yaml")]
     firmware: Option<PathBuf>,
 }
@@ -35,8 +36,7 @@ impl FirmwareArgs {
         if simulated || self.firmware.is_none() {
             return Ok(());
         }
-        let failure =
-            Failure::usage("--firmware describes a simulated robot, and goes with --sim only");
+        let failure = Failure::usage("--firmware needs --sim: it describes a simulated robot");
         Err(failure.help("--sim [WORLD.yaml] runs on a simulated robot"))
     }
 }

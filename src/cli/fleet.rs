@@ -26,10 +26,11 @@ const HEAD: [(&str, Side); 6] = [
     ("PROBLEM", Side::Left),
 ];
 
-/// Talk to all robots of a broker: list them, run a behaviour, stop
+/// Address all robots of an MQTT broker: list them, run a behaviour, stop
 ///
-/// The config names the broker (`mqtt: { host: ... }`); every `spykee run` whose config names the same is
-/// found there by its robot's uid. Exit code 4 if any robot did not do what was asked.
+/// The config names the broker (`mqtt: { host: ... }`); every run whose config names the same
+/// broker appears there under its robot's uid. The exit code is 4 if any robot did not do what was
+/// asked.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Examples:\n  spykee fleet list\n  spykee fleet run patrol --on all\n  \
@@ -53,18 +54,18 @@ enum Action {
     },
     /// Start a behaviour
     Run {
-        /// The behaviour, as the robots' own configs call it
+        /// The behaviour's name in the robots' configs
         #[arg(value_name = "NAME")]
         behaviour: String,
-        /// The robots, by uid; all: every robot that is online
+        /// The robots' uids, or `all`: every robot that is online
         #[arg(long, value_name = "UID", required = true, num_args = 1..)]
         on: Vec<String>,
         #[command(flatten)]
         settings: SettingsArgs,
     },
-    /// Stop robots: their tracks rest, and their behaviours end
+    /// Stop robots: their tracks stop, and their behaviours end
     Stop {
-        /// The robots, by uid; all: every robot that is online
+        /// The robots' uids, or `all`: every robot that is online
         #[arg(value_name = "UID", required = true)]
         robots: Vec<String>,
         #[command(flatten)]
@@ -206,7 +207,7 @@ fn choose(fleet: &Fleet, named: &[String]) -> Result<Chosen, Failure> {
         .find(|name| **name != ALL && fleet.found().all(|found| found.robot != **name));
     if let Some(unknown) = unknown {
         let failure = Failure::usage(format_args!("no robot {unknown} has been at this broker"));
-        return Err(failure.help("`spykee fleet list` tells which have"));
+        return Err(failure.help("`spykee fleet list` shows which have"));
     }
     let (mut chosen, mut absent) = (Vec::new(), Vec::new());
     for found in fleet.found() {
@@ -222,7 +223,7 @@ fn choose(fleet: &Fleet, named: &[String]) -> Result<Chosen, Failure> {
     if chosen.is_empty() && absent.is_empty() {
         return Err(
             Failure::new(Exit::Unreachable, "no robot is online at this broker")
-                .help("a `spykee run` whose config names the same broker is found there"),
+                .help("a run appears there if its config names the same broker"),
         );
     }
     Ok((chosen, absent))

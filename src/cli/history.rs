@@ -17,10 +17,10 @@ use super::settings::SettingsArgs;
 use super::{Exit, Failure, print};
 use crate::journal::{History, Kinds, Record, Span};
 
-/// Show what has happened: links, battery, docks, alarms, runs, pictures, entries of scripts
+/// Show the journal: links, battery, docks, alarms, runs, pictures, entries of scripts
 ///
-/// A service keeps a journal, and `spykee run` does with `journal: { record: on }` in the config. Times
-/// are local.
+/// A service keeps a journal; `spykee run` keeps one with `journal: { record: on }` in the config.
+/// Times are local.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Examples:\n  spykee history --since 1d\n  spykee history docks --since 2026-11-01 \
@@ -31,20 +31,20 @@ pub(super) struct HistoryArgs {
     #[arg(value_enum, default_value_t = Topic::All)]
     topic: Topic,
 
-    /// Only what happened since then: a time ago (30m, 12h, 7d), a day (2026-11-01), or a day and a time of day
-    /// (2026-11-01T21:30)
+    /// Only what happened since: an age (30m, 12h, 7d), a day (2026-11-01), or a day and a time of
+    /// day (2026-11-01T21:30)
     #[arg(long, value_name = "WHEN", value_parser = moment::parse)]
     since: Option<moment::Moment>,
 
-    /// Only what happened until then
+    /// Only what happened until: in the same form
     #[arg(long, value_name = "WHEN", value_parser = moment::parse)]
     until: Option<moment::Moment>,
 
-    /// Only what concerns this robot
+    /// Only entries of this robot
     #[arg(long, value_name = "UID")]
     robot: Option<String>,
 
-    /// At most this many entries, the newest; 1000 without --since
+    /// At most this many entries, the newest [default without --since: 1000]
     #[arg(long, value_name = "NUMBER")]
     newest: Option<u32>,
 
@@ -56,7 +56,8 @@ pub(super) struct HistoryArgs {
     #[arg(long, conflicts_with = "plot")]
     csv: bool,
 
-    /// Draw level, charging, docks and runs over time; without --since all of the last seven days
+    /// Draw level, charging, docks and runs over time [default without --since: the last seven
+    /// days]
     #[arg(long, value_name = "FILE.png", value_parser = super::world::parse_png)]
     plot: Option<PathBuf>,
 
@@ -67,7 +68,7 @@ pub(super) struct HistoryArgs {
 /// What is told.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Topic {
-    /// All but the battery's level
+    /// Everything but the battery's level
     All,
     /// The battery's level, each minute and at each change
     Battery,
@@ -75,9 +76,9 @@ enum Topic {
     Link,
     /// Dockings and undockings: how they ended, tries, time
     Docks,
-    /// What the watchdog did, behaviours that were given up, starts that were missed
+    /// What the watchdog did, behaviours that were given up, missed starts
     Alarms,
-    /// Behaviours: from when to when, and how they ended
+    /// Behaviours: start, end, and how they ended
     Runs,
     /// Pictures and where they are
     Pictures,

@@ -80,7 +80,7 @@ impl EndingSignals {
 /// If the system does not let us.
 pub(super) fn listen(number: i32) -> Result<Signal, Failure> {
     signal(SignalKind::from_raw(number))
-        .map_err(|error| Failure::usage(format_args!("cannot hear signals: {error}")))
+        .map_err(|error| Failure::usage(format_args!("cannot receive signals: {error}")))
 }
 
 /// From now on the first signal that would end this program cancels `stop`; and Ctrl-Z stops the robot

@@ -27,27 +27,27 @@ const HEAD: [(&str, Side); 6] = [
     ("LARGEST BLOB", Side::Left),
 ];
 
-/// Learn a colour from pictures of it, to paste into the config
+/// Learn a colour from pictures, and print it for the config
 ///
 /// Prints YAML: the colour under colours:, and in comments how many pixels of each picture it
-/// finds inside and outside of the part, and whether the largest blob is the thing. Pictures
-/// under different lights, with the thing in the same part, make the colour more reliable.
+/// matches inside and outside the part, and whether the largest blob is the object. Pictures in
+/// different light, with the object in the same part, make the colour more reliable.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct LearnArgs {
-    /// JPEG pictures of the thing, such as scripts save with frame:save
+    /// JPEG pictures of the object, such as scripts save with frame:save
     #[arg(value_name = "IMAGE.jpg", required = true)]
     images: Vec<PathBuf>,
 
-    /// The part that the thing fills: left column, top row, width, height
+    /// The part that the object fills, in pixels: left column, top row, width, height
     #[arg(long, value_name = "X,Y,W,H", value_parser = picture::parse_roi)]
     roi: Roi,
 
-    /// What scripts will call the colour: letters, digits, _ and -. A built-in name such as red
-    /// gives it a new meaning for all scripts that run with this config
+    /// The colour's name in scripts: letters, digits, _ and -. A built-in name such as red is
+    /// redefined for all scripts that run with this config
     #[arg(long, value_name = "NAME", default_value = "thing", value_parser = parse_name)]
     name: String,
 
-    /// Print a JSON object in place of YAML
+    /// Print a JSON object instead of YAML
     #[arg(long)]
     json: bool,
 }

@@ -1,4 +1,4 @@
-//! `spykee lesson`: exercises that come along, and a check that says what is missing.
+//! `spykee lesson`: built-in exercises, and a check that says what is missing.
 
 mod catalogue;
 mod check;
@@ -18,7 +18,7 @@ use super::table::{Side, aligned};
 use super::{Console, Exit, Failure, print};
 use catalogue::Lesson;
 
-/// Learn to write behaviours: exercises that come along, and checks that say what is missing
+/// Learn to write behaviours: built-in exercises, and checks that say what is missing
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct LessonArgs {
     #[command(subcommand)]
@@ -29,9 +29,9 @@ pub(super) struct LessonArgs {
 enum Action {
     /// List the lessons
     List,
-    /// Make a folder with a lesson: what to do, and a script to go on from
+    /// Make a folder with a lesson: its task, and a script to start from
     Start(start::StartArgs),
-    /// Try a lesson's script, and say what is missing
+    /// Try a script, and say what is missing
     Check(check::CheckArgs),
     /// Check the scripts of a class
     Grade(grade::GradeArgs),

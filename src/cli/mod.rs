@@ -87,7 +87,7 @@ const RUNTIME_LIMIT: Duration = Duration::from_millis(200);
 
 /// Lua behaviours for the Spykee robot
 #[derive(Debug, Parser)]
-#[command(version, disable_help_subcommand = true)]
+#[command(version)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -95,7 +95,7 @@ struct Cli {
     #[command(flatten)]
     config: ConfigFlag,
 
-    /// How logs are written on stderr [default: text]; $RUST_LOG chooses what is logged
+    /// Format of the log on stderr [default: text]; $RUST_LOG sets what is logged
     #[arg(long, value_enum, global = true)]
     log_format: Option<LogFormat>,
 }
@@ -114,7 +114,7 @@ impl From<Format> for LogFormat {
 pub enum LogFormat {
     /// Lines for people.
     Text,
-    /// One JSON object a line.
+    /// One JSON object per line.
     Json,
 }
 
@@ -299,6 +299,11 @@ fn payload_text(payload: &(dyn std::any::Any + Send)) -> &str {
     let text = payload.downcast_ref::<&str>().copied();
     text.or_else(|| payload.downcast_ref::<String>().map(String::as_str))
         .unwrap_or("no message")
+}
+
+/// Such as `1 error` and `2 errors`.
+fn plural(count: usize, word: &str) -> String {
+    format!("{count} {word}{}", if count == 1 { "" } else { "s" })
 }
 
 /// Runs a future on a runtime of its own. What is left in the background is given up.

@@ -14,7 +14,7 @@ use crate::config;
 /// The longest name.
 const MAX_NAME: usize = 64;
 
-/// Make a folder for a new behaviour
+/// Make a folder for a new behaviour: script, config, scenarios, completion for editors
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct NewArgs {
     /// Name of the behaviour and its folder: letters, digits, `_` and `-`, beginning with a letter
@@ -86,10 +86,8 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
         Failure::usage(format_args!("cannot make {}: {error}", args.into.display()))
     })?;
     fs::create_dir(&folder).map_err(|error| match error.kind() {
-        std::io::ErrorKind::AlreadyExists => {
-            Failure::usage(format_args!("{shown} is there already"))
-                .help("nothing was changed; choose another name")
-        }
+        std::io::ErrorKind::AlreadyExists => Failure::usage(format_args!("{shown} already exists"))
+            .help("nothing was changed; choose another name"),
         _ => Failure::usage(format_args!("cannot make {shown}: {error}")),
     })?;
     for (name, text) in files(&args.name, args.template) {

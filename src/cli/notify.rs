@@ -17,7 +17,7 @@ use crate::notify::{Delivery, Letter, Notice, Notifier, Options, Post, Rule, Tar
 /// How long the targets may take at the end of a run.
 pub(super) const END: Duration = Duration::from_secs(3);
 
-/// Try the targets that people are told by: webhooks, topics and commands of the config
+/// Test the config's notification targets: webhooks, topics and commands
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct NotifyArgs {
     #[command(subcommand)]
@@ -28,10 +28,11 @@ pub(super) struct NotifyArgs {
 enum Action {
     /// Send a message to a target, or to all, and report how each delivery went
     ///
-    /// Nothing is queued and no rule or rate applies. The exit code is 4 if a target was not reached.
+    /// Sends at once, without queue, rules or rate limits. The exit code is 4 if a target was not
+    /// reached.
     #[command(after_help = "Example: spykee notify test phone --picture spykee-data/guard/1.jpg")]
     Test {
-        /// Names of targets in the config's `notify: { targets: ... }`
+        /// Names of targets in the config's `notify: { targets: ... }` [default: all]
         #[arg(value_name = "TARGET")]
         targets: Vec<String>,
 
@@ -83,10 +84,10 @@ pub(super) fn run(args: &NotifyArgs) -> Result<Exit, Failure> {
     for (name, target) in chosen {
         let token = tokens.get(name).map_or("", String::as_str);
         let outcome = match deliver(target, token, &post, &notice) {
-            Delivery::Done => "told".to_owned(),
+            Delivery::Done => "sent".to_owned(),
             Delivery::Later(why) | Delivery::Refused(why) => {
                 exit = Exit::Check;
-                format!("not told: {why}")
+                format!("not sent: {why}")
             }
         };
         print(&format!("{name}: {outcome}\n"))?;
@@ -184,8 +185,8 @@ fn tokens(settings: &Effective, options: &Options) -> Result<BTreeMap<String, St
     Ok(tokens)
 }
 
-/// A config that was found in the current folder may have come from anywhere: it starts no programs,
-/// talks to no broker and sends nothing of the environment.
+/// A config that was found in the current folder may have come from anywhere: it starts no
+/// programs, talks to no broker and sends nothing of the environment.
 fn trusted(name: &str, target: &Target, config: &Path) -> Result<(), Failure> {
     let what = match target {
         Target { command, .. } if !command.is_empty() => "runs a program",

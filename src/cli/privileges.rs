@@ -18,14 +18,15 @@ pub(super) fn leave_root(user: Option<&str>, data: &Path) -> Result<(), Failure>
         return Ok(());
     }
     let Some(name) = user else {
-        let failure = Failure::usage("a service does not go on as root, and no user is named");
+        let failure =
+            Failure::usage("a service does not run as root, and the config names no user");
         return Err(failure.help(
             "`service: { user: NAME }` in the config names one; `user: root` means it; \
              `spykee service install` makes a unit with a user of its own",
         ));
     };
     if name == "root" {
-        tracing::warn!("the service goes on as root, as its config says");
+        tracing::warn!("the service continues as root, as its config says");
         return Ok(());
     }
     let found = User::from_name(name).ok().flatten();
@@ -38,8 +39,8 @@ pub(super) fn leave_root(user: Option<&str>, data: &Path) -> Result<(), Failure>
         Failure::usage(format_args!("cannot make {data} for `{name}`: {error}"))
     })?;
     become_user(&user)
-        .map_err(|why| Failure::usage(format_args!("cannot go on as `{name}`: {why}")))?;
-    tracing::info!("started as root, goes on as {name}");
+        .map_err(|why| Failure::usage(format_args!("cannot continue as `{name}`: {why}")))?;
+    tracing::info!("started as root, continues as {name}");
     Ok(())
 }
 
@@ -62,7 +63,7 @@ enum StillRoot {
     Name(#[from] std::ffi::NulError),
     #[error(transparent)]
     System(#[from] nix::Error),
-    #[error("the system has not let go of root")]
+    #[error("the system did not give up root's rights")]
     Kept,
 }
 

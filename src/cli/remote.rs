@@ -10,11 +10,13 @@ use crate::control::{AskError, Client, Remote};
 /// Which service.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(super) struct RemoteArgs {
-    /// Ask the service at this address, http://HOST:PORT, by its JSON API; else the config's `remote: url`
+    /// Ask the service at this address, http://HOST:PORT, through its JSON API [default: the
+    /// config's `remote: url`]
     #[arg(long, value_name = "URL")]
     url: Option<String>,
 
-    /// With --url: the file whose first line is a token of that service (`spykee token new` there)
+    /// With --url: a file with a token of that service in its first line (`spykee token new` there
+    /// makes one)
     #[arg(long, value_name = "FILE", requires = "url")]
     token_file: Option<PathBuf>,
 }

@@ -18,11 +18,11 @@ use tokio_util::sync::CancellationToken;
 use super::interrupt::{listen, obey, obey_at_prompt};
 use super::reach::{dial, place, reach};
 use super::settings::SettingsArgs;
-use super::startup::{driving_core, pulse, rescue};
+use super::startup::{driving_core, launcher, pulse, rescue, runtime};
 use super::terminal::Terminal;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::agent::{AgentError, Preflight, Talk, TalkError};
-use crate::behaviour::{Launch, Launcher, Library, PromptCommand, Said};
+use crate::behaviour::{Launch, Library, PromptCommand, Said};
 use crate::clock::until;
 use crate::config::Config;
 use crate::robot::EndReason;
@@ -36,10 +36,10 @@ const TERMINAL_LIMIT: Duration = Duration::from_secs(2);
 /// Texts that may wait for the terminal, and one place for what becomes of the line.
 const MAX_TOLD: usize = 257;
 
-/// Type Lua and see what the robot does
+/// Run the Lua that you type, at once
 ///
-/// Ctrl-C stops the tracks, every task and every handler; Ctrl-D ends. Lines can also come from a
-/// pipe; then the exit code is 1 if one of them failed.
+/// Ctrl-C stops the tracks, all tasks and all handlers; Ctrl-D ends the session. Lines can also
+/// come from a pipe; then the exit code is 1 if one of them failed.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct ReplArgs {
     #[command(flatten)]
@@ -63,13 +63,7 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     let seed = args.seed.unwrap_or_else(rand::random);
     let place = place(&args.connection, &config)?;
     let login = args.connection.login.login(args.settings.load()?)?;
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build();
-    let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
-    let launcher = Launcher::this_executable().map_err(|error| {
-        Failure::usage(format_args!("cannot find this program's own file: {error}"))
-    })?;
+    let runtime = runtime()?;
     let (target, sim) = reach(place, &login, seed)?;
     let core = driving_core()?;
     let dial = dial(target, login, config.link.clone());
@@ -77,7 +71,7 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     let pulse = Some(pulse(sim.is_some()));
     let talk = Talk {
         launch: launch(&config, seed)?,
-        launcher,
+        launcher: launcher()?,
         flight: Preflight::new(settings, dial, core.handle().clone(), pulse),
         rescue: rescue(&config, seed)?,
     };

@@ -21,12 +21,14 @@ use super::outcome::exit;
 use super::params::Param;
 use super::reach::{dial, place, reach_with};
 use super::settings::SettingsArgs;
-use super::startup::{JOURNAL_END, driving_core, journal, pulse, rescue, serve, show};
+use super::startup::{
+    JOURNAL_END, driving_core, journal, launcher, pulse, rescue, runtime, serve, show,
+};
 use super::status::StatusLine;
 use super::trace::TraceFile;
 use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, check, notify};
 use crate::agent::{Agent, Behaviour, Bus, Plan, Tries, until_answered};
-use crate::behaviour::{Launcher, RestartPolicy};
+use crate::behaviour::RestartPolicy;
 use crate::clock::{Clock, Date, Zone};
 use crate::config::{Config, Entry};
 use crate::control::{self, Desk};
@@ -44,14 +46,14 @@ const LONGEST_RUN: f64 = 366.0 * 86_400.0;
 /// Run behaviours on a robot, or on a simulated one with --sim
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct RunArgs {
-    /// Behaviour scripts; several run side by side. Without one: those of the config
+    /// Behaviour scripts; several run at once [default: those of the config]
     #[arg(value_name = "FILE.lua")]
     files: Vec<PathBuf>,
 
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
 
-    /// Dial until the robot answers, instead of ending with exit code 3 if it does not
+    /// Keep dialling until the robot answers, instead of ending with exit code 3
     #[arg(long, conflicts_with = "fast")]
     wait: bool,
 
@@ -63,13 +65,13 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
 
-    /// Keep copies of the frames that the behaviours look at, with all that they find drawn in:
-    /// DIR/BEHAVIOUR/00.jpg to 99.jpg, at most two a second, the newest hundred
+    /// Keep copies of the frames that the behaviours look at, with everything they find drawn in:
+    /// DIR/BEHAVIOUR/00.jpg to 99.jpg, at most two per second, the newest hundred
     #[arg(long, value_name = "DIR")]
     annotate: Option<PathBuf>,
 
-    /// Start a behaviour that failed again, after growing pauses and not too often: never or
-    /// on-failure. For all behaviours, whatever the config says
+    /// Whether a behaviour that failed is restarted, after growing pauses and a limited number of
+    /// times. Overrides the config, for all behaviours
     #[arg(long, value_name = "POLICY", value_parser = restart_words())]
     restart: Option<RestartPolicy>,
 
@@ -77,7 +79,7 @@ pub(super) struct RunArgs {
     #[arg(long, conflicts_with = "fast")]
     watch: bool,
 
-    /// With --sim: draw the way that the robot went, and what happened, onto the map of its world
+    /// With --sim: draw the robot's path and the events onto the map of its world
     #[arg(long, value_name = "FILE.png", value_parser = super::world::parse_png)]
     trace: Option<PathBuf>,
 
@@ -85,18 +87,18 @@ pub(super) struct RunArgs {
     #[arg(long)]
     fast: bool,
 
-    /// With --sim: the date and time at the beginning, in the config's time zone; with --fast, unless
-    /// given, 2026-01-01 09:00 in universal time
+    /// With --sim: the date and time at the start, in the config's time zone [default: now; with
+    /// --fast: 2026-01-01 09:00 UTC]
     #[arg(long, value_name = "DATE")]
     date: Option<Date>,
 
-    /// With --fast: write all that happens to this file, one JSON object a line
+    /// With --fast: write all events to this file, one JSON object per line
     #[arg(long, value_name = "FILE", requires = "fast")]
     events: Option<PathBuf>,
 
-    /// Show the run in the browser and steer it from there; prints the address [default: 127.0.0.1:7788].
-    /// The run goes on when its behaviours have ended; Ctrl-C ends it. With --fast the page holds the
-    /// clock: pause, one step, 1 to 100 times as fast
+    /// Show the run in the browser and steer it from there; prints the address [default:
+    /// 127.0.0.1:7788]. The run continues when its behaviours have ended; Ctrl-C ends it. With
+    /// --fast the page controls the clock: pause, single steps, 1 to 100 times real time
     #[arg(long, value_name = "IP:PORT", num_args = 0..=1, require_equals = true)]
     live: Option<Option<SocketAddr>>,
 
@@ -159,7 +161,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let trace = trace_file(&args, simulated)?;
     args.firmware.refuse_unless(simulated)?;
     if args.date.is_some() && !simulated {
-        let what = "--date goes with --sim only: a real robot lives today";
+        let what = "--date needs --sim: a real robot uses today's date";
         return Err(
             Failure::usage(what).help("spykee run FILE.lua --sim --date \"2026-03-29 01:30\"")
         );
@@ -181,10 +183,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
             console,
         );
     }
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build();
-    let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
+    let runtime = runtime()?;
     let kind = Simulated {
         faults: args.live.is_some(),
         firmware: args.firmware.load()?,
@@ -193,9 +192,6 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let desk = Desk::open(config.data_folder());
     let about = (target.to_string(), sim.is_some());
     let settings = config.pilot(sim.is_some(), seed);
-    let launcher = Launcher::this_executable().map_err(|error| {
-        Failure::usage(format_args!("cannot find this program's own file: {error}"))
-    })?;
     let names = names(&behaviours);
     let (link, tries) = (config.link.clone(), Tries::default());
     let dial = if args.wait {
@@ -213,7 +209,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         stays: args.live.is_some(),
         settings,
         dial,
-        launcher,
+        launcher: launcher()?,
         core: core.handle().clone(),
         pulse: Some(pulse(sim.is_some())),
         rescue: rescue(&config, seed)?,
@@ -249,7 +245,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
 fn trace_file(args: &RunArgs, simulated: bool) -> Result<Option<TraceFile>, Failure> {
     match args.trace.as_deref() {
         Some(_) if !simulated => {
-            let failure = Failure::usage("--trace draws what happens in a simulation only");
+            let failure = Failure::usage("--trace needs --sim: it draws a simulation");
             Err(failure.help("--sim [WORLD.yaml] runs on a simulated robot"))
         }
         path => path.map(TraceFile::create).transpose(),
@@ -279,7 +275,7 @@ fn fast(
     console: &Console,
 ) -> Result<Exit, Failure> {
     let RobotChoice::Sim(world) = place else {
-        let why = "--fast goes with --sim only: a real robot's time cannot be hurried";
+        let why = "--fast needs --sim: a real robot runs in real time";
         return Err(Failure::usage(why).help("spykee run FILE.lua --sim --fast"));
     };
     let events = args.events.as_deref().map(EventFile::create).transpose()?;

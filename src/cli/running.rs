@@ -26,7 +26,7 @@ pub(super) fn run_on(
 ) -> Result<Option<Client>, Failure> {
     match connection.sim {
         Some(_) if remote.is_named() => Err(Failure::usage(
-            "--url asks a service, and --sim a robot of its own",
+            "--url and --sim cannot be combined: a service has its own robot",
         )),
         Some(_) => Ok(None),
         None => run_of(settings, connection.robot.as_ref(), remote),
@@ -45,7 +45,7 @@ pub(super) fn run_of(
 ) -> Result<Option<Client>, Failure> {
     if robot.is_some() && remote.is_named() {
         return Err(Failure::usage(
-            "--url asks a service, which has its robot: not with --robot",
+            "--url and --robot cannot be combined: a service has its own robot",
         ));
     }
     if robot.is_none()
@@ -62,8 +62,8 @@ pub(super) fn run_of(
         runs.retain(|run| has(run, target));
     } else if runs.len() > 1 {
         let robots: Vec<&str> = runs.iter().map(|run| &*run.overview.target).collect();
-        let failure = Failure::usage("several runs are on: which is meant?");
-        return Err(failure.help(format!("--robot says it: {}", robots.join(", "))));
+        let failure = Failure::usage("several runs are active: which one?");
+        return Err(failure.help(format!("--robot selects one: {}", robots.join(", "))));
     }
     Ok(runs.into_iter().next())
 }
@@ -94,19 +94,19 @@ pub(super) fn ask(
             () = interrupted => Ok(None),
             answer = run.ask(errand, limit) => answer.map(Some).map_err(|error| {
                 Failure::new(Exit::Unreachable, format_args!("{error} ({name})"))
-                    .help("`spykee status` lists the runs that are on")
+                    .help("`spykee status` lists the active runs")
             }),
         }
     })??;
     match answer {
         Some(Answer::Offline) => {
-            let what = format!("the run ({name}) has lost the robot and is connecting anew");
+            let what = format!("the run ({name}) has lost the robot and is reconnecting");
             let failure = Failure::new(Exit::Unreachable, what);
             Err(failure.help("is the robot still in reach of its Wi-Fi?"))
         }
         Some(Answer::Refused(why)) => {
             let what = format!("the run ({name}) refuses it: {why}");
-            Err(Failure::new(Exit::Script, what).help("`spykee status` tells how things stand"))
+            Err(Failure::new(Exit::Script, what).help("`spykee status` shows its state"))
         }
         answer => Ok(answer),
     }
@@ -114,7 +114,7 @@ pub(super) fn ask(
 
 /// An answer to another question: only a run of another version gives such a one.
 pub(super) fn nonsense() -> Failure {
-    Failure::new(Exit::Unreachable, "the run answers something else")
+    Failure::new(Exit::Unreachable, "the run gave an unexpected answer")
         .help("was it started by another version of this program?")
 }
 

@@ -1,7 +1,5 @@
 //! `spykee status`: which runs are on, and how things stand with them.
 
-use std::time::Duration;
-
 use super::remote::RemoteArgs;
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
@@ -21,11 +19,11 @@ const HEAD: [(&str, Side); 8] = [
     ("BEHAVIOURS", Side::Left),
 ];
 
-/// List the runs that are on: robot, battery, place, behaviours, the timetable's next start
+/// List the active runs: robot, battery, place, behaviours, the timetable's next start
 ///
-/// Asks every `spykee run` of this data folder, by its private socket there. `spykee robot battery`,
-/// `info`, `snapshot`, `dock`, `undock`, `stop`, `led`, `play`, `volume` and `say` go through a run that
-/// has the robot, too. With --url a service on another computer is asked.
+/// Asks every `spykee run` and `spykee serve` of this data folder through its private socket, or
+/// with --url a service on another computer. `spykee robot battery`, `info`, `snapshot`, `dock`,
+/// `undock`, `stop`, `led`, `play`, `volume` and `say` go through the run as well.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee status --json")]
 pub(super) struct StatusArgs {
@@ -60,7 +58,7 @@ pub(super) fn run(args: &StatusArgs) -> Result<Exit, Failure> {
         let text = serde_json::to_string(&runs).map_err(Failure::usage)?;
         print(&format!("{text}\n"))?;
     } else if runs.is_empty() {
-        print(&format!("no run is on in {}\n", data.display()))?;
+        print(&format!("no run is active in {}\n", data.display()))?;
     } else {
         let zone = config.zone();
         let rows: Vec<Vec<String>> = runs.iter().map(|run| row(run, &zone)).collect();
@@ -77,7 +75,7 @@ fn row(run: &Overview, zone: &Zone) -> Vec<String> {
         run.state.clone(),
         run.battery.map_or_else(|| "-".to_owned(), words),
         run.place.clone(),
-        time(run.running),
+        clock::hours(run.running),
         run.pid.to_string(),
         run.next.as_ref().map_or_else(
             || "-".to_owned(),
@@ -99,13 +97,6 @@ pub(super) fn words(battery: Battery) -> String {
     format!("{}{charging}{left}", battery.percent)
 }
 
-/// Hours, minutes and seconds.
-pub(super) fn time(lasted: Duration) -> String {
-    let seconds = lasted.as_secs();
-    let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
-    format!("{hours}:{minutes:02}:{:02}", seconds % 60)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -121,6 +112,5 @@ mod tests {
         assert_eq!(words(battery(false, None)), "42 %");
         assert_eq!(words(battery(true, None)), "42 %, charging");
         assert_eq!(words(battery(false, Some(17.6))), "42 %, 18 minutes left");
-        assert_eq!(time(Duration::from_secs(3725)), "1:02:05");
     }
 }

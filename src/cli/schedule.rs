@@ -17,10 +17,10 @@ const HEAD: [(&str, Side); 4] = [
     ("", Side::Left),
 ];
 
-/// Say what the timetable of the config will do, and what it will not and why
+/// List the coming starts of the timetable, and those that will not happen and why
 ///
-/// Reads the config alone: it does not know whether the robot will be in reach, nor what a person will
-/// start meanwhile.
+/// Reads only the config: it cannot know whether the robot will be in reach, or what a person will
+/// start in the meantime.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee schedule --next 20 --from \"2026-03-28 12:00\"")]
 pub(super) struct ScheduleArgs {
@@ -28,7 +28,7 @@ pub(super) struct ScheduleArgs {
     #[arg(long, value_name = "COUNT", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=1000))]
     next: u16,
 
-    /// From this date on instead of now, in the config's time zone
+    /// Start at this date, in the config's time zone [default: now]
     #[arg(long, value_name = "DATE")]
     from: Option<Date>,
 

@@ -16,6 +16,18 @@ pub(super) struct Features {
     pub(super) colour: bool,
 }
 
+#[cfg(test)]
+impl Features {
+    pub(super) const TERMINAL: Features = Features {
+        redraw: true,
+        colour: true,
+    };
+    pub(super) const FILE: Features = Features {
+        redraw: false,
+        colour: false,
+    };
+}
+
 /// The lines above and the status line below them.
 #[derive(Debug)]
 pub(super) struct Screen {
@@ -73,18 +85,9 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const TERMINAL: Features = Features {
-        redraw: true,
-        colour: true,
-    };
-    const FILE: Features = Features {
-        redraw: false,
-        colour: false,
-    };
-
     #[test]
     fn the_status_line_stays_below_the_log_and_within_the_window() {
-        let mut screen = Screen::new(TERMINAL);
+        let mut screen = Screen::new(Features::TERMINAL);
         assert_eq!(screen.status("driving 80 %", 9), "\r\x1b[Kdriving ");
         assert_eq!(screen.record("hello\n", 80), "\r\x1b[Khello\ndriving 80 %");
         assert_eq!(screen.end(), "\r\x1b[K");
@@ -93,7 +96,7 @@ mod tests {
 
     #[test]
     fn a_file_gets_lines_and_nothing_else() {
-        let mut screen = Screen::new(FILE);
+        let mut screen = Screen::new(Features::FILE);
         assert_eq!(screen.status("driving", 80), "");
         assert_eq!(screen.record("\x1b[31mred\x1b[0m\n", 80), "red\n");
         assert_eq!(screen.end(), "");
@@ -101,7 +104,7 @@ mod tests {
 
     #[test]
     fn a_line_break_in_a_text_cannot_pass_for_a_record() {
-        let screen = Screen::new(FILE);
+        let screen = Screen::new(Features::FILE);
         let shown = screen.record("INFO said\nERROR forged", 80);
         assert_eq!(shown, "INFO said\n  ERROR forged\n");
     }
@@ -109,7 +112,7 @@ mod tests {
     proptest! {
         #[test]
         fn no_control_character_survives_in_a_file(text in "\\PC*|[\\x00-\\xff\u{1b}\\[m0-9;]{0,60}") {
-            let shown = Screen::new(FILE).record(&text, 80);
+            let shown = Screen::new(Features::FILE).record(&text, 80);
             let bad = shown.chars().any(|c| c.is_control() && !matches!(c, '\n' | '\t'));
             prop_assert!(!bad, "{:?}", shown);
         }

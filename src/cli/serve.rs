@@ -24,7 +24,6 @@ use super::startup::{self, driving_core, pulse, rescue, show};
 use super::status::StatusLine;
 use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, notify};
 use crate::agent::{Agent, AgentError, Bus, Outcome, Plan, Tries, until_answered};
-use crate::behaviour::Launcher;
 use crate::clock::{Clock, Date, Zone};
 use crate::config::Config;
 use crate::control::{self, Desk};
@@ -36,24 +35,25 @@ use crate::service::{Herald, RecordFile, Service, View};
 use crate::sim::Handle;
 use crate::timetable::Record;
 
-/// Look after a robot for good: behaviours by timetable, always, or when asked
+/// Run a robot permanently: behaviours always on, by timetable or on request
 ///
-/// Waits for a robot that is not there, or that another program uses. Behaviours of the config run from the
-/// beginning, unless the timetable has them or `start: asked` says otherwise; `spykee behaviour start`
-/// starts any. An idle robot is sent to its station. SIGHUP reads the config anew; what did not change
-/// goes on. SIGTERM ends it in order; what the timetable had under way goes on with the next start.
+/// Waits for a robot that does not answer, or that another program uses. The config's behaviours
+/// start at once, except those in the timetable and those with `start: asked`; `spykee behaviour
+/// start` starts any of them. An idle robot is sent to its station. SIGHUP reads the config again;
+/// unchanged behaviours continue. SIGTERM ends the service in order; a run of the timetable that
+/// this interrupts resumes when the service starts again.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Examples:\n  spykee serve --config /etc/spykee/spykee.yaml\n  \
                         spykee serve --sim --date \"2026-03-29 01:59\"\n\n\
-                        `spykee schedule` says what the timetable will do, `spykee service` makes a unit for \
-                        systemd."
+                  `spykee schedule` lists the coming starts, `spykee service` makes a unit for systemd."
 )]
 pub(super) struct ServeArgs {
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
 
-    /// With --sim: the date and time at the beginning, in the config's time zone
+    /// With --sim: the date and time at the start, in the config's time zone [default: now;
+    /// with --fast: 2026-01-01 09:00 UTC]
     #[arg(long, value_name = "DATE")]
     date: Option<Date>,
 
@@ -61,9 +61,9 @@ pub(super) struct ServeArgs {
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
 
-    /// With --sim: in virtual time, as fast as it goes, for as long as --for says. The same seed gives the
-    /// same days; nothing is kept of what the timetable has under way, and a journal only with `journal:
-    /// { record: on }`
+    /// With --sim: run in virtual time, as fast as possible, for the time of --for. The same seed
+    /// gives the same days. An interrupted run of the timetable is not resumed later, and there is
+    /// a journal only with `journal: { record: on }`
     #[arg(long, requires = "limit")]
     fast: bool,
 
@@ -71,7 +71,7 @@ pub(super) struct ServeArgs {
     #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
     limit: Option<Duration>,
 
-    /// With --fast: write all that happens to this file, one JSON object a line
+    /// With --fast: write all events to this file, one JSON object per line
     #[arg(long, value_name = "FILE", requires = "fast")]
     events: Option<PathBuf>,
 
@@ -114,10 +114,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     if args.fast {
         return fast::serve(args, place, login, (&config, loaded), (seed, console));
     }
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build();
-    let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
+    let runtime = startup::runtime()?;
     let kind = Simulated {
         faults: config.live.listen.is_some(),
         ..Simulated::default()
@@ -125,9 +122,6 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     let (target, sim) = reach_with(place, &login, seed, kind)?;
     let desk = Desk::open(config.data_folder());
     let record = RecordFile::open(config.data_folder());
-    let launcher = Launcher::this_executable().map_err(|error| {
-        Failure::usage(format_args!("cannot find this program's own file: {error}"))
-    })?;
     let (core, bus) = (driving_core()?, Bus::default());
     let (tries, beats) = (Tries::default(), Arc::new(Notify::new()));
     let plan = Plan {
@@ -141,7 +135,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
             seed,
             tries.clone(),
         ),
-        launcher,
+        launcher: startup::launcher()?,
         core: core.handle().clone(),
         pulse: Some(pulse(simulated).heard_by(beats.clone())),
         rescue: rescue(&config, seed)?,
@@ -281,7 +275,7 @@ fn clock(args: &ServeArgs, config: &Config, simulated: bool) -> Result<Clock, Fa
         Some(_) if args.fast && simulated => Ok(Clock::default()),
         Some(date) if simulated => Ok(Clock::set_to(date.at(&config.zone()))),
         Some(_) => Err(Failure::usage(
-            "--date goes with --sim only: a real robot lives today",
+            "--date needs --sim: a real robot uses today's date",
         )),
     }
 }

@@ -10,11 +10,11 @@ use super::argument::ArgumentError;
 use super::{Exit, Failure, print};
 use crate::service::{Unit, unit};
 
-/// Make a systemd unit for `spykee serve`, with few rights and a user of its own
+/// Make a systemd unit for `spykee serve`, with its own user and few rights
 ///
-/// The unit's program, config and password file must lie outside of people's homes, which it does not
-/// see: /usr/local/bin/spykee, /etc/spykee/spykee.yaml. What it keeps is in /var/lib/spykee, so the config
-/// should not name another `data:`.
+/// The unit cannot read home folders, so its program, config and password file must be elsewhere:
+/// /usr/local/bin/spykee, /etc/spykee/spykee.yaml. The service keeps its data in /var/lib/spykee,
+/// so the config should not set another `data:`.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     subcommand_required = true,
@@ -30,7 +30,7 @@ pub(super) struct ServiceArgs {
 enum Action {
     /// Print the unit
     Print(UnitArgs),
-    /// Write the unit where systemd finds it, and say what to do next
+    /// Write the unit where systemd finds it, and print the next steps
     Install {
         #[command(flatten)]
         unit: UnitArgs,
@@ -41,7 +41,7 @@ enum Action {
             default_value = "/etc/systemd/system/spykee.service"
         )]
         to: PathBuf,
-        /// Replace a file that is there
+        /// Replace an existing file
         #[arg(long)]
         force: bool,
     },
@@ -53,12 +53,12 @@ struct UnitArgs {
     #[arg(long, value_name = "FILE", default_value = "/etc/spykee/spykee.yaml")]
     config: PathBuf,
 
-    /// A file with the robot's password in its first line, which systemd hands to the service alone; it may
-    /// be root's (chmod 600)
+    /// A file with the robot's password in its first line, which systemd passes to this service
+    /// only; it may belong to root (chmod 600)
     #[arg(long, value_name = "FILE")]
     password_file: Option<PathBuf>,
 
-    /// The user of this computer that runs the service [default: one that systemd makes for it]
+    /// The user that runs the service [default: one that systemd makes]
     #[arg(long, value_name = "NAME", value_parser = user)]
     user: Option<String>,
 

@@ -12,7 +12,8 @@ use crate::config::{Config, ConfigError, Effective};
 /// The flag, which stands before or behind any command.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct ConfigFlag {
-    /// Read the settings from this YAML file, instead of $SPYKEE_CONFIG or spykee.yaml here
+    /// Read the settings from this YAML file [default: $SPYKEE_CONFIG, or else spykee.yaml in the
+    /// current folder]
     #[arg(id = CONFIG, long, value_name = "FILE", global = true)]
     pub(super) file: Option<PathBuf>,
 }
@@ -81,6 +82,11 @@ impl SettingsArgs {
     pub(super) fn file(&self) -> Option<&Path> {
         let effective = self.load().ok()?;
         effective.file.as_ref().map(|(path, _)| path.as_path())
+    }
+
+    /// The file that they are read from, even if it is missing.
+    pub(super) fn path(&self) -> PathBuf {
+        Effective::path(self.config.as_deref())
     }
 
     /// The same, to be read anew.

@@ -20,15 +20,15 @@ const STATUS_PERIOD: Duration = Duration::from_millis(500);
 /// Serve a simulated robot to any Spykee client
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct SimArgs {
-    /// The world, a YAML file such as behaviours/worlds/living_room.yaml; without it a living room
+    /// The world, a YAML file such as behaviours/worlds/living_room.yaml [default: a living room]
     #[arg(value_name = "WORLD.yaml", value_parser = WorldParser, hide_possible_values = true)]
     world: Option<PathBuf>,
 
-    /// Address and port, TCP and UDP; port 0 takes a free one
+    /// Address and port, TCP and UDP; port 0 picks a free one
     #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:9000")]
     listen: SocketAddr,
 
-    /// Camera frames a second, 0.1 to 60, in place of the world's
+    /// Camera frames per second, 0.1 to 60 [default: the world's]
     #[arg(long, value_name = "NUMBER", value_parser = parse_fps)]
     fps: Option<f64>,
 
@@ -36,7 +36,8 @@ pub(super) struct SimArgs {
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     seed: u64,
 
-    /// Things that go wrong, a YAML file such as the README's: a broken network, a rebooting robot
+    /// YAML file of faults to play, such as a broken network or a rebooting robot; the README lists
+    /// them
     #[arg(long, value_name = "FILE.yaml")]
     faults: Option<PathBuf>,
 

@@ -5,13 +5,14 @@ use std::convert::Infallible;
 use std::io;
 use std::time::Duration;
 
+use tokio::runtime::{Builder, Runtime};
 use tokio::sync::watch;
 use tokio::time::{MissedTickBehavior, interval};
 
 use super::status::StatusLine;
 use super::{Console, Failure};
 use crate::agent::{self, Bus, RESCUE_NAME};
-use crate::behaviour::Launch;
+use crate::behaviour::{Launch, Launcher};
 use crate::clock::Clock;
 use crate::config::Config;
 use crate::control::{self, Desk};
@@ -23,6 +24,19 @@ use crate::pilot::{DrivingCore, Pulse, Status};
 pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
 /// How long the journal may take at the end to write what it has.
 pub(super) const JOURNAL_END: Duration = Duration::from_secs(2);
+
+/// A runtime on this thread.
+pub(super) fn runtime() -> Result<Runtime, Failure> {
+    let runtime = Builder::new_current_thread().enable_all().build();
+    runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))
+}
+
+/// What starts hosts: this program.
+pub(super) fn launcher() -> Result<Launcher, Failure> {
+    Launcher::this_executable().map_err(|error| {
+        Failure::usage(format_args!("cannot find this program's own file: {error}"))
+    })
+}
 
 /// A journal. What runs without one drives all the same.
 pub(super) fn journal(
@@ -81,7 +95,7 @@ pub(super) fn rescue(config: &Config, seed: u64) -> Result<Option<Launch>, Failu
         Failure::usage(format_args!(
             "cannot read the rescue behaviour {choice}: {error}"
         ))
-        .help("watchdog: { rescue: builtin } uses the one that comes along")
+        .help("watchdog: { rescue: builtin } uses the built-in one")
     })
 }
 

@@ -19,30 +19,30 @@ use crate::scenario::{Book, BookError, Scenario, Setting, Trials};
 use crew::{Crew, Done, parse_timeout};
 use report::Report;
 
-/// Play scenarios: *_test.lua files that say what behaviours must achieve
+/// Play scenarios: *_test.lua files that state what behaviours must achieve
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct TestArgs {
     /// Scenario files, or folders that are searched for *_test.lua
     #[arg(value_name = "PATH", default_value = ".")]
     paths: Vec<PathBuf>,
 
-    /// Play only scenarios whose name, or FILE: NAME, contains this text
+    /// Play only scenarios that contain this text in their name or in FILE: NAME
     #[arg(long, value_name = "TEXT")]
     filter: Option<String>,
 
-    /// Play each scenario with the seeds from 1 to this, whatever it says itself
+    /// Play each scenario with the seeds 1 to COUNT, instead of the number it asks for
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     seeds: Option<u64>,
 
-    /// Play each scenario with this seed only, such as the one that failed
+    /// Play each scenario with this seed only, for example one that failed
     #[arg(long, value_name = "NUMBER", conflicts_with = "seeds")]
     seed: Option<u64>,
 
-    /// Scenarios to play in parallel [default: one for each processor]
+    /// Number of scenarios to play in parallel [default: one per processor]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
 
-    /// End each run that takes longer than this many seconds of real time, and count it as failed
+    /// End each run that takes longer than this many seconds of real time; it counts as failed
     #[arg(long, value_name = "SECONDS", default_value = "300", value_parser = parse_timeout)]
     timeout: Duration,
 
@@ -54,11 +54,12 @@ pub(super) struct TestArgs {
     #[arg(long)]
     json: bool,
 
-    /// Write the results to this file too, in the form of JUnit
+    /// Also write the results to this file, as JUnit XML
     #[arg(long, value_name = "FILE.xml")]
     junit: Option<PathBuf>,
 
-    /// Keep a picture of each failed run in this folder [default: scenarios/ in the data folder]
+    /// Draw the robot's path in each failed run into this folder [default: scenarios/ in the data
+    /// folder]
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
 

@@ -9,8 +9,9 @@ use crate::http::{Keyring, KeyringError, Role};
 
 /// Make, list and revoke tokens for the page and the JSON API
 ///
-/// A token is 256 random bits. It is printed once; the data folder keeps its SHA-256 digest in a private
-/// file. Programs send it as `Authorization: Bearer TOKEN`, and people can log in to the page with it.
+/// A token is 256 random bits. It is printed once; the data folder keeps its SHA-256 digest in a
+/// private file. Programs send it as `Authorization: Bearer TOKEN`, and people can log in to the
+/// page with it.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee token new phone --role viewer")]
 pub(super) struct TokenArgs {
@@ -22,9 +23,9 @@ pub(super) struct TokenArgs {
 
 #[derive(Debug, Clone, Subcommand)]
 enum Action {
-    /// Make a token and print it, this once
+    /// Make a token and print it; it is shown only once
     New {
-        /// What you call it, such as the program that uses it
+        /// A name of your choice, such as the program that uses it
         name: String,
         /// What it allows
         #[arg(long, value_enum, default_value_t = Wanted::Viewer)]
@@ -32,7 +33,7 @@ enum Action {
     },
     /// List the tokens by name
     List,
-    /// Take a token away; a run that is on goes by the old ones until it is started anew
+    /// Revoke a token; an active run accepts it until it is restarted
     Revoke {
         /// Its name
         name: String,
@@ -43,7 +44,7 @@ enum Action {
 enum Wanted {
     /// To look, and to stop the robot
     Viewer,
-    /// To do all that the page and the API can
+    /// To do everything that the page and the API can do
     Driver,
 }
 
@@ -82,7 +83,7 @@ pub(super) fn run(args: &TokenArgs) -> Result<Exit, Failure> {
                 let failure = Failure::usage(format_args!("there is no token `{name}`"));
                 return Err(failure.help("spykee token list"));
             }
-            tracing::info!("a run that is on goes by the old tokens until it is started anew");
+            tracing::info!("an active run uses the old tokens until it is restarted");
         }
     }
     Ok(Exit::Done)

@@ -29,10 +29,7 @@ impl TraceFile {
     /// If the system does not let us.
     pub(super) fn write(&self, sim: &Handle) -> Result<(), Failure> {
         save(&sim.trace().draw(sim.world()), &self.0)?;
-        tracing::info!(
-            "the way that the robot went is drawn in {}",
-            self.0.display()
-        );
+        tracing::info!("the robot's path is drawn in {}", self.0.display());
         Ok(())
     }
 }

@@ -9,7 +9,7 @@ use super::world_name::WorldParser;
 use super::{Exit, Failure, print};
 use crate::sim::World;
 
-/// Look at simulated worlds: draw a map, list those that come along, check files
+/// Draw maps of simulated worlds, list the built-in worlds, check world files
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct WorldArgs {
     #[command(subcommand)]
@@ -20,19 +20,19 @@ pub(super) struct WorldArgs {
 enum Action {
     /// Draw the map of a world
     Show {
-        /// A world file, or the name of a world that comes along; without it the built-in one
+        /// A world file, or the name of a built-in world [default: living_room]
         #[arg(value_name = "WORLD", value_parser = WorldParser, hide_possible_values = true)]
         world: Option<PathBuf>,
 
-        /// The picture, a file that ends in .png
+        /// The picture to write, a .png file
         #[arg(short, long, value_name = "FILE.png", default_value = "map.png", value_parser = parse_png)]
         output: PathBuf,
 
-        /// Print the world as YAML instead, to be changed: `--yaml > mine.yaml`
+        /// Print the world as YAML instead, for you to change: `--yaml > mine.yaml`
         #[arg(long, conflicts_with = "output")]
         yaml: bool,
     },
-    /// List the worlds that come along
+    /// List the built-in worlds
     List,
     /// Check world files: what is wrong, and in which line
     Check {

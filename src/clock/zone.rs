@@ -1,5 +1,5 @@
-//! A time zone by its name, such as `Europe/Rome`. The rules come along with the program: they are the
-//! same in a confined process and on a computer without any.
+//! A time zone by its name, such as `Europe/Rome`. The rules are built into the program: they are
+//! the same in a confined process and on a computer without any.
 
 use std::fmt;
 use std::str::FromStr;

@@ -19,10 +19,10 @@ use crate::script::{GivenParam, ParamOrigin, ParamValue};
 pub struct Entry {
     /// The script, relative to the config.
     pub file: PathBuf,
-    /// What it is called, in the log and as a folder; the file's own name unless given.
+    /// Its name in the log and of its data folder [default: the file's name].
     #[serde(default, deserialize_with = "name")]
     pub name: Option<String>,
-    /// Who wins when several want to drive; 0 unless given.
+    /// The behaviour with the highest priority drives [default: 0].
     #[serde(default)]
     pub priority: Priority,
     /// What is done when it fails; `never` unless given.
@@ -40,7 +40,7 @@ pub struct Entry {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Start {
-    /// As soon as the robot is there.
+    /// As soon as the robot is connected.
     Always,
     /// When a person asks for it, or the timetable.
     Asked,

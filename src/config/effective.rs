@@ -76,6 +76,17 @@ pub struct Effective {
     variables: BTreeMap<String, String>,
 }
 
+/// A variable of the environment that is set.
+fn variable(name: &str) -> Option<String> {
+    std::env::var(name).ok().filter(|text| !text.is_empty())
+}
+
+/// The file that is named, or that of `$SPYKEE_CONFIG`.
+fn chosen(named: Option<&Path>, variable: impl Fn(&str) -> Option<String>) -> Option<PathBuf> {
+    let of_variable = || variable(FILE_VARIABLE).map(PathBuf::from);
+    named.map(Path::to_owned).or_else(of_variable)
+}
+
 impl Effective {
     /// Of the file that is named, or of `$SPYKEE_CONFIG`, or of `spykee.yaml` in the current folder
     /// if it is there; and of the `SPYKEE_...` variables.
@@ -83,8 +94,13 @@ impl Effective {
     /// # Errors
     /// See [`ConfigError`].
     pub fn load(named: Option<&Path>) -> Result<Effective, ConfigError> {
-        let variable = |name: &str| std::env::var(name).ok().filter(|text| !text.is_empty());
         Effective::of(named, Path::new(FILE), variable)
+    }
+
+    /// The file that [`Effective::load`] looks for, even if it is missing.
+    pub fn path(named: Option<&Path>) -> PathBuf {
+        let chosen = chosen(named, variable);
+        chosen.unwrap_or_else(|| FILE.into())
     }
 
     fn of(
@@ -92,9 +108,7 @@ impl Effective {
         usual: &Path,
         variable: impl Fn(&str) -> Option<String>,
     ) -> Result<Effective, ConfigError> {
-        let chosen = named
-            .map(Path::to_owned)
-            .or_else(|| variable(FILE_VARIABLE).map(PathBuf::from));
+        let chosen = chosen(named, &variable);
         let mut effective = Effective {
             named: match chosen {
                 Some(_) => Named::Chosen,

@@ -9,15 +9,16 @@ use crate::robot::whole_within;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Logging {
-    /// What is logged; `RUST_LOG` says it in more detail and wins.
+    /// What is logged; `RUST_LOG` overrides it, in more detail.
     pub level: Level,
-    /// For people or for programs; `--log-format` wins.
+    /// For people or for programs; `--log-format` overrides it.
     pub format: Format,
-    /// Which time stands before a line.
+    /// The time at the beginning of each line.
     pub time: Time,
-    /// Whether lines are coloured; `NO_COLOR` wins over `auto`.
+    /// Whether lines are coloured; `NO_COLOR` overrides `auto`.
     pub colour: When,
-    /// What is written in a day, in bytes, a 24th of it at once: 256 MiB. The rest is counted.
+    /// The most bytes written per day, of which a 24th may be used at once: 256 MiB. The rest is
+    /// counted.
     #[serde(deserialize_with = "bytes_a_day")]
     pub bytes_a_day: u64,
 }
@@ -43,14 +44,14 @@ fn bytes_a_day<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Level {
-    /// Only what went wrong.
+    /// Errors only.
     Error,
-    /// And what may go wrong.
+    /// And warnings.
     Warn,
-    /// And what happens.
+    /// And information.
     #[default]
     Info,
-    /// And why.
+    /// And details.
     Debug,
 }
 

@@ -19,23 +19,23 @@ const SHORTEST_PAUSE: Seconds = Seconds::from_millis(100);
 pub struct Mqtt {
     /// The broker's name or address.
     pub host: Option<String>,
-    /// 1883 unless given, and 8883 with TLS.
+    /// The broker's port [default: 1883, with TLS 8883].
     #[serde(deserialize_with = "port")]
     pub port: Option<u16>,
     /// Log in as this user.
     pub user: Option<String>,
-    /// The file whose first line is that user's password.
+    /// A file with that user's password in its first line.
     pub password_file: Option<PathBuf>,
     /// Encrypted if a `ca_file` is named.
     pub tls: Tls,
-    /// Topics begin with it.
+    /// The first part of all topics.
     pub prefix: String,
     /// Where Home Assistant looks for devices.
     pub discovery_prefix: String,
-    /// A silent connection shows life so often, in seconds; after one and a half of it without life the
-    /// broker says that it is broken.
+    /// The MQTT keep-alive in seconds; after one and a half times this without a sign of life the
+    /// broker declares the connection broken.
     pub keep_alive: Seconds,
-    /// Pauses between two tries to reach the broker grow up to this, in seconds.
+    /// The longest pause between two attempts to reach the broker, in seconds.
     pub longest_pause: Seconds,
 }
 
@@ -44,7 +44,7 @@ pub struct Mqtt {
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "MqttTls")]
 pub struct Tls {
-    /// Certificates (PEM) of those that may vouch for the broker.
+    /// Certificates (PEM) of the authorities that sign the broker's certificate.
     pub ca_file: Option<PathBuf>,
 }
 
@@ -85,7 +85,7 @@ pub enum MqttError {
     #[error("mqtt.longest_pause: at least 0.1 seconds")]
     LongestPause,
     /// A password for no user.
-    #[error("mqtt.password_file: there is no mqtt.user whose password it is")]
+    #[error("mqtt.password_file needs mqtt.user")]
     PasswordFile,
 }
 

@@ -8,22 +8,23 @@ use serde_json::Value;
 
 use super::{Config, Start};
 
-/// The shape of one entry of `behaviours:`, as editors see it; [`super::Entry`] reads it.
+/// One entry of `behaviours:`, as editors see it; [`super::Entry`] reads it.
 #[derive(JsonSchema)]
 #[schemars(deny_unknown_fields)]
 #[allow(dead_code, reason = "only its shape is used")]
 pub(super) struct Behaviour {
     /// The script, relative to the config.
     file: PathBuf,
-    /// What it is called, in the log and as a folder; the file's own name unless given.
+    /// Its name in the log and of its data folder [default: the file's name].
     name: Option<String>,
-    /// Who wins when several want to drive; 0 unless given.
+    /// The behaviour with the highest priority drives [default: 0].
     #[schemars(range(min = -32768, max = 32767))]
     priority: Option<i32>,
-    /// What is done when it fails: `never`, `on-failure`, or a table with `policy` and its numbers.
+    /// Whether it is restarted after a failure: `never`, `on-failure`, or a table with `policy` and
+    /// its numbers [default: never].
     restart: Option<Value>,
-    /// When `spykee serve` starts it: `always`, or when `asked`; unless given, always, or when asked if
-    /// the timetable has it.
+    /// When `spykee serve` starts it: `always`, or when `asked` [default: always; asked if it is in
+    /// the timetable].
     start: Option<Start>,
     /// Values of its parameters, by name: true, false, a number or a text.
     params: Option<BTreeMap<String, Value>>,

@@ -5,18 +5,19 @@ use serde::{Deserialize, Serialize};
 
 use crate::clock::Span;
 
-/// What a service does while nothing runs, and as which user.
+/// What a service does while no behaviour runs, and as which user it runs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Service {
-    /// What becomes of the link while nothing runs: `keep`, or `release`, so that others can log in.
+    /// What happens to the link while no behaviour runs: `keep`, or `release`, so that others can
+    /// log in.
     pub idle: Idle,
-    /// How long nothing runs before the robot is idle: 1m.
+    /// The time without a behaviour after which the robot is idle: 1m.
     #[schemars(with = "String")]
     pub idle_after: Span,
-    /// An idle robot that is off its station is sent there.
+    /// Whether an idle robot that is off its station is sent there.
     pub dock: bool,
-    /// Started as root, it goes on as this user of the computer.
+    /// The user that a service started as root continues as.
     pub user: Option<String>,
 }
 
@@ -31,13 +32,13 @@ impl Default for Service {
     }
 }
 
-/// What becomes of the link while nothing runs.
+/// What happens to the link while no behaviour runs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Idle {
-    /// It stays: the battery is watched over.
+    /// It stays connected, and the battery is monitored.
     #[default]
     Keep,
-    /// The link to a robot on its station is released, so that another program can log in.
+    /// The service disconnects from a robot on its station, so that another program can log in.
     Release,
 }

@@ -309,7 +309,7 @@ impl Run {
     async fn overview(&self) -> Answer {
         let crew = match self.aboard().await {
             Some(crew) => crew,
-            None => return Answer::Refused("the run is coming to its end".to_owned()),
+            None => return Answer::Refused("the run is ending".to_owned()),
         };
         let (status, view) = (*self.status.borrow(), self.view.borrow().clone());
         Answer::Overview(Box::new(Overview {

@@ -14,7 +14,7 @@ use crate::robot::{Battery, Percent, Priority, RobotInfo};
 pub struct Report {
     /// Of the run's process.
     pub process: u32,
-    /// The robot as the run was told to reach it.
+    /// The address by which the run reaches the robot.
     pub robot: String,
     /// In the run's own program.
     pub simulated: bool,
@@ -55,7 +55,7 @@ pub struct Level {
     pub percent: u8,
     /// On the charger.
     pub charging: bool,
-    /// Until it is empty, if it goes on as of late.
+    /// Estimated time until it is empty, at the recent consumption.
     pub minutes_left: Option<f32>,
 }
 

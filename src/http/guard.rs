@@ -28,7 +28,7 @@ pub(super) enum Reason {
     )]
     Host,
     /// A page of another site.
-    #[error("another site's page asks for this")]
+    #[error("the request comes from another site's page")]
     Origin,
 }
 

@@ -16,14 +16,15 @@ const MOST_VIEWERS: u64 = 1000;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Options {
-    /// Where the page and the API are served, `IP:PORT`. Off loopback a password or a token is needed.
+    /// Where the page and the API are served, `IP:PORT`. Beyond loopback a password or a token is
+    /// required.
     #[schemars(with = "Option<String>")]
     pub listen: Option<SocketAddr>,
-    /// Names by which browsers reach it besides that address, such as that of a proxy in front of it.
+    /// Host names of the page besides that address, such as that of a proxy in front of it.
     pub hosts: Vec<String>,
-    /// The first line of this file is the password of those who may look and drive.
+    /// The first line of this file is the password of those who may do everything.
     pub driver_password_file: Option<PathBuf>,
-    /// The first line of this file is the password of those who may only look.
+    /// The first line of this file is the password of those who may only look, and stop the robot.
     pub viewer_password_file: Option<PathBuf>,
     /// Viewers at a time, 1..=1000.
     #[serde(deserialize_with = "viewers")]

@@ -1,10 +1,10 @@
-//! What happened in February: a SQLite file in the data folder that remembers what an agent says on its
-//! bus. Links, the battery's level, docks, alarms, runs and their endings, pictures, and what scripts
-//! want to be remembered.
+//! The record of what happened: a SQLite file in the data folder with the events of an agent's bus.
+//! Links, the battery's level, docks, alarms, runs and their endings, pictures, and entries of
+//! scripts.
 //!
-//! Written by a thread of its own. What if the disk is full, slow or gone? The thread waits, the bus
-//! does not: what does not fit is counted, and the count is written once there is room. A process
-//! that is killed loses what happened within its last half second.
+//! A thread of its own writes it. If the disk is full, slow or gone, that thread waits but the bus
+//! does not: events that do not fit are counted, and the count is written once there is room. A
+//! process that is killed loses the events of its last half second.
 
 mod error;
 mod history;

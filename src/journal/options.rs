@@ -5,18 +5,18 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::robot::whole_within;
 
-/// What is remembered, and for how long.
+/// What the journal keeps, and for how long.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "JournalOptions")]
 pub struct Options {
     /// Whether there is a journal.
     pub record: When,
-    /// What is older, in days, is forgotten: 400.
+    /// Entries older than this many days are deleted: 400.
     #[serde(deserialize_with = "days")]
     #[schemars(range(min = 1, max = 36_500))]
     pub keep_days: u64,
-    /// The file is kept below this size, in MiB, and the oldest makes room: 64.
+    /// The largest size of the file, in MiB; beyond that the oldest entries are deleted: 64.
     #[serde(deserialize_with = "mebibytes")]
     #[schemars(range(min = 1, max = 65_536))]
     pub max_mib: u64,

@@ -69,7 +69,7 @@ impl Journal {
         let ended = self.ended.recv_timeout(limit);
         let done = ended == Err(mpsc::RecvTimeoutError::Disconnected);
         if !done {
-            warn!("the journal is not written to its end: its disk is too slow");
+            warn!("the end of the journal is not written: its disk is too slow");
         }
         done
     }
@@ -219,7 +219,7 @@ impl Recorder {
         let now = self.clock.now();
         match self.ledger.as_mut().map(|ledger| ledger.forget(now)) {
             Some(Ok(gone)) if gone > 0 => info!(gone, "the journal has forgotten its oldest rows"),
-            Some(Err(error)) => debug!("the journal is not looked over: {error}"),
+            Some(Err(error)) => debug!("the journal cannot be cleaned up: {error}"),
             _ => {}
         }
     }
@@ -232,7 +232,7 @@ impl Recorder {
         let (rows, lost) = self.pending.rows();
         let unwritten = rows.len() as u64 + lost;
         if unwritten > 0 {
-            warn!(unwritten, "what has happened is not all in the journal");
+            warn!(unwritten, "the journal is incomplete");
         }
         let now = self.clock.now();
         if let Some(Err(error)) = self.ledger.as_ref().map(|ledger| ledger.end(now)) {

@@ -22,12 +22,13 @@
 //!
 //! [`run`] works on any thread, many at a time. It takes a thread of its own for the VMs' stack and
 //! returns when the closure has. Within the closure `tokio::time` is virtual: sleep, timeout and
-//! interval as you like, and always set limits, for a simulated robot waits for ever in no time.
-//! Wait for nothing outside: time would not stand still meanwhile.
+//! interval as you like, and always set limits, because virtual time can pass without end in no
+//! real time. Wait for nothing outside the laboratory: virtual time would not stand still in the
+//! meantime.
 //!
-//! What is real: a script's budget, so that one that never waits is ended as on a robot, while the
-//! virtual time stands still. What is missing: a host's walls. Scripts are held by their VM alone,
-//! not by landlock, seccomp and limits of the kernel; run only scripts that you would run so.
+//! A script's CPU budget is in real time, so that one that never waits is ended as on a robot,
+//! while virtual time stands still. A host's walls are absent: only the VM confines scripts, not
+//! landlock, seccomp and limits of the kernel; run only scripts that you trust with that.
 
 mod event;
 mod options;
@@ -138,8 +139,8 @@ impl Lab {
         Running::start(self.sim.clone(), &self.options, behaviours, limit)
     }
 
-    /// What an agent on the robot of this laboratory needs, for who composes one by himself, such as a
-    /// service: it is run within the laboratory.
+    /// What an agent on the robot of this laboratory needs, for who composes one by himself, such
+    /// as a service: it is run within the laboratory.
     pub fn plan(&self, behaviours: Vec<Behaviour>) -> Plan {
         running::plan(self.sim.clone(), &self.options, behaviours)
     }

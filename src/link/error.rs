@@ -18,7 +18,7 @@ pub enum LinkError {
         source: io::Error,
     },
     /// Nothing came in time.
-    #[error("waited {after:?} in vain for {what}")]
+    #[error("timed out after {after:?} while waiting for {what}")]
     TimedOut {
         /// What was waited for.
         what: &'static str,
@@ -50,7 +50,7 @@ pub enum LinkError {
     #[error("the robot closed the connection")]
     Closed,
     /// The stream is out of step.
-    #[error("the robot sends what is no Spykee message: {0}")]
+    #[error("the robot sends something that is not a Spykee message: {0}")]
     Framing(#[from] FramingError),
     /// What was written was not acknowledged in time.
     #[error("the link is dead: nothing could be sent for {after:?}")]

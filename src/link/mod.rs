@@ -1,9 +1,9 @@
-//! The line to the robot: finding it, connecting, logging in, and the two halves of an open
-//! connection. Knows bytes, time limits and pauses; what to say to the robot is decided elsewhere.
+//! The connection to the robot: discovery, connecting, logging in, and the two halves of an open
+//! connection. Knows bytes, time limits and pauses; what to send to the robot is decided elsewhere.
 //!
-//! [`connect`] gives a [`Session`] whose tracks have just been told to rest. [`Backoff`] says how
-//! long to pause before the next try, [`discover`] who is there at all. [`open`] does the same over
-//! any transport that reads and writes bytes.
+//! [`connect`] returns a [`Session`] whose first command was a stop of the tracks. [`Backoff`]
+//! computes the pause before the next attempt, [`discover`] finds robots. [`open`] does the same
+//! over any transport that reads and writes bytes.
 
 mod backoff;
 mod delivery;

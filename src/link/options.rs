@@ -19,7 +19,7 @@ pub struct Options {
     #[serde(with = "seconds::Between::<100, 600_000>")]
     #[schemars(with = "f64")]
     pub login_timeout: Duration,
-    /// The pause before the first new try after a lost link; 0.05 to 60 s, default 0.5 s.
+    /// The pause before the first reconnect after a lost link; 0.05 to 60 s, default 0.5 s.
     #[serde(with = "seconds::Between::<50, 60_000>")]
     #[schemars(with = "f64")]
     pub first_pause: Duration,
@@ -27,7 +27,7 @@ pub struct Options {
     #[serde(with = "seconds::Between::<50, 3_600_000>")]
     #[schemars(with = "f64")]
     pub longest_pause: Duration,
-    /// A write that the robot has not acknowledged for so long means a dead link; 0.5 to 60 s,
+    /// A write that the robot does not acknowledge within this time means a dead link; 0.5 to 60 s,
     /// default 3 s.
     #[serde(with = "seconds::Between::<500, 60_000>")]
     #[schemars(with = "f64")]

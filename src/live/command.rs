@@ -265,7 +265,7 @@ enum AlterError {
     Range(&'static str),
     #[error("the speed is out of range: 1 to 100")]
     Speed,
-    #[error("this simulation goes by the clock on the wall; with --fast it has one of its own")]
+    #[error("this simulation runs in real time; start it with --fast to control its clock")]
     NoTempo,
     #[error("{0}")]
     Fault(String),

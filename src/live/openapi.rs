@@ -81,26 +81,31 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
     };
     get(
         "/healthz",
-        "Whether the program and the robot are there.",
+        "Whether the program and the robot are up.",
         None,
         Gives::Json(shape!(Health)),
     );
     get(
         "/metrics",
-        "Figures for Prometheus.",
+        "Metrics for Prometheus.",
         Some("viewer"),
         Gives::Kind("application/openmetrics-text"),
     );
-    get("/api/me", "Who asks.", None, Gives::Json(shape!(Me)));
+    get(
+        "/api/me",
+        "Name and role of the caller.",
+        None,
+        Gives::Json(shape!(Me)),
+    );
     get(
         "/api/status",
-        "How things stand.",
+        "The state of the run.",
         Some("viewer"),
         Gives::Json(shape!(State)),
     );
     get(
         "/api/run",
-        "How things stand, as `spykee status --json` tells it.",
+        "The state of the run, as `spykee status --json` prints it.",
         Some("viewer"),
         Gives::Json(shape!(Report)),
     );
@@ -124,7 +129,7 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
     );
     get(
         "/api/history",
-        "Battery and events of the last day, or with `?days=7` of so many, at most 31; null without a journal.",
+        "Battery and events of the last day, or of the last week with `?days=7`, at most 31 days; null without a journal.",
         Some("viewer"),
         Gives::Json(shape!(Option<Past>)),
     );
@@ -136,7 +141,7 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
     );
     get(
         "/api/picture",
-        "A picture that the camera takes now.",
+        "A new picture from the camera.",
         Some("viewer"),
         Gives::Kind("image/jpeg"),
     );
@@ -152,7 +157,7 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
     };
     post(
         "/api/stop",
-        "STOP: nothing moves the robot until it is let go.",
+        "STOP: nothing moves the robot until it is released.",
         "viewer",
         Body::Nothing,
     );
@@ -207,12 +212,12 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
     let dockings = [
         (
             "/api/dock",
-            "Drive to the station; answered when it is there, or has given up: then with 409.",
+            "Drive to the station. Answers when the robot is there, or with 409 when it has given up.",
             shape_of::<Dock>(generator),
         ),
         (
             "/api/undock",
-            "Leave the station; answered when it has left, or has not: then with 409.",
+            "Leave the station. Answers when the robot has left, or with 409 when it has not.",
             shape_of::<TimeLimit>(generator),
         ),
     ];

@@ -67,7 +67,7 @@ pub(super) struct Tuned {
 pub(super) struct Become {
     /// This.
     pub change: Turn,
-    /// With `start`: it is ended after it has run for so long, such as `30m`.
+    /// With `start`: it is ended after this time, such as `30m`.
     #[serde(rename = "for")]
     #[schemars(with = "Option<String>")]
     pub lasts: Option<Span>,
@@ -101,7 +101,7 @@ pub(super) struct Docking {
     /// As `end`, if it did not work.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
-    /// `done`, `already_docked`, `not_docked`, `base_not_found`, `timeout` and so on, as scripts are told.
+    /// `done`, `already_docked`, `not_docked`, `base_not_found`, `timeout` and so on, as in scripts.
     pub end: &'static str,
     /// Tries made; not of an undocking.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -43,7 +43,7 @@ pub(super) struct State {
     pub fps: u32,
     /// The robot, if it was ever there.
     pub robot: Option<Robot>,
-    /// The robot as the run was told to reach it.
+    /// The address by which the run reaches the robot.
     pub target: String,
     /// In the run's own program.
     pub simulated: bool,
@@ -66,7 +66,7 @@ pub(super) struct Level {
     pub percent: u8,
     /// On the charger.
     pub charging: bool,
-    /// Until it is empty, if it goes on as of late.
+    /// Estimated time until it is empty, at the recent consumption.
     pub minutes_left: Option<f32>,
 }
 

@@ -151,7 +151,7 @@ impl Envoy {
                 }
                 self.announce(&one.what);
             }
-            Heard::Missed(missed) => warn!(missed, "events passed that no broker was told of"),
+            Heard::Missed(missed) => warn!(missed, "events were dropped, not sent"),
             Heard::Closed => {}
         }
         self.touch();

@@ -1,15 +1,15 @@
-//! The robot at a broker of MQTT: how things stand, what happens, and orders of Home Assistant, of
-//! `spykee fleet` or of any other client. One agent is one device, named by its robot's uid.
+//! The robot at an MQTT broker: its state, its events, and orders from Home Assistant, `spykee
+//! fleet` or any other client. One agent is one device, named after its robot's uid.
 //!
-//! A thread of its own speaks with the broker; it only listens to the agent ([`Bus`](crate::robot::Bus),
-//! status) and asks what a person may ask ([`control::Run`](crate::control::Run)): watchdog and
-//! priorities hold. What if the broker hangs or is gone? Nothing waits for it: of the state the newest counts,
-//! events that find no room are dropped and counted, the thread connects anew with growing pauses, and
-//! the robot goes on as it did. What if this thread breaks down? Its connection closes, and the broker
-//! says CONNECTIONBROKEN for it.
+//! A thread of its own speaks with the broker; it only listens to the agent
+//! ([`Bus`](crate::robot::Bus), status) and asks what a person may ask
+//! ([`control::Run`](crate::control::Run)): watchdog and priorities hold. If the broker hangs or is
+//! gone, nothing waits for it: only the latest state is kept, events that find no room are dropped
+//! and counted, the thread reconnects with growing pauses, and the robot continues. If this thread
+//! panics, its connection closes, and the broker publishes CONNECTIONBROKEN for it.
 //!
-//! An order runs once or not at all: sessions are clean, so a broker keeps no orders for an agent that is
-//! away, and retained ones are ignored.
+//! An order runs once or not at all: sessions are clean, so a broker keeps no orders for an agent
+//! that is away, and retained ones are ignored.
 
 mod command;
 mod discovery;

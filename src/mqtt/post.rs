@@ -21,7 +21,7 @@ pub enum PostError {
     #[error("no connection with the broker: {0}")]
     Line(String),
     /// The broker hangs.
-    #[error("the broker does not take it within {} s", .0.as_secs_f64())]
+    #[error("the broker did not confirm it within {} s", .0.as_secs_f64())]
     Silent(Duration),
 }
 

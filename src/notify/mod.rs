@@ -1,9 +1,9 @@
-//! A voice for those who are elsewhere: what happens on an agent's bus goes, by rules, to webhooks,
-//! topics of a broker and commands that the config names.
+//! Notifications for people who are elsewhere: by rules, the events of an agent's bus go to the
+//! webhooks, broker topics and commands of the config.
 //!
-//! A thread listens and puts messages into queues on the disk; a thread for each target sends them. What
-//! if a target hangs, refuses or is gone? Its own queue waits, with growing pauses, and is bounded;
-//! nothing else waits. Secrets of a target are in no log, no error and no queue.
+//! A thread listens and puts messages into queues on the disk; a thread for each target sends them.
+//! If a target hangs, refuses or is gone, its own bounded queue waits, with growing pauses between
+//! attempts; nothing else waits. A target's secrets appear in no log, no error and no queue.
 
 mod broker;
 mod command;

@@ -6,7 +6,7 @@ use jiff::Timestamp;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Why people are told.
+/// The events that people can be notified of.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
@@ -23,13 +23,13 @@ pub enum Rule {
     RunFailed,
     /// A script added an entry `moved` or `noise` to the journal.
     Moved,
-    /// The robot is out of reach for long, and when it is back.
+    /// The robot is out of reach for long; also when it is back.
     Unreachable,
-    /// The timetable wanted a start that did not happen.
+    /// A start of the timetable did not happen.
     StartMissed,
     /// A script called `notify.send`.
     Script,
-    /// `spykee notify test`; every target has it.
+    /// `spykee notify test`; every target receives it.
     Test,
 }
 

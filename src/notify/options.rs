@@ -25,12 +25,12 @@ const METHODS: &[&str] = &["POST", "PUT", "PATCH"];
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "NotifyOptions")]
 pub struct Options {
-    /// Messages to each target in an hour, a third of them at once: 30. Further ones are left out and
-    /// counted.
+    /// The most messages per target and hour, of which a third at once: 30. Further ones are
+    /// dropped and counted.
     #[serde(deserialize_with = "per_hour")]
     #[schemars(range(min = 1, max = 1000))]
     pub per_hour: u64,
-    /// A robot that is out of reach for so long, in seconds, is told: 600.
+    /// A robot that is out of reach for this many seconds is reported: 600.
     pub unreachable_after: Seconds,
     /// By name.
     pub targets: BTreeMap<String, Target>,
@@ -46,35 +46,36 @@ impl Default for Options {
     }
 }
 
-/// A webhook, by `url`, a message at the broker of `mqtt:`, by `topic`, or a command. `{text}`, `{event}`, `{robot}`, `{time}`, `{picture}` (the file's
-/// name) and, for webhooks, `{token}` in its texts are filled in.
+/// A webhook, by `url`, a message at the broker of `mqtt:`, by `topic`, or a command. `{text}`,
+/// `{event}`, `{robot}`, `{time}`, `{picture}` (the file's name) and, for webhooks, `{token}` in
+/// its texts are filled in.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "NotifyTarget")]
 pub struct Target {
-    /// Where a webhook is.
+    /// The address of a webhook.
     pub url: Option<String>,
-    /// POST, PUT or PATCH: POST.
+    /// POST, PUT or PATCH [default: POST].
     pub method: String,
     /// Header fields of a webhook.
     pub headers: BTreeMap<String, String>,
-    /// Where the broker of `mqtt:` is told.
+    /// A topic of the broker of `mqtt:`.
     pub topic: Option<String>,
-    /// What a webhook or a topic is sent, as text; `{text}` unless something is said here or at `json`.
+    /// The text that a webhook or a topic is sent [default, without `json`: `{text}`].
     pub body: Option<String>,
-    /// What it is sent, as JSON: the texts within are filled in.
+    /// The JSON that it is sent; the strings in it are filled in.
     pub json: Option<Value>,
     /// How a picture goes with it; to a topic `none` or `body`.
     pub picture: PictureWay,
-    /// The file whose first line is `{token}`.
+    /// A file with `{token}` in its first line.
     pub token_file: Option<PathBuf>,
-    /// The environment variable that is `{token}`.
+    /// The environment variable that holds `{token}`.
     pub token_env: Option<String>,
     /// A program and its arguments; it reads the text on its standard input.
     pub command: Vec<String>,
-    /// Told of these; of all unless said.
+    /// The events it is notified of [default: all].
     pub on: Option<Vec<Rule>>,
-    /// How long it may take, in seconds: 15.
+    /// The time limit of a delivery, in seconds: 15.
     pub timeout: Seconds,
 }
 
@@ -102,13 +103,13 @@ impl Default for Target {
 #[serde(rename_all = "lowercase")]
 #[schemars(rename = "NotifyPicture")]
 pub enum PictureWay {
-    /// It does not.
+    /// No picture.
     #[default]
     None,
-    /// In place of the body; the text is in the header fields.
+    /// As the body; the text is in the header fields.
     Body,
-    /// As a form: the members of `json` as its fields, or `body` as the field `body`; the picture as
-    /// `attachment`.
+    /// As a form: the members of `json` as its fields, or `body` as the field `body`; the picture
+    /// as `attachment`.
     Form,
 }
 
@@ -203,7 +204,7 @@ pub enum TargetError {
     #[error("`{{token}}` needs `token_file` or `token_env`")]
     NoToken,
     /// A token that no text fills in.
-    #[error("its token is nowhere used: write {{token}} where it belongs")]
+    #[error("its token is not used: write {{token}} where it belongs")]
     UnusedToken,
     /// Another scheme.
     #[error("its url must begin with https:// or http://")]
@@ -215,7 +216,7 @@ pub enum TargetError {
     #[error("it has both `body` and `json`; one of them is sent")]
     TwoBodies,
     /// A token on a command line.
-    #[error("a command gets no token: it would stand in lists of processes")]
+    #[error("a command cannot have a token: it would show in lists of processes")]
     TokenOfCommand,
     /// Not a topic, or a pattern of topics.
     #[error(
@@ -311,7 +312,7 @@ mod tests {
             ),
             ("{ url: 'ftp://a' }", "https://"),
             ("{ url: 'http://a/{token}' }", "needs `token_file`"),
-            ("{ url: 'http://a', token_env: A }", "nowhere used"),
+            ("{ url: 'http://a', token_env: A }", "is not used"),
             ("{ url: 'http://a', body: '{tetx}' }", "{tetx}"),
             (
                 "{ url: 'http://a', json: { a: [{ b: '{secret}' }] } }",

@@ -95,7 +95,7 @@ impl Sender {
             match deliver(&self.target, &self.token, &self.post, &waiting.notice) {
                 Delivery::Done => {
                     let event = waiting.notice.rule.name();
-                    info!(target = self.name, event, "people are told");
+                    info!(target = self.name, event, "notification sent");
                     queue.remove(&waiting.name);
                 }
                 Delivery::Refused(why) => {
@@ -106,7 +106,7 @@ impl Sender {
                     let waiting = queue.len();
                     warn!(
                         target = self.name,
-                        waiting, "people are not told yet: {why}"
+                        waiting, "notification not sent yet: {why}"
                     );
                     return false;
                 }

@@ -37,7 +37,7 @@ impl Pilot {
         let was = std::mem::replace(&mut self.halt.on, on);
         match (was, on) {
             (false, true) => {
-                warn!("stopped by a person: nothing moves the robot until a person lets go");
+                warn!("stopped by a person: nothing moves the robot until a person releases it");
                 self.say_halt()
             }
             (true, true) => {
@@ -48,7 +48,7 @@ impl Pilot {
                 self.say_halt()
             }
             (true, false) => {
-                warn!("a person lets go: the robot may move again");
+                warn!("released by a person: the robot may move again");
                 // What the watchdog believes was never said: it begins anew, with a stop.
                 self.take(Fact::Suspended)
             }

@@ -26,7 +26,7 @@ impl Pilot {
         if self.released {
             info!("disconnected: {lost}; the robot is free for others")
         } else {
-            warn!("disconnected: {lost}; connecting anew")
+            warn!("disconnected: {lost}; reconnecting")
         }
         let acts = self.watchdog.take(Fact::LinkDown, Instant::now());
         // Without a link nothing is sent, so nothing can fail.

@@ -170,7 +170,7 @@ impl Pilot {
         }
         let before = std::mem::replace(&mut self.released, release);
         if release && !before {
-            Err(LinkLost::because("let go of, nothing runs"))
+            Err(LinkLost::because("disconnected, no behaviour runs"))
         } else {
             Ok(())
         }

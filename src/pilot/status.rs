@@ -34,8 +34,8 @@ impl LinkState {
         match self {
             LinkState::Connecting => Some("connecting"),
             LinkState::Up => None,
-            LinkState::Lost => Some("link lost, connecting anew"),
-            LinkState::Released => Some("let go of, free for others"),
+            LinkState::Lost => Some("link lost, reconnecting"),
+            LinkState::Released => Some("disconnected, free for others"),
         }
     }
 }

@@ -109,7 +109,7 @@ impl EndReason {
             EndReason::Memory => "the script wanted more memory than it may have",
             EndReason::Cancelled => "the script was ended from outside",
             EndReason::Safety => "the watchdog ended the script",
-            EndReason::Reload => "the script is loaded anew",
+            EndReason::Reload => "the script is reloaded",
             EndReason::Shutdown => "the run ends",
         }
     }

@@ -14,7 +14,8 @@ pub enum Use {
     /// While a script wants it, and for two seconds after it was last used.
     #[default]
     Auto,
-    /// Never: what comes by it never comes, and the script's log says so; only `robot.stream` is an error.
+    /// Never: its events do not happen, and the script's log says so; only `robot.stream` is an
+    /// error.
     Off,
 }
 

@@ -54,7 +54,7 @@ pub struct DockOutcome {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Phase {
+enum DockingPhase {
     /// The robot searches by itself.
     Searching { until: Instant },
     /// On the station, charging has not begun.
@@ -73,7 +73,7 @@ pub struct Docking {
     approach: DockLimits,
     started: Instant,
     attempts: u32,
-    phase: Phase,
+    phase: DockingPhase,
 }
 
 impl Docking {
@@ -82,7 +82,7 @@ impl Docking {
 
     /// Begins: the robot is off its station, or on it without charging yet.
     pub fn start(approach: DockLimits, docked: bool, now: Instant) -> (Docking, Vec<DockAction>) {
-        let phase = Phase::AwaitingCharge {
+        let phase = DockingPhase::AwaitingCharge {
             until: now + approach.plan.charge_timeout,
         };
         let mut docking = Docking {
@@ -98,19 +98,22 @@ impl Docking {
     /// An ENGINE message came.
     pub fn engine(&mut self, news: EngineReport, now: Instant) -> Vec<DockAction> {
         match (self.phase, news) {
-            (Phase::Searching { .. } | Phase::BackingOff { .. }, EngineReport::Docked) => {
+            (
+                DockingPhase::Searching { .. } | DockingPhase::BackingOff { .. },
+                EngineReport::Docked,
+            ) => {
                 let until = now + self.approach.plan.charge_timeout;
                 let orders = self.halt_if_backing_off();
-                self.phase = Phase::AwaitingCharge { until };
+                self.phase = DockingPhase::AwaitingCharge { until };
                 orders
             }
-            (Phase::Searching { .. }, EngineReport::BaseNotFound) => {
+            (DockingPhase::Searching { .. }, EngineReport::BaseNotFound) => {
                 self.failed(DockEnd::BaseNotFound, now)
             }
-            (Phase::AwaitingCharge { .. }, EngineReport::Undocked) => {
+            (DockingPhase::AwaitingCharge { .. }, EngineReport::Undocked) => {
                 self.failed(DockEnd::NotCharging, now)
             }
-            (Phase::Leaving { .. }, EngineReport::Undocked) => self.search(now),
+            (DockingPhase::Leaving { .. }, EngineReport::Undocked) => self.search(now),
             _ => vec![],
         }
     }
@@ -129,7 +132,7 @@ impl Docking {
 
     /// The robot searches by itself.
     pub fn is_searching(&self) -> bool {
-        matches!(self.phase, Phase::Searching { .. })
+        matches!(self.phase, DockingPhase::Searching { .. })
     }
 
     /// Time passes.
@@ -139,23 +142,23 @@ impl Docking {
         }
         match self.phase {
             // The robot still searches: it must hear of the end before anything else.
-            Phase::Searching { .. } => {
+            DockingPhase::Searching { .. } => {
                 [vec![DockAction::Cancel], self.failed(DockEnd::Timeout, now)].concat()
             }
-            Phase::AwaitingCharge { .. } => self.not_charging(now),
-            Phase::Leaving { .. } => {
+            DockingPhase::AwaitingCharge { .. } => self.not_charging(now),
+            DockingPhase::Leaving { .. } => {
                 self.finish(DockEnd::NotCharging, now);
                 vec![]
             }
-            Phase::BackingOff { .. } => self.search(now),
-            Phase::Over(_) => vec![],
+            DockingPhase::BackingOff { .. } => self.search(now),
+            DockingPhase::Over(_) => vec![],
         }
     }
 
     /// It is cancelled.
     pub fn cancel(&mut self, end: DockEnd, now: Instant) -> Vec<DockAction> {
         let orders = match self.phase {
-            Phase::Searching { .. } => vec![DockAction::Cancel],
+            DockingPhase::Searching { .. } => vec![DockAction::Cancel],
             _ => self.halt_if_backing_off(),
         };
         self.finish(end, now);
@@ -165,8 +168,8 @@ impl Docking {
     /// The contact whose charging it waits for is not believed any more.
     pub fn lost_contact(&mut self, doubt: Doubt, now: Instant) -> Vec<DockAction> {
         match (self.phase, doubt) {
-            (Phase::AwaitingCharge { .. }, Doubt::Leaving) => self.search(now),
-            (Phase::AwaitingCharge { .. }, Doubt::Contact) => {
+            (DockingPhase::AwaitingCharge { .. }, Doubt::Leaving) => self.search(now),
+            (DockingPhase::AwaitingCharge { .. }, Doubt::Contact) => {
                 self.finish(DockEnd::NotCharging, now);
                 vec![]
             }
@@ -177,7 +180,7 @@ impl Docking {
     /// How it went, once it is over.
     pub fn outcome(&self) -> Option<DockOutcome> {
         match self.phase {
-            Phase::Over(outcome) => Some(outcome),
+            DockingPhase::Over(outcome) => Some(outcome),
             _ => None,
         }
     }
@@ -185,24 +188,24 @@ impl Docking {
     /// When [`Docking::poll`] has something to do.
     pub fn next_deadline(&self) -> Option<Instant> {
         match self.phase {
-            Phase::Searching { until }
-            | Phase::AwaitingCharge { until }
-            | Phase::Leaving { until }
-            | Phase::BackingOff { until } => Some(until),
-            Phase::Over(_) => None,
+            DockingPhase::Searching { until }
+            | DockingPhase::AwaitingCharge { until }
+            | DockingPhase::Leaving { until }
+            | DockingPhase::BackingOff { until } => Some(until),
+            DockingPhase::Over(_) => None,
         }
     }
 
     fn halt_if_backing_off(&self) -> Vec<DockAction> {
         match self.phase {
-            Phase::BackingOff { .. } => vec![DockAction::Halt],
+            DockingPhase::BackingOff { .. } => vec![DockAction::Halt],
             _ => vec![],
         }
     }
 
     fn search(&mut self, now: Instant) -> Vec<DockAction> {
         self.attempts += 1;
-        self.phase = Phase::Searching {
+        self.phase = DockingPhase::Searching {
             until: now + self.approach.plan.timeout,
         };
         vec![DockAction::Find]
@@ -212,7 +215,7 @@ impl Docking {
     fn failed(&mut self, end: DockEnd, now: Instant) -> Vec<DockAction> {
         match self.approach.retry {
             Retry::Reverse(span) if self.attempts <= self.approach.plan.retries => {
-                self.phase = Phase::BackingOff { until: now + span };
+                self.phase = DockingPhase::BackingOff { until: now + span };
                 vec![DockAction::Reverse]
             }
             Retry::Reverse(_) | Retry::Never => {
@@ -230,7 +233,7 @@ impl Docking {
             self.finish(DockEnd::NotCharging, now);
             return vec![];
         }
-        self.phase = Phase::Leaving {
+        self.phase = DockingPhase::Leaving {
             until: now + Docking::LEAVE_TIMEOUT,
         };
         vec![DockAction::Undock]
@@ -239,7 +242,7 @@ impl Docking {
     fn finish(&mut self, end: DockEnd, now: Instant) {
         if self.outcome().is_none() {
             let took = now.saturating_duration_since(self.started);
-            self.phase = Phase::Over(DockOutcome {
+            self.phase = DockingPhase::Over(DockOutcome {
                 end,
                 attempts: self.attempts,
                 took,

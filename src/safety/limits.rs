@@ -16,47 +16,49 @@ pub struct Limits {
     pub low: Percent,
     /// From this level on a robot that was low may move again (50 %).
     pub ok: Percent,
-    /// At or below this level no behaviour moves the robot, charging or not, but on the way home (8 %);
-    /// camera, microphone, lights and sounds are switched off.
+    /// At or below this level no behaviour moves the robot, charging or not, except on the way home
+    /// (8 %); camera, microphone, lights and sounds are switched off.
     pub critical: Percent,
     /// The longest single search of the way home (180 s).
     pub dock_timeout: Seconds,
-    /// How long charging may take to begin once on the station (30 s).
+    /// The longest wait for charging to begin once on the station (30 s).
     pub charge_timeout: Seconds,
     /// Searches after the first one that may fail before the alarm sounds (3).
     pub dock_retries: u32,
-    /// Where a search has failed and no behaviour may drive the robot elsewhere, it stands for so long before
-    /// the next one (5 s), and twice as long each time: up to `recovery_longest_pause`, and never for
-    /// longer than costs as much as a search. At or below the critical level it does not wait.
+    /// The pause after a failed search, if no behaviour may drive the robot elsewhere (5 s). It
+    /// doubles each time, up to `recovery_longest_pause`, and is never longer than costs as much
+    /// energy as a search. At or below the critical level there is no pause.
     pub dock_pause: Seconds,
-    /// Whether the watchdog itself drives a short leg where the station was not found and no rescue
-    /// behaviour has driven: any number but 0 (12). It drives them blindly: at 30 %, straight for 2 s,
-    /// later for up to 4 s (0.27 to 0.54 m), every second one after a turn of 0.95 s, with a search
-    /// after each, until released. 0, where a fall is possible: never.
+    /// Whether the watchdog itself drives a short leg if the station was not found and no rescue
+    /// behaviour has driven: any number but 0 (12). It drives legs blindly: at 30 %, straight for 2
+    /// s, later for up to 4 s (0.27 to 0.54 m), every second one after a turn of 0.95 s, with a
+    /// search after each, until the robot is released. 0 means never: for places where the robot
+    /// could fall.
     pub recovery_legs: u32,
-    /// The first of those pauses once the alarm sounds (60 s) ...
+    /// The first of these pauses once the alarm sounds (60 s).
     pub recovery_pause: Seconds,
-    /// ... and the longest (300 s).
+    /// The longest of these pauses (300 s).
     pub recovery_longest_pause: Seconds,
-    /// Who drives a low robot elsewhere after a search that has failed: `builtin`, a behaviour that
-    /// comes with the program and drives over free floor; the name of a `.lua` file; or `off`: none.
+    /// The rescue behaviour, which drives a low robot elsewhere after a failed search: `builtin`,
+    /// which drives over free floor; the name of a `.lua` file; or `off`.
     pub rescue: Rescue,
-    /// The tracks are lent to it for so long at most; then the robot searches from there (8 s).
+    /// The longest loan of the tracks to it; then the robot searches from there (8 s).
     pub rescue_time: Seconds,
-    /// The most power of each track while they are lent (30 %); more is scaled down on both alike.
+    /// The limit of each track's power while they are lent (30 %); more is scaled down on both
+    /// alike.
     pub rescue_power: Percent,
-    /// Without any battery level for so long off the station, the battery counts as low (600 s).
+    /// After this time off the station without a battery level, the battery counts as low (600 s).
     pub power_silence: Seconds,
     /// A host whose motion is on must show life this often, or the tracks are stopped (0.25 s).
     pub host_silence: Seconds,
-    /// A host that shows no life for so much longer is ended; one that does drives on (0.25 s). A
-    /// machine that stalls as a whole must not end its scripts.
+    /// A host that shows no life for this much longer is ended; one that does continues (0.25 s).
+    /// This way a machine that stalls as a whole does not end its scripts.
     pub host_grace: Seconds,
-    /// A host without motion that shows no life for so long is ended too (5 s).
+    /// A host without motion that shows no life for this long is ended too (5 s).
     pub host_idle_silence: Seconds,
     /// With a stream on and the tracks moving, bytes must come this often (3 s).
     pub stream_silence: Seconds,
-    /// From one sounding of the alarm to the next (15 s).
+    /// The time between two soundings of the alarm (15 s).
     pub alarm_every: Seconds,
 }
 

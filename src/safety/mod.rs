@@ -2,12 +2,13 @@
 //! come out; nothing here waits, asks the clock, or knows a socket or a script's VM.
 //!
 //! [`Watchdog`] is the whole; its parts can be read one by one: [`Arbiter`] (who may drive),
-//! [`Tracks`] (what the robot was told, how often), [`BatteryGuard`] (what is believed of the
-//! battery, and when it is low), [`Drain`] (how fast it empties), [`DockTracker`] (where the robot is,
-//! by whose word), [`Docking`] (the way home), [`Recovery`] (what follows when it failed), [`Loan`]
-//! and [`Leg`] (how a low robot gets elsewhere to search again), [`Rescue`] (who sees the way), [`Trail`]
-//! (how the robot came from its station), [`Leases`] (which hosts are alive), [`LastWords`] (what the
-//! robot hears if the agent dies), [`Limits`] (every number).
+//! [`Tracks`] (the setpoint sent, and how often), [`BatteryGuard`] (which battery reports count,
+//! and when the level is low), [`Drain`] (how fast it empties), [`DockTracker`] (whether the robot
+//! is docked, and on what evidence), [`Docking`] (the way home), [`Recovery`] (what follows a
+//! failed docking), [`Loan`] and [`Leg`] (how a low robot gets elsewhere to search again),
+//! [`Rescue`] (which behaviour drives it), [`Trail`] (the robot's path from its station),
+//! [`Leases`] (which hosts are alive), [`LastWords`] (what the robot receives if the agent dies),
+//! [`Limits`] (every number).
 
 mod act;
 mod arbiter;

@@ -50,7 +50,7 @@ pub struct Means {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Phase {
+enum RecoveryPhase {
     /// Standing still until the next search.
     Waiting { until: Instant },
     /// The tracks are lent.
@@ -70,7 +70,7 @@ pub struct Recovery {
     alarm_pause: Duration,
     longest_pause: Duration,
     retries: u32,
-    phase: Phase,
+    phase: RecoveryPhase,
     searched: Option<Instant>,
     /// The last search found no station from where the robot stands.
     blind: bool,
@@ -92,7 +92,7 @@ impl Recovery {
             alarm_pause: limits.recovery_pause.get(),
             longest_pause: limits.recovery_longest_pause.get(),
             retries: limits.dock_retries,
-            phase: Phase::Waiting { until: now },
+            phase: RecoveryPhase::Waiting { until: now },
             searched: None,
             blind: false,
             failures: 0,
@@ -104,8 +104,8 @@ impl Recovery {
     /// allowed just now, and one that is not any more is over.
     pub fn poll(&mut self, may_drive: bool, now: Instant) -> Option<Try> {
         match self.phase {
-            Phase::Waiting { until } if until <= now => Some(self.search(now)),
-            Phase::Lending(loan) if loan.is_over(now) => {
+            RecoveryPhase::Waiting { until } if until <= now => Some(self.search(now)),
+            RecoveryPhase::Lending(loan) if loan.is_over(now) => {
                 if !loan.used() && self.blind && may_drive {
                     self.drive(now);
                     return Some(Try::Leg);
@@ -113,11 +113,11 @@ impl Recovery {
                 self.wait(Duration::ZERO, now);
                 self.poll(may_drive, now)
             }
-            Phase::Driving(leg) if !may_drive || leg.setpoint(now).is_none() => {
+            RecoveryPhase::Driving(leg) if !may_drive || leg.setpoint(now).is_none() => {
                 Some(self.search(now))
             }
             // Whatever has ended it: no report says that it failed.
-            Phase::Searching => {
+            RecoveryPhase::Searching => {
                 self.wait(Duration::ZERO, now);
                 self.poll(may_drive, now)
             }
@@ -133,7 +133,7 @@ impl Recovery {
             self.wait(Duration::ZERO, now);
             Next::Search
         } else if let Some(by) = means.rescuer {
-            self.phase = Phase::Lending(Loan::start(by, self.loan_time, now));
+            self.phase = RecoveryPhase::Lending(Loan::start(by, self.loan_time, now));
             Next::Loan
         } else if self.blind && means.leg {
             self.drive(now);
@@ -162,7 +162,10 @@ impl Recovery {
 
     /// A loan or a leg under way is over, and the search from here comes next.
     pub fn end(&mut self, now: Instant) {
-        if matches!(self.phase, Phase::Lending(_) | Phase::Driving(_)) {
+        if matches!(
+            self.phase,
+            RecoveryPhase::Lending(_) | RecoveryPhase::Driving(_)
+        ) {
             self.wait(Duration::ZERO, now);
         }
     }
@@ -171,21 +174,21 @@ impl Recovery {
     /// a search from wherever it is by then, after a moment at least: nothing is said to a dead link.
     pub fn interrupt(&mut self, now: Instant) {
         self.blind = false;
-        if !matches!(self.phase, Phase::Waiting { .. }) {
+        if !matches!(self.phase, RecoveryPhase::Waiting { .. }) {
             let until = now + Recovery::MOMENT;
-            self.phase = Phase::Waiting { until };
+            self.phase = RecoveryPhase::Waiting { until };
         }
     }
 
     /// The robot is somewhere else, or it is not known what it does: a search comes next, at once.
     pub fn search_at_once(&mut self, now: Instant) {
         self.blind = false;
-        self.phase = Phase::Waiting { until: now };
+        self.phase = RecoveryPhase::Waiting { until: now };
     }
 
     /// Whether the borrower has a motion now.
     pub fn note_motion(&mut self, moves: bool, now: Instant) {
-        if let Phase::Lending(loan) = &mut self.phase {
+        if let RecoveryPhase::Lending(loan) = &mut self.phase {
             loan.note(moves, now);
         }
     }
@@ -193,7 +196,7 @@ impl Recovery {
     /// Whom the tracks are lent to just now.
     pub fn borrower(&self) -> Option<BehaviourId> {
         match &self.phase {
-            Phase::Lending(loan) => Some(loan.borrower()),
+            RecoveryPhase::Lending(loan) => Some(loan.borrower()),
             _ => None,
         }
     }
@@ -201,7 +204,7 @@ impl Recovery {
     /// What the tracks are to do; `None` unless a leg is under way.
     pub fn setpoint(&self, now: Instant) -> Option<Setpoint> {
         match self.phase {
-            Phase::Driving(leg) => leg.setpoint(now),
+            RecoveryPhase::Driving(leg) => leg.setpoint(now),
             _ => None,
         }
     }
@@ -230,26 +233,26 @@ impl Recovery {
     /// In the past: at once.
     pub fn next_deadline(&self, now: Instant) -> Option<Instant> {
         match self.phase {
-            Phase::Waiting { until } => Some(until),
-            Phase::Lending(loan) => Some(loan.next_deadline()),
-            Phase::Driving(leg) => leg.next_deadline(now).or(Some(now)),
-            Phase::Searching => None,
+            RecoveryPhase::Waiting { until } => Some(until),
+            RecoveryPhase::Lending(loan) => Some(loan.next_deadline()),
+            RecoveryPhase::Driving(leg) => leg.next_deadline(now).or(Some(now)),
+            RecoveryPhase::Searching => None,
         }
     }
 
     fn wait(&mut self, pause: Duration, now: Instant) {
         let earliest = self.searched.map_or(now, |at| at + Recovery::MOMENT);
         let until = earliest.max(now + pause);
-        self.phase = Phase::Waiting { until };
+        self.phase = RecoveryPhase::Waiting { until };
     }
 
     fn drive(&mut self, now: Instant) {
-        self.phase = Phase::Driving(Leg::start(self.legs, now));
+        self.phase = RecoveryPhase::Driving(Leg::start(self.legs, now));
         self.legs = self.legs.saturating_add(1);
     }
 
     fn search(&mut self, now: Instant) -> Try {
-        (self.phase, self.searched) = (Phase::Searching, Some(now));
+        (self.phase, self.searched) = (RecoveryPhase::Searching, Some(now));
         Try::Search
     }
 }

@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 use tokio::time::Instant;
 
 use super::arguments::Arguments;
@@ -16,7 +15,7 @@ use crate::behaviour::{Library, read_source};
 use crate::check;
 use crate::robot::EndReason;
 use crate::script::{
-    self, Ending, NoModule, Output, Script, SourceLocation, Stage, StageError, suggestion,
+    self, Ending, NoModule, Output, Script, Stage, StageAnswer, StageCall, suggestion,
 };
 use crate::sim::World;
 
@@ -86,7 +85,7 @@ impl Book {
     }
 
     /// Of a text that is in no file, such as one within the program. It sees no files beside it:
-    /// no modules, no worlds but those that come along.
+    /// no modules, only built-in worlds.
     ///
     /// # Errors
     /// [`BookError::Invalid`].
@@ -237,16 +236,11 @@ struct Declaring {
 }
 
 impl Stage for Declaring {
-    fn ask(
-        &self,
-        call: &str,
-        arguments: &[Value],
-        place: Option<SourceLocation>,
-    ) -> Result<Value, StageError> {
-        if call != "scenario" {
+    fn answer(&self, call: StageCall<'_>) -> StageAnswer {
+        if call.name != "scenario" {
             return Err(CallError::Outside.into());
         }
-        let given = Arguments(arguments);
+        let given = Arguments(call.arguments);
         let name = given.text(0).unwrap_or_default();
         if name.trim().is_empty() {
             return Err(CallError::NoName.into());
@@ -265,7 +259,7 @@ impl Stage for Declaring {
         found.push(Scenario {
             name: name.to_owned(),
             options,
-            line: place.map_or(1, |place| place.line),
+            line: call.place.map_or(1, |place| place.line),
             index,
         });
         Ok(false.into())

@@ -1,4 +1,4 @@
-//! Scenarios: a world, behaviours, and what must become true. Written in Luau, in `*_test.lua`
+//! Scenarios: a world, behaviours, and what is expected of them. Written in Luau, in `*_test.lua`
 //! files, and played in a [`lab`](crate::lab): in virtual time, the same for the same seed.
 //!
 //! ```no_run
@@ -15,9 +15,9 @@
 //! ```
 //!
 //! The script of a scenario has a VM of its own, with `scenario`, `expect` and `sim` in place of
-//! `robot`; behaviours have theirs, and can neither see nor reach it. Where this hangs, the
-//! scenario's limit in virtual time ends it, and a script's budget in real time. [`Book`] plays in
-//! this process, where only the VM holds the scripts; [`Trials`] behind the kernel's walls.
+//! `robot`; behaviours have theirs, and can neither see nor reach it. If it hangs, the scenario's
+//! limit ends it in virtual time, and a script's budget in real time. [`Book`] plays in this
+//! process, where only the VM confines the scripts; [`Trials`] plays behind the kernel's walls.
 
 mod arguments;
 mod book;

@@ -48,7 +48,7 @@ pub(super) enum WorldError {
     #[error(transparent)]
     Document(#[from] DocumentError),
     #[error(
-        "there is no world '{name}'{near} (those that come along: {known}; or a file, such as \
+        "there is no world '{name}'{near} (built-in: {known}; or a file, such as \
          \"house.yaml\")"
     )]
     Unknown {

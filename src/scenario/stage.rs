@@ -12,7 +12,7 @@ use super::cast::Cast;
 use super::chronicle::Chronicle;
 use super::refusal::CallError;
 use crate::agent::Behaviour;
-use crate::script::{SourceLocation, Stage, StageError};
+use crate::script::{SourceLocation, Stage, StageAnswer, StageCall};
 use crate::sim::Handle;
 
 /// What the laboratory is asked to do when the script waits.
@@ -107,21 +107,19 @@ impl PlayStage {
 }
 
 impl Stage for PlayStage {
-    fn ask(
-        &self,
-        call: &str,
-        arguments: &[Value],
-        place: Option<SourceLocation>,
-    ) -> Result<Value, StageError> {
-        let given = Arguments(arguments);
+    fn answer(&self, asked: StageCall<'_>) -> StageAnswer {
+        let (call, place) = (asked.name, asked.place);
+        let given = Arguments(asked.arguments);
         if call == "expected" {
             let message = given.text(0).unwrap_or_default().to_owned();
             // The first counts: what follows may follow from it.
-            self.expected.borrow_mut().get_or_insert((place, message));
+            self.expected
+                .borrow_mut()
+                .get_or_insert((place.cloned(), message));
             return Ok(Value::Null);
         }
         if call != "played" {
-            *self.place.borrow_mut() = place;
+            *self.place.borrow_mut() = place.cloned();
         }
         match call {
             "scenario" => return Ok(self.declare()),
@@ -136,7 +134,7 @@ impl Stage for PlayStage {
             // What takes time waits in the script.
             "sim:wait" | "sim:wait_until" => {}
             "running" => return Ok(self.running.get().into()),
-            "sim:run" => self.run(arguments)?,
+            "sim:run" => self.run(asked.arguments)?,
             "sim:stop" => self.push(StageCommand::Stop),
             "sim:kill" => self.sim.cut(),
             "vanish" => self.push(StageCommand::Vanish),

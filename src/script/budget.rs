@@ -175,9 +175,7 @@ pub(crate) fn when_stuck(after: Duration, tell: impl Fn(&str) + Send + Sync + 's
 
 /// What to say of a script that is stuck.
 pub(crate) fn stuck(file: &str) -> String {
-    format!(
-        "{file}: runs on and on within one call that cannot be interrupted; make its work smaller"
-    )
+    format!("{file}: it keeps running within one call that cannot be interrupted; split its work")
 }
 
 /// The files of the scripts that run just now, on all threads.

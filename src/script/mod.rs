@@ -1,16 +1,16 @@
 //! The VM of one behaviour: sandbox, budget, tasks and the Lua API (`API.md`).
 //!
-//! Synchronous and single-threaded: [`Script`] is told what happens and what time it is, runs what
-//! is ready, and says what it wants. It has no socket, no clock of its own, and needs no runtime.
-//! The host around it reads and writes.
+//! Synchronous and single-threaded: [`Script`] takes events and the time, runs what is ready, and
+//! returns its output. It has no socket and no clock of its own, and needs no runtime. The host
+//! around it reads and writes.
 //!
-//! What if a script hangs, floods or is garbage? It is ended with a reason, its motion with it, and
-//! nothing that it did in its last slice leaves. What hangs *inside* one library call is the
-//! business of the process around it.
+//! A script that hangs, floods or is garbage is ended with a reason, its motion with it, and the
+//! output of its last slice is discarded. A hang *inside* one library call is left to the process
+//! around it.
 //!
 //! The parts: `sandbox` makes a VM that holds; `budget` and `interrupt` end what runs too long;
-//! `task`, `queue` and `scheduler` decide who runs next; `slice` runs; `ending` ends; `api/` has the
-//! natives of each Lua namespace; `stdlib/` what is written in Lua.
+//! `task`, `queue` and `scheduler` decide who runs next; `slice` runs; `ending` ends; `api/` has
+//! the natives of each Lua namespace; `stdlib/` what is written in Lua.
 
 mod address;
 mod api;
@@ -85,7 +85,7 @@ pub use sandbox::MAX_SOURCE;
 pub(crate) use sandbox::{check_source as read_text, compile_error};
 pub(crate) use shares::{MAX_ENTRY, MAX_KIND, MAX_NOTICE};
 pub use sighting::{Seen, Sighting};
-pub use stage::{Stage, StageError};
+pub use stage::{Stage, StageAnswer, StageCall, StageError};
 pub use state::Usage;
 pub use stdlib::RESCUE;
 
@@ -114,8 +114,8 @@ impl Script {
         Script::load_with(source, options, api::ApiSet::Robot, now)
     }
 
-    /// Loads a script that has `scenario`, `expect` and `sim`, and of the usual names `task`, `log`,
-    /// `script`, `print` and `require`.
+    /// Loads a script that has `scenario`, `expect` and `sim`, and of the usual names `task`,
+    /// `log`, `script`, `print` and `require`.
     ///
     /// # Errors
     /// As of [`Script::load`].
@@ -312,13 +312,8 @@ impl Script {
 struct Empty;
 
 impl Stage for Empty {
-    fn ask(
-        &self,
-        call: &str,
-        _: &[serde_json::Value],
-        _: Option<SourceLocation>,
-    ) -> Result<serde_json::Value, StageError> {
-        Err(format!("{call} is not possible here").into())
+    fn answer(&self, call: StageCall<'_>) -> StageAnswer {
+        Err(format!("{} is not possible here", call.name).into())
     }
 }
 

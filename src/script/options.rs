@@ -89,7 +89,7 @@ pub struct Limits {
     /// The VM's own memory, in bytes: 8 MiB.
     #[serde(deserialize_with = "ranges::memory_bytes")]
     pub memory_bytes: u64,
-    /// How long it may run without waiting, in milliseconds, at least 10: 100.
+    /// The longest run without waiting, in milliseconds, at least 10: 100.
     #[serde(deserialize_with = "ranges::callback_budget_ms")]
     pub callback_budget_ms: u64,
     /// JPEG bytes of frames that the script holds on to, in bytes: 8 MiB.
@@ -98,26 +98,27 @@ pub struct Limits {
     /// Sound above this level is a `noise`, in dBFS: -30.
     #[serde(deserialize_with = "ranges::noise_dbfs")]
     pub noise_dbfs: f64,
-    /// What its data folder may hold, in bytes; the oldest pictures make room: 64 MiB.
+    /// The largest size of its data folder, in bytes; beyond that the oldest pictures are deleted:
+    /// 64 MiB.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub picture_bytes: u64,
-    /// Pictures that it may save in a day, in bytes, a 24th of it at once: 256 MiB. A run with
-    /// `--annotate` has as much again.
+    /// The most bytes per day of saved pictures, of which a 24th at once: 256 MiB. A run with
+    /// `--annotate` has as much again for its copies.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub picture_bytes_a_day: u64,
-    /// What its store may write in a day, in bytes; beyond that it is written once a minute: 256 MiB.
+    /// The most bytes per day that its store writes; beyond that it writes once a minute: 256 MiB.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub store_bytes_a_day: u64,
-    /// What it may log in a day, in bytes: 64 MiB. What is left out is counted.
+    /// The most bytes per day that it logs: 64 MiB. Dropped lines are counted.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub log_bytes_a_day: u64,
-    /// What `journal.add` may add in a day, in bytes, with the pictures' names: 4 MiB.
+    /// The most bytes per day that `journal.add` adds, with the pictures' names: 4 MiB.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub journal_bytes_a_day: u64,
-    /// Messages that `notify.send` may send in a day, a 24th of them at once: 120.
+    /// The most messages per day of `notify.send`, of which a 24th at once: 120.
     #[serde(deserialize_with = "ranges::notices_a_day")]
     pub notices_a_day: u64,
-    /// So many bytes of the disk stay free: below that nothing of a script is written: 64 MiB.
+    /// The bytes of the disk that stay free; with less, nothing of a script is written: 64 MiB.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub free_bytes: u64,
 }
@@ -200,7 +201,7 @@ mod ranges {
     }
 }
 
-/// How percent of track power become metres per second: open loop, so a matter of the floor too.
+/// Converts percent of track power to metres per second: open loop, so it depends on the floor.
 #[derive(Serialize, Deserialize, Clone, Copy, Debug, PartialEq, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Calibration {

@@ -16,11 +16,11 @@ const MAX_NODES: usize = 20_000;
 /// Why a value is no plain data.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(super) enum NotPlain {
-    #[error("{0} cannot be kept; only true, false, numbers, texts and tables of them can")]
+    #[error("{0} cannot be stored; only true, false, numbers, strings and tables of them can")]
     Kind(String),
     #[error("a number must be finite, got {0}")]
     NotFinite(String),
-    #[error("a text must be UTF-8; bytes of other kinds cannot be kept")]
+    #[error("a string must be UTF-8; other bytes cannot be stored")]
     NotUtf8,
     #[error("tables may be nested {MAX_DEPTH} deep; this one is deeper, or contains itself")]
     TooDeep,

@@ -1,5 +1,5 @@
-//! Sees to it that what the timetable and the idle robot want is done: asks the state machines whenever
-//! something has changed, and gives the orders.
+//! Sees to it that what the timetable and the idle robot want is done: asks the state machines
+//! whenever something has changed, and gives the orders.
 
 use std::collections::BTreeSet;
 use std::convert::Infallible;
@@ -76,8 +76,8 @@ impl Clerk {
         }
     }
 
-    /// Works until it is dropped. After `stop` nothing is done any more: what runs then is under way for
-    /// the next service.
+    /// Works until it is dropped. After `stop` nothing is done any more: what runs then is under
+    /// way for the next service.
     pub(super) async fn work(
         mut self,
         mut reloads: mpsc::Receiver<Reload>,
@@ -98,7 +98,8 @@ impl Clerk {
         }
     }
 
-    /// Looks at how things stand, and gives the orders that follow. How long to wait for the next look.
+    /// Looks at how things stand, and gives the orders that follow. How long to wait for the next
+    /// look.
     fn step(&mut self) -> Duration {
         let (now, at) = (self.clock.now(), Instant::now());
         let status = *self.status.borrow_and_update();
@@ -149,7 +150,7 @@ impl Clerk {
         running
     }
 
-    /// As soon as the robot is there.
+    /// As soon as the robot is connected.
     fn begin_always(&mut self, up: bool) {
         let waiting = self
             .waiting
@@ -183,7 +184,10 @@ impl Clerk {
             } => {
                 let planned = clock::words(&self.duties.table.zone.time(planned));
                 if resumed {
-                    info!(behaviour = run, "goes on: it was under way, from {planned}")
+                    info!(
+                        behaviour = run,
+                        "resumes a run that was interrupted, from {planned}"
+                    )
                 } else {
                     info!(
                         behaviour = run,
@@ -235,7 +239,7 @@ impl Clerk {
                 }
             }
             Wish::Dock => {
-                info!("nothing runs and the robot is off its station: it is sent there");
+                info!("no behaviour runs and the robot is off its station: sending it there");
                 self.way_home = Some(self.orders.send_home(self.requests.clone()));
             }
         }
@@ -311,7 +315,7 @@ impl Clerk {
         self.waiting.extend(new);
         self.planner.replace(self.duties.table.clone());
         self.idle.replace(self.duties.idle);
-        info!("the new settings count");
+        info!("the new settings are in effect");
     }
 
     /// Written when something begins or ends, not with each look.

@@ -37,7 +37,7 @@ impl Herald {
                 messages: Some(messages),
             },
             Err(error) => {
-                tracing::warn!("the system's manager is told nothing: no thread: {error}");
+                tracing::warn!("the system's manager cannot be notified: no thread: {error}");
                 Herald::default()
             }
         }
@@ -87,7 +87,7 @@ fn tell(messages: &Receiver<ManagerMessage>) {
     let mut failed = false;
     let mut send = |state: &[NotifyState<'_>]| {
         if let (Err(error), false) = (sd_notify::notify(state), failed) {
-            tracing::warn!("the system's manager cannot be told: {error}");
+            tracing::warn!("the system's manager cannot be notified: {error}");
             failed = true;
         }
     };

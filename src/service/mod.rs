@@ -1,9 +1,9 @@
-//! A service: an agent that stays for good, and what starts and ends behaviours in it. It is composed of
-//! the agent, the [timetable](crate::timetable), and what to do with an idle robot; a journal, a broker
-//! or a page stand beside it, by the agent's handles.
+//! A service: an agent that runs permanently, and what starts and ends behaviours in it. It is
+//! composed of the agent, the [timetable](crate::timetable), and the handling of an idle robot;
+//! journal, broker and page work beside it, through the agent's handles.
 //!
-//! Nothing here is on the driving core: a service that hangs leaves the watchdog, the behaviours that
-//! run and their ends as they are, and the system's manager hears of it (see [`Herald`]).
+//! Nothing here is on the driving core: a service that hangs does not affect the watchdog, the
+//! running behaviours and their ends, and systemd notices (see [`Herald`]).
 
 mod clerk;
 mod herald;

@@ -86,7 +86,9 @@ impl Disk {
             Ok(folder) => folder,
             Err(error) => {
                 let data = data.display();
-                tracing::warn!("a power cut will be forgotten: cannot write to {data}: {error}");
+                tracing::warn!(
+                    "after a power cut nothing will resume: cannot write to {data}: {error}"
+                );
                 return None;
             }
         };
@@ -110,7 +112,7 @@ impl Disk {
         });
         parsed.map(Option::unwrap_or_default).unwrap_or_else(|why| {
             let path = self.path.display();
-            tracing::warn!("what was under way is forgotten: {path}: {why}");
+            tracing::warn!("an interrupted run cannot resume: {path}: {why}");
             Record::default()
         })
     }
@@ -125,7 +127,7 @@ impl Disk {
         let failed = self.failed.swap(written.is_err(), Ordering::Relaxed);
         if let (Err(error), false) = (&written, failed) {
             let path = self.path.display();
-            tracing::warn!("a power cut will be forgotten: {path}: {error}");
+            tracing::warn!("after a power cut nothing will resume: {path}: {error}");
         }
         written.is_ok()
     }

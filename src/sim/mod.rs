@@ -14,7 +14,7 @@
 //! | `camera` | frames of a world from a pose | `world`, and `vision` for the encoder |
 //! | `body` | the robot, its parts and its firmware | `yaml`, `world`, `camera` |
 //! | `map` | pictures of worlds and runs for people | `world`, `camera`, `body` |
-//! | `faults` | what goes wrong, and the proxy that spoils bytes | `yaml` |
+//! | `faults` | faults, and the proxy that corrupts bytes | `yaml` |
 //! | `server` | sockets and the clock around the robot and its clients | all of them |
 
 mod body;

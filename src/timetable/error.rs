@@ -4,7 +4,7 @@
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TimetableError {
     /// Not a cron pattern, or a pattern that matches no day.
-    #[error("`{text}` is no pattern of times: {why}")]
+    #[error("`{text}` is not a pattern of times: {why}")]
     Pattern {
         /// As written.
         text: String,
@@ -15,6 +15,6 @@ pub enum TimetableError {
     #[error("a pattern of times is at most 200 letters long")]
     LongPattern,
     /// No quiet hours.
-    #[error("`{0}` are no hours such as 22:00-07:00")]
+    #[error("`{0}` is not a span of hours such as 22:00-07:00")]
     Quiet(String),
 }

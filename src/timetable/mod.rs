@@ -1,10 +1,10 @@
-//! When behaviours are started and for how long, and when it is to be quiet. Pure: facts and the time of
-//! day go in, starts and ends come out.
+//! When behaviours start and for how long, and the quiet hours. Pure: facts and the time of day go
+//! in, starts and ends come out.
 //!
-//! A time of day is that of the clock on the wall, in the zone of the config. Of a day on which the
-//! clock is put forward, what would have begun in the hour that is left out begins when the clock has
-//! been changed; on a day on which it is put back, a time that comes twice counts once, the first time.
-//! A pattern that names no hours (`*/15 * * * *`) counts intervals: it goes on through both changes.
+//! Times of day are local, in the time zone of the config. When the clock is put forward, a start
+//! within the skipped hour happens right after the change; when it is put back, a time that comes
+//! twice counts once, the first time. A pattern without hours (`*/15 * * * *`) counts intervals: it
+//! continues through both changes.
 
 mod act;
 mod error;

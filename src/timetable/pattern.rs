@@ -272,7 +272,7 @@ mod tests {
         ] {
             let error = wrong.parse::<Pattern>().unwrap_err();
             let error = error.to_string();
-            assert!(error.contains("no pattern of times"), "{wrong}: {error}");
+            assert!(error.contains("not a pattern of times"), "{wrong}: {error}");
         }
         assert!("@daily".parse::<Pattern>().is_ok());
     }

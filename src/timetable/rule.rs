@@ -12,10 +12,10 @@ use crate::clock::{Span, Zone};
 pub struct Rule {
     /// The behaviour, by its name.
     pub run: String,
-    /// When it is started: minute, hour, day of the month, month, day of the week.
+    /// The start times: minute, hour, day of the month, month, day of the week.
     #[schemars(with = "String")]
     pub at: Pattern,
-    /// How long it runs, such as `30m`; until it ends by itself unless given.
+    /// The longest run, such as `30m` [default: until it ends by itself].
     #[serde(rename = "for", default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<String>")]
     pub lasts: Option<Span>,

@@ -1,6 +1,7 @@
-//! What turns places of the picture into directions and back: the field of view and how the lens bends
-//! the picture. Radial distortion as Brown and Conrady have it: a place that a lens without distortion
-//! would show at the distance r from the middle, in focal lengths, is shown at r (1 + k1 r² + k2 r⁴).
+//! What turns places of the picture into directions and back: the field of view and how the lens
+//! bends the picture. Radial distortion as Brown and Conrady have it: a place that a lens without
+//! distortion would show at the distance r from the middle, in focal lengths, is shown at r (1 + k1
+//! r² + k2 r⁴).
 
 use serde::{Deserialize, Serialize};
 
@@ -18,10 +19,11 @@ const HALVINGS: usize = 60;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Camera {
-    /// Horizontal field of view in radians, as it would be without distortion: twice the arc tangent
+    /// Horizontal field of view in radians, without distortion: twice the arc tangent
     /// of half the picture's width over the focal length, both in pixels.
     pub hfov: f64,
-    /// `[k1, k2]`; `[0, 0]` is a lens without distortion. Below 0 lines bulge outwards.
+    /// `[k1, k2]`; `[0, 0]` is a lens without distortion. With values below 0 straight lines bulge
+    /// outwards.
     pub distortion: [f64; 2],
 }
 
@@ -35,7 +37,8 @@ pub struct Direction {
 }
 
 impl Default for Camera {
-    /// The robot's: a focal length of 381 pixels was measured; the distortion is usual for such lenses.
+    /// The robot's: a focal length of 381 pixels was measured; the distortion is usual for such
+    /// lenses.
     fn default() -> Self {
         Camera {
             hfov: 45.6_f64.to_radians(),
@@ -81,8 +84,8 @@ impl Camera {
         self.direction(x, y, size).bearing
     }
 
-    /// Column and row where a direction is seen, possibly outside of the picture; `None` for what is
-    /// beside or behind the camera.
+    /// Column and row where a direction is seen, possibly outside of the picture; `None` for what
+    /// is beside or behind the camera.
     pub fn pixel(&self, direction: Direction, size: Size) -> Option<(f64, f64)> {
         let Direction { bearing, elevation } = direction;
         if bearing.cos() <= 0.0 || elevation.cos() <= 0.0 {

@@ -3,8 +3,8 @@
 //!
 //! [`validate_markers`] checks a frame's markers before it is decoded, [`Decoder`] makes an
 //! [`Image`] of it, [`Colour`]s say what to look for, a [`Palette`] is their fast form, and
-//! [`BlobFinder`] makes [`Blob`]s of the pixels that match. [`Eyes`] does all of it for one frame
-//! after the other, decodes each once and keeps its buffers.
+//! [`BlobFinder`] makes [`Blob`]s of the pixels that match. [`Eyes`] does all of it, frame by
+//! frame; it decodes each once and reuses its buffers.
 //!
 //! Most of the time goes into decoding (`scripts/bench-vision`), so whatever is asked of
 //! a frame beyond that is cheap: brightness, sharpness and motion read the decoded luma as it

@@ -1,10 +1,9 @@
-//! The kernel's walls round a process of ours that deals with other people's scripts: a behaviour's
-//! host, a check, a scenario. What breaks out of the VM stands before these walls.
+//! The kernel's walls round a process that handles other people's scripts: a behaviour's host, a
+//! check, a scenario. Code that breaks out of the VM is still confined by these walls.
 //!
-//! No capabilities, no descriptors but the pipe and standard error, no files but those of its room, no
-//! network, a short list of system calls, no new code in memory, and limits on what may be used up.
-//! What if the kernel has no landlock or no seccomp? Then those two are missing, which is said once,
-//! and the rest stands.
+//! No capabilities, no descriptors but the pipe and standard error, no files but those of its room,
+//! no network, a short list of system calls, no new code in memory, and resource limits. On a
+//! kernel without landlock or seccomp these two are missing, which is logged once; the rest holds.
 
 mod calls;
 mod command;

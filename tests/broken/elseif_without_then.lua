@@ -1,5 +1,5 @@
 -- elseif without then.
--- expect: check 6: `elseif` needs `then` behind it
+-- expect: check 6: `elseif` needs `then` after it
 local level = 5
 if level > 50 then
 	print("much")

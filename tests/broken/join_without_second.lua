@@ -1,3 +1,3 @@
 -- Nothing behind two dots.
--- expect: check 3: a value is missing behind `..`
+-- expect: check 3: a value is missing after `..`
 print("x" ..)

@@ -1,5 +1,5 @@
 -- A number counted with nil.
--- expect: run 5: `score` is nil here, so it cannot be counted with
+-- expect: run 5: `score` is nil here, so it cannot be used in arithmetic
 local score
 local function goal()
 	score = score + 1

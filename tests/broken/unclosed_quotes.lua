@@ -1,3 +1,3 @@
 -- A text without its end.
--- expect: check 3: this text has no closing quote
+-- expect: check 3: this string has no closing quote
 print("hello)

@@ -1,5 +1,5 @@
 -- while without do.
--- expect: check 3: `while` needs `do` behind it
+-- expect: check 3: `while` needs `do` after it
 while not robot.docked()
 	task.wait(1)
 end

@@ -96,6 +96,33 @@ fn help_names_every_subcommand_and_succeeds() {
 }
 
 #[test]
+fn help_can_be_asked_for_by_a_command() {
+    let output = run(&["help", "run"]);
+    assert_eq!(output.status.code(), Some(0));
+    assert_eq!(
+        text(&output.stdout),
+        text(&run(&["run", "--help"]).stdout),
+        "`spykee help run` is `spykee run --help`"
+    );
+}
+
+#[test]
+fn only_what_goes_through_a_service_takes_its_address() {
+    for command in ["calibrate", "robot log", "robot config", "robot wifi"] {
+        let words = command.split(' ').chain(["--url", "http://127.0.0.1:1"]);
+        let output = run(&words.collect::<Vec<&str>>());
+        assert_eq!(output.status.code(), Some(2), "{command}");
+        let told = text(&output.stderr);
+        assert!(
+            told.contains("unexpected argument '--url'"),
+            "{command}: {told}"
+        );
+    }
+    let help = text(&run(&["robot", "battery", "--help"]).stdout);
+    assert!(help.contains("--url"), "{help}");
+}
+
+#[test]
 fn a_wrong_command_line_is_code_2_on_stderr() {
     for args in [
         &["nonsense"][..],

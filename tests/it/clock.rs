@@ -60,7 +60,7 @@ async fn in_a_process_of_its_own_a_script_has_the_date_of_the_simulation() {
     let robot = ["run", "tells.lua", "--robot", &rig.address];
     let (code, text) = tool(&rig, &[&robot[..], &date].concat()).await;
     assert_eq!(
-        (code, text.contains("--sim only")),
+        (code, text.contains("--date needs --sim")),
         (Some(2), true),
         "{text}"
     );

@@ -69,8 +69,13 @@ async fn an_unknown_key_is_told_with_the_nearest_one_and_its_place() {
     ];
     assert!(told.iter().all(|part| text.contains(part)), "{text}");
     rig.file("good.yaml", "watchdog: { low: 25 }\n");
-    let mut run = rig.spykee(&["config", "check", "good.yaml"]);
-    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    for args in [
+        &["config", "check", "good.yaml"][..],
+        &["config", "check", "--config", "good.yaml"],
+    ] {
+        let mut run = rig.spykee(args);
+        assert_eq!(run.code().await, Some(0), "{}", run.text());
+    }
 }
 
 #[tokio::test]

@@ -162,7 +162,7 @@ async fn stop_stops_what_a_run_drives_and_ends_the_run() {
     assert!(!rig.sim.state().moving());
     let (code, text) = tool(&rig, &["status"]).await;
     assert_eq!(
-        (code, text.contains("no run is on")),
+        (code, text.contains("no run is active")),
         (Some(0), true),
         "{text}"
     );

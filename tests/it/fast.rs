@@ -235,9 +235,5 @@ async fn a_real_robots_time_cannot_be_hurried() {
     ];
     let mut run = rig.spykee(&args);
     assert_eq!(run.code().await, Some(2), "{}", run.text());
-    assert!(
-        run.text().contains("--fast goes with --sim only"),
-        "{}",
-        run.text()
-    );
+    assert!(run.text().contains("--fast needs --sim"), "{}", run.text());
 }

@@ -192,7 +192,7 @@ async fn a_firmware_that_cannot_be_used_is_told_with_its_place() {
     ]);
     assert_eq!(run.code().await, Some(2), "{}", run.text());
     assert!(
-        run.text().contains("goes with --sim only"),
+        run.text().contains("--firmware needs --sim"),
         "{}",
         run.text()
     );

@@ -200,7 +200,7 @@ fn a_class_is_graded_with_who_is_missing_and_who_copied() {
     for words in [
         "Lesson 3, Moving: 10 points",
         "Ada       10",
-        "Eva        2  It drives away and then stays there",
+        "Eva        2  It drives away and stays there",
         "=Cem       0  It cannot run: robot.moev does not exist",
         "Handed in nothing that can be checked: Dora, Finn",
         "Nearly the same text (",
@@ -282,9 +282,9 @@ fn a_learner_reads_points_sentences_and_where_a_hint_is() {
         "Lesson 3, Moving: mine.lua\n\n  \
          ok       2 of 2  It drives away\n  \
          not yet  0 of 3  It rests for a second\n           \
-         It drives away and then stays there: it is to come back.\n  \
-         not yet  0 of 5  It comes back to its start\n           \
-         In the end it stands 35 centimetres from where it began.\n\n\
+         It drives away and stays there: it should come back.\n  \
+         not yet  0 of 5  It comes back to where it started\n           \
+         At the end it is 35 centimetres from where it started.\n\n\
          2 of 10 points. A hint: spykee lesson check mine.lua --hint 1\n"
     );
     let said = learner.checks(&["--hint", "3", "--picture", "way.png"]);
@@ -429,7 +429,7 @@ fn what_cannot_be_done_is_said_and_nothing_is_overwritten() {
     tells(
         &["lesson", "start", "3"],
         &[
-            "lesson-03-moving is there already",
+            "lesson-03-moving already exists",
             "nothing was changed",
             "spykee lesson start 3 DIR",
         ],

@@ -51,6 +51,7 @@ mod run;
 mod safety;
 mod scenarios;
 mod secrets;
+mod seeds;
 mod serve;
 mod sim;
 mod slow_reader;

@@ -146,7 +146,7 @@ async fn a_config_that_nobody_named_hands_the_robot_to_no_broker() {
     let mut run = rig.spykee(&["run", "a.lua", "--robot", &rig.address]);
     assert_eq!(run.code().await, Some(2), "{}", run.text());
     assert!(
-        run.text().contains("lets a broker ask for the robot"),
+        run.text().contains("would connect the robot to a broker"),
         "{}",
         run.text()
     );

@@ -16,11 +16,7 @@ async fn a_new_project_drives_at_once_and_is_never_overwritten() {
     std::fs::write(&file, "-- changed").unwrap();
     let mut again = rig.spykee(&["new", "mine"]);
     assert_eq!(again.code().await, Some(2), "{}", again.text());
-    assert!(
-        again.text().contains("is there already"),
-        "{}",
-        again.text()
-    );
+    assert!(again.text().contains("already exists"), "{}", again.text());
     assert_eq!(std::fs::read_to_string(&file).unwrap(), "-- changed");
     let mut wrong = rig.spykee(&["new", "../mine"]);
     assert_eq!(wrong.code().await, Some(2), "{}", wrong.text());

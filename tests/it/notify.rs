@@ -173,7 +173,7 @@ async fn a_webhook_that_fails_gets_the_message_after_a_pause() {
         ("hello".into(), "hello".into())
     );
     run.says("it answers 500").await;
-    run.says("people are told").await;
+    run.says("notification sent").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -185,7 +185,7 @@ async fn a_message_outlives_the_run_while_its_webhook_is_gone() {
     let notify = format!("notify: {{ targets: {{ phone: {{ url: 'http://{address}/' }} }} }}");
     let mut run = start(&rig, &notify, "notify.send('hello')");
     assert_eq!(run.code().await, Some(0));
-    assert!(run.text().contains("not told yet"), "{}", run.text());
+    assert!(run.text().contains("not sent yet"), "{}", run.text());
     assert_eq!(waiting(&rig, "phone"), 1);
     let hook = Webhook::on(TcpListener::bind(address).unwrap(), &[200]);
     let mut run = start(&rig, &notify, "task.wait(1)");
@@ -207,7 +207,7 @@ async fn a_webhook_that_hangs_holds_up_neither_the_robot_nor_other_targets_nor_t
     let script = "notify.send('hello') while true do robot.led('left', true) task.wait(0.1) robot.led('left', false) task.wait(0.1) end";
     let mut run = start(&rig, &notify, script);
     hook.wait(1).await;
-    run.says("people are told").await;
+    run.says("notification sent").await;
     assert_eq!(std::fs::read_to_string(&told).unwrap(), "hello");
     let mut from = rig.sim.heard_since(0).len();
     for on in [true, false, true, false, true] {
@@ -291,12 +291,12 @@ async fn a_test_tells_what_came_of_it_and_a_found_config_starts_no_program() {
     let (code, text) = test(&named).await;
     assert_eq!(code, Some(0), "{text}");
     assert!(
-        text.contains("phone: told") && text.contains("desk: told"),
+        text.contains("phone: sent") && text.contains("desk: sent"),
         "{text}"
     );
     let (code, text) = test(&[&["phone"], &named[..]].concat()).await;
     assert!(
-        code == Some(4) && text.contains("phone: not told: it answers 404"),
+        code == Some(4) && text.contains("phone: not sent: it answers 404"),
         "{text}"
     );
     let (code, text) = test(&[&["fax"], &named[..]].concat()).await;

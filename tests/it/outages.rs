@@ -239,7 +239,7 @@ async fn a_robot_that_is_gone_is_dialled_until_it_is_back_and_the_history_has_th
     let gone = "faults: [{ fault: reboot, for: 8, state: lost }]";
     let faults = spykee::sim::Fault::list_from_yaml(gone, "gone").unwrap();
     faults.into_iter().for_each(|fault| rig.sim.begin(fault));
-    run.says("connecting anew").await;
+    run.says("reconnecting").await;
     let from = rig.sim.heard_count();
     let back = rig
         .heard(from, |command| matches!(command, Command::Login(_)))

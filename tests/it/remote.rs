@@ -187,12 +187,6 @@ async fn without_its_token_nobody_asks_and_what_needs_the_robot_alone_is_refused
     assert_eq!(code, Some(0), "{text}");
     rig.heard(0, |command| *command == Command::Volume(38))
         .await;
-    let (code, text) = tool(&elsewhere, &[&["robot", "log"], &right[..]].concat()).await;
-    assert_eq!(
-        (code, text.contains("needs it alone")),
-        (Some(3), true),
-        "{text}"
-    );
     // STOP holds, and the service goes on.
     let (code, text) = tool(&elsewhere, &[&["robot", "stop"], &right[..]].concat()).await;
     assert_eq!((code, text.contains("let-go")), (Some(0), true), "{text}");
@@ -207,6 +201,13 @@ async fn without_its_token_nobody_asks_and_what_needs_the_robot_alone_is_refused
     assert_eq!(
         (code, text.contains("stopped by a person")),
         (Some(0), true),
+        "{text}"
+    );
+    let log = ["robot", "log", "--config", "spykee.yaml"];
+    let (code, text) = tool(&elsewhere, &log).await;
+    assert_eq!(
+        (code, text.contains("needs it alone")),
+        (Some(3), true),
         "{text}"
     );
     run.signal(Signal::TERM);

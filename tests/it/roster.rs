@@ -156,7 +156,7 @@ async fn a_run_ends_when_its_last_behaviour_is_stopped() {
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let (code, text) = tool(&rig, &["behaviour", "list"]).await;
     assert_eq!(
-        (code, text.contains("no run is on")),
+        (code, text.contains("no run is active")),
         (Some(3), true),
         "{text}"
     );

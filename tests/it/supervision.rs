@@ -139,7 +139,7 @@ async fn a_killed_host_is_started_again_and_a_run_that_then_ends_well_is_0() {
     rig.sim.inject(Report::Engine(EngineReport::Unknown(100)));
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     assert_eq!(
-        run.text().matches("starts again").count(),
+        run.text().matches("restarts in").count(),
         1,
         "{}",
         run.text()
@@ -149,7 +149,7 @@ async fn a_killed_host_is_started_again_and_a_run_that_then_ends_well_is_0() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_saved_script_is_loaded_anew_and_a_broken_one_does_not_drive() {
     let rig = Rig::quiet().await;
-    // A machine that stalls must not look like a script that failed: that waits for the next save.
+    // A machine that stalls must not look like a script that failed: that stands still until the script is saved again.
     rig.file(
         "spykee.yaml",
         "watchdog: { host_silence: 2, host_grace: 5 }\n",
@@ -175,16 +175,16 @@ async fn a_saved_script_is_loaded_anew_and_a_broken_one_does_not_drive() {
     save("print('short')");
     let at = hears(&rig, at, 0).await;
     run.says("short").await;
-    says(&run, "waits for the next save", 1).await;
+    says(&run, "stands still until the script is saved again", 1).await;
     save("if true");
-    says(&run, "waits for the next save", 2).await;
+    says(&run, "stands still until the script is saved again", 2).await;
     assert!(run.lives());
     let silent = rig.commands(at);
     assert_eq!(tracks(&silent), [] as [i8; 0], "{silent:?}");
     save("robot.move(30, 30) task.wait(0.2) error('boom')");
     let at = hears(&rig, at, 27).await;
     hears(&rig, at, 0).await;
-    says(&run, "waits for the next save", 3).await;
+    says(&run, "stands still until the script is saved again", 3).await;
     assert!(run.hosts().is_empty());
     run.signal(Signal::INT);
     assert_eq!(run.code().await, Some(130), "{}", run.text());
@@ -196,7 +196,8 @@ async fn under_watch_a_script_may_be_broken_at_first() {
     let script = rig.file("script.lua", "x = = 1");
     let run = rig.spykee(&["run", "script.lua", "--watch", "--robot", &rig.address]);
     run.says("script.lua:1").await;
-    run.says("waits for the next save").await;
+    run.says("stands still until the script is saved again")
+        .await;
     std::fs::write(script, "robot.move(60, 60) task.wait(600)").unwrap();
     hears(&rig, 0, 54).await;
 }

@@ -1,4 +1,4 @@
-//! `spykee world` and `run --trace` as people call them, and what the worlds that come along promise.
+//! `spykee world` and `run --trace` as people call them, and what the built-in worlds promise.
 
 use std::path::Path;
 use std::process::{Command as Process, Output, Stdio};

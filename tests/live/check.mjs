@@ -436,7 +436,7 @@ const promises = {
     await button(page, "Take the wheel").click();
     await page.getByText(/Drive by hand at speed 1x/).waitFor();
     await page.getByLabel("Speed", { exact: true }).selectOption("20");
-    await button(page, "Go on").click();
+    await button(page, "Resume").click();
     const [began, from] = [Date.now(), witness.map.time];
     await until(() => witness.map.time > from + 30, "30 simulated seconds");
     if (Date.now() - began > 15_000) {

@@ -1,5 +1,5 @@
 -- spykee lesson 1: lights
--- A turn signal: left for a second, right for a second, then all dark.
+-- A turn signal: left for a second, right for a second, then all lights off.
 
 local easy = require("@spykee/easy")
 

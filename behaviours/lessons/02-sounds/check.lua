@@ -19,16 +19,16 @@ scenario("Three beeps", { world = "yard", points = 3, limit = 30 }, function(sim
 	listen(sim)
 	local count = #times_of(sim, "bip_2")
 	expect(count > 0, 'There was no beep: easy.sound("bip_2") plays one.')
-	expect(count == 3, `Three beeps are wanted, and there {if count == 1 then "was 1" else "were " .. count}.`)
+	expect(count == 3, `There should be three beeps, but there {if count == 1 then "was 1" else "were " .. count}.`)
 end)
 
-scenario("One beep a second", { world = "yard", points = 4, limit = 30 }, function(sim)
+scenario("One beep per second", { world = "yard", points = 4, limit = 30 }, function(sim)
 	listen(sim)
 	local times = times_of(sim, "bip_2")
-	expect(#times > 1, "One beep a second is wanted; for that there must be more than one.")
+	expect(#times > 1, "There should be one beep per second; for that there must be more than one.")
 	for beep = 2, #times do
 		local gap = times[beep] - times[beep - 1]
-		expect(gap > 0.7 and gap < 1.5, string.format("Beep %d came %.1f seconds after the one before: one second is wanted.", beep, gap))
+		expect(gap > 0.7 and gap < 1.5, string.format("Beep %d came %.1f seconds after the one before: it should be one second.", beep, gap))
 	end
 end)
 
@@ -42,5 +42,5 @@ scenario("A laugh after the last beep", { world = "yard", points = 3, limit = 30
 	expect(#beeps > 0, "It laughed without a beep before.")
 	local gap = sounds[#sounds].time - beeps[#beeps]
 	expect(gap > 0.1, "The laugh came at the same moment as the last beep: let it wait before it laughs.")
-	expect(gap > 0.4, string.format("The laugh came %.1f seconds after the last beep, on top of it: half a second at least is wanted.", gap))
+	expect(gap > 0.4, string.format("The laugh came %.1f seconds after the last beep, on top of it: it should be at least half a second.", gap))
 end)

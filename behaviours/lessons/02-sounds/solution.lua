@@ -1,5 +1,5 @@
 -- spykee lesson 2: sounds
--- A doorbell: three beeps, one a second, and a laugh after the last one.
+-- A doorbell: three beeps, one per second, and a laugh after the last one.
 
 local easy = require("@spykee/easy")
 

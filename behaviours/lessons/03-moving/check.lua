@@ -35,24 +35,24 @@ end
 
 scenario("It drives away", { world = "yard", points = 2, seeds = 3, limit = 30 }, function(sim)
 	drives_away(sim)
-	expect(sim:pose().x > 1.3, "It drives backwards first: easy.forward drives ahead.")
+	expect(sim:pose().x > 1.3, "It drives backwards first: easy.forward drives forwards.")
 end)
 
 scenario("It rests for a second", { world = "yard", points = 3, seeds = 3, limit = 40 }, function(sim)
 	local away = drives_away(sim)
-	expect(wait_for_motion(sim, false, 10), "It drives on and on: two seconds are wanted.")
-	expect(away() > 0.2, "It drove back without a rest: let it wait for a second in between.")
+	expect(wait_for_motion(sim, false, 10), "It keeps driving: it should stop after two seconds.")
+	expect(away() > 0.2, "It drove back without a rest: let it wait for one second before that.")
 	local since = sim:time()
-	expect(wait_for_motion(sim, true, 6), "It drives away and then stays there: it is to come back.")
+	expect(wait_for_motion(sim, true, 6), "It drives away and stays there: it should come back.")
 	local rest = sim:time() - since
-	expect(rest > 0.6 and rest < 1.6, string.format("It rested for %.1f seconds before it came back: one second is wanted.", rest))
+	expect(rest > 0.6 and rest < 1.6, string.format("It rested for %.1f seconds before it came back: it should be one second.", rest))
 end)
 
-scenario("It comes back to its start", { world = "yard", points = 5, seeds = 3, limit = 50 }, function(sim)
+scenario("It comes back to where it started", { world = "yard", points = 5, seeds = 3, limit = 50 }, function(sim)
 	local heading = sim:pose().heading
 	local away = drives_away(sim)
 	expect(sim:wait_until(function() return sim:ended() end, 25), "The script does not end: once it is back there is nothing left to do.")
-	expect(away() < 0.15, string.format("In the end it stands %d centimetres from where it began.", math.round(100 * away())))
-	expect(turned(sim, heading) < 0.3, string.format("It came back, but looks %d degrees another way than before: on the way back both tracks need the same speed.", math.round(math.deg(turned(sim, heading)))))
+	expect(away() < 0.15, string.format("At the end it is %d centimetres from where it started.", math.round(100 * away())))
+	expect(turned(sim, heading) < 0.3, string.format("It came back, but faces another direction than before, by %d degrees: on the way back both tracks need the same speed.", math.round(math.deg(turned(sim, heading)))))
 	expect(sim:collisions() == 0, "It ran into something on its way.")
 end)

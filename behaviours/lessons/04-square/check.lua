@@ -22,7 +22,7 @@ end
 
 -- Radians for degrees, and metres for centimetres, are easily mixed up.
 local function right_units(sim, away, turned)
-	expect(math.abs(turned()) < 1.5 * ROUND, "It turns round and round in place of a corner: easy.left takes degrees, robot.turn radians, such as robot.turn(math.rad(90)).")
+	expect(math.abs(turned()) < 1.5 * ROUND, "It turns round and round instead of a quarter turn: easy.left takes degrees, robot.turn radians, such as robot.turn(math.rad(90)).")
 	local far = sim:pose().x < 1.2 + SIDE + 0.6
 	expect(far, "The first side is far too long: easy.drive takes centimetres, 40 for a side; robot.forward takes metres, 0.4.")
 end
@@ -37,7 +37,7 @@ local function comes_to(sim, away, turned, number)
 	elseif not there and number > 1 then
 		expect(math.abs(turned()) > 0.2, "It drove the first side, but turned at no corner: easy.left(90) does that.")
 	end
-	expect(there, `It never came to the {NAMES[number]} corner of the square.`)
+	expect(there, `It never reached the {NAMES[number]} corner of the square.`)
 end
 
 scenario("It drives the first side", { world = "yard", points = 2, seeds = 3, limit = 40 }, function(sim)
@@ -57,7 +57,7 @@ scenario("It comes to all four corners", { world = "yard", points = 4, seeds = 3
 	expect(sim:collisions() == 0, "It ran into something on its way.")
 end)
 
-scenario("It ends where it began", { world = "yard", points = 4, seeds = 3, limit = 80 }, function(sim)
+scenario("It ends where it started", { world = "yard", points = 4, seeds = 3, limit = 80 }, function(sim)
 	local away, turned = meters(sim)
 	sim:run()
 	local ended = sim:wait_until(function()
@@ -68,5 +68,5 @@ scenario("It ends where it began", { world = "yard", points = 4, seeds = 3, limi
 	expect(ended, "The script does not end: after four sides there is nothing left to do.")
 	local driven = sim:distance()
 	expect(driven > 1.2, string.format("It drove %.1f metres: a square with sides of 40 centimetres needs 1.6.", driven))
-	expect(away(CORNERS[4]) < 0.2, string.format("In the end it stands %d centimetres from where it began.", math.round(100 * away(CORNERS[4]))))
+	expect(away(CORNERS[4]) < 0.2, string.format("At the end it is %d centimetres from where it started.", math.round(100 * away(CORNERS[4]))))
 end)

@@ -39,7 +39,7 @@ scenario("It sleeps until it hears something", { world = "playpen", points = 4, 
 	wakes_up(sim, "first")
 end)
 
-scenario("It turns round once and sleeps again, each time", { world = "playpen", points = 6, seeds = 2, limit = 120 }, function(sim)
+scenario("It turns round once and sleeps again, after each noise", { world = "playpen", points = 6, seeds = 2, limit = 120 }, function(sim)
 	begin(sim)
 	for _, which in { "first", "second" } do
 		sim:wait(4)
@@ -48,7 +48,7 @@ scenario("It turns round once and sleeps again, each time", { world = "playpen",
 		expect(dark, `After the {which} noise its lights did not go off again.`)
 		expect(turned > 0.5, `At the {which} noise it did not turn round.`)
 		expect(turned > ROUND - 0.9, `After the {which} noise it did not turn all the way round: math.rad(360) is once round.`)
-		expect(turned < ROUND + 0.9, `After the {which} noise it turned {math.round(10 * turned / ROUND) / 10} times round: once is wanted.`)
+		expect(turned < ROUND + 0.9, `After the {which} noise it turned {math.round(10 * turned / ROUND) / 10} times round: it should be once.`)
 		local again, more = turning_until(sim, function() return awake(sim) end, 6)
 		expect(not again and more < 0.5, `It woke up again after the {which} noise, although it was quiet.`)
 	end

@@ -1,5 +1,5 @@
 -- spykee lesson 5: listening
--- A robot that wakes up at a noise: lights on, once round, lights off. Each time.
+-- A robot that wakes up at each noise: lights on, once round, lights off.
 
 robot.on("noise", function()
 	robot.led("all", true)

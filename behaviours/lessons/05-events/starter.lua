@@ -1,5 +1,5 @@
 -- spykee lesson 5: listening
--- A robot that wakes up at a noise: lights on, once round, lights off. Each time.
+-- A robot that wakes up at each noise: lights on, once round, lights off.
 -- Here it wakes up by itself, and only once. It should wait for a noise.
 
 robot.led("all", true)

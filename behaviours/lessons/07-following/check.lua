@@ -11,7 +11,7 @@ local function goes_to(sim, ball)
 	sim:run()
 	local first = gap(sim)
 	expect(sim:wait_until(function() return gap(sim) < first - 0.2 end, 20), "It does not drive towards the ball.")
-	expect(sim:wait_until(function() return gap(sim) < 0.95 end, 25), "It drives towards the ball, but does not come near: about half a metre is wanted.")
+	expect(sim:wait_until(function() return gap(sim) < 0.95 end, 25), "It drives towards the ball, but does not get near: it should come to about half a metre.")
 	sim:wait(5)
 	local now = sim:ball(1)
 	local pushed = math.abs(now.x - ball.x) + math.abs(now.y - ball.y)
@@ -22,7 +22,7 @@ local function goes_to(sim, ball)
 	expect(gap(sim) < 1, "It came near the ball, but did not stay there.")
 end
 
-scenario("To a ball before it", { world = "yard", fps = 10, points = 5, seeds = 2, limit = 90 }, function(sim)
+scenario("To a ball in front of it", { world = "yard", fps = 10, points = 5, seeds = 2, limit = 90 }, function(sim)
 	goes_to(sim, { x = 3.0, y = 1.8 })
 end)
 

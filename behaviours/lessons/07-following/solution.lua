@@ -1,5 +1,5 @@
 -- spykee lesson 7: following
--- Goes to the red ball and stops before it.
+-- Drives to the red ball and stops in front of it.
 
 robot.on("frame", function(frame)
 	local ball = frame:find_blobs("red", { pixels_threshold = 25 })[1]

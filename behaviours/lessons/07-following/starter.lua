@@ -1,5 +1,5 @@
 -- spykee lesson 7: following
--- Goes to the red ball and stops before it.
+-- Drives to the red ball and stops in front of it.
 -- Here it turns towards the ball and stays where it is. It should go there.
 
 robot.on("frame", function(frame)

@@ -13,7 +13,7 @@ local function follows(sim, first, last)
 			return math.sqrt((pose.x - place[1]) ^ 2 + (pose.y - place[2]) ^ 2) < NEAR
 		end, 30)
 		local words = if number == 1
-			then "It does not follow the line at all: it has not come a metre far."
+			then "It does not follow the line at all: it has not come one metre far."
 			elseif number == 2 then "It does not get round the first bend: there the line turns left."
 			else `It has lost the line at bend {number - 1}.`
 		expect(there, words)
@@ -50,11 +50,11 @@ scenario("The farther the line is to one side, the faster it turns", { world = "
 	sim:run()
 	sim:wait(1)
 	local much, little = turning(sim, 0.09), turning(sim, 0.02)
-	expect(much < -0.1, "The line is to the right, and it does not turn there: that is a negative number for robot.drive.")
-	expect(math.abs(much) > 1.8 * math.abs(little), "It turns as fast for a line that is nearly in the middle as for one at the edge: let it turn by the line's offset.")
+	expect(much < -0.1, "The line is to the right, but it does not turn right: that is a negative number for robot.drive.")
+	expect(math.abs(much) > 1.8 * math.abs(little), "It turns as fast for a line that is nearly in the middle as for one at the edge: let it turn in proportion to the line's offset.")
 end)
 
-scenario("A line that is lost is looked for where it was last", { world = "line_loop", fps = 10, points = 2, seeds = 2, limit = 90 }, function(sim)
+scenario("It looks for a lost line where it was last", { world = "line_loop", fps = 10, points = 2, seeds = 2, limit = 90 }, function(sim)
 	sim:run()
 	for side, name in { [1] = "right", [-1] = "left" } do
 		hold(sim, 0)
@@ -65,7 +65,7 @@ scenario("A line that is lost is looked for where it was last", { world = "line_
 		end
 		hold(sim, 0.45 * side) -- out of sight
 		local turned = sim:wait_until(function() return math.abs(sim:pose().heading) > 0.3 end, 4)
-		expect(turned, "When the line is lost it stands there: it should turn and look for it.")
+		expect(turned, "When the line is lost it stands still: it should turn and look for it.")
 		local there = sim:pose().heading * side < 0
 		expect(there, `The line was last to the {name}, but it looked for it on the other side: remember the last offset in a variable.`)
 	end

@@ -1,4 +1,4 @@
--- Lesson 9: goes home and says how it went.
+-- Lesson 9: goes home and reports the result.
 
 local function played(sim, name)
 	for _, sound in sim:sounds() do
@@ -21,7 +21,7 @@ local function leaves(sim)
 end
 
 local function ends(sim, seconds)
-	expect(sim:wait_until(function() return sim:ended() end, seconds), "The script does not end: once it has said how it went there is nothing left to do.")
+	expect(sim:wait_until(function() return sim:ended() end, seconds), "The script does not end: once it has reported the result there is nothing left to do.")
 end
 
 scenario("Home again, and a beep", { world = "playpen", points = 4, seeds = 3, limit = 500 }, function(sim)
@@ -29,7 +29,7 @@ scenario("Home again, and a beep", { world = "playpen", points = 4, seeds = 3, l
 	expect(sim:wait_until(function() return sim:docked() end, 200), "It does not come home: robot.dock() does that.")
 	ends(sim, 60)
 	expect(sim:docked(), "It was home, but did not stay there.")
-	expect(not played(sim, "alarm"), "It is home, and yet there was an alarm.")
+	expect(not played(sim, "alarm"), "It is home, but there was an alarm.")
 	expect(played(sim, "bip_2"), 'It is home, but there was no beep: robot.play("bip_2").')
 end)
 
@@ -37,6 +37,6 @@ scenario("No station, and the alarm", { world = "playpen", points = 6, seeds = 2
 	leaves(sim)
 	sim:hide_station(true)
 	ends(sim, 1200)
-	expect(not played(sim, "bip_2"), "It could not get home, and yet there was a beep.")
+	expect(not played(sim, "bip_2"), "It could not get home, but there was a beep.")
 	expect(played(sim, "alarm"), 'It could not get home, but there was no alarm: robot.play("alarm").')
 end)

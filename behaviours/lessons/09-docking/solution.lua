@@ -1,5 +1,5 @@
 -- spykee lesson 9: going home
--- Leaves the station, drives half a metre, goes home, and says how it went.
+-- Leaves the station, drives half a metre, goes home, and reports the result.
 
 robot.undock()
 robot.turn(math.rad(180))

@@ -1,6 +1,6 @@
 -- spykee lesson 9: going home
--- Leaves the station, drives half a metre, goes home, and says how it went.
--- Here it beeps whatever happened. The alarm is wanted when it could not get home.
+-- Leaves the station, drives half a metre, goes home, and reports the result.
+-- Here it beeps whatever happened. When it could not get home it should sound the alarm.
 
 robot.undock()
 robot.turn(math.rad(180))

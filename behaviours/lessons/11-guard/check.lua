@@ -14,7 +14,7 @@ local function watch(sim)
 	sim:place_ball(1, { x = 2.4, y = 2.2 })
 	sim:run()
 	sim:wait(6)
-	expect(#alarms(sim) == 0, "There was an alarm, and nothing had moved.")
+	expect(#alarms(sim) == 0, "There was an alarm although nothing had moved.")
 end
 
 -- Something rolls through the picture; whether it was noticed.
@@ -29,18 +29,18 @@ end
 
 scenario("Something moves", { world = "yard", points = 4, seeds = 2, limit = 40 }, function(sim)
 	watch(sim)
-	expect(roll(sim, 2.2, 0.9), "A ball rolled by, and there was no alarm.")
+	expect(roll(sim, 2.2, 0.9), "A ball rolled by, but there was no alarm.")
 	sim:wait(2)
-	expect(sim:photos() > 0, "A ball rolled by, and there is no photograph: frame:save keeps one.")
+	expect(sim:photos() > 0, "A ball rolled by, but there is no photograph: frame:save saves one.")
 end)
 
 scenario("One alarm in ten seconds, then another", { world = "yard", points = 3, seeds = 2, limit = 60 }, function(sim)
 	watch(sim)
-	expect(roll(sim, 2.2, 0.9), "A ball rolled by, and there was no alarm.")
+	expect(roll(sim, 2.2, 0.9), "A ball rolled by, but there was no alarm.")
 	roll(sim, 0.9, 2.2)
 	expect(#alarms(sim) == 1, "There was more than one alarm within ten seconds.")
 	sim:wait(10)
-	expect(roll(sim, 2.2, 0.9), "A ball rolled by after the ten seconds, and there was no second alarm.")
+	expect(roll(sim, 2.2, 0.9), "A ball rolled by after the ten seconds, but there was no second alarm.")
 end)
 
 scenario("A lamp is no intruder", { world = "yard", points = 3, seeds = 2, limit = 60 }, function(sim)
@@ -49,6 +49,6 @@ scenario("A lamp is no intruder", { world = "yard", points = 3, seeds = 2, limit
 	sim:wait(4)
 	sim:light(1)
 	sim:wait(4)
-	expect(#alarms(sim) == 0, "A lamp was switched, and there was an alarm: look at the detector's blobs.")
-	expect(roll(sim, 2.2, 0.9), "A ball rolled by, and there was no alarm.")
+	expect(#alarms(sim) == 0, "A lamp was switched, which is no reason for an alarm: look at the detector's blobs.")
+	expect(roll(sim, 2.2, 0.9), "A ball rolled by, but there was no alarm.")
 end)

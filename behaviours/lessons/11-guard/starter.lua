@@ -1,5 +1,5 @@
 -- spykee lesson 11: the guard
--- Watches; sounds the alarm and keeps a photograph when something moves.
+-- Watches; sounds the alarm and saves a photograph when something moves.
 -- Here it sounds the alarm once a second, whatever it sees.
 
 robot.on("frame", function(frame)

@@ -35,7 +35,7 @@ end
 
 scenario("It finds the ball, laughs and sleeps", { world = "playpen", points = 6, seeds = 2, limit = 120 }, function(sim)
 	wake(sim, { x = 0.5, y = 2.1 })
-	expect(sim:wait_until(function() return laughs(sim) > 0 end, 28), "It was awake and turned, but did not laugh when the ball was to be seen.")
+	expect(sim:wait_until(function() return laughs(sim) > 0 end, 28), "It was awake and turned, but did not laugh when the ball was in sight.")
 	sleeps(sim, 6, "It has laughed, but does not fall asleep: its flash is still on.")
 	expect(laughs(sim) == 1, `It laughed {laughs(sim)} times: once is enough. Did its own laugh wake it?`)
 end)
@@ -44,6 +44,6 @@ scenario("Without a ball it gives up", { world = "playpen", points = 4, seeds = 
 	wake(sim, { x = 50, y = 50 })
 	sim:wait(15)
 	expect(sim:leds().flash, "It gave up too early: it should look for the ball for 30 seconds.")
-	sleeps(sim, 30, "There is no ball, and after 30 seconds it does not fall asleep.")
-	expect(laughs(sim) == 0, "It laughed, and there was no ball.")
+	sleeps(sim, 30, "There is no ball, but after 30 seconds it does not fall asleep.")
+	expect(laughs(sim) == 0, "It laughed although there was no ball.")
 end)

@@ -1,6 +1,6 @@
 -- spykee lesson 12: states
 -- A robot with three moods: asleep, awake, happy.
--- Here a noise wakes it; but it looks for no ball, and never falls asleep again.
+-- Here a noise wakes it, but it does not look for the ball, and never falls asleep again.
 
 local fsm = require("@spykee/fsm")
 

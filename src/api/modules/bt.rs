@@ -11,12 +11,12 @@ const MADE: &[Value] = &[function("node", "(...any) -> boolean", "a node")];
 const TIMES: Value = value(
     "times",
     Type::Number(Some(Bounds::Between(1.0, 1e9))),
-    "how often at most",
+    "the most runs",
 );
 
 pub(super) const BT: Namespace = module(
     "bt",
-    "behaviour trees: a node is a function that does something, waits as long as it needs, and returns true (success) or false (failure); nodes are built of nodes, and halting a node is awaited",
+    "behaviour trees: a node is a function that does something, waits as long as it needs, and returns true (success) or false (failure); nodes are built from other nodes, and halting a node waits until it has ended",
     &[
         call(
             "bt.run",
@@ -25,7 +25,7 @@ pub(super) const BT: Namespace = module(
             "Runs a tree once.",
             "print(bt.run(function() return true end))",
         )
-        .and("handed to every node")
+        .and("arguments for every node")
         .waiting(),
         call(
             "bt.action",
@@ -34,19 +34,19 @@ pub(super) const BT: Namespace = module(
                 function(
                     "halt",
                     "(...any) -> ...any",
-                    "runs when the node is cut short; should not wait",
+                    "runs when the node is interrupted; should not wait",
                 ),
             ])
             .required()],
             MADE,
-            "A node that is told when it is cut short.",
+            "Makes a node that is notified when it is interrupted.",
             "local drive = bt.action({\n\trun = function() return (robot.forward(1)) end,\n\thalt = function() robot.stop() end,\n})\nprint(bt.run(drive))",
         ),
         call(
             "bt.sequence",
             &[NODE],
             MADE,
-            "Runs one node after the other until one fails; true if none does.",
+            "Runs nodes one after another until one fails; true if none does.",
             "print(bt.run(bt.sequence(function() return true end)))",
         )
         .and(NODES),
@@ -54,7 +54,7 @@ pub(super) const BT: Namespace = module(
             "bt.fallback",
             &[NODE],
             MADE,
-            "Runs one node after the other until one succeeds; false if none does.",
+            "Runs nodes one after another until one succeeds; false if none does.",
             "print(bt.run(bt.fallback(function() return true end)))",
         )
         .and(NODES),
@@ -62,14 +62,18 @@ pub(super) const BT: Namespace = module(
             "bt.parallel",
             &[
                 options(&[
-                    number("succeed", "how many must succeed; all unless given").optional(),
-                    number("fail", "with how many failures it fails").default(1.0),
+                    number(
+                        "succeed",
+                        "how many successes make it succeed; default: all",
+                    )
+                    .optional(),
+                    number("fail", "how many failures make it fail").default(1.0),
                 ])
                 .required(),
                 NODE,
             ],
             MADE,
-            "Runs nodes side by side until enough have succeeded or failed; the others are halted.",
+            "Runs nodes in parallel until enough have succeeded or failed, then halts the others.",
             "print(bt.run(bt.parallel({ succeed = 1 }, function() return true end)))",
         )
         .and(NODES),
@@ -81,27 +85,27 @@ pub(super) const BT: Namespace = module(
                 bounded(
                     "seconds",
                     Bounds::Above(0.0, 30.0 * 86_400.0),
-                    "from one look at the condition to the next",
+                    "the period of the tests",
                 )
                 .unit("s")
                 .default(0.1),
             ],
             MADE,
-            "Runs a node while a condition is true, which is asked before and over and over; once it is false the node is halted and has failed.",
+            "Runs a node while a condition is true. The condition is tested first and then periodically; as soon as it is false, the node is halted and the guard fails.",
             "print(bt.run(bt.guard(function() return true end, function() return true end)))",
         ),
         call(
             "bt.retry",
             &[TIMES, NODE],
             MADE,
-            "Runs a node until it succeeds.",
+            "Runs a node again until it succeeds.",
             "print(bt.run(bt.retry(3, function() return true end)))",
         ),
         call(
             "bt.loop",
             &[TIMES, NODE],
             MADE,
-            "Runs a node so often, or until it fails.",
+            "Runs a node this many times, or until it fails.",
             "print(bt.run(bt.loop(3, function() return true end)))",
         ),
         call(
@@ -111,7 +115,7 @@ pub(super) const BT: Namespace = module(
                 NODE,
             ],
             MADE,
-            "Fails if the node takes longer, and halts it.",
+            "Runs a node; halts it and fails if it takes longer than this.",
             "print(bt.run(bt.timeout(5, function() return true end)))",
         ),
         call(
@@ -125,19 +129,19 @@ pub(super) const BT: Namespace = module(
             "bt.succeed",
             &[NODE],
             MADE,
-            "Runs a node and succeeds in any case.",
+            "Runs a node, and succeeds whatever its result.",
             "print(bt.run(bt.succeed(function() return false end)))",
         ),
         call(
             "bt.fail",
             &[NODE],
             MADE,
-            "Runs a node and fails in any case.",
+            "Runs a node, and fails whatever its result.",
             "print(bt.run(bt.fail(function() return true end)))",
         ),
         call(
             "bt.name",
-            &[text("name", "a name of your own"), NODE],
+            &[text("name", "a name of your choice"), NODE],
             MADE,
             "Gives a node a name for the log and for errors.",
             "print(bt.run(bt.name(\"the last way\", function() return true end)))",

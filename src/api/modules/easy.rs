@@ -4,20 +4,21 @@ use super::shapes::{OK, module};
 use crate::api::make::{call, number, object, table, text, value};
 use crate::api::terms::{Namespace, Object, Type, Value};
 
-const SPEED: Value = value("speed", Type::Any, "from 1 to 100").optional();
-const LASTING: Value = value("seconds", Type::Any, "1 unless given").optional();
-const CENTIMETRES: Value = value("centimetres", Type::Any, "30 unless given").optional();
-const ANGLE: Value = value("degrees", Type::Any, "90 unless given").optional();
+const SPEED: Value = value("speed", Type::Any, "a number from 1 to 100; default: 50").optional();
+const LASTING: Value = value("seconds", Type::Any, "a number, in s; default: 1").optional();
+const CENTIMETRES: Value =
+    value("centimetres", Type::Any, "a number, in cm; default: 30").optional();
+const ANGLE: Value = value("degrees", Type::Any, "a number, in degrees; default: 90").optional();
 
 pub(super) const EASY: Namespace = module(
     "easy",
-    "for your first programs: plain words, seconds, centimetres and degrees; each line is over before the next one begins",
+    "for your first programs: plain words, seconds, centimetres and degrees; each line finishes before the next one begins",
     &[
         call(
             "easy.drive",
             &[CENTIMETRES],
             OK,
-            "Drives so far, backwards if it is less than 0; on its station the robot leaves it first.",
+            "Drives a distance, backwards if negative; a robot on its station leaves it first.",
             "easy.drive(40)",
         )
         .waiting(),
@@ -25,7 +26,7 @@ pub(super) const EASY: Namespace = module(
             "easy.forward",
             &[LASTING, SPEED],
             OK,
-            "Drives ahead; on its station the robot leaves it first.",
+            "Drives forwards for a time; a robot on its station leaves it first.",
             "easy.forward(2)",
         )
         .waiting(),
@@ -33,7 +34,7 @@ pub(super) const EASY: Namespace = module(
             "easy.back",
             &[LASTING, SPEED],
             OK,
-            "Drives back.",
+            "Drives backwards for a time.",
             "easy.back(1, 30)",
         )
         .waiting(),
@@ -53,15 +54,8 @@ pub(super) const EASY: Namespace = module(
             "easy.right()",
         )
         .waiting(),
-        call("easy.stop", &[], &[], "Stands still.", "easy.stop()"),
-        call(
-            "easy.wait",
-            &[LASTING],
-            &[],
-            "Does nothing for a while.",
-            "easy.wait(1)",
-        )
-        .waiting(),
+        call("easy.stop", &[], &[], "Stops the tracks.", "easy.stop()"),
+        call("easy.wait", &[LASTING], &[], "Waits.", "easy.wait(1)").waiting(),
         call(
             "easy.light",
             &[
@@ -70,10 +64,10 @@ pub(super) const EASY: Namespace = module(
                     Type::Any,
                     "\"left\", \"right\", \"flash\" or \"all\"",
                 ),
-                value("on", Type::Any, "\"on\" or \"off\"; on unless given").optional(),
+                value("on", Type::Any, "\"on\" or \"off\"; default: on").optional(),
             ],
             &[],
-            "Switches a light; `easy.light(\"on\")` means all.",
+            "Switches a light; `easy.light(\"on\")` switches all.",
             "easy.light(\"left\", \"on\")",
         ),
         call(
@@ -87,7 +81,7 @@ pub(super) const EASY: Namespace = module(
             "easy.see",
             &[crate::api::frame::COLOURS],
             &[object("thing", &SEEN, "nil if there is none").optional()],
-            "The biggest thing of a colour in the next picture.",
+            "Finds the largest object of a colour in the next picture.",
             "local thing = easy.see(\"red\")\nif thing then\n\tprint(thing.where, thing.size)\nend",
         )
         .waiting(),
@@ -95,7 +89,7 @@ pub(super) const EASY: Namespace = module(
             "easy.battery",
             &[],
             &[number("percent", "0 to 100").unit("%")],
-            "How full the battery is.",
+            "Returns the battery's level.",
             "print(easy.battery())",
         )
         .pure(),
@@ -121,9 +115,9 @@ pub(super) const EASY: Namespace = module(
 
 pub(super) const SEEN: Object = table(
     "Thing",
-    "What `easy.see` has found.",
+    "An object that `easy.see` has found.",
     &[
         text("where", "\"left\", \"middle\" or \"right\""),
-        number("size", "how much of the picture it fills").unit("%"),
+        number("size", "its share of the picture").unit("%"),
     ],
 );

@@ -1,35 +1,35 @@
 //! `@spykee/floor`: what of the floor is free.
 
-use super::shapes::{module, open};
+use super::shapes::module;
 use crate::api::frame::FRAME;
-use crate::api::make::{boolean, call, function, number, object, table, value};
+use crate::api::make::{boolean, call, function, number, object, open, table, value};
 use crate::api::terms::{Namespace, Object, Type, Value};
 
 const PICTURE: Value = object("frame", &FRAME, "");
 
 pub(super) const FLOOR: Namespace = module(
     "floor",
-    "sees how far the floor before the robot is free, in one picture, without knowing the room",
+    "finds how far the floor in front of the robot is free, from one picture and without a map",
     &[
         call(
             "floor.look",
             &[PICTURE],
             &[object("free", &FREE, "")],
-            "What is free before the camera.",
+            "Finds the free floor in front of the camera.",
             "local frame = robot.wait_frame(2)\nif frame then\n\tprint(floor.look(frame).ahead)\nend",
         ),
         call(
             "floor.memory",
             &[],
             &[object("memory", &MEMORY, "")],
-            "Makes a memory of what stands near: a camera does not see what is beside the robot.",
+            "Makes a memory of nearby obstacles, because the camera does not see what is beside the robot.",
             "local near = floor.memory()\nlocal frame = robot.wait_frame(2)\nif frame then\n\tprint(near:look(frame).beside.left)\nend",
         ),
         call(
             "floor.nearest",
             &[PICTURE],
             &[number("distance", "").unit("m")],
-            "How near before the camera the picture begins to show the floor.",
+            "Returns the distance from the camera to the nearest floor that the picture shows.",
             "local frame = robot.wait_frame(2)\nif frame then\n\tprint(floor.nearest(frame))\nend",
         ),
         call(
@@ -37,10 +37,10 @@ pub(super) const FLOOR: Namespace = module(
             &[
                 number("seconds", "").unit("s"),
                 number("speed", "").unit("m/s"),
-                function("done", "() -> any", "ends it when it answers true").optional(),
+                function("done", "() -> any", "ends the drive when it returns true").optional(),
             ],
             &[],
-            "Drives to where there is room.",
+            "Drives to where there is room, and keeps clear of obstacles.",
             "floor.drive_on(10, 0.2)",
         )
         .waiting(),
@@ -48,7 +48,7 @@ pub(super) const FLOOR: Namespace = module(
             "floor.texture",
             &[PICTURE],
             &[value("texture", Type::List(&Type::Number(None)), "")],
-            "What the floor looks like.",
+            "Describes how the floor looks.",
             "local frame = robot.wait_frame(2)\nif frame then\n\tprint(#floor.texture(frame))\nend",
         ),
         call(
@@ -58,38 +58,43 @@ pub(super) const FLOOR: Namespace = module(
                 value("other", Type::List(&Type::Number(None)), "another"),
             ],
             &[boolean("differ", "")],
-            "Whether two textures differ: they do when the robot has moved.",
+            "Returns whether two textures differ, as they do when the robot has moved.",
             "local frame = robot.wait_frame(2)\nif frame then\n\tprint(floor.differs(floor.texture(frame), floor.texture(frame)))\nend",
         ),
     ],
     "local floor = require(\"@spykee/floor\")\nrobot.on(\"frame\", function(frame)\n\tlocal free = floor.look(frame)\n\trobot.drive(if free.ahead > 0.8 then 0.2 else 0, free.turn)\nend)",
 );
 
+const HALF: &str = "the least free distance in that half of the picture";
+const LEFT: Value = number("left", HALF).unit("m");
+const RIGHT: Value = number("right", HALF).unit("m");
+const TURN: Value = number(
+    "turn",
+    "where there is more room: from -1, right, to 1, left",
+);
+
 pub(super) const FREE: Object = table(
     "Free",
-    "What `floor.look` sees.",
+    "The free floor in front of the robot; made by `floor.look`.",
     &[
-        number("ahead", "as wide as the robot").unit("m"),
-        number("left", "the least in that half of the picture").unit("m"),
-        number("right", "the least in that half of the picture").unit("m"),
-        number(
-            "turn",
-            "from -1, more room to the right, to 1, more to the left",
-        ),
+        number("ahead", "free distance ahead, over the robot's width").unit("m"),
+        LEFT,
+        RIGHT,
+        TURN,
     ],
 );
 
 pub(super) const MEMORY: Object = open(
     "Memory",
-    "What stands near the robot, for some seconds also where its camera does not look any more. Places are those of \
-     `robot.pose()`: let it forget when you call `robot.reset_pose()`.",
+    "Obstacles near the robot, remembered for some seconds where the camera no longer looks. Positions are those of \
+     `robot.pose()`: call `forget` when you call `robot.reset_pose()`.",
     &[],
     &[
         call(
             "memory:look",
             &[PICTURE],
             &[object("free", &FREE_AROUND, "")],
-            "What is free; look at each frame while the robot drives.",
+            "Finds the free floor; call it with each frame while the robot drives.",
             "local memory = require(\"@spykee/floor\").memory()\nlocal frame = robot.wait_frame(2)\nif frame then\n\tprint(memory:look(frame).ahead)\nend",
         ),
         call(
@@ -104,25 +109,26 @@ pub(super) const MEMORY: Object = open(
 
 pub(super) const FREE_AROUND: Object = table(
     "FreeAround",
-    "What `memory:look` sees and remembers.",
+    "The free floor and what is remembered; made by `memory:look`.",
     &[
         number(
             "ahead",
-            "as wide as the robot, up to what is seen or remembered",
+            "free distance ahead, over the robot's width, from what is seen or remembered",
         )
         .unit("m"),
-        number("left", "the least in that half of the picture").unit("m"),
-        number("right", "the least in that half of the picture").unit("m"),
-        number(
-            "turn",
-            "from -1, more room to the right, to 1, more to the left",
+        LEFT,
+        RIGHT,
+        TURN,
+        object(
+            "beside",
+            &BESIDE,
+            "the sides to which the robot must not turn",
         ),
-        object("beside", &BESIDE, "where the robot must not bend to"),
     ],
 );
 
 pub(super) const BESIDE: Object = table(
     "Beside",
-    "On which sides something is beside the robot.",
+    "The sides on which something is beside the robot.",
     &[boolean("left", ""), boolean("right", "")],
 );

@@ -1,10 +1,10 @@
 //! `@spykee/fsm`: state machines.
 
-use super::shapes::{module, open};
-use crate::api::make::{call, function, object, options, text, value};
+use super::shapes::module;
+use crate::api::make::{call, function, object, open, options, text, value};
 use crate::api::terms::{Namespace, Object, Type, Value};
 
-const STATE: Value = text("state", "its name");
+const STATE: Value = text("state", "name of a state");
 const STATES: &[Value] = &[
     function(
         "enter",
@@ -40,7 +40,7 @@ const STATES: &[Value] = &[
 
 pub(super) const FSM: Namespace = module(
     "fsm",
-    "state machines: the robot is in one state at a time; each says what is done in it and what leads to another",
+    "state machines: the robot is in one state at a time; each state defines what to do in it, and what leads to another state",
     &[call(
         "fsm.new",
         &[options(&[
@@ -49,7 +49,7 @@ pub(super) const FSM: Namespace = module(
         ])
         .required()],
         &[object("machine", &MACHINE, "")],
-        "Makes a machine; its states and events are checked at once.",
+        "Makes a machine, and checks its states and events at once.",
         "local machine = fsm.new({\n\tinitial = \"rest\",\n\tstates = { rest = { task = function(machine) machine:stop() end } },\n})\nprint(machine:run())",
     )],
     "local fsm = require(\"@spykee/fsm\")\nfsm.new({\n\tinitial = \"search\",\n\tstates = {\n\t\tsearch = {\n\t\t\ttask = function() robot.turn(2 * math.pi) return \"drive\" end,\n\t\t\ton = { battery_low = \"home\" },\n\t\t},\n\t\tdrive = {\n\t\t\ttask = function() robot.forward(1) return \"search\" end,\n\t\t\ttimeout = { 20, \"search\" },\n\t\t},\n\t\thome = { task = function(machine) robot.dock() machine:stop() end },\n\t},\n}):run()",
@@ -74,14 +74,14 @@ pub(super) const MACHINE: Object = open(
             "machine:go",
             &[STATE],
             &[],
-            "Changes to another state; the first one asked for counts.",
+            "Changes to another state; of several requests the first one counts.",
             MACHINE_MADE,
         ),
         call(
             "machine:stop",
             &[],
             &[],
-            "Ends the machine: `exit` of its state runs, and no `enter` any more.",
+            "Ends the machine: `exit` of its state runs, and no further `enter`.",
             MACHINE_MADE,
         ),
     ],

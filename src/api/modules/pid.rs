@@ -1,21 +1,21 @@
 //! `@spykee/pid`: PID controllers.
 
-use super::shapes::{module, open};
-use crate::api::make::{call, number, object, options};
+use super::shapes::module;
+use crate::api::make::{call, number, object, open, options};
 use crate::api::terms::{Namespace, Object};
 
 pub(super) const PID: Namespace = module(
     "pid",
-    "PID controllers, for \"keep this at that\": a distance, a bearing, a level of sound",
+    "PID controllers, which keep a value at its setpoint: a distance, a bearing, a sound level",
     &[call(
         "pid.new",
         &[options(&[
-            number("kp", "for the error").default(0.0),
-            number("ki", "for the sum of error times seconds").default(0.0),
-            number("kd", "for the change of the measurement a second").default(0.0),
-            number("setpoint", "what is wanted").default(0.0),
-            number("min", "the least output").optional(),
-            number("max", "the greatest output").optional(),
+            number("kp", "gain of the error").default(0.0),
+            number("ki", "gain of the integral of the error, per second").default(0.0),
+            number("kd", "gain of the measurement's rate of change, in seconds").default(0.0),
+            number("setpoint", "the target value").default(0.0),
+            number("min", "lower limit of the output").optional(),
+            number("max", "upper limit of the output").optional(),
         ])
         .required()],
         &[object("controller", &CONTROLLER, "")],
@@ -27,17 +27,17 @@ pub(super) const PID: Namespace = module(
 
 pub(super) const CONTROLLER: Object = open(
     "Controller",
-    "A PID controller; made by `pid.new`. The sum stands still while the output is at its limit and the error would drive it further; the derivative is that of the measurement.",
+    "A PID controller; made by `pid.new`. The integral stops while the output is at its limit and the error would drive it further; the derivative is that of the measurement.",
     &[],
     &[
         call(
             "controller:update",
             &[
                 number("measurement", ""),
-                number("setpoint", "from now on").optional(),
+                number("setpoint", "the new setpoint, from now on").optional(),
             ],
             &[number("output", "")],
-            "Computes what to do about a measurement; the time comes from `task.now()`.",
+            "Computes the output for a measurement; the time comes from `task.now()`.",
             "local steer = require(\"@spykee/pid\").new({ kp = 2 })\nprint(steer:update(0.3))",
         ),
         call(

@@ -1,7 +1,7 @@
 //! What the rows of several modules are made with.
 
-use crate::api::make::{boolean, strict};
-use crate::api::terms::{Availability, Function, Namespace, Object, Value};
+use crate::api::make::boolean;
+use crate::api::terms::{Availability, Function, Namespace, Value};
 
 pub(super) const OK: &[Value] = &[boolean("ok", "whether it worked")];
 
@@ -18,18 +18,5 @@ pub(super) const fn module(
         functions,
         constants: &[],
         example,
-    }
-}
-
-/// An object that scripts may keep values of their own in.
-pub(super) const fn open(
-    name: &'static str,
-    doc: &'static str,
-    fields: &'static [Value],
-    methods: &'static [Function],
-) -> Object {
-    Object {
-        strict: false,
-        ..strict(name, doc, fields, methods)
     }
 }

@@ -94,7 +94,7 @@ impl<'a> Scene<'a> {
         };
         let (left, right) = types.split_once(" and ").unwrap_or((types, types));
         let (side, what) = self.sides(operator, left, right, |what| what != "number")?;
-        Some(self.operand(side, what, "so it cannot be counted with"))
+        Some(self.operand(side, what, "so it cannot be used in arithmetic"))
     }
 
     pub(super) fn compare(&self, words: &str) -> Option<Remark> {
@@ -191,15 +191,15 @@ impl<'a> Scene<'a> {
             return Some(Remark {
                 at: side.span,
                 message: format!(
-                    "one of {} is nil, so it cannot be joined to a text",
+                    "one of {} is nil, so it cannot be joined to a string",
                     names.join(", ")
                 ),
-                help: "tostring(value) makes a text of any value".to_owned(),
+                help: "tostring(value) converts any value to a string".to_owned(),
             });
         }
-        let mut remark = self.operand(side, what, "so it cannot be joined to a text");
+        let mut remark = self.operand(side, what, "so it cannot be joined to a string");
         if what != "nil" {
-            remark.help = format!("tostring({}) makes a text of it", self.text(side));
+            remark.help = format!("tostring({}) converts it to a string", self.text(side));
         }
         Some(remark)
     }

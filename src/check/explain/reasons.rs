@@ -87,7 +87,10 @@ impl<'a> Scene<'a> {
     pub(super) fn why(&self, expr: &Expr, what: &str) -> String {
         if what != "nil" && what != "nothing" {
             return match what {
-                "string" => format!("tonumber({}) makes a number of a text", self.text(expr)),
+                "string" => format!(
+                    "tonumber({}) converts a string to a number",
+                    self.text(expr)
+                ),
                 _ => String::new(),
             };
         }
@@ -100,22 +103,22 @@ impl<'a> Scene<'a> {
                 }
                 None if self.kinds.tree.locals[id.0].bound => {
                     format!(
-                        "it is what the function is called with; test it first: if {name} then ... end"
+                        "it is a parameter of the function; test it first: if {name} then ... end"
                     )
                 }
-                None => format!("nothing has been put into {name} yet"),
+                None => format!("{name} has no value yet"),
             },
             ExprKind::Nil => String::new(),
             ExprKind::Call(..) | ExprKind::Method(..) | ExprKind::Item(..) => {
                 let reason = self.reason(expr, 0);
                 format!(
-                    "{reason}keep it in a variable and test it first: local it = {name}, then if it then ... end"
+                    "{reason}put it in a variable and test it first: local it = {name}, then if it then ... end"
                 )
             }
             ExprKind::Field(object, field, _) => match self.kind(object) {
                 ValueKind::Object(_) => format!("test it first: if {name} then ... end"),
                 _ => format!(
-                    "nothing has been put into {field} of {} yet; check the spelling",
+                    "{field} of {} has no value yet; check the spelling",
                     self.text(object)
                 ),
             },
@@ -127,7 +130,7 @@ impl<'a> Scene<'a> {
     pub(super) fn reason(&self, value: &Expr, number: usize) -> String {
         match &value.bare().kind {
             ExprKind::Item(list, _) => match self.kind_anywhere(list) {
-                ValueKind::List(_) => format!("{} has found none; ", self.called(list)),
+                ValueKind::List(_) => format!("{} found none; ", self.called(list)),
                 _ => String::new(),
             },
             ExprKind::Call(..) | ExprKind::Method(..) => {
@@ -136,10 +139,10 @@ impl<'a> Scene<'a> {
                 };
                 match function.returns.get(number) {
                     Some(result) if result.need != Need::Required && !result.doc.is_empty() => {
-                        format!("{} gives {}; ", function.path, result.doc)
+                        format!("{} returns {}; ", function.path, result.doc)
                     }
                     None if function.returns.is_empty() => {
-                        format!("{} gives nothing; ", function.path)
+                        format!("{} returns nothing; ", function.path)
                     }
                     _ => String::new(),
                 }
@@ -186,7 +189,7 @@ impl<'a> Scene<'a> {
 pub(super) fn a(what: &str) -> String {
     match what {
         "nil" | "nothing" | "no value" => "nil".to_owned(),
-        "string" => "a text".to_owned(),
+        "string" => "a string".to_owned(),
         "boolean" => "true or false".to_owned(),
         other => format!("a {other}"),
     }

@@ -14,13 +14,12 @@ fn a_failure_shows_the_line_with_a_caret_below_what_was_nil() {
     assert!(message.starts_with(expected), "{message}");
     let message = failure_of("local b = robot.wait_for('docked', 0.1)\nprint(b.x)");
     assert!(
-        message
-            .contains("robot.wait_for gives nil when the time was over; test it first: if b then"),
+        message.contains("robot.wait_for returns nil after a time-out; test it first: if b then"),
         "{message}"
     );
     let message =
         failure_of("local blobs = robot.wait_frame(5):find_blobs('red')\nprint(blobs[1].cx)");
-    assert!(message.contains("find_blobs has found none"), "{message}");
+    assert!(message.contains("find_blobs found none"), "{message}");
 }
 
 #[test]
@@ -36,7 +35,7 @@ fn the_words_of_the_vm_become_words_for_people() {
         ),
         (
             "print(1 + nil)",
-            "test.lua:1: there is nil, so it cannot be counted with",
+            "test.lua:1: there is nil, so it cannot be used in arithmetic",
         ),
         (
             "print(1 < nil)",
@@ -48,7 +47,7 @@ fn the_words_of_the_vm_become_words_for_people() {
         ),
         (
             "print('a' .. {})",
-            "test.lua:1: `{}` is a table here, so it cannot be joined to a text",
+            "test.lua:1: `{}` is a table here, so it cannot be joined to a string",
         ),
     ] {
         let text = failure_of(source);

@@ -33,7 +33,9 @@ impl Scene<'_> {
         if opened {
             let help = match word {
                 "" => {
-                    format!("the block of `{keyword}` ends with end, and needs no sign before it")
+                    format!(
+                        "the block of `{keyword}` ends with end, and needs no other sign before it"
+                    )
                 }
                 word => format!("write `{word}` here, and `end` where the block ends"),
             };
@@ -50,7 +52,7 @@ impl Scene<'_> {
                 start: last.span.end,
                 end: last.span.end,
             },
-            message: format!("`{keyword}` needs `{word}` behind it"),
+            message: format!("`{keyword}` needs `{word}` after it"),
             help: format!("write `{word}` at the end of this line"),
         })
     }
@@ -199,7 +201,7 @@ impl Scene<'_> {
             Some((_, "==")) => "to set a variable, write a single =".to_owned(),
             Some((TokenKind::Name | TokenKind::Number | TokenKind::Keyword, _)) => {
                 format!(
-                    "what a function is given stands in brackets: {}(...)",
+                    "the arguments of a function go in brackets: {}(...)",
                     span.of(self.source)
                 )
             }
@@ -227,9 +229,9 @@ impl Scene<'_> {
             .rfind(|token| token.span.end <= lost.start && token.kind != TokenKind::End)?;
         let found = lost.of(self.source);
         let message = match found {
-            "" => format!("a value is missing behind `{}`", self.text(before)),
+            "" => format!("a value is missing after `{}`", self.text(before)),
             found => format!(
-                "a value is missing behind `{}`: `{found}` cannot stand there",
+                "a value is missing after `{}`: `{found}` is not one",
                 self.text(before)
             ),
         };
@@ -258,7 +260,7 @@ impl Scene<'_> {
             ("')'" | "'}'" | "']'", got) if value => {
                 format!("a comma is missing before {}", word(got))
             }
-            ("<eof>", got) => format!("{} cannot stand here", word(got)),
+            ("<eof>", got) => format!("{} cannot be here", word(got)),
             (expected, "<eof>") => format!("{} is missing at the end", word(expected)),
             (expected, got) => format!("expected {} here, found {}", word(expected), word(got)),
         };

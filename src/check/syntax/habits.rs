@@ -11,7 +11,7 @@ impl Scene<'_> {
         Some(Remark {
             at: token.span,
             message: "these are typographic quotes".to_owned(),
-            help: "a text stands in straight quotes: \"text\"".to_owned(),
+            help: "a string is written in straight quotes: \"text\"".to_owned(),
         })
     }
 
@@ -26,19 +26,19 @@ impl Scene<'_> {
         let (message, help) = match self.text(token).chars().next() {
             Some('-' | '[') => ("this has no end", "a long comment ends with ]]"),
             Some('`') => (
-                "this text has no closing quote",
-                "a text in backticks ends with `",
+                "this string has no closing quote",
+                "a string in backticks ends with `",
             ),
             Some('}') => (
-                "this text has no closing quote",
-                "a text in backticks ends with `",
+                "this string has no closing quote",
+                "a string in backticks ends with `",
             ),
             Some('\'') => (
-                "this text has no closing quote",
+                "this string has no closing quote",
                 "it ends with ', in the same line",
             ),
             _ => (
-                "this text has no closing quote",
+                "this string has no closing quote",
                 "it ends with \", in the same line",
             ),
         };
@@ -59,7 +59,7 @@ impl Scene<'_> {
                 ("!", _) => "\"not\" is written not",
                 ("&", "&") => "\"and\" is written and",
                 ("|", "|") => "\"or\" is written or",
-                ("$" | "\\" | "~", _) => "this sign means nothing here",
+                ("$" | "\\" | "~", _) => "this sign has no meaning here",
                 _ => continue,
             };
             let end = match (self.text(token), next) {
@@ -128,7 +128,7 @@ impl Scene<'_> {
             .unwrap_or_default();
         (name.kind == TokenKind::Name && behind.starts_with("--")).then(|| Remark {
             at: name.span,
-            message: "there is no --: it begins a comment".to_owned(),
+            message: "there is no operator --: it begins a comment".to_owned(),
             help: format!("write {} -= 1", self.text(name)),
         })
     }
@@ -157,7 +157,7 @@ impl Scene<'_> {
                     "a variable begins with the word local: local name = value"
                 }
                 "import" | "from" | "include" | "using" if second.is_some() => {
-                    "modules come with local name = require(\"./name\")"
+                    "load a module with local name = require(\"./name\")"
                 }
                 "elif" | "elsif" => "it is written elseif ... then",
                 "switch" | "case" | "match" => {
@@ -166,7 +166,7 @@ impl Scene<'_> {
                 "try" | "except" | "catch" => {
                     "there is no such word; pcall(fn) calls a function and tells whether it failed"
                 }
-                "class" if named => "there are no classes; a table and functions do",
+                "class" if named => "there are no classes; use a table and functions",
                 "loop" | "forever" => "write while true do ... end",
                 "foreach" => "write for _, thing in list do ... end",
                 _ => continue,

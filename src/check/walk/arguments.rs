@@ -57,8 +57,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// A script that counts on a stream that the config keeps off is told so when it asks for it; it may
-    /// be prepared for that.
+    /// A script that counts on a stream that the config keeps off is told so when it asks for it;
+    /// it may be prepared for that.
     fn stream(&mut self, site: Site<'a>) {
         let text = |index: usize| match site.arguments.get(index).map(|one| self.kinds.of(one)) {
             Some(ValueKind::Text(text)) => text,
@@ -89,9 +89,9 @@ impl<'a> Walk<'a> {
             (&value.kind, self.answered_by(argument))
         {
             let what = value.spoken();
-            let message = format!("{call}: {what} must be a function, got what {path} answers");
+            let message = format!("{call}: {what} must be a function, got the result of {path}");
             self.error(argument.span, message).help =
-                Some("without the () behind it the function itself is handed over, and called later; its arguments stand behind it".to_owned());
+                Some("without the () you pass the function itself, to be called later; its arguments follow it".to_owned());
             return;
         }
         if matches!(kind, ValueKind::Nothing) {
@@ -107,7 +107,7 @@ impl<'a> Walk<'a> {
                 );
                 let function = matches!(value.kind, Type::Function(_) | Type::Handler);
                 let help = if function && call_without_result {
-                    "without the () behind it the function itself is handed over, and called later"
+                    "without the () you pass the function itself, to be called later"
                 } else {
                     ""
                 };

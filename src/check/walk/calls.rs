@@ -32,8 +32,8 @@ impl<'a> Walk<'a> {
                 self.special(function, arguments);
             }
             ValueKind::Namespace(name) => {
-                self.error(callee.span, format!("{name} is no function"))
-                    .help = Some(format!("its functions are called as {name}.NAME()"));
+                self.error(callee.span, format!("{name} is not a function"))
+                    .help = Some(format!("call its functions as {name}.NAME()"));
             }
             ValueKind::Nothing
             | ValueKind::Number(_)
@@ -87,7 +87,7 @@ impl<'a> Walk<'a> {
             ("store.set", ValueKind::Function(_) | ValueKind::Native(_))
                 if arguments.len() == 2 =>
             {
-                Some("store.set: a function cannot be kept".to_owned())
+                Some("store.set: a function cannot be stored".to_owned())
             }
             _ => None,
         };
@@ -113,7 +113,7 @@ impl<'a> Walk<'a> {
                 )
             }
             "robot.forward" if number.abs() > MOST_METRES => (
-                format!("robot.forward takes metres: {number} of them are a long way"),
+                format!("robot.forward takes metres: {number} metres are a long way"),
                 "to drive for a time, write robot.move(40, 40, seconds)".to_owned(),
             ),
             _ => return,
@@ -214,7 +214,7 @@ impl<'a> Walk<'a> {
                 self.words(left.span).trim_start_matches("not").trim(),
                 self.words(right.span)
             );
-            let message = "`not` belongs to the left side alone here, so this compares true or false with something else";
+            let message = "`not` applies only to the left side here, so this compares true or false with something else";
             self.warning(left.span.to(right.span), message).help = Some(help);
         }
         if matches!(operator, "==" | "~=") {
@@ -238,9 +238,9 @@ impl<'a> Walk<'a> {
             let what = self.got_words(side, kind);
             if wrong && let Some(what) = what {
                 let does = match operator {
-                    ".." => "cannot be joined to a text",
+                    ".." => "cannot be joined to a string",
                     _ if compares => "cannot be compared with < or >",
-                    _ => "cannot be counted with",
+                    _ => "cannot be used in arithmetic",
                 };
                 let words = self.words(side.span);
                 let message = if words == what {
@@ -259,9 +259,9 @@ impl<'a> Walk<'a> {
         {
             self.error(
                 left.span.to(right.span),
-                "a number cannot be compared with a text",
+                "a number cannot be compared with a string",
             )
-            .help = Some("tonumber(text) makes a number of a text".to_owned());
+            .help = Some("tonumber(text) converts a string to a number".to_owned());
         }
     }
 
@@ -301,11 +301,11 @@ impl<'a> Walk<'a> {
                 let field = object.fields.first()?.name;
                 Some(format!("read one of its fields, such as {words}.{field}"))
             }
-            ValueKind::List(_) => Some(format!("#{words} is how many are in it")),
+            ValueKind::List(_) => Some(format!("#{words} is the number of its entries")),
             ValueKind::Native(function) => Some(format!("call it: {}", function.call())),
             ValueKind::Function(_) => Some(format!("call it: {words}()")),
             ValueKind::Boolean if operator == ".." => {
-                Some(format!("tostring({words}) makes a text of it"))
+                Some(format!("tostring({words}) converts it to a string"))
             }
             _ => None,
         }

@@ -30,10 +30,10 @@ impl<'a> Walk<'a> {
             let line = self.text.1[..local.span.start].matches('\n').count() + 1;
             let message = format!("'{name}' is not known here");
             let help = if local.span.start > span.start {
-                format!("it is made further down, in line {line}; move that above this line")
+                format!("it is defined further down, in line {line}; move that above this line")
             } else {
                 format!(
-                    "the '{name}' of line {line} is known only inside of its own block; declare it before that block"
+                    "the '{name}' of line {line} is known only inside its own block; declare it before that block"
                 )
             };
             return (message, Some(help));
@@ -74,7 +74,7 @@ impl<'a> Walk<'a> {
             ValueKind::List(_) if !self.kinds.fields.contains(name) => {
                 let list = self.words(object.span);
                 let message =
-                    format!("this is a list: it has no '{name}', only the things in it have");
+                    format!("this is a list: its entries have '{name}', the list itself does not");
                 self.error(at, message).help = Some(format!(
                     "take one of it: {list}[1].{name}; there may be none, so test it first"
                 ));

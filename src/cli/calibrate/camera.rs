@@ -1,5 +1,5 @@
-//! `spykee calibrate camera`: pictures of a chessboard tell the camera's field of view and distortion, or those of
-//! the station its field of view.
+//! `spykee calibrate camera`: pictures of a chessboard tell the camera's field of view and
+//! distortion, or those of the station its field of view.
 
 use std::path::{Path, PathBuf};
 
@@ -21,27 +21,29 @@ const HELP: &str = "ten pictures with the whole board in each, from near, tilted
 
 /// Measure the camera's field of view and distortion from pictures of a chessboard
 ///
-/// Print a chessboard, glue it to something flat, and take about ten pictures with the whole of it in
-/// each: tilted to another side in each, near enough to fill most of the picture, in some of them in
-/// its corners. How large the fields are does not matter. Prints `camera:` for the config.
+/// Print a chessboard, glue it to something flat, and take about ten pictures that each show the
+/// whole board: tilted differently in each, close enough to fill most of the picture, in some of
+/// them near the picture's corners. The size of the squares does not matter. Prints `camera:` for
+/// the config.
 ///
-/// Without a chessboard the charging station tells the field of view, but not the distortion: put the robot straight
-/// before it, and name with --station how far the lens was from the station's front in each picture.
+/// Without a chessboard you can measure the field of view, but not the distortion, with the
+/// charging station: put the robot straight in front of it, and give with --station the distance
+/// from the lens to the front of the station for each picture.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Examples:\n  spykee calibrate camera board/*.jpg --board 9x6\n  \
                         spykee calibrate camera near.jpg far.jpg --station 1,1.5"
 )]
 pub(super) struct CameraArgs {
-    /// Pictures of the board, as the camera took them; all of one size
+    /// Pictures of the board, as the camera took them; all of the same size
     #[arg(value_name = "IMAGE.jpg", required = true)]
     images: Vec<PathBuf>,
 
-    /// Inner corners of the board, across and down: one less than its fields
+    /// Inner corners of the board, across and down: one less than its squares
     #[arg(long, value_name = "COLUMNSxROWS", default_value = "9x6", value_parser = parse_board)]
     board: Board,
 
-    /// The pictures show the charging station, from so many metres each
+    /// The pictures show the charging station, each from this distance in metres
     #[arg(long, value_name = "METRES,...", value_delimiter = ',', value_parser = parse_distance,
           conflicts_with = "board")]
     station: Vec<f64>,
@@ -106,7 +108,7 @@ pub(super) fn run(args: &CameraArgs) -> Result<Exit, Failure> {
     for path in &missed {
         let Board { columns, rows } = args.board;
         tracing::warn!(
-            "no board of {columns}x{rows} inner corners is seen in {}: it does not count",
+            "found no board of {columns}x{rows} inner corners in {}: the picture is ignored",
             path.display()
         );
     }

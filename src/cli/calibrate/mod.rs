@@ -1,5 +1,5 @@
-//! `spykee calibrate`: two timed moves and a turn tell how wide and how fast the robot is; pictures of a
-//! chessboard, or of the station, tell what the camera sees.
+//! `spykee calibrate`: two timed moves and a turn tell how wide and how fast the robot is; pictures
+//! of a chessboard, or of the station, tell what the camera sees.
 
 mod camera;
 mod edit;
@@ -26,10 +26,11 @@ use crate::yaml;
 
 /// Measure track width and speed, and write them into the config
 ///
-/// Leads through two moves straight ahead and a turn on the spot, asks how far the robot really
-/// went, and computes `calibration:` from it. Every step can be repeated. With --sim the simulator
-/// measures by itself. Put the robot off its station, on the floor that it will drive on, with two
-/// metres free ahead, no stairs and nobody in the way. Ctrl-C stops the robot.
+/// Guides you through two moves straight ahead and a turn on the spot, asks how far the robot
+/// really went, and computes `calibration:` from your answers. Every step can be repeated. With
+/// --sim the simulator measures by itself. Put the robot off its station, on the floor that it will
+/// drive on, with two metres free ahead, no stairs and no people in the way. Ctrl-C stops the
+/// robot.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Examples:\n  spykee calibrate --robot 172.17.6.1 --config spykee.yaml\n  \
@@ -40,7 +41,7 @@ pub(super) struct CalibrateArgs {
     #[command(subcommand)]
     what: Option<What>,
 
-    /// Print a JSON object; questions go to stderr
+    /// Print a JSON object; the questions go to stderr
     #[arg(long)]
     json: bool,
 
@@ -53,7 +54,7 @@ pub(super) struct CalibrateArgs {
           value_parser = clap::value_parser!(u8).range(1..=20))]
     rounds: u8,
 
-    /// Seed for the simulator's noise
+    /// Seed for simulator noise [default: random]
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
 
@@ -105,7 +106,7 @@ fn ready(status: Status) -> Result<(), Failure> {
         return Err(failure.help("charge the robot first"));
     }
     if status.safety == WatchdogState::Docked {
-        let failure = Failure::usage("the robot stands on its station");
+        let failure = Failure::usage("the robot is on its station");
         return Err(failure.help("`spykee robot undock`, then put it on free floor"));
     }
     Ok(())

@@ -30,14 +30,14 @@ pub(super) async fn round(driver: &mut Driver, json: bool) -> Result<Measured, F
     let short = ask(
         driver,
         json,
-        "1/3  It drives ahead for one second.",
+        "1/3  It drives forwards for one second.",
         ahead(SHORT),
         how_far,
     );
     let short = short.await? / 100.0;
-    let next = "2/3  Bring it back to its mark. It drives ahead for three seconds.";
+    let next = "2/3  Bring it back to its mark. It drives forwards for three seconds.";
     let long = ask(driver, json, next, ahead(LONG), how_far).await? / 100.0;
-    let next = "3/3  Mark where it looks. It turns left on the spot for two seconds.";
+    let next = "3/3  Mark where it faces. It turns left on the spot for two seconds.";
     let how_much = "How many degrees did it turn? A full turn counts 360. (r: once more) ";
     let degrees = ask(driver, json, next, Plan::turn(1.0, TURN), how_much).await?;
     let seconds = |millis: u64| millis as f64 / 1000.0;

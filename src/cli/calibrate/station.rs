@@ -56,7 +56,7 @@ pub(super) fn run(images: &[PathBuf], distances: &[f64], as_json: bool) -> Resul
         }
         let Some(Front { edges, row }) = station else {
             tracing::warn!(
-                "no station is seen in {}: it does not count",
+                "found no station in {}: the picture is ignored",
                 path.display()
             );
             continue;

@@ -2,14 +2,6 @@ use super::*;
 use std::sync::mpsc::{Sender, channel};
 
 const LIMIT: Duration = Duration::from_secs(20);
-const TERMINAL: Features = Features {
-    redraw: true,
-    colour: true,
-};
-const FILE: Features = Features {
-    redraw: false,
-    colour: false,
-};
 
 /// Keeps what is written; each write waits for a permit while there are gates.
 #[derive(Clone)]
@@ -65,7 +57,7 @@ fn console(paper: &Paper, features: Features, format: LogFormat) -> Console {
 #[test]
 fn lines_and_status_share_a_terminal() {
     let paper = Paper::new();
-    let console = console(&paper, TERMINAL, LogFormat::Text);
+    let console = console(&paper, Features::TERMINAL, LogFormat::Text);
     console.status("driving");
     console.end(None, LIMIT);
     console.say("INFO", "hello");
@@ -77,7 +69,7 @@ fn lines_and_status_share_a_terminal() {
 #[test]
 fn a_file_gets_the_status_only_when_told() {
     let paper = Paper::new();
-    let console = console(&paper, FILE, LogFormat::Text);
+    let console = console(&paper, Features::FILE, LogFormat::Text);
     console.status("driving");
     console.status_line_plain("docked");
     console.end(None, LIMIT);
@@ -88,7 +80,8 @@ fn a_file_gets_the_status_only_when_told() {
 fn a_day_has_its_bytes_and_the_last_words_are_said_all_the_same() {
     let paper = Paper::new();
     let day = Budget::new(24 * 1000);
-    let console = Console::over(paper.clone(), FILE, || 20, LogFormat::Text, day).unwrap();
+    let console =
+        Console::over(paper.clone(), Features::FILE, || 20, LogFormat::Text, day).unwrap();
     for number in 0..300 {
         console.say("INFO", &format!("line {number} of a flood"));
     }
@@ -106,7 +99,7 @@ fn a_day_has_its_bytes_and_the_last_words_are_said_all_the_same() {
 #[test]
 fn a_blocked_stderr_stalls_nobody_and_what_was_lost_is_counted() {
     let (paper, open) = Paper::blocked();
-    let console = console(&paper, FILE, LogFormat::Text);
+    let console = console(&paper, Features::FILE, LogFormat::Text);
     for number in 0..MAX_WAITING * 4 {
         console.say("INFO", &format!("line {number}"));
         console.status("driving");
@@ -136,7 +129,7 @@ fn a_blocked_stderr_stalls_nobody_and_what_was_lost_is_counted() {
 #[test]
 fn in_json_every_line_is_an_object() {
     let paper = Paper::new();
-    let console = console(&paper, FILE, LogFormat::Json);
+    let console = console(&paper, Features::FILE, LogFormat::Json);
     console.say("ERROR", "two\nlines \x1b[2J");
     console.end(None, LIMIT);
     let value: serde_json::Value = serde_json::from_str(&paper.text()).unwrap();
@@ -154,7 +147,7 @@ fn in_json_every_line_is_an_object() {
 #[test]
 fn a_long_record_is_cut() {
     let paper = Paper::new();
-    let console = console(&paper, FILE, LogFormat::Text);
+    let console = console(&paper, Features::FILE, LogFormat::Text);
     console.say("INFO", &"x".repeat(3 * MAX_RECORD_LEN));
     console.end(None, LIMIT);
     assert_eq!(paper.text().trim_end().len(), MAX_RECORD_LEN);

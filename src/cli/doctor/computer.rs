@@ -2,33 +2,32 @@
 
 use std::io::IsTerminal;
 use std::path::Path;
-use std::time::{SystemTime, UNIX_EPOCH};
+
+use jiff::Timestamp;
 
 use super::Finding;
+use crate::clock::{Clock, is_plausible};
 use crate::walls::{Landlock, Walls};
 
-/// Seconds from 1970 to the beginning of 2025: no clock that is right shows less.
-const EARLIEST: u64 = 1_735_689_600;
 /// Seconds from 1970 to the beginning of 2100.
-const LATEST: u64 = 4_102_444_800;
+const LATEST: i64 = 4_102_444_800;
 /// Free space below which pictures will soon not fit, and below which nothing does, MiB.
 const LITTLE: u64 = 200;
 const NOTHING: u64 = 10;
 
 pub(super) fn clock() -> Finding {
-    let now = SystemTime::now().duration_since(UNIX_EPOCH);
-    clock_finding(now.map_or(0, |now| now.as_secs()))
+    clock_finding(Clock::default().now())
 }
 
-fn clock_finding(now: u64) -> Finding {
-    match now {
-        EARLIEST..LATEST => Finding::ok("clock", "its date can be right"),
-        _ => Finding::warn(
-            "clock",
-            format!("{now} seconds after 1970 is no date of today"),
-            "set the date, or the times in logs and file names will be wrong",
-        ),
+fn clock_finding(now: Timestamp) -> Finding {
+    if is_plausible(now) && now.as_second() < LATEST {
+        return Finding::ok("clock", "its date is plausible");
     }
+    Finding::warn(
+        "clock",
+        format!("its date is not plausible: {now:.0}"),
+        "set the date, or the times in logs and file names will be wrong",
+    )
 }
 
 /// Writes and removes a small file where pictures would go, or where their folder would be made.
@@ -146,9 +145,10 @@ mod tests {
 
     #[test]
     fn a_clock_that_was_never_set_is_told() {
-        assert_eq!(clock_finding(1000).verdict, Verdict::Warn);
-        assert_eq!(clock_finding(EARLIEST + 1).verdict, Verdict::Ok);
-        assert_eq!(clock_finding(LATEST).verdict, Verdict::Warn);
+        let verdict = |now| clock_finding(Timestamp::from_second(now).unwrap()).verdict;
+        assert_eq!(verdict(1000), Verdict::Warn);
+        assert_eq!(verdict(1_800_000_000), Verdict::Ok);
+        assert_eq!(verdict(LATEST), Verdict::Warn);
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! `spykee doctor`: what stands between this computer and a robot that runs behaviours.
+//! `spykee doctor`: checks everything between this computer and a robot that runs behaviours.
 
 mod computer;
 mod network;
@@ -12,8 +12,8 @@ use crate::config::Effective;
 
 /// Check network, robot, clock, disk, config, kernel and terminal
 ///
-/// Ends with 0 if nothing failed, warnings included, and with 3 otherwise. With a robot it logs in
-/// for some seconds: its tracks are stopped.
+/// The exit code is 0 if nothing failed, even with warnings, and 3 otherwise. With a robot it logs
+/// in for some seconds and stops the tracks.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Examples:\n  spykee doctor\n  spykee doctor --robot 172.17.6.1\n  \
@@ -23,7 +23,7 @@ pub(super) struct DoctorArgs {
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
 
-    /// Print a JSON array in place of the lines
+    /// Print a JSON array instead of lines
     #[arg(long)]
     json: bool,
 

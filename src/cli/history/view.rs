@@ -1,11 +1,14 @@
 //! The journal's records in rows: for people as a table, for spreadsheets as CSV.
 
+use std::time::Duration;
+
 use jiff::Timestamp;
 use jiff::tz::TimeZone;
 use serde_json::Value;
 
 use super::super::table::{Side, aligned, csv_cell};
 use super::story::Run;
+use crate::clock;
 use crate::journal::Record;
 
 /// Rows below a head.
@@ -152,14 +155,8 @@ pub(super) fn runs(runs: &[Run], zone: &TimeZone) -> View {
     ];
     let rows = runs.iter().map(|run| {
         let moment = |at: Option<Timestamp>| at.map_or_else(String::new, |at| time(at, zone));
-        let lasted = run.lasted().map(|seconds| {
-            format!(
-                "{}:{:02}:{:02}",
-                seconds / 3600,
-                seconds / 60 % 60,
-                seconds % 60
-            )
-        });
+        let seconds = run.lasted().map(i64::unsigned_abs);
+        let lasted = seconds.map(|seconds| clock::hours(Duration::from_secs(seconds)));
         vec![
             moment(run.began),
             moment(run.ended),

@@ -21,15 +21,15 @@ pub(super) struct CheckArgs {
     #[arg(value_name = "FILE.lua")]
     file: PathBuf,
 
-    /// Check it against this lesson, whatever its first lines say
+    /// Check it against this lesson, instead of the one that its first lines name
     #[arg(long, value_name = "LESSON", value_parser = LessonParser, hide_possible_values = true)]
     lesson: Option<&'static Lesson>,
 
-    /// Show one of the lesson's three hints too
+    /// Also show this one of the lesson's three hints
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u8).range(1..=3))]
     hint: Option<u8>,
 
-    /// Draw the way of the robot in the first try that failed
+    /// Draw the robot's path in the first failed try
     #[arg(long, value_name = "FILE.png", value_parser = parse_png)]
     picture: Option<PathBuf>,
 
@@ -37,15 +37,15 @@ pub(super) struct CheckArgs {
     #[arg(long, conflicts_with = "hint")]
     json: bool,
 
-    /// Write the result to this file too, as Gradescope reads it
+    /// Also write the result to this file, in Gradescope's format
     #[arg(long, value_name = "FILE.json")]
     gradescope: Option<PathBuf>,
 
-    /// End each try that takes longer than this many seconds of real time, and count it as failed
+    /// End each try that takes longer than this many seconds of real time; it counts as failed
     #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = parse_timeout)]
     timeout: Duration,
 
-    /// Tries to play in parallel [default: one for each processor]
+    /// Number of tries to play in parallel [default: one per processor]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
 }
@@ -74,7 +74,8 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
     })
 }
 
-/// Plays the lesson's scenarios with a script, so many at a time and each for so long at most; `None` if a person has interrupted that.
+/// Plays the lesson's scenarios with a script, so many at a time and each for so long at most;
+/// `None` if a person has interrupted that.
 ///
 /// # Errors
 /// What the system does not give.
@@ -116,7 +117,7 @@ pub(super) fn read(file: &Path) -> Result<Vec<u8>, Failure> {
         let help = if file.is_dir() {
             "name the script in it"
         } else {
-            "spykee lesson start 1 makes a folder with a script to go on from"
+            "spykee lesson start 1 makes a folder with a script to start from"
         };
         Failure::usage(format_args!("cannot read {shown}: {error}")).help(help)
     })

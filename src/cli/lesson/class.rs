@@ -15,7 +15,7 @@ const MOST: usize = 2000;
 pub(super) enum NotHandedIn {
     #[error("nothing handed in")]
     Nothing,
-    #[error("{count} scripts handed in, and none is called {wanted}")]
+    #[error("{count} scripts handed in, but none is called {wanted}")]
     Several { count: usize, wanted: String },
 }
 
@@ -136,7 +136,7 @@ mod tests {
             [
                 "Ada: Ada/moving.lua",
                 "Ben: Ben/mine.lua",
-                "Cem: 2 scripts handed in, and none is called moving.lua",
+                "Cem: 2 scripts handed in, but none is called moving.lua",
                 "Dora: nothing handed in",
                 "Eva: Eva.lua",
                 "Finn: nothing handed in",

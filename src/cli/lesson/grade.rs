@@ -27,7 +27,8 @@ pub(super) struct GradeArgs {
     #[arg(long, value_name = "LESSON", value_parser = LessonParser, hide_possible_values = true)]
     lesson: &'static Lesson,
 
-    /// A file with the names of the class, one a line; a name without a folder counts as not handed in
+    /// A file with the names of the class, one per line; a name without a folder counts as not
+    /// handed in
     #[arg(long, value_name = "FILE")]
     names: Option<PathBuf>,
 
@@ -39,11 +40,11 @@ pub(super) struct GradeArgs {
     #[arg(long)]
     json: bool,
 
-    /// End each try that takes longer than this many seconds of real time, and count it as failed
+    /// End each try that takes longer than this many seconds of real time; it counts as failed
     #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = parse_timeout)]
     timeout: Duration,
 
-    /// Tries to play in parallel [default: one for each processor]
+    /// Number of tries to play in parallel [default: one per processor]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
 }

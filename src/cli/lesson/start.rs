@@ -12,7 +12,7 @@ pub(super) struct StartArgs {
     #[arg(value_name = "LESSON", value_parser = LessonParser, hide_possible_values = true)]
     lesson: &'static Lesson,
 
-    /// The folder to make [default: such as lesson-03-moving]
+    /// The folder to make [default: named after the lesson, such as lesson-03-moving]
     #[arg(value_name = "DIR")]
     folder: Option<PathBuf>,
 }
@@ -31,13 +31,12 @@ pub(super) fn run(args: &StartArgs) -> Result<Exit, Failure> {
         fs::create_dir_all(parent).map_err(cannot)?;
     }
     fs::create_dir(&folder).map_err(|error| match error.kind() {
-        std::io::ErrorKind::AlreadyExists => {
-            Failure::usage(format_args!("{shown} is there already")).help(format!(
+        std::io::ErrorKind::AlreadyExists => Failure::usage(format_args!("{shown} already exists"))
+            .help(format!(
                 "nothing was changed; go on in it, or begin in another folder: spykee lesson start \
                  {} DIR",
                 lesson.number
-            ))
-        }
+            )),
         _ => cannot(error),
     })?;
     let file = lesson.file();

@@ -1,19 +1,19 @@
--- {{NAME}}: follows something red; looks around when it is out of sight. When the battery runs low the
--- watchdog takes it home; once it has charged it leaves its station and goes on.
+-- {{NAME}}: follows something red; looks around while none is in sight. When the battery runs low the
+-- watchdog takes it home; once it has charged it leaves its station and continues.
 --
 -- Try it:  spykee run {{NAME}}.lua --sim
 -- Another colour: see `colours:` in spykee.yaml.
 
 local COLOUR = "red"
-local NEAR = 125 -- pixels: as wide as this is close enough
-local ENOUGH = 60 -- percent of the battery: then it leaves its station
+local NEAR = 125 -- pixels: when it looks this wide, the robot is close enough
+local ENOUGH = 60 -- percent: it leaves its station at this battery level
 
 local function has_enough()
 	local battery = robot.battery()
 	return battery and battery.percent >= ENOUGH
 end
 
--- On its station nothing moves it: it charges, backs out and turns its back to the station.
+-- On its station it cannot drive: it charges, backs out and turns away from the station.
 local function leave_station()
 	while not has_enough() do
 		robot.wait_for("battery", 60)
@@ -26,7 +26,7 @@ end
 local function follow(frame)
 	local blob = frame:find_blobs(COLOUR, { pixels_threshold = 25 })[1]
 	if not blob then
-		robot.drive(0, 0.7) -- metres a second, radians a second
+		robot.drive(0, 0.7) -- metres per second, radians per second
 	elseif blob.w < NEAR then
 		robot.drive(0.2, 2 * blob.bearing)
 	else

@@ -1,11 +1,11 @@
 -- {{NAME}}: drives a square, again and again, and blinks at each corner. When the battery runs low the
--- watchdog takes it home; once it has charged it leaves its station and goes on.
+-- watchdog takes it home; once it has charged it leaves its station and continues.
 --
 -- Try it:  spykee run {{NAME}}.lua --sim
 
 local SIDE = 0.6 -- metres
-local SPEED = 0.25 -- metres a second
-local ENOUGH = 60 -- percent of the battery: then it leaves its station
+local SPEED = 0.25 -- metres per second
+local ENOUGH = 60 -- percent: it leaves its station at this battery level
 
 robot.on("battery_low", function(battery)
 	log.warn(`{battery.percent} % left: the watchdog takes me home`)
@@ -16,7 +16,7 @@ local function has_enough()
 	return battery and battery.percent >= ENOUGH
 end
 
--- On its station nothing moves it: it charges, backs out and turns its back to the station.
+-- On its station it cannot drive: it charges, backs out and turns away from the station.
 local function leave_station()
 	while not has_enough() do
 		robot.wait_for("battery", 60)

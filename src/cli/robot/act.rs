@@ -2,7 +2,7 @@
 
 use clap::builder::PossibleValuesParser;
 
-use super::AimArgs;
+use super::SharedAimArgs;
 use super::talk::talk;
 use crate::cli::running::{AT_ONCE, ask, nonsense};
 use crate::cli::{Exit, Failure};
@@ -21,7 +21,7 @@ pub(super) struct LedArgs {
     #[arg(value_name = "on|off", value_parser = ["on", "off"])]
     state: String,
     #[command(flatten)]
-    pub(super) aim: AimArgs,
+    pub(super) aim: SharedAimArgs,
 }
 
 /// Play a sound, or stop the music
@@ -29,7 +29,7 @@ pub(super) struct LedArgs {
 #[command(
     after_help = "Examples:\n  spykee robot play laser --robot 172.17.6.1\n  \
                         spykee robot play --stop --robot 172.17.6.1\n\n\
-                        Some sounds switch lights too."
+                        Some sounds also switch lights."
 )]
 pub(super) struct PlayArgs {
     /// Which sound
@@ -40,19 +40,19 @@ pub(super) struct PlayArgs {
     #[arg(long, conflicts_with = "sound")]
     stop: bool,
     #[command(flatten)]
-    pub(super) aim: AimArgs,
+    pub(super) aim: SharedAimArgs,
 }
 
 /// Set the volume of the speaker
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot volume 40 --robot 172.17.6.1\n\n\
-                        The volume that the robot has now may stand in `spykee robot config`.")]
+                        `spykee robot config` may show the present volume.")]
 pub(super) struct VolumeArgs {
     /// 0 to 100
     #[arg(value_parser = clap::value_parser!(u8).range(0..=100))]
     percent: u8,
     #[command(flatten)]
-    pub(super) aim: AimArgs,
+    pub(super) aim: SharedAimArgs,
 }
 
 pub(super) fn led(args: &LedArgs) -> Result<Exit, Failure> {
@@ -78,7 +78,7 @@ pub(super) fn volume(args: &VolumeArgs) -> Result<Exit, Failure> {
 }
 
 /// By the command, or by a run that has the robot.
-fn say(aim: &AimArgs, command: Command, errand: Errand) -> Result<Exit, Failure> {
+fn say(aim: &SharedAimArgs, command: Command, errand: Errand) -> Result<Exit, Failure> {
     if let Some(run) = aim.run_on()? {
         return match ask(&run, &errand, AT_ONCE)? {
             None => Ok(Exit::Interrupted),

@@ -2,8 +2,8 @@
 
 use serde_json::json;
 
-use super::AimArgs;
 use super::talk::{talk, talk_alone};
+use super::{AimArgs, SharedAimArgs};
 use crate::clean;
 use crate::cli::runs::words;
 use crate::cli::{Exit, Failure, print};
@@ -11,7 +11,7 @@ use crate::control::Overview;
 use crate::robot::Battery;
 use crate::wire::{Command, Report, latin1};
 
-/// Tell who the robot is: id, names, firmware, battery, station
+/// Identify the robot: id, names, firmware, battery, station
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot info --robot 172.17.6.1 --json")]
 pub(super) struct InfoArgs {
@@ -19,10 +19,10 @@ pub(super) struct InfoArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) aim: AimArgs,
+    pub(super) aim: SharedAimArgs,
 }
 
-/// Tell the battery's level, and whether it charges
+/// Report the battery's level, and whether it charges
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot battery --robot 172.17.6.1")]
 pub(super) struct BatteryArgs {
@@ -30,13 +30,13 @@ pub(super) struct BatteryArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) aim: AimArgs,
+    pub(super) aim: SharedAimArgs,
 }
 
 /// Print the robot's own log
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot log --robot 172.17.6.1 | tail\n\n\
-                        What the robot writes into its log is not documented.")]
+                        The contents of the robot's log are not documented.")]
 pub(super) struct LogArgs {
     /// Print a JSON object with the lines
     #[arg(long)]
@@ -153,8 +153,8 @@ fn show_battery(as_json: bool, battery: Battery) -> Result<Exit, Failure> {
 }
 
 fn never_connected() -> Failure {
-    let what = "the run that is on has not reached its robot yet";
-    Failure::new(Exit::Unreachable, what).help("`spykee status` tells how things stand")
+    let what = "the active run has not reached its robot yet";
+    Failure::new(Exit::Unreachable, what).help("`spykee status` shows its state")
 }
 
 pub(super) fn log(args: &LogArgs) -> Result<Exit, Failure> {

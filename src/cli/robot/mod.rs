@@ -15,6 +15,8 @@ mod wav;
 
 pub(super) use talk::send_home_if_low;
 
+use std::ops::Deref;
+
 use clap::Subcommand;
 
 use super::driver::Means;
@@ -30,12 +32,13 @@ use crate::control::Client;
 use crate::link::{self, Target};
 use crate::wire::{self, Login};
 
-/// Ask the robot for one thing: battery, docking, lights, a picture, its settings
+/// Have the robot do or report one thing: battery, docking, lights, a picture, its settings
 ///
-/// The watchdog looks after a low battery, the station and a dead link as in a run. The robot serves one user at
-/// a time. If that is a `spykee run` of the same data folder, battery, info, snapshot, dock, undock,
-/// stop, led, play, volume and say go through it; without --robot the only run that is on is meant. With
-/// --url they go through a service on another computer. End other programs first.
+/// The watchdog handles a low battery, the station and a dead link as in a run. The robot serves
+/// one user at a time. If that is a `spykee run` of the same data folder, then battery, info,
+/// snapshot, dock, undock, stop, led, play, volume and say go through it; without --robot they
+/// address the only active run. With --url they go through a service on another computer. If any
+/// other program uses the robot, end it first.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     subcommand_required = true,
@@ -69,7 +72,7 @@ impl RobotArgs {
     /// Which settings count.
     pub(super) fn settings(&self) -> &SettingsArgs {
         use RobotCommand as C;
-        let aim = match &self.command {
+        let aim: &AimArgs = match &self.command {
             C::Info(args) => &args.aim,
             C::Battery(args) => &args.aim,
             C::Dock(args) => &args.aim,
@@ -120,9 +123,24 @@ pub(super) struct AimArgs {
 
     #[command(flatten)]
     pub(super) connection: ConnectionArgs,
+}
+
+/// The same, for what a run or service that has the robot can be asked for.
+#[derive(Debug, Clone, clap::Args)]
+pub(super) struct SharedAimArgs {
+    #[command(flatten)]
+    alone: AimArgs,
 
     #[command(flatten)]
-    pub(super) remote: RemoteArgs,
+    remote: RemoteArgs,
+}
+
+impl Deref for SharedAimArgs {
+    type Target = AimArgs;
+
+    fn deref(&self) -> &AimArgs {
+        &self.alone
+    }
 }
 
 /// A robot that can be dialled. The simulator, if it is one, ends with this.
@@ -133,15 +151,17 @@ pub(super) struct Aim {
     pub(super) sim: Option<EmbeddedSim>,
 }
 
-impl AimArgs {
-    /// The run that has the robot which is meant, if one is on.
+impl SharedAimArgs {
+    /// The active run, or the service, of the robot in question.
     ///
     /// # Errors
     /// See [`run_on`].
     pub(super) fn run_on(&self) -> Result<Option<Client>, Failure> {
         run_on(&self.settings, &self.connection, &self.remote)
     }
+}
 
+impl AimArgs {
     /// Resolves flags and config, and starts the simulator if that is what was asked for.
     ///
     /// # Errors

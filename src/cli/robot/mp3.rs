@@ -15,10 +15,10 @@ pub(super) struct Mp3 {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(super) enum Mp3Error {
     /// Nothing where the first frame should be.
-    #[error("no MP3 frame stands at byte {0}")]
+    #[error("there is no MP3 frame at byte {0}")]
     NoFrame(usize),
     /// Some frames, then something else.
-    #[error("after {frames} frames something else stands at byte {at}: the file is damaged")]
+    #[error("after {frames} frames byte {at} is something else: the file is damaged")]
     Damaged {
         /// Good ones before.
         frames: usize,

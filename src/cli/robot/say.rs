@@ -4,7 +4,7 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::AimArgs;
+use super::SharedAimArgs;
 use super::wav;
 use crate::cli::driver::drive;
 use crate::cli::running::{ask, nonsense};
@@ -19,25 +19,25 @@ const RATE: f64 = 32_000.0;
 /// How much longer than the speech itself it may take.
 const SLACK: Duration = Duration::from_secs(10);
 
-/// Speak a sound file: WAV, one channel, 16 kHz, 16 bits, up to 30 s
+/// Play a sound file through the speaker: WAV, one channel, 16 kHz, 16 bits, up to 30 s
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Example: spykee robot say hello.wav --robot 172.17.6.1\n\n\
-                        Make such a file of any other: ffmpeg -i hello.mp3 -ac 1 -ar 16000 -c:a pcm_s16le hello.wav"
+                        To convert any other sound file: ffmpeg -i hello.mp3 -ac 1 -ar 16000 -c:a pcm_s16le hello.wav"
 )]
 pub(super) struct SayArgs {
     /// The file
     #[arg(value_name = "FILE.wav")]
     file: PathBuf,
     #[command(flatten)]
-    pub(super) aim: AimArgs,
+    pub(super) aim: SharedAimArgs,
 }
 
 pub(super) fn say(args: &SayArgs) -> Result<Exit, Failure> {
     let file = read(&args.file)?;
     let shown = args.file.display();
     let refused = |why: &dyn std::fmt::Display| {
-        Failure::usage(format_args!("{shown} cannot be spoken: {why}"))
+        Failure::usage(format_args!("{shown} cannot be played: {why}"))
             .help("ffmpeg -i FILE -ac 1 -ar 16000 -c:a pcm_s16le FILE.wav makes one that can")
     };
     let samples = wav::samples(&file).map_err(|error| refused(&error))?;

@@ -26,9 +26,8 @@ const MAX_VALUE: usize = 255;
 
 /// Print the robot's settings, or change one with --set
 ///
-/// Which settings there are and what they mean is not documented: only such as the robot lists
-/// itself can be changed, and a wrong one may leave it unreachable. Keys and passwords are shown as
-/// ***.
+/// The settings are not documented. Only settings that the robot lists itself can be changed, and a
+/// wrong value may leave it unreachable. Keys and passwords are shown as ***.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Examples:\n  spykee robot config --robot 172.17.6.1 --json\n  \
@@ -42,7 +41,7 @@ pub(super) struct ConfigArgs {
 /// List the wireless networks that the robot sees, and its own network settings
 ///
 /// How to make the robot join a network is not documented; --set changes network settings that the
-/// robot lists itself. A wrong one may leave it unreachable until it is reset.
+/// robot lists itself. A wrong value may leave it unreachable until it is reset.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot wifi --robot 172.17.6.1")]
 pub(super) struct WifiArgs {
@@ -56,7 +55,7 @@ pub(super) struct ChangeArgs {
     /// Change a setting, after a typed confirmation; KEY=@FILE takes the first line of a file
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// The robot's id, in place of typing it: for scripts
+    /// The robot's id, instead of typing it when asked: for scripts
     #[arg(long, value_name = "ID", requires = "set")]
     yes_i_mean: Option<String>,
     /// Print a JSON object
@@ -185,7 +184,9 @@ fn confirm(uid: &str, args: &ChangeArgs, wanted: &[Setting]) -> Result<(), Failu
         Some(typed) => typed.clone(),
         None if !std::io::stdin().is_terminal() => {
             let failure = Failure::usage("no terminal to confirm the change at");
-            return Err(failure.help("scripts name the robot: --yes-i-mean ID (`robot info`)"));
+            return Err(
+                failure.help("without a terminal, name the robot: --yes-i-mean ID (`robot info`)")
+            );
         }
         None => {
             let changes = table(wanted);
@@ -209,7 +210,7 @@ fn confirm(uid: &str, args: &ChangeArgs, wanted: &[Setting]) -> Result<(), Failu
         return Ok(());
     }
     let what = format_args!("`{typed}` is not this robot: nothing was changed");
-    Err(Failure::usage(what).help("`spykee robot info` tells the robot's id"))
+    Err(Failure::usage(what).help("`spykee robot info` shows the robot's id"))
 }
 
 /// What `--set` says, before any robot is asked.
@@ -235,10 +236,10 @@ fn wish(text: &str) -> Result<Setting, Failure> {
     };
     let unsendable = |c: char| matches!(c, '&' | '=') || c.is_control() || u32::from(c) > 255;
     if key.contains(unsendable) || value.contains(unsendable) {
-        return Err(
-            wrong(&format!("{key}: a character that the robot cannot be told"))
-                .help("&, = and letters outside of western European languages cannot be sent"),
-        );
+        return Err(wrong(&format!(
+            "{key}: a character that cannot be sent to the robot"
+        ))
+        .help("&, = and letters outside of western European languages cannot be sent"));
     }
     if key.chars().count() + value.chars().count() > MAX_VALUE {
         return Err(wrong(&format!("{key}: longer than {MAX_VALUE} characters")));

@@ -7,7 +7,7 @@ use bytes::Bytes;
 use serde_json::json;
 use tokio::time::Instant;
 
-use super::AimArgs;
+use super::SharedAimArgs;
 use super::talk::{Talk, talk};
 use crate::cli::running::{AT_ONCE, ask, nonsense};
 use crate::cli::{Exit, Failure, print};
@@ -16,16 +16,16 @@ use crate::robot::Use;
 use crate::vision::{Decoder, Size};
 use crate::wire::{Command, Report, Stream};
 
-/// Save what the camera sees
+/// Save a picture from the camera
 ///
-/// Waits for a frame that is whole; damaged ones are counted and thrown away.
+/// Waits for an intact frame; damaged ones are counted and discarded.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot snapshot -o room.jpg --robot 172.17.6.1")]
 pub(super) struct SnapshotArgs {
-    /// The picture's file; one that is there is replaced
+    /// The picture's file; an existing file is replaced
     #[arg(short, long, value_name = "FILE.jpg")]
     output: PathBuf,
-    /// How long to wait for a good frame
+    /// How long to wait for an intact frame, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 5,
           value_parser = clap::value_parser!(u64).range(1..=600))]
     timeout: u64,
@@ -33,7 +33,7 @@ pub(super) struct SnapshotArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) aim: AimArgs,
+    pub(super) aim: SharedAimArgs,
 }
 
 /// A frame that is whole, and how many before it were not.

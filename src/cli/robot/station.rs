@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::AimArgs;
+use super::SharedAimArgs;
 use crate::agent::Docked;
 use crate::cli::driver::drive;
 use crate::cli::running::{ask, nonsense};
@@ -17,19 +17,19 @@ const SLACK: Duration = Duration::from_secs(60);
 
 /// Drive to the charging station, as `robot.dock` does
 ///
-/// The robot searches its station by itself; between two tries it backs off a little. Ctrl-C ends
-/// the search and stops the robot.
+/// The robot searches for its station by itself; between two tries it backs off a little. Ctrl-C
+/// ends the search and stops the robot.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Example: spykee robot dock --robot 172.17.6.1 --timeout 60\n\n\
-                        From how far the robot finds its station is not documented."
+                        The distance from which the robot finds its station is not documented."
 )]
 pub(super) struct DockArgs {
-    /// The longest search of one try
+    /// The longest search of one try, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 180,
           value_parser = clap::value_parser!(u64).range(1..=3600))]
     timeout: u64,
-    /// Tries after the first
+    /// Number of further tries after the first
     #[arg(long, value_name = "NUMBER", default_value_t = 2,
           value_parser = clap::value_parser!(u32).range(0..=20))]
     retries: u32,
@@ -37,14 +37,14 @@ pub(super) struct DockArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) aim: AimArgs,
+    pub(super) aim: SharedAimArgs,
 }
 
 /// Leave the charging station; refused while the battery is low
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot undock --robot 172.17.6.1")]
 pub(super) struct UndockArgs {
-    /// How long to wait for the robot to report that it has left
+    /// How long to wait for the robot to report that it has left, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 15,
           value_parser = clap::value_parser!(u64).range(1..=600))]
     timeout: u64,
@@ -52,7 +52,7 @@ pub(super) struct UndockArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) aim: AimArgs,
+    pub(super) aim: SharedAimArgs,
 }
 
 pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
@@ -140,7 +140,7 @@ fn exit_of(end: DockEnd, low: bool) -> Result<Exit, Failure> {
     let (exit, what, help) = match end {
         DockEnd::Done => return Ok(Exit::Done),
         DockEnd::AlreadyDocked => {
-            tracing::info!("it stood on its station already");
+            tracing::info!("it was already on its station");
             return Ok(Exit::Done);
         }
         DockEnd::NotDocked => {

@@ -5,7 +5,7 @@ use std::time::Duration;
 use tokio::time::{Instant, sleep};
 use tokio_util::sync::CancellationToken;
 
-use super::{Aim, AimArgs};
+use super::{Aim, AimArgs, SharedAimArgs};
 use crate::cli::interrupt::interruption;
 use crate::cli::running::{AT_ONCE, ask};
 use crate::cli::{Exit, Failure, block_on, print};
@@ -20,24 +20,24 @@ const PAUSE: Duration = Duration::from_millis(200);
 
 /// Stop the robot: tracks and the search for its station
 ///
-/// Logs in, says MOVE 0 0, ends a search for the station, says MOVE 0 0 again, and ends when the
-/// robot's side has acknowledged that. A robot that cannot be reached, or does not acknowledge it in
-/// 2 s, is tried again until the time is over; then the exit code is 3. A signal ends the tries, but
-/// not one that has got through. A robot with a low battery is left standing too: `spykee robot dock`
-/// sends it home.
+/// Logs in, sends MOVE 0 0, ends a search for the station, sends MOVE 0 0 again, and ends when the
+/// robot's side has acknowledged that. If the robot cannot be reached, or does not acknowledge
+/// within 2 s, it retries until --timeout; then the exit code is 3. A signal ends the retries, but
+/// not a try that has got through. The robot is left standing even if its battery is low: `spykee
+/// robot dock` sends it home.
 ///
-/// A `spykee run` that has the robot is told to stop it at once, whatever drives, and to end. While any
-/// other program is connected the robot refuses further logins: that program must stop it. A service that
-/// is asked by --url goes on, and holds the robot until its page lets go.
+/// A `spykee run` that has the robot stops it at once, whatever drives, and ends. While any other
+/// program is connected the robot refuses further logins: that program must stop it. With --url the
+/// service continues, and the robot stays stopped until somebody releases it at the page.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot stop --robot 172.17.6.1")]
 pub(super) struct StopArgs {
-    /// Give up after this time
+    /// Give up after this many seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 10,
           value_parser = clap::value_parser!(u64).range(1..=600))]
     timeout: u64,
     #[command(flatten)]
-    pub(super) aim: AimArgs,
+    pub(super) aim: SharedAimArgs,
 }
 
 pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
@@ -45,7 +45,7 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
     if let Some(run) = running.as_ref().filter(|run| run.is_remote()) {
         return hold(run);
     }
-    let mut aim = args.aim.clone();
+    let mut aim = AimArgs::clone(&args.aim);
     if let Some(run) = &running {
         tracing::info!(
             "ends the run that has the robot (process {})",
@@ -94,7 +94,9 @@ fn hold(run: &Client) -> Result<Exit, Failure> {
     if ask(run, &Errand::Stop, AT_ONCE)?.is_none() {
         return Ok(Exit::Interrupted);
     }
-    print("stopped: nothing moves the robot until the page, or POST /api/let-go, lets it go\n")?;
+    print(
+        "stopped: nothing moves the robot until somebody releases it at the page, or with POST /api/let-go\n",
+    )?;
     Ok(Exit::Done)
 }
 

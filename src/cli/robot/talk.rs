@@ -7,7 +7,8 @@ use tokio::time::{Instant, timeout_at};
 
 use super::{Aim, AimArgs};
 use crate::cli::interrupt::interruption;
-use crate::cli::running::taken;
+use crate::cli::remote::RemoteArgs;
+use crate::cli::running::{run_on, taken};
 use crate::cli::{Exit, Failure, block_on};
 use crate::config::Config;
 use crate::link::{LinkError, Session, farewell};
@@ -70,7 +71,7 @@ pub(super) fn talk_alone(
     args: &AimArgs,
     job: impl AsyncFnOnce(&mut Talk) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
-    match args.run_on()? {
+    match run_on(&args.settings, &args.connection, &RemoteArgs::default())? {
         Some(run) => Err(taken(&run)),
         None => talk(args, job),
     }
@@ -123,7 +124,7 @@ impl Talk {
             Delivery::NotAcknowledged { after } if self.said => {
                 let seconds = after.as_secs_f64();
                 let what = format_args!(
-                    "the robot's side has not acknowledged what it was told within {seconds:.1} s"
+                    "the robot's side has not acknowledged the commands within {seconds:.1} s"
                 );
                 let failure = Failure::new(Exit::Unreachable, what);
                 Err(failure.help("is the robot still in reach of its Wi-Fi? try again"))
@@ -184,7 +185,7 @@ impl Talk {
             let seconds = ANSWER.as_secs();
             let what = format_args!("the robot did not tell {what} within {seconds} s");
             let failure = Failure::new(Exit::Unreachable, what);
-            return Err(failure.help("robots may tell it to the user admin only"));
+            return Err(failure.help("robots may show it only to the user admin"));
         };
         let (mut length, mut messages) = (first.len(), vec![first]);
         while length < MAX_TEXT && messages.len() < MAX_MESSAGES {

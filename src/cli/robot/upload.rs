@@ -23,14 +23,14 @@ const ANSWER: Duration = Duration::from_secs(20);
 
 /// Upload an MP3 as one of the user's sounds, or as the music
 ///
-/// The file is checked, sent in chunks, and then the robot is asked for its settings: an answer shows
-/// that it has read all of the file. The protocol has no word for "stored": listen with
-/// `spykee robot play SLOT`. How large a sound may be is not documented; this program refuses more
-/// than 2 MiB. Firmware cannot be uploaded.
+/// Checks the file, sends it in chunks, and then asks the robot for its settings: an answer shows
+/// that the robot has read the whole file. The protocol cannot confirm that the sound is stored:
+/// listen to it with `spykee robot play SLOT`. The largest size that the robot accepts is not
+/// documented; this program refuses more than 2 MiB. Firmware cannot be uploaded.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot upload-sound user0 hello.mp3 --robot 172.17.6.1")]
 pub(super) struct UploadArgs {
-    /// The place on the robot; what is there is replaced
+    /// The slot on the robot; its present sound is replaced
     #[arg(value_parser = ["user0", "user1", "music"])]
     slot: String,
     /// The sound
@@ -60,11 +60,13 @@ fn load(path: &Path) -> Result<(Bytes, Mp3), Failure> {
         .map_err(|error| Failure::usage(format_args!("cannot read {shown}: {error}")))?;
     if content.len() > MAX_LEN {
         let failure = Failure::usage(format_args!("{shown} is longer than 2 MiB"));
-        return Err(failure.help("make it shorter, or encode it with fewer kilobits a second"));
+        return Err(failure.help("make it shorter, or encode it with fewer kilobits per second"));
     }
     let mp3 = mp3::check(&content).map_err(|error| {
-        Failure::usage(format_args!("{shown} is no MP3 that can be sent: {error}"))
-            .help("the robot's own sounds are MP3 files (MPEG layer III, constant frames)")
+        Failure::usage(format_args!(
+            "{shown} is not an MP3 that can be sent: {error}"
+        ))
+        .help("the robot's own sounds are MP3 files (MPEG layer III, constant frames)")
     })?;
     Ok((content.into(), mp3))
 }
@@ -81,7 +83,7 @@ fn chunks(slot: &str, content: &Bytes) -> Result<Vec<Command>, Failure> {
         FileChunk::of_sound(sound, flags, content.slice(from..to)).map(Command::File)
     };
     let chunks: Option<Vec<Command>> = (0..=last).map(chunk).collect();
-    chunks.ok_or_else(|| Failure::usage(format_args!("{slot} is no place for a sound")))
+    chunks.ok_or_else(|| Failure::usage(format_args!("{slot} is not a slot for a sound")))
 }
 
 async fn send(talk: &mut Talk, chunks: &[Command], console: &Console) -> Result<(), Failure> {

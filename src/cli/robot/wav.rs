@@ -16,7 +16,7 @@ pub(super) enum WavError {
     NoWav,
     /// Samples of another kind.
     #[error(
-        "it has {channels} channels, {rate} samples a second of {bits} bits; the robot takes 1, 16000 and 16"
+        "it has {channels} channels, {rate} samples per second of {bits} bits; the robot takes 1, 16000 and 16"
     )]
     Other {
         /// Channels.

@@ -118,7 +118,7 @@ impl Reader {
         mut now: (Config, LoadedDuties),
     ) -> Infallible {
         while hangup.recv().await.is_some() {
-            tracing::info!("SIGHUP: the settings are read anew");
+            tracing::info!("SIGHUP: reading the settings again");
             let reader = self.clone();
             let read = tokio::task::spawn_blocking(move || reader.read_anew()).await;
             match read {
@@ -207,7 +207,7 @@ fn say_what_waits(old: &Config, new: &Config) {
     let waits: Vec<&str> = waits.collect();
     if !waits.is_empty() {
         tracing::warn!(
-            "counts from the next start of the service on: {}",
+            "takes effect when the service starts again: {}",
             waits.join(", ")
         );
     }

@@ -6,7 +6,7 @@ use crate::agent::{Agent, Tries, until_answered};
 use crate::cli::embedded;
 use crate::cli::fast::{EventFile, Keeping};
 use crate::cli::interrupt::EndingSignals;
-use crate::cli::{Console, Exit, Failure, RobotChoice};
+use crate::cli::{Console, Exit, Failure, RobotChoice, startup};
 use crate::clock::{Clock, Zone};
 use crate::config::Config;
 use crate::lab::{self, Lab};
@@ -27,7 +27,7 @@ pub(super) fn serve(
     (seed, console): (u64, &Console),
 ) -> Result<Exit, Failure> {
     let RobotChoice::Sim(world) = place else {
-        let why = "--fast goes with --sim only: a real robot's time cannot be hurried";
+        let why = "--fast needs --sim: a real robot runs in real time";
         return Err(Failure::usage(why).help("spykee serve --sim --fast --for 86400"));
     };
     let zone = config.time_zone.clone().unwrap_or_else(Zone::utc);
@@ -92,10 +92,7 @@ const STUCK: std::time::Duration = std::time::Duration::from_secs(5);
 
 /// A thread hears signals, in real time.
 fn end_at_a_signal(stop: tokio_util::sync::CancellationToken) -> Result<(), Failure> {
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build();
-    let runtime = runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
+    let runtime = startup::runtime()?;
     let mut signals = {
         let _heard_by = runtime.enter();
         EndingSignals::but(&[])?

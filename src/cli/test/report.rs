@@ -11,7 +11,8 @@ use serde_json::{Value, json};
 use super::Page;
 use super::crew::{Done, Job};
 use crate::clean;
-use crate::cli::fast::clock;
+use crate::cli::plural;
+use crate::clock::hours;
 use crate::files::Folder;
 use crate::scenario::{Failure, Scene};
 
@@ -35,7 +36,7 @@ pub(super) struct Run {
 
 /// Why there is no picture of the robot's way.
 #[derive(Debug, thiserror::Error)]
-#[error("its way could not be drawn in {}: {source}", path.display())]
+#[error("its path could not be drawn in {}: {source}", path.display())]
 struct NotDrawn {
     path: PathBuf,
     source: io::Error,
@@ -155,7 +156,7 @@ impl Report {
                 let _ = write!(text, ", {} cannot be played", plural(count, "file"));
             }
         }
-        text + &format!("; {} simulated\n", clock(simulated))
+        text + &format!("; {} simulated\n", hours(simulated))
     }
 
     /// Whether anything is not as it must be.
@@ -239,7 +240,7 @@ impl Sheet {
             count => format!("{passed} of {count} seeds"),
         };
         let name = clean::line(name);
-        let _ = writeln!(text, "  {word}  {name} ({seeds}, {})", clock(simulated));
+        let _ = writeln!(text, "  {word}  {name} ({seeds}, {})", hours(simulated));
         let mut failed = runs.iter().filter(|run| run.failure().is_some());
         if let Some(first) = failed.next() {
             first.write_failure(text);
@@ -323,7 +324,7 @@ impl Run {
         }
         match &outcome.picture {
             Some(Ok(path)) => {
-                let _ = writeln!(text, "        its way is drawn in {}", path.display());
+                let _ = writeln!(text, "        its path is drawn in {}", path.display());
             }
             Some(Err(why)) => {
                 let _ = writeln!(text, "        {why}");
@@ -390,8 +391,4 @@ fn save(scene: &Scene, folder: &Path, path: &Path) -> Result<(), NotDrawn> {
 /// Further lines under the first.
 fn indented(text: &str, by: usize) -> String {
     text.replace('\n', &format!("\n{}", " ".repeat(by)))
-}
-
-fn plural(count: usize, word: &str) -> String {
-    format!("{count} {word}{}", if count == 1 { "" } else { "s" })
 }

@@ -131,7 +131,10 @@ impl Watchdog {
             Some(Try::Leg) => {
                 self.end_motion(MotionEnd::Safety);
                 let next = self.begin(Next::Leg, now);
-                self.notice(SafetyAction::Dock, format!("nobody has driven: {next}"));
+                self.notice(
+                    SafetyAction::Dock,
+                    format!("no behaviour has driven: {next}"),
+                );
             }
             Some(Try::Search) => self.send_home(now),
         }

@@ -1,7 +1,7 @@
 //! The whole of the safety rules: facts and the time go in, acts come out.
 //!
-//! Every command that can move the robot is made here and nowhere else. The behaviours' wishes go
-//! through the [`Arbiter`], then through [`Watchdog::refusal`]; what is left goes to [`Tracks`].
+//! Every command that can move the robot is made here and nowhere else. The behaviours' requests go
+//! through the [`Arbiter`], then through [`Watchdog::refusal`]; what passes goes to [`Tracks`].
 
 mod acts;
 mod asks;
@@ -59,9 +59,11 @@ pub struct Watchdog {
     online: bool,
     parting: bool,
     whereabouts: DockTracker,
-    /// BASE_FIND was sent, and neither a word of the robot nor another command has ended the search.
+    /// BASE_FIND was sent, and neither a word of the robot nor another command has ended the
+    /// search.
     searching: bool,
-    /// The link went during a search: the robot may still be at it, and a stop alone may not end it.
+    /// The link went during a search: the robot may still be at it, and a stop alone may not end
+    /// it.
     search_cut_off: bool,
     guard: BatteryGuard,
     drain: Drain,
@@ -69,8 +71,8 @@ pub struct Watchdog {
     leases: Leases,
     tracks: Tracks,
     trail: Trail,
-    /// From the station to where the battery became low, until the first search from there has failed
-    /// or something else has moved the robot.
+    /// From the station to where the battery became low, until the first search from there has
+    /// failed or something else has moved the robot.
     way: Option<Vec<Stroke>>,
     homing: Option<Homing>,
     leaving: Option<Leaving>,

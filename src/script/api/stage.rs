@@ -5,7 +5,7 @@ use serde_json::Value as Json;
 
 use super::super::arguments::{Args, Refusal};
 use super::super::plain as data;
-use super::super::stage::StageError;
+use super::super::stage::{StageCall, StageError};
 use super::super::stdlib;
 use super::tasks::wait_function;
 use super::{Answered, Builder, Call, of_row, place};
@@ -70,7 +70,11 @@ fn ask(call: &mut Call<'_>) -> Answered {
     let Some(stage) = call.state.stage.clone() else {
         return Err(wrong("there is no stage".into()));
     };
-    let answer = stage.ask(&name, &arguments, place(call.lua));
+    let answer = stage.answer(StageCall {
+        name: &name,
+        arguments: &arguments,
+        place: place(call.lua).as_ref(),
+    });
     let answer = to_lua(call.lua, row, &answer.map_err(wrong)?)?;
     call.reply(answer)
 }

@@ -1,5 +1,5 @@
-//! The modules that come with the runtime, written in Lua: `@spykee/...`. Each opens with a comment
-//! that says what it is for and how it is used.
+//! The built-in modules, written in Lua: `@spykee/...`. Each begins with a comment on its purpose
+//! and use.
 
 use mlua::prelude::{FromLuaMulti, IntoLuaMulti, Lua, LuaFunction, LuaResult};
 
@@ -17,8 +17,8 @@ pub fn modules() -> &'static [(&'static str, &'static str)] {
     ]
 }
 
-/// The built-in rescue behaviour, a whole script: what the watchdog lends the tracks to when a robot
-/// with a low battery does not find its station.
+/// The built-in rescue behaviour, a whole script: what the watchdog lends the tracks to when a
+/// robot with a low battery does not find its station.
 pub const RESCUE: &str = include_str!("rescue.luau");
 
 /// Runs the module behind `scenario`, `expect` and `sim`.

@@ -1,4 +1,4 @@
-//! Scripts in a rig: the time is passed, the output collected, the robot's answers given by hand.
+//! Scripts in a test rig: it passes the time, collects the output, and plays the robot's answers.
 
 mod events;
 mod examples;

@@ -24,7 +24,7 @@ fn plain_data_comes_back_as_it_was() {
 #[test]
 fn what_is_no_plain_data_is_refused_in_words() {
     for (value, words) in [
-        ("print", "a function cannot be kept"),
+        ("print", "a function cannot be stored"),
         ("0/0", "must be finite"),
         ("math.huge", "must be finite"),
         ("'\\xff'", "must be UTF-8"),

@@ -34,7 +34,7 @@ fn what_makes_no_entry_or_message_is_refused_in_words() {
         ("journal.add('moved', {1, 2})", "must have names"),
         (
             "journal.add('moved', {f = print})",
-            "a function cannot be kept",
+            "a function cannot be stored",
         ),
         (
             "journal.add('moved', {t = ('x'):rep(5000)})",

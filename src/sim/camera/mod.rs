@@ -1,4 +1,4 @@
-//! The camera: the world as the robot sees it from its pose, as a JPEG, smeared and with noise.
+//! The camera: the world as seen from the robot's pose, as a JPEG with motion blur and noise.
 
 mod exposure;
 mod floor;

@@ -1,4 +1,4 @@
-//! The place that a simulated robot lives in: what its YAML says, what follows from that, and what
+//! The place in which a robot is simulated: what its YAML defines, what follows from that, and what
 //! moves in it besides the robot.
 
 pub(crate) mod code;

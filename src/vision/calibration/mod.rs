@@ -1,7 +1,7 @@
-//! The camera's field of view and distortion from pictures of a chessboard: its inner corners are found
-//! ([`find_chessboard`]), and the [`Camera`](super::Camera) is sought that shows them where they were
-//! seen ([`calibrate`]); or something of known width from known distances tells the field of view
-//! ([`field_of_view`]). Pure, and slow: for a person's command.
+//! Measures the camera's field of view and distortion from pictures of a chessboard: finds its
+//! inner corners ([`find_chessboard`]) and fits the [`Camera`](super::Camera) to them
+//! ([`calibrate`]); or determines the field of view from an object of known width at known
+//! distances ([`field_of_view`]). Pure, and slow: for commands on the terminal.
 
 mod corners;
 mod distance;

@@ -41,7 +41,7 @@ pub struct Learned {
 pub enum LearnRefusal {
     /// Too few pixels have a hue: grey, white, black, or too dark.
     #[error(
-        "too grey: most of the part has no hue, so it cannot be told from its surroundings by colour"
+        "too grey: most of the part has no hue, so its colour cannot distinguish it from its surroundings"
     )]
     TooGrey,
     /// The pixels do not agree on a hue.

@@ -78,7 +78,7 @@ pub(super) fn decode_interval(
     };
     let (bits, _) = run(vectors, mcus)?;
     if bits.left() > MAX_LEFT_OVER * 8 {
-        return Err(damaged("its data goes on behind its end"));
+        return Err(damaged("its data continues after its end"));
     }
     Ok(())
 }

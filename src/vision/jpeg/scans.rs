@@ -31,7 +31,7 @@ pub(crate) fn check(jpeg: &[u8]) -> Result<(), FrameError> {
             }
             0xD9 => return nothing_follows(&jpeg[segments.at..]),
             0x01..=0xBF | 0xD0..=0xD8 => {
-                return Err(FrameError::damaged("a marker stands where none may"));
+                return Err(FrameError::damaged("a marker is where none may be"));
             }
             _ => {}
         }

@@ -43,69 +43,69 @@ pub const SCENARIOS: &[Scenario] = scenarios! {
     "late bytes", "{fault: delay, seconds: 0.15, jitter: 0.1}",
         "messages arrive late and in order; the script drives on", network::drives_on, Drives;
     "bytes in pieces", "{fault: split}",
-        "every message is put together again, pictures too", network::drives_and_sees_on, Watches;
+        "every message is reassembled, pictures too", network::drives_and_sees_on, Watches;
     "slow pictures", "{fault: drip, bytes: 40000, towards: client}",
         "the script sees fewer pictures and drives on", network::drives_and_sees_on, Watches;
     "a trickle", "{fault: drip, bytes: 400, towards: client, for: 4}",
-        "a robot that is hardly heard is stopped at once and dialled anew", network::stops_first, Cruises;
+        "a robot that can hardly be heard is stopped at once, then reconnect", network::stops_first, Cruises;
     "everything late and in pieces", "{fault: split}, {fault: delay, seconds: 0.05, jitter: 0.1}, {fault: drop, after: 0.5}",
         "a reconnect works over a bad line too; the first command is a stop", network::comes_back, Drives;
     "dropped connection", "{fault: drop}",
         "the script hears `disconnected`; after the reconnect the first command is a stop", network::comes_back, Drives;
     "dropped again and again", "{fault: drop, every: 0.8}",
-        "every new session begins with a stop, and the script goes on", network::comes_back_each_time, Drives;
+        "every new session begins with a stop, and the script continues", network::comes_back_each_time, Drives;
     "reset in mid-frame", "{fault: reset}",
         "half a picture does no harm; reconnect, a stop first, pictures again", network::comes_back_and_sees, Watches;
     "half-open both ways", "{fault: half_open, for: 2}",
-        "a driving robot that falls silent is dialled anew; nothing queues behind the dead socket", network::queues_nothing, Cruises;
+        "when a driving robot falls silent: reconnect; nothing queues behind the dead socket", network::queues_nothing, Cruises;
     "half-open between short ways", "{fault: half_open, for: 2}",
-        "a robot that drives short ways over a dead link is dialled anew too", network::queues_nothing, Watches;
+        "short moves over a dead link end in a reconnect too", network::queues_nothing, Watches;
     "deaf to the robot", "{fault: half_open, towards: client, for: 2}",
         "the tracks are stopped over the old connection before it is given up", network::stops_first, Cruises;
     "unheard by the robot", "{fault: half_open, towards: robot, for: 1}, {fault: reset, after: 0.3}",
-        "what the robot did not hear is not said again; it hears a stop", network::queues_nothing, Drives;
+        "what the robot missed is not repeated; it hears a stop", network::queues_nothing, Drives;
     "interrupted on a dead link", "{fault: half_open}",
-        "Ctrl-C ends the program within 2 s all the same", network::ends_in_time, Drives;
+        "Ctrl-C still ends the program within 2 s", network::ends_in_time, Drives;
     "garbage from the robot", "{fault: garbage, bytes: 300}",
-        "a stream out of step is not trusted: closed, reconnect, a stop first", network::comes_back, Drives;
+        "a stream that lost synchronisation is closed; reconnect, a stop first", network::comes_back, Drives;
     "garbage to the robot", "{fault: garbage, bytes: 300, towards: robot}",
         "the robot hangs up; reconnect, a stop first", network::comes_back, Drives;
     "a header that claims too little", "{fault: length_lie, bytes: 0}",
-        "the stream is out of step: closed, reconnect, a stop first", network::comes_back, Drives;
+        "the stream has lost synchronisation and is closed; reconnect, a stop first", network::comes_back, Drives;
     "a header that claims 64 KiB", "{fault: length_lie, bytes: 65535}",
-        "no message comes any more, which counts as silence: a stop, then reconnect", network::stops_first, Cruises;
+        "no further message arrives, which counts as silence: a stop, then reconnect", network::stops_first, Cruises;
     "pictures of 64 KiB", "{fault: huge_frames}",
-        "they are seen like all others", network::sees_huge_pictures, Watches;
+        "scripts see them like all others", network::sees_huge_pictures, Watches;
     "pictures cut off", "{fault: truncated_frames, for: 2}",
-        "they show nothing and are logged; the script drives on and sees the next good one", network::overlooks_bad_pictures, Watches;
+        "scripts find nothing in them, and the log says so; the script drives on and sees the next good one", network::overlooks_bad_pictures, Watches;
     "pictures with wrong bytes", "{fault: flipped_frames, bytes: 40, for: 2}",
-        "whatever they show, the script drives on and sees the next good one", network::overlooks_bad_pictures, Watches;
+        "the script may find wrong things in them; it drives on and sees the next good one", network::overlooks_bad_pictures, Watches;
     "a reboot", "{fault: reboot, state: lost, for: 1}",
-        "logs in anew, a stop first, and switches the streams on again", robot::starts_afresh, Watches;
+        "new login, a stop first, and the streams are on again", robot::starts_afresh, Watches;
     "Wi-Fi gone for a while", "{fault: reboot, state: kept, for: 1}",
-        "a robot that drove on meanwhile first hears a stop", robot::stops_one_that_drove_on, Cruises;
+        "a robot that kept driving meanwhile first hears a stop", robot::stops_one_that_drove_on, Cruises;
     "refused: in use", "{fault: refuse_login, reason: busy, for: 1.5}, {fault: drop}",
-        "tries again until it is let in; what was asked for meanwhile is not made up for", robot::is_let_in_again, Drives;
+        "retries until the login succeeds; requests made meanwhile are dropped", robot::is_let_in_again, Drives;
     "refused: wrong password", "{fault: refuse_login, reason: password, for: 1.5}, {fault: drop}",
-        "a robot that knew us is tried again; the script lives on", robot::is_let_in_again, Drives;
+        "a robot that has accepted the password before is retried; the script continues", robot::is_let_in_again, Drives;
     "a second user takes over", "{fault: take_over, for: 1.5}",
-        "the script hears `disconnected`; comes back when the other has gone", robot::waits_for_the_other, Drives;
+        "the script hears `disconnected`; the agent returns when the other user has gone", robot::waits_for_the_other, Drives;
     "no battery level", "{fault: no_power}",
         "silence counts as low: stop and BASE_FIND", robot::silence_counts_as_low, Drives;
     "no battery level after the login", "{fault: no_power, for: 2.5}, {fault: drop}",
-        "nothing moves before the first level has come", robot::waits_for_a_level, Drives;
+        "nothing moves before the first level has arrived", robot::waits_for_a_level, Drives;
     "a battery level that jumps", "{fault: power_jumps, percent: 5, for: 1}",
         "one low level is enough: stop and BASE_FIND in one write; no motion until it is good again", robot::goes_home_in_one_write, Drives;
     "battery levels of random bytes", "{fault: power_garbage, chance: 0.4}",
-        "one low level is enough; the garbage that follows frees nothing, and the robot still gets home", robot::gets_home_through_garbage, Drives;
+        "one low level is enough; the garbage that follows does not release the robot, and it still gets home", robot::gets_home_through_garbage, Drives;
     "low on a bad line", "{fault: split}, {fault: delay, seconds: 0.2, jitter: 0.1}",
-        "low battery still sends home", robot::goes_home_though, Drives;
+        "a low battery still sends the robot home", robot::goes_home_though, Drives;
     "low while the line is down", "{fault: reboot, state: kept, for: 1}",
         "after the reconnect: a stop, BASE_FIND, and no motion", robot::goes_home_after_the_reconnect, Drives;
     "the station is never found", "{fault: base_not_found}",
-        "a short, slow drive before each further search, again and again; then the alarm beside it", robot::alarms_and_searches_on, Drives;
+        "a short, slow leg before each further search, again and again; later also the alarm", robot::alarms_and_searches_on, Drives;
     "a station without current", "{fault: no_charge}",
-        "docked without charging is not home: it stays there and sounds the alarm", robot::stays_on_the_dead_station, Drives;
+        "docked without charging is not home: the robot stays there and sounds the alarm", robot::stays_on_the_dead_station, Drives;
     "docking lost again", "{fault: dock_lost, seconds: 0.5}",
         "a low robot that slides off its station goes home again", robot::goes_home_again, Drives;
 };

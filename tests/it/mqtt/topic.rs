@@ -54,7 +54,7 @@ async fn what_scripts_send_is_published_with_its_picture_and_outlives_a_broker_t
     assert_eq!(second.code().await, Some(0), "{}", second.text());
     let text = second.text();
     assert!(
-        text.contains("not told yet: no connection with the broker"),
+        text.contains("not sent yet: no connection with the broker"),
         "{text}"
     );
     assert_eq!(waiting(&rig), 1);

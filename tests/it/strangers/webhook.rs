@@ -140,7 +140,7 @@ async fn a_server_that_hangs_never_ends_or_sends_us_elsewhere_is_given_up_in_tim
         let code = test.code().await;
         let text = test.text();
         assert_eq!(code, Some(4), "it {what}: {text}");
-        assert!(text.contains("hook: not told: "), "it {what}: {text}");
+        assert!(text.contains("hook: not sent: "), "it {what}: {text}");
         assert!(
             !text.contains(TOKEN) && !text.contains('\u{1b}'),
             "it {what}: {text}"
@@ -159,7 +159,7 @@ async fn however_many_servers_mean_ill_the_robot_drives_on_and_the_run_ends() {
     let rest = "behaviours: [{ file: script.lua }]\n";
     let mut run = rig.run_config(&config(&rig, &hooks.join(", "), rest));
     let from = rig.heard_motion(0).await;
-    run.says("people are not told yet").await;
+    run.says("notification not sent yet").await;
     drove_on(&rig, &mut run, from, "servers").await;
 }
 

@@ -1,4 +1,4 @@
--- wrong: In the end the right light is still on
+-- wrong: At the end the right light is still on
 local easy = require("@spykee/easy")
 easy.light("left", "on")
 easy.wait(1)

@@ -1,4 +1,4 @@
--- wrong: Three beeps are wanted, and there were 2
+-- wrong: There should be three beeps, but there were 2
 local easy = require("@spykee/easy")
 for beep = 1, 2 do
 	easy.sound("bip_2")

@@ -1,4 +1,4 @@
--- wrong: centimetres from where it began
+-- wrong: centimetres from where it started
 local easy = require("@spykee/easy")
 easy.forward(2)
 easy.wait(1)

@@ -1,4 +1,4 @@
--- wrong: times round: once is wanted
+-- wrong: times round: it should be once
 robot.on("noise", function()
 	robot.led("all", true)
 	robot.turn(math.rad(720))

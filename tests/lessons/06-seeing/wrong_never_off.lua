@@ -1,4 +1,4 @@
--- wrong: No ball is to be seen any more, but a light is still on
+-- wrong: The ball is no longer in sight, but a light is still on
 robot.on("frame", function(frame)
 	local ball = frame:find_blobs("red", { pixels_threshold = 40 })[1]
 	if ball then

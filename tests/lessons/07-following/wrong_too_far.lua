@@ -1,4 +1,4 @@
--- wrong: but does not come near
+-- wrong: but does not get near
 robot.on("frame", function(frame)
 	local ball = frame:find_blobs("red", { pixels_threshold = 25 })[1]
 	if not ball then

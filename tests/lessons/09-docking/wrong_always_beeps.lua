@@ -1,4 +1,4 @@
--- wrong: It could not get home, and yet there was a beep
+-- wrong: It could not get home, but there was a beep
 robot.undock()
 robot.turn(math.rad(180))
 robot.forward(0.5)

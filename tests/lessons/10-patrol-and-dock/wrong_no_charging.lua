@@ -1,4 +1,4 @@
--- wrong: It went again at 50 percent
+-- wrong: It started again at 50 percent
 local function round()
 	robot.undock()
 	robot.turn(math.rad(180))

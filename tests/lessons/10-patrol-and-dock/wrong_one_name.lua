@@ -1,4 +1,4 @@
--- wrong: and it kept 1
+-- wrong: but it saved 1
 local function round()
 	robot.undock()
 	robot.turn(math.rad(180))

@@ -1,4 +1,4 @@
--- wrong: did not go again
+-- wrong: did not start again
 local function round()
 	robot.undock()
 	robot.turn(math.rad(180))

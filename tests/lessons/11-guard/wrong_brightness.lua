@@ -1,4 +1,4 @@
--- wrong: A ball rolled by, and there was no alarm|A lamp was switched, and there was an alarm
+-- wrong: A ball rolled by, but there was no alarm|A lamp was switched, which is no reason for an alarm
 local before
 local last = -10
 robot.on("frame", function(frame)

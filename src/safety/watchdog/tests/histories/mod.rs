@@ -1,8 +1,8 @@
-//! The watchdog's promises over random histories of facts and times, held against a second, much
-//! simpler account of what the facts say; and a count of what the histories reach, so that no
-//! promise is kept for want of a temptation.
+//! The watchdog's promises over random histories of facts and times, compared with a second, much
+//! simpler model of the facts; and a count of the states that the histories reach, so that no
+//! promise holds only because it was never tested.
 //!
-//! `HISTORIES=1000000 cargo test histories` looks for longer.
+//! `HISTORIES=1000000 cargo test histories` runs longer.
 mod any;
 mod known;
 mod play;

@@ -1,0 +1,101 @@
+//! Seeds of the fuzz targets that hold typed messages: they are what the messages are today.
+
+use std::path::Path;
+use std::time::Duration;
+
+use spykee::behaviour::FromHost;
+use spykee::robot::{Intent, MotionId, Setpoint};
+use spykee::safety::{Act, Fact, Limits, Watchdog};
+use spykee::script::Output;
+use spykee::wire::{Command, EngineReport, Power};
+use tokio::time::Instant;
+
+/// What happens between two messages, as `tests/fuzz/targets/messages.rs` reads it from a byte.
+enum Happens {
+    NotFound,
+    Percent(u8),
+    /// So many milliseconds pass: a power of two.
+    Passes(u32),
+}
+
+impl Happens {
+    fn byte(&self) -> u8 {
+        match self {
+            Happens::NotFound => 8 << 3,
+            Happens::Percent(percent) => (percent / 4) << 3 | 1,
+            Happens::Passes(millis) => (millis.trailing_zeros() as u8) << 3 | 4,
+        }
+    }
+
+    fn tell(&self, dog: &mut Watchdog, now: &mut Instant) -> Vec<Act> {
+        match self {
+            Happens::NotFound => dog.take(Fact::Engine(EngineReport::BaseNotFound), *now),
+            Happens::Percent(percent) => {
+                let (percent, charging) = (*percent, false);
+                dog.take(Fact::Power(Power { percent, charging }), *now)
+            }
+            Happens::Passes(millis) => {
+                *now += Duration::from_millis((*millis).into());
+                dog.tick(*now)
+            }
+        }
+    }
+}
+
+/// A script that wants to drive, on a robot whose battery becomes low, whose searches fail, and which
+/// the watchdog moves between them.
+fn leg_of_a_low_robot() -> Vec<(FromHost, Happens)> {
+    use Happens::{NotFound, Passes, Percent};
+    let happens = [
+        Percent(20),
+        Passes(1024),
+        NotFound,
+        Passes(1024),
+        Passes(1024),
+        Passes(1024),
+        NotFound,
+        Passes(512),
+        Passes(4096),
+    ];
+    let intent = Intent::Move {
+        motion: MotionId(1),
+        setpoint: Setpoint::from_percent(100.0, 100.0).unwrap(),
+        duration: Some(Duration::from_secs(60)),
+    };
+    let drives = FromHost::Output(Output::Intent(intent));
+    let alive = std::iter::repeat_with(|| FromHost::Alive);
+    std::iter::once(drives).chain(alive).zip(happens).collect()
+}
+
+#[test]
+fn the_seed_of_a_low_robots_leg_is_in_todays_messages() {
+    let seed =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fuzz/seeds/messages/leg-of-a-low-robot");
+    let mut bytes = Vec::new();
+    for (message, happens) in leg_of_a_low_robot() {
+        bytes.extend(postcard::to_allocvec(&message).unwrap());
+        bytes.push(happens.byte());
+    }
+    if std::env::var_os("RENEW_SEEDS").is_some() {
+        std::fs::write(&seed, &bytes).unwrap();
+    }
+    let stale = "RENEW_SEEDS=1 cargo test seeds writes it anew";
+    assert!(std::fs::read(&seed).unwrap() == bytes, "{stale}");
+}
+
+#[test]
+fn the_seed_of_a_low_robots_leg_has_the_watchdog_drive_one() {
+    let mut now = Instant::now();
+    let mut dog = Watchdog::new(Limits::default(), now);
+    let (percent, charging) = (80, false);
+    let power = Power { percent, charging };
+    let docked = false;
+    dog.take(Fact::LinkUp { docked, power }, now);
+    let mut commands = Vec::new();
+    for (_, happens) in leg_of_a_low_robot() {
+        let acts = happens.tell(&mut dog, &mut now);
+        commands.extend(acts.iter().filter_map(Act::command));
+    }
+    let drives = |command: &Command| matches!(command, Command::Move { left, right } if (*left, *right) != (0, 0));
+    assert!(commands.iter().any(drives), "{commands:?}");
+}
