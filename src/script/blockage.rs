@@ -3,7 +3,8 @@
 //!
 //! Three things tell: tiles of the picture that should have changed and did not, outlines that did not (paler ones, and
 //! of what is close), and, where the picture is all plain, the way that the tracks have made since the foot of what
-//! stands ahead left the picture, or since its last stripes and edges did, which moved apart as they came nearer. They
+//! stands ahead left the picture, in curves and towards slanted walls too (`wall_ahead`), or since its last stripes and
+//! edges did, which moved apart as they came nearer. They
 //! rest on the height of the lens above the floor, on its looking level, on the field of view and on the calibration
 //! of the tracks; on nothing of how the simulated camera draws.
 
@@ -12,6 +13,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
+use super::wall_ahead::WallAhead;
 use crate::robot::MotionId;
 use crate::vision::{
     Approach, Camera, Drive, Glance, Image, Looming, Outline, Verdict, compare_glances,
@@ -40,6 +42,8 @@ const NEAREST: f64 = 0.3;
 const LEAST_ROOM: f64 = 0.15;
 /// Metres by which what grows may be farther than it seemed.
 const MARGIN: f64 = 0.02;
+/// If the foot and the growth of what is ahead tell ways that differ by more, in metres, one of them is wrong.
+const DISAGREE: f64 = 0.15;
 /// Tracks that differ turn the picture by so many half-size pixels between two looks; and a turn that was asked for may
 /// come out so much larger, since the lens is before the middle of the robot.
 const VEER: f64 = 6.0;
@@ -58,6 +62,7 @@ pub(super) struct Blockage {
     close: Option<Close>,
     approach: Approach,
     looming: Looming,
+    wall: WallAhead,
     /// A picture's memory, to use again.
     spare: Option<(Glance, Outline)>,
 }
@@ -90,6 +95,8 @@ struct Close {
     odometer: f64,
     /// The most that there is to go, metres.
     room: f64,
+    /// That is by how its foot came down.
+    measured: bool,
     /// Where the odometer stands when it arrives, by how what is ahead grew.
     arrival: Option<f64>,
     /// Pictures in a row that may show floor again.
@@ -122,7 +129,9 @@ impl Blockage {
             (self.standing, self.close) = (None, None);
             self.approach = Approach::default();
             self.looming = Looming::default();
+            self.wall = WallAhead::default();
         }
+        self.wall.drive_on(going.odometer, going.drive);
         let (mut glance, mut outline) = self.spare.take().unwrap_or_default();
         glance.take(image);
         outline.take(&glance);
@@ -132,6 +141,9 @@ impl Blockage {
             _ => {}
         }
         self.note_close(nearer_than(&glance, camera), at, going);
+        if settled && going.drive.forward > 0.0 {
+            self.wall.look(&glance, camera, self.close.is_some());
+        }
         if !settled {
             self.spare = Some((glance, outline));
             return None;
@@ -152,6 +164,7 @@ impl Blockage {
         stood
             .map(|standing| standing.since)
             .or_else(|| self.arrived(going))
+            .or_else(|| self.in_wall(at, going.drive, verdict))
     }
 
     /// What two pictures say, and when the first was taken.
@@ -184,6 +197,7 @@ impl Blockage {
         );
         let sway = swayed(&before.outline, &now.outline, least as isize, most as isize);
         match compare_glances(&before.glance, &now.glance, camera, drive, apart, sway) {
+            Verdict::Unknown if drive.forward > 0.0 && self.wall.is_away() => Verdict::Unknown,
             Verdict::Unknown => {
                 let ahead = self
                     .close
@@ -226,13 +240,13 @@ impl Blockage {
     }
 
     fn note_close(&mut self, nearer_than: Option<f64>, at: Instant, going: Going) {
+        let measured = self.room(going.odometer);
         self.close = match (nearer_than, self.close) {
             (Some(room), None) if going.drive.forward > 0.0 => Some(Close {
                 at,
                 odometer: going.odometer,
-                room: self
-                    .room(going.odometer)
-                    .map_or(room, |seen| room.min(seen)),
+                room: measured.map_or(room, |seen| room.min(seen)),
+                measured: measured.is_some_and(|seen| seen < room),
                 arrival: None,
                 floor: 0,
             }),
@@ -256,14 +270,24 @@ impl Blockage {
     fn arrived(&self, going: Going) -> Option<Instant> {
         let straight = going.drive.turn.abs() < STRAIGHT;
         let close = self.close.filter(|close| close.floor == 0)?;
-        let room = close.arrival.map(|arrival| arrival - close.odometer);
-        let room = room
-            .into_iter()
-            .chain(straight.then_some(close.room))
-            .reduce(f64::min)?;
+        let grown = close.arrival.map(|arrival| arrival - close.odometer);
+        let room = match (grown, straight.then_some(close.room)) {
+            (Some(grown), Some(foot)) if close.measured && (grown - foot).abs() > DISAGREE => {
+                grown.max(foot)
+            }
+            (Some(grown), Some(foot)) => grown.min(foot),
+            (grown, foot) => grown.or(foot)?,
+        };
         let arrived = going.odometer - close.odometer > room;
         let seconds = room / going.drive.forward.max(0.01);
         arrived.then(|| close.at + Duration::try_from_secs_f64(seconds).unwrap_or_default())
+    }
+
+    /// Since when it would be in the wall that it saw before it came close, if that is still all that it sees.
+    fn in_wall(&self, at: Instant, drive: Drive, verdict: Verdict) -> Option<Instant> {
+        self.close.filter(|close| close.floor == 0)?;
+        let pushed = self.wall.pushed_for(drive)?;
+        (verdict != Verdict::Moves).then(|| at - pushed)
     }
 
     /// The oldest picture that is neither too old nor too new to be compared.

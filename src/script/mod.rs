@@ -53,6 +53,7 @@ mod streams;
 mod task;
 #[cfg(test)]
 pub(crate) mod tests;
+mod wall_ahead;
 mod way_back;
 
 use std::cell::RefCell;

@@ -40,6 +40,8 @@ const LEAST_WAY: f64 = 0.01;
 /// The camera stood still if at least this share of the witnesses did, and moved if at most this share did.
 const STANDS: f64 = 0.75;
 const MOVES: f64 = 0.4;
+/// Backwards, where nothing tells that a wall is still away, witnesses and share must be more.
+const BACKWARDS: (u32, f64) = (24, 0.82);
 /// Shifts of the picture to the side that still count as standing, half-size pixels.
 const SWAY: i32 = 2;
 
@@ -142,10 +144,15 @@ pub fn compare(
         near: std::array::from_fn(|strip| before.near[strip] && now.near[strip]),
         farthest: (reach / (h as f64 / 2.0)).min(ahead.unwrap_or(f64::INFINITY)),
     };
+    let (fewest, surely) = if way < 0.0 {
+        BACKWARDS
+    } else {
+        (FEWEST, STANDS)
+    };
     let (mut most, mut stands, mut enough) = (0.0, false, false);
     for sway in -SWAY..=SWAY {
         let votes = moved.votes(before, now, sway);
-        if votes.count() < FEWEST {
+        if votes.count() < fewest {
             continue;
         }
         // Driving on, what is on the left moves to the left and what is on the right to the right: if the camera is
@@ -155,7 +162,7 @@ pub fn compare(
         } else {
             votes.least_share(FEWEST_ASIDE)
         };
-        stands |= share.is_some_and(|share| share >= STANDS);
+        stands |= share.is_some_and(|share| share >= surely);
         most = f64::max(most, votes.share());
         enough = true;
     }

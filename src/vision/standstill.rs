@@ -29,6 +29,8 @@ const STILL: f64 = 0.45;
 const FEWEST_WITNESSES: u32 = 8;
 /// Fewer on one side of the picture say nothing of a sway.
 const FEWEST_ASIDE: u32 = 3;
+/// Nor fewer than this, driving straight, of a larger one than usual.
+const FEWEST_FAR_ASIDE: u32 = 16;
 /// They must be in so many quarters of the picture, side by side: a ball that the robot pushes before it is not all
 /// that there is.
 const FEWEST_QUARTERS: usize = 2;
@@ -166,6 +168,11 @@ pub fn compare(
             all.least_share(FEWEST_ASIDE)
                 .is_some_and(|share| share >= STANDS)
         };
+        // Few that look as if the robot had turned by much may be mistaken for others like them.
+        let far_aside = !curve && drive.forward != 0.0 && !SWAYS.contains(&sway);
+        if far_aside && all.count() < FEWEST_FAR_ASIDE {
+            continue;
+        }
         stands = !aside || (!curve && both()) || {
             let sure = votes(sway, &|one| one.is_unlike_any_sway(before, slides));
             sure.count() >= FEWEST_WITNESSES && sure.share() >= STANDS

@@ -1,0 +1,376 @@
+//! Where a wall stands before the robot, by its foot: the line where it meets the floor, seen while the robot
+//! drives straight on, aslant or in a curve.
+//!
+//! The farthest edge below the horizon is the foot of what stands there, or a skirting board's upper edge, which is as
+//! straight and at nearly the same place. How far such an edge is below the lens follows from how it comes
+//! down in the picture while the robot drives; as long as that says little, the wall is taken to be as far as it may be.
+
+use std::collections::VecDeque;
+
+use super::camera::Camera;
+use super::standstill::{Glance, LENS_AHEAD, LENS_HEIGHT};
+use crate::vision::picture::size::Size;
+
+/// Groups of columns in which a foot is looked for, and how wide each is, half-size pixels.
+const PROBES: usize = 9;
+const WIDE: usize = 8;
+/// Rows on each side of an edge that are compared, and by how much the brightness must step there, of 255.
+const REACH: usize = 3;
+const EDGE: f64 = 2.5;
+/// Edges nearer to the horizon than this, as a slope, are too far to be measured.
+const FARTHEST: f64 = 0.03;
+/// Looks that are kept; a wall is looked for by the last few of them first.
+const MOST_SEEN: usize = 24;
+const LAST: [usize; 4] = [4, 8, 16, MOST_SEEN];
+/// How often a wall is fitted again, each time to all feet that fit to it.
+const ROUNDS: usize = 4;
+/// Fewer feet are no wall, nor is less than this share of all.
+const FEWEST: usize = 12;
+const SHARE: f64 = 0.6;
+/// A look with fewer shows none.
+const FEWEST_AT_ONCE: usize = 3;
+/// Of the feet of so many last looks half must belong to it.
+const NEWEST: usize = 5;
+/// A foot that is seen this many times as far as it is below the lens belongs to a wall from which it is so far, in
+/// metres; what is seen farther away is measured worse.
+const NEAR: f64 = 3.0;
+const FITS: f64 = 0.016;
+/// How straight a wall must be, metres.
+const STRAIGHT: f64 = 0.01;
+/// Distances of the edge below the lens that are tried, metres; what is higher than the last is no foot.
+const LEAST_BELOW: f64 = 0.07;
+const TRIED: usize = 14;
+const HIGHEST_FOOT: f64 = 0.095;
+/// One that fits so much worse than the best, as a factor and squared, is as likely.
+const WORSE: f64 = 1.05;
+const NOISE: f64 = 1e-5;
+/// A wall goes on so far beyond what was seen of it, metres.
+const BEYOND: f64 = 0.2;
+
+/// Where the middle of the robot is and where it looks, by what its tracks have made.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Stand {
+    /// Metres.
+    pub x: f64,
+    /// Metres.
+    pub y: f64,
+    /// Radians to the left.
+    pub heading: f64,
+}
+
+impl Stand {
+    /// After a way, in metres, on which it turned by so many radians.
+    pub fn after(self, way: f64, turned: f64) -> Stand {
+        let middle = self.heading + turned / 2.0;
+        Stand {
+            x: self.x + way * middle.cos(),
+            y: self.y + way * middle.sin(),
+            heading: self.heading + turned,
+        }
+    }
+}
+
+/// A straight wall.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wall {
+    /// Towards the wall, at right angles to it.
+    normal: (f64, f64),
+    /// How far it is in that direction.
+    far: f64,
+    /// From where to where it was seen, to its left.
+    seen: (f64, f64),
+    /// Metres by which its feet are off, most often.
+    off: f64,
+    /// Metres from the lens down to the edge.
+    below: f64,
+}
+
+impl Wall {
+    /// Metres from the middle of the robot to the wall; `None` where no wall was seen.
+    pub fn distance(&self, stand: Stand) -> Option<f64> {
+        let along = stand.y * self.normal.0 - stand.x * self.normal.1;
+        let here = self.seen.0 - BEYOND <= along && along <= self.seen.1 + BEYOND;
+        here.then_some(self.far - self.normal.0 * stand.x - self.normal.1 * stand.y)
+    }
+
+    /// The share of a way ahead that leads to the wall, -1 to 1.
+    pub fn ahead(&self, stand: Stand) -> f64 {
+        self.normal.0 * stand.heading.cos() + self.normal.1 * stand.heading.sin()
+    }
+
+    /// How far a foot is from it.
+    fn off(&self, foot: &Foot) -> f64 {
+        let (x, y) = foot.place(self.below);
+        (self.normal.0 * x + self.normal.1 * y - self.far).abs()
+    }
+
+    fn has(&self, foot: &Foot) -> bool {
+        self.off(foot) <= FITS / foot.weight.sqrt()
+    }
+}
+
+/// Where the lens was, and the way from there to the foot for each metre that the foot is below it.
+#[derive(Debug, Clone, Copy)]
+struct Foot {
+    lens: (f64, f64),
+    way: (f64, f64),
+    /// How well it is measured, at most 1.
+    weight: f64,
+}
+
+impl Foot {
+    fn place(&self, below: f64) -> (f64, f64) {
+        let ((x, y), (right, ahead)) = (self.lens, self.way);
+        (x + below * right, y + below * ahead)
+    }
+}
+
+/// The feet that were seen while the robot drove.
+#[derive(Debug, Clone, Default)]
+pub struct Feet {
+    seen: VecDeque<[Option<Foot>; PROBES]>,
+}
+
+impl Feet {
+    /// A look from there. Whether feet are seen.
+    pub fn note(&mut self, glance: &Glance, camera: Camera, stand: Stand) -> bool {
+        let (w, h) = glance.size();
+        if w < PROBES * WIDE || h < 8 * REACH {
+            return false;
+        }
+        let size = Size {
+            width: w as u32,
+            height: h as u32,
+        };
+        let (sin, cos) = stand.heading.sin_cos();
+        let lens = (stand.x + LENS_AHEAD * cos, stand.y + LENS_AHEAD * sin);
+        let feet = std::array::from_fn(|probe| {
+            let left = (w - WIDE) * probe / (PROBES - 1);
+            let row = farthest_edge(glance, left)?;
+            let seen = camera.direction((left + WIDE / 2) as f64 - 0.5, row, size);
+            let down = -seen.elevation.tan();
+            let (sin, cos) = (stand.heading + seen.bearing).sin_cos();
+            (down >= FARTHEST).then(|| Foot {
+                lens,
+                way: (cos / down, sin / down),
+                weight: (NEAR * down).min(1.0).powi(4),
+            })
+        });
+        let any = feet.iter().flatten().count() >= FEWEST_AT_ONCE;
+        if any {
+            if self.seen.len() == MOST_SEEN {
+                self.seen.pop_front();
+            }
+            self.seen.push_back(feet);
+        }
+        any
+    }
+
+    /// The wall to which what was seen last belongs, if all of it fits to one.
+    pub fn wall(&self) -> Option<Wall> {
+        let all: Vec<Foot> = self.last(MOST_SEEN).collect();
+        let fits = LAST
+            .iter()
+            .filter_map(|looks| agreed(self.last(*looks).collect(), &all));
+        let (count, wall) = fits.max_by_key(|(count, _)| *count)?;
+        let newest = self.last(NEWEST).count();
+        let belong = self.last(NEWEST).filter(|foot| wall.has(foot)).count();
+        let sure = count as f64 >= SHARE * all.len() as f64 && 2 * belong >= newest;
+        (sure && wall.off < STRAIGHT && wall.below >= HIGHEST_FOOT).then_some(wall)
+    }
+
+    /// The feet of so many last looks.
+    fn last(&self, looks: usize) -> impl Iterator<Item = Foot> {
+        self.seen
+            .iter()
+            .rev()
+            .take(looks)
+            .flatten()
+            .flatten()
+            .copied()
+    }
+}
+
+/// The wall that fits to these feet, then to all that fit to that wall, and so on; and how many do.
+fn agreed(mut feet: Vec<Foot>, all: &[Foot]) -> Option<(usize, Wall)> {
+    let mut wall = fit(&feet)?;
+    for _ in 1..ROUNDS {
+        feet.clear();
+        feet.extend(all.iter().filter(|foot| wall.has(foot)));
+        wall = fit(&feet)?;
+    }
+    Some((feet.len(), wall))
+}
+
+/// The straight line that is nearest to the feet, with the edge as far below the lens as they allow.
+fn fit(feet: &[Foot]) -> Option<Wall> {
+    if feet.len() < FEWEST {
+        return None;
+    }
+    let (mut weight, mut means, mut moments) = (0.0, [0.0; 4], [[0.0; 4]; 4]);
+    for foot in feet {
+        let values = [foot.lens.0, foot.lens.1, foot.way.0, foot.way.1];
+        weight += foot.weight;
+        for (one, value) in values.iter().enumerate() {
+            means[one] += foot.weight * value;
+            for (other, moment) in moments[one].iter_mut().enumerate() {
+                *moment += foot.weight * value * values[other];
+            }
+        }
+    }
+    means.iter_mut().for_each(|mean| *mean /= weight);
+    let moment =
+        |one: usize, other: usize| moments[one][other] / weight - means[one] * means[other];
+    // How far off the feet are from the nearest line, squared, and what is at right angles to that.
+    let nearest = |below: f64| {
+        let moment = |one: usize, other: usize| {
+            let mixed = moment(one, other + 2) + moment(one + 2, other);
+            moment(one, other) + below * (mixed + below * moment(one + 2, other + 2))
+        };
+        let (xx, xy, yy) = (moment(0, 0), moment(0, 1), moment(1, 1));
+        let off = 0.5 * (xx + yy) - (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
+        let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
+        (off.max(0.0), (-angle.sin(), angle.cos()))
+    };
+    let below =
+        |step: usize| LEAST_BELOW + (LENS_HEIGHT - LEAST_BELOW) * step as f64 / (TRIED - 1) as f64;
+    let lines: Vec<_> = (0..TRIED).map(|step| nearest(below(step))).collect();
+    // What is measured is a share of the distance below the lens, and so is how far off it is.
+    let unlike = |step: usize| lines[step].0 / below(step).powi(2);
+    let least = (0..TRIED).map(unlike).fold(f64::INFINITY, f64::min);
+    let step = (0..TRIED).rfind(|step| unlike(*step) <= WORSE * least + NOISE)?;
+    let ((off, (x, y)), below) = (lines[step], below(step));
+    let lens = x * means[0] + y * means[1];
+    let far = lens + below * (x * means[2] + y * means[3]);
+    let (normal, far) = if far >= lens {
+        ((x, y), far)
+    } else {
+        ((-x, -y), -far)
+    };
+    let alongs = feet.iter().map(|foot| {
+        let (x, y) = foot.place(below);
+        y * normal.0 - x * normal.1
+    });
+    let seen = alongs.fold(
+        (f64::INFINITY, f64::NEG_INFINITY),
+        |(least, most), along| (along.min(least), along.max(most)),
+    );
+    Some(Wall {
+        normal,
+        far,
+        seen,
+        off: (off * weight / feet.len() as f64).sqrt(),
+        below,
+    })
+}
+
+/// The row of the first edge below the horizon in the columns from `left` on.
+fn farthest_edge(glance: &Glance, left: usize) -> Option<f64> {
+    let (_, h) = glance.size();
+    let horizon = h / 2;
+    let rows: Vec<f64> = (horizon..h)
+        .map(|y| {
+            let row = &glance.row(y)[left..left + WIDE];
+            let sum: u32 = row.iter().map(|value| u32::from(*value)).sum();
+            f64::from(sum) / WIDE as f64
+        })
+        .collect();
+    let sum = |rows: &[f64]| rows.iter().sum::<f64>() / REACH as f64;
+    let steps: Vec<f64> = rows
+        .windows(2 * REACH + 1)
+        .map(|rows| (sum(&rows[..REACH]) - sum(&rows[REACH + 1..])).abs())
+        .collect();
+    let first = steps.iter().position(|step| *step >= EDGE)?;
+    // The step is seen from REACH rows above the edge on, and is largest there.
+    let near = steps.get(first..=first + 2 * REACH)?;
+    let weighted = near
+        .iter()
+        .zip(0..)
+        .map(|(step, row)| step * f64::from(row));
+    let middle = weighted.sum::<f64>() / near.iter().sum::<f64>();
+    Some((horizon + first + REACH) as f64 + middle)
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{Rgb, RgbImage};
+
+    use super::*;
+    use crate::vision::Image;
+
+    /// What the lens sees of a bright wall so far ahead of the first place, turned to the left by so many radians, with
+    /// a skirting board of this height.
+    fn seen(stand: Stand, far: f64, turned: f64, board: f64) -> Glance {
+        let camera = Camera::default();
+        let size = Size {
+            width: 320,
+            height: 240,
+        };
+        let normal = (turned.cos(), turned.sin());
+        let lens = (
+            stand.x + LENS_AHEAD * stand.heading.cos(),
+            stand.y + LENS_AHEAD * stand.heading.sin(),
+        );
+        let picture = RgbImage::from_fn(320, 240, |x, y| {
+            let ray = camera.direction(f64::from(x), f64::from(y), size);
+            let angle = stand.heading + ray.bearing;
+            let away = far - normal.0 * lens.0 - normal.1 * lens.1;
+            let way = away / (normal.0 * angle.cos() + normal.1 * angle.sin());
+            let high = LENS_HEIGHT + way * ray.elevation.tan();
+            Rgb([if high > board || way < 0.0 { 150 } else { 110 }; 3])
+        });
+        let mut glance = Glance::default();
+        glance.take(&Image::from_rgb(&picture));
+        glance
+    }
+
+    /// Drives towards such a wall and tells how far it seems at the end.
+    fn driven(turn: f64, turned: f64, board: f64) -> Option<(f64, f64)> {
+        let (mut feet, mut stand) = (Feet::default(), Stand::default());
+        while stand.x < 0.5 {
+            feet.note(&seen(stand, 1.1, turned, board), Camera::default(), stand);
+            stand = stand.after(0.02, 0.02 * turn);
+        }
+        let truly = 1.1 - turned.cos() * stand.x - turned.sin() * stand.y;
+        Some((feet.wall()?.distance(stand)?, truly))
+    }
+
+    #[test]
+    fn a_wall_is_found_straight_ahead_aslant_and_in_curves_with_and_without_skirting_board() {
+        for (turn, turned) in [(0.0, 0.0), (0.0, 0.5), (0.0, -0.6), (0.6, 0.2), (-0.8, 0.0)] {
+            for board in [0.0, 0.08] {
+                let (seen, truly) = driven(turn, turned, board).unwrap();
+                assert!(
+                    (-0.02..0.08).contains(&(seen - truly)),
+                    "{turn} {turned} {board}: {seen} {truly}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_wall_is_no_nearer_than_it_may_be_as_long_as_the_robot_stands() {
+        let (mut feet, stand) = (Feet::default(), Stand::default());
+        for _ in 0..10 {
+            feet.note(&seen(stand, 1.1, 0.0, 0.08), Camera::default(), stand);
+        }
+        assert!(feet.wall().unwrap().distance(stand).unwrap() > 1.1);
+    }
+
+    #[test]
+    fn where_no_wall_was_seen_none_is_told() {
+        assert_eq!(Feet::default().wall(), None);
+        let (mut feet, stand) = (Feet::default(), Stand::default());
+        for side in [1, 2, 9, 33, 160] {
+            let mut glance = Glance::default();
+            let plain = RgbImage::from_pixel(2 * side, side, Rgb([90; 3]));
+            glance.take(&Image::from_rgb(&plain));
+            assert!(!feet.note(&glance, Camera::default(), stand));
+        }
+        for _ in 0..10 {
+            feet.note(&seen(stand, 1.1, 0.0, 0.0), Camera::default(), stand);
+        }
+        let aside = Stand { y: 2.0, ..stand };
+        assert_eq!(feet.wall().unwrap().distance(aside), None);
+    }
+}
