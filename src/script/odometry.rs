@@ -14,7 +14,7 @@ use crate::vision::Drive;
 /// What tracks slip on an unknown floor: metres for each metre, radians for each radian and for each metre.
 const SLIP_OF_WAY: f64 = 0.1;
 const SLIP_OF_TURN: f64 = 0.15;
-const VEER: f64 = 0.3;
+const VEER: f64 = 0.2;
 /// The same for a turn that the camera has seen: for each radian, and for each metre, since what the robot comes
 /// past moves through the picture too.
 const SEEN_TURN: f64 = 0.04;
@@ -22,6 +22,8 @@ const PASSING: f64 = 0.3;
 /// A curve of so small a radius, in metres, is a turn on the spot, and so is one with less way than this, in metres.
 const ON_THE_SPOT: f64 = 0.2;
 const LEAST_WAY: f64 = 0.002;
+/// So long after the end of a turn frames may still show it: they are late.
+pub(super) const LATE: Duration = Duration::from_millis(500);
 /// Elsewhere a seen turn counts only if it is within so many standard errors of what the tracks should have made,
 /// and so many radians more: somebody who walks by looks like a turn.
 const OUTLIER: f64 = 3.0;
@@ -82,6 +84,8 @@ pub(super) struct Odometry {
     /// Metres of all the script's ways so far, backwards ones taken off.
     odometer: f64,
     full_speed: f64,
+    /// When it last turned on the spot.
+    spun: Option<Instant>,
     /// The poses when frames were taken, the oldest first.
     marks: VecDeque<(Instant, Pose)>,
 }
@@ -95,6 +99,7 @@ impl Odometry {
             drove: None,
             odometer: 0.0,
             full_speed: calibration.full_speed,
+            spun: None,
             marks: VecDeque::new(),
         }
     }
@@ -170,8 +175,7 @@ impl Odometry {
         };
         let off = seen / PARALLAX - expected;
         let turn = expected.abs();
-        let on_the_spot = way < ON_THE_SPOT * turn + LEAST_WAY;
-        let (gain, better) = if on_the_spot {
+        let (gain, better) = if self.is_on_the_spot(turn, way) {
             (1.0, (SLIP_OF_TURN - SEEN_TURN) * turn)
         } else {
             (gain_under_way(off, turn, way), 0.0)
@@ -186,6 +190,18 @@ impl Odometry {
             pose.heading += gain * off;
             pose.heading_error = (pose.heading_error - better).max(0.0);
         }
+    }
+
+    /// Whether the last two frames show a turn on the spot: frames are late, so they show it for a while after the
+    /// tracks have ended it.
+    fn is_on_the_spot(&mut self, turn: f64, way: f64) -> bool {
+        let at = self.marks.back().map(|(at, _)| *at);
+        if way < ON_THE_SPOT * turn + LEAST_WAY {
+            self.spun = at;
+            return true;
+        }
+        let late = |at: Instant| self.spun.is_some_and(|spun| at < spun + LATE);
+        at.is_some_and(late)
     }
 
     /// It has stood since then, whatever its tracks did.
