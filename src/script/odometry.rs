@@ -14,20 +14,9 @@ use crate::vision::Drive;
 /// What tracks slip on an unknown floor: metres for each metre, radians for each radian and for each metre.
 const SLIP_OF_WAY: f64 = 0.1;
 const SLIP_OF_TURN: f64 = 0.15;
-const VEER: f64 = 0.2;
-/// The same for a turn that the camera has seen: for each radian, and for each metre, since what the robot comes
-/// past moves through the picture too.
+const VEER: f64 = 0.08;
+/// The same for a turn that the camera has seen.
 const SEEN_TURN: f64 = 0.04;
-const PASSING: f64 = 0.3;
-/// A curve of so small a radius, in metres, is a turn on the spot, and so is one with less way than this, in metres.
-const ON_THE_SPOT: f64 = 0.2;
-const LEAST_WAY: f64 = 0.002;
-/// So long after the end of a turn frames may still show it: they are late.
-pub(super) const LATE: Duration = Duration::from_millis(500);
-/// Elsewhere a seen turn counts only if it is within so many standard errors of what the tracks should have made,
-/// and so many radians more: somebody who walks by looks like a turn.
-const OUTLIER: f64 = 3.0;
-const NOISE: f64 = 0.005;
 /// The camera stands this share of the distance to what it sees before the middle of the robot, which makes
 /// turns look larger: 0.1 m before it, and 1.25 m to what stands around in a room.
 const PARALLAX: f64 = 1.05;
@@ -84,8 +73,6 @@ pub(super) struct Odometry {
     /// Metres of all the script's ways so far, backwards ones taken off.
     odometer: f64,
     full_speed: f64,
-    /// When it last turned on the spot.
-    spun: Option<Instant>,
     /// The poses when frames were taken, the oldest first.
     marks: VecDeque<(Instant, Pose)>,
 }
@@ -99,7 +86,6 @@ impl Odometry {
             drove: None,
             odometer: 0.0,
             full_speed: calibration.full_speed,
-            spun: None,
             marks: VecDeque::new(),
         }
     }
@@ -157,29 +143,18 @@ impl Odometry {
 
     /// The turn between the last two frames, as the tracks should have made it.
     pub(super) fn last_turn(&self) -> Option<f64> {
-        self.last_step().map(|(turn, _)| turn)
-    }
-
-    /// The turn between the last two frames in radians, and the way in metres.
-    fn last_step(&self) -> Option<(f64, f64)> {
         let mut newest = self.marks.iter().rev();
         let (now, before) = (newest.next()?.1, newest.next()?.1);
-        let way = (now.x - before.x).hypot(now.y - before.y);
-        Some((now.heading - before.heading, way))
+        Some(now.heading - before.heading)
     }
 
     /// The camera has seen another turn between the last two frames, in radians.
     pub(super) fn correct_turn(&mut self, seen: f64) {
-        let Some((expected, way)) = self.last_step() else {
+        let Some(expected) = self.last_turn() else {
             return;
         };
-        let off = seen / PARALLAX - expected;
-        let turn = expected.abs();
-        let (gain, better) = if self.is_on_the_spot(turn, way) {
-            (1.0, (SLIP_OF_TURN - SEEN_TURN) * turn)
-        } else {
-            (gain_under_way(off, turn, way), 0.0)
-        };
+        let turned = seen / PARALLAX;
+        let better = (SLIP_OF_TURN - SEEN_TURN) * expected.abs();
         for pose in self
             .marks
             .back_mut()
@@ -187,21 +162,9 @@ impl Odometry {
             .into_iter()
             .chain([&mut self.pose])
         {
-            pose.heading += gain * off;
+            pose.heading += turned - expected;
             pose.heading_error = (pose.heading_error - better).max(0.0);
         }
-    }
-
-    /// Whether the last two frames show a turn on the spot: frames are late, so they show it for a while after the
-    /// tracks have ended it.
-    fn is_on_the_spot(&mut self, turn: f64, way: f64) -> bool {
-        let at = self.marks.back().map(|(at, _)| *at);
-        if way < ON_THE_SPOT * turn + LEAST_WAY {
-            self.spun = at;
-            return true;
-        }
-        let late = |at: Instant| self.spun.is_some_and(|spun| at < spun + LATE);
-        at.is_some_and(late)
     }
 
     /// It has stood since then, whatever its tracks did.
@@ -213,17 +176,6 @@ impl Odometry {
             self.marks.clear();
         }
     }
-}
-
-/// The share of a difference between the camera's turn and the tracks' that is taken over while the robot comes on:
-/// the Kalman gain of the two errors, nothing for an outlier.
-fn gain_under_way(off: f64, turn: f64, way: f64) -> f64 {
-    let tracks = (SLIP_OF_TURN * turn + VEER * way).powi(2);
-    let camera = (SEEN_TURN * turn + PASSING * way).powi(2);
-    if off.abs() > OUTLIER * (tracks + camera).sqrt() + NOISE {
-        return 0.0;
-    }
-    tracks / (tracks + camera)
 }
 
 impl Pose {
@@ -314,36 +266,6 @@ mod tests {
             near(seen.heading, 1.4) && seen.heading_error < unseen.heading_error,
             "{seen:?}"
         );
-    }
-
-    /// The heading after an eighth of a second of this drive, when the camera saw another turn.
-    fn heading_after(driver: Driver, off: f64) -> (f64, f64) {
-        let (mut odometry, start) = odometry();
-        let now = start + Duration::from_millis(125);
-        odometry.mark(start);
-        odometry.advance(now, driver);
-        odometry.mark(now);
-        let expected = odometry.pose().heading;
-        odometry.correct_turn((expected + off) * PARALLAX);
-        (expected, odometry.pose().heading)
-    }
-
-    #[test]
-    fn under_way_a_seen_turn_counts_in_part_and_one_that_cannot_be_does_not() {
-        let curve = Driver::Script(Drive {
-            forward: 0.2,
-            turn: 0.5,
-        });
-        for driver in [AHEAD, curve] {
-            let (expected, corrected) = heading_after(driver, 0.01);
-            assert!(expected < corrected && corrected < expected + 0.01);
-            let (expected, walked_by) = heading_after(driver, 0.1);
-            assert!(near(walked_by, expected));
-        }
-        for driver in [LEFT, Driver::Nobody] {
-            let (expected, corrected) = heading_after(driver, 0.1);
-            assert!(near(corrected, expected + 0.1), "rolls out or slips");
-        }
     }
 
     #[test]

@@ -19,7 +19,7 @@ use super::group::Group;
 use super::life::{Exit, Life};
 use super::modules::Modules;
 use super::motion::{Motion, Owner};
-use super::odometry::{Driver, LATE, Odometry, drive_of};
+use super::odometry::{Driver, Odometry, drive_of};
 use super::options::Options;
 use super::output::{Level, LogLine, OutputQueue};
 use super::params::ParamValue;
@@ -37,6 +37,8 @@ use crate::vision::Skyline;
 
 /// A turn from one frame to the next that is looked for in the pictures, radians.
 const LEAST_TURN: f64 = 0.02;
+/// Pictures are late, and so is the end of a turn in them.
+const ROLLING_OUT: Duration = Duration::from_millis(500);
 /// A turn is looked for so far from what is expected, at least; radians.
 const LEAST_REACH: f64 = 0.15;
 
@@ -199,7 +201,7 @@ impl State {
         let turn = self.odometry.last_turn().filter(|turn| {
             let turns = turn.abs() > LEAST_TURN;
             self.sight.turned = if turns { Some(at) } else { self.sight.turned };
-            let lately = |turned: Instant| at.saturating_duration_since(turned) < LATE;
+            let lately = |turned: Instant| at.saturating_duration_since(turned) < ROLLING_OUT;
             self.sight.turned.is_some_and(lately)
         });
         if going.is_none() && turn.is_none() {

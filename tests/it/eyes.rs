@@ -358,7 +358,7 @@ fn several_pictures_go_into_a_folder_and_one_file_for_all_is_refused() {
     assert!(error.contains(".png"), "{error}");
     assert!(!desk.path("out.png").exists());
     let help = desk.done("blobs --help");
-    assert!(help.contains("for SEVERAL pictures a FOLDER"), "{help}");
+    assert!(help.contains("for several pictures a folder"), "{help}");
 }
 
 #[test]

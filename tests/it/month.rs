@@ -1,10 +1,18 @@
 //! Two days of a service in virtual time, with troubles; `scripts/month` has thirty.
 
+use crate::rig::in_a_process_of_its_own;
+
 #[path = "../month/mod.rs"]
 mod days;
 
 #[test]
 fn two_days_alone_with_troubles_are_in_the_history_as_they_were() {
+    in_a_process_of_its_own("month::two_days_alone_with_troubles");
+}
+
+#[test]
+#[ignore = "the test above runs it"]
+fn two_days_alone_with_troubles() {
     let folder = tempfile::tempdir().unwrap();
     let more = std::env::var("SPYKEE_MONTH_DAYS");
     let days = more.map_or(2, |days| days.parse().unwrap());

@@ -322,3 +322,16 @@ fn collect(
         }
     })
 }
+
+/// Runs an ignored test alone, so that the threads and the memory of other tests do not count.
+pub fn in_a_process_of_its_own(test: &str) {
+    let alone = std::process::Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", test, "--ignored"])
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&alone.stdout);
+    assert!(
+        alone.status.success() && text.contains("1 passed"),
+        "{text}"
+    );
+}

@@ -127,7 +127,7 @@ async fn the_timetable_starts_what_was_missed_by_little_and_a_power_cut_does_not
     timeout(WAIT_LIMIT, free).await.unwrap();
     let from = rig.sim.heard_count();
     let mut next = serve(&rig);
-    next.says("goes on: it was under way").await;
+    next.says("resumes a run that was interrupted").await;
     rig.heard_motion(from).await;
     assert!(!next.text().contains("starts by the timetable"));
     ends_well(&mut next).await;

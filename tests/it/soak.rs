@@ -12,21 +12,14 @@ use spykee::script;
 use spykee::sim::{Firmware, Pose, World};
 use tokio::time::timeout;
 
+use crate::rig::in_a_process_of_its_own;
+
 #[path = "../soak/mod.rs"]
 mod weeks;
 
-/// In a process of its own, so that the threads and the memory of other tests do not count.
 #[test]
 fn an_hour_alone_with_faults_keeps_every_promise() {
-    let alone = std::process::Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "soak::an_hour_alone_with_faults", "--ignored"])
-        .output()
-        .unwrap();
-    let text = String::from_utf8_lossy(&alone.stdout);
-    assert!(
-        alone.status.success() && text.contains("1 passed"),
-        "{text}"
-    );
+    in_a_process_of_its_own("soak::an_hour_alone_with_faults");
 }
 
 #[test]
