@@ -86,6 +86,20 @@ fn a_damaged_frame_shows_nothing_and_is_counted_once() {
 }
 
 #[test]
+fn a_damaged_frame_shows_no_free_floor() {
+    let jpeg = picture(&[((100, 50, 40, 20), RED)]);
+    let mut rig = looking(
+        "local floor = require('@spykee/floor') local free = floor.look(f)
+         local near = floor.memory():look(f)
+         print(free.ahead, free.left, free.right, free.turn, near.ahead, floor.nearest(f), #floor.texture(f) > 0)",
+        |_| {},
+    );
+    show(&mut rig, 1, &torn(&jpeg));
+    assert_eq!(rig.logged(Level::Info), ["0 0 0 0 0 0 true"]);
+    assert_eq!(rig.logged(Level::Error), [""; 0]);
+}
+
+#[test]
 fn a_frame_is_decoded_once_for_many_questions() {
     let jpeg = picture(&[]);
     let mut rig = looking(
