@@ -434,7 +434,7 @@ const promises = {
     await button(page, "Let it move again").click();
     await until(() => !witness.state.halted, "a robot that may move");
     await button(page, "Take the wheel").click();
-    await page.getByText(/Drive by hand at speed 1x/).waitFor();
+    await page.getByText(/drive by hand only at speed 1x/).waitFor();
     await page.getByLabel("Speed", { exact: true }).selectOption("20");
     await button(page, "Resume").click();
     const [began, from] = [Date.now(), witness.map.time];
