@@ -342,7 +342,7 @@ const promises = {
       throw new Error("a viewer sees the wheel");
     }
     await button(page, "STOP").click();
-    await page.getByText(/Nothing moves the robot/).waitFor();
+    await page.getByText(/The robot stays still/).waitFor();
     await button(page, "Log out").click();
     await page.getByLabel("Password or token").fill("a good password");
     await button(page, "Log in").click();
