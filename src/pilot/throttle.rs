@@ -183,7 +183,7 @@ mod tests {
                     admitted += 1.0;
                 }
                 let most = COMMANDS * (1.0 + now.saturating_duration_since(start).as_secs_f64());
-                prop_assert!(admitted <= most);
+                prop_assert!(admitted <= most + 1e-6, "{admitted} of {most}");
             }
         }
     }
