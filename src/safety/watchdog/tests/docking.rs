@@ -197,3 +197,12 @@ fn the_end_of_a_docking_is_reported_once_with_who_asked_for_it() {
     assert_eq!(report.outcome.end, DockEnd::Done);
     assert_eq!(rig.dog.take_dock_report(), None);
 }
+
+#[test]
+fn who_has_left_the_station_is_not_undocked() {
+    let acts = Rig::online(80).undock(1);
+    assert_eq!(
+        (sent(&acts), undock_ended(&acts)),
+        (vec![], Some(DockEnd::NotDocked))
+    );
+}
