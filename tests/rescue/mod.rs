@@ -6,7 +6,7 @@ mod play;
 mod strategy;
 mod table;
 
-pub use place::{Name, Place};
+pub use place::{Name, Place, Start};
 pub use play::play_all;
 pub use strategy::Strategy;
 pub use table::{Row, heading};

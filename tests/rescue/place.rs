@@ -13,6 +13,10 @@ const GALLERY: &str = include_str!("../../behaviours/worlds/gallery.yaml");
 
 /// Behind the living room's doorway.
 const SECOND_ROOM: f64 = 4.9;
+/// From a tight spot, something is no farther than this from the robot's body, metres.
+const TIGHT: f64 = 0.03;
+/// The least way home from a tight spot, metres: nearer to its station a search often finds it.
+const TIGHT_WAY: f64 = 2.5;
 /// Charge at the start, percent.
 const LEAST_BATTERY: f64 = 15.0;
 const MOST_BATTERY: f64 = 20.0;
@@ -23,16 +27,24 @@ pub enum Name {
     LivingRoom,
     Classroom,
     Gallery,
+    /// In the living room, but right beside a wall or a thing.
+    TightSpots,
 }
 
 impl Name {
-    pub const ALL: [Name; 3] = [Name::LivingRoom, Name::Classroom, Name::Gallery];
+    pub const ALL: [Name; 4] = [
+        Name::LivingRoom,
+        Name::Classroom,
+        Name::Gallery,
+        Name::TightSpots,
+    ];
 
     pub fn text(self) -> &'static str {
         match self {
             Name::LivingRoom => "living room",
             Name::Classroom => "classroom",
             Name::Gallery => "gallery",
+            Name::TightSpots => "tight spots",
         }
     }
 
@@ -66,22 +78,26 @@ pub struct Place {
 }
 
 impl Place {
-    /// In the living room robots start in the second room, elsewhere in the third of the floor that is
-    /// farthest from the station.
+    /// In the living room robots start in the second room, in tight spots beside a wall or a thing, and
+    /// elsewhere in the third of the floor that is farthest from the station.
     pub fn named(name: Name) -> Place {
         let read = |text| World::from_yaml(text, name.text()).unwrap();
         let mut world = match name {
-            Name::LivingRoom => read(SOAK),
+            Name::LivingRoom | Name::TightSpots => read(SOAK),
             Name::Classroom => read(CLASSROOM),
             Name::Gallery => read(GALLERY),
         };
         world.battery = read(SOAK).battery;
         let ways = Ways::home(&world);
-        let second_room = name == Name::LivingRoom;
+        let (least_x, least_way) = match name {
+            Name::LivingRoom => (SECOND_ROOM, 0.0),
+            Name::TightSpots => (0.0, TIGHT_WAY),
+            Name::Classroom | Name::Gallery => (0.0, last_third(&ways)),
+        };
         Place {
             name,
-            least_x: if second_room { SECOND_ROOM } else { 0.0 },
-            least_way: if second_room { 0.0 } else { last_third(&ways) },
+            least_x,
+            least_way,
             world,
             ways,
         }
@@ -132,7 +148,16 @@ impl Place {
     /// The way home from a place where a robot may start.
     fn way_from(&self, point: Point) -> Option<f64> {
         let way = self.ways.length(point)?;
-        (way >= self.least_way && self.has_room(point)).then_some(way)
+        let fits = self.has_room(point) && (self.name != Name::TightSpots || self.is_tight(point));
+        (way >= self.least_way && fits).then_some(way)
+    }
+
+    /// Whether a wall or a thing is right beside a robot that stands there.
+    fn is_tight(&self, point: Point) -> bool {
+        let around = (0..8).map(|eighth| f64::from(eighth) * PI / 4.0);
+        around
+            .map(|angle| Point::new(point.x + TIGHT * angle.cos(), point.y + TIGHT * angle.sin()))
+            .any(|beside| !self.ways.has_room(beside))
     }
 
     /// Whether a robot stands there without touching anything, balls and people included.
