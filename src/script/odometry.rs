@@ -279,7 +279,7 @@ mod tests {
             // It rolls out.
             drive(&mut odometry, &mut now, Driver::Nobody, 1);
             let pose = odometry.pose();
-            assert!((pose.x - x).hypot(pose.y - y) < 0.01, "{pose:?}");
+            assert!((pose.x - x).hypot(pose.y - y) < 0.02, "{pose:?}");
         }
         assert!(near(odometry.pose().heading, PI));
         odometry.reset();
@@ -335,10 +335,8 @@ mod tests {
             }
         }
         let pose = odometry.pose();
-        assert!(
-            near(turned, 5.4),
-            "four turns, less what the tracks slip: {turned}"
-        );
+        // Four turns of 1.5 radians, less what the tracks slip.
+        assert!((turned - 5.5).abs() < 0.1, "{turned}");
         assert!((pose.heading - turned).abs() < 0.25, "{pose:?}");
     }
 
