@@ -26,6 +26,7 @@ mod failure;
 mod group;
 mod ids;
 mod interrupt;
+mod lateness;
 mod life;
 mod modules;
 mod motion;
@@ -38,9 +39,11 @@ mod params;
 mod picture_store;
 mod plain;
 mod queue;
+mod ramp;
 mod sandbox;
 mod scheduler;
 mod shares;
+mod shown;
 mod sight;
 mod sighting;
 mod slice;
@@ -53,6 +56,7 @@ mod streams;
 mod task;
 #[cfg(test)]
 pub(crate) mod tests;
+mod travel;
 mod wall_ahead;
 mod way_back;
 
