@@ -106,8 +106,8 @@ impl Odometry {
         self.odometer
     }
 
-    /// Until `now` this has driven.
-    pub(super) fn advance(&mut self, now: Instant, driver: Driver) {
+    /// Until `now` this has driven. Whether that was someone else than the script.
+    pub(super) fn advance(&mut self, now: Instant, driver: Driver) -> bool {
         let time = now.saturating_duration_since(self.at);
         self.at = self.at.max(now);
         let seconds = time.as_secs_f64();
@@ -124,8 +124,10 @@ impl Odometry {
                     self.pose.error += self.full_speed * seconds;
                     self.pose.worsen_heading(OTHERS_TURN * seconds);
                 }
+                return !own;
             }
         }
+        false
     }
 
     /// Remembers where a frame was taken.
