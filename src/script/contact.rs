@@ -18,7 +18,8 @@ const AWAY: f64 = 0.03;
 /// It must have pushed for so long, in at least so many pictures; who has driven for longer is elsewhere.
 const PUSHED: Range<Duration> = Duration::from_millis(700)..Duration::from_millis(1500);
 const PICTURES: u32 = 3;
-/// The share of its way that leads towards what held it, at least: where no floor is seen ahead, and elsewhere.
+/// The share of its way that leads towards what held it, at least: where no floor is seen ahead, and elsewhere if it
+/// drives straight.
 const TOWARDS_CLOSE: f64 = 0.0;
 const TOWARDS_ANY: f64 = 0.9;
 /// In so many pictures floor may be seen by mistake.
@@ -104,15 +105,15 @@ impl Contact {
         shown.pictures += 1;
         shown.floor += u32::from(!close);
         shown.moves |= verdict == Verdict::Moves;
-        let least = if shown.floor <= FLICKER {
-            TOWARDS_CLOSE
+        let pushes = if shown.floor <= FLICKER {
+            shown.towards > TOWARDS_CLOSE
         } else {
-            TOWARDS_ANY
+            shown.towards > TOWARDS_ANY && going.drive.turn == 0.0
         };
-        let pushes = self.last.is_some() && going.drive.forward != 0.0 && shown.towards > least;
+        let drives = self.last.is_some() && going.drive.forward != 0.0;
         let long = PUSHED.contains(&at.saturating_duration_since(going.since));
         let still = !shown.moves && shown.pictures >= PICTURES;
-        (pushes && long && still).then_some(going.since)
+        (drives && pushes && long && still).then_some(going.since)
     }
 }
 

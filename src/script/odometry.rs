@@ -275,9 +275,9 @@ mod tests {
         let (mut odometry, start) = odometry();
         odometry.advance(start + Duration::from_secs(1), AHEAD);
         let own = odometry.pose();
-        odometry.advance(start + Duration::from_millis(1100), Driver::Other);
+        assert!(!odometry.advance(start + Duration::from_millis(1100), Driver::Other));
         assert_eq!(odometry.pose(), own);
-        odometry.advance(start + Duration::from_secs(9), Driver::Other);
+        assert!(odometry.advance(start + Duration::from_secs(9), Driver::Other));
         let pose = odometry.pose();
         assert!(pose.error > 1.0 && near(pose.heading_error, PI), "{pose:?}");
         assert!(near(pose.x, own.x));
