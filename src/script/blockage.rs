@@ -4,9 +4,9 @@
 //! Three things tell: tiles of the picture that should have changed and did not, outlines that did not (paler ones, and
 //! of what is close), and, where the picture is all plain, the way that the tracks have made since the foot of what
 //! stands ahead left the picture, in curves and towards slanted walls too (`wall_ahead`), or since its last stripes and
-//! edges did, which moved apart as they came nearer. They
-//! rest on the height of the lens above the floor, on its looking level, on the field of view and on the calibration
-//! of the tracks; on nothing of how the simulated camera draws.
+//! edges did, which moved apart as they came nearer. A robot that was held and has only turned since is still where it
+//! was held (`contact`). They rest on the height of the lens above the floor, on its looking level, on the field of view
+//! and on the calibration of the tracks; on nothing of how the simulated camera draws.
 
 use std::collections::VecDeque;
 use std::time::Duration;

@@ -58,9 +58,11 @@ struct Shown {
 }
 
 impl Contact {
-    /// The last pictures say that the robot is held in this motion, or they do not.
+    /// The last pictures say that the robot is held in this motion, or they do not. A turn on the spot tells of no
+    /// place that holds it.
     pub(super) fn note(&mut self, held: bool, at: Instant, going: Going) {
-        self.perhaps = held.then(|| Held {
+        let drives = going.drive.forward != 0.0;
+        self.perhaps = (held && drives).then(|| Held {
             at,
             motion: going.motion,
             odometer: going.odometer,
@@ -179,14 +181,31 @@ mod tests {
     }
 
     #[test]
+    fn a_turn_that_is_held_tells_of_no_place() {
+        let (mut contact, start) = (Contact::default(), Instant::now());
+        let turning = Going {
+            motion: MotionId(1),
+            since: start,
+            drive: Drive {
+                forward: 0.0,
+                turn: 1.0,
+            },
+            odometer: 0.0,
+            heading: 0.0,
+        };
+        contact.note(true, start, turning);
+        assert!(contact.perhaps.is_none());
+    }
+
+    #[test]
     fn a_motion_without_pictures_and_time_make_it_forget() {
         let (mut contact, start) = (Contact::default(), Instant::now());
         let going = |motion| Going {
             motion: MotionId(motion),
             since: start,
             drive: Drive {
-                forward: 0.0,
-                turn: 1.0,
+                forward: 0.2,
+                turn: 0.0,
             },
             odometer: 0.0,
             heading: 0.0,
