@@ -90,7 +90,7 @@ const FUNCTIONS: &[Function] = &[
             bounded("speed", WAY_SPEED, "default: half of full speed").unit("m/s").optional(),
         ],
         ENDED,
-        "Drives straight for a distance, and waits until that is done. With the camera on it ends early as `blocked` when the pictures show that the robot is held: less often in a curve or in the dark, and late or never when it pushes against a uniform surface from the start.",
+        "Drives straight for a distance, and waits until that is done. With the camera on it ends early as `blocked` when the pictures show that the robot is held: less often in a curve or in the dark, and late or never when it pushes from the start against a uniform surface that has not held it before.",
         "local ok, code = robot.forward(0.5)\nprint(ok, code)",
     )
     .waiting(),

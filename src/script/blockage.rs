@@ -4,15 +4,17 @@
 //! Three things tell: tiles of the picture that should have changed and did not, outlines that did not (paler ones, and
 //! of what is close), and, where the picture is all plain, the way that the tracks have made since the foot of what
 //! stands ahead left the picture, in curves and towards slanted walls too (`wall_ahead`), or since its last stripes and
-//! edges did, which moved apart as they came nearer. They
-//! rest on the height of the lens above the floor, on its looking level, on the field of view and on the calibration
-//! of the tracks; on nothing of how the simulated camera draws.
+//! edges did, which moved apart as they came nearer. A robot that was held and has only turned since is still where it
+//! was held (`contact`). They rest on the height of the lens above the floor, on its looking level, on the field of view
+//! and on the calibration of the tracks; on nothing of how the simulated camera draws.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use tokio::time::Instant;
 
+use super::contact::Contact;
+use super::going::Going;
 use super::wall_ahead::WallAhead;
 use crate::robot::MotionId;
 use crate::vision::{
@@ -63,6 +65,7 @@ pub(super) struct Blockage {
     approach: Approach,
     looming: Looming,
     wall: WallAhead,
+    contact: Contact,
     /// A picture's memory, to use again.
     spare: Option<(Glance, Outline)>,
 }
@@ -103,16 +106,6 @@ struct Close {
     floor: u32,
 }
 
-/// A timed motion that is on.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Going {
-    pub(super) motion: MotionId,
-    pub(super) since: Instant,
-    pub(super) drive: Drive,
-    /// Metres that the script's tracks have made so far, backwards ones taken off.
-    pub(super) odometer: f64,
-}
-
 impl Blockage {
     /// A picture that was taken `at`, while this motion was on. Since when the robot has been held, if it
     /// is held.
@@ -130,6 +123,7 @@ impl Blockage {
             self.approach = Approach::default();
             self.looming = Looming::default();
             self.wall = WallAhead::default();
+            self.contact.begin(at, going);
         }
         self.wall.drive_on(going.odometer, going.drive);
         let (mut glance, mut outline) = self.spare.take().unwrap_or_default();
@@ -161,10 +155,21 @@ impl Blockage {
         let stood = self.standing.filter(|standing| {
             standing.pictures >= PICTURES && at.saturating_duration_since(standing.since) >= STOOD
         });
-        stood
+        let close = self.close.is_some_and(|close| close.floor == 0);
+        let again = self.contact.look(at, verdict, close, going);
+        let held = stood
             .map(|standing| standing.since)
             .or_else(|| self.arrived(going))
             .or_else(|| self.in_wall(at, going.drive, verdict))
+            .or(again);
+        let perhaps = held.is_some() || self.standing.is_some();
+        self.contact.note(perhaps, at, going);
+        held
+    }
+
+    /// The robot may be anywhere now, or what is ahead of it.
+    pub(super) fn forget(&mut self) {
+        self.contact.forget();
     }
 
     /// What two pictures say, and when the first was taken.

@@ -119,10 +119,11 @@ impl Odometry {
         self.odometer
     }
 
-    /// Until `now` this has driven.
-    pub(super) fn advance(&mut self, now: Instant, driver: Driver) {
+    /// Until `now` this has driven. Whether that was someone else than the script.
+    pub(super) fn advance(&mut self, now: Instant, driver: Driver) -> bool {
         let time = now.saturating_duration_since(self.at);
         let end = self.at.max(now);
+        let echo = self.drove.is_some_and(|drove| end - drove < GRACE);
         match driver {
             Driver::Nobody => self.drive(STILL, time),
             Driver::Script(drive) => {
@@ -130,9 +131,7 @@ impl Odometry {
                 self.odometer += drive.forward * time.as_secs_f64();
                 self.drive(drive, time);
             }
-            Driver::Other if self.drove.is_some_and(|drove| end - drove < GRACE) => {
-                self.drive(STILL, time);
-            }
+            Driver::Other if echo => self.drive(STILL, time),
             Driver::Other => {
                 self.ramp = Ramp::default();
                 self.travel.add(end, 0.0, 0.0);
@@ -142,6 +141,7 @@ impl Odometry {
             }
         }
         self.at = end;
+        matches!(driver, Driver::Other) && !echo
     }
 
     /// The tracks follow this command for a time.
@@ -357,13 +357,13 @@ mod tests {
         let (mut odometry, start) = odometry();
         odometry.advance(start + Duration::from_secs(1), AHEAD);
         let own = odometry.pose();
-        odometry.advance(start + Duration::from_millis(1200), Driver::Other);
+        assert!(!odometry.advance(start + Duration::from_millis(1200), Driver::Other));
         let echo = odometry.pose();
         assert!(
             near(echo.x, 0.2) && echo.error < own.error + 0.01,
             "{echo:?}"
         );
-        odometry.advance(start + Duration::from_secs(9), Driver::Other);
+        assert!(odometry.advance(start + Duration::from_secs(9), Driver::Other));
         let pose = odometry.pose();
         assert!(pose.error > 1.0 && near(pose.heading_error, PI), "{pose:?}");
         assert!(near(pose.x, echo.x));

@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use tokio::time::Instant;
 
-use super::blockage::Going;
+use super::going::Going;
 use super::options::Options;
 use super::sighting::Witness;
 use crate::robot::Frame;

@@ -11,10 +11,11 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use self::known::Known;
-use super::blockage::{Blockage, Going};
+use super::blockage::Blockage;
 use super::complaints::{Complaints, Telling};
 use super::declaration::Declaration;
 use super::events::{EventName, Subscriptions};
+use super::going::Going;
 use super::group::Group;
 use super::life::{Exit, Life};
 use super::modules::Modules;
@@ -76,7 +77,7 @@ pub(super) struct State {
     pub(super) known: Known,
     pub(super) motion: Motion,
     pub(super) odometry: Odometry,
-    blockage: Blockage,
+    pub(super) blockage: Blockage,
     pub(super) streams: WantedStreams,
     pub(super) sight: Sight,
     pub(super) picture_store: PictureStore,
@@ -154,7 +155,9 @@ impl State {
     /// The time never runs backwards.
     pub(super) fn tick(&mut self, now: Instant) {
         self.now = self.now.max(now);
-        self.odometry.advance(self.now, self.driver());
+        if self.odometry.advance(self.now, self.driver()) {
+            self.blockage.forget();
+        }
         if self.motion.is_on() || self.known.moving {
             self.moved = Some(self.now);
         }
@@ -195,6 +198,7 @@ impl State {
             since,
             drive: drive_of(setpoint, calibration),
             odometer: self.odometry.odometer(),
+            heading: self.odometry.pose().heading,
         });
         let shown = self.odometry.last_shown();
         if shown.is_some_and(|shown| shown.most_turn() > LEAST_TURN) {

@@ -135,6 +135,7 @@ fn hours(time: Duration) -> f64 {
 #[derive(Default)]
 pub struct Looks {
     held: Vec<Held>,
+    ways: Vec<(Duration, Pose, &'static str)>,
     /// The last look found it held.
     holds: bool,
 }
@@ -154,6 +155,13 @@ impl Looks {
         let pushes = i16::from(state.commanded.left) + i16::from(state.commanded.right) != 0;
         let holds = state.blocked && pushes && !state.docked && !state.leaving;
         let pose = state.pose;
+        let docking = match state {
+            State { docked: true, .. } => ", docked",
+            State { leaving: true, .. } => ", leaving its station",
+            State { blocked: true, .. } => ", against something",
+            _ => "",
+        };
+        self.ways.push((now, pose, docking));
         if let (true, Some(last)) = (holds, self.held.last_mut())
             && (self.holds || now - last.to < AGAIN)
         {
@@ -217,12 +225,26 @@ impl Looks {
             let really = |held: &Held| held.from <= at && at <= held.to + LATELY;
             if !self.held.iter().any(really) {
                 score.for_nothing += 1;
-                score.notes.push(format!(
-                    "{who}: told for nothing at {:.1} s",
-                    at.as_secs_f64()
-                ));
+                let seconds = at.as_secs_f64();
+                let way = self.way_before(at);
+                score
+                    .notes
+                    .push(format!("{who}: told for nothing at {seconds:.1} s{way}"));
             }
         }
         score
+    }
+
+    /// Where it was then, and how far it had come within a second.
+    fn way_before(&self, at: Duration) -> String {
+        let until = |time: Duration| self.ways.iter().rev().find(|(then, ..)| *then <= time);
+        let (Some((_, before, _)), Some((_, now, docking))) =
+            (until(at.saturating_sub(IN_TIME)), until(at))
+        else {
+            return String::new();
+        };
+        let moved = (now.x - before.x).hypot(now.y - before.y);
+        let (x, y, degrees) = (now.x, now.y, now.heading.to_degrees());
+        format!(" at {x:.2} {y:.2} m, {degrees:.0} degrees, moved {moved:.2} m{docking}")
     }
 }

@@ -1,0 +1,224 @@
+//! Where the robot was held last. One that has only turned on the spot since then begins its next motion against
+//! the same thing; if that is plain, the pictures show nothing that could change, held or not.
+
+use std::f64::consts::PI;
+use std::ops::Range;
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use super::going::Going;
+use crate::robot::MotionId;
+use crate::vision::Verdict;
+
+/// What held the robot may have gone away after this.
+const LONGEST: Duration = Duration::from_secs(6);
+/// A robot whose tracks have made more way since, in metres, stands elsewhere.
+const AWAY: f64 = 0.03;
+/// It must have pushed for so long, in at least so many pictures; who has driven for longer is elsewhere.
+const PUSHED: Range<Duration> = Duration::from_millis(700)..Duration::from_millis(1500);
+const PICTURES: u32 = 3;
+/// The share of its way that leads towards what held it, at least: where no floor is seen ahead, and elsewhere if it
+/// drives straight.
+const TOWARDS_CLOSE: f64 = 0.0;
+const TOWARDS_ANY: f64 = 0.9;
+/// In so many pictures floor may be seen by mistake.
+const FLICKER: u32 = 1;
+
+/// See the module.
+#[derive(Debug, Default)]
+pub(super) struct Contact {
+    last: Option<Held>,
+    /// The motion that is on may be held, so far.
+    perhaps: Option<Held>,
+    /// Of the motion that is on.
+    shown: Shown,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Held {
+    at: Instant,
+    /// The last motion of which pictures came.
+    motion: MotionId,
+    /// Where the odometer stood, metres.
+    odometer: f64,
+    /// Where its tracks pushed, radians to the left.
+    towards: f64,
+}
+
+/// What pictures have shown since a motion began.
+#[derive(Debug, Default)]
+struct Shown {
+    pictures: u32,
+    /// The share of its way that leads towards what held it before, when it began.
+    towards: f64,
+    /// Of these, how many may show floor ahead.
+    floor: u32,
+    moves: bool,
+}
+
+impl Contact {
+    /// The last pictures say that the robot is held in this motion, or they do not. A turn on the spot tells of no
+    /// place that holds it.
+    pub(super) fn note(&mut self, held: bool, at: Instant, going: Going) {
+        let drives = going.drive.forward != 0.0;
+        self.perhaps = (held && drives).then(|| Held {
+            at,
+            motion: going.motion,
+            odometer: going.odometer,
+            towards: towards(going),
+        });
+    }
+
+    /// A motion begins. After one without pictures the robot may be anywhere.
+    pub(super) fn begin(&mut self, at: Instant, going: Going) {
+        let seconds = at.saturating_duration_since(going.since).as_secs_f64();
+        let began = going.odometer - going.drive.forward * seconds;
+        let last = self.perhaps.take().or(self.last).filter(|held| {
+            going.motion.0 == held.motion.0 + 1
+                && at.saturating_duration_since(held.at) < LONGEST
+                && (began - held.odometer).abs() < AWAY
+        });
+        self.last = last.map(|held| Held {
+            motion: going.motion,
+            ..held
+        });
+        self.shown = Shown {
+            towards: last.map_or(0.0, |held| (towards(going) - held.towards).cos()),
+            ..Shown::default()
+        };
+    }
+
+    /// What held it is no longer known.
+    pub(super) fn forget(&mut self) {
+        (self.last, self.perhaps) = (None, None);
+    }
+
+    /// Two pictures say this; no floor is seen ahead if it is `close`. Since when the robot has been held, if it
+    /// is held by what held it before.
+    pub(super) fn look(
+        &mut self,
+        at: Instant,
+        verdict: Verdict,
+        close: bool,
+        going: Going,
+    ) -> Option<Instant> {
+        let shown = &mut self.shown;
+        shown.pictures += 1;
+        shown.floor += u32::from(!close);
+        shown.moves |= verdict == Verdict::Moves;
+        let pushes = if shown.floor <= FLICKER {
+            shown.towards > TOWARDS_CLOSE
+        } else {
+            shown.towards > TOWARDS_ANY && going.drive.turn == 0.0
+        };
+        let drives = self.last.is_some() && going.drive.forward != 0.0;
+        let long = PUSHED.contains(&at.saturating_duration_since(going.since));
+        let still = !shown.moves && shown.pictures >= PICTURES;
+        (drives && pushes && long && still).then_some(going.since)
+    }
+}
+
+/// Where the tracks push.
+fn towards(going: Going) -> f64 {
+    let backwards = going.drive.forward < 0.0;
+    going.heading + if backwards { PI } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::vision::Drive;
+
+    const EVERY: Duration = Duration::from_millis(66);
+
+    /// Held ahead at first, it then drives so fast, turned by so many radians, `driven` metres from there, and sees
+    /// this for a second. After how many seconds it is told.
+    fn told(forward: f64, turned: f64, driven: f64, seen: (Verdict, bool)) -> Option<f64> {
+        let (mut contact, start) = (Contact::default(), Instant::now());
+        let going = |motion, since, forward, heading, odometer| Going {
+            motion: MotionId(motion),
+            since,
+            drive: Drive { forward, turn: 0.0 },
+            odometer,
+            heading,
+        };
+        contact.note(true, start, going(1, start, 0.2, 1.0, 5.0));
+        contact.begin(start + EVERY, going(2, start, 0.0, 2.0, 5.0));
+        let since = start + 2 * EVERY;
+        (0..15).find_map(|number| {
+            let (at, way) = (since + number * EVERY, forward * 0.066 * f64::from(number));
+            let now = going(3, since, forward, 1.0 + turned, 5.0 + driven + way);
+            if number == 0 {
+                contact.begin(at, now);
+            }
+            let held = contact.look(at, seen.0, seen.1, now)?;
+            assert_eq!(held, since);
+            Some((at - since).as_secs_f64())
+        })
+    }
+
+    const PLAIN: (Verdict, bool) = (Verdict::Unknown, true);
+    const FLOOR: (Verdict, bool) = (Verdict::Unknown, false);
+
+    #[test]
+    fn who_pushes_again_against_the_same_thing_is_told_within_a_second() {
+        for (forward, turned) in [(0.2, 0.0), (0.1, 1.0), (0.3, -1.2), (-0.2, PI)] {
+            let seconds = told(forward, turned, 0.0, PLAIN).unwrap();
+            assert!((0.6..0.9).contains(&seconds), "{seconds}");
+        }
+        assert!(told(0.2, 0.3, 0.0, FLOOR).is_some());
+    }
+
+    #[test]
+    fn who_drives_elsewhere_or_moves_is_not() {
+        for (forward, turned) in [(0.2, PI), (0.2, 1.7), (-0.2, 0.0), (0.0, 0.0)] {
+            assert_eq!(told(forward, turned, 0.0, PLAIN), None);
+        }
+        assert_eq!(told(0.2, 0.0, -0.1, PLAIN), None);
+        assert_eq!(told(0.2, 0.0, 0.0, (Verdict::Moves, true)), None);
+        assert_eq!(told(0.2, 1.0, 0.0, FLOOR), None);
+    }
+
+    #[test]
+    fn a_turn_that_is_held_tells_of_no_place() {
+        let (mut contact, start) = (Contact::default(), Instant::now());
+        let turning = Going {
+            motion: MotionId(1),
+            since: start,
+            drive: Drive {
+                forward: 0.0,
+                turn: 1.0,
+            },
+            odometer: 0.0,
+            heading: 0.0,
+        };
+        contact.note(true, start, turning);
+        assert!(contact.perhaps.is_none());
+    }
+
+    #[test]
+    fn a_motion_without_pictures_and_time_make_it_forget() {
+        let (mut contact, start) = (Contact::default(), Instant::now());
+        let going = |motion| Going {
+            motion: MotionId(motion),
+            since: start,
+            drive: Drive {
+                forward: 0.2,
+                turn: 0.0,
+            },
+            odometer: 0.0,
+            heading: 0.0,
+        };
+        contact.note(true, start, going(1));
+        contact.begin(start, going(3));
+        assert!(contact.last.is_none());
+        contact.note(true, start, going(3));
+        contact.note(false, start, going(3));
+        contact.begin(start, going(4));
+        assert!(contact.last.is_none());
+        contact.note(true, start, going(3));
+        contact.begin(start + LONGEST, going(4));
+        assert!(contact.last.is_none());
+    }
+}
