@@ -116,7 +116,7 @@ const FUNCTIONS: &[Function] = &[
         "robot.pose",
         &[],
         &[object("pose", &POSE_ESTIMATE, "since `robot.reset_pose()`, or since the script started")],
-        "Estimates the robot's pose by dead reckoning, from the commands of the script to the tracks and, while the camera is on, from the turns that it sees. Motion that others cause is not counted, and makes the errors grow.",
+        "Estimates the robot's pose by dead reckoning, from the commands of the script to the tracks and, while the camera is on, from the turns that it sees. It takes into account that tracks gain speed gradually, and finds out by itself how late the pictures are. Motion that others cause is not counted, and makes the errors grow.",
         "robot.reset_pose()\nrobot.forward(0.5)\nlocal pose = robot.pose()\nprint(pose.x, pose.y, math.deg(pose.heading), pose.error)",
     )
     .pure(),

@@ -76,3 +76,18 @@ impl Speech {
         self.due = Some(self.due.unwrap_or(earliest).max(earliest) + spent);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn there_is_room_again_for_as_many_samples_as_were_written() {
+        let mut speech = Speech::default();
+        assert!(speech.push(&Bytes::from(vec![0; MOST])));
+        assert!(!speech.push(&Bytes::from(vec![0; 1])));
+        speech.advance();
+        assert!(!speech.push(&Bytes::from(vec![0; MESSAGE + 1])));
+        assert!(speech.push(&Bytes::from(vec![0; MESSAGE])));
+    }
+}

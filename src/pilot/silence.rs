@@ -214,6 +214,27 @@ mod tests {
     }
 
     #[test]
+    fn a_level_that_comes_when_the_time_for_an_answer_is_over_is_no_answer() {
+        let (mut silence, start) = new();
+        silence.poll(start + 20 * SECOND);
+        silence.level(start + 20 * SECOND + ANSWER);
+        assert!(!silence.answers);
+        silence.poll(start + 60 * SECOND);
+        silence.level(start + 60 * SECOND + ANSWER - Duration::from_millis(1));
+        assert!(silence.answers);
+    }
+
+    #[test]
+    fn its_last_deadline_is_that_of_the_end() {
+        let (mut silence, start) = new();
+        silence.poll(start + 20 * SECOND);
+        silence.level(start + 21 * SECOND);
+        silence.poll(start + 41 * SECOND);
+        silence.poll(start + 61 * SECOND + SECOND / 2);
+        assert_eq!(silence.next_deadline(), start + 81 * SECOND);
+    }
+
+    #[test]
     fn it_is_asked_at_its_deadlines_and_never_before() {
         let (mut silence, start) = new();
         assert_eq!(silence.next_deadline(), start + 20 * SECOND);

@@ -168,6 +168,11 @@ mod tests {
         };
         let error = limits.check().unwrap_err().to_string();
         assert!(error.contains("at least 2 s"));
+        let limits = Limits {
+            host_idle_silence: LEAST_IDLE_SILENCE,
+            ..Limits::default()
+        };
+        assert_eq!(limits.check(), Ok(()));
     }
 
     #[test]

@@ -28,6 +28,7 @@ mod going;
 mod group;
 mod ids;
 mod interrupt;
+mod lateness;
 mod life;
 mod modules;
 mod motion;
@@ -40,9 +41,11 @@ mod params;
 mod picture_store;
 mod plain;
 mod queue;
+mod ramp;
 mod sandbox;
 mod scheduler;
 mod shares;
+mod shown;
 mod sight;
 mod sighting;
 mod slice;
@@ -55,6 +58,7 @@ mod streams;
 mod task;
 #[cfg(test)]
 pub(crate) mod tests;
+mod travel;
 mod wall_ahead;
 mod way_back;
 

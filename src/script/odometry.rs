@@ -1,5 +1,9 @@
 //! Where the robot is since the script last asked to begin at zero: dead reckoning from the setpoints of
-//! the script, with turns as the camera sees them where it does, and how far off that may be.
+//! the script, corrected by the turns that the camera sees, and how far off that may be.
+//!
+//! The tracks gain speed as `ramp` has it, and a picture shows what they did as long ago as `lateness` has found
+//! out. What tracks and camera say then differs by the slip of the tracks and by mistakes of the camera: the
+//! heading follows each as far as it can be trusted, which is the gain of a Kalman filter.
 
 use std::collections::VecDeque;
 use std::f64::consts::PI;
@@ -7,19 +11,16 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
+use super::lateness::Lateness;
 use super::options::Calibration;
+use super::ramp::Ramp;
+use super::shown::{SEEN_TURN, SLIP_OF_TURN, Shown, VEER};
+use super::travel::Travel;
 use crate::robot::Setpoint;
 use crate::vision::Drive;
 
-/// What tracks slip on an unknown floor: metres for each metre, radians for each radian and for each metre.
+/// What tracks slip on an unknown floor: metres for each metre.
 const SLIP_OF_WAY: f64 = 0.1;
-const SLIP_OF_TURN: f64 = 0.15;
-const VEER: f64 = 0.08;
-/// The same for a turn that the camera has seen.
-const SEEN_TURN: f64 = 0.04;
-/// The camera stands this share of the distance to what it sees before the middle of the robot, which makes
-/// turns look larger: 0.1 m before it, and 1.25 m to what stands around in a room.
-const PARALLAX: f64 = 1.05;
 /// Radians per second that something else may turn the robot by.
 const OTHERS_TURN: f64 = 2.0;
 /// What others do counts from so much after the script's own motion: the news of its end is as late.
@@ -51,6 +52,12 @@ pub(super) enum Driver {
     Other,
 }
 
+/// No movement.
+const STILL: Drive = Drive {
+    forward: 0.0,
+    turn: 0.0,
+};
+
 /// The movement that belongs to a setpoint.
 pub(super) fn drive_of(setpoint: Setpoint, calibration: Calibration) -> Drive {
     let speed = |power: i8| f64::from(power) / FULL_POWER * calibration.full_speed;
@@ -72,7 +79,10 @@ pub(super) struct Odometry {
     drove: Option<Instant>,
     /// Metres of all the script's ways so far, backwards ones taken off.
     odometer: f64,
-    full_speed: f64,
+    calibration: Calibration,
+    ramp: Ramp,
+    travel: Travel,
+    lateness: Lateness,
     /// The poses when frames were taken, the oldest first.
     marks: VecDeque<(Instant, Pose)>,
 }
@@ -85,7 +95,10 @@ impl Odometry {
             at: now,
             drove: None,
             odometer: 0.0,
-            full_speed: calibration.full_speed,
+            calibration,
+            ramp: Ramp::default(),
+            travel: Travel::new(now),
+            lateness: Lateness::default(),
             marks: VecDeque::new(),
         }
     }
@@ -109,25 +122,46 @@ impl Odometry {
     /// Until `now` this has driven. Whether that was someone else than the script.
     pub(super) fn advance(&mut self, now: Instant, driver: Driver) -> bool {
         let time = now.saturating_duration_since(self.at);
-        self.at = self.at.max(now);
-        let seconds = time.as_secs_f64();
+        let end = self.at.max(now);
+        let mut others = false;
         match driver {
-            Driver::Nobody => {}
+            Driver::Nobody => self.drive(STILL, time),
             Driver::Script(drive) => {
-                self.drove = Some(self.at);
-                self.odometer += drive.forward * seconds;
-                self.pose = self.pose.after(drive, seconds);
+                self.drove = Some(end);
+                self.odometer += drive.forward * time.as_secs_f64();
+                self.drive(drive, time);
+            }
+            Driver::Other if self.drove.is_some_and(|drove| end - drove < GRACE) => {
+                self.drive(STILL, time);
             }
             Driver::Other => {
-                let own = self.drove.is_some_and(|drove| self.at - drove < GRACE);
-                if !own {
-                    self.pose.error += self.full_speed * seconds;
-                    self.pose.worsen_heading(OTHERS_TURN * seconds);
-                }
-                return !own;
+                self.ramp = Ramp::default();
+                self.travel.add(end, 0.0, 0.0);
+                let seconds = time.as_secs_f64();
+                self.pose.error += self.calibration.full_speed * seconds;
+                self.pose.worsen_heading(OTHERS_TURN * seconds);
+                others = true;
             }
         }
-        false
+        self.at = end;
+        others
+    }
+
+    /// The tracks follow this command for a time.
+    fn drive(&mut self, command: Drive, time: Duration) {
+        let (whole, mut past) = (time.as_secs_f64(), 0.0);
+        loop {
+            let width = self.calibration.track_width;
+            let (motion, seconds) = self.ramp.step(command, width, whole - past);
+            past += seconds;
+            self.pose = self.pose.after(motion, seconds);
+            let end = self.at + Duration::from_secs_f64(past.min(whole));
+            let (turn, way) = (motion.turn * seconds, motion.forward * seconds);
+            self.travel.add(end, turn, way);
+            if past >= whole {
+                break;
+            }
+        }
     }
 
     /// Remembers where a frame was taken.
@@ -143,30 +177,26 @@ impl Odometry {
         self.marks.push_back((at, self.pose));
     }
 
-    /// The turn between the last two frames, as the tracks should have made it.
-    pub(super) fn last_turn(&self) -> Option<f64> {
+    /// What the tracks did between the last two frames.
+    pub(super) fn last_shown(&self) -> Option<Shown> {
         let mut newest = self.marks.iter().rev();
-        let (now, before) = (newest.next()?.1, newest.next()?.1);
-        Some(now.heading - before.heading)
+        let (now, before) = (newest.next()?.0, newest.next()?.0);
+        self.shown(before, now)
     }
 
-    /// The camera has seen another turn between the last two frames, in radians.
-    pub(super) fn correct_turn(&mut self, seen: f64) {
-        let Some(expected) = self.last_turn() else {
-            return;
-        };
-        let turned = seen / PARALLAX;
-        let better = (SLIP_OF_TURN - SEEN_TURN) * expected.abs();
-        for pose in self
-            .marks
-            .back_mut()
-            .map(|(_, pose)| pose)
-            .into_iter()
-            .chain([&mut self.pose])
-        {
-            pose.heading += turned - expected;
-            pose.heading_error = (pose.heading_error - better).max(0.0);
-        }
+    /// What the tracks did between the moments that two frames show, which came at these times; `None` if that
+    /// is too long ago.
+    pub(super) fn shown(&self, before: Instant, now: Instant) -> Option<Shown> {
+        Shown::between(&self.travel, &self.lateness, before, now)
+    }
+
+    /// The camera has seen this turn between the two frames, in radians.
+    pub(super) fn correct_turn(&mut self, shown: &Shown, seen: f64) {
+        let correction = shown.correction(seen);
+        self.lateness.note(correction.seen, shown.turns());
+        self.pose.heading += correction.turn;
+        let better = correction.gain * (SLIP_OF_TURN - SEEN_TURN) * shown.turned();
+        self.pose.heading_error = (self.pose.heading_error - better).max(0.0);
     }
 
     /// It has stood since then, whatever its tracks did.
@@ -227,25 +257,32 @@ mod tests {
         (one - other).abs() < 1e-6
     }
 
+    /// Until `now`, in steps of a hundredth of a second.
+    fn drive(odometry: &mut Odometry, now: &mut Instant, driver: Driver, seconds: u32) {
+        for _ in 0..seconds * 100 {
+            *now += Duration::from_millis(10);
+            odometry.advance(*now, driver);
+        }
+    }
+
     #[test]
     fn a_line_a_turn_and_an_arc_lead_where_geometry_says() {
         let (mut odometry, mut now) = odometry();
         let arc = Driver::Script(Drive {
-            forward: FRAC_PI_2,
-            turn: FRAC_PI_2,
+            forward: FRAC_PI_2 / 10.0,
+            turn: FRAC_PI_2 / 10.0,
         });
-        for (driver, x, y) in [
-            (AHEAD, 0.2, 0.0),
-            (LEFT, 0.2, 0.0),
-            (AHEAD, 0.2, 0.2),
-            (arc, -0.8, 1.2),
+        for (driver, seconds, x, y) in [
+            (AHEAD, 1, 0.2, 0.0),
+            (LEFT, 1, 0.2, 0.0),
+            (AHEAD, 1, 0.2, 0.2),
+            (arc, 10, -0.8, 1.2),
         ] {
-            for _ in 0..100 {
-                now += Duration::from_millis(10);
-                odometry.advance(now, driver);
-            }
+            drive(&mut odometry, &mut now, driver, seconds);
+            // It rolls out.
+            drive(&mut odometry, &mut now, Driver::Nobody, 1);
             let pose = odometry.pose();
-            assert!(near(pose.x, x) && near(pose.y, y), "{pose:?}");
+            assert!((pose.x - x).hypot(pose.y - y) < 0.02, "{pose:?}");
         }
         assert!(near(odometry.pose().heading, PI));
         odometry.reset();
@@ -261,13 +298,61 @@ mod tests {
         odometry.mark(start + Duration::from_secs(1));
         odometry.advance(start + Duration::from_secs(2), LEFT);
         odometry.mark(start + Duration::from_secs(2));
-        let unseen = odometry.pose();
-        odometry.correct_turn(1.4 * PARALLAX);
+        let (unseen, shown) = (odometry.pose(), odometry.last_shown().unwrap());
+        odometry.correct_turn(&shown, 1.4);
         let seen = odometry.pose();
         assert!(
-            near(seen.heading, 1.4) && seen.heading_error < unseen.heading_error,
+            seen.heading < unseen.heading && seen.heading_error < unseen.heading_error,
             "{seen:?}"
         );
+    }
+
+    #[test]
+    fn turns_that_pictures_show_late_are_neither_lost_nor_counted_twice() {
+        let (late, width) = (
+            Duration::from_millis(200),
+            Calibration::default().track_width,
+        );
+        let (mut odometry, start) = odometry();
+        let (mut slipping, mut truth, mut turned) = (Ramp::default(), Travel::new(start), 0.0);
+        let mut last = start;
+        for tick in 0..800 {
+            let now = start + Duration::from_millis(10) * (tick + 1);
+            let turn = if tick % 200 < 100 { 1.5 } else { 0.0 };
+            let forward = if turn == 0.0 { 0.2 } else { 0.0 };
+            odometry.advance(now, Driver::Script(Drive { forward, turn }));
+            let slips = Drive {
+                forward,
+                turn: 0.9 * turn,
+            };
+            let (motion, seconds) = slipping.step(slips, width, 0.01);
+            turned += motion.turn * seconds;
+            truth.add(now, motion.turn * seconds, 0.0);
+            if tick % 12 == 0 {
+                odometry.mark(now);
+                let seen = truth.between(last - late, now - late);
+                if let (Some(shown), Some(seen)) = (odometry.last_shown(), seen) {
+                    odometry.correct_turn(&shown, seen.turn * 1.05);
+                }
+                last = now;
+            }
+        }
+        let pose = odometry.pose();
+        // Four turns of 1.5 radians, less what the tracks slip.
+        assert!((turned - 5.5).abs() < 0.1, "{turned}");
+        assert!((pose.heading - turned).abs() < 0.25, "{pose:?}");
+    }
+
+    #[test]
+    fn who_walks_by_is_no_turn() {
+        let (mut odometry, mut now) = odometry();
+        for _ in 0..2 {
+            drive(&mut odometry, &mut now, AHEAD, 1);
+            odometry.mark(now);
+        }
+        let shown = odometry.last_shown().unwrap();
+        odometry.correct_turn(&shown, 0.3);
+        assert!(near(odometry.pose().heading, 0.0));
     }
 
     #[test]
@@ -275,23 +360,27 @@ mod tests {
         let (mut odometry, start) = odometry();
         odometry.advance(start + Duration::from_secs(1), AHEAD);
         let own = odometry.pose();
-        assert!(!odometry.advance(start + Duration::from_millis(1100), Driver::Other));
-        assert_eq!(odometry.pose(), own);
+        assert!(!odometry.advance(start + Duration::from_millis(1200), Driver::Other));
+        let echo = odometry.pose();
+        assert!(
+            near(echo.x, 0.2) && echo.error < own.error + 0.01,
+            "{echo:?}"
+        );
         assert!(odometry.advance(start + Duration::from_secs(9), Driver::Other));
         let pose = odometry.pose();
         assert!(pose.error > 1.0 && near(pose.heading_error, PI), "{pose:?}");
-        assert!(near(pose.x, own.x));
+        assert!(near(pose.x, echo.x));
     }
 
     #[test]
     fn a_robot_that_was_held_has_not_come_on() {
-        let (mut odometry, start) = odometry();
-        for second in 1..=3 {
-            let now = start + Duration::from_secs(second);
-            odometry.advance(now, AHEAD);
+        let (mut odometry, mut now) = odometry();
+        let start = now;
+        for _ in 0..3 {
+            drive(&mut odometry, &mut now, AHEAD, 1);
             odometry.mark(now);
         }
         odometry.rewind(start + Duration::from_secs(2));
-        assert!(near(odometry.pose().x, 0.4));
+        assert!((odometry.pose().x - 0.4).abs() < 0.02);
     }
 }

@@ -47,8 +47,8 @@ pub(super) struct Sight {
     pub(super) watchers: Rc<Cell<u32>>,
     /// A frame that is still to be looked at for the robot's own movement.
     pub(super) look: Option<Look>,
-    /// Of the last frame that was looked at while the robot turned.
-    pub(super) skyline: Option<Skyline>,
+    /// Of the last frame that was looked at while the robot turned, and when that came.
+    pub(super) skyline: Option<(Instant, Skyline)>,
     /// When the last frame came during which the tracks turned the robot.
     pub(super) turned: Option<Instant>,
     /// Frames that were no pictures.
@@ -62,8 +62,8 @@ pub(super) struct Look {
     pub(super) held: Rc<HeldFrame>,
     /// The timed motion that was on.
     pub(super) going: Option<Going>,
-    /// Radians by which the tracks should have turned the robot since the frame before.
-    pub(super) turn: Option<f64>,
+    /// It may show a turn.
+    pub(super) turns: bool,
 }
 
 impl Sight {

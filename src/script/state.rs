@@ -38,10 +38,8 @@ use crate::vision::Skyline;
 
 /// A turn from one frame to the next that is looked for in the pictures, radians.
 const LEAST_TURN: f64 = 0.02;
-/// Pictures are late, and so is the end of a turn in them.
+/// Tracks and pictures are late, and so is the end of a turn in them.
 const ROLLING_OUT: Duration = Duration::from_millis(500);
-/// A turn is looked for so far from what is expected, at least; radians.
-const LEAST_REACH: f64 = 0.15;
 
 /// What a script has used.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -202,22 +200,22 @@ impl State {
             odometer: self.odometry.odometer(),
             heading: self.odometry.pose().heading,
         });
-        let turn = self.odometry.last_turn().filter(|turn| {
-            let turns = turn.abs() > LEAST_TURN;
-            self.sight.turned = if turns { Some(at) } else { self.sight.turned };
-            let lately = |turned: Instant| at.saturating_duration_since(turned) < ROLLING_OUT;
-            self.sight.turned.is_some_and(lately)
-        });
-        if going.is_none() && turn.is_none() {
+        let shown = self.odometry.last_shown();
+        if shown.is_some_and(|shown| shown.most_turn() > LEAST_TURN) {
+            self.sight.turned = Some(at);
+        }
+        let lately = |turned: Instant| at.saturating_duration_since(turned) < ROLLING_OUT;
+        let turns = self.sight.turned.is_some_and(lately);
+        if going.is_none() && !turns {
             return self.sight.skyline = None;
         }
         let held = Rc::clone(held);
-        self.sight.look = Some(Look { held, going, turn });
+        self.sight.look = Some(Look { held, going, turns });
     }
 
     /// Looks at the last frame as planned, once.
     pub(super) fn look_where_it_goes(&mut self) {
-        let Some(Look { held, going, turn }) = self.sight.look.take() else {
+        let Some(Look { held, going, turns }) = self.sight.look.take() else {
             return;
         };
         let (camera, frame) = (self.options.camera, &held.frame);
@@ -226,13 +224,15 @@ impl State {
         };
         let skyline = Skyline::of(image, camera);
         let held_since = going.and_then(|going| self.blockage.look(image, frame.at, camera, going));
-        if let (Some(turn), Some(before)) = (turn, &self.sight.skyline) {
-            let reach = (turn.abs() * 0.6).max(LEAST_REACH);
+        let before = self.sight.skyline.as_ref().filter(|_| turns);
+        let shown = before.and_then(|(at, _)| self.odometry.shown(*at, frame.at));
+        if let (Some((_, before)), Some(shown)) = (before, shown) {
+            let (turn, reach) = shown.expected();
             if let Some(seen) = skyline.turned_since(before, turn, reach) {
-                self.odometry.correct_turn(seen);
+                self.odometry.correct_turn(&shown, seen);
             }
         }
-        self.sight.skyline = Some(skyline);
+        self.sight.skyline = Some((frame.at, skyline));
         if let (Some(since), Some(going)) = (held_since, going)
             && self
                 .motion

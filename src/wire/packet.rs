@@ -180,6 +180,20 @@ mod tests {
     }
 
     #[test]
+    fn only_of_a_frame_the_part_that_has_come_is_shown() {
+        let frame: &[u8] = &[0x50, 0x4B, super::super::kind::VIDEO, 0, 3, 7, 8];
+        let mut decoder = Decoder::new();
+        assert_eq!(decoder.decode(&mut &frame[..4]), Ok(None));
+        assert_eq!(decoder.coming_frame(), None);
+        assert_eq!(decoder.decode(&mut &frame[4..]), Ok(None));
+        assert_eq!(decoder.coming_frame(), Some([7, 8].as_slice()));
+        let power: &[u8] = &[0x50, 0x4B, super::super::kind::POWER, 0, 2, 50];
+        let mut decoder = Decoder::new();
+        assert_eq!(decoder.decode(&mut &*power), Ok(None));
+        assert_eq!(decoder.coming_frame(), None);
+    }
+
+    #[test]
     fn a_header_without_pk_ends_the_stream_for_good() {
         let mut decoder = Decoder::new();
         let mut input: &[u8] = b"PX";

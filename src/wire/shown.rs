@@ -131,5 +131,12 @@ mod tests {
             format!("{:?}", Report::Config(secret.into())),
             "Config(7 bytes)"
         );
+        assert_eq!(
+            format!("{setting:?}"),
+            "Setting { key: \"wifi-key\", value: 7 bytes }"
+        );
+        let chunk = FileChunk::of_sound(Sound::User0, 3, secret.into()).unwrap();
+        let shown = format!("{chunk:?}");
+        assert!(shown.starts_with("FileChunk { id:") && shown.ends_with("content: 7 bytes }"));
     }
 }

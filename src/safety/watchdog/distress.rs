@@ -77,7 +77,8 @@ impl Watchdog {
         let usable = !self.parting && !self.docked() && self.limits.rescue != Rescue::Off;
         let rates = [Activity::Searching, Activity::Standing].map(|what| self.drain.rate(what));
         let worth = match rates {
-            [Some(searching), Some(standing)] if standing > 0.0 => {
+            // A rate that is known is above zero.
+            [Some(searching), Some(standing)] => {
                 took.mul_f64((searching / standing).clamp(0.5, 2.0))
             }
             _ => took,

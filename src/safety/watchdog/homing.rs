@@ -82,14 +82,13 @@ impl Watchdog {
         if !self.online || self.guard.low().is_none() || underway {
             return;
         }
-        if self.docked() || self.homing.is_some() {
+        if self.docked() {
+            return self.send_home(now);
+        }
+        if self.homing.is_some() {
             self.search_at_once(now);
         }
-        if self.docked() {
-            self.send_home(now);
-        } else {
-            self.continue_recovery(now);
-        }
+        self.continue_recovery(now);
     }
 
     /// Begins a search of the watchdog's own, or the waiting for charging.

@@ -160,3 +160,49 @@ fn only_the_one_who_asked_is_told_how_an_undocking_ends() {
         assert_eq!(told(&acts).len(), told_at_the_end);
     }
 }
+
+#[test]
+fn of_two_who_wait_for_a_low_robots_docking_the_one_that_is_still_there_is_told() {
+    let mut rig = Rig::online(60);
+    rig.dock(7);
+    let other = BehaviourId(1);
+    rig.ask_as(
+        other,
+        0,
+        Intent::Dock {
+            call: CallId(8),
+            plan: DockPlan::default(),
+        },
+    );
+    rig.take(Fact::Power(power(20)));
+    rig.take(Fact::Gone(WHO));
+    rig.take(Fact::Engine(EngineReport::Docked));
+    let acts = rig.take(Fact::Power(charging(20)));
+    let ended = acts.iter().filter_map(|act| match act {
+        Act::Tell(who, Event::DockEnded { call, .. }) => Some((*who, *call)),
+        _ => None,
+    });
+    assert_eq!(ended.collect::<Vec<_>>(), [(other, CallId(8))]);
+}
+
+#[test]
+fn the_end_of_a_docking_is_reported_once_with_who_asked_for_it() {
+    let mut rig = Rig::online(60);
+    rig.dock(7);
+    assert_eq!(rig.dog.take_dock_report(), None);
+    rig.take(Fact::Engine(EngineReport::Docked));
+    rig.take(Fact::Power(charging(60)));
+    let report = rig.dog.take_dock_report().unwrap();
+    assert_eq!((report.by, report.outcome.attempts), (Some(WHO), 1));
+    assert_eq!(report.outcome.end, DockEnd::Done);
+    assert_eq!(rig.dog.take_dock_report(), None);
+}
+
+#[test]
+fn who_has_left_the_station_is_not_undocked() {
+    let acts = Rig::online(80).undock(1);
+    assert_eq!(
+        (sent(&acts), undock_ended(&acts)),
+        (vec![], Some(DockEnd::NotDocked))
+    );
+}

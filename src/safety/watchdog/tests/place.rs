@@ -118,3 +118,24 @@ fn a_robot_whose_charge_is_held_by_hysteresis_is_not_undocked() {
     rig.take(Fact::Power(power(30)));
     assert_eq!(undock_ended(&rig.undock(1)), Some(DockEnd::Safety));
 }
+
+#[test]
+fn a_robot_that_drives_searches_or_leaves_its_station_moves() {
+    let mut rig = Rig::online(60);
+    assert!(!rig.dog.is_robot_moving());
+    rig.drive(1, None);
+    assert!(rig.dog.is_robot_moving());
+    rig.ask(Intent::Stop);
+    assert!(!rig.dog.is_robot_moving());
+    rig.dock(2);
+    assert!(rig.dog.is_robot_moving(), "it searches");
+    rig.ask(Intent::CancelDock);
+    assert!(!rig.dog.is_robot_moving());
+
+    let mut rig = undocked_by_nobodys_word(80);
+    assert!(rig.dog.is_robot_moving(), "it leaves");
+    rig.take(Fact::Gone(WHO));
+    assert!(rig.dog.is_robot_moving(), "it leaves for nobody");
+    rig.take(Fact::Engine(EngineReport::Undocked));
+    assert!(!rig.dog.is_robot_moving());
+}

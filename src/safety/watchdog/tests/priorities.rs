@@ -139,6 +139,15 @@ fn who_waits_for_charging_is_not_undocked_by_a_lower_priority() {
         },
     );
     assert_eq!(undock_ended(&rig.undock(1)), Some(DockEnd::Preempted));
+    let acts = rig.ask_as(
+        WHO,
+        10,
+        Intent::Undock {
+            call: CallId(2),
+            timeout: 20 * SECOND,
+        },
+    );
+    assert_eq!(sent(&acts), [LEAVE], "as high");
 }
 
 #[test]

@@ -20,7 +20,9 @@ fn where_it_finds_no_station_it_drives_a_short_leg_and_searches_from_there() {
     assert!(count(&acts, &LEG) >= 10, "said 5 times a second");
     assert_eq!(sent(&rig.pass(MS, false)), [Command::STOP, FIND]);
     assert_eq!(tracks(&rig.pass(100 * SECOND, false)), [], "it searches");
-    let acts = [rig.take(NOT_FOUND), rig.pass(2950 * MS, false)].concat();
+    let acts = rig.take(NOT_FOUND);
+    assert!(reasons(&acts)[0].contains("drives short leg 2,"));
+    let acts = [acts, rig.pass(2950 * MS, false)].concat();
     assert_eq!(tracks(&acts), [(0, 0), (-27, 27), (27, 27), (0, 0)]);
     assert_eq!(count(&acts, &FIND), 1);
     rig.take(Fact::Engine(EngineReport::Docked));
@@ -215,4 +217,63 @@ fn a_pause_lasts_as_long_as_costs_what_the_search_has_cost() {
     rig.pass(99 * SECOND, false);
     rig.take(NOT_FOUND);
     assert_eq!(rig.dog.recovery_deadline(), Some(rig.now + 100 * SECOND));
+}
+
+/// Seconds of the longest pause after searches of 100 s, of a robot whose level falls each time after so many seconds
+/// while it stands, and while it searches.
+fn longest_pause(standing_for: u32, searching_for: u32) -> u32 {
+    let mut rig = Rig::with(standing());
+    rig.take(Fact::LinkUp {
+        docked: false,
+        power: power(95),
+    });
+    for level in (70..95).rev() {
+        rig.pass(standing_for * SECOND, false);
+        rig.take(Fact::Power(power(level)));
+    }
+    for level in (40..70).rev() {
+        rig.dock(1);
+        rig.pass(searching_for * SECOND, false);
+        rig.take(Fact::Power(power(level)));
+    }
+    rig.ask(Intent::CancelDock);
+    rig.take(Fact::Power(power(20)));
+    let pauses = (0..6).map(|_| {
+        rig.pass(100 * SECOND, false);
+        let reasons = reasons(&rig.take(NOT_FOUND));
+        let words = reasons[0].rsplit("tries again in ").next().unwrap();
+        let pause = words.trim_end_matches(" s").parse().unwrap();
+        rig.pass(pause * SECOND, false);
+        pause
+    });
+    pauses.max().unwrap()
+}
+
+#[test]
+fn a_pause_is_worth_a_search_by_the_rates_that_were_learnt() {
+    assert_eq!(longest_pause(60, 20), 200, "at most twice as long");
+    assert_eq!(longest_pause(20, 60), 50, "at least half as long");
+    assert_eq!(longest_pause(60, 40), 150);
+}
+
+#[test]
+fn a_dropped_link_is_no_failed_search() {
+    let mut rig = searching(20, standing());
+    rig.pass(SECOND, false);
+    let acts = rig.take(Fact::LinkDown);
+    assert!(
+        !reasons(&acts)
+            .iter()
+            .any(|reason| reason.contains("failed")),
+        "{acts:?}"
+    );
+}
+
+#[test]
+fn a_search_that_ends_with_the_release_is_no_failed_one() {
+    let mut rig = searching(20, standing());
+    rig.pass(SECOND, false);
+    let acts: Vec<Act> = (0..4).flat_map(|_| rig.hear(power(60))).collect();
+    assert_eq!(reasons(&acts), ["battery at 60 %"]);
+    assert_eq!(sent(&acts), [CANCEL, Command::STOP]);
 }
