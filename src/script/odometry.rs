@@ -123,7 +123,7 @@ impl Odometry {
     pub(super) fn advance(&mut self, now: Instant, driver: Driver) -> bool {
         let time = now.saturating_duration_since(self.at);
         let end = self.at.max(now);
-        let mut others = false;
+        let echo = self.drove.is_some_and(|drove| end - drove < GRACE);
         match driver {
             Driver::Nobody => self.drive(STILL, time),
             Driver::Script(drive) => {
@@ -131,20 +131,17 @@ impl Odometry {
                 self.odometer += drive.forward * time.as_secs_f64();
                 self.drive(drive, time);
             }
-            Driver::Other if self.drove.is_some_and(|drove| end - drove < GRACE) => {
-                self.drive(STILL, time);
-            }
+            Driver::Other if echo => self.drive(STILL, time),
             Driver::Other => {
                 self.ramp = Ramp::default();
                 self.travel.add(end, 0.0, 0.0);
                 let seconds = time.as_secs_f64();
                 self.pose.error += self.calibration.full_speed * seconds;
                 self.pose.worsen_heading(OTHERS_TURN * seconds);
-                others = true;
             }
         }
         self.at = end;
-        others
+        matches!(driver, Driver::Other) && !echo
     }
 
     /// The tracks follow this command for a time.
