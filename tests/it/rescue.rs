@@ -6,7 +6,8 @@ mod low;
 
 use std::f64::consts::PI;
 
-use low::{Name, Place, Row, Start, Strategy, heading, play_all};
+use low::place::Start;
+use low::{Name, Place, Row, Strategy, heading, play_all};
 use spykee::sim::{Point, Pose};
 
 /// Few enough for an everyday test.

@@ -184,7 +184,6 @@ impl Watchdog {
         match outcome.end {
             DockEnd::Done | DockEnd::AlreadyDocked => self.answer_waiting(DockEnd::Done, now),
             DockEnd::Disconnected => self.answer_waiting(DockEnd::Disconnected, now),
-            DockEnd::Cancelled => {}
             _ => self.go_on(outcome, now),
         }
     }

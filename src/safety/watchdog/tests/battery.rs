@@ -301,3 +301,13 @@ fn the_state_says_at_a_glance_how_things_stand() {
         ]
     );
 }
+
+#[test]
+fn a_robot_that_charges_all_at_once_is_on_its_station_and_its_motion_is_over() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    let acts: Vec<Act> = (0..3).flat_map(|_| rig.hear(charging(60))).collect();
+    assert_eq!(told(&acts)[..1], [ended(1, MotionEnd::Docked)]);
+    assert!(sent(&acts).contains(&Command::STOP));
+    assert_eq!(rig.dog.state(), WatchdogState::Docked);
+}
