@@ -222,8 +222,8 @@ local function back_off(free)
 	robot.forward(0.3)
 end
 
--- Back the way it came, to where it began, and towards its station when it sees that. When something holds it
--- more than once it is not sure any more where it is.
+-- Back the way it came, to where it began, and towards its station when it sees that. When something has
+-- held it HELDS times it is not sure any more where it is.
 local function go_back()
 	local over, near = task.now() + 20 + 2 * STEP * #way / settings.speed, floor.memory()
 	local free_at, reached_at, changed_at, changed, looked_like, helds = task.now(), task.now(), 0, robot.pose(), nil, 0

@@ -32,7 +32,7 @@ pub(super) struct Contact {
     /// The motion that is on may be held, so far.
     perhaps: Option<Held>,
     /// Of the motion that is on.
-    shown: Shown,
+    shown: SoFar,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -48,7 +48,7 @@ struct Held {
 
 /// What pictures have shown since a motion began.
 #[derive(Debug, Default)]
-struct Shown {
+struct SoFar {
     pictures: u32,
     /// The share of its way that leads towards what held it before, when it began.
     towards: f64,
@@ -83,9 +83,9 @@ impl Contact {
             motion: going.motion,
             ..held
         });
-        self.shown = Shown {
+        self.shown = SoFar {
             towards: last.map_or(0.0, |held| (towards(going) - held.towards).cos()),
-            ..Shown::default()
+            ..SoFar::default()
         };
     }
 
