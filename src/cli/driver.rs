@@ -54,11 +54,7 @@ pub(super) async fn drive(
         let stayed = driver.flight.stay().await;
         done.map(|exit| if stayed { Exit::Safety } else { exit })
     };
-    let done = tokio::select! {
-        biased;
-        () = stop.cancelled() => None,
-        done = work => Some(done),
-    };
+    let done = unless_stopped(&stop, work).await;
     let away = driver.flight.is_away();
     driver.flight.end().await;
     done.unwrap_or(Ok(if away {
@@ -66,6 +62,13 @@ pub(super) async fn drive(
     } else {
         Exit::Interrupted
     }))
+}
+
+/// What the work came to; `None` once `stop` is cancelled: what ends after that, such as a motion, ends
+/// because of it.
+async fn unless_stopped<T>(stop: &CancellationToken, work: impl Future<Output = T>) -> Option<T> {
+    let done = stop.run_until_cancelled(work).await;
+    done.filter(|_| !stop.is_cancelled())
 }
 
 impl Driver {
@@ -179,5 +182,21 @@ fn failed(error: AgentError) -> Failure {
     match error {
         AgentError::Link(error) => error.into(),
         error @ AgentError::Broken(_) => Failure::new(Exit::Unreachable, error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn work_that_ends_because_of_a_stop_has_no_result() {
+        let stop = CancellationToken::new();
+        assert_eq!(unless_stopped(&stop, async { 1 }).await, Some(1));
+        let cut_short = unless_stopped(&stop, async {
+            stop.cancel();
+            2
+        });
+        assert_eq!(cut_short.await, None);
     }
 }
