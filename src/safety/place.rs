@@ -2,7 +2,7 @@
 //!
 //! | place | by | a script's motion | `undock` | `dock` | low battery |
 //! | --- | --- | --- | --- | --- | --- |
-//! | [`DockState::Charging`] | a POWER that says so | refused, `docked` | CHARGE_STOP | `already_docked` | stays |
+//! | [`DockState::Charging`] | a POWER that says so, unless it comes within 10 s after the robot has left, as asked | refused, `docked` | CHARGE_STOP | `already_docked` | stays |
 //! | [`DockState::ContactSaid`] | ENGINE 2, or the login's word | refused, `docked` | CHARGE_STOP | waits for charging | waits for charging, at most `charge_timeout`; then [`DockState::Unknown`] |
 //! | [`DockState::Left`] | ENGINE 1, the login's word, or a POWER that charges no more after CHARGE_STOP | allowed | `not_docked` | BASE_FIND | BASE_FIND |
 //! | [`DockState::Unknown`] | a CHARGE_STOP that is not confirmed in time; contact without charging while low; charging that ends though contact was never reported | allowed | CHARGE_STOP | BASE_FIND | BASE_FIND |
@@ -71,11 +71,18 @@ pub struct DockTracker {
     charge_due: Option<Instant>,
     /// CHARGE_STOP was sent; the robot's word is awaited until then.
     leaving: Option<Instant>,
+    /// CHARGE_STOP was sent since the robot last spoke of its place.
+    asked: bool,
+    /// When the robot said that it has left, as it was asked to.
+    left: Option<Instant>,
 }
 
 impl DockTracker {
     /// The longest time that the robot's word is awaited after CHARGE_STOP.
     pub const LONGEST_LEAVING: Duration = Duration::from_secs(60);
+
+    /// How long a POWER that says "charging" may be older than ENGINE 1.
+    const JUST_LEFT: Duration = Duration::from_secs(10);
 
     /// Nothing has been said yet.
     pub fn new(charge_timeout: Duration) -> DockTracker {
@@ -85,6 +92,8 @@ impl DockTracker {
             contact: false,
             charge_due: None,
             leaving: None,
+            asked: false,
+            left: None,
         }
     }
 
@@ -108,10 +117,17 @@ impl DockTracker {
         self.leaving.is_some()
     }
 
+    /// It was asked to leave, and has just said that it did: a POWER that says "charging" tells of the time before.
+    pub fn has_just_left(&self, now: Instant) -> bool {
+        self.left
+            .is_some_and(|left| now < left + DockTracker::JUST_LEFT)
+    }
+
     /// The login has said whether it is docked. While the battery is low that word gives contact no
     /// new time: a link that drops again and again does not keep the robot from searching.
     pub fn login(&mut self, docked: bool, low: bool, now: Instant) {
         self.leaving = None;
+        (self.asked, self.left) = (false, None);
         let tried = low && self.charge_due.is_some_and(|due| due <= now);
         if !docked {
             return self.leave(Evidence::Login);
@@ -128,6 +144,7 @@ impl DockTracker {
     /// ENGINE 2: on the station. Said again in time it changes nothing.
     pub fn docked(&mut self, now: Instant) {
         (self.contact, self.leaving) = (true, None);
+        (self.asked, self.left) = (false, None);
         let late = self.charge_due.is_some_and(|due| due <= now);
         if late || !self.on_station() {
             self.place = DockState::ContactSaid;
@@ -136,9 +153,10 @@ impl DockTracker {
     }
 
     /// ENGINE 1: has left the station.
-    pub fn undocked(&mut self) {
+    pub fn undocked(&mut self, now: Instant) {
         self.leaving = None;
         self.leave(Evidence::Engine);
+        self.left = std::mem::take(&mut self.asked).then_some(now);
     }
 
     /// A battery level came.
@@ -153,6 +171,7 @@ impl DockTracker {
     /// CHARGE_STOP was sent; the robot's word is awaited for so long, at most
     /// [`DockTracker::LONGEST_LEAVING`].
     pub fn leave_station(&mut self, timeout: Duration, now: Instant) {
+        self.asked = true;
         self.leaving = Some(now + timeout.min(DockTracker::LONGEST_LEAVING));
     }
 

@@ -40,7 +40,7 @@ fn each_word_has_its_place() {
     assert_eq!(place.place(), DockState::Charging, "said late");
     place.power(false, now);
     assert_eq!(place.place(), DockState::ContactSaid, "full, or no current");
-    place.undocked();
+    place.undocked(now);
     assert_eq!(place.place(), DockState::Left(Evidence::Engine));
 }
 
@@ -96,7 +96,7 @@ fn a_word_ends_the_waiting_for_one() {
         if docked {
             place.docked(now);
         } else {
-            place.undocked();
+            place.undocked(now);
         }
         assert!(!place.is_leaving());
         place.poll(false, now + 60 * SECOND);

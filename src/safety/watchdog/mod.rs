@@ -314,7 +314,7 @@ impl Watchdog {
             self.trail.lose()
         }
         self.way = None;
-        self.whereabouts.undocked();
+        self.whereabouts.undocked(now);
         self.guard.undocked();
         self.guard.excuse_silence(now);
         if let Some(leaving) = self.leaving.take() {

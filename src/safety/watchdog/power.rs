@@ -9,6 +9,10 @@ use crate::wire::Power;
 
 impl Watchdog {
     pub(super) fn power(&mut self, power: Power, now: Instant) {
+        let power = Power {
+            charging: power.charging && !self.whereabouts.has_just_left(now),
+            ..power
+        };
         let was_critical = self.guard.critical();
         let contact = self.whereabouts.has_contact();
         let change = self.guard.report(power, contact, now);

@@ -54,6 +54,28 @@ fn current_that_ends_while_the_robot_backs_out_lets_nobody_drive_yet() {
 }
 
 #[test]
+fn a_power_that_says_charging_just_after_the_robot_has_left_as_asked_is_of_the_time_before() {
+    let mut rig = Rig::docked(charging(80));
+    rig.undock(1);
+    rig.take(Fact::Engine(EngineReport::Undocked));
+    rig.pass(4 * SECOND, false);
+    rig.take(Fact::Power(charging(80)));
+    assert_eq!(rig.dog.place(), DockState::Left(Evidence::Engine));
+    assert_eq!(sent(&rig.drive(1, None)), [FORWARD]);
+    rig.pass(6 * SECOND, true);
+    rig.take(Fact::Power(charging(80)));
+    assert_eq!(rig.dog.place(), DockState::Charging, "somebody put it back");
+}
+
+#[test]
+fn a_robot_that_says_by_itself_that_it_has_left_is_believed_when_it_charges_again() {
+    let mut rig = Rig::docked(charging(80));
+    rig.take(Fact::Engine(EngineReport::Undocked));
+    rig.take(Fact::Power(charging(80)));
+    assert_eq!(rig.dog.place(), DockState::Charging);
+}
+
+#[test]
 fn in_an_unknown_place_undocking_and_docking_are_tried_again() {
     let mut rig = undocked_by_nobodys_word(80);
     rig.pass(20 * SECOND, false);

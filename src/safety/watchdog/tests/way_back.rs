@@ -108,11 +108,12 @@ fn whatever_else_moves_the_robot_on_its_way_makes_it_unknown() {
         ("carried", vec![Fact::Engine(EngineReport::Undocked)]),
         (
             "charges, and charges no more",
-            vec![
-                Fact::Power(charging(90)),
-                Fact::Power(charging(90)),
-                Fact::Power(power(90)),
-            ],
+            // The first of them may tell of the time before it left.
+            [
+                vec![Fact::Power(charging(90)); 10],
+                vec![Fact::Power(power(90))],
+            ]
+            .concat(),
         ),
     ];
     for (why, facts) in cases {

@@ -15,6 +15,8 @@ pub(super) struct Known {
     pub(super) contact: Option<Instant>,
     /// It was told to leave the station, and has said nothing since.
     pub(super) told_to_leave: bool,
+    /// When it said that it has left, as it was told to.
+    pub(super) left: Option<Instant>,
     /// It was low and did not charge in time, and has said nothing since.
     pub(super) idle: bool,
     pub(super) low: bool,
@@ -58,7 +60,7 @@ impl Known {
         match fact {
             Fact::LinkUp { docked, power } => {
                 (self.online, self.on_station) = (true, *docked);
-                (self.not_found, self.told_to_leave) = (false, false);
+                (self.not_found, self.told_to_leave, self.left) = (false, false, None);
                 self.power(*power, limits, now);
             }
             Fact::LinkDown => self.online = false,
@@ -70,7 +72,7 @@ impl Known {
             Fact::Engine(EngineReport::Docked) => {
                 (self.on_station, self.not_found) = (true, false);
                 self.charges_here &= !self.told_to_leave;
-                self.told_to_leave = false;
+                (self.told_to_leave, self.left) = (false, None);
                 self.touched |= self.charging;
                 self.surely_touched |= self.charging;
             }
@@ -79,6 +81,7 @@ impl Known {
                 self.charges_here = false;
                 (self.charges, self.touched, self.doubted) = (0, false, false);
                 self.surely_touched = false;
+                self.left = self.told_to_leave.then_some(now);
                 self.told_to_leave = false;
                 self.reported = self.reported.map(|_| now);
             }
@@ -100,6 +103,13 @@ impl Known {
 
     pub(super) fn power(&mut self, power: Power, limits: &Limits, now: Instant) {
         self.end_doubt(now);
+        let just_left = self
+            .left
+            .is_some_and(|left| now < left + Duration::from_secs(10));
+        let power = Power {
+            charging: power.charging && !just_left,
+            ..power
+        };
         if power.charging && !self.charging {
             self.said = Some(now);
         }
