@@ -31,7 +31,7 @@ const APART: (Duration, Duration) = (Duration::from_millis(190), Duration::from_
 const FARTHER_APART: Duration = Duration::from_millis(750);
 /// It must have stood for so long, in at least so many pictures.
 const STOOD: Duration = Duration::from_millis(500);
-const PICTURES: u32 = 3;
+const PICTURES: u32 = 4;
 /// Pictures that told so longer ago count no more.
 const FORGOTTEN: Duration = Duration::from_millis(500);
 /// How fast it may turn, in radians a second, so that what it sees ahead is what it will meet.
