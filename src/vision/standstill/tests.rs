@@ -113,7 +113,11 @@ fn a_line_along_the_way_is_no_standstill_and_things_on_both_sides_are() {
                 (f64::from(x) - far - (near - far) * down).abs() < 4.0 + 8.0 * down
             };
             let grain = speckle(i64::from(x), i64::from(y)) % 5;
-            Rgb([if down > 0.0 && ends.iter().any(on) { 40 + grain } else { 150 + grain }; 3])
+            Rgb([if down > 0.0 && ends.iter().any(on) {
+                40 + grain
+            } else {
+                150 + grain
+            }; 3])
         }))
     };
     let right = lines(&[(200.0, 300.0)]);
