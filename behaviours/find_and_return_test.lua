@@ -17,9 +17,9 @@ scenario("finds the blue post in the gallery and comes home", { world = "gallery
 	finds(sim, "blue", 390)
 end)
 
-scenario("finds the ball two rooms away and comes home", { world = "hall", fps = 8, limit = 300 }, function(sim)
+scenario("finds the ball two rooms away and comes home", { world = "hall", fps = 8, limit = 480 }, function(sim)
 	sim:place({ x = 1 + 1.4 * math.random(), y = 1 + 3 * math.random(), heading = 2 * math.pi * math.random() })
-	finds(sim, "red", 295)
+	finds(sim, "red", 470)
 end)
 
 scenario("comes home and says so when there is nothing", { world = "playpen", may_fail = true }, function(sim)

@@ -3,7 +3,8 @@
 //!
 //! The tracks gain speed as `ramp` has it, and a picture shows what they did as long ago as `lateness` has found
 //! out. What tracks and camera say then differs by the slip of the tracks and by mistakes of the camera: the
-//! heading follows each as far as it can be trusted, which is the gain of a Kalman filter.
+//! heading follows each as far as it can be trusted, which is the gain of a Kalman filter. A full turn on the spot sets
+//! the heading right, and tells how far the tracks can be trusted.
 
 use std::collections::VecDeque;
 use std::f64::consts::PI;
@@ -11,16 +12,20 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
+use super::full_turn::FullTurn;
+use super::grip::Grip;
 use super::lateness::Lateness;
 use super::options::Calibration;
 use super::ramp::Ramp;
-use super::shown::{SEEN_TURN, SLIP_OF_TURN, Shown, VEER};
+use super::shown::{Correction, Shown, VEER};
 use super::travel::Travel;
 use crate::robot::Setpoint;
-use crate::vision::Drive;
+use crate::vision::{Drive, Skyline};
 
 /// What tracks slip on an unknown floor: metres for each metre.
 const SLIP_OF_WAY: f64 = 0.1;
+/// Radians that the heading may be off after a full turn, beside what it was off before.
+const SAME_VIEW: f64 = 0.02;
 /// Radians per second that something else may turn the robot by.
 const OTHERS_TURN: f64 = 2.0;
 /// What others do counts from so much after the script's own motion: the news of its end is as late.
@@ -83,6 +88,10 @@ pub(super) struct Odometry {
     ramp: Ramp,
     travel: Travel,
     lateness: Lateness,
+    grip: Grip,
+    /// Of the last frame that was looked at while the robot turned, and when that came.
+    skyline: Option<(Instant, Skyline)>,
+    full_turn: FullTurn,
     /// The poses when frames were taken, the oldest first.
     marks: VecDeque<(Instant, Pose)>,
 }
@@ -99,6 +108,9 @@ impl Odometry {
             ramp: Ramp::default(),
             travel: Travel::new(now),
             lateness: Lateness::default(),
+            grip: Grip::default(),
+            skyline: None,
+            full_turn: FullTurn::default(),
             marks: VecDeque::new(),
         }
     }
@@ -134,7 +146,8 @@ impl Odometry {
             Driver::Other if echo => self.drive(STILL, time),
             Driver::Other => {
                 self.ramp = Ramp::default();
-                self.travel.add(end, 0.0, 0.0);
+                self.travel.add(end, 0.0, 0.0, 0.0);
+                self.full_turn.forget();
                 let seconds = time.as_secs_f64();
                 self.pose.error += self.calibration.full_speed * seconds;
                 self.pose.worsen_heading(OTHERS_TURN * seconds);
@@ -151,10 +164,14 @@ impl Odometry {
             let width = self.calibration.track_width;
             let (motion, seconds) = self.ramp.step(command, width, whole - past);
             past += seconds;
-            self.pose = self.pose.after(motion, seconds);
+            let (told, way) = (motion.turn * seconds, motion.forward * seconds);
+            let turn = self.grip.share() * told;
+            self.pose = self.pose.after(way, turn);
+            self.pose
+                .worsen_heading(self.grip.deviation() * turn.abs() + VEER * way.abs());
+            self.grip.fade(turn.abs());
             let end = self.at + Duration::from_secs_f64(past.min(whole));
-            let (turn, way) = (motion.turn * seconds, motion.forward * seconds);
-            self.travel.add(end, turn, way);
+            self.travel.add(end, told, turn, way);
             if past >= whole {
                 break;
             }
@@ -183,17 +200,44 @@ impl Odometry {
 
     /// What the tracks did between the moments that two frames show, which came at these times; `None` if that
     /// is too long ago.
-    pub(super) fn shown(&self, before: Instant, now: Instant) -> Option<Shown> {
-        Shown::between(&self.travel, &self.lateness, before, now)
+    fn shown(&self, before: Instant, now: Instant) -> Option<Shown> {
+        let slip = self.grip.deviation();
+        Shown::between(&self.travel, &self.lateness, slip, before, now)
     }
 
-    /// The camera has seen this turn between the two frames, in radians.
-    pub(super) fn correct_turn(&mut self, shown: &Shown, seen: f64) {
-        let correction = shown.correction(seen);
-        self.lateness.note(correction.seen, shown.turns());
+    /// A frame that came `at` shows this; `None` if it was not looked at.
+    pub(super) fn look(&mut self, at: Instant, skyline: Option<Skyline>) {
+        let before = std::mem::replace(&mut self.skyline, skyline.map(|skyline| (at, skyline)));
+        let (Some((then, before)), Some((_, skyline))) = (before, &self.skyline) else {
+            return self.full_turn.forget();
+        };
+        let Some(shown) = self.shown(then, at) else {
+            return self.full_turn.forget();
+        };
+        let (expected, reach) = shown.expected();
+        let mut correction = Correction::NONE;
+        if let Some(seen) = skyline.turned_since(&before, expected, reach) {
+            let seen = Shown::of_camera(seen);
+            correction = shown.correction(seen);
+            self.lateness.note(seen, shown.turns());
+        }
+        let error = self.pose.heading_error;
+        let closed = self.full_turn.look(skyline, shown.step(correction), error);
+        self.correct_turn(correction);
+        if let Some(closed) = closed {
+            self.pose.heading += closed.turned - closed.believed;
+            self.pose.heading_error = self.pose.heading_error.min(closed.error + SAME_VIEW);
+            self.grip.learn(closed.told, closed.turned);
+        }
+    }
+
+    /// The camera has seen more or less of a turn than the tracks made.
+    fn correct_turn(&mut self, correction: Correction) {
         self.pose.heading += correction.turn;
-        let better = correction.gain * (SLIP_OF_TURN - SEEN_TURN) * shown.turned();
-        self.pose.heading_error = (self.pose.heading_error - better).max(0.0);
+        self.pose.heading_error = (self.pose.heading_error - correction.better).max(0.0);
+        if let Some(part) = correction.differs {
+            self.grip.differ(part);
+        }
     }
 
     /// It has stood since then, whatever its tracks did.
@@ -208,9 +252,8 @@ impl Odometry {
 }
 
 impl Pose {
-    /// After a time of an even drive: a line, an arc, or a turn on the spot.
-    fn after(mut self, drive: Drive, seconds: f64) -> Pose {
-        let (way, turn) = (drive.forward * seconds, drive.turn * seconds);
+    /// After a line, an arc, or a turn on the spot.
+    fn after(mut self, way: f64, turn: f64) -> Pose {
         // The chord of the arc.
         let chord = if turn.abs() < 1e-6 {
             way
@@ -222,7 +265,6 @@ impl Pose {
         self.y += chord * along.sin();
         self.heading += turn;
         self.error += way.abs() * (SLIP_OF_WAY + self.heading_error.min(1.0));
-        self.worsen_heading(SLIP_OF_TURN * turn.abs() + VEER * way.abs());
         self
     }
 
@@ -232,152 +274,4 @@ impl Pose {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use std::f64::consts::FRAC_PI_2;
-
-    const AHEAD: Driver = Driver::Script(Drive {
-        forward: 0.2,
-        turn: 0.0,
-    });
-    const LEFT: Driver = Driver::Script(Drive {
-        forward: 0.0,
-        turn: FRAC_PI_2,
-    });
-
-    fn odometry() -> (Odometry, Instant) {
-        let now = Instant::now();
-        (Odometry::new(now, Calibration::default()), now)
-    }
-
-    fn near(one: f64, other: f64) -> bool {
-        (one - other).abs() < 1e-6
-    }
-
-    /// Until `now`, in steps of a hundredth of a second.
-    fn drive(odometry: &mut Odometry, now: &mut Instant, driver: Driver, seconds: u32) {
-        for _ in 0..seconds * 100 {
-            *now += Duration::from_millis(10);
-            odometry.advance(*now, driver);
-        }
-    }
-
-    #[test]
-    fn a_line_a_turn_and_an_arc_lead_where_geometry_says() {
-        let (mut odometry, mut now) = odometry();
-        let arc = Driver::Script(Drive {
-            forward: FRAC_PI_2 / 10.0,
-            turn: FRAC_PI_2 / 10.0,
-        });
-        for (driver, seconds, x, y) in [
-            (AHEAD, 1, 0.2, 0.0),
-            (LEFT, 1, 0.2, 0.0),
-            (AHEAD, 1, 0.2, 0.2),
-            (arc, 10, -0.8, 1.2),
-        ] {
-            drive(&mut odometry, &mut now, driver, seconds);
-            // It rolls out.
-            drive(&mut odometry, &mut now, Driver::Nobody, 1);
-            let pose = odometry.pose();
-            assert!((pose.x - x).hypot(pose.y - y) < 0.02, "{pose:?}");
-        }
-        assert!(near(odometry.pose().heading, PI));
-        odometry.reset();
-        assert_eq!(odometry.pose(), Pose::default());
-    }
-
-    #[test]
-    fn the_error_grows_with_the_way_and_less_where_the_camera_saw_the_turn() {
-        let (mut odometry, start) = odometry();
-        odometry.advance(start + Duration::from_secs(1), AHEAD);
-        let straight = odometry.pose();
-        assert!(straight.error > 0.0 && straight.heading_error > 0.0);
-        odometry.mark(start + Duration::from_secs(1));
-        odometry.advance(start + Duration::from_secs(2), LEFT);
-        odometry.mark(start + Duration::from_secs(2));
-        let (unseen, shown) = (odometry.pose(), odometry.last_shown().unwrap());
-        odometry.correct_turn(&shown, 1.4);
-        let seen = odometry.pose();
-        assert!(
-            seen.heading < unseen.heading && seen.heading_error < unseen.heading_error,
-            "{seen:?}"
-        );
-    }
-
-    #[test]
-    fn turns_that_pictures_show_late_are_neither_lost_nor_counted_twice() {
-        let (late, width) = (
-            Duration::from_millis(200),
-            Calibration::default().track_width,
-        );
-        let (mut odometry, start) = odometry();
-        let (mut slipping, mut truth, mut turned) = (Ramp::default(), Travel::new(start), 0.0);
-        let mut last = start;
-        for tick in 0..800 {
-            let now = start + Duration::from_millis(10) * (tick + 1);
-            let turn = if tick % 200 < 100 { 1.5 } else { 0.0 };
-            let forward = if turn == 0.0 { 0.2 } else { 0.0 };
-            odometry.advance(now, Driver::Script(Drive { forward, turn }));
-            let slips = Drive {
-                forward,
-                turn: 0.9 * turn,
-            };
-            let (motion, seconds) = slipping.step(slips, width, 0.01);
-            turned += motion.turn * seconds;
-            truth.add(now, motion.turn * seconds, 0.0);
-            if tick % 12 == 0 {
-                odometry.mark(now);
-                let seen = truth.between(last - late, now - late);
-                if let (Some(shown), Some(seen)) = (odometry.last_shown(), seen) {
-                    odometry.correct_turn(&shown, seen.turn * 1.05);
-                }
-                last = now;
-            }
-        }
-        let pose = odometry.pose();
-        // Four turns of 1.5 radians, less what the tracks slip.
-        assert!((turned - 5.5).abs() < 0.1, "{turned}");
-        assert!((pose.heading - turned).abs() < 0.25, "{pose:?}");
-    }
-
-    #[test]
-    fn who_walks_by_is_no_turn() {
-        let (mut odometry, mut now) = odometry();
-        for _ in 0..2 {
-            drive(&mut odometry, &mut now, AHEAD, 1);
-            odometry.mark(now);
-        }
-        let shown = odometry.last_shown().unwrap();
-        odometry.correct_turn(&shown, 0.3);
-        assert!(near(odometry.pose().heading, 0.0));
-    }
-
-    #[test]
-    fn what_others_drive_makes_the_place_unsure_but_not_the_echo_of_its_own_motion() {
-        let (mut odometry, start) = odometry();
-        odometry.advance(start + Duration::from_secs(1), AHEAD);
-        let own = odometry.pose();
-        assert!(!odometry.advance(start + Duration::from_millis(1200), Driver::Other));
-        let echo = odometry.pose();
-        assert!(
-            near(echo.x, 0.2) && echo.error < own.error + 0.01,
-            "{echo:?}"
-        );
-        assert!(odometry.advance(start + Duration::from_secs(9), Driver::Other));
-        let pose = odometry.pose();
-        assert!(pose.error > 1.0 && near(pose.heading_error, PI), "{pose:?}");
-        assert!(near(pose.x, echo.x));
-    }
-
-    #[test]
-    fn a_robot_that_was_held_has_not_come_on() {
-        let (mut odometry, mut now) = odometry();
-        let start = now;
-        for _ in 0..3 {
-            drive(&mut odometry, &mut now, AHEAD, 1);
-            odometry.mark(now);
-        }
-        odometry.rewind(start + Duration::from_secs(2));
-        assert!((odometry.pose().x - 0.4).abs() < 0.02);
-    }
-}
+mod tests;

@@ -5,15 +5,16 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
+use super::full_turn::Step;
+use super::grip::UNKNOWN;
 use super::lateness::{Lateness, TRIED};
 use super::travel::{Totals, Travel};
 
-/// What tracks slip on an unknown floor: radians for each radian and for each metre.
-pub(super) const SLIP_OF_TURN: f64 = 0.12;
+/// Radians that tracks veer with each metre.
 pub(super) const VEER: f64 = 0.08;
 /// What the camera is off: radians for each radian, and for each metre, since what the robot comes past moves
 /// through the picture too, and between any two pictures.
-pub(super) const SEEN_TURN: f64 = 0.07;
+const SEEN_TURN: f64 = 0.07;
 const PASSING: f64 = 0.3;
 const NOISE: f64 = 0.003;
 /// A turn that differs by more than so many standard errors from what the tracks did is none: somebody walks by.
@@ -24,6 +25,8 @@ const PARALLAX: f64 = 1.05;
 /// A turn is looked for so far from what is expected, at least; radians, and as a share of it.
 const LEAST_REACH: f64 = 0.15;
 const REACH: f64 = 0.6;
+/// Radians of a turn from which on it tells how far camera and tracks differ.
+const TELLS: f64 = 0.05;
 
 /// What the tracks did between the moments that two frames show.
 #[derive(Debug, Clone, Copy)]
@@ -33,17 +36,31 @@ pub(super) struct Shown {
     turns: [f64; TRIED],
     /// Radians that it may be off because the delay is not known better.
     unsure: f64,
+    /// As a share of the turn, what the tracks may have made more or less of it.
+    slip: f64,
 }
 
 /// What a turn that the camera has seen changes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Correction {
-    /// The turn of the robot that belongs to the one of the camera, radians.
-    pub(super) seen: f64,
-    /// How far the camera is believed, 0 to 1.
-    pub(super) gain: f64,
-    /// Radians that the robot has turned more than the tracks say.
+    /// Radians that the robot has turned more than the tracks say, as far as the camera is believed.
     pub(super) turn: f64,
+    /// Radians that the heading is less unsure.
+    pub(super) better: f64,
+    /// The share of the turn by which the camera saw more, if it saw one that tells.
+    pub(super) differs: Option<f64>,
+    /// The camera saw a turn that can be.
+    pub(super) seen: bool,
+}
+
+impl Correction {
+    /// Of a camera that tells nothing.
+    pub(super) const NONE: Correction = Correction {
+        turn: 0.0,
+        better: 0.0,
+        differs: None,
+        seen: false,
+    };
 }
 
 impl Shown {
@@ -51,6 +68,7 @@ impl Shown {
     pub(super) fn between(
         travel: &Travel,
         lateness: &Lateness,
+        slip: f64,
         before: Instant,
         now: Instant,
     ) -> Option<Shown> {
@@ -67,6 +85,7 @@ impl Shown {
             totals,
             turns: all.map(|totals| totals.turn),
             unsure: off[0].max(off[1]),
+            slip,
         })
     }
 
@@ -90,33 +109,39 @@ impl Shown {
         &self.turns
     }
 
-    /// Radians that the tracks turned the robot, to either side.
-    pub(super) fn turned(&self) -> f64 {
-        self.totals.turned
-    }
-
-    /// What the camera's turn, in radians, changes.
-    pub(super) fn correction(&self, seen: f64) -> Correction {
-        let seen = seen / PARALLAX;
-        let gain = self.gain(seen);
-        Correction {
-            seen,
-            gain,
-            turn: gain * (seen - self.totals.turn),
+    /// What was done, with the correction.
+    pub(super) fn step(&self, correction: Correction) -> Step {
+        Step {
+            turn: self.totals.turn + correction.turn,
+            told: self.totals.told,
+            way: self.totals.way,
+            seen: correction.seen,
         }
     }
 
-    /// How much of the difference the heading follows if the camera has seen this turn: nothing if that cannot
-    /// be, all if the tracks tell nothing.
-    fn gain(&self, seen: f64) -> f64 {
+    /// The turn of the robot that belongs to one of the camera; radians.
+    pub(super) fn of_camera(seen: f64) -> f64 {
+        seen / PARALLAX
+    }
+
+    /// What it changes that the camera has seen this turn of the robot, in radians: nothing if that cannot be, all if
+    /// the tracks tell nothing.
+    pub(super) fn correction(&self, seen: f64) -> Correction {
         let Totals { turned, way, .. } = self.totals;
         let noise = NOISE * NOISE;
-        let tracks = (SLIP_OF_TURN * turned + VEER * way).powi(2) + self.unsure.powi(2) + noise;
+        let tracks = (self.slip * turned + VEER * way).powi(2) + self.unsure.powi(2) + noise;
         let camera = (SEEN_TURN * turned + PASSING * way).powi(2) + noise;
         let off = seen - self.totals.turn;
-        if off.abs() > OUTLIER * (tracks + camera).sqrt() {
-            return 0.0;
+        let unknown = tracks.max((UNKNOWN * turned + VEER * way).powi(2));
+        if off.abs() > OUTLIER * (unknown + camera).sqrt() {
+            return Correction::NONE;
         }
-        tracks / (tracks + camera)
+        let gain = tracks / (tracks + camera);
+        Correction {
+            turn: gain * off,
+            better: gain * (self.slip - SEEN_TURN).max(0.0) * turned,
+            differs: (turned > TELLS).then(|| off * self.totals.turn.signum() / turned),
+            seen: true,
+        }
     }
 }

@@ -9,7 +9,7 @@ use super::going::Going;
 use super::options::Options;
 use super::sighting::Witness;
 use crate::robot::Frame;
-use crate::vision::{Damage, Eyes, Size, Skyline};
+use crate::vision::{Damage, Eyes, Size};
 
 /// A frame as it came, counted while anyone holds it.
 pub(super) struct HeldFrame {
@@ -47,8 +47,6 @@ pub(super) struct Sight {
     pub(super) watchers: Rc<Cell<u32>>,
     /// A frame that is still to be looked at for the robot's own movement.
     pub(super) look: Option<Look>,
-    /// Of the last frame that was looked at while the robot turned, and when that came.
-    pub(super) skyline: Option<(Instant, Skyline)>,
     /// When the last frame came during which the tracks turned the robot.
     pub(super) turned: Option<Instant>,
     /// Frames that were no pictures.
@@ -74,7 +72,6 @@ impl Sight {
             eyes: Eyes::new(options.camera),
             watchers: Rc::default(),
             look: None,
-            skyline: None,
             turned: None,
             damage: Damage::default(),
             witness: Witness::of(options),

@@ -207,7 +207,7 @@ impl State {
         let lately = |turned: Instant| at.saturating_duration_since(turned) < ROLLING_OUT;
         let turns = self.sight.turned.is_some_and(lately);
         if going.is_none() && !turns {
-            return self.sight.skyline = None;
+            return self.odometry.look(at, None);
         }
         let held = Rc::clone(held);
         self.sight.look = Some(Look { held, going, turns });
@@ -222,17 +222,9 @@ impl State {
         let Ok(image) = self.sight.eyes.look(frame.seq, &frame.jpeg) else {
             return;
         };
-        let skyline = Skyline::of(image, camera);
+        let skyline = turns.then(|| Skyline::of(image, camera));
         let held_since = going.and_then(|going| self.blockage.look(image, frame.at, camera, going));
-        let before = self.sight.skyline.as_ref().filter(|_| turns);
-        let shown = before.and_then(|(at, _)| self.odometry.shown(*at, frame.at));
-        if let (Some((_, before)), Some(shown)) = (before, shown) {
-            let (turn, reach) = shown.expected();
-            if let Some(seen) = skyline.turned_since(before, turn, reach) {
-                self.odometry.correct_turn(&shown, seen);
-            }
-        }
-        self.sight.skyline = Some((frame.at, skyline));
+        self.odometry.look(frame.at, skyline);
         if let (Some(since), Some(going)) = (held_since, going)
             && self
                 .motion

@@ -18,6 +18,8 @@ pub(super) struct Totals {
     pub(super) turn: f64,
     /// Radians, to either side.
     pub(super) turned: f64,
+    /// Radians that they were told, those to the right taken off.
+    pub(super) told: f64,
     /// Metres, forwards or backwards.
     pub(super) way: f64,
 }
@@ -37,13 +39,15 @@ impl Travel {
         }
     }
 
-    /// From the last time on until `now` it has evenly turned by so many radians and come so many metres.
-    pub(super) fn add(&mut self, now: Instant, turn: f64, way: f64) {
+    /// From the last time on until `now` its tracks were told this turn, in radians, have evenly made so many of
+    /// them, and come so many metres.
+    pub(super) fn add(&mut self, now: Instant, told: f64, turn: f64, way: f64) {
         let last = self.totals.back().map(|(_, totals)| *totals);
         let last = last.unwrap_or_default();
         let sum = Totals {
             turn: last.turn + turn,
             turned: last.turned + turn.abs(),
+            told: last.told + told,
             way: last.way + way.abs(),
         };
         let count = self.totals.len();
@@ -76,6 +80,7 @@ impl Travel {
         Some(Totals {
             turn: between(before.turn, after.turn),
             turned: between(before.turned, after.turned),
+            told: between(before.told, after.told),
             way: between(before.way, after.way),
         })
     }
@@ -88,6 +93,7 @@ impl Sub for Totals {
         Totals {
             turn: self.turn - before.turn,
             turned: self.turned - before.turned,
+            told: self.told - before.told,
             way: self.way - before.way,
         }
     }
@@ -102,13 +108,14 @@ mod tests {
         let start = Instant::now();
         let mut travel = Travel::new(start);
         for millis in 1..=10_000 {
-            travel.add(start + Duration::from_millis(millis), 0.001, -0.002);
+            travel.add(start + Duration::from_millis(millis), 0.0012, 0.001, -0.002);
         }
         let at = |millis| start + Duration::from_millis(millis);
         let Some(done) = travel.between(at(9_205), at(9_709)) else {
             panic!("too long ago");
         };
         assert!((done.turn - 0.504).abs() < 1e-6 && (done.way - 1.008).abs() < 1e-6);
+        assert!((done.told - 0.6048).abs() < 1e-6);
         assert_eq!(travel.between(at(5_000), at(9_000)), None);
         assert!(travel.totals.len() < 700, "{}", travel.totals.len());
     }
