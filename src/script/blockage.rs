@@ -29,15 +29,20 @@ const SETTLING: Duration = Duration::from_millis(300);
 const APART: (Duration, Duration) = (Duration::from_millis(190), Duration::from_millis(450));
 /// If those do not tell, farther apart: a slow robot changes little meanwhile.
 const FARTHER_APART: Duration = Duration::from_millis(750);
-/// It must have stood for so long, in at least so many pictures.
+/// It must have stood for so long, in at least so many pictures; in fewer at the beginning of a motion, when it may have
+/// been held from the start.
 const STOOD: Duration = Duration::from_millis(500);
-const PICTURES: u32 = 3;
+const PICTURES: u32 = 4;
+const PICTURES_AT_FIRST: u32 = 3;
+const AT_FIRST: Duration = Duration::from_millis(1200);
 /// Pictures that told so longer ago count no more.
 const FORGOTTEN: Duration = Duration::from_millis(500);
 /// How fast it may turn, in radians a second, so that what it sees ahead is what it will meet.
 const STRAIGHT: f64 = 0.06;
 /// In so many pictures in a row floor must be seen, until it is believed again.
 const FLICKER: u32 = 4;
+/// In a curve, what was close ahead is still ahead if the robot would have turned by less than this since, in radians.
+const BEND: f64 = 1.2;
 /// What is close is taken to be no nearer than this, in metres, however far the tracks have turned since.
 const NEAREST: f64 = 0.3;
 /// Metres from the lens to what has just left the picture, at least: nearer ones are mistakes.
@@ -98,6 +103,8 @@ struct Close {
     odometer: f64,
     /// The most that there is to go, metres.
     room: f64,
+    /// The same, whatever its foot says.
+    farthest: f64,
     /// That is by how its foot came down.
     measured: bool,
     /// Where the odometer stands when it arrives, by how what is ahead grew.
@@ -152,19 +159,28 @@ impl Blockage {
         let (verdict, then) = self.compare(&now, camera, going.drive);
         self.note(verdict, then, at);
         self.keep(now);
-        let stood = self.standing.filter(|standing| {
-            standing.pictures >= PICTURES && at.saturating_duration_since(standing.since) >= STOOD
-        });
         let close = self.close.is_some_and(|close| close.floor == 0);
         let again = self.contact.look(at, verdict, close, going);
-        let held = stood
-            .map(|standing| standing.since)
+        let held = self
+            .stood(at, going.since)
             .or_else(|| self.arrived(going))
             .or_else(|| self.in_wall(at, going.drive, verdict))
             .or(again);
         let perhaps = held.is_some() || self.standing.is_some();
         self.contact.note(perhaps, at, going);
         held
+    }
+
+    /// Since when the pictures say that it stands, if enough do. The motion began at `began`.
+    fn stood(&self, at: Instant, began: Instant) -> Option<Instant> {
+        let fewest = if at < began + AT_FIRST {
+            PICTURES_AT_FIRST
+        } else {
+            PICTURES
+        };
+        let standing = self.standing?;
+        let long = at.saturating_duration_since(standing.since) >= STOOD;
+        (long && standing.pictures >= fewest).then_some(standing.since)
     }
 
     /// The robot may be anywhere now, or what is ahead of it.
@@ -250,6 +266,7 @@ impl Blockage {
             (Some(room), None) if going.drive.forward > 0.0 => Some(Close {
                 at,
                 odometer: going.odometer,
+                farthest: room,
                 room: measured.map_or(room, |seen| room.min(seen)),
                 measured: measured.is_some_and(|seen| seen < room),
                 arrival: None,
@@ -275,15 +292,23 @@ impl Blockage {
     fn arrived(&self, going: Going) -> Option<Instant> {
         let straight = going.drive.turn.abs() < STRAIGHT;
         let close = self.close.filter(|close| close.floor == 0)?;
+        let way = going.odometer - close.odometer;
+        let seconds = way / going.drive.forward.max(0.01);
+        let ahead = if straight {
+            Some(close.room)
+        } else {
+            // No floor was seen ahead all along the curve, and its foot tells nothing there.
+            ((seconds * going.drive.turn).abs() < BEND).then_some(close.farthest)
+        };
         let grown = close.arrival.map(|arrival| arrival - close.odometer);
-        let room = match (grown, straight.then_some(close.room)) {
+        let room = match (grown, ahead) {
             (Some(grown), Some(foot)) if close.measured && (grown - foot).abs() > DISAGREE => {
                 grown.max(foot)
             }
             (Some(grown), Some(foot)) => grown.min(foot),
             (grown, foot) => grown.or(foot)?,
         };
-        let arrived = going.odometer - close.odometer > room;
+        let arrived = way > room;
         let seconds = room / going.drive.forward.max(0.01);
         arrived.then(|| close.at + Duration::try_from_secs_f64(seconds).unwrap_or_default())
     }
@@ -328,3 +353,6 @@ impl Blockage {
 fn turned(now: &View, camera: Camera, drive: Drive, apart: Duration) -> f64 {
     camera.focal_length(now.outline.width()) * drive.turn * apart.as_secs_f64()
 }
+
+#[cfg(test)]
+mod tests;

@@ -137,8 +137,6 @@ pub fn compare(
         return Verdict::Unknown;
     }
     let curve = drive.forward != 0.0 && expected.turn != 0.0;
-    // Driving on, what is on the left moves to the left and what is on the right to the right: one side alone might
-    // as well have swayed.
     let votes = |sway: isize, asked: &dyn Fn(&Witness) -> bool| {
         let mut votes = Votes::default();
         for one in witnesses.iter().filter(|one| asked(one)) {
@@ -160,20 +158,21 @@ pub fn compare(
         if all.share() < STANDS {
             continue;
         }
-        // Driving on, what is on the left moves to the left and what is on the right to the right: one side alone
-        // might as well have swayed, unless it shows that nothing came down either.
-        let aside = drive.forward != 0.0 && (sway != 0 || curve);
+        // Driving on, what is on the left moves to the left and what is on the right to the right. One side alone might
+        // as well have swayed, or show an edge along the way, a line or a skirting board, which looks the same all
+        // along; unless it shows that nothing came down either.
+        let drives = drive.forward != 0.0;
         // In a curve the edge of a thing that is passed may look like one that only turned.
         let both = || {
             all.least_share(FEWEST_ASIDE)
                 .is_some_and(|share| share >= STANDS)
         };
         // Few that look as if the robot had turned by much may be mistaken for others like them.
-        let far_aside = !curve && drive.forward != 0.0 && !SWAYS.contains(&sway);
+        let far_aside = !curve && drives && !SWAYS.contains(&sway);
         if far_aside && all.count() < FEWEST_FAR_ASIDE {
             continue;
         }
-        stands = !aside || (!curve && both()) || {
+        stands = !drives || (!curve && both()) || {
             let sure = votes(sway, &|one| one.is_unlike_any_sway(before, slides));
             sure.count() >= FEWEST_WITNESSES && sure.share() >= STANDS
         };

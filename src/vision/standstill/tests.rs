@@ -103,6 +103,30 @@ fn a_plain_wall_and_the_dark_say_nothing() {
 }
 
 #[test]
+fn a_line_along_the_way_is_no_standstill_and_things_on_both_sides_are() {
+    // Lines on the floor that end above the horizon at these columns, and at those in the lowest row.
+    let lines = |ends: &[(f64, f64)]| {
+        let ends = ends.to_vec();
+        glance(&RgbImage::from_fn(320, 240, move |x, y| {
+            let down = (f64::from(y) - 120.0) / 120.0;
+            let on = |(far, near): &(f64, f64)| {
+                (f64::from(x) - far - (near - far) * down).abs() < 4.0 + 8.0 * down
+            };
+            let grain = speckle(i64::from(x), i64::from(y)) % 5;
+            Rgb([if down > 0.0 && ends.iter().any(on) {
+                40 + grain
+            } else {
+                150 + grain
+            }; 3])
+        }))
+    };
+    let right = lines(&[(200.0, 300.0)]);
+    assert_eq!(verdict(&right, &right, DRIVE), Verdict::Unknown);
+    let both = lines(&[(200.0, 300.0), (120.0, 20.0)]);
+    assert_eq!(verdict(&both, &both, DRIVE), Verdict::Stands);
+}
+
+#[test]
 fn a_walker_before_a_held_robot_is_no_movement_of_the_robot() {
     let before = corridor(0.0, 0, 1, Some(40));
     assert_eq!(

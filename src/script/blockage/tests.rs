@@ -1,0 +1,48 @@
+//! What is told without pictures, by way and number.
+
+use super::*;
+
+const CURVE: Drive = Drive {
+    forward: 0.3,
+    turn: 0.4,
+};
+
+fn going(drive: Drive, since: Instant, odometer: f64) -> Going {
+    Going {
+        motion: MotionId(1),
+        since,
+        drive,
+        odometer,
+        heading: 0.0,
+    }
+}
+
+#[test]
+fn in_a_gentle_curve_what_was_close_is_reached_at_last() {
+    let start = Instant::now();
+    let mut blockage = Blockage::default();
+    blockage.note_close(Some(0.6), start, going(CURVE, start, 1.0));
+    assert_eq!(blockage.arrived(going(CURVE, start, 1.55)), None);
+    let since = blockage.arrived(going(CURVE, start, 1.65)).unwrap();
+    assert!(((since - start).as_secs_f64() - 2.0).abs() < 1e-3);
+    let sharp = Drive { turn: 0.8, ..CURVE };
+    assert_eq!(blockage.arrived(going(sharp, start, 1.65)), None);
+    blockage.note_close(None, start, going(CURVE, start, 1.65));
+    assert_eq!(blockage.arrived(going(CURVE, start, 1.7)), None);
+}
+
+#[test]
+fn so_many_pictures_must_tell_and_fewer_when_a_motion_has_just_begun() {
+    let start = Instant::now();
+    for (began, fewest) in [
+        (start, PICTURES_AT_FIRST),
+        (start - Duration::from_secs(3), PICTURES),
+    ] {
+        let (mut blockage, at) = (Blockage::default(), start + STOOD);
+        for pictures in 1..=PICTURES {
+            blockage.note(Verdict::Stands, Some(start), at);
+            let told = blockage.stood(at, began);
+            assert_eq!(told, (pictures >= fewest).then_some(start));
+        }
+    }
+}
