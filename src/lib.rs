@@ -6,9 +6,8 @@
 //! # Processes
 //!
 //! ```text
-//!  robot                    agent: `spykee run`                     behaviour hosts, one per
-//! script +---------+     TCP      +--------------------------------+ pipe
-//! +-----------------------------+
+//!  robot                    agent: `spykee run`                     behaviour hosts, one per script
+//! +---------+     TCP      +--------------------------------+ pipe +-----------------------------+
 //! | camera, |  reports     | driving core, a thread:        | ---> | VM, scheduler, JPEG decoder |
 //! | tracks, | -----------> |   link, pilot with watchdog,   |      | (landlock, seccomp, limits) |
 //! | battery | <----------- |   agent's side of the pipes    | <--- |                             |

@@ -126,8 +126,7 @@ impl DockTracker {
     /// The login has said whether it is docked. While the battery is low that word gives contact no
     /// new time: a link that drops again and again does not keep the robot from searching.
     pub fn login(&mut self, docked: bool, low: bool, now: Instant) {
-        self.leaving = None;
-        (self.asked, self.left) = (false, None);
+        self.has_spoken();
         let tried = low && self.charge_due.is_some_and(|due| due <= now);
         if !docked {
             return self.leave(Evidence::Login);
@@ -143,8 +142,8 @@ impl DockTracker {
 
     /// ENGINE 2: on the station. Said again in time it changes nothing.
     pub fn docked(&mut self, now: Instant) {
-        (self.contact, self.leaving) = (true, None);
-        (self.asked, self.left) = (false, None);
+        self.has_spoken();
+        self.contact = true;
         let late = self.charge_due.is_some_and(|due| due <= now);
         if late || !self.on_station() {
             self.place = DockState::ContactSaid;
@@ -154,9 +153,10 @@ impl DockTracker {
 
     /// ENGINE 1: has left the station.
     pub fn undocked(&mut self, now: Instant) {
-        self.leaving = None;
+        let left = self.asked.then_some(now);
+        self.has_spoken();
         self.leave(Evidence::Engine);
-        self.left = std::mem::take(&mut self.asked).then_some(now);
+        self.left = left;
     }
 
     /// A battery level came.
@@ -213,6 +213,11 @@ impl DockTracker {
         self.place = DockState::Unknown;
         self.contact &= why == Doubt::Contact;
         why
+    }
+
+    /// The robot has spoken of its place: nothing of a CHARGE_STOP before is open any more.
+    fn has_spoken(&mut self) {
+        (self.leaving, self.asked, self.left) = (None, false, None);
     }
 
     fn leave(&mut self, word: Evidence) {

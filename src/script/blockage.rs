@@ -293,12 +293,12 @@ impl Blockage {
         let straight = going.drive.turn.abs() < STRAIGHT;
         let close = self.close.filter(|close| close.floor == 0)?;
         let way = going.odometer - close.odometer;
-        let seconds = way / going.drive.forward.max(0.01);
+        let seconds = |way: f64| way / going.drive.forward.max(0.01);
         let ahead = if straight {
             Some(close.room)
         } else {
             // No floor was seen ahead all along the curve, and its foot tells nothing there.
-            ((seconds * going.drive.turn).abs() < BEND).then_some(close.farthest)
+            ((seconds(way) * going.drive.turn).abs() < BEND).then_some(close.farthest)
         };
         let grown = close.arrival.map(|arrival| arrival - close.odometer);
         let room = match (grown, ahead) {
@@ -308,9 +308,8 @@ impl Blockage {
             (Some(grown), Some(foot)) => grown.min(foot),
             (grown, foot) => grown.or(foot)?,
         };
-        let arrived = way > room;
-        let seconds = room / going.drive.forward.max(0.01);
-        arrived.then(|| close.at + Duration::try_from_secs_f64(seconds).unwrap_or_default())
+        let after = || Duration::try_from_secs_f64(seconds(room)).unwrap_or_default();
+        (way > room).then(|| close.at + after())
     }
 
     /// Since when it would be in the wall that it saw before it came close, if that is still all that it sees.

@@ -10,6 +10,8 @@ const SAME_PLACE: f64 = 0.04;
 /// How far from a full turn two pictures still share enough, radians; and how far off it is looked for.
 const OVERLAP: f64 = 0.3;
 const REACH: f64 = 0.3;
+/// Radians that the heading may be off after a full turn, beside what it was off before.
+const SAME_VIEW: f64 = 0.02;
 /// The share of the turn, at most, that the camera may have missed: one that is held sees the same, too.
 const UNSEEN: f64 = 0.5;
 
@@ -34,7 +36,7 @@ pub(super) struct Closed {
     pub(super) believed: f64,
     /// Radians to the left that the tracks were told.
     pub(super) told: f64,
-    /// Radians that the heading was off when it began.
+    /// Radians that the heading may be off after it.
     pub(super) error: f64,
 }
 
@@ -43,6 +45,7 @@ pub(super) struct Closed {
 pub(super) struct FullTurn {
     /// What it saw when it began.
     begin: Option<Skyline>,
+    /// Radians that the heading was off then.
     error: f64,
     turn: f64,
     told: f64,
@@ -80,7 +83,7 @@ impl FullTurn {
             turned: full + seen,
             believed: self.turn,
             told: self.told,
-            error: self.error,
+            error: self.error + SAME_VIEW,
         };
         *self = FullTurn::begin(skyline, closed.error);
         Some(closed)

@@ -17,7 +17,7 @@ const EXPECTED: f64 = 0.05;
 const SEEN: f64 = 0.05;
 /// What earlier pictures told counts so much less with each.
 const FADING: f64 = 0.05;
-/// Another floor: after so many radians half of what was known is doubted.
+/// The floor may be another one: after so many radians it is as unknown as at first.
 const DOUBT: f64 = 60.0;
 
 /// See the module.

@@ -24,8 +24,6 @@ use crate::vision::{Drive, Skyline};
 
 /// What tracks slip on an unknown floor: metres for each metre.
 const SLIP_OF_WAY: f64 = 0.1;
-/// Radians that the heading may be off after a full turn, beside what it was off before.
-const SAME_VIEW: f64 = 0.02;
 /// Radians per second that something else may turn the robot by.
 const OTHERS_TURN: f64 = 2.0;
 /// What others do counts from so much after the script's own motion: the news of its end is as late.
@@ -119,6 +117,7 @@ impl Odometry {
     pub(super) fn reset(&mut self) {
         self.pose = Pose::default();
         self.marks.clear();
+        self.full_turn.forget();
     }
 
     /// Where it is, as of the last [`advance`](Odometry::advance).
@@ -226,7 +225,7 @@ impl Odometry {
         self.correct_turn(correction);
         if let Some(closed) = closed {
             self.pose.heading += closed.turned - closed.believed;
-            self.pose.heading_error = self.pose.heading_error.min(closed.error + SAME_VIEW);
+            self.pose.heading_error = self.pose.heading_error.min(closed.error);
             self.grip.learn(closed.told, closed.turned);
         }
     }
