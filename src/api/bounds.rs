@@ -3,9 +3,9 @@
 /// A number's bounds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Bounds {
-    /// From the first up to the second.
+    /// From the first number to the second, both included.
     Between(f64, f64),
-    /// Above the first, up to the second.
+    /// Above the first number, up to and including the second.
     Above(f64, f64),
 }
 
@@ -13,7 +13,7 @@ pub enum Bounds {
 pub(super) const SECONDS: Bounds = Bounds::Between(0.0, 30.0 * 86_400.0);
 
 impl Bounds {
-    /// Whether a number is within them.
+    /// Whether a number is within the bounds.
     pub fn holds(self, number: f64) -> bool {
         match self {
             Bounds::Between(low, high) => (low..=high).contains(&number),
@@ -21,7 +21,7 @@ impl Bounds {
         }
     }
 
-    /// Such as `between 0 and 100`, or `of at least 0` without an upper bound.
+    /// The bounds in words, such as `between 0 and 100`, or `of at least 0` without an upper bound.
     pub fn words(self) -> String {
         match self {
             Bounds::Between(low, f64::MAX) => format!("of at least {low}"),

@@ -4,7 +4,7 @@ use super::bounds::Bounds;
 use super::make::{bounded, call, number, object, table, text, whole};
 use super::terms::{Availability, Function, Namespace, Object};
 
-/// From the year 1 to the year 9999.
+/// The times from the year 1 to the year 9999, in seconds since 1970.
 const INSTANT: Bounds = Bounds::Between(-62_135_000_000.0, 253_402_000_000.0);
 
 pub(super) const DATE: Object = table(

@@ -1,4 +1,4 @@
-//! What scripts can listen to.
+//! The events that scripts can listen to.
 
 use super::frame::FRAME;
 use super::tables::{
@@ -7,7 +7,7 @@ use super::tables::{
 use super::terms::{Choice, Event};
 use crate::wire::Stream;
 
-/// Declares the events: the runtime's name, the row.
+/// Declares the events. Each line has the runtime's name of an event and its row of the API table.
 macro_rules! events {
     ($($variant:ident: $name:literal, $payload:expr, $doc:literal;)+) => {
         /// An event that a script can listen to.
@@ -17,10 +17,10 @@ macro_rules! events {
         }
 
         impl EventName {
-            /// All of them.
+            /// All events.
             pub const ALL: &'static [EventName] = &[$(EventName::$variant,)+];
 
-            /// As scripts write it.
+            /// The event's name in scripts.
             pub fn name(self) -> &'static str {
                 match self { $(EventName::$variant => $name,)+ }
             }
@@ -37,7 +37,7 @@ events! {
     Disconnected: "disconnected", Some(&DISCONNECTED), "The connection to the robot is lost.";
     Battery: "battery", Some(&BATTERY), "The battery's level or charging changed.";
     BatteryLow: "battery_low", Some(&BATTERY), "The battery is low, and the watchdog takes the robot home.";
-    BatteryOk: "battery_ok", Some(&BATTERY), "The watchdog releases a robot that was low: it charges, or its battery is full enough.";
+    BatteryOk: "battery_ok", Some(&BATTERY), "The watchdog gives control back to the scripts after a low battery: the robot charges, or its battery is full enough.";
     Charging: "charging", Some(&CHARGING), "Charging began or ended.";
     Charged: "charged", None, "The battery is full.";
     Docked: "docked", None, "The robot is on its charging station.";
@@ -45,10 +45,10 @@ events! {
     BaseNotFound: "base_not_found", None, "The robot has not found its charging station.";
     Frame: "frame", Some(&FRAME), "The camera has sent a picture; only the latest is kept.";
     Audio: "audio", Some(&AUDIO), "The microphone has sent a chunk of sound; only the latest is kept.";
-    Noise: "noise", Some(&NOISE), "A sound exceeds the configured level, after a second without one.";
+    Noise: "noise", Some(&NOISE), "A sound exceeds the configured level, after at least a second without such a sound.";
     SoundFinished: "sound_finished", None, "The robot has finished playing music.";
     Safety: "safety", Some(&SAFETY), "The watchdog has acted.";
-    Loan: "loan", Some(&LOAN), "The watchdog lends this behaviour the tracks of a robot with a low battery. Only the rescue behaviour of the config receives it.";
+    Loan: "loan", Some(&LOAN), "The watchdog lends this behaviour the tracks of a robot with a low battery. Only the rescue behaviour that the config names receives this event.";
     Engine: "engine", Some(&ENGINE), "The robot has sent an engine code that is not documented.";
 }
 
@@ -65,7 +65,7 @@ impl EventName {
         all.find(|event| event.name() == name)
     }
 
-    /// What must be on for it to come.
+    /// The stream that must be on for this event to occur; `None` if it needs none.
     pub fn stream(self) -> Option<Stream> {
         match self {
             EventName::Frame => Some(Stream::Video),

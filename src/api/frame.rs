@@ -1,4 +1,4 @@
-//! Frames, and what is seen in them.
+//! Frames, and the tables that describe what is found in them.
 
 use super::bounds::Bounds;
 use super::make::{
@@ -12,7 +12,7 @@ const ROI: Value = value("roi", Type::Roi, "search or measure only this part").o
 pub(super) const COLOURS: Value = value("colour", Type::Colours, "what to look for");
 /// Coordinates and sizes of a part of a frame, in pixels.
 pub const PIXELS: Bounds = Bounds::Between(-10_000.0, 10_000.0);
-/// Of a direction.
+/// The angles of a direction, in radians.
 const ANGLE: Bounds = Bounds::Between(-3.2, 3.2);
 const USUAL: BlobOptions = BlobOptions::DEFAULT;
 
@@ -23,10 +23,10 @@ const FIND_BLOBS: Function = call(
         options(&[
             ROI,
             boolean("invert", "find what does not have the colour").default_is(USUAL.invert),
-            count("area_threshold", 2_000_000, "the least area of the box")
+            count("area_threshold", 2_000_000, "the smallest area of a blob's box")
                 .unit("px")
                 .default(USUAL.area_threshold as f64),
-            count("pixels_threshold", 2_000_000, "the least number of pixels of the colour")
+            count("pixels_threshold", 2_000_000, "the smallest number of pixels of the colour")
                 .unit("px")
                 .default(USUAL.pixels_threshold as f64),
             boolean("merge", "merge blobs whose boxes overlap").default_is(USUAL.merge),
@@ -37,7 +37,7 @@ const FIND_BLOBS: Function = call(
             )
             .unit("px")
             .default(USUAL.margin as f64),
-            count("max_blobs", 1000, "the most blobs to return").default(USUAL.max_blobs as f64),
+            count("max_blobs", 1000, "the largest number of blobs to return").default(USUAL.max_blobs as f64),
         ]),
     ],
     &[value(
@@ -45,7 +45,7 @@ const FIND_BLOBS: Function = call(
         Type::List(&Type::Object(&BLOB)),
         "the largest first; empty if there are none",
     )],
-    "Finds blobs, patches of a colour, with the names and options of OpenMV.",
+    "Finds blobs, which are patches of a colour. The names and options are those of OpenMV.",
     "local ball = frame:find_blobs(\"red\", { pixels_threshold = 25 })[1]\nif ball then\n\tprint(ball.cx, ball.bearing)\nend",
 )
 .pure();
@@ -54,8 +54,8 @@ pub(super) const FRAME: Object = strict(
     "Frame",
     "A picture of the camera, decoded when it is first used.",
     &[
-        whole("seq", "a running number"),
-        number("age", "since it arrived").unit("s"),
+        whole("seq", "its sequence number"),
+        number("age", "time since it arrived").unit("s"),
         whole("width", "").unit("px"),
         whole("height", "").unit("px"),
         whole("bytes", "size of the JPEG"),
@@ -112,14 +112,14 @@ pub(super) const FRAME: Object = strict(
         call(
             "Frame:direction",
             &[
-                bounded("x", PIXELS, "column, 0 is the centre of the leftmost").unit("px"),
-                bounded("y", PIXELS, "row, 0 is the centre of the topmost").unit("px"),
+                bounded("x", PIXELS, "column, 0 is the centre of the leftmost pixel").unit("px"),
+                bounded("y", PIXELS, "row, 0 is the centre of the topmost pixel").unit("px"),
             ],
             &[
                 number("bearing", "left positive; nil in a damaged picture")
                     .unit("rad")
                     .optional(),
-                number("elevation", "above the horizon positive, for a camera that looks level")
+                number("elevation", "above the horizon positive; assumes that the camera looks level")
                     .unit("rad")
                     .optional(),
             ],
@@ -152,7 +152,7 @@ pub(super) const FRAME: Object = strict(
                 text("path", "nil if it was not saved").optional(),
                 text("why", "\"quota\" or \"io\"").optional(),
             ],
-            "Saves the picture as the camera sent it. When the folder is full, the oldest pictures are deleted; \"quota\" means that the day's bytes are used up or the disk is nearly full.",
+            "Saves the picture as the camera sent it. When the folder is full, the oldest pictures are deleted. \"quota\" means that the script has used up its bytes for the day, or that the disk is nearly full.",
             "local path, why = frame:save(\"ball.jpg\")\nprint(path or why)",
         ),
     ],
@@ -161,8 +161,8 @@ pub(super) const FRAME: Object = strict(
 const PATCH: [Value; 18] = [
     whole("x", "left column of its box").unit("px"),
     whole("y", "top row of its box").unit("px"),
-    whole("w", "columns of its box").unit("px"),
-    whole("h", "rows of its box").unit("px"),
+    whole("w", "width of its box").unit("px"),
+    whole("h", "height of its box").unit("px"),
     number("cx", "column of its centroid").unit("px"),
     number("cy", "row of its centroid").unit("px"),
     whole("pixels", "number of pixels of the colour").unit("px"),
@@ -171,8 +171,11 @@ const PATCH: [Value; 18] = [
     number("rotation", "direction of its long axis; 0 is horizontal").unit("rad"),
     number("elongation", "0 for a disc, towards 1 for a line"),
     number("roundness", "1 for a disc, 0 for a line"),
-    whole("perimeter", "its border pixels").unit("px"),
-    whole("code", "one bit for each colour of the list that it has"),
+    whole("perimeter", "number of its border pixels").unit("px"),
+    whole(
+        "code",
+        "a bit field: one bit for each colour of the list, set if the blob has that colour",
+    ),
     whole("count", "number of blobs merged into it"),
     text(
         "colour",

@@ -5,16 +5,16 @@ use super::terms::{Availability, Function, Namespace, Type, Value};
 
 const KEY: Value = short_text("key", 200, "UTF-8, not empty");
 
-/// What can be said of one parameter.
+/// The keys that describe one parameter.
 const PARAMETER: &[Value] = &[
     value(
         "default",
         Type::Any,
         "a number, a text, or true or false; it determines the type of the parameter",
     ),
-    number("min", "the least value of a number").optional(),
-    number("max", "the greatest value of a number").optional(),
-    text("unit", "the unit of a number, for people").optional(),
+    number("min", "the smallest permitted number").optional(),
+    number("max", "the largest permitted number").optional(),
+    text("unit", "the unit of a number, shown to people").optional(),
     value(
         "choices",
         Type::List(&Type::Text(None)),
@@ -23,10 +23,10 @@ const PARAMETER: &[Value] = &[
     .optional(),
     boolean(
         "live",
-        "whether a person can change it while the script runs, at the page for example; read it afresh each time",
+        "whether a person can change it while the script runs, for example on the page; if so, read it again each time you use it",
     )
     .optional(),
-    text("doc", "what it means, for people").optional(),
+    text("doc", "what the parameter means, shown to people").optional(),
 ];
 
 const DECLARE: &[Function] = &[call(

@@ -1,4 +1,4 @@
-//! `log.*`.
+//! `log.*`: lines for the log.
 
 use super::make::{call, value};
 use super::terms::{Availability, Function, Namespace, Type, Value};
@@ -35,7 +35,7 @@ const FUNCTIONS: &[Function] = &[
         PARAMETERS,
         &[],
         "Writes an error to the log; the script continues.",
-        "log.error(\"no ball far and wide\")",
+        "log.error(\"no ball in sight\")",
     ),
 ];
 

@@ -1,15 +1,16 @@
-//! Makes the rows of the API table: short constructors, and what is said of a row besides.
+//! Short constructors for the rows of the API table, and methods that add further properties to a
+//! row.
 
 use super::bounds::Bounds;
 use super::terms::{Choice, Function, Literal, Need, Object, Type, Value};
 
 impl Value {
-    /// With its unit.
+    /// Sets the unit.
     pub(super) const fn unit(self, unit: &'static str) -> Value {
         Value { unit, ..self }
     }
 
-    /// It may be left out, or may be nil.
+    /// Marks the value as optional: it may be left out, or may be nil.
     pub(super) const fn optional(self) -> Value {
         let need = Need::Optional;
         Value { need, ..self }
@@ -20,13 +21,13 @@ impl Value {
         Value { need, ..self }
     }
 
-    /// The number that it is unless given.
+    /// Sets the number that is used if none is given.
     pub(super) const fn default(self, number: f64) -> Value {
         let need = Need::Default(Literal::Number(number));
         Value { need, ..self }
     }
 
-    /// Whether it is true unless given.
+    /// Sets the boolean that is used if none is given.
     pub(super) const fn default_is(self, on: bool) -> Value {
         let need = Need::Default(Literal::Boolean(on));
         Value { need, ..self }
@@ -44,7 +45,7 @@ impl Function {
         Function { pure, ..self }
     }
 
-    /// It takes further arguments.
+    /// Adds further arguments after the parameters, with their description.
     pub(super) const fn and(self, rest: &'static str) -> Function {
         let rest = Some(rest);
         Function { rest, ..self }
@@ -108,7 +109,7 @@ pub(super) const fn options(keys: &'static [Value]) -> Value {
     value("options", Type::Options(keys), "").optional()
 }
 
-/// `{low, high}`, the full range unless given.
+/// `{low, high}`; the default is the full range.
 pub(super) const fn range(name: &'static str, (low, high): (f64, f64), doc: &'static str) -> Value {
     Value {
         need: Need::Default(Literal::Range(low, high)),
@@ -151,7 +152,7 @@ pub(super) const fn table(
     }
 }
 
-/// An object that scripts may keep values of their own in.
+/// An object in which scripts may store their own values.
 pub(super) const fn open(
     name: &'static str,
     doc: &'static str,
@@ -164,7 +165,7 @@ pub(super) const fn open(
     }
 }
 
-/// An object whose names are checked.
+/// An object for which reading an unknown name is an error.
 pub(super) const fn strict(
     name: &'static str,
     doc: &'static str,

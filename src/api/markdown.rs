@@ -1,10 +1,10 @@
-//! The API as the reference of `behaviours/README.md`.
+//! The API as Markdown, for the reference in `behaviours/README.md`.
 
 use std::fmt::Write as _;
 
 use super::terms::{Function, Namespace, Need, Object, Type, Value};
 
-/// The text between the two markers.
+/// Returns the text between the two markers in that file.
 pub fn markdown() -> String {
     let mut text = String::new();
     for namespace in super::namespaces() {

@@ -1,9 +1,10 @@
-//! What scripts can call and read, written once: names, arguments, units, bounds, defaults, results,
-//! one sentence and an example each.
+//! The single definition of the script API: names, arguments, units, bounds, defaults, results, and
+//! for each entry a short description and an example.
 //!
-//! The runtime registers its natives under these rows and reads their arguments by them; `spykee
-//! check`, `spykee api`, completion, the definitions for editors and the reference of the guide come
-//! from them too. A native without a row, and a row without a native, keep a VM from starting.
+//! The runtime registers its native functions under these rows and reads their arguments according
+//! to them. `spykee check`, `spykee api`, completion, the definitions for editors and the reference
+//! of the guide use the same rows. A VM does not start if a native has no row, or a row has no
+//! native.
 
 mod bounds;
 mod choices;
@@ -40,7 +41,8 @@ pub use terms::{
     Availability, Choice, Constant, Event, Function, Literal, Namespace, Need, Object, Type, Value,
 };
 
-/// The namespaces that are there without `require`, and the functions that are in none.
+/// The namespaces that are available without `require`. Those with an empty name hold the functions
+/// without a namespace.
 pub fn namespaces() -> impl Iterator<Item = &'static Namespace> {
     const ALL: [&Namespace; 12] = [
         &robot::ROBOT,
@@ -64,7 +66,7 @@ pub fn modules() -> impl Iterator<Item = &'static Namespace> {
     modules::MODULES.into_iter()
 }
 
-/// Every kind of table and object that calls give and take.
+/// Every kind of table and object that calls take or return and that events carry.
 pub fn objects() -> impl Iterator<Item = &'static Object> {
     const ALL: [&Object; 29] = [
         &frame::FRAME,
@@ -127,7 +129,7 @@ pub fn choices() -> impl Iterator<Item = &'static Choice> {
     ALL.into_iter()
 }
 
-/// Every function that needs no object and no `require`.
+/// Every function that is called without an object and without `require`.
 pub fn functions() -> impl Iterator<Item = &'static Function> {
     namespaces().flat_map(|namespace| namespace.functions)
 }
@@ -137,12 +139,12 @@ pub fn methods() -> impl Iterator<Item = &'static Function> {
     objects().flat_map(|object| object.methods)
 }
 
-/// Every field of a namespace that is no function.
+/// Every field of a namespace that is not a function.
 pub fn constants() -> impl Iterator<Item = &'static Constant> {
     namespaces().flat_map(|namespace| namespace.constants)
 }
 
-/// The function, method or function of a module with this path, such as `robot.move`, `Frame:save`
+/// The function, method or module function with this path, such as `robot.move`, `Frame:save`
 /// or `bt.sequence`.
 pub fn function(path: &str) -> Option<&'static Function> {
     let of_modules = modules().flat_map(|module| module.functions);
@@ -170,8 +172,8 @@ pub fn event(name: &str) -> Option<&'static Event> {
     events().find(|event| event.name == name)
 }
 
-/// What can be written, for completion: the path (`robot.move`, `Frame:save`, `Blob.cx`), its
-/// signature in Luau's notation, and one sentence.
+/// The names that completion offers, each with its path (`robot.move`, `Frame:save`, `Blob.cx`),
+/// its signature in Luau's notation, and its description.
 pub fn names() -> impl Iterator<Item = (String, String, &'static str)> {
     let of_modules = modules().flat_map(|module| module.functions);
     let functions = functions().chain(methods()).chain(of_modules);

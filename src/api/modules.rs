@@ -1,5 +1,5 @@
-//! The modules that come with the runtime and are documented for scripts: `require("@spykee/bt")`
-//! and its like.
+//! The modules that come with the runtime and are documented for scripts, such as
+//! `require("@spykee/bt")`.
 
 mod bt;
 mod easy;
@@ -15,7 +15,8 @@ use self::fsm::{FSM, MACHINE};
 use self::pid::{CONTROLLER, PID};
 use super::terms::{Namespace, Object};
 
-/// Those that are documented. What they are made of, such as `@spykee/compass`, is not.
+/// The documented modules. The modules that these use internally, such as `@spykee/compass`, are
+/// not documented.
 pub(super) const MODULES: [&Namespace; 5] = [&EASY, &FSM, &BT, &PID, &FLOOR];
 
 pub(super) const OBJECTS: [&Object; 7] = [

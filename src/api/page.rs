@@ -1,12 +1,13 @@
-//! Entries in full and lists of them, for terminals.
+//! The API's entries, in full and as lists, for terminals.
 
 use std::fmt::Write as _;
 
 use super::terms::{Availability, Constant, Event, Function, Namespace, Need, Object, Type, Value};
 use super::{choices, constants, events, functions, methods, modules, namespaces, objects};
 
-/// All that a name stands for: a function, namespace, module, object, field, event, constant or set
-/// of names; `events`, `objects` and `modules` list theirs. Letter case does not matter.
+/// Returns every entry with this name: a function, namespace, module, object, field, event,
+/// constant or set of names. `events`, `objects` and `modules` return lists. Letter case does not
+/// matter.
 pub fn page(name: &str) -> Option<String> {
     let same = |other: &str| !other.is_empty() && other.eq_ignore_ascii_case(name);
     let mut pages = Vec::new();
@@ -31,7 +32,7 @@ pub fn page(name: &str) -> Option<String> {
             .map(|(_, text)| text),
     );
     if pages.is_empty() {
-        // Without its owner: `update`.
+        // Also find a function by its last part alone, such as `update`.
         pages.extend(
             all_functions()
                 .filter(|one| same(one.key()))
@@ -48,7 +49,7 @@ pub fn known() -> Vec<String> {
     known
 }
 
-/// The same without the fields of objects.
+/// Every name that [`page`] knows, without the fields of objects.
 pub fn titles() -> Vec<&'static str> {
     let functions = all_functions().map(|one| one.path);
     let constants = constants().map(|one| one.path);
@@ -64,7 +65,7 @@ pub fn titles() -> Vec<&'static str> {
     titles
 }
 
-/// A line for each function, constant, object, module and event.
+/// Returns a line for each function, constant, object, module and event.
 pub fn list() -> String {
     let mut text = String::new();
     for namespace in namespaces() {
@@ -170,7 +171,7 @@ fn fields(same: impl Fn(&str) -> bool) -> Vec<String> {
 fn of_function(function: &Function) -> String {
     let mut text = format!("{}\n\n{}\n", function.signature(), function.doc);
     if function.waits {
-        text += "May wait: other tasks run in the meantime, and a cancelled task ends there.\n";
+        text += "May wait: other tasks run in the meantime, and a task that is cancelled ends at this call.\n";
     }
     section(&mut text, "takes", function.parameters);
     if let Some(rest) = function.rest {

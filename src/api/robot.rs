@@ -1,4 +1,4 @@
-//! `robot.*`, and what it gives.
+//! `robot.*`, and the subscriptions that it returns.
 
 use super::bounds::{Bounds, SECONDS};
 use super::choices::{DOCK_CODE, LIGHT, MOTION_CODE, QUEUE, SOUND, STREAM};
@@ -12,10 +12,10 @@ use crate::robot::DockPlan;
 
 /// Power of a track, in percent.
 const POWER: Bounds = Bounds::Between(-100.0, 100.0);
-/// A speed, in metres or radians per second: what is too fast is slowed, so this only keeps the
-/// arithmetic finite.
+/// A speed, in metres or radians per second. Speeds that the robot cannot reach are reduced later,
+/// so this bound only keeps the arithmetic finite.
 const SPEED: Bounds = Bounds::Between(-1000.0, 1000.0);
-/// A way, in metres or radians.
+/// A distance in metres, or an angle in radians.
 const WAY: Bounds = Bounds::Between(-1e6, 1e6);
 /// Speed of `forward` and `turn`, in metres or radians per second.
 const WAY_SPEED: Bounds = Bounds::Above(0.0, 1000.0);
@@ -26,21 +26,22 @@ const DRIVE: Bounds = Bounds::Above(0.0, LONGEST_DRIVE);
 const BLINK: Bounds = Bounds::Between(0.02, 3600.0);
 /// Times of docking, in seconds.
 const DOCKING: Bounds = Bounds::Between(1.0, 3600.0);
-/// Runs of a handler a second, at most. A slower one would overrun the clock's numbers.
+/// The highest number of calls of a handler per second. A lower limit than this would overflow the
+/// clock's numbers.
 const RATE: Bounds = Bounds::Between(0.001, 1000.0);
 const PLAN: DockPlan = DockPlan::DEFAULT;
-/// `ok` of calls that wait for an end.
+/// `ok` of calls that wait for the end of an action.
 const OK: Value = boolean("ok", "whether it was completed");
 
 const SECONDS_OF_MOTION: Value = bounded(
     "seconds",
     DRIVE,
-    "drives for this time, waits, and stops; without it the setpoint holds until it is changed",
+    "drives for this time, then stops (the call waits until then); without it, the tracks keep running until the next motion command",
 )
 .unit("s")
 .optional();
 const ENDED: &[Value] = &[OK, choice("code", MOTION_CODE, "why it ended")];
-/// Nothing is returned where no time was given.
+/// The results of a call that returns nothing if no time was given.
 const ENDED_IF_TIMED: &[Value] = &[
     boolean("ok", "whether it was completed; only with `seconds`").optional(),
     choice("code", MOTION_CODE, "why it ended").optional(),
@@ -52,7 +53,12 @@ const SUBSCRIPTION: Value = object("subscription", &LISTENER, "");
 const TIMEOUT: Value = bounded("timeout", SECONDS, "default: no limit")
     .unit("s")
     .optional();
-const WHY_NOT: Value = value("why", Type::Text(None), "\"timeout\" if the first is nil").optional();
+const WHY_NOT: Value = value(
+    "why",
+    Type::Text(None),
+    "\"timeout\" if the first result is nil",
+)
+.optional();
 
 const fn seconds(name: &'static str, bounds: Bounds, usual: f64, doc: &'static str) -> Value {
     bounded(name, bounds, doc).unit("s").default(usual)
@@ -67,7 +73,7 @@ const FUNCTIONS: &[Function] = &[
             SECONDS_OF_MOTION,
         ],
         ENDED_IF_TIMED,
-        "Sets the power of both tracks. With `seconds` it waits, and can end as `blocked` like `robot.forward`.",
+        "Sets the power of both tracks. With `seconds` it waits until the time is over, and can end early as `blocked`, like `robot.forward`.",
         "robot.move(40, 40, 2) -- two seconds straight ahead\nrobot.move(20, -20) -- turns to the right until changed\ntask.wait(1)\nrobot.stop()",
     )
     .waiting(),
@@ -79,7 +85,7 @@ const FUNCTIONS: &[Function] = &[
             SECONDS_OF_MOTION,
         ],
         ENDED_IF_TIMED,
-        "Drives a curve. If the speed would need more than full power, it is reduced and the curve kept.",
+        "Drives a curve. If the speed would need more than full power, it is reduced; the curve stays the same.",
         "robot.drive(0.2, 0.5, 3) -- a curve to the left",
     )
     .waiting(),
@@ -90,7 +96,7 @@ const FUNCTIONS: &[Function] = &[
             bounded("speed", WAY_SPEED, "default: half of full speed").unit("m/s").optional(),
         ],
         ENDED,
-        "Drives straight for a distance, and waits until that is done. With the camera on it ends early as `blocked` when the pictures show that the robot is held: less often in a curve or in the dark, and late or never when it pushes from the start against a uniform surface that has not held it before.",
+        "Drives straight for a distance, and waits until that is done. With the camera on, it ends early as `blocked` when the pictures show that something holds the robot. In a curve or in the dark this works less often. If the robot pushes from the start against a uniform surface that has not held it before, it works late or never.",
         "local ok, code = robot.forward(0.5)\nprint(ok, code)",
     )
     .waiting(),
@@ -101,7 +107,7 @@ const FUNCTIONS: &[Function] = &[
             bounded("speed", WAY_SPEED, "default: half of full speed").unit("rad/s").optional(),
         ],
         ENDED,
-        "Turns on the spot, and waits until that is done; `blocked` as with `robot.forward`.",
+        "Turns on the spot, and waits until that is done. It can end early as `blocked`, like `robot.forward`.",
         "robot.turn(math.rad(90)) -- a quarter turn to the left",
     )
     .waiting(),
@@ -115,8 +121,8 @@ const FUNCTIONS: &[Function] = &[
     call(
         "robot.pose",
         &[],
-        &[object("pose", &POSE_ESTIMATE, "since `robot.reset_pose()`, or since the script started")],
-        "Estimates the robot's pose by dead reckoning, from the commands of the script to the tracks and, while the camera is on, from the turns that it sees. It takes into account that tracks gain speed gradually, and finds out by itself how late the pictures are. Motion that others cause is not counted, and makes the errors grow.",
+        &[object("pose", &POSE_ESTIMATE, "relative to the pose at the last `robot.reset_pose()`, or at the start of the script")],
+        "Estimates the robot's pose by dead reckoning: from the script's commands to the tracks and, while the camera is on, from the turns that the pictures show. The estimate allows for the gradual acceleration of the tracks and measures the delay of the pictures automatically. Motion that the script did not command is not counted, and makes the errors grow.",
         "robot.reset_pose()\nrobot.forward(0.5)\nlocal pose = robot.pose()\nprint(pose.x, pose.y, math.deg(pose.heading), pose.error)",
     )
     .pure(),
@@ -145,7 +151,7 @@ const FUNCTIONS: &[Function] = &[
             ]),
         ],
         &[object("task", &TASK, "`:cancel()` ends it")],
-        "Blinks a light, in a task of its own.",
+        "Blinks a light, in a new task.",
         "robot.blink(\"all\", { on = 0.1, off = 0.3, count = 5 }):join()",
     ),
     call(
@@ -159,14 +165,14 @@ const FUNCTIONS: &[Function] = &[
         "robot.stop_sound",
         &[],
         &[],
-        "Stops the sound, but not the watchdog's alarm: while that sounds, no script can play, talk or stop sounds.",
+        "Stops the sound, but not the watchdog's alarm: while the alarm sounds, scripts cannot play or stop sounds, use `robot.say` or set the volume.",
         "robot.play(\"music\")\ntask.wait(2)\nrobot.stop_sound()",
     ),
     call(
         "robot.volume",
         &[bounded("percent", Bounds::Between(0.0, 100.0), "").unit("%")],
         &[],
-        "Sets the volume. The watchdog's alarm always sounds at 100 %, and leaves the volume there.",
+        "Sets the volume. The watchdog's alarm sets it to 100 %, where it stays.",
         "robot.volume(60)",
     ),
     call(
@@ -180,7 +186,7 @@ const FUNCTIONS: &[Function] = &[
         "robot.stream",
         &[choice("name", STREAM, "which one"), boolean("on", "")],
         &[],
-        "Switches a video or audio stream on or off. Handlers and waits switch on what they need, until two seconds after they need it.",
+        "Switches a video or audio stream on or off. Handlers and waiting calls switch on the stream that they need; it goes off two seconds after they last needed it.",
         "robot.stream(\"video\", true)",
     ),
     call(
@@ -218,9 +224,9 @@ const FUNCTIONS: &[Function] = &[
     call(
         "robot.dock",
         &[options(&[
-            seconds("timeout", DOCKING, PLAN.timeout.as_secs() as f64, "the longest search of one try"),
+            seconds("timeout", DOCKING, PLAN.timeout.as_secs() as f64, "the longest time to search in one try"),
             count("retries", 20, "further tries after the first").default(PLAN.retries as f64),
-            seconds("charge_timeout", DOCKING, PLAN.charge_timeout.as_secs() as f64, "the longest wait for charging to begin"),
+            seconds("charge_timeout", DOCKING, PLAN.charge_timeout.as_secs() as f64, "the longest time to wait for charging to begin"),
         ])],
         &[
             OK,
@@ -236,7 +242,7 @@ const FUNCTIONS: &[Function] = &[
         &[options(&[seconds("timeout", DOCKING, 20.0, "")])],
         &[OK, choice("code", DOCK_CODE, "how it ended")],
         "Leaves the charging station, and waits until the robot is off it.",
-        "if robot.docked() and robot.undock() then\n\trobot.turn(math.pi) -- its back to the station\nend",
+        "if robot.docked() and robot.undock() then\n\trobot.turn(math.pi) -- turns away from the station\nend",
     )
     .waiting(),
     call(
@@ -252,8 +258,8 @@ const FUNCTIONS: &[Function] = &[
             NAMED_EVENT,
             HANDLER,
             options(&[
-                bounded("rate", RATE, "the most calls per second; without it there is no limit").unit("Hz").optional(),
-                choice("queue", QUEUE, "whether to queue every event, or only the latest; default: latest for frame, audio and noise, else all").optional(),
+                bounded("rate", RATE, "the highest number of calls per second; without it there is no limit").unit("Hz").optional(),
+                choice("queue", QUEUE, "`all` queues every event, `latest` only the newest; default: latest for frame, audio and noise, all for other events").optional(),
             ]),
         ],
         &[SUBSCRIPTION],
@@ -295,7 +301,7 @@ const FUNCTIONS: &[Function] = &[
     .waiting(),
 ];
 
-/// What `robot.on` and `robot.once` give.
+/// The object that `robot.on` and `robot.once` return.
 pub(super) const LISTENER: Object = strict(
     "Subscription",
     "A subscription to an event; made by `robot.on` and `robot.once`.",

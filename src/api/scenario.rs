@@ -1,5 +1,5 @@
-//! What scripts of scenarios can call, in `*_test.lua` files: `scenario`, `expect`, and `sim`, the
-//! simulated robot.
+//! The API of scenarios, in `*_test.lua` files: `scenario`, `expect`, and `sim`, the simulated
+//! robot.
 
 use super::bounds::{Bounds, SECONDS};
 use super::make::{
@@ -8,10 +8,10 @@ use super::make::{
 };
 use super::terms::{Availability, Namespace, Object, Type, Value};
 
-/// Places are no farther away than this, in metres; headings, in radians.
+/// The limits of coordinates, in metres, and of headings, in radians.
 const FAR: Bounds = Bounds::Between(-1000.0, 1000.0);
 const BATTERY: Bounds = Bounds::Between(0.0, 100.0);
-/// Bytes of a text.
+/// The longest text, in bytes.
 const LONGEST: usize = 64 * 1024;
 const TIME: Value = bounded("seconds", SECONDS, "virtual time").unit("s");
 const BALL: Value = value("number", Type::Whole(None), "1 is the world's first ball");
@@ -22,7 +22,7 @@ const fn whole_between(name: &'static str, low: f64, high: f64, doc: &'static st
     value(name, Type::Whole(Some(Bounds::Between(low, high))), doc)
 }
 
-/// How a scenario is set up.
+/// The options of a scenario.
 const SETTING: Value = options(&[
     short_text(
         "world",
@@ -33,7 +33,7 @@ const SETTING: Value = options(&[
     bounded(
         "battery",
         BATTERY,
-        "its level at the start; default: the world's",
+        "the battery's level at the start; default: the world's",
     )
     .unit("%")
     .optional(),
@@ -41,17 +41,17 @@ const SETTING: Value = options(&[
         "seeds",
         1.0,
         10_000.0,
-        "it is played with the seeds 1 to this number",
+        "how many seeds: the scenario is played once with each seed from 1 to this number",
     )
     .default(1.0),
     bounded(
         "limit",
         Bounds::Between(0.1, 30.0 * 86_400.0),
-        "the virtual time after which it fails",
+        "the virtual time after which the scenario fails",
     )
     .unit("s")
     .default(300.0),
-    count("points", 1000, "its points in a lesson").default(1.0),
+    count("points", 1000, "the scenario's points in a lesson").default(1.0),
     bounded(
         "fps",
         Bounds::Between(0.1, 30.0),
@@ -89,7 +89,7 @@ pub(super) const SCENARIO: Namespace = Namespace {
                     Type::Any,
                     "anything but nil and false counts as true",
                 ),
-                value("message", Type::Any, "for the report").optional(),
+                value("message", Type::Any, "shown in the report").optional(),
             ],
             &[value("condition", Type::Any, "")],
             "Fails the scenario here unless the condition is true.",
@@ -102,7 +102,7 @@ pub(super) const SCENARIO: Namespace = Namespace {
 
 const LEDS: Object = table(
     "Leds",
-    "The lights of the robot: which are on.",
+    "The robot's lights: true for each one that is on.",
     &[
         boolean("flash", ""),
         boolean("left", ""),
@@ -148,7 +148,8 @@ const POSE: Object = table(
 
 pub(super) const TABLES: [&Object; 5] = [&LEDS, &PLAYED, &LOGGED, &POINT, &POSE];
 
-/// Marked as waiting: the change is done at the simulator's next step.
+/// Methods that change the simulation are marked as waiting: the change is made at the simulator's
+/// next step.
 pub(super) const SIM: Object = strict(
     "Sim",
     "The simulated robot of a scenario, in `*_test.lua` files: `sim`.",
@@ -167,7 +168,7 @@ pub(super) const SIM: Object = strict(
             "sim:stop",
             &[],
             &[],
-            "Ends the behaviours in order. The next `sim:run()` finds the robot and the stores as they are.",
+            "Stops all behaviours as at the end of a run: their `script.on_stop` functions are called. The robot and the stores stay as they are for the next `sim:run()`.",
             "sim:stop()",
         )
         .waiting(),
@@ -201,7 +202,7 @@ pub(super) const SIM: Object = strict(
             "sim:clock",
             &[short_text("date", 40, "in the config's time zone")],
             &[],
-            "Sets the date and time, which run on from there. At the start they are 2026-01-01 09:00 UTC.",
+            "Sets the date and time; the clock continues from there. A scenario starts at 2026-01-01 09:00 UTC.",
             "sim:clock(\"2026-03-29 01:30\")",
         ),
         call("sim:pose", &[], &[object("pose", &POSE, "")], "Returns the robot's true pose.", "print(sim:pose().x)").pure(),
@@ -276,7 +277,7 @@ pub(super) const SIM: Object = strict(
         .waiting(),
         call(
             "sim:light",
-            &[bounded("factor", Bounds::Between(0.0, 10.0), "1 is the world's")],
+            &[bounded("factor", Bounds::Between(0.0, 10.0), "1 is the world's own brightness")],
             &[],
             "Multiplies the brightness of all light in the world.",
             "sim:light(0.2)",
@@ -286,7 +287,7 @@ pub(super) const SIM: Object = strict(
             "sim:hide_station",
             &[boolean("hidden", "")],
             &[],
-            "Sets whether the charging station is impossible to find.",
+            "Makes the charging station impossible to find (true) or findable again (false).",
             "sim:hide_station(true)",
         )
         .waiting(),
@@ -294,7 +295,7 @@ pub(super) const SIM: Object = strict(
             "sim:break_charger",
             &[boolean("broken", "")],
             &[],
-            "Sets whether the charging station lacks current.",
+            "Switches the charging current of the station off (true) or on (false).",
             "sim:break_charger(true)",
         )
         .waiting(),

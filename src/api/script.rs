@@ -1,4 +1,4 @@
-//! `script.*`: the script's own life.
+//! `script.*`: the script's name, end and use of resources.
 
 use super::make::{call, function, object, short_text};
 use super::tables::USAGE;
@@ -7,7 +7,7 @@ use super::terms::{Availability, Constant, Function, Namespace, Type};
 const CONSTANTS: &[Constant] = &[Constant {
     path: "script.name",
     kind: Type::Text(None),
-    doc: "The script's name: that of its file without `.lua`, or the one in the config.",
+    doc: "The script's name: the name of its file without `.lua`, or the name in the config.",
     example: "print(script.name)",
 }];
 
@@ -24,10 +24,10 @@ const FUNCTIONS: &[Function] = &[
         &[function(
             "fn",
             "(reason: string) -> ...any",
-            "gets the reason, has 0.5 s, and cannot drive",
+            "gets the reason; must end within 0.5 s, and cannot drive",
         )],
         &[],
-        "Calls a function when the script ends, for whatever reason.",
+        "Calls a function when the script ends, whatever the reason.",
         "script.on_stop(function(reason)\n\tprint(\"goodbye:\", reason)\nend)",
     ),
     call(

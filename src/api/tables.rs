@@ -1,4 +1,4 @@
-//! Plain tables that calls and events give.
+//! The plain tables that calls return and that events carry.
 
 use super::choices::SAFETY_ACTION;
 use super::make::{boolean, choice, number, table, text, value, whole};
@@ -10,7 +10,7 @@ pub(super) const BATTERY: Object = table(
     &[
         whole("percent", "its level").unit("%"),
         boolean("charging", ""),
-        number("age", "since the robot reported it").unit("s"),
+        number("age", "time since the robot reported it").unit("s"),
         number(
             "minutes_left",
             "estimated time until it is empty, at the recent consumption; nil until known, and while it charges",
@@ -28,7 +28,7 @@ pub(super) const POSE_ESTIMATE: Object = table(
         number("y", "to the left of the origin").unit("m"),
         number(
             "heading",
-            "turned to the left since then; not limited to a full turn",
+            "how far the robot has turned to the left from the x axis; not limited to a full turn",
         )
         .unit("rad"),
         number("error", "the estimated error of the position").unit("m"),
@@ -54,7 +54,7 @@ pub(super) const INFO: Object = table(
 
 pub(super) const DOCK_INFO: Object = table(
     "DockInfo",
-    "The course of a docking.",
+    "Details of a docking.",
     &[
         whole("attempts", "number of tries"),
         number("seconds", "duration").unit("s"),
@@ -118,19 +118,19 @@ pub(super) const SAFETY: Object = table(
 
 pub(super) const LOAN: Object = table(
     "Loan",
-    "The tracks of a robot with a low battery, lent for a while.",
+    "Permission to drive a robot with a low battery, for a limited time.",
     &[
         number(
             "seconds",
-            "the longest duration; a stop ends the loan, and so does a second without motion",
+            "the longest duration; a stop or a second without motion ends the loan earlier",
         )
         .unit("s"),
-        number("power", "the limit of each track's power; more is scaled down").unit("%"),
-        number("low_for", "since the battery became low").unit("s"),
+        number("power", "the limit of each track's power; higher power is scaled down").unit("%"),
+        number("low_for", "time since the battery became low").unit("s"),
         value(
             "way_back",
             Type::List(&Type::Object(&PLACE)),
-            "points back to the station along the robot's path, the nearest first; nil unless the path is known, and nothing but one search has moved the robot since",
+            "points of the robot's path back to the station, the nearest first; nil unless the path is known and only one search for the station has moved the robot since",
         )
         .optional(),
     ],
@@ -138,7 +138,7 @@ pub(super) const LOAN: Object = table(
 
 pub(super) const PLACE: Object = table(
     "Place",
-    "A point on the way back, relative to the pose of the robot when its battery became low. It comes from dead reckoning: the farther, the less exact.",
+    "A point on the way back, relative to the pose of the robot when its battery became low. It comes from dead reckoning, so it is less exact the farther away it is.",
     &[
         number("x", "ahead of that pose").unit("m"),
         number("y", "to the left of that pose").unit("m"),

@@ -9,7 +9,7 @@ use super::terms::{Availability, Function, Namespace, Object, Type, Value};
 
 const FUNCTION: Value = function("fn", "(...any) -> ...any", "the function to run");
 const HANDLE: Value = object("task", &TASK, "");
-/// The shortest and the longest beat of `task.every`, in seconds.
+/// The shortest and the longest period of `task.every`, in seconds.
 const BEAT: Bounds = Bounds::Between(0.001, 30.0 * 86_400.0);
 const TIME: Value = bounded("seconds", SECONDS, "").unit("s");
 
@@ -34,7 +34,7 @@ const FUNCTIONS: &[Function] = &[
         "task.spawn",
         &[FUNCTION],
         &[HANDLE],
-        "Runs a function in a task of its own, in parallel with the others.",
+        "Runs a function in a new task, in parallel with the others.",
         "local lights = task.spawn(function()\n\trobot.led(\"left\", true)\n\ttask.wait(1)\n\trobot.led(\"left\", false)\nend)\nlights:join()",
     )
     .and("arguments of the function"),
@@ -42,7 +42,7 @@ const FUNCTIONS: &[Function] = &[
         "task.delay",
         &[TIME, FUNCTION],
         &[HANDLE],
-        "Runs a function later, in a task of its own.",
+        "Runs a function later, in a new task.",
         "task.delay(2, robot.play, \"bip_2\")",
     )
     .and("arguments of the function"),
@@ -53,7 +53,7 @@ const FUNCTIONS: &[Function] = &[
             function("fn", "(missed: number) -> ...any", "gets the number of missed periods"),
         ],
         &[HANDLE],
-        "Runs a function periodically, in a task of its own.",
+        "Runs a function periodically, in a new task.",
         "local beat = task.every(1, function()\n\tprint(\"tick\")\nend)\ntask.wait(3)\nbeat:cancel()",
     ),
     call(
@@ -68,7 +68,7 @@ const FUNCTIONS: &[Function] = &[
     call(
         "task.race",
         &[FUNCTION],
-        &[value("results", Type::Any, "of the first function that ends").optional()],
+        &[value("results", Type::Any, "the results of the first function that ends").optional()],
         "Runs functions in parallel until one of them ends, then cancels the others.",
         "task.race(function()\n\ttask.wait(1)\nend, function()\n\trobot.wait_for(\"docked\")\nend)",
     )
@@ -79,9 +79,9 @@ const FUNCTIONS: &[Function] = &[
         &[TIME, FUNCTION],
         &[
             boolean("ok", "false after a time-out"),
-            value("results", Type::Any, "those of the function, or \"timeout\"").optional(),
+            value("results", Type::Any, "the results of the function, or \"timeout\"").optional(),
         ],
-        "Runs a function within a time limit.",
+        "Runs a function, and cancels it if it takes longer than a time limit.",
         "local ok = task.timeout(5, function()\n\trobot.forward(1)\nend)\nprint(ok)",
     )
     .and("arguments of the function")
@@ -93,7 +93,7 @@ pub(super) const TASK: Object = strict(
     "A function that runs in parallel with others.",
     &[
         choice("status", TASK_STATUS, "its state"),
-        whole("missed", "missed periods of `task.every`"),
+        whole("missed", "number of missed periods of `task.every`"),
     ],
     &[
         call(

@@ -1,9 +1,9 @@
-//! `journal.*` and `notify.*`.
+//! `journal.*` and `notify.*`: entries of the journal, and messages to people.
 
 use super::make::{boolean, call, short_text, text, value};
 use super::terms::{Availability, Function, Namespace, Type, Value};
 
-/// The longest kind of an entry, in bytes.
+/// The longest name of a kind of entry, in bytes.
 const KIND: usize = 40;
 /// The longest message, in bytes.
 const MESSAGE: usize = 1000;
@@ -47,7 +47,7 @@ const NOTIFIED: &[Function] = &[call(
 
 pub(super) const JOURNAL: Namespace = Namespace {
     name: "journal",
-    about: "a record for people",
+    about: "a record of what happened, for people",
     availability: Availability::Behaviour,
     functions: JOURNALLED,
     constants: &[],
@@ -56,7 +56,7 @@ pub(super) const JOURNAL: Namespace = Namespace {
 
 pub(super) const NOTIFY: Namespace = Namespace {
     name: "notify",
-    about: "messages to people who are elsewhere",
+    about: "messages to people",
     availability: Availability::Behaviour,
     functions: NOTIFIED,
     constants: &[],

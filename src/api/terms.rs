@@ -1,25 +1,25 @@
-//! The terms in which the API is described.
+//! The types that describe the API.
 
 use super::bounds::Bounds;
 
 /// One function or method.
 #[derive(Debug, Clone, Copy)]
 pub struct Function {
-    /// As people write it, such as `robot.move`; methods as `Frame:save`.
+    /// The name as scripts write it, such as `robot.move`; for a method, such as `Frame:save`.
     pub path: &'static str,
-    /// In order; a method's object is not among them.
+    /// The parameters in order, without a method's object.
     pub parameters: &'static [Value],
-    /// Further arguments, if it takes any: what they are.
+    /// A description of the further arguments; `None` if it takes none.
     pub rest: Option<&'static str>,
-    /// In order.
+    /// The results in order.
     pub returns: &'static [Value],
-    /// The calling task may wait.
+    /// Whether the calling task may wait.
     pub waits: bool,
-    /// It has no effect: a call whose result is unused does nothing.
+    /// Whether it has no side effect, so that a call whose result is not used is pointless.
     pub pure: bool,
-    /// One sentence.
+    /// A short description in whole sentences.
     pub doc: &'static str,
-    /// Lines that run as they stand; those of a Frame's methods run where `frame` is one.
+    /// A complete example that can be run. Examples of a Frame's methods expect a variable `frame`.
     pub example: &'static str,
 }
 
@@ -28,28 +28,28 @@ pub struct Function {
 pub struct Value {
     /// Its name.
     pub name: &'static str,
-    /// What it is.
+    /// Its type.
     pub kind: Type,
     /// Its unit; empty without one.
     pub unit: &'static str,
     /// Whether it may be left out, or may be nil.
     pub need: Need,
-    /// What it means, in a few words; may be empty where the name says all.
+    /// Its meaning in a few words; empty if the name says enough.
     pub doc: &'static str,
 }
 
 /// Whether a value may be left out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Need {
-    /// No.
+    /// It must be given; a result is never nil.
     Required,
-    /// Yes; a result may be nil.
+    /// It may be left out; a result may be nil.
     Optional,
-    /// Yes, and then it is this.
+    /// It may be left out, and then has this value.
     Default(Literal),
 }
 
-/// A constant as it is written in a script.
+/// A constant value, as scripts write it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Literal {
     /// `true` or `false`.
@@ -60,7 +60,7 @@ pub enum Literal {
     Range(f64, f64),
 }
 
-/// What a value is.
+/// The type of a value.
 #[derive(Debug, Clone, Copy)]
 pub enum Type {
     /// Anything.
@@ -85,7 +85,7 @@ pub enum Type {
     Roi,
     /// `{low, high}`.
     Range,
-    /// A table of one's own, with any keys.
+    /// A table of the script's, with any keys.
     Fields,
     /// An object or a table of this kind.
     Object(&'static Object),
@@ -108,22 +108,22 @@ pub enum Type {
 pub struct Choice {
     /// The name of its type.
     pub name: &'static str,
-    /// What messages call one of them.
+    /// The word for one of them in messages.
     pub what: &'static str,
-    /// All of them.
+    /// Returns all names.
     pub names: fn() -> Vec<&'static str>,
 }
 
 /// A field of a namespace.
 #[derive(Debug, Clone, Copy)]
 pub struct Constant {
-    /// As people write it.
+    /// The name as scripts write it.
     pub path: &'static str,
-    /// What it is.
+    /// Its type.
     pub kind: Type,
-    /// One sentence.
+    /// A short description in whole sentences.
     pub doc: &'static str,
-    /// Lines that run as they stand.
+    /// A complete example that can be run.
     pub example: &'static str,
 }
 
@@ -132,13 +132,14 @@ pub struct Constant {
 pub struct Object {
     /// Its name.
     pub name: &'static str,
-    /// One sentence.
+    /// A short description in whole sentences.
     pub doc: &'static str,
     /// Its data.
     pub fields: &'static [Value],
-    /// What is called on it with a colon.
+    /// Its methods, which are called with a colon.
     pub methods: &'static [Function],
-    /// Reading any other name is an error; else it is a plain table, and gives nil.
+    /// Whether reading an unknown name is an error. Otherwise such a read returns nil, as in a
+    /// plain table.
     pub strict: bool,
 }
 
@@ -147,39 +148,39 @@ pub struct Object {
 pub struct Event {
     /// Its name.
     pub name: &'static str,
-    /// What handlers get; `None`: an empty table.
+    /// The table that handlers get; `None` if it is an empty table.
     pub payload: Option<&'static Object>,
-    /// When it happens.
+    /// A sentence that says when the event occurs.
     pub doc: &'static str,
 }
 
 /// A table of functions.
 #[derive(Debug, Clone, Copy)]
 pub struct Namespace {
-    /// As scripts write it; empty for functions without one.
+    /// The name as scripts write it; empty for functions without a namespace.
     pub name: &'static str,
-    /// What it is for, in a few words.
+    /// Its purpose, in a few words.
     pub about: &'static str,
-    /// Which scripts have it.
+    /// The scripts that can use it.
     pub availability: Availability,
     /// Its functions.
     pub functions: &'static [Function],
-    /// Its other fields.
+    /// Its fields that are not functions.
     pub constants: &'static [Constant],
-    /// An example of the whole, for modules.
+    /// For a module, an example of its use; otherwise empty.
     pub example: &'static str,
 }
 
-/// Which scripts have a namespace.
+/// The scripts that can use a namespace.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Availability {
-    /// All.
+    /// All scripts.
     Everywhere,
-    /// Behaviours.
+    /// Only behaviours.
     Behaviour,
-    /// Scenarios: `*_test.lua`.
+    /// Only scenarios: `*_test.lua`.
     Scenario,
-    /// Those that call `require("@spykee/NAME")`.
+    /// Only scripts that call `require("@spykee/NAME")`.
     Module,
 }
 
@@ -195,19 +196,19 @@ impl Function {
         &self.path[..end]
     }
 
-    /// Called with a colon.
+    /// Whether it is a method, which is called with a colon.
     pub fn is_method(&self) -> bool {
         self.path.contains(':')
     }
 
-    /// Whether its first argument names an event, on which its handler or its result depends.
+    /// Whether its first argument names an event that determines the type of its handler or result.
     pub fn takes_an_event(&self) -> bool {
         let mut values = self.parameters.iter().chain(self.returns);
         values.any(|value| matches!(value.kind, Type::Handler | Type::Payload))
     }
 
-    /// The parameters that calls may have: all; and, where an optional one stands before one that is
-    /// not, those without the former.
+    /// The parameter lists that a call may use: the full list and, if an optional parameter comes
+    /// before a required one, the list without such optional parameters.
     pub fn forms(&self) -> Vec<Vec<&'static Value>> {
         let all: Vec<&Value> = self.parameters.iter().collect();
         let (head, tail) = all.split_at(self.least());
@@ -220,7 +221,7 @@ impl Function {
         vec![all, short]
     }
 
-    /// The fewest arguments that it can be called with, none of them left out.
+    /// The number of parameters up to and including the last required one.
     pub fn least(&self) -> usize {
         let needed = |value: &Value| value.need == Need::Required;
         let last = self.parameters.iter().rposition(needed);
@@ -261,7 +262,7 @@ impl Namespace {
 }
 
 impl Value {
-    /// What messages call it: `light`, `the function`, `seconds`.
+    /// The word for it in messages: `light`, `the function`, `seconds`.
     pub fn spoken(&self) -> &'static str {
         match self.kind {
             Type::Choice(choice) => choice.what,

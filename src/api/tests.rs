@@ -1,9 +1,10 @@
-//! The table's own words. That natives and modules are those of the table, a VM checks when it starts.
+//! Tests of the table's texts. A VM checks when it starts that its natives and modules match the
+//! table.
 
 use super::*;
 
 #[test]
-fn nothing_is_without_words() {
+fn every_entry_has_a_description_and_functions_have_an_example() {
     let of_modules = modules().flat_map(|module| module.functions);
     for function in functions().chain(methods()).chain(of_modules) {
         let path = function.path;
@@ -20,7 +21,7 @@ fn nothing_is_without_words() {
 }
 
 #[test]
-fn no_name_stands_in_the_table_twice() {
+fn names_are_unique() {
     let mut names: Vec<String> = names().map(|(path, ..)| path).collect();
     names.extend(objects().map(|object| object.name.to_owned()));
     names.sort();
@@ -29,7 +30,7 @@ fn no_name_stands_in_the_table_twice() {
     assert_eq!(names.len(), count);
 }
 
-/// What a value's type names, and what that names.
+/// Collects the names of all objects that a type refers to, including those in the objects' fields.
 fn named(kind: &Type, found: &mut Vec<&'static str>) {
     match kind {
         Type::Object(object) => {
@@ -43,7 +44,7 @@ fn named(kind: &Type, found: &mut Vec<&'static str>) {
 }
 
 #[test]
-fn every_object_that_calls_and_events_give_is_listed() {
+fn every_object_of_calls_and_events_is_listed() {
     let mut found = Vec::new();
     let of_modules = modules().flat_map(|module| module.functions);
     for function in functions().chain(methods()).chain(of_modules) {
@@ -59,7 +60,7 @@ fn every_object_that_calls_and_events_give_is_listed() {
 }
 
 #[test]
-fn signatures_read_as_people_write_them() {
+fn calls_and_signatures_are_readable() {
     let call = |path| function(path).unwrap().call();
     assert_eq!(call("robot.move"), "robot.move(left, right [, seconds])");
     assert_eq!(call("robot.stop"), "robot.stop()");
@@ -72,7 +73,7 @@ fn signatures_read_as_people_write_them() {
 }
 
 #[test]
-fn a_page_tells_all_that_a_name_stands_for() {
+fn a_page_shows_every_entry_of_a_name() {
     for (name, words) in [
         ("Blob.cx", "column of its centroid"),
         ("frame", "event frame"),
@@ -119,7 +120,7 @@ fn the_reference_in_the_readme_is_the_generated_one() {
 }
 
 #[test]
-fn editors_get_all_of_it() {
+fn editor_definitions_are_complete() {
     let text = luau();
     for method in objects().flat_map(|object| object.methods) {
         let declared = format!("\tfunction {}(self", method.key());

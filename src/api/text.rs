@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::terms::{Function, Need, Object, Type, Value};
 
 impl Type {
-    /// In Luau's notation.
+    /// The type in Luau's notation.
     pub fn luau(&self) -> String {
         match self {
             Type::Any => "any".to_owned(),
@@ -35,7 +35,7 @@ impl Type {
         }
     }
 
-    /// What is accepted, in words: `a number between 0 and 100`, `one of ...`.
+    /// The accepted values in words: `a number between 0 and 100`, `one of ...`.
     pub fn words(&self) -> String {
         match self {
             Type::Any => "anything".to_owned(),
@@ -64,7 +64,7 @@ impl Type {
 }
 
 impl Value {
-    /// Its type in Luau's notation, with a `?` where it may be nil.
+    /// Its type in Luau's notation, with a `?` if it may be nil.
     pub fn luau(&self) -> String {
         match (self.need, &self.kind) {
             (Need::Required, kind) => kind.luau(),
@@ -79,7 +79,7 @@ impl Value {
         format!("{}: {}", self.name, self.luau())
     }
 
-    /// All that is known of it in one line, such as `a number between -100 and 100, in %: power`.
+    /// Its full description in one line, such as `a number between -100 and 100, in %: power`.
     pub fn words(&self) -> String {
         if matches!(self.kind, Type::Any) && !self.doc.is_empty() {
             return self.doc.to_owned();
@@ -99,12 +99,12 @@ impl Value {
 }
 
 impl Function {
-    /// Such as `robot.led(name: Light, on: boolean): ()`.
+    /// Its signature, such as `robot.led(name: Light, on: boolean): ()`.
     pub fn signature(&self) -> String {
         format!("{}{}", self.path, self.luau_type(": "))
     }
 
-    /// Its parameters and results in Luau's notation, the object of a method left out.
+    /// Its parameters and results in Luau's notation, without a method's object.
     pub fn luau_type(&self, arrow: &str) -> String {
         format!("({}){arrow}{}", self.parameters_luau(), self.returns_luau())
     }
@@ -125,7 +125,7 @@ impl Function {
         }
     }
 
-    /// As people read it: `robot.move(left, right [, seconds])`.
+    /// The call as the documentation shows it: `robot.move(left, right [, seconds])`.
     pub fn call(&self) -> String {
         let mut text = format!("{}(", self.path);
         for (at, value) in self.parameters.iter().enumerate() {
@@ -148,7 +148,7 @@ impl Function {
 }
 
 impl Object {
-    /// Such as `a Frame` or `an Info`.
+    /// Its name with an article, such as `a Frame` or `an Info`.
     pub fn with_article(&self) -> String {
         let vowel = self.name.starts_with(['A', 'E', 'I', 'O', 'U']) && self.name != "Usage";
         let article = if vowel { "an" } else { "a" };

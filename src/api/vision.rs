@@ -14,7 +14,7 @@ const LIGHTNESS: (f64, f64) = (0.0, 100.0);
 const OPPONENT: (f64, f64) = (-128.0, 127.0);
 const HUE: (f64, f64) = (0.0, 360.0);
 const PERCENT: (f64, f64) = (0.0, 100.0);
-const NEXT: Value = object("frame", &FRAME, "the next one");
+const NEXT: Value = object("frame", &FRAME, "the next frame");
 
 pub(super) const COLOUR: Object = strict(
     "Colour",
@@ -38,7 +38,7 @@ pub(super) const TRACKER: Object = strict(
             "Tracker:update",
             &[NEXT],
             &[value("tracks", Type::List(&Type::Object(&TRACK)), "")],
-            "Processes the next frame.",
+            "Updates the tracks with the next frame.",
             "local balls = vision.tracker({ colour = \"red\" })\nfor _, ball in balls:update(frame) do\n\tprint(ball.id, ball.cx)\nend",
         ),
         call(
@@ -112,7 +112,7 @@ const FUNCTIONS: &[Function] = &[
             count(
                 "max_lost",
                 1000,
-                "frames out of sight before it is given up",
+                "frames out of sight before a blob is dropped",
             )
             .default(TRACKS.max_lost as f64),
             bounded(
@@ -168,7 +168,7 @@ const FUNCTIONS: &[Function] = &[
             value(
                 "info",
                 Type::Any,
-                "a Learned; or \"too_grey\" or \"too_mixed\"",
+                "a Learned; if no colour could be learned, \"too_grey\" or \"too_mixed\"",
             ),
         ],
         "Learns the colour of an object in front of the camera.",

@@ -11,7 +11,7 @@ const MADE: &[Value] = &[function("node", "(...any) -> boolean", "a node")];
 const TIMES: Value = value(
     "times",
     Type::Number(Some(Bounds::Between(1.0, 1e9))),
-    "the most runs",
+    "the largest number of runs",
 );
 
 pub(super) const BT: Namespace = module(
@@ -98,7 +98,7 @@ pub(super) const BT: Namespace = module(
             "bt.retry",
             &[TIMES, NODE],
             MADE,
-            "Runs a node again until it succeeds.",
+            "Runs a node until it succeeds, at most this many times.",
             "print(bt.run(bt.retry(3, function() return true end)))",
         ),
         call(
@@ -115,7 +115,7 @@ pub(super) const BT: Namespace = module(
                 NODE,
             ],
             MADE,
-            "Runs a node; halts it and fails if it takes longer than this.",
+            "Runs a node. If the node takes longer than this, it is halted and the result is failure.",
             "print(bt.run(bt.timeout(5, function() return true end)))",
         ),
         call(

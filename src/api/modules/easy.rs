@@ -1,4 +1,4 @@
-//! `@spykee/easy`: plain words for first programs.
+//! `@spykee/easy`: simple calls for first programs.
 
 use super::shapes::{OK, module};
 use crate::api::make::{call, number, object, table, text, value};

@@ -1,4 +1,4 @@
-//! `@spykee/floor`: what of the floor is free.
+//! `@spykee/floor`: finds the free floor in front of the robot.
 
 use super::shapes::module;
 use crate::api::frame::FRAME;
@@ -22,7 +22,7 @@ pub(super) const FLOOR: Namespace = module(
             "floor.memory",
             &[],
             &[object("memory", &MEMORY, "")],
-            "Makes a memory of nearby obstacles, because the camera does not see what is beside the robot.",
+            "Makes a memory of nearby obstacles. It is needed because the camera does not see what is beside the robot.",
             "local near = floor.memory()\nlocal frame = robot.wait_frame(2)\nif frame then\n\tprint(near:look(frame).beside.left)\nend",
         ),
         call(
@@ -48,7 +48,7 @@ pub(super) const FLOOR: Namespace = module(
             "floor.texture",
             &[PICTURE],
             &[value("texture", Type::List(&Type::Number(None)), "")],
-            "Describes how the floor looks.",
+            "Measures the brightness of small patches of the floor, to be compared with `floor.differs`.",
             "local frame = robot.wait_frame(2)\nif frame then\n\tprint(#floor.texture(frame))\nend",
         ),
         call(
@@ -70,7 +70,7 @@ const LEFT: Value = number("left", HALF).unit("m");
 const RIGHT: Value = number("right", HALF).unit("m");
 const TURN: Value = number(
     "turn",
-    "where there is more room: from -1, right, to 1, left",
+    "the side with more room, from -1 (right) to 1 (left)",
 );
 
 pub(super) const FREE: Object = table(
@@ -86,22 +86,22 @@ pub(super) const FREE: Object = table(
 
 pub(super) const MEMORY: Object = open(
     "Memory",
-    "Obstacles near the robot, remembered for some seconds where the camera no longer looks. Positions are those of \
-     `robot.pose()`: call `forget` when you call `robot.reset_pose()`.",
+    "Obstacles near the robot, remembered for some seconds after the camera has lost sight of them. Their \
+     positions come from `robot.pose()`: call `forget` when you call `robot.reset_pose()`.",
     &[],
     &[
         call(
             "memory:look",
             &[PICTURE],
             &[object("free", &FREE_AROUND, "")],
-            "Finds the free floor; call it with each frame while the robot drives.",
+            "Finds the free floor, and remembers near obstacles. Call it with each frame while the robot drives.",
             "local memory = require(\"@spykee/floor\").memory()\nlocal frame = robot.wait_frame(2)\nif frame then\n\tprint(memory:look(frame).ahead)\nend",
         ),
         call(
             "memory:forget",
             &[],
             &[],
-            "Forgets everything: call it after something else has moved the robot.",
+            "Forgets all obstacles: call it after something else has moved the robot.",
             "local memory = require(\"@spykee/floor\").memory()\nmemory:forget()",
         ),
     ],
@@ -109,7 +109,7 @@ pub(super) const MEMORY: Object = open(
 
 pub(super) const FREE_AROUND: Object = table(
     "FreeAround",
-    "The free floor and what is remembered; made by `memory:look`.",
+    "The free floor, also considering the remembered obstacles; made by `memory:look`.",
     &[
         number(
             "ahead",

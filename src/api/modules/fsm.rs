@@ -15,7 +15,7 @@ const STATES: &[Value] = &[
     function(
         "task",
         "(machine: Machine) -> string?",
-        "runs then; the machine goes to the state whose name it returns",
+        "runs next; the machine goes to the state whose name it returns",
     )
     .optional(),
     function(
@@ -81,7 +81,7 @@ pub(super) const MACHINE: Object = open(
             "machine:stop",
             &[],
             &[],
-            "Ends the machine: `exit` of its state runs, and no further `enter`.",
+            "Ends the machine: `exit` of the current state runs, and no other state is entered.",
             MACHINE_MADE,
         ),
     ],

@@ -34,7 +34,7 @@ pub(super) const CONTROLLER: Object = open(
             "controller:update",
             &[
                 number("measurement", ""),
-                number("setpoint", "the new setpoint, from now on").optional(),
+                number("setpoint", "a new setpoint, used from now on").optional(),
             ],
             &[number("output", "")],
             "Computes the output for a measurement; the time comes from `task.now()`.",
@@ -44,7 +44,7 @@ pub(super) const CONTROLLER: Object = open(
             "controller:reset",
             &[],
             &[],
-            "Forgets the past: call it after a pause.",
+            "Forgets the earlier measurements: call it after a pause.",
             "local steer = require(\"@spykee/pid\").new({ kp = 2 })\nsteer:reset()",
         ),
     ],

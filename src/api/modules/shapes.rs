@@ -1,4 +1,4 @@
-//! What the rows of several modules are made with.
+//! Helpers that several modules use to make their rows.
 
 use crate::api::make::boolean;
 use crate::api::terms::{Availability, Function, Namespace, Value};
