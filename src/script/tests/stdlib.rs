@@ -312,11 +312,11 @@ fn easy_is_tolerant_and_its_errors_are_for_beginners() {
         ),
         (
             "easy.forward(1, 500)",
-            "what speed must be from 1 to 100, got 500",
+            "what speed? It must be from 1 to 100, got 500",
         ),
         (
             "easy.drive(5000)",
-            "how many centimetres must be from -1000 to 1000, got 5000",
+            "how many centimetres? It must be from -1000 to 1000, got 5000",
         ),
         ("easy.light('left', 'maybe')", "on or off?"),
         ("easy.light('lfet')", "left"),
