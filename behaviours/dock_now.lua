@@ -1,9 +1,9 @@
--- dock_now: sends the robot to its charging station and tells how it went. Ends when the robot
--- charges, or with an error when it could not get home.
+-- dock_now: sends the robot to its charging station and reports the result. Ends when the robot
+-- charges, or with an error if it could not dock.
 
 local settings = params.declare({
-	retries = { default = 2, min = 0, max = 20, doc = "tries after the first one" },
-	timeout = { default = 120, min = 5, max = 600, unit = "s", doc = "the longest search of one try" },
+	retries = { default = 2, min = 0, max = 20, doc = "further tries after the first" },
+	timeout = { default = 120, min = 5, max = 600, unit = "s", doc = "the longest time to search in one try" },
 })
 
 local docked, code, info = robot.dock({ timeout = settings.timeout, retries = settings.retries })

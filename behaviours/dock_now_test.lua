@@ -1,8 +1,8 @@
--- Home from anywhere in the light of the station.
+-- Docks from anywhere within the beacon of the station.
 
 local function docks(sim)
 	sim:run("dock_now.lua")
-	expect(sim:wait_until(function() return sim:ended() end, 200), "it ends by itself")
+	expect(sim:wait_until(function() return sim:ended() end, 200), "it ends")
 	expect(sim:ended() == "done" and sim:docked() and sim:charging())
 	expect(#sim:log("on the station and charging") == 1)
 end
@@ -17,10 +17,10 @@ scenario("docks through a door", { world = "hall" }, function(sim)
 	docks(sim)
 end)
 
-scenario("says so when the station cannot be found", { may_fail = true }, function(sim)
+scenario("reports an error when the station cannot be found", { may_fail = true }, function(sim)
 	sim:hide_station(true)
 	sim:run({ "dock_now.lua", params = { retries = 0, timeout = 30 } })
-	expect(sim:wait_until(function() return sim:ended() end, 120), "it ends by itself")
+	expect(sim:wait_until(function() return sim:ended() end, 120), "it ends")
 	expect(sim:ended() == "error")
 	expect(sim:sounds()[1].name == "alarm")
 end)

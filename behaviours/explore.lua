@@ -1,27 +1,28 @@
--- explore: drives about by the camera alone, to where the floor is free the farthest, and turns away
--- from whatever stands in the way. When the picture stands still although it drives, something that it
--- does not see holds it: it backs off. How it sees the floor is in @spykee/floor. The watchdog takes it
--- home when its battery is low; charged, it goes out again.
+-- explore: drives around with the help of the camera alone, towards the longest stretch of free
+-- floor, and turns away from obstacles. If the picture does not change while the robot drives,
+-- something that the camera does not show holds it, and it backs off. The module @spykee/floor
+-- finds the free floor. When the battery is low, the watchdog takes the robot home; when it has
+-- charged, it drives out again.
 
 local floor = require("@spykee/floor")
 
 local settings = params.declare({
-	speed = { default = 0.2, min = 0.05, max = 0.3, unit = "m/s", doc = "straight ahead" },
+	speed = { default = 0.2, min = 0.05, max = 0.3, unit = "m/s", doc = "speed straight ahead" },
 	enough = { default = 80, min = 25, max = 100, unit = "%", doc = "leaves the station at this battery level" },
 	margin = { default = 0.9, min = 0.7, max = 2, unit = "m", doc = "turns away when less than this is free ahead" },
 })
 
 local TURNING = 0.8 -- rad/s, on the spot
-local BEND = 0.35 -- rad/s at most, under way: it sees little of what is beside its way
+local BEND = 0.35 -- rad/s at most while driving: the camera shows little of the sides
 local PATIENCE = 1.5 -- seconds of driving without a change of the picture
 
-local away -- the side to which it turns away: 1 left, -1 right; nil while it drives
+local away -- the side to which it is turning away: 1 left, -1 right; nil while it drives
 local turned_since
 local near = floor.memory()
-local looked_like -- the floor, when last it changed
+local looked_like -- the texture of the floor at its last change
 local changed_at = task.now()
 
--- To where there is more room, but not into what is beside it.
+-- Returns the turning to where there is more room, but not towards an obstacle beside the robot.
 local function bend(free)
 	local side = if free.turn > 0 then "left" else "right"
 	return if free.beside[side] then 0 else BEND * free.turn
@@ -31,7 +32,7 @@ local function steer(free)
 	local turning = bend(free)
 	local wanted = settings.margin * (if away then 1.3 else 1)
 	if away and task.now() - turned_since > 2 * math.pi / TURNING then
-		wanted = 0.8 * settings.margin -- no better way all round
+		wanted = 0.8 * settings.margin -- a full turn has shown no better direction
 		near:forget()
 	end
 	if free.ahead > wanted then
@@ -60,7 +61,7 @@ local function back_off()
 	looked_like, away = nil, nil
 end
 
--- On the station until the battery is full enough, then out, and its back to it.
+-- Waits on the station until the battery is full enough, then leaves it and turns away from it.
 local function rest()
 	local battery = robot.battery()
 	while battery and battery.percent < settings.enough do
@@ -77,7 +78,7 @@ while true do
 	if robot.docked() then
 		rest()
 	elseif not frame then
-		robot.stop() -- blind
+		robot.stop() -- without a picture
 	elseif stuck(frame) then
 		back_off()
 	else

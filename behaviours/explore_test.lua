@@ -1,6 +1,7 @@
--- About the room without running into things.
+-- Explores a room without hitting anything.
 
--- Metres between the two places farthest apart, along either wall, of a drive of so many seconds.
+-- Lets the robot drive for some seconds, and returns the larger extent of its path along x or y, in
+-- metres.
 local function spread(sim, seconds)
 	local low, high = sim:pose(), sim:pose()
 	for _ = 1, seconds do
@@ -16,7 +17,7 @@ local function explores(sim)
 	sim:run("explore.lua")
 	local way = spread(sim, 90)
 	expect(sim:distance() > 5, `it drives: {sim:distance()} m in a minute and a half`)
-	expect(way > 2, `it sees something of the room: {way} m of it`)
+	expect(way > 2, `it gets around in the room: its path extends over {way} m`)
 	expect(sim:collisions() == 0, `it hits nothing: {sim:collisions()} collisions`)
 end
 
@@ -25,7 +26,7 @@ scenario("explores a living room without hitting anything", { battery = 100, fps
 	explores(sim)
 end)
 
-scenario("explores a hall where somebody walks", { world = "hall", fps = 8 }, function(sim)
+scenario("explores a hall in which somebody walks", { world = "hall", fps = 8 }, function(sim)
 	sim:place({ x = 1 + 1.4 * math.random(), y = 1 + 3.4 * math.random(), heading = 2 * math.pi * math.random() })
 	explores(sim)
 end)
@@ -41,7 +42,7 @@ scenario("leaves the station when it has charged", { battery = 79 }, function(si
 	expect(sim:wait_until(function() return sim:ended() end, 60))
 	sim:battery(70)
 	sim:run("explore.lua")
-	expect(sim:wait_until(function() return not sim:docked() end, 60), "it goes out at 80 %")
+	expect(sim:wait_until(function() return not sim:docked() end, 60), "it leaves the station at 80 %")
 	local way = sim:distance()
-	expect(sim:wait_until(function() return sim:distance() > way + 2 end, 30), "and about")
+	expect(sim:wait_until(function() return sim:distance() > way + 2 end, 30), "it drives away")
 end)

@@ -1,7 +1,7 @@
--- find_and_return: looks for a thing of one colour, drives up to it, photographs it and comes home to
--- the station. It looks around, and if it sees nothing it drives on to where there is room and looks
--- around there. It remembers its way and goes back along it to where it finds the station. Ends on the
--- station, or with an error when it found nothing or did not get home.
+-- find_and_return: looks for an object of one colour, drives up to it, photographs it and comes
+-- home to the station. It looks around, and if it sees no such object it drives on to where there
+-- is room and looks around there. It remembers its path and drives back along it until it finds the
+-- station. Ends on the station, or with an error if it found nothing or did not get home.
 
 local floor = require("@spykee/floor")
 local station = require("@spykee/station")
@@ -9,27 +9,30 @@ local whereabouts = require("@spykee/whereabouts")
 
 local settings = params.declare({
 	colour = { default = "red", doc = "what to look for: a name, or one of the config's own colours" },
-	width = { default = 82, min = 20, max = 200, unit = "px", doc = "how wide it looks, of 320, when the robot has reached it" },
-	places = { default = 20, min = 1, max = 100, doc = "looks around at so many places at most" },
-	speed = { default = 0.27, min = 0.05, max = 0.3, unit = "m/s", doc = "of the drive" },
+	width = { default = 82, min = 20, max = 200, unit = "px", doc = "width of the object in a picture of 320 columns when the robot has reached it" },
+	places = { default = 20, min = 1, max = 100, doc = "the largest number of places where it looks around" },
+	speed = { default = 0.27, min = 0.05, max = 0.3, unit = "m/s", doc = "speed of the drive" },
 })
 
 local TURNING = 1.0 -- rad/s
-local LOST = 1.5 -- seconds out of sight
-local HELD = 5 -- seconds without coming nearer
-local ROOM = 0.8 -- metres that must be free before the camera
-local BEGINNING, NEARLY = { x = 0, y = 0 }, 3 -- where its way begins, and metres from there that are nearly there
-local STEP, REACHED = 0.3, 0.35 -- metres between two places of its way, and to one that it has come back to
-local HERE = 2 -- metres from where it began, or from its station, that need no way back
-local BESIDE = { math.rad(20), math.rad(40) } -- what is beside a view, from it
-local REACH, NEW = 2, 1.5 -- metres ahead at which a way is judged; so far from where it has been is new
-local STANDS = 1.5 -- seconds of driving without a change of the picture
-local HELDS = 4 -- times that something may hold it on its way back
-local LEG = 8 -- seconds of driving from one search of the station to the next
-local SLOWEST = 10 -- seconds from one place of its way to the next
-local WAITS = 3 -- seconds for whoever stands in its way back
+local LOST = 1.5 -- seconds out of sight until the object counts as lost
+local HELD = 5 -- seconds without coming nearer until the robot counts as held
+local ROOM = 0.8 -- metres that must be free in front of the camera
+-- Where its path begins, and within how many metres of it the robot is nearly there.
+local BEGINNING, NEARLY = { x = 0, y = 0 }, 3
+-- Metres between two places of its path, and from a place that counts as reached.
+local STEP, REACHED = 0.3, 0.35
+local HERE = 2 -- metres from its beginning or its station that need no drive back
+local BESIDE = { math.rad(20), math.rad(40) } -- views at these angles from a view are beside it
+-- Metres ahead at which a direction is judged, and from its path at which a place counts as new.
+local REACH, NEW = 2, 1.5
+local STANDS = 1.5 -- seconds of driving without a change of the picture until it counts as held
+local HELDS = 4 -- how often something may hold it on its way back
+local LEG = 8 -- seconds of driving between two searches for the station
+local SLOWEST = 10 -- seconds at most from one place of its path to the next
+local WAITS = 3 -- seconds that it waits for a person in its way
 
-local way = {} -- where it has been: metres, as robot.pose() tells
+local way = {} -- where it has been: positions of robot.pose(), in metres
 
 local function distance(place, pose)
 	return math.sqrt((place.x - pose.x) ^ 2 + (place.y - pose.y) ^ 2)
@@ -42,19 +45,20 @@ local function remember_the_way()
 	end
 end
 
--- The thing and the frame that shows it.
+-- Returns the object, if it is in sight, and the frame.
 local function see()
 	local frame = robot.wait_frame(1)
 	remember_the_way()
 	return frame and frame:find_blobs(settings.colour, { pixels_threshold = 40, merge = true, margin = 4 })[1], frame
 end
 
--- How wide the thing looks, in pixels of a picture of 320x240, whatever size this one has.
+-- Returns the width of the object, converted to pixels of a picture of 320x240.
 local function width_of(thing, frame)
 	return thing.w * 320 / frame.width
 end
 
--- How new a place is: metres to the nearest one where it has been.
+-- Returns how new a place is: the metres to the nearest place where the robot has been, at most
+-- NEW.
 local function newness(place)
 	local new = NEW
 	for _, been in way do
@@ -63,7 +67,7 @@ local function newness(place)
 	return new
 end
 
--- How far it is free beside a view, in the mean of both sides.
+-- Returns the mean free distance on both sides of a view.
 local function beside(views, heading)
 	local sum, count = 0, 0
 	for _, view in views do
@@ -75,8 +79,9 @@ local function beside(views, heading)
 	return if count > 0 then sum / count else 1
 end
 
--- The heading that promises most: far, through a gap, and to where it has not been. At random, too: otherwise it
--- would take the same way again and again.
+-- Returns the most promising heading: one with much room, through a gap, and towards places where
+-- the robot has not been. Partly random, because otherwise it would drive the same way again and
+-- again.
 local function most_promising(views)
 	local pose, most, best = robot.pose(), 0, nil
 	for _, view in views do
@@ -91,9 +96,11 @@ local function most_promising(views)
 	return best
 end
 
-local side = 1 -- to which it turns: each time the other, so that what it misjudges of its turns adds up to nothing
+-- The side to which it turns. It alternates, so that errors of the estimated turns cancel out.
+local side = 1
 
--- Turns once round until it sees the thing. If it does not, it ends up looking to where it is worth going.
+-- Turns until it sees the object, at most once round. If it does not see it, it ends up facing the
+-- most promising direction.
 local function look_around()
 	local since, views = task.now(), {}
 	side = -side
@@ -114,7 +121,7 @@ local function look_around()
 	return false
 end
 
--- Something held it: back, and a little to the side.
+-- Backs off and drives a little to the side, because something held the robot.
 local function evade()
 	log.info("something holds me: I go round it")
 	robot.forward(-0.4)
@@ -122,7 +129,7 @@ local function evade()
 	robot.forward(0.4)
 end
 
--- It has stood since then: what its tracks did since is no way.
+-- Corrects the path: the robot has not moved since this pose, although its tracks ran.
 local function was_held_since(pose)
 	local now = robot.pose()
 	for _, place in way do
@@ -133,7 +140,7 @@ local function was_held_since(pose)
 	BEGINNING.y += now.y - pose.y
 end
 
--- Towards the thing; what stands in the way before it is passed on the side where there is more room.
+-- Drives towards the object; passes an obstacle in between on the side where there is more room.
 local function steer(thing, frame)
 	local free = floor.look(frame)
 	if free.ahead < ROOM and width_of(thing, frame) < settings.width / 2 then
@@ -143,7 +150,8 @@ local function steer(thing, frame)
 	end
 end
 
--- Drives up to it; false when it is lost on the way, or something holds the robot.
+-- Drives up to the object. Returns false if it gets lost on the way, or if something holds the
+-- robot.
 local function approach()
 	local seen_at, nearer_at, widest = task.now(), task.now(), 0
 	local nearest = robot.pose()
@@ -178,7 +186,7 @@ local function find()
 		end
 		floor.drive_on(math.random(6, 12), settings.speed, see)
 	end
-	log.warn(`there is nothing {settings.colour} far and wide`)
+	log.warn(`found nothing {settings.colour} anywhere`)
 	return false
 end
 
@@ -189,7 +197,8 @@ local function celebrate()
 	robot.blink("all", { on = 0.2, off = 0.2, count = 3 }):join()
 end
 
--- Drops a place of the way that it has come to, and all that came after it. True if there was one.
+-- Removes a place of the path that the robot has reached, and all later ones. Returns true if there
+-- was such a place.
 local function come_to_a_place(pose)
 	for place = 1, #way do
 		if distance(way[place], pose) < REACHED then
@@ -202,12 +211,12 @@ local function come_to_a_place(pose)
 	return false
 end
 
--- By how much it has to turn to look at a place: radians, left positive.
+-- Returns the angle by which it must turn to face a place: radians, left positive.
 local function turn_to(place, pose)
 	return whereabouts.wrap(math.atan2(place.y - pose.y, place.x - pose.x) - pose.heading)
 end
 
--- Towards a place, but clear of what stands beside its way.
+-- Drives towards a place, but keeps clear of obstacles beside its way.
 local function steer_back(off, free)
 	local room = (if free.ahead < 1.5 * ROOM then 0.6 else 0.2) * free.turn
 	local turning = math.clamp(1.2 * off + room, -0.6, 0.6)
@@ -215,15 +224,15 @@ local function steer_back(off, free)
 	robot.drive(settings.speed * (if free.ahead < ROOM then 0.5 else 1), if beside then 0 else turning)
 end
 
--- Something held it: back, and on along the way where there is room.
+-- Backs off and passes on the side where there is room, because something held the robot.
 local function back_off(free)
 	robot.forward(-0.3)
 	robot.turn(math.rad(40) * (if free.turn >= 0 then 1 else -1))
 	robot.forward(0.3)
 end
 
--- Back the way it came, to where it began, and towards its station when it sees that. When something has
--- held it HELDS times it is not sure any more where it is.
+-- Drives back along its path to the beginning, and towards its station when it sees it. Gives up
+-- when something has held it HELDS times, because its position is then too uncertain.
 local function go_back()
 	local over, near = task.now() + 20 + 2 * STEP * #way / settings.speed, floor.memory()
 	local free_at, reached_at, changed_at, changed, looked_like, helds = task.now(), task.now(), 0, robot.pose(), nil, 0
@@ -232,7 +241,8 @@ local function go_back()
 		reached_at = if come_to_a_place(pose) then task.now() else reached_at
 		local place = way[math.max(1, #way - 1)]
 		local bearing, away
-		if frame and distance(BEGINNING, pose) < NEARLY then -- elsewhere it may be something else
+		-- Farther away, something else may look like the station.
+		if frame and distance(BEGINNING, pose) < NEARLY then
 			bearing, away = station.find(frame)
 		end
 		if not place or (away and away < HERE) then
@@ -240,7 +250,7 @@ local function go_back()
 		end
 		local off, free = bearing or turn_to(place, pose), if frame then near:look(frame) else nil
 		if not free then
-			robot.stop() -- blind
+			robot.stop() -- without a picture
 		elseif task.now() - reached_at > SLOWEST then
 			evade()
 			looked_like, helds, reached_at = nil, helds + 1, task.now()
@@ -266,7 +276,8 @@ local function go_back()
 	robot.stop()
 end
 
--- Tells @spykee/whereabouts of a drive, as robot.pose() has it: a turn, a way, a turn.
+-- Drives, and records the drive in @spykee/whereabouts, from robot.pose(): a turn, a distance, a
+-- turn.
 local function accounted(drive, ...)
 	local before = robot.pose()
 	drive(...)
@@ -279,8 +290,8 @@ local function accounted(drive, ...)
 	whereabouts.account(0, turned - along, 1)
 end
 
--- From where a search was in vain: towards the station if it was seen meanwhile, else to where there is room and
--- no search has been yet.
+-- Drives on after a search without success: towards the station if a picture of the search showed
+-- it, otherwise to where there is room and no search has been made.
 local function go_on()
 	whereabouts.settle()
 	local view = whereabouts.station() or whereabouts.widest()
@@ -291,8 +302,9 @@ local function go_on()
 	accounted(floor.drive_on, LEG, settings.speed)
 end
 
--- The station shines only so far: where its light is not seen the robot goes on and tries again. While it
--- searches it turns round, and its pictures show all that is about it.
+-- Comes home. The station's beacon has a limited range: where it is not received, the robot drives
+-- on and searches again. During a search it turns round, and the pictures show everything around
+-- it.
 local function come_home()
 	if distance(BEGINNING, robot.pose()) > HERE then
 		log.info("back the way I came")
@@ -314,7 +326,7 @@ local function come_home()
 end
 
 robot.undock()
-robot.stream("video", true) -- all the way: its turns are seen, and so its way is true
+robot.stream("video", true) -- on all the time: pictures of its turns make its path more exact
 robot.reset_pose()
 remember_the_way()
 local found = find()

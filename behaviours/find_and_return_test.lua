@@ -1,8 +1,8 @@
--- Finds the thing and comes home.
+-- Finds the object and comes home.
 
 local function finds(sim, colour, seconds)
 	sim:run({ "find_and_return.lua", params = { colour = colour } })
-	expect(sim:wait_until(function() return sim:ended() end, seconds), "it ends by itself")
+	expect(sim:wait_until(function() return sim:ended() end, seconds), "it ends")
 	expect(#sim:log(`found {colour}`) == 1 and sim:photos() == 1)
 	expect(sim:ended() == "done" and sim:docked() and sim:charging())
 end
@@ -22,8 +22,8 @@ scenario("finds the ball two rooms away and comes home", { world = "hall", fps =
 	finds(sim, "red", 470)
 end)
 
-scenario("comes home and says so when there is nothing", { world = "playpen", may_fail = true }, function(sim)
+scenario("comes home and reports an error when there is nothing", { world = "playpen", may_fail = true }, function(sim)
 	sim:run({ "find_and_return.lua", params = { colour = "magenta", places = 2 } })
-	expect(sim:wait_until(function() return sim:ended() end, 300), "it ends by itself")
+	expect(sim:wait_until(function() return sim:ended() end, 300), "it ends")
 	expect(sim:docked() and sim:ended() == "error" and #sim:log("nothing magenta") > 0)
 end)

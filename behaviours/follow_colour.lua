@@ -1,16 +1,16 @@
--- follow_colour: turns to a thing of one colour, such as a red ball, and keeps it in front at arm's
--- length; looks around when it has lost it. Runs until it is ended.
+-- follow_colour: turns to an object of one colour, such as a red ball, and keeps at arm's length in
+-- front of it; looks around when it has lost the object. Runs until it is stopped.
 
 local settings = params.declare({
 	colour = { default = "red", doc = "what to follow: a name, or one of the config's own colours" },
-	width = { default = 125, min = 20, max = 200, unit = "px", doc = "how wide it looks at the distance to keep" },
-	speed = { default = 0.22, min = 0.05, max = 0.4, unit = "m/s", doc = "at most" },
+	width = { default = 125, min = 20, max = 200, unit = "px", doc = "width of the object in the picture at the distance to keep" },
+	speed = { default = 0.22, min = 0.05, max = 0.4, unit = "m/s", doc = "the highest speed" },
 	turn = { default = 2.2, min = 0.5, max = 5, unit = "1/s", doc = "how hard it turns: rad/s for each radian" },
 })
 
-robot.undock() -- nothing happens when it is not on its station
+robot.undock() -- has no effect if the robot is not on its station
 
-local SLACK = 8 -- pixels from the right width that are still well
+local SLACK = 8 -- pixels by which the width may differ from the right one
 local LOOK_AROUND = 0.7 -- rad/s
 local GIVE_UP = 0.8 -- seconds out of sight until it counts as lost
 
@@ -26,7 +26,8 @@ local function become(new)
 	end
 end
 
--- Full speed from afar, slower on the last stretch, back when it comes too near.
+-- Returns the speed: full when the object is far away, slower near it, backwards when it is too
+-- near.
 local function approach(thing)
 	local missing = settings.width - thing.w
 	if math.abs(missing) <= SLACK then
@@ -38,7 +39,7 @@ end
 local function follow(thing)
 	seen_at = task.now()
 	side = if thing.bearing >= 0 then 1 else -1
-	-- Turn first, then drive: at the border it would be lost on the way.
+	-- Turn first, then drive: an object at the border of the picture would get lost on the way.
 	local ahead = math.max(0, 1 - 2.5 * math.abs(thing.bearing))
 	robot.drive(approach(thing) * ahead, math.clamp(settings.turn * thing.bearing, -1.2, 1.2))
 	become("following")

@@ -1,4 +1,4 @@
--- Up to the ball, and after it.
+-- Drives up to the ball, and follows it.
 
 local function distance(sim)
 	local pose, ball = sim:pose(), sim:ball(1)
@@ -18,7 +18,7 @@ scenario("finds the ball and stops in front of it", { world = "playpen" }, funct
 	local way = sim:distance()
 	sim:wait(3)
 	expect(sim:distance() - way < 0.1, "it has come to rest")
-	expect(distance(sim) > 0.3 and distance(sim) < 0.9, `at arm's length, not {distance(sim)} m`)
+	expect(distance(sim) > 0.3 and distance(sim) < 0.9, `it stops at arm's length, not at {distance(sim)} m`)
 	expect(sim:collisions() == 0)
 end)
 
@@ -30,7 +30,7 @@ scenario("goes after a ball that moves away", { world = "living_room", battery =
 		sim:place_ball(1, { x = 2 + 0.015 * step, y = 2.4 + 0.4 * math.sin(step / 25) })
 		sim:wait(0.1)
 	end
-	expect(sim:pose().x > 3, `it has gone along: x is {sim:pose().x} m`)
+	expect(sim:pose().x > 3, `it has followed the ball: x is {sim:pose().x} m`)
 	sim:wait(5)
 	expect(distance(sim) > 0.3 and distance(sim) < 1, `it is near the ball: {distance(sim)} m`)
 	expect(sim:collisions() == 0)

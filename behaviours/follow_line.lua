@@ -1,28 +1,32 @@
--- follow_line: drives along a line of tape on the floor, also round bends. The camera sees the floor
--- only from two thirds of a metre on, so the robot remembers where the line lay and steers to the nearest
--- point that it has not reached yet. Out of such points it turns to find the line again, first to the side
--- where it was; after a full turn without it, it stands still until it sees one.
+-- follow_line: drives along a line of tape on the floor, also round bends. The camera sees the
+-- floor only from two thirds of a metre on, so the robot remembers the points of the line that it
+-- has seen and steers to the nearest point that it has not reached yet. When there are no such
+-- points left, it turns to find the line again, first to the side where it was last. After a full
+-- turn without a line, it stands still until it sees one.
 
 local settings = params.declare({
-	colour = { default = "black", doc = "of the tape: a name, or one of the config's own colours" },
-	speed = { default = 0.22, min = 0.05, max = 0.35, unit = "m/s", doc = "on a straight piece" },
-	near = { default = 0.25, min = 0.1, max = 0.5, unit = "m", doc = "a point nearer than this is reached; more cuts corners" },
+	colour = { default = "black", doc = "colour of the tape: a name, or one of the config's own colours" },
+	speed = { default = 0.22, min = 0.05, max = 0.35, unit = "m/s", doc = "speed on a straight piece" },
+	near = { default = 0.25, min = 0.1, max = 0.5, unit = "m", doc = "a point nearer than this counts as reached; larger values cut corners" },
 })
 
--- The camera: above the floor and before the robot's middle, metres.
+-- The camera's position in metres: above the floor, and in front of the robot's middle.
 local HEIGHT, AHEAD = 0.2, 0.1
-local STRIPS = { 0.64, 0.69, 0.75, 0.82, 0.91, 1, 1.12, 1.25 } -- metres before the camera that are looked at
-local APART, GAP = 0.08, 0.3 -- metres between two points of the line, at least and at most
-local NEARER = 0.15 -- metres: a point seen from so much nearer is better known
-local WIDE = 24 -- pixels: tape that looks as wide gives two points or more
-local BEGINNING = 1 -- metres ahead: a new line is seen so near
+-- Metres from the camera at which it looks for the line.
+local STRIPS = { 0.64, 0.69, 0.75, 0.82, 0.91, 1, 1.12, 1.25 }
+local APART, GAP = 0.08, 0.3 -- metres: the least and the largest distance of two points of the line
+local NEARER = 0.15 -- metres: a point seen from this much nearer replaces the known one
+local WIDE = 24 -- pixels: for each such width the tape gives one point
+local BEGINNING = 1 -- metres: a new line must begin nearer than this
 local LOOK_AROUND = 0.8 -- rad/s
 local FULL_TURN = 2.2 * math.pi / LOOK_AROUND
-local FIRST, GLANCE = 1.8 / LOOK_AROUND, 0.7 / LOOK_AROUND -- seconds to one side first: a lost line, and one not seen yet
+-- Seconds of turning to the first side: for a lost line, and for a line that was never seen.
+local FIRST, GLANCE = 1.8 / LOOK_AROUND, 0.7 / LOOK_AROUND
 
-robot.undock() -- nothing happens when it is not on its station
+robot.undock() -- has no effect if the robot is not on its station
 
--- Points still to reach: x metres ahead of the robot, y metres to its left, seen from so far away.
+-- Points still to reach: x metres ahead of the robot, y metres to its left, seen from `away`
+-- metres.
 local line = {}
 local speed, turning = 0, 0 -- what the tracks do now, m/s and rad/s
 local moved_at = task.now()
@@ -41,7 +45,8 @@ local function drive(new_speed, new_turning, new_state)
 	end
 end
 
--- The robot has moved: all points have come nearer and turned. Those reached or behind are done.
+-- Updates the positions of all points after the robot has moved, and drops those reached or behind
+-- it.
 local function move_on()
 	local now = task.now()
 	local way, angle = speed * (now - moved_at), turning * (now - moved_at)
@@ -58,7 +63,8 @@ local function move_on()
 	line = left
 end
 
--- What is seen again from as near stays as it is: else the nearest point would be taken along with the robot.
+-- Adds a point. A known point is replaced only if it is seen from clearly nearer: otherwise the
+-- nearest point would move along with the robot.
 local function remember(x, y, away)
 	for i = #line, 1, -1 do
 		local known = line[i]
@@ -72,7 +78,8 @@ local function remember(x, y, away)
 	table.insert(line, { x = x, y = y, away = away })
 end
 
--- A line has no gaps: what lies far from all of it is something else. It begins right before the robot.
+-- Whether a point belongs to the line. A line has no gaps, so it must be near a known point; the
+-- first one must be right in front of the robot.
 local function belongs(x, y)
 	for _, point in line do
 		if math.abs(point.x - x) < GAP and math.abs(point.y - y) < GAP then
@@ -97,7 +104,8 @@ local function look(frame)
 		local _, row = frame:pixel_at(0, -math.atan(HEIGHT / depth))
 		local tape = row and frame:find_blobs(settings.colour, { roi = { 0, row - 4, frame.width, 9 } })[1]
 		if tape then
-			-- In a bend the tape lies across the picture: more than one point of it is seen.
+			-- In a bend the tape lies across the picture, so more than one of its points is
+			-- visible.
 			local points = math.max(1, tape.w // WIDE)
 			for point = 1, points do
 				local column = if points == 1 then tape.cx else tape.x + (point - 0.5) * tape.w / points
@@ -123,7 +131,7 @@ robot.on("frame", function(frame)
 	look(frame)
 	local point, distance = nearest()
 	if point then
-		-- The arc that leads to it; slower the tighter it is.
+		-- Drives the arc that leads to the point; the tighter the arc, the slower.
 		local bend = 2 * point.y / distance ^ 2
 		local slow = settings.speed / (1 + 0.25 * math.abs(bend))
 		side = if point.y > 0 then 1 else -1
@@ -131,11 +139,11 @@ robot.on("frame", function(frame)
 		followed_at = task.now()
 		return
 	end
-	-- To the one side first, and if it is not there all round by the other.
+	-- Looks to one side first, then all the way round by the other side.
 	local first = if ever_seen then FIRST else GLANCE
 	if task.now() - seen_at < FULL_TURN + 2 * first then
 		drive(0, LOOK_AROUND * (if task.now() - followed_at < first then side else -side), "looking for the line")
 	else
-		drive(0, 0, "no line far and wide")
+		drive(0, 0, "no line in sight")
 	end
 end)

@@ -1,9 +1,9 @@
--- Along the line, all the way round and back again.
+-- Follows the line all the way round, in both directions.
 
 local LOOP = { { 1.0, 0.6 }, { 3.9, 0.6 }, { 3.9, 2.9 }, { 2.6, 2.9 }, { 2.2, 1.9 }, { 1.0, 2.2 } }
 local SIDES = { { 2.4, 0.6 }, { 3.9, 1.75 }, { 3.2, 2.9 }, { 2.4, 2.4 }, { 1.6, 2.05 }, { 1.0, 1.4 } }
 
--- Metres from a place to the straight way from `from` to `to`.
+-- Returns the metres from a pose to the straight line between `from` and `to`.
 local function from_leg(pose, from, to)
 	local x, y = to[1] - from[1], to[2] - from[2]
 	local part = ((pose.x - from[1]) * x + (pose.y - from[2]) * y) / (x * x + y * y)
@@ -19,7 +19,8 @@ local function off_the_loop(pose)
 	return least
 end
 
--- Passes the middles of all sides in order, and is never far from the line.
+-- Checks that the robot passes the middles of the sides in this order, and is never far from the
+-- line.
 local function round(sim, order)
 	local worst = 0
 	for _, side in order do
@@ -44,7 +45,7 @@ scenario("follows the line all the way round", { world = "line_loop" }, function
 	expect(sim:collisions() == 0)
 end)
 
-scenario("follows it the other way round", { world = "line_loop" }, function(sim)
+scenario("follows the line in the other direction", { world = "line_loop" }, function(sim)
 	begin(sim, math.pi)
 	round(sim, { 6, 5, 4, 3, 2, 1 })
 	expect(sim:collisions() == 0)
@@ -62,7 +63,7 @@ scenario("stands still without a line", { world = "playpen" }, function(sim)
 	sim:place({ x = 1.2, y = 1.2, heading = 6 * math.random() })
 	sim:run("follow_line.lua")
 	sim:wait(15)
-	expect(#sim:log("no line far and wide") == 1)
+	expect(#sim:log("no line in sight") == 1)
 	local heading = sim:pose().heading
 	sim:wait(3)
 	expect(math.abs(sim:pose().heading - heading) < 0.01 and sim:distance() < 0.1)

@@ -1,11 +1,12 @@
--- greet: stands still and greets who comes by, with light and sound: whoever shows it a QR code, by what
--- the code says, and whoever walks by as large as a person. Politely rarely: between two greetings
--- there is a pause, and the same code is not greeted again for a long time. The store counts the guests.
+-- greet: stands still and greets people with light and sound: anybody who shows it a QR code, with
+-- the text of the code, and anything as large as a person that walks by. There is a pause between
+-- two greetings, and the same code is not greeted again for a long time. The store counts the
+-- guests.
 
 local settings = params.declare({
-	pause = { default = 30, min = 1, max = 3600, unit = "s", doc = "at least so long between two greetings" },
+	pause = { default = 30, min = 1, max = 3600, unit = "s", doc = "the shortest time between two greetings" },
 	again = { default = 600, min = 1, max = 86400, unit = "s", doc = "the same code is greeted again after this" },
-	tall = { default = 0.3, min = 0.05, max = 1, doc = "what moves is a person from this share of the picture's height" },
+	tall = { default = 0.3, min = 0.05, max = 1, doc = "something that moves counts as a person from this share of the picture's height on" },
 })
 
 local detector = vision.motion()
@@ -42,7 +43,8 @@ local function person(frame, motion)
 end
 
 robot.on("frame", function(frame)
-	local motion = detector:update(frame) -- compares each frame with the one before, so it sees all
+	-- The detector needs every frame, because it compares each frame with the one before.
+	local motion = detector:update(frame)
 	if task.now() - last < settings.pause then
 		return
 	end

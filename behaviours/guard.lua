@@ -1,12 +1,13 @@
--- guard: watches while the robot stands still. When something moves in front of it, or it becomes
--- loud, it keeps a photograph, sounds the alarm, writes a line, and tells whoever the config's `notify:`
--- names. It never drives, so it runs beside a patrol, and looks away while anything moves the robot: that
--- patrol, the watchdog, a person. A lamp that is switched on is no intruder. Without a microphone it
--- watches, without a camera it listens.
+-- guard: watches while the robot stands still. When something moves in front of the robot, or there
+-- is a loud noise, it saves a photograph, sounds the alarm, writes a line to the log, and notifies
+-- the targets of the config's `notify:`. It never drives, so it can run beside a patrol. It ignores
+-- motion while anything moves the robot: the patrol, the watchdog, a person. A lamp that is
+-- switched on does not count as an intruder. Without a microphone it only watches, without a camera
+-- it only listens.
 
 local settings = params.declare({
-	pause = { default = 30, min = 1, max = 3600, unit = "s", doc = "at least so long between two alarms" },
-	alarm = { default = true, doc = "sound the alarm; without it only photograph and log" },
+	pause = { default = 30, min = 1, max = 3600, unit = "s", doc = "the shortest time between two alarms" },
+	alarm = { default = true, doc = "sound the alarm; otherwise only photograph and log" },
 })
 
 local detector = vision.motion()

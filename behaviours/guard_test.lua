@@ -1,16 +1,17 @@
--- The guard raises the alarm for what moves or is loud, and for nothing else.
+-- The guard raises the alarm for motion and for loud noises, and for nothing else.
 
 local function alarms(sim)
 	return #sim:log("alarm ")
 end
 
--- In the living room the door bell rings once a minute, from the 20th second on.
+-- Whether an alarm is due to the door bell, which rings in the living room at 20 s and then once a
+-- minute.
 local function is_bell(line)
 	local into = (line.time - 20) % 60
 	return string.find(line.text, "a noise of") ~= nil and into < 2
 end
 
--- Alarms for nobody at all.
+-- Returns the number of alarms that neither a person nor the bell has caused.
 local function false_alarms(sim)
 	local count = 0
 	for _, line in sim:log("alarm ") do
@@ -22,7 +23,7 @@ end
 scenario("somebody walks by: photograph, alarm, log", { world = "hall", fps = 8 }, function(sim)
 	sim:place({ x = 3.7 + 0.4 * math.random(), y = 2.3 + 0.6 * math.random(), heading = 0.3 * math.random() - 0.15 })
 	sim:run("guard.lua")
-	expect(sim:wait_until(function() return alarms(sim) > 0 end, 60), "the alarm within a round of Ada's")
+	expect(sim:wait_until(function() return alarms(sim) > 0 end, 60), "there is an alarm before Ada has walked once round")
 	expect(#sim:log("something moves") > 0)
 	expect(sim:photos() > 0)
 	expect(sim:sounds()[1].name == "alarm")
@@ -33,14 +34,14 @@ scenario("a loud noise: alarm and log, once in a while", { world = "playpen", fp
 	sim:run("guard.lua")
 	sim:wait(5)
 	sim:noise(-12, 2)
-	expect(sim:wait_until(function() return #sim:log("a noise of") > 0 end, 5), "the alarm at once")
+	expect(sim:wait_until(function() return #sim:log("a noise of") > 0 end, 5), "there is an alarm at once")
 	sim:wait(5)
 	sim:noise(-12, 2)
 	sim:wait(5)
-	expect(alarms(sim) == 1, "not again so soon")
+	expect(alarms(sim) == 1, "there is no second alarm so soon")
 	sim:wait(20)
 	sim:noise(-12, 2)
-	expect(sim:wait_until(function() return alarms(sim) == 2 end, 5), "again later")
+	expect(sim:wait_until(function() return alarms(sim) == 2 end, 5), "there is another alarm later")
 end)
 
 scenario("the door bell rings in the living room", { battery = 90, fps = 5 }, function(sim)
@@ -77,10 +78,10 @@ scenario("no alarm when a person turns or carries the robot", { battery = 90, fp
 		sim:place({ x = 2, y = 2.5, heading = 0.25 * turn })
 	end
 	sim:wait(5)
-	expect(false_alarms(sim) == 0, "nobody moved but the robot")
+	expect(false_alarms(sim) == 0, "only the robot was moved")
 end)
 
-scenario("counts its alarms over a restart", { world = "playpen", fps = 8 }, function(sim)
+scenario("keeps counting its alarms after a restart", { world = "playpen", fps = 8 }, function(sim)
 	for expected = 1, 2 do
 		sim:run({ "guard.lua", params = { alarm = false } })
 		sim:wait(5)

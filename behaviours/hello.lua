@@ -1,5 +1,5 @@
--- hello: says hello with lights and sounds. It does not drive, so it runs anywhere, also on the
--- charging station, and ends by itself after a few seconds.
+-- hello: says hello with lights and sounds. It does not drive, so it runs anywhere, even on the
+-- charging station. It ends after a few seconds.
 
 print("hello, I am", robot.info().name)
 
@@ -19,6 +19,6 @@ else
 	print(`my battery is at {battery.percent} %`)
 end
 
--- A laugh for a good battery, an alarm for one that will not last.
+-- A laugh if the battery is above 25 %, otherwise an alarm.
 robot.play(battery.percent > 25 and "laugh" or "alarm")
 task.wait(1)

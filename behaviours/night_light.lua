@@ -1,15 +1,15 @@
--- night_light: when it gets dark it puts the lights on, when it gets bright it puts them off. It does
--- not drive. Its own headlight would outshine what it measures, so it shuts that for each look, and
--- between night and day there is a gap, so that dusk does not make it flicker.
+-- night_light: switches the lights on when it gets dark, and off when it gets bright. It does not
+-- drive. Its own headlight would falsify the measurement, so it is switched off for each look.
+-- There is a gap between the limits of night and day, so that the lights do not flicker at dusk.
 
 local settings = params.declare({
 	dark = { default = 0.25, min = 0, max = 1, doc = "a picture darker than this is night (0 black, 1 white)" },
 	bright = { default = 0.33, min = 0, max = 1, doc = "a picture brighter than this is day" },
-	pause = { default = 8, min = 1, max = 600, unit = "s", doc = "between two looks" },
+	pause = { default = 8, min = 1, max = 600, unit = "s", doc = "time between two looks" },
 })
 assert(settings.dark < settings.bright, "dark must be less than bright")
 
-local BLINK = 1.5 -- seconds that the camera needs to get used to the light
+local BLINK = 1.5 -- seconds that the camera needs to adjust to the light
 
 local shining = store.get("shining", false)
 local nights = store.get("nights", 0)
@@ -20,7 +20,7 @@ local function shine(on)
 	store.set("shining", on)
 end
 
--- How bright it is without the headlight; nil without a picture.
+-- Returns the brightness without the headlight; nil without a picture.
 local function look()
 	robot.led("flash", false)
 	robot.wait_frame(2) -- the camera is on now
@@ -34,7 +34,7 @@ shine(shining)
 while true do
 	local brightness = look()
 	if not brightness then
-		log.warn("no picture: the camera is silent")
+		log.warn("the camera sent no picture")
 	elseif not shining and brightness < settings.dark then
 		nights += 1
 		store.set("nights", nights)

@@ -1,4 +1,4 @@
--- Light at night, none by day, and no flicker.
+-- The lights are on at night, off by day, and do not flicker.
 
 local function lit(sim)
 	return function()
@@ -27,12 +27,12 @@ scenario("is off all day and on when it gets dark", { battery = 90, fps = 4 }, f
 	sim:place({ x = 1 + 2 * math.random(), y = 1.5 + 2 * math.random(), heading = 2 * math.pi * math.random() })
 	sim:run("night_light.lua")
 	sim:wait(30)
-	expect(#sim:log("night ") == 0, "a bright room is no night")
+	expect(#sim:log("night ") == 0, "it is not night in a bright room")
 	sim:light(0.05)
-	expect(sim:wait_until(lit(sim), 25), "a dark one is")
+	expect(sim:wait_until(lit(sim), 25), "it is night in a dark room")
 end)
 
-scenario("a restart in the dark goes on shining", { battery = 90, fps = 4 }, function(sim)
+scenario("continues to shine after a restart in the dark", { battery = 90, fps = 4 }, function(sim)
 	sim:light(0.05)
 	sim:run("night_light.lua")
 	expect(sim:wait_until(lit(sim), 25))
@@ -40,7 +40,7 @@ scenario("a restart in the dark goes on shining", { battery = 90, fps = 4 }, fun
 	sim:stop()
 	sim:run("night_light.lua")
 	sim:wait(2)
-	expect(lit(sim)(), "at once, before the first look")
+	expect(lit(sim)(), "the lights are on at once, before the first look")
 	sim:wait(30)
 	expect(#sim:log("night ") == 1, "it is the same night")
 end)

@@ -1,20 +1,20 @@
--- patrol: drives a beat of legs; at the end of each leg it looks around, photographs what it sees and
--- tells which colours are there. When the battery runs low it goes home, charges, leaves the station
--- and takes up the beat at the leg that it had not finished; so it does after a restart. Runs until it
--- is ended.
+-- patrol: drives round after round, each of several legs. At the end of each leg it looks around,
+-- takes photographs and logs the colours that it sees. When the battery runs low it goes home,
+-- charges, leaves the station and continues with the leg that it had not finished; after a restart
+-- it does the same. Runs until it is stopped.
 
 local floor = require("@spykee/floor")
 
 local settings = params.declare({
 	leg = { default = 0.9, min = 0.1, max = 10, unit = "m", doc = "length of one leg" },
-	legs = { default = 4, min = 1, max = 12, doc = "legs of a beat, a turn of a full circle between them" },
-	speed = { default = 0.3, min = 0.05, max = 0.45, unit = "m/s", doc = "on a leg" },
-	go_home = { default = 30, min = 21, max = 90, unit = "%", doc = "docks at this battery level; the watchdog does at 20 %" },
-	enough = { default = 75, min = 25, max = 100, unit = "%", doc = "goes out again at this level" },
+	legs = { default = 4, min = 1, max = 12, doc = "legs of a round; the turns between them add up to a full circle" },
+	speed = { default = 0.3, min = 0.05, max = 0.45, unit = "m/s", doc = "speed on a leg" },
+	go_home = { default = 30, min = 21, max = 90, unit = "%", doc = "docks at this battery level; at 20 % the watchdog docks" },
+	enough = { default = 75, min = 25, max = 100, unit = "%", doc = "leaves the station at this battery level" },
 })
 local COLOURS = { "red", "green", "blue", "yellow" }
 
-local leg = store.get("leg", 1) -- the one to drive next
+local leg = store.get("leg", 1) -- the next leg to drive
 local round = store.get("round", 1)
 
 local function level()
@@ -39,7 +39,7 @@ end
 local function photograph(name)
 	local frame = robot.wait_frame(2)
 	if not frame then
-		return log.warn("no picture: the camera is silent")
+		return log.warn("the camera sent no picture")
 	end
 	robot.led("flash", true)
 	robot.play("snapshot")
@@ -64,7 +64,7 @@ local function look_around()
 	robot.stream("video", false) -- until the next look
 end
 
--- Kept in the store at once, so that a restart knows it too.
+-- Stores the next leg at once, so that a restart continues there.
 local function next_leg()
 	leg = leg % settings.legs + 1
 	round += if leg == 1 then 1 else 0
@@ -95,7 +95,7 @@ local function go_home()
 	log.info(`going home, the battery is at {level()} %`)
 	local docked, code = robot.dock({ timeout = 120, retries = 0 })
 	if code == "base_not_found" then
-		-- Where the beacon does not shine it is not found however often one tries.
+		-- Without the station's beacon, more searches from the same place would fail too.
 		robot.turn(math.rad(math.random(-180, 180)))
 		return floor.drive_on(6, settings.speed)
 	elseif not docked then
@@ -108,7 +108,7 @@ local function go_home()
 		log.warn(`could not leave the station: {why}`)
 		return task.wait(5)
 	end
-	-- It has backed out and looks at its station.
+	-- It has backed out and still faces its station.
 	robot.turn(math.pi)
 end
 

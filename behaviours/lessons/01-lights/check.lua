@@ -2,7 +2,7 @@
 
 local OTHER = { left = "right", right = "left" }
 
--- One light on for about a second, alone.
+-- Checks that one light is on for about a second, alone.
 local function signals(sim, name)
 	expect(sim:wait_until(function() return sim:leds()[name] end, 8), `The {name} light never went on: easy.light("{name}", "on") switches it on.`)
 	expect(not sim:leds()[OTHER[name]], `When the {name} light went on, the {OTHER[name]} one was on too: they should go on one after the other.`)

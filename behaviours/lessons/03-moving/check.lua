@@ -1,6 +1,6 @@
 -- Lesson 3: there and back.
 
--- How far it is from where it began.
+-- Returns a function that measures the distance from the place where the robot is now.
 local function meter(sim)
 	local start = sim:pose()
 	return function()
@@ -9,13 +9,14 @@ local function meter(sim)
 	end
 end
 
--- By how much it looks another way than `before`, in radians, 0 to pi.
+-- Returns the angle between the heading `before` and the present one, in radians, 0 to pi.
 local function turned(sim, before)
 	local by = sim:pose().heading - before
 	return math.abs(math.atan2(math.sin(by), math.cos(by)))
 end
 
--- Waits until it stands or until it drives; whether that came.
+-- Waits until the robot drives (`wanted` is true) or stands still. Returns whether that happened in
+-- time.
 local function wait_for_motion(sim, wanted, seconds)
 	local far, heading = sim:distance(), sim:pose().heading
 	sim:wait(0.1)

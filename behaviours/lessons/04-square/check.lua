@@ -5,8 +5,8 @@ local CORNERS = { { SIDE, 0 }, { SIDE, SIDE }, { 0, SIDE }, { 0, 0 } }
 local NAMES = { "first", "second", "third", "fourth" }
 local ROUND = 2 * math.pi
 
--- How far it is from a corner of the square that begins here, and how far it has turned in all: in radians,
--- to the left.
+-- Returns two functions: the distance from a corner of the square that begins here, and the total
+-- turn so far in radians, to the left.
 local function meters(sim)
 	local start, turned = sim:pose(), 0
 	local heading = start.heading
@@ -20,7 +20,7 @@ local function meters(sim)
 	return away, function() return turned end
 end
 
--- Radians for degrees, and metres for centimetres, are easily mixed up.
+-- Learners easily mix up radians and degrees, and metres and centimetres.
 local function right_units(sim, away, turned)
 	expect(math.abs(turned()) < 1.5 * ROUND, "It turns round and round instead of a quarter turn: easy.left takes degrees, robot.turn radians, such as robot.turn(math.rad(90)).")
 	local far = sim:pose().x < 1.2 + SIDE + 0.6

@@ -7,7 +7,7 @@ local function awake(sim)
 	return leds.left or leds.right or leds.flash
 end
 
--- In a world where it is quiet.
+-- Starts the script in a quiet world.
 local function begin(sim)
 	sim:place({ x = 1.2, y = 1.25, heading = 0 })
 	sim:run()
@@ -18,7 +18,8 @@ local function wakes_up(sim, which)
 	expect(sim:wait_until(function() return awake(sim) end, 5), `At the {which} noise its lights did not go on.`)
 end
 
--- Waits until something is so; how far it has turned meanwhile, in radians.
+-- Waits until `what()` is true. Returns whether that happened, and how far the robot turned
+-- meanwhile, in radians.
 local function turning_until(sim, what, seconds)
 	local turned, heading = 0, sim:pose().heading
 	local came = sim:wait_until(function()

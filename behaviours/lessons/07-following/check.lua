@@ -1,6 +1,7 @@
--- Lesson 7: goes to the ball and stops before it.
+-- Lesson 7: drives to the ball and stops in front of it.
 
--- From the middle of the robot to the middle of the ball; about 0.25 m of that are the two themselves.
+-- Returns the distance from the middle of the robot to the middle of the ball; about 0.25 m of it
+-- are inside the two.
 local function gap(sim)
 	local pose, ball = sim:pose(), sim:ball(1)
 	return math.sqrt((pose.x - ball.x) ^ 2 + (pose.y - ball.y) ^ 2)

@@ -2,7 +2,7 @@
 
 -- Places on the line, in the order in which the robot comes to them.
 local PLACES = { { 2.7, 0.6 }, { 3.8, 1.6 }, { 3.35, 2.7 }, { 2.4, 2.3 }, { 1.45, 1.95 }, { 1.15, 1.35 }, { 1.9, 0.6 } }
--- Whoever looks ahead cuts bends a little.
+-- A robot that looks ahead cuts bends a little.
 local NEAR = 0.35
 
 local function follows(sim, first, last)
@@ -31,15 +31,17 @@ scenario("All the way round", { world = "line_loop", fps = 10, points = 4, seeds
 	expect(sim:collisions() == 0, "It ran into something on its way.")
 end)
 
--- On the straight part of the line, so far to the left of it; a person holds it there.
+-- Places the robot on the straight part of the line, `left` metres to the left of it, as if a
+-- person held it there.
 local function hold(sim, left)
 	sim:place({ x = 2.4, y = 0.6 + left, heading = 0 })
 end
 
--- How fast it turns when it is put down so far to the left of the line, in radians a second.
+-- Returns how fast the robot turns when it is put down `left` metres to the left of the line, in
+-- radians per second.
 local function turning(sim, left)
 	hold(sim, left)
-	sim:wait(0.4) -- a picture of it has come and is acted upon
+	sim:wait(0.4) -- time for a picture to arrive and to have an effect
 	hold(sim, left)
 	local before = sim:pose().heading
 	sim:wait(0.3)

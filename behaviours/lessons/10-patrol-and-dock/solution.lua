@@ -1,5 +1,5 @@
 -- spykee lesson 10: patrol and dock
--- A patrol for the whole day: three legs with a photograph each, home, charge to 60 %, and again.
+-- A patrol for the whole day: three legs with a photograph each, home, charge to 60 %, repeat.
 
 local function photograph(name)
 	local frame = robot.wait_frame(2)

@@ -1,5 +1,5 @@
 -- spykee lesson 10: patrol and dock
--- A patrol for the whole day: three legs with a photograph each, home, charge to 60 %, and again.
+-- A patrol for the whole day: three legs with a photograph each, home, charge to 60 %, repeat.
 -- Here it drives one leg and goes home.
 
 if robot.docked() and robot.undock() then

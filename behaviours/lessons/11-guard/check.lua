@@ -17,7 +17,7 @@ local function watch(sim)
 	expect(#alarms(sim) == 0, "There was an alarm although nothing had moved.")
 end
 
--- Something rolls through the picture; whether it was noticed.
+-- Rolls a ball through the picture. Returns whether there was an alarm.
 local function roll(sim, from, to)
 	local before = #alarms(sim)
 	for step = 0, 12 do

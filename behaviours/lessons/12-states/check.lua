@@ -11,7 +11,7 @@ local function laughs(sim)
 end
 
 local function wake(sim, ball)
-	-- In a world where it is quiet.
+	-- This world is quiet.
 	sim:place({ x = 1.2, y = 1.25, heading = 0 })
 	sim:place_ball(1, ball)
 	local heading = sim:pose().heading
