@@ -77,7 +77,7 @@ pub(super) const FREE: Object = table(
     "Free",
     "The free floor in front of the robot; made by `floor.look`.",
     &[
-        number("ahead", "free distance ahead, over the robot's width").unit("m"),
+        number("ahead", "free distance ahead, across the robot's width").unit("m"),
         LEFT,
         RIGHT,
         TURN,
@@ -113,7 +113,7 @@ pub(super) const FREE_AROUND: Object = table(
     &[
         number(
             "ahead",
-            "free distance ahead, over the robot's width, from what is seen or remembered",
+            "free distance ahead, across the robot's width, considering seen and remembered obstacles",
         )
         .unit("m"),
         LEFT,
