@@ -43,7 +43,7 @@ scenario("One alarm in ten seconds, then another", { world = "yard", points = 3,
 	expect(roll(sim, 2.2, 0.9), "A ball rolled by after the ten seconds, but there was no second alarm.")
 end)
 
-scenario("A lamp is no intruder", { world = "yard", points = 3, seeds = 2, limit = 60 }, function(sim)
+scenario("A lamp is not an intruder", { world = "yard", points = 3, seeds = 2, limit = 60 }, function(sim)
 	watch(sim)
 	sim:light(0.6)
 	sim:wait(4)
