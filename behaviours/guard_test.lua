@@ -11,7 +11,7 @@ local function is_bell(line)
 	return string.find(line.text, "a noise of") ~= nil and into < 2
 end
 
--- Returns the number of alarms that neither a person nor the bell has caused.
+-- Returns the number of alarms that are not due to the bell.
 local function false_alarms(sim)
 	local count = 0
 	for _, line in sim:log("alarm ") do

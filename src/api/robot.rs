@@ -26,8 +26,7 @@ const DRIVE: Bounds = Bounds::Above(0.0, LONGEST_DRIVE);
 const BLINK: Bounds = Bounds::Between(0.02, 3600.0);
 /// Times of docking, in seconds.
 const DOCKING: Bounds = Bounds::Between(1.0, 3600.0);
-/// The highest number of calls of a handler per second. A lower limit than this would overflow the
-/// clock's numbers.
+/// Calls of a handler per second. A rate below the lower bound would overflow the clock's numbers.
 const RATE: Bounds = Bounds::Between(0.001, 1000.0);
 const PLAN: DockPlan = DockPlan::DEFAULT;
 /// `ok` of calls that wait for the end of an action.

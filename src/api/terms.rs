@@ -71,7 +71,7 @@ pub enum Type {
     Number(Option<Bounds>),
     /// A whole number.
     Whole(Option<Bounds>),
-    /// Text, of at most so many bytes if there is a limit.
+    /// Text, with its largest length in bytes if there is a limit.
     Text(Option<usize>),
     /// A function, with its type in Luau's notation.
     Function(&'static str),
