@@ -1,5 +1,4 @@
-//! The manual pages, made from the definition of the command line: a page for each subcommand. Part
-//! of
+//! Makes the manual pages from the definition of the command line, one for each subcommand. Part of
 //! `scripts/package`: `cargo bench --profile dev --bench man -- FOLDER`.
 #![allow(missing_docs)]
 
@@ -8,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use clap_mangen::Man;
 
-/// What `--help` says nowhere.
+/// Sections that `--help` does not contain.
 const REST: &str = r#".SH "EXIT STATUS"
 .TP
 0
@@ -37,20 +36,20 @@ SPYKEE_PASSWORD
 The robot's password.
 .TP
 SPYKEE_CONFIG
-The config, if \-\-config names none.
+The config, unless \-\-config names one.
 .TP
 SPYKEE_...
 A single setting: SPYKEE_WATCHDOG_LOW for low in watchdog.
 .TP
 RUST_LOG
-What is logged.
+The levels of the log.
 .TP
 NO_COLOR
 No colours.
 .SH FILES
 .TP
 spykee.yaml
-The config of the current folder, if no other is named.
+The config, in the current folder, unless another one is named.
 .TP
 /etc/spykee/spykee.yaml
 The config of the service (Debian package).
@@ -63,10 +62,12 @@ Built-in behaviours, worlds and lessons, and README.md, the guide to writing scr
 "#;
 
 fn main() -> io::Result<()> {
-    // `cargo bench` adds an argument of its own.
+    // `cargo bench` adds `--bench`.
     let named = std::env::args_os().skip(1).find(|word| word != "--bench");
     let Some(folder) = named.map(PathBuf::from) else {
-        return Err(io::Error::other("say into which folder"));
+        return Err(io::Error::other(
+            "missing argument: the folder for the pages",
+        ));
     };
     std::fs::create_dir_all(&folder)?;
     let mut command = spykee::cli::command().disable_help_subcommand(true);
@@ -74,7 +75,7 @@ fn main() -> io::Result<()> {
     write(&command, &folder, true)
 }
 
-/// One page, and those of what is below it.
+/// Writes the page of a command and those of its subcommands.
 fn write(command: &clap::Command, folder: &Path, is_first: bool) -> io::Result<()> {
     let man = Man::new(command.clone()).source(concat!("spykee ", env!("CARGO_PKG_VERSION")));
     let mut page = Vec::new();
