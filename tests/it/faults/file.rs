@@ -1,4 +1,4 @@
-//! `spykee sim --faults FILE.yaml`, as a person types it.
+//! `spykee sim --faults FILE.yaml` from the command line.
 
 use std::net::SocketAddr;
 
@@ -8,7 +8,7 @@ use tokio::time::{sleep, timeout};
 
 use crate::rig::{Rig, Run, WAIT_LIMIT};
 
-/// A simulator of its own with faults, and where it listens.
+/// A separate simulator with faults, and its address.
 async fn simulator(rig: &Rig, faults: &str) -> (Run, Target) {
     let file = rig.file("faults.yaml", faults);
     let args = [

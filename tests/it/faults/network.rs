@@ -1,4 +1,4 @@
-//! Scenarios of the network: bytes that come late, wrong or not at all.
+//! Scenarios of the network: bytes that arrive late, damaged or not at all.
 
 use rustix::process::Signal;
 use spykee::wire::Command;
@@ -47,7 +47,7 @@ pub async fn comes_back_and_sees(stage: Stage) {
     stage.ends_well();
 }
 
-/// The last that the robot hears over the old connection is a stop.
+/// The last command that the robot receives over the old connection is a stop.
 pub async fn stops_first(stage: Stage) {
     let before = stage.newest_client();
     let from = stage.trouble();
@@ -61,10 +61,10 @@ pub async fn stops_first(stage: Stage) {
     stage.ends_well();
 }
 
-/// Nothing that was said while the connection was dead arrives later.
+/// Commands of the time when the connection was dead do not arrive later.
 pub async fn queues_nothing(stage: Stage) {
     let before = stage.newest_client();
-    // What is on its way in this moment may still arrive.
+    // Bytes that are in transit at this moment may still arrive.
     stage.trouble();
     stage.run.says("hears disconnected").await;
     let dead = stage.rig.sim.heard_count();
@@ -87,7 +87,7 @@ pub async fn ends_in_time(mut stage: Stage) {
     stage.run.signal(Signal::INT);
     let interrupted = Instant::now();
     assert_eq!(stage.run.code().await, Some(130), "{}", stage.run.text());
-    // A second more than promised, for a busy machine.
+    // One second more than promised, for a busy machine.
     assert!(
         interrupted.elapsed() < Duration::from_secs(3),
         "{:?}",

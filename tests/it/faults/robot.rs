@@ -1,4 +1,5 @@
-//! Scenarios of the robot: gone, refusing, in other hands, low, or away from its station.
+//! Scenarios of the robot: unreachable, refusing logins, used by others, low, or away from its
+//! station.
 
 use spykee::sim::State;
 use spykee::wire::{Command, Sound};
