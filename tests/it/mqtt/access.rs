@@ -1,4 +1,4 @@
-//! Who may ask for which robot is the broker's business: the access list of the README.
+//! The broker decides who may command which robot, with the access list of the README.
 
 use std::os::unix::fs::PermissionsExt as _;
 
@@ -8,8 +8,8 @@ use super::broker::{Broker, Ear};
 use super::{A, IDLE, robot};
 use crate::rig::{Rig, Run};
 
-/// The list of the README for `rover1`, an agent, and `anna`, who may ask for its robot; the same for a second
-/// robot, with `rover2` and `bruno`.
+/// The README's list for `rover1`, an agent, and `anna`, who may command its robot, and the same
+/// for a second robot, with `rover2` and `bruno`.
 fn access() -> String {
     let readme = include_str!("../../../README.md");
     let list = readme
@@ -32,7 +32,7 @@ const USERS: &[(&str, &str)] = &[
     ("bruno", "b"),
 ];
 
-/// The config of somebody at this broker.
+/// The config of a user of this broker.
 fn config(rig: &Rig, broker: &Broker, name: &str, user: usize) -> String {
     let (user, password) = USERS[user];
     let secret = rig.file(&format!("{name}.password"), password);
@@ -50,7 +50,7 @@ fn agent(rig: &Rig, broker: &Broker, user: usize) -> Run {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn who_may_ask_for_one_robot_can_neither_drive_nor_see_nor_be_another() {
+async fn a_user_of_one_robot_can_neither_drive_nor_see_nor_impersonate_another() {
     let lines = "password_file @/users\nacl_file @/access\n";
     let Some(mut broker) = Broker::start_with(lines, USERS) else {
         return;
@@ -77,7 +77,7 @@ async fn who_may_ask_for_one_robot_can_neither_drive_nor_see_nor_be_another() {
         .await;
     let laser = |one: &Command| *one == Command::Play(Sound::Laser);
     second.heard(0, laser).await;
-    // The broker had bruno's orders before this one.
+    // The broker received bruno's orders before this one.
     anna.say("spykee/SPYKEE0001/command", "locate", false).await;
     first.heard(0, laser).await;
     let dock = |one: &&Command| **one == Command::Engine(Engage::Dock);

@@ -1,4 +1,5 @@
-//! Several agents at one broker: `SPYKEE_FLEET=30` makes the largest one larger (`scripts/fleet`).
+//! Several agents at one broker; `SPYKEE_FLEET=30` sets the number for the largest test
+//! (`scripts/fleet`).
 
 use std::time::{Duration, Instant};
 
@@ -10,7 +11,7 @@ use super::{A, IDLE, robot, start};
 use crate::rig::{Rig, Run};
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_killed_agent_is_told_by_its_broker() {
+async fn the_broker_reports_a_killed_agent() {
     let Some(broker) = Broker::start() else {
         return;
     };
@@ -29,7 +30,7 @@ async fn a_killed_agent_is_told_by_its_broker() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_fleet_runs_and_stops_together_and_every_robot_hears_it() {
+async fn a_fleet_starts_and_stops_together_and_every_robot_follows() {
     let Some(broker) = Broker::start() else {
         return;
     };
@@ -66,19 +67,19 @@ async fn a_fleet_runs_and_stops_together_and_every_robot_hears_it() {
     for (rig, place) in rigs.iter().zip(places) {
         rig.heard_stop(place).await;
     }
-    // Nothing is left to run.
+    // No behaviour is left that could run.
     for run in &mut runs {
         assert_eq!(run.code().await, Some(0), "{}", run.text());
     }
 }
 
-/// A broker gives one up that says nothing for 1.5 times this, in seconds.
+/// The keep-alive in seconds; a broker disconnects a client that is silent for 1.5 times this.
 const KEEP_ALIVE: u64 = 4;
-/// A mosquitto looks every six seconds only, and machines are slow.
+/// Mosquitto checks only every six seconds, and machines are slow.
 const SLACK: Duration = Duration::from_secs(20);
 
 #[tokio::test(flavor = "multi_thread")]
-async fn of_many_agents_those_that_die_or_hang_are_told_and_all_others_stop() {
+async fn among_many_agents_dead_and_hung_ones_are_reported_and_all_others_stop() {
     let Some(broker) = Broker::start() else {
         return;
     };
@@ -116,7 +117,8 @@ async fn of_many_agents_those_that_die_or_hang_are_told_and_all_others_stop() {
     let killed = gone(&names[1], since).await;
     let hung = gone(&names[0], since).await;
     eprintln!("{count} agents; told after {killed:?} (killed) and {hung:?} (hung)");
-    // Who hangs is given up after 1.5 keep-alives, so whoever was told before him was told within that time.
+    // A hung agent is disconnected after 1.5 keep-alives; everything reported before it was
+    // reported within that time.
     let place = |name: &str| {
         let topic = format!("spykee/{name}/connection");
         ear.place_of(&topic, "CONNECTIONBROKEN").unwrap()
@@ -136,7 +138,7 @@ async fn of_many_agents_those_that_die_or_hang_are_told_and_all_others_stop() {
     let said = |what| text.matches(what).count();
     let broken = ": not asked, it is CONNECTIONBROKEN";
     assert_eq!((said(": done"), said(broken)), (count - 2, 2), "{text}");
-    // Those that nobody could ask were stopped by their guardians.
+    // Agents that could not receive the order: their guardians have stopped the robots.
     for (rig, place) in rigs.iter().zip(places) {
         rig.heard_stop(place).await;
     }

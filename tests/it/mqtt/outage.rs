@@ -1,4 +1,5 @@
-//! A broker that is gone for long, and back. Its time is compressed: the longest pause is short.
+//! A broker that is unavailable for long and then returns. The longest pause is short, to save
+//! time.
 
 use std::io::Read as _;
 use std::net::TcpListener;
@@ -10,18 +11,19 @@ use super::broker::{Broker, Ear};
 use super::{A, robot};
 use crate::rig::WAIT_LIMIT;
 
-/// Upper end of the pauses, in seconds.
+/// The limit of the pauses, in seconds.
 const LONGEST_PAUSE: u64 = 2;
-/// So many tries while the broker is gone.
+/// The number of connection attempts to wait for while the broker is gone.
 const KNOCKS: usize = 6;
 
-/// How long the broker is gone besides: an hour with `SPYKEE_BROKER_GONE=3600`.
+/// How long the broker stays away after that: an hour with `SPYKEE_BROKER_GONE=3600`.
 fn gone_for() -> Duration {
     let seconds = std::env::var("SPYKEE_BROKER_GONE");
     Duration::from_secs(seconds.map_or(0, |text| text.parse().unwrap()))
 }
 
-/// Stands where the broker was, and hangs up on everybody: when the agent came.
+/// Listens in the broker's place and closes all connections; returns the times of the agent's
+/// attempts.
 fn knocks(port: u16) -> Vec<Instant> {
     let door = TcpListener::bind(("127.0.0.1", port)).unwrap();
     let mut came = Vec::new();
@@ -40,7 +42,7 @@ fn knocks(port: u16) -> Vec<Instant> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn after_a_long_outage_all_is_told_anew_and_no_old_order_runs() {
+async fn after_a_long_outage_all_states_are_published_again_and_no_old_order_runs() {
     let Some(mut broker) = Broker::start() else {
         return;
     };
@@ -66,7 +68,7 @@ async fn after_a_long_outage_all_is_told_anew_and_no_old_order_runs() {
         .await
         .unwrap()
         .unwrap();
-    // Pauses are drawn from the upper half of steps that grow up to the longest.
+    // Each pause is random, within the upper half of a step; the steps grow up to the limit.
     let last = came[KNOCKS - 1] - came[KNOCKS - 4];
     let least = Duration::from_secs(LONGEST_PAUSE) * 3 / 2;
     assert!(
@@ -74,7 +76,7 @@ async fn after_a_long_outage_all_is_told_anew_and_no_old_order_runs() {
         "{last:?}: they do not grow"
     );
     tokio::time::sleep(gone_for()).await;
-    // The robot did not notice.
+    // The robot keeps working: its light still blinks.
     let gone = rig.sim.heard_count();
     for on in [true, false, true] {
         let light = move |one: &Command| *one == Command::Led { led: Led::Left, on };

@@ -1,4 +1,4 @@
-//! Notifications that are published at a topic.
+//! Notifications that are published to a topic.
 
 use rustix::process::Signal;
 use serde_json::Value;
@@ -10,7 +10,7 @@ use crate::rig::Rig;
 const SENDS: &str = "local path = robot.wait_frame(20):save('seen')
     notify.send('look at this', { picture = path })";
 
-/// Two targets: words as JSON, and pictures.
+/// A config with two targets: text as JSON, and pictures.
 fn config(rig: &Rig, broker: &Broker) {
     rig.file(
         "spykee.yaml",
@@ -30,7 +30,7 @@ fn waiting(rig: &Rig) -> usize {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_scripts_send_is_published_with_its_picture_and_outlives_a_broker_that_is_gone() {
+async fn notifications_are_published_with_their_pictures_and_survive_a_broker_outage() {
     let Some(mut broker) = Broker::start() else {
         return;
     };
