@@ -93,8 +93,8 @@ async fn the_metrics_are_valid_openmetrics() {
     );
 }
 
-/// In Prometheus's older format, which `promtool` reads: there a counter's name ends with `_total` in the
-/// lines about it, too.
+/// Converts to Prometheus's older format, which `promtool` reads: there, the `HELP` and `TYPE`
+/// lines of a counter also have its name with `_total`.
 fn in_the_older_format(figures: &str) -> String {
     let counters: Vec<&str> = figures
         .lines()

@@ -1,4 +1,4 @@
-//! The pilot against the simulated robot, without scripts: requests in, commands out.
+//! The pilot with the simulated robot, without scripts: requests in, commands out.
 
 use std::time::Duration;
 
@@ -16,7 +16,7 @@ use crate::rig::{Rig, WAIT_LIMIT, moves};
 
 const WHO: BehaviourId = BehaviourId(0);
 
-/// A pilot at work and one behaviour aboard that is played by the test.
+/// A running pilot, and one behaviour that the test plays.
 struct Cockpit {
     requests: mpsc::Sender<Request>,
     inbox: EventReceiver,
@@ -36,7 +36,7 @@ fn dial(rig: &Rig) -> Dial {
 }
 
 impl Cockpit {
-    /// With something else in the pilot's own task, which may panic.
+    /// Runs another future in the pilot's task, which may panic.
     async fn with(rig: &Rig, beside: impl Future<Output = ()> + Send + 'static) -> Cockpit {
         let settings = Settings {
             limits: Limits::default(),
@@ -81,7 +81,7 @@ impl Cockpit {
             .unwrap();
     }
 
-    /// Wants a stream on.
+    /// Requests that a stream be on.
     async fn want(&self, stream: Stream) {
         self.ask(Intent::Stream { stream, on: true }).await;
     }
@@ -96,7 +96,7 @@ impl Cockpit {
         .await;
     }
 
-    /// Waits until it is told something.
+    /// Waits for a matching event.
     async fn told(&mut self, wanted: impl Fn(&Event) -> bool) -> Event {
         let told = async {
             loop {
@@ -144,7 +144,7 @@ async fn a_panic_in_the_pilots_task_stops_the_tracks() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_behaviour_that_shows_no_life_is_stopped_and_ended() {
+async fn a_behaviour_without_a_sign_of_life_is_stopped_and_ended() {
     let rig = Rig::quiet().await;
     let mut cockpit = Cockpit::start(&rig).await;
     cockpit.connected().await;
@@ -166,7 +166,7 @@ async fn a_behaviour_that_shows_no_life_is_stopped_and_ended() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn commands_go_out_on_change_only() {
+async fn commands_are_sent_on_change_only() {
     let rig = Rig::quiet().await;
     let mut cockpit = Cockpit::start(&rig).await;
     cockpit.connected().await;
@@ -215,7 +215,7 @@ async fn commands_go_out_on_change_only() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn at_the_end_the_stop_is_written_and_streams_are_switched_off() {
+async fn at_the_end_a_stop_is_written_and_streams_are_switched_off() {
     let rig = Rig::quiet().await;
     let mut cockpit = Cockpit::start(&rig).await;
     cockpit.connected().await;
