@@ -52,7 +52,7 @@ fn play(source: &str, work: impl AsyncFnOnce(&Lab) + Send) -> Vec<Occurrence> {
 
 fn at(said: &[Occurrence], is: impl Fn(&Occurrence) -> bool) -> usize {
     let found = said.iter().position(is);
-    found.unwrap_or_else(|| panic!("not said: {said:#?}"))
+    found.unwrap_or_else(|| panic!("no such event: {said:#?}"))
 }
 
 #[test]

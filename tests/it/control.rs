@@ -191,7 +191,9 @@ async fn stop_overrides_the_watchdogs_search_and_reports_the_low_battery() {
     let resting = rig
         .sim
         .wait_state(|state| !state.searching && !state.moving());
-    timeout(WAIT_LIMIT, resting).await.expect("it rests");
+    timeout(WAIT_LIMIT, resting)
+        .await
+        .expect("the tracks do not rest");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -274,7 +276,9 @@ async fn silent_or_invalid_clients_block_neither_the_robot_nor_other_clients() {
             }
         }
     };
-    timeout(WAIT_LIMIT, told).await.expect("others are served");
+    timeout(WAIT_LIMIT, told)
+        .await
+        .expect("other clients are not served");
     drop(silent);
     let heard = rig.sim.heard_since(from);
     let at: Vec<_> = heard

@@ -172,7 +172,7 @@ impl Agent {
                 sleep(Duration::from_millis(5)).await;
             }
         };
-        timeout(WAIT_LIMIT, ended).await.expect("it ends");
+        timeout(WAIT_LIMIT, ended).await.expect("it does not end");
         let mut said = String::new();
         let mut stderr = self.0.stderr.take().unwrap();
         std::io::Read::read_to_string(&mut stderr, &mut said).unwrap();
@@ -216,13 +216,13 @@ impl Stage {
         let free = self.sim.wait_state(|state| state.user.is_none());
         timeout(WAIT_LIMIT, free)
             .await
-            .expect("nobody is connected");
+            .expect("the last user is still connected");
         let (from, frames) = (self.sim.heard_count(), self.sim.state().frames);
         let agent = self.net.run(&path);
         let moving = timeout(WAIT_LIMIT, self.sim.wait_heard(from, moves)).await;
         let seen = self.sim.wait_state(|state| state.frames > frames + 10);
-        timeout(WAIT_LIMIT, seen).await.expect("frames");
-        (agent, moving.expect("drives"))
+        timeout(WAIT_LIMIT, seen).await.expect("no frames");
+        (agent, moving.expect("it does not drive"))
     }
 
     /// Interrupts a run while nothing reaches the robot for this long; returns its output.
@@ -278,7 +278,7 @@ async fn a_low_robot_is_still_sent_home_at_the_end() {
     let dock = |command: &Command| *command == Command::Engine(Engage::Dock);
     let first = timeout(WAIT_LIMIT, stage.sim.wait_heard(moving, dock)).await;
     stage.interrupt(&mut agent, OUTAGES[1]).await;
-    let again = first.expect("goes home") + 1;
+    let again = first.expect("no BASE_FIND") + 1;
     assert!(stage.hears(again, Command::Engine(Engage::Dock)).await);
 }
 

@@ -48,9 +48,9 @@ async fn every_promise_on_broken_networks_is_kept() {
 #[tokio::test(flavor = "multi_thread")]
 #[ignore = "plays the one scenario that FAULT names"]
 async fn one_scenario() {
-    let name = std::env::var("FAULT").expect("FAULT names a scenario");
+    let name = std::env::var("FAULT").expect("FAULT must name a scenario");
     let found = SCENARIOS.iter().find(|scenario| scenario.name == name);
-    play(found.expect("a scenario of this name")).await;
+    play(found.expect("no scenario of this name")).await;
 }
 
 #[test]
@@ -59,7 +59,7 @@ fn the_readme_shows_every_scenario_and_its_promise() {
     let section = readme
         .split("\n## ")
         .find(|text| text.starts_with("Broken networks\n"));
-    let section = section.expect("a section `Broken networks`");
+    let section = section.expect("no section `Broken networks`");
     let rows: Vec<&str> = section
         .lines()
         .filter(|line| line.starts_with("| "))
@@ -68,7 +68,7 @@ fn the_readme_shows_every_scenario_and_its_promise() {
     let first = rows
         .iter()
         .position(|row| **row == expected[0])
-        .expect("the first scenario");
+        .expect("the first scenario is missing");
     assert_eq!(&rows[first..], &expected);
 }
 
@@ -80,7 +80,7 @@ fn the_faults_of_the_readme_are_read() {
         .find(|text| text.starts_with("faults:"));
     let yaml = yaml
         .and_then(|text| text.split("```").next())
-        .expect("a list of faults");
+        .expect("no list of faults");
     let faults = spykee::sim::Fault::list_from_yaml(yaml, "README.md").unwrap();
     assert!(faults.len() > 3);
 }

@@ -114,7 +114,7 @@ async fn one_address_answers_broadcasts_to_its_network_too() {
             return;
         }
     }
-    panic!("not answered");
+    panic!("no answer to the broadcast");
 }
 
 /// The segments of a JPEG up to its pixels: marker and content.

@@ -28,7 +28,9 @@ async fn driving() -> (Rig, Run) {
 async fn rests(rig: &Rig) -> Duration {
     let began = Instant::now();
     let resting = rig.sim.wait_state(|state| !state.moving());
-    timeout(WAIT_LIMIT, resting).await.expect("the tracks rest");
+    timeout(WAIT_LIMIT, resting)
+        .await
+        .expect("the tracks do not rest");
     began.elapsed()
 }
 
@@ -115,7 +117,9 @@ async fn a_killed_agent_does_not_end_the_search_of_a_low_robot() {
     timeout(WAIT_LIMIT, searching).await.unwrap();
     run.signal(Signal::KILL);
     let home = rig.sim.wait_state(|state| state.charging);
-    timeout(2 * WAIT_LIMIT, home).await.expect("it comes home");
+    timeout(2 * WAIT_LIMIT, home)
+        .await
+        .expect("the robot does not come home");
     // An agent that is killed between two of its steps may have left the same last words once more.
     let find = Command::Engine(Engage::Dock);
     let later = rig.commands(dock + 1);
@@ -213,7 +217,7 @@ async fn the_guardian_ends_with_a_run_that_ends_in_order() {
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     };
-    timeout(WAIT_LIMIT, gone).await.expect("it has ended");
+    timeout(WAIT_LIMIT, gone).await.expect("it has not ended");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -244,7 +248,7 @@ async fn a_guardian_that_is_killed_is_replaced() {
                 tokio::time::sleep(Duration::from_millis(10)).await;
             }
         };
-        timeout(WAIT_LIMIT, again).await.expect("another guardian");
+        timeout(WAIT_LIMIT, again).await.expect("no new guardian");
         replaced(&run, old).await;
     }
     run.signal(Signal::KILL);
@@ -450,7 +454,7 @@ pub fn thread_called(process: Pid, name: &str) -> Pid {
     let named = |path: &std::path::PathBuf| {
         std::fs::read_to_string(path.join("comm")).is_ok_and(|comm| comm.trim() == name)
     };
-    let path = tasks.find(named).expect("a thread of that name");
+    let path = tasks.find(named).expect("no thread of that name");
     let number = path.file_name().unwrap().to_str().unwrap();
     Pid::from_raw(number.parse().unwrap()).unwrap()
 }

@@ -77,7 +77,7 @@ impl Attack {
         let text = String::from_utf8_lossy(&source);
         let after = |prefix| text.lines().find_map(|line| line.strip_prefix(prefix));
         let expected = after("-- expect: ");
-        let expected = expected.unwrap_or_else(|| panic!("{} expects nothing", path.display()));
+        let expected = expected.unwrap_or_else(|| panic!("{} has no `-- expect:`", path.display()));
         let expected = expected.trim().to_owned();
         let expected_when_slow = after("-- expect where times do not count: ");
         let expected_when_slow = expected_when_slow.unwrap_or_default().trim().to_owned();

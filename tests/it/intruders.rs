@@ -271,7 +271,7 @@ async fn no_text_of_a_file_controls_the_terminal_or_breaks_a_report() {
     let mut reader = quick_xml::Reader::from_str(&report);
     let mut failures = 0;
     loop {
-        match reader.read_event().expect("well-formed") {
+        match reader.read_event().expect("not well-formed") {
             quick_xml::events::Event::Eof => break,
             quick_xml::events::Event::Start(element) => {
                 failures += usize::from(element.name().as_ref() == b"failure");

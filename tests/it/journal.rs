@@ -43,7 +43,7 @@ async fn written(rig: &Rig, query: &str) -> i64 {
         }
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
-    panic!("not written: {query}");
+    panic!("the journal has no result for {query}");
 }
 
 async fn history(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {

@@ -61,9 +61,7 @@ async fn opened(answers: &[u8]) -> (Session, DuplexStream) {
 /// A future that never completes fails the test instead of hanging it.
 async fn within_limit<T>(wanted: impl Future<Output = T>) -> T {
     let limit = Duration::from_secs(60);
-    tokio::time::timeout(limit, wanted)
-        .await
-        .expect("waited in vain")
+    tokio::time::timeout(limit, wanted).await.expect("timeout")
 }
 
 async fn expect(robot: &mut (impl AsyncReadExt + Unpin), bytes: &[u8]) {

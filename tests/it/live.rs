@@ -315,7 +315,9 @@ async fn stop_overrides_the_watchdog_that_sends_a_low_robot_home_even_at_the_end
     let resting = rig
         .sim
         .wait_state(|state| !state.searching && !state.moving());
-    timeout(WAIT_LIMIT, resting).await.expect("it rests");
+    timeout(WAIT_LIMIT, resting)
+        .await
+        .expect("the tracks do not rest");
     assert_eq!(post(&at, "/api/let-go", "", json!({})).await.0, 200);
     let home = rig.heard_dock(stopped).await;
     assert_eq!(post(&at, "/api/stop", "", json!({})).await.0, 200);
@@ -442,7 +444,7 @@ async fn frames_findings_and_log_reach_the_page() {
             }
         }
     };
-    timeout(WAIT_LIMIT, seen).await.expect("frames");
+    timeout(WAIT_LIMIT, seen).await.expect("no frames");
     page.until("found", |found| found["behaviour"] == "script")
         .await;
 }
@@ -471,13 +473,13 @@ async fn the_number_of_viewers_is_limited_and_one_that_never_reads_is_disconnect
                 }
                 Heard::Text(state) if state["viewers"] == 1 => return,
                 Heard::Text(_) => {}
-                Heard::Closed => panic!("the good one is closed"),
+                Heard::Closed => panic!("the good connection is closed"),
             }
         }
     };
     timeout(WAIT_LIMIT, alone)
         .await
-        .expect("the slow one is hung up on");
+        .expect("the slow viewer is not disconnected");
     assert!(frames > 20, "{frames}");
     assert!(!rig.commands(from).contains(&Command::STOP));
     assert!(Page::open(&at, "").await.is_ok());

@@ -39,7 +39,7 @@ async fn figures() -> (Rig, Run, String) {
     };
     let text = timeout(WAIT_LIMIT, all)
         .await
-        .expect("all figures are there");
+        .expect("some metrics are missing");
     (rig, run, text)
 }
 

@@ -25,7 +25,7 @@ async fn waits_for(mut what: impl FnMut() -> bool) {
     };
     tokio::time::timeout(WAIT_LIMIT, looks)
         .await
-        .expect("it comes");
+        .expect("waited too long");
 }
 
 /// A separate file system, unmounted with the test.
@@ -193,7 +193,7 @@ async fn a_clock_set_back_by_a_day_is_reported_and_the_timetable_follows_it() {
     let minutes = std::time::Duration::from_secs(150);
     tokio::time::timeout(minutes, again)
         .await
-        .expect("it starts again within a minute");
+        .expect("it does not start again within a minute");
     waits_for(|| run.text().matches("the script has finished").count() > 1).await;
     run.signal(Signal::TERM);
     assert_eq!(run.code().await, Some(0), "{}", run.text());

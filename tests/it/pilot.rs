@@ -107,7 +107,7 @@ impl Cockpit {
                 }
             }
         };
-        timeout(WAIT_LIMIT, told).await.expect("told")
+        timeout(WAIT_LIMIT, told).await.expect("no such event")
     }
 
     async fn connected(&mut self) {
@@ -133,7 +133,7 @@ async fn a_panic_in_the_pilots_task_stops_the_tracks() {
     let sim = rig.sim.clone();
     let bomb = async move {
         sim.wait_heard(0, moves).await;
-        panic!("to be seen in the test's output");
+        panic!("an expected panic of this test");
     };
     let mut cockpit = Cockpit::with(&rig, bomb).await;
     cockpit.connected().await;
@@ -152,7 +152,9 @@ async fn a_behaviour_without_a_sign_of_life_is_stopped_and_ended() {
     let moving = rig.heard_motion(0).await;
     let held = rig.heard_stop(moving).await;
     let killed = async { while !matches!(cockpit.inbox.next().await, PilotMessage::Kill(_)) {} };
-    timeout(WAIT_LIMIT, killed).await.expect("killed");
+    timeout(WAIT_LIMIT, killed)
+        .await
+        .expect("the host was not killed");
     let index = rig.heard_stop(held + 1).await + 1;
     cockpit.drive(50.0, None).await;
     cockpit

@@ -142,7 +142,7 @@ async fn a_behaviour_that_was_started_for_a_time_ends_after_it() {
         };
         tokio::time::timeout(WAIT_LIMIT, over)
             .await
-            .expect("it ends");
+            .expect("it does not end");
     }
     assert_eq!(
         run.text().matches("its time is over").count(),
@@ -258,7 +258,7 @@ async fn the_metrics_contain_the_time_from_a_frame_to_the_move_that_answers_it()
     };
     let text = tokio::time::timeout(WAIT_LIMIT, some)
         .await
-        .expect("it reacts");
+        .expect("it does not react");
     assert!(
         text.contains("spykee_frame_to_move_seconds_bucket{le=\"+Inf\"}"),
         "{text}"

@@ -120,7 +120,7 @@ impl Rig {
     /// index.
     pub async fn heard(&self, from: usize, wanted: impl Fn(&Command) -> bool) -> usize {
         let heard = timeout(WAIT_LIMIT, self.sim.wait_heard(from, wanted)).await;
-        heard.unwrap_or_else(|_| panic!("not heard; instead {:?}", self.commands(from)))
+        heard.unwrap_or_else(|_| panic!("not received; instead {:?}", self.commands(from)))
     }
 
     pub async fn heard_stop(&self, from: usize) -> usize {
@@ -256,7 +256,7 @@ impl Run {
             }
         };
         let waited = timeout(WAIT_LIMIT, said).await;
-        waited.unwrap_or_else(|_| panic!("`{text}` was not said; instead:\n{}", self.text()));
+        waited.unwrap_or_else(|_| panic!("`{text}` was not printed:\n{}", self.text()));
     }
 
     pub fn signal(&self, signal: rustix::process::Signal) {

@@ -141,7 +141,7 @@ async fn the_watchdog_brings_a_low_robot_home_and_it_charges() {
     let charging = rig.sim.wait_state(|state| state.docked && state.charging);
     timeout(WAIT_LIMIT * 2, charging)
         .await
-        .expect("docked and charging");
+        .expect("not docked and charging");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -339,7 +339,9 @@ async fn hosts_do_not_outlive_their_agent() {
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     };
-    timeout(WAIT_LIMIT, gone).await.expect("the host is gone");
+    timeout(WAIT_LIMIT, gone)
+        .await
+        .expect("the host is still there");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -363,7 +365,9 @@ async fn after_a_lost_link_the_first_command_is_a_stop() {
             }
         }
     };
-    timeout(WAIT_LIMIT, again).await.expect("drives again");
+    timeout(WAIT_LIMIT, again)
+        .await
+        .expect("it does not drive again");
     let heard = rig.sim.heard_since(moving);
     let anew: Vec<&Command> = heard
         .iter()
@@ -455,7 +459,9 @@ async fn an_unknown_engine_byte_reaches_the_script_as_a_number() {
             tokio::time::sleep(Duration::from_millis(100)).await;
         }
     };
-    timeout(WAIT_LIMIT, told).await.expect("told");
+    timeout(WAIT_LIMIT, told)
+        .await
+        .expect("the script receives no event");
     assert_eq!(run.code().await, Some(0));
 }
 

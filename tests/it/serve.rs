@@ -120,7 +120,9 @@ async fn recently_missed_starts_are_made_up_for_and_a_power_cut_does_not_end_a_r
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     };
-    timeout(WAIT_LIMIT, kept).await.expect("it is kept");
+    timeout(WAIT_LIMIT, kept)
+        .await
+        .expect("the record was not written");
     run.signal(Signal::KILL);
     run.status().await;
     let free = rig.sim.wait_state(|state| state.user.is_none());
@@ -199,7 +201,9 @@ async fn a_reload_affects_only_changes_and_a_bad_config_changes_nothing() {
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     };
-    timeout(WAIT_LIMIT, alone).await.expect("one is left");
+    timeout(WAIT_LIMIT, alone)
+        .await
+        .expect("not exactly one is left");
     ends_well(&mut run).await;
 }
 
@@ -221,7 +225,9 @@ async fn an_idle_robot_is_sent_home() {
     assert_eq!(tool(&rig, &["behaviour", "stop", "asked"]).await.0, Some(0));
     rig.heard_dock(moving).await;
     let home = rig.sim.wait_state(|state| state.docked);
-    timeout(WAIT_LIMIT, home).await.expect("it comes home");
+    timeout(WAIT_LIMIT, home)
+        .await
+        .expect("the robot does not come home");
     ends_well(&mut run).await;
 }
 
@@ -239,7 +245,7 @@ async fn an_idle_robot_on_its_station_is_disconnected_and_connected_again_on_req
     let free = || rig.sim.wait_state(|state| state.user.is_none());
     timeout(WAIT_LIMIT, free())
         .await
-        .expect("somebody else can log in");
+        .expect("another user cannot log in");
     let (code, text) = tool(&rig, &["status"]).await;
     assert_eq!(
         (code, text.contains("free for others")),
@@ -250,7 +256,9 @@ async fn an_idle_robot_on_its_station_is_disconnected_and_connected_again_on_req
     assert_eq!(code, Some(0), "{text} {}", run.text());
     rig.heard(0, |command| *command == Command::Volume(37))
         .await;
-    timeout(WAIT_LIMIT, free()).await.expect("let go of again");
+    timeout(WAIT_LIMIT, free())
+        .await
+        .expect("the service does not disconnect again");
     let (code, text) = tool(&rig, &["behaviour", "start", "asked"]).await;
     assert_eq!(code, Some(0), "{text} {}", run.text());
     rig.heard(0, |command| *command == Command::Volume(44))

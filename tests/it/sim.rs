@@ -106,7 +106,7 @@ impl<S: AsyncRead + AsyncWrite + Unpin> Client<S> {
         // A reset also ends the connection.
         let _ = timeout(LIMIT, self.stream.read_to_end(&mut bytes))
             .await
-            .expect("no end");
+            .expect("the connection does not end");
         bytes
     }
 }

@@ -88,7 +88,7 @@ fn lateness((heard, since): &(Vec<Heard>, Duration), command: &Command) -> f64 {
     let found = heard
         .iter()
         .find(|heard| heard.at >= *since && heard.command == *command);
-    let found = found.unwrap_or_else(|| panic!("{command:?} was not heard within a second"));
+    let found = found.unwrap_or_else(|| panic!("{command:?} was not received within a second"));
     (found.at - *since).as_secs_f64()
 }
 

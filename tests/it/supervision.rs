@@ -50,7 +50,7 @@ async fn says(run: &Run, text: &str, times: usize) {
         }
     };
     let waited = timeout(WAIT_LIMIT, said).await;
-    waited.unwrap_or_else(|_| panic!("`{text}` was not said {times} times:\n{}", run.text()));
+    waited.unwrap_or_else(|_| panic!("`{text}` was not printed {times} times:\n{}", run.text()));
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -93,7 +93,7 @@ impl Terminal {
             }
         };
         let end = timeout(WAIT_LIMIT, shown).await;
-        self.read += end.unwrap_or_else(|_| panic!("no `{words}`: {}", self.text()));
+        self.read += end.unwrap_or_else(|_| panic!("`{words}` does not appear: {}", self.text()));
     }
 
     pub fn types(&mut self, line: &str) {
@@ -102,7 +102,7 @@ impl Terminal {
     }
 
     pub fn presses(&mut self, keys: &str) {
-        let mut keyboard = self.keyboard.as_ref().expect("an open terminal");
+        let mut keyboard = self.keyboard.as_ref().expect("the terminal is closed");
         keyboard.write_all(keys.as_bytes()).unwrap();
     }
 
@@ -156,7 +156,9 @@ async fn closed(rig: &Rig, mut terminal: Terminal) {
     rig.heard_stop(moving).await;
     assert_eq!(terminal.code().await, Some(130), "{}", terminal.text());
     let resting = rig.sim.wait_state(|state| !state.moving());
-    timeout(WAIT_LIMIT, resting).await.expect("the tracks rest");
+    timeout(WAIT_LIMIT, resting)
+        .await
+        .expect("the tracks do not rest");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -198,7 +200,9 @@ async fn ctrl_z_at_a_prompt_stops_the_tracks_and_restores_the_terminal_until_it_
     rig.heard_stop(moving).await;
     becomes(terminal.pid(), 'T').await;
     let resting = rig.sim.wait_state(|state| !state.moving());
-    timeout(WAIT_LIMIT, resting).await.expect("the tracks rest");
+    timeout(WAIT_LIMIT, resting)
+        .await
+        .expect("the tracks do not rest");
     assert!(terminal.is_plain());
     let slept = rig.sim.heard_count();
     kill_process(terminal.pid(), Signal::CONT).unwrap();

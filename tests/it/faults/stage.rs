@@ -133,7 +133,7 @@ impl Stage {
             }
         };
         let waited = timeout(WAIT_LIMIT, said).await;
-        waited.unwrap_or_else(|_| panic!("`{text}` not said; instead:\n{}", self.run.text()));
+        waited.unwrap_or_else(|_| panic!("`{text}` was not printed:\n{}", self.run.text()));
     }
 
     /// Waits until the script completes two more moves.
@@ -159,7 +159,7 @@ impl Stage {
             }
         };
         let waited = timeout(WAIT_LIMIT, back).await;
-        waited.unwrap_or_else(|_| panic!("it does not come back:\n{}", self.run.text()));
+        waited.unwrap_or_else(|_| panic!("the agent does not reconnect:\n{}", self.run.text()));
         self.sessions_begin_with_a_stop();
         assert!(self.said("hears disconnected") > 0, "{}", self.run.text());
     }

@@ -187,7 +187,7 @@ impl Owner {
                 let said = &self.installed;
                 return assert!(said.contains(command), "{command}: {said}");
             }
-            _ => panic!("nobody knows how to try `{command}`"),
+            _ => panic!("this test cannot run `{command}`"),
         };
         for (_, wanted) in SAYS
             .iter()

@@ -183,7 +183,7 @@ fn a_writer_dropped_after_its_runtime_has_ended_still_stops_the_tracks() {
     drop(runtime);
     let panicked = std::thread::spawn(move || {
         let _session = session;
-        panic!("a panic somewhere (this test wants it)");
+        panic!("an expected panic of this test");
     });
     assert!(panicked.join().is_err());
     robot.set_nonblocking(false).unwrap();

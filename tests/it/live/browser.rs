@@ -46,7 +46,7 @@ pub async fn send(address: &str, bytes: &[u8]) -> Vec<u8> {
     let mut answer = Vec::new();
     let _ = timeout(WAIT_LIMIT, stream.read_to_end(&mut answer))
         .await
-        .expect("it answers");
+        .expect("no answer");
     answer
 }
 
@@ -100,7 +100,7 @@ impl Page {
         let mut bytes = [0; 64 * 1024];
         let read = timeout(WAIT_LIMIT, self.stream.read(&mut bytes))
             .await
-            .expect("it talks");
+            .expect("no message");
         let read = read.unwrap_or(0);
         self.buffer.extend_from_slice(&bytes[..read]);
         read > 0
@@ -196,12 +196,14 @@ impl Page {
         };
         timeout(WAIT_LIMIT, found)
             .await
-            .unwrap_or_else(|_| panic!("no {kind} as wanted"))
+            .unwrap_or_else(|_| panic!("no matching {kind}"))
     }
 
     /// Waits until the server closes the connection.
     pub async fn closed(&mut self) {
         let closed = async { while !matches!(self.hear().await, Heard::Closed) {} };
-        timeout(WAIT_LIMIT, closed).await.expect("it is closed");
+        timeout(WAIT_LIMIT, closed)
+            .await
+            .expect("the connection is not closed");
     }
 }

@@ -68,7 +68,7 @@ async fn the_service_manager_gets_no_heartbeat_if_the_driving_thread_hangs() {
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     };
-    timeout(WAIT_LIMIT, beats).await.expect("it is alive");
+    timeout(WAIT_LIMIT, beats).await.expect("no heartbeat");
     let core = thread_called(run.pid(), "core");
     let hang = "inject=epoll_wait:delay_exit=8000000";
     let Some(mut tracer) = trace(core, &["-e", "trace=epoll_wait", "-e", hang]) else {

@@ -72,7 +72,7 @@ async fn next(line: &mut TcpStream) -> Option<(u8, Vec<u8>)> {
 
 async fn accept(listener: &TcpListener) -> TcpStream {
     let accepted = timeout(WAIT_LIMIT, listener.accept()).await;
-    accepted.expect("the agent comes").unwrap().0
+    accepted.expect("the agent does not connect").unwrap().0
 }
 
 impl Visit {
@@ -102,8 +102,8 @@ impl Visit {
         while wishes < 3 {
             let coming = timeout(WAIT_LIMIT, next(&mut self.line))
                 .await
-                .expect("it talks");
-            let (head, body) = coming.expect("it stays");
+                .expect("the agent sends nothing");
+            let (head, body) = coming.expect("the agent has disconnected");
             match head >> 4 {
                 1 => self.say(&[0x20, 2, 0, 0]).await,
                 8 => {
@@ -137,7 +137,10 @@ impl Visit {
                 return true;
             }
         }
-        panic!("it neither obeys nor hangs up:\n{}", self.run.text());
+        panic!(
+            "the agent neither obeys nor disconnects:\n{}",
+            self.run.text()
+        );
     }
 
     /// Checks that the robot drove on and that the log is short; then ends the agent.
@@ -326,7 +329,7 @@ async fn a_flood_of_messages_does_not_fill_the_log_or_affect_driving() {
         };
         timeout(WAIT_LIMIT, flooded)
             .await
-            .unwrap_or_else(|_| panic!("{what}: it takes nothing"));
+            .unwrap_or_else(|_| panic!("{what}: the agent reads nothing"));
         visit.listens().await;
         visit.end(what).await;
     }

@@ -165,7 +165,7 @@ async fn an_invalid_journal_is_reported_or_renamed_and_blocks_nothing() {
             history
                 .code()
                 .await
-                .unwrap_or_else(|| panic!("{what}: it was killed"));
+                .unwrap_or_else(|| panic!("{what}: `spykee history` was killed"));
             let text = history.text();
             assert!(
                 !text.contains(SECRET) && !text.contains('\u{1b}') && !text.contains('\u{202e}'),

@@ -97,7 +97,7 @@ async fn a_body_that_arrives_byte_by_byte_times_out() {
     };
     let answer = timeout(WAIT_LIMIT, given_up)
         .await
-        .expect("it is waited for without end");
+        .expect("the server waits for it forever");
     assert!(
         [0, 400, 408].contains(&status(&answer)),
         "{}",
@@ -181,7 +181,7 @@ async fn endless_long_or_malformed_bodies_are_refused() {
     let refused = async { tokio::join!(pour, reader.read_to_end(&mut answer)) };
     timeout(WAIT_LIMIT, refused)
         .await
-        .expect("an endless body is taken without end")
+        .expect("the server reads an endless body forever")
         .1
         .ok();
     assert!(
@@ -270,7 +270,7 @@ async fn malformed_requests_and_foreign_paths_reach_neither_a_file_nor_the_robot
         let both = async { tokio::join!(writer.write_all(&head), reader.read_to_end(&mut answer)) };
         let _ = timeout(WAIT_LIMIT, both)
             .await
-            .expect("it is answered or hung up on");
+            .expect("neither an answer nor an end of the connection");
         assert!(!String::from_utf8_lossy(&answer).contains("root:"));
     }
     assert_eq!(get(&at, "/healthz").await.0, 200);
