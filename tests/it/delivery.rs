@@ -99,7 +99,7 @@ impl Net {
     /// A server in the robot's place, on a separate thread: accepts one user, reports that on a
     /// channel, waits for permission to send the battery level, sends it, and then sends nothing
     /// more.
-    fn doorkeeper(&self) -> (mpsc::Receiver<()>, mpsc::Sender<()>) {
+    fn silent_robot(&self) -> (mpsc::Receiver<()>, mpsc::Sender<()>) {
         let namespace = File::open(format!("/run/netns/{}-robot", self.name)).unwrap();
         let (let_in, entered) = mpsc::channel();
         let (may, told) = mpsc::channel();
@@ -304,7 +304,7 @@ async fn a_stop_that_does_not_arrive_is_reported_as_lost_in_time() {
 #[tokio::test(flavor = "multi_thread")]
 async fn robot_stop_reports_that_its_stop_has_not_arrived() {
     let Some(net) = Net::new() else { return };
-    let (entered, may_tell) = net.doorkeeper();
+    let (entered, may_tell) = net.silent_robot();
     let mut stop = net.spykee(&["robot", "stop", "--timeout", "1"]);
     entered.recv_timeout(WAIT_LIMIT).unwrap();
     assert!(net.shell(DROP).status.success());

@@ -130,8 +130,8 @@ fn attacks(ending: &str) -> Vec<Attack> {
     attacks.filter(|attack| attack.is(ending)).collect()
 }
 
-/// One agent under attack.
-struct Siege {
+/// One agent, and the attacks that it must withstand.
+struct Round {
     rig: Rig,
     run: Run,
     /// Promises that were broken.
@@ -140,8 +140,8 @@ struct Siege {
     reasons: BTreeSet<String>,
 }
 
-impl Siege {
-    async fn lay(attacks: &[Attack]) -> Siege {
+impl Round {
+    async fn start(attacks: &[Attack]) -> Round {
         let rig = Rig::quiet().await;
         let mut files = vec![rig.file("witness.lua", WITNESS)];
         for (turn, attack) in (0..).zip(attacks) {
@@ -166,7 +166,7 @@ impl Siege {
             }
         };
         let run = rig.spykee(&[&["run"], &files[..], &options, slow].concat());
-        Siege {
+        Round {
             rig,
             run,
             broken: Vec::new(),
@@ -262,7 +262,7 @@ impl Siege {
     }
 
     /// Ends the well-behaved behaviour, and with it the run.
-    async fn lift(mut self) {
+    async fn finish(mut self) {
         let failed = ["cpu", "memory", "error"]
             .iter()
             .any(|bad| self.reasons.contains(*bad));
@@ -285,37 +285,37 @@ impl Siege {
 }
 
 /// All attacks of one kind on one agent, one after the other.
-async fn withstand(ending: &str) {
+async fn run_attacks(ending: &str) {
     let attacks = attacks(ending);
-    let mut siege = Siege::lay(&attacks).await;
+    let mut round = Round::start(&attacks).await;
     let is_beat = |command: &Command| matches!(command, Command::Led { .. });
-    let first_beat = siege.rig.sim.wait_heard(0, is_beat);
+    let first_beat = round.rig.sim.wait_heard(0, is_beat);
     let from = timeout(at_most(WAIT_LIMIT), first_beat).await;
-    let from = from.unwrap_or_else(|_| panic!("no behaviour starts:\n{}", siege.run.text()));
-    let memory = resident_kib(&siege.run);
+    let from = from.unwrap_or_else(|_| panic!("no behaviour starts:\n{}", round.run.text()));
+    let memory = resident_kib(&round.run);
     let begun = Instant::now();
     for (turn, attack) in (0..).zip(&attacks) {
-        siege.attack(attack, turn).await;
+        round.attack(attack, turn).await;
     }
-    let growth = resident_kib(&siege.run) - memory;
+    let growth = resident_kib(&round.run) - memory;
     let took = begun.elapsed();
-    let (beats, gap) = siege.beats(from);
+    let (beats, gap) = round.beats(from);
     eprintln!(
         "{} attacks in {took:?}: {beats} beats, longest gap {gap:?}, grown by {growth} KiB",
         attacks.len()
     );
-    siege.promise(gap <= at_most(LONGEST_GAP), || {
+    round.promise(gap <= at_most(LONGEST_GAP), || {
         format!("the behaviour beside fell silent for {gap:?}")
     });
     let due = took.as_millis() / BEAT.as_millis();
     let kept = beats as u128 * 100 >= due * BEATS_KEPT;
-    siege.promise(kept || !times_count(), || {
+    round.promise(kept || !times_count(), || {
         format!("the behaviour beside kept {beats} of {due} beats")
     });
-    siege.promise(growth <= GROWTH_KIB, || {
+    round.promise(growth <= GROWTH_KIB, || {
         format!("the agent grew by {growth} KiB")
     });
-    siege.lift().await;
+    round.finish().await;
 }
 
 /// The process of a behaviour, found by the folder that it may use.
@@ -352,22 +352,22 @@ fn resident_kib(run: &Run) -> i64 {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn scripts_that_never_wait_lose_the_robot_and_disturb_nothing_else() {
-    withstand("cpu").await;
+    run_attacks("cpu").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn scripts_that_allocate_all_memory_lose_the_robot_and_disturb_nothing_else() {
-    withstand("memory").await;
+    run_attacks("memory").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn scripts_that_fail_lose_the_robot_and_disturb_nothing_else() {
-    withstand("error").await;
+    run_attacks("error").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn scripts_that_flood_and_pry_get_nothing_and_disturb_nothing_else() {
-    withstand("done").await;
+    run_attacks("done").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -16,7 +16,7 @@ use spykee::sim::{Options, World};
 use spykee::wire::{Command, Sound};
 
 pub use self::broker::Broker;
-use self::broker::Ear;
+use self::broker::Subscriber;
 use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT};
 
 async fn robot(uid: &str) -> Rig {
@@ -47,9 +47,9 @@ async fn home_assistant_receives_the_state_and_sends_the_robot_home() {
     let Some(broker) = Broker::start() else {
         return;
     };
-    let (rig, ear) = (robot(A).await, Ear::at(&broker).await);
+    let (rig, ear) = (robot(A).await, Subscriber::at(&broker).await);
     let mut run = start(&rig, &broker, IDLE);
-    ear.hears_word(0, "spykee/SPYKEE0001/connection", "ONLINE")
+    ear.waits_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
         .await;
     let config = ear
         .hears(0, "homeassistant/device/SPYKEE0001/config", |_| true)
@@ -58,7 +58,7 @@ async fn home_assistant_receives_the_state_and_sends_the_robot_home() {
     let options = &config["components"]["behaviour"]["options"];
     assert_eq!(*options, serde_json::json!(["patrol", "other"]));
     let running = |state: &Value| state["running"].as_array().unwrap().len() == 2;
-    let state = ear.hears_state(0, A, running).await;
+    let state = ear.waits_for_state(0, A, running).await;
     assert_eq!(state["problem"], false, "{state}");
     assert_eq!(state["battery"], 90, "{state}");
     let from = ear.len();
@@ -75,12 +75,12 @@ async fn home_assistant_receives_the_state_and_sends_the_robot_home() {
     ear.say("spykee/SPYKEE0001/command", "return_to_base", false)
         .await;
     rig.heard_dock(0).await;
-    ear.hears_state(from, A, |state| state["state"] == "returning")
+    ear.waits_for_state(from, A, |state| state["state"] == "returning")
         .await;
     let from = ear.len();
     run.signal(Signal::TERM);
     run.code().await;
-    ear.hears_word(from, "spykee/SPYKEE0001/connection", "OFFLINE")
+    ear.waits_for_text(from, "spykee/SPYKEE0001/connection", "OFFLINE")
         .await;
 }
 
@@ -89,10 +89,10 @@ async fn retained_orders_are_ignored_and_no_order_runs_twice_when_the_broker_res
     let Some(mut broker) = Broker::start() else {
         return;
     };
-    let (rig, ear) = (robot(A).await, Ear::at(&broker).await);
+    let (rig, ear) = (robot(A).await, Subscriber::at(&broker).await);
     ear.say("spykee/SPYKEE0001/command", "return_to_base", true)
         .await;
-    ear.hears_word(0, "spykee/SPYKEE0001/command", "return_to_base")
+    ear.waits_for_text(0, "spykee/SPYKEE0001/command", "return_to_base")
         .await;
     let run = start(&rig, &broker, IDLE);
     run.says("an order that the broker has kept is ignored")
@@ -100,7 +100,7 @@ async fn retained_orders_are_ignored_and_no_order_runs_twice_when_the_broker_res
     ear.say("spykee/SPYKEE0001/command", "locate", false).await;
     let laser = |one: &Command| *one == Command::Play(Sound::Laser);
     rig.heard(0, laser).await;
-    ear.hears_word(0, "spykee/SPYKEE0001/connection", "ONLINE")
+    ear.waits_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
         .await;
     let from = ear.len();
     broker.restart();

@@ -27,14 +27,14 @@ fn talks(pause: f64) -> String {
 }
 
 /// Changes its mind as fast as possible.
-const DITHERS: &str = "
+const CHANGES_ITS_MIND: &str = "
 while true do
     task.race(function() robot.dock() end, function() task.wait(0) end)
 end
 ";
 
 /// A robot whose network may have faults.
-fn troubled() -> lab::Options {
+fn with_faults() -> lab::Options {
     let sim = sim::Options {
         faults: Some(vec![]),
         ..sim::Options::default()
@@ -64,7 +64,7 @@ fn low() -> Report {
 /// All commands received, after scripts have spoken for `talk`, and the time at which the battery
 /// then became low.
 fn heard_of(scripts: &[String], rate: Option<u32>, talk: Duration) -> (Vec<Heard>, Duration) {
-    lab::run(quiet_world(), troubled(), async |lab: &Lab| {
+    lab::run(quiet_world(), with_faults(), async |lab: &Lab| {
         if let Some(rate) = rate {
             lab.sim().begin(slow(rate));
         }
@@ -149,8 +149,8 @@ fn speech_plays_without_a_gap() {
 
 #[test]
 fn a_script_that_requests_dockings_endlessly_does_not_flood_the_link() {
-    let heard = lab::run(quiet_world(), troubled(), async |lab: &Lab| {
-        let run = lab.start(vec![behaviour("dithers", DITHERS, 0, 1)], None);
+    let heard = lab::run(quiet_world(), with_faults(), async |lab: &Lab| {
+        let run = lab.start(vec![behaviour("dithers", CHANGES_ITS_MIND, 0, 1)], None);
         sleep(SECOND * 10).await;
         drop(run);
         lab.sim().heard()
@@ -167,7 +167,7 @@ fn a_script_that_requests_dockings_endlessly_does_not_flood_the_link() {
 
 #[test]
 fn a_robot_that_acknowledges_but_sends_nothing_is_reconnected() {
-    lab::run(quiet_world(), troubled(), async |lab: &Lab| {
+    lab::run(quiet_world(), with_faults(), async |lab: &Lab| {
         let run = lab.start(vec![behaviour("idles", "task.wait(10000)", 0, 1)], None);
         sleep(SECOND * 60).await;
         let mut status = run.status();

@@ -8,14 +8,14 @@ use super::stage::Stage;
 use crate::rig::moves;
 
 pub async fn drives_on(stage: Stage) {
-    stage.trouble();
+    stage.begin_faults();
     stage.says_more("moved true done", 5).await;
     assert_eq!(stage.said("hears disconnected"), 0, "{}", stage.run.text());
     stage.ends_well();
 }
 
 pub async fn drives_and_sees_on(stage: Stage) {
-    stage.trouble();
+    stage.begin_faults();
     stage.says_more("frame", 6).await;
     assert_eq!(stage.said("blind 1"), 0, "{}", stage.run.text());
     drives_on(stage).await;
@@ -23,25 +23,25 @@ pub async fn drives_and_sees_on(stage: Stage) {
 
 pub async fn comes_back(stage: Stage) {
     let before = stage.newest_client();
-    stage.trouble();
+    stage.begin_faults();
     stage.comes_back(before).await;
     stage.drives_on().await;
     stage.ends_well();
 }
 
 pub async fn comes_back_each_time(stage: Stage) {
-    stage.trouble();
+    stage.begin_faults();
     for _ in 0..3 {
         stage.comes_back(stage.newest_client()).await;
     }
-    stage.relief();
+    stage.end_faults();
     stage.drives_on().await;
     stage.ends_well();
 }
 
 pub async fn comes_back_and_sees(stage: Stage) {
     let before = stage.newest_client();
-    stage.trouble();
+    stage.begin_faults();
     stage.comes_back(before).await;
     stage.says_more("frame", 3).await;
     stage.ends_well();
@@ -50,7 +50,7 @@ pub async fn comes_back_and_sees(stage: Stage) {
 /// The last command that the robot receives over the old connection is a stop.
 pub async fn stops_first(stage: Stage) {
     let before = stage.newest_client();
-    let from = stage.trouble();
+    let from = stage.begin_faults();
     stage.comes_back(before).await;
     let heard = stage.rig.sim.heard_since(from);
     let old = heard.iter().filter(|heard| heard.client == before);
@@ -65,7 +65,7 @@ pub async fn stops_first(stage: Stage) {
 pub async fn queues_nothing(stage: Stage) {
     let before = stage.newest_client();
     // Bytes that are in transit at this moment may still arrive.
-    stage.trouble();
+    stage.begin_faults();
     stage.run.says("hears disconnected").await;
     let dead = stage.rig.sim.heard_count();
     stage.comes_back(before).await;
@@ -82,7 +82,7 @@ pub async fn queues_nothing(stage: Stage) {
 }
 
 pub async fn ends_in_time(mut stage: Stage) {
-    stage.trouble();
+    stage.begin_faults();
     stage.says_more("moved", 1).await;
     stage.run.signal(Signal::INT);
     let interrupted = Instant::now();
@@ -97,7 +97,7 @@ pub async fn ends_in_time(mut stage: Stage) {
 }
 
 pub async fn sees_huge_pictures(stage: Stage) {
-    stage.trouble();
+    stage.begin_faults();
     stage.says_more("frame 65535 seen", 4).await;
     assert_eq!(stage.said("blind 1"), 0, "{}", stage.run.text());
     assert_eq!(stage.said("hears disconnected"), 0, "{}", stage.run.text());
@@ -106,10 +106,10 @@ pub async fn sees_huge_pictures(stage: Stage) {
 }
 
 pub async fn overlooks_bad_pictures(stage: Stage) {
-    stage.trouble();
+    stage.begin_faults();
     stage.says_more("frame", 6).await;
     stage.drives_on().await;
-    stage.relief();
+    stage.end_faults();
     let seen = stage.said(" seen ");
     stage.says_more(" seen ", seen.min(6)).await;
     assert_eq!(stage.said("hears disconnected"), 0, "{}", stage.run.text());

@@ -106,7 +106,7 @@ impl Stage {
     }
 
     /// Starts the faults; returns the index of the next command in the robot's journal.
-    pub fn trouble(&self) -> usize {
+    pub fn begin_faults(&self) -> usize {
         let index = self.rig.sim.heard_count();
         self.faults
             .iter()
@@ -115,7 +115,7 @@ impl Stage {
     }
 
     /// Ends all faults.
-    pub fn relief(&self) {
+    pub fn end_faults(&self) {
         self.rig.sim.clear_faults();
     }
 
@@ -189,7 +189,7 @@ impl Stage {
     }
 
     /// After a while without a link: requests made meanwhile were not carried out later.
-    pub fn made_up_for_nothing(&self) {
+    pub fn dropped_old_requests(&self) {
         let heard = self.rig.commands(0);
         assert!(!heard.contains(&Command::Play(Sound::Bomb)), "{heard:?}");
     }

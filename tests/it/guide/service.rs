@@ -86,7 +86,7 @@ struct Owner {
 }
 
 impl Owner {
-    async fn moves_in() -> Owner {
+    async fn new() -> Owner {
         let rig = Rig::quiet().await;
         let (behaviours, _) = scripts();
         for (name, begins) in [
@@ -121,7 +121,7 @@ impl Owner {
 
     /// Writes the config with all settings from the page for this computer; hosts are replaced by
     /// local ones.
-    fn finishes_the_config(&self) {
+    fn completes_the_config(&self) {
         let said = blocks(step(20), "yaml");
         let [first, page, remote, broker] = said[..] else {
             panic!("{said:?}");
@@ -153,7 +153,7 @@ impl Owner {
         let said = match words[..] {
             ["spykee", "fleet", ..] if self.broker.is_none() => return,
             ["spykee", "serve", ref rest @ ..] if !rest.contains(&"--fast") => {
-                self.finishes_the_config();
+                self.completes_the_config();
                 let run = self.rig.spykee(&words[1..]);
                 run.says("the page is at").await;
                 run.says("starts by the timetable").await;
@@ -224,7 +224,7 @@ impl Owner {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_new_owner_follows_the_steps_about_the_service() {
-    let mut owner = Owner::moves_in().await;
+    let mut owner = Owner::new().await;
     let typed = commands(step(20));
     for (begins, _) in SAYS {
         assert!(typed.iter().any(|one| one.starts_with(begins)), "{begins}");

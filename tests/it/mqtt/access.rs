@@ -4,7 +4,7 @@ use std::os::unix::fs::PermissionsExt as _;
 
 use spykee::wire::{Command, Engage, Sound};
 
-use super::broker::{Broker, Ear};
+use super::broker::{Broker, Subscriber};
 use super::{A, IDLE, robot};
 use crate::rig::{Rig, Run};
 
@@ -59,15 +59,15 @@ async fn a_user_of_one_robot_can_neither_drive_nor_see_nor_impersonate_another()
     broker.restart();
     let (first, second) = (robot(A).await, robot("SPYKEE0002").await);
     let (anna, bruno) = (
-        Ear::of(&broker, Some(USERS[2])).await,
-        Ear::of(&broker, Some(USERS[3])).await,
+        Subscriber::of(&broker, Some(USERS[2])).await,
+        Subscriber::of(&broker, Some(USERS[3])).await,
     );
     let _first = agent(&first, &broker, 0);
     let _second = agent(&second, &broker, 1);
-    anna.hears_word(0, "spykee/SPYKEE0001/connection", "ONLINE")
+    anna.waits_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
         .await;
     bruno
-        .hears_word(0, "spykee/SPYKEE0002/connection", "ONLINE")
+        .waits_for_text(0, "spykee/SPYKEE0002/connection", "ONLINE")
         .await;
     for order in ["return_to_base", "stop"] {
         bruno.say("spykee/SPYKEE0001/command", order, false).await;
@@ -82,7 +82,9 @@ async fn a_user_of_one_robot_can_neither_drive_nor_see_nor_impersonate_another()
     first.heard(0, laser).await;
     let dock = |one: &&Command| **one == Command::Engine(Engage::Dock);
     assert_eq!(first.commands(0).iter().find(dock), None);
-    assert!(!bruno.heard_of("spykee/SPYKEE0001") && !anna.heard_of("spykee/SPYKEE0002"));
+    assert!(
+        !bruno.has_heard_from("spykee/SPYKEE0001") && !anna.has_heard_from("spykee/SPYKEE0002")
+    );
     first.file("fleet.yaml", &config(&first, &broker, "bruno", 3));
     let fleet = ["fleet", "stop", A, "--config", "fleet.yaml"];
     let mut stop = first.spykee(&fleet);

@@ -124,26 +124,26 @@ impl Broker {
 type Published = (String, Vec<u8>);
 
 /// A client that records all messages at the broker.
-pub struct Ear {
+pub struct Subscriber {
     client: AsyncClient,
     heard: Arc<Mutex<Vec<Published>>>,
     task: tokio::task::JoinHandle<()>,
 }
 
-impl Drop for Ear {
+impl Drop for Subscriber {
     fn drop(&mut self) {
         self.task.abort();
     }
 }
 
-impl Ear {
-    pub async fn at(broker: &Broker) -> Ear {
-        Ear::of(broker, None).await
+impl Subscriber {
+    pub async fn at(broker: &Broker) -> Subscriber {
+        Subscriber::of(broker, None).await
     }
 
     /// Connects as this user, with this password.
-    pub async fn of(broker: &Broker, user: Option<(&str, &str)>) -> Ear {
-        let id = format!("ear-{}", rand::random::<u32>());
+    pub async fn of(broker: &Broker, user: Option<(&str, &str)>) -> Subscriber {
+        let id = format!("subscriber-{}", rand::random::<u32>());
         let mut options = MqttOptions::new(id, "127.0.0.1", broker.port);
         options.set_max_packet_size(1 << 20, 1 << 20);
         if let Some((user, password)) = user {
@@ -168,7 +168,7 @@ impl Ear {
                 }
             }
         });
-        Ear {
+        Subscriber {
             client,
             heard,
             task,
@@ -183,15 +183,15 @@ impl Ear {
     }
 
     /// Waits until the client receives messages again, after the broker was away.
-    pub async fn hears_again(&self) {
+    pub async fn waits_until_connected(&self) {
         let until = std::time::Instant::now() + WAIT_LIMIT;
         let from = self.len();
         while !self.heard.lock().unwrap()[from..]
             .iter()
-            .any(|(topic, _)| topic == "ear/again")
+            .any(|(topic, _)| topic == "subscriber/again")
         {
             assert!(std::time::Instant::now() < until, "the broker is not back");
-            self.say("ear/again", "", false).await;
+            self.say("subscriber/again", "", false).await;
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
     }
@@ -224,24 +224,24 @@ impl Ear {
     }
 
     /// The index of the first such message among all recorded ones.
-    pub fn place_of(&self, topic: &str, word: &str) -> Option<usize> {
+    pub fn index_of(&self, topic: &str, word: &str) -> Option<usize> {
         let heard = self.heard.lock().unwrap();
         let mut heard = heard.iter();
         heard.position(|(of, payload)| of == topic && payload == word.as_bytes())
     }
 
     /// Whether a message arrived at a topic below this one.
-    pub fn heard_of(&self, below: &str) -> bool {
+    pub fn has_heard_from(&self, below: &str) -> bool {
         let heard = self.heard.lock().unwrap();
         heard.iter().any(|(topic, _)| topic.starts_with(below))
     }
 
-    pub async fn hears_word(&self, from: usize, topic: &str, word: &str) {
+    pub async fn waits_for_text(&self, from: usize, topic: &str, word: &str) {
         self.hears(from, topic, |payload| payload == word.as_bytes())
             .await;
     }
 
-    pub async fn hears_state(
+    pub async fn waits_for_state(
         &self,
         from: usize,
         robot: &str,

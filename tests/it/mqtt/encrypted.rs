@@ -4,7 +4,7 @@ use std::net::TcpListener;
 use std::path::Path;
 use std::process::Command as Process;
 
-use super::broker::{Broker, Ear};
+use super::broker::{Broker, Subscriber};
 use super::{IDLE, robot};
 use crate::rig::Rig;
 
@@ -66,13 +66,13 @@ async fn over_tls_a_broker_is_trusted_only_with_a_certificate_of_the_authority()
             ca.display()
         ))
     };
-    let ear = Ear::at(&broker).await;
+    let ear = Subscriber::at(&broker).await;
     let (_believes, doubts) = (start(&first, "ca.pem"), start(&second, "stranger.pem"));
     doubts.says("no encrypted connection").await;
     // The topics begin with the prefix of the config.
-    ear.hears_word(0, "house/SPYKEE0001/connection", "ONLINE")
+    ear.waits_for_text(0, "house/SPYKEE0001/connection", "ONLINE")
         .await;
     ear.hears(0, "ha/device/SPYKEE0001/config", |_| true).await;
-    assert!(!ear.heard_of("house/SPYKEE0002"));
-    assert!(!ear.heard_of("spykee/") && !ear.heard_of("homeassistant/"));
+    assert!(!ear.has_heard_from("house/SPYKEE0002"));
+    assert!(!ear.has_heard_from("spykee/") && !ear.has_heard_from("homeassistant/"));
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use rustix::process::Signal;
 use serde_json::Value;
 
-use super::broker::{Broker, Ear};
+use super::broker::{Broker, Subscriber};
 use super::{A, IDLE, robot, start};
 use crate::rig::{Rig, Run};
 
@@ -15,12 +15,12 @@ async fn the_broker_reports_a_killed_agent() {
     let Some(broker) = Broker::start() else {
         return;
     };
-    let (rig, ear) = (robot(A).await, Ear::at(&broker).await);
+    let (rig, ear) = (robot(A).await, Subscriber::at(&broker).await);
     let run = start(&rig, &broker, IDLE);
-    ear.hears_word(0, "spykee/SPYKEE0001/connection", "ONLINE")
+    ear.waits_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
         .await;
     run.signal(Signal::KILL);
-    ear.hears_word(0, "spykee/SPYKEE0001/connection", "CONNECTIONBROKEN")
+    ear.waits_for_text(0, "spykee/SPYKEE0001/connection", "CONNECTIONBROKEN")
         .await;
     rig.file("fleet.yaml", &broker.config());
     let mut list = rig.spykee(&["fleet", "list", "--config", "fleet.yaml"]);
@@ -34,7 +34,7 @@ async fn a_fleet_starts_and_stops_together_and_every_robot_follows() {
     let Some(broker) = Broker::start() else {
         return;
     };
-    let ear = Ear::at(&broker).await;
+    let ear = Subscriber::at(&broker).await;
     let names = ["SPYKEE0001", "SPYKEE0002", "SPYKEE0003"];
     let mut rigs = Vec::new();
     for name in names {
@@ -43,11 +43,11 @@ async fn a_fleet_starts_and_stops_together_and_every_robot_follows() {
     let drive = "robot.move(40, 40) while true do task.wait(1) end";
     let mut runs: Vec<Run> = rigs.iter().map(|rig| start(rig, &broker, drive)).collect();
     for (name, rig) in names.iter().zip(&rigs) {
-        ear.hears_word(0, &format!("spykee/{name}/connection"), "ONLINE")
+        ear.waits_for_text(0, &format!("spykee/{name}/connection"), "ONLINE")
             .await;
         rig.heard_motion(0).await;
         let two = |state: &Value| state["running"].as_array().unwrap().len() == 2;
-        ear.hears_state(0, name, two).await;
+        ear.waits_for_state(0, name, two).await;
     }
     rigs[0].file("fleet.yaml", &broker.config());
     let fleet = |args: &[&str]| {
@@ -84,7 +84,7 @@ async fn among_many_agents_dead_and_hung_ones_are_reported_and_all_others_stop()
         return;
     };
     let count = std::env::var("SPYKEE_FLEET").map_or(4, |text| text.parse().unwrap());
-    let ear = Ear::at(&broker).await;
+    let ear = Subscriber::at(&broker).await;
     let names: Vec<String> = (1..=count)
         .map(|number| format!("SPYKEE{number:04}"))
         .collect();
@@ -102,13 +102,13 @@ async fn among_many_agents_dead_and_hung_ones_are_reported_and_all_others_stop()
     }
     for (name, rig) in names.iter().zip(&rigs) {
         rig.heard_motion(0).await;
-        ear.hears_word(0, &format!("spykee/{name}/connection"), "ONLINE")
+        ear.waits_for_text(0, &format!("spykee/{name}/connection"), "ONLINE")
             .await;
     }
     let places: Vec<usize> = rigs.iter().map(|rig| rig.commands(0).len()).collect();
     let gone = async |name: &str, since: Instant| {
         let topic = format!("spykee/{name}/connection");
-        ear.hears_word(0, &topic, "CONNECTIONBROKEN").await;
+        ear.waits_for_text(0, &topic, "CONNECTIONBROKEN").await;
         since.elapsed()
     };
     let since = Instant::now();
@@ -121,7 +121,7 @@ async fn among_many_agents_dead_and_hung_ones_are_reported_and_all_others_stop()
     // reported within that time.
     let place = |name: &str| {
         let topic = format!("spykee/{name}/connection");
-        ear.place_of(&topic, "CONNECTIONBROKEN").unwrap()
+        ear.index_of(&topic, "CONNECTIONBROKEN").unwrap()
     };
     assert!(place(&names[1]) < place(&names[0]), "the killed one first");
     let patience = Duration::from_secs(KEEP_ALIVE) * 3 / 2;

@@ -3,7 +3,7 @@
 use rustix::process::Signal;
 use serde_json::Value;
 
-use super::broker::{Broker, Ear};
+use super::broker::{Broker, Subscriber};
 use super::{A, robot};
 use crate::rig::Rig;
 
@@ -34,7 +34,7 @@ async fn notifications_are_published_with_their_pictures_and_survive_a_broker_ou
     let Some(mut broker) = Broker::start() else {
         return;
     };
-    let (rig, ear) = (robot(A).await, Ear::at(&broker).await);
+    let (rig, ear) = (robot(A).await, Subscriber::at(&broker).await);
     rig.file("one.lua", SENDS);
     config(&rig, &broker);
     let run = || rig.spykee(&["run", "--config", "spykee.yaml", "--robot", &rig.address]);
@@ -60,7 +60,7 @@ async fn notifications_are_published_with_their_pictures_and_survive_a_broker_ou
     assert_eq!(waiting(&rig), 1);
     let from = ear.len();
     broker.begin();
-    ear.hears_again().await;
+    ear.waits_until_connected().await;
     rig.file("one.lua", "task.wait(600)");
     let mut third = run();
     ear.hears(from, "house/says", |_| true).await;

@@ -45,7 +45,7 @@ fn order(payload: &[u8]) -> Vec<u8> {
 }
 
 /// An agent that drives, and a broker that has accepted its login and its subscriptions.
-struct Visit {
+struct HostileBroker {
     rig: Rig,
     run: Run,
     listener: TcpListener,
@@ -75,8 +75,8 @@ async fn accept(listener: &TcpListener) -> TcpStream {
     accepted.expect("the agent does not connect").unwrap().0
 }
 
-impl Visit {
-    async fn begin() -> Visit {
+impl HostileBroker {
+    async fn begin() -> HostileBroker {
         let rig = Rig::quiet().await;
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let port = listener.local_addr().unwrap().port();
@@ -87,7 +87,7 @@ impl Visit {
         rig.heard_motion(0).await;
         let line = accept(&listener).await;
         let from = rig.sim.heard_count();
-        Visit {
+        HostileBroker {
             rig,
             run,
             listener,
@@ -97,7 +97,7 @@ impl Visit {
     }
 
     /// Accepts the login and three subscriptions.
-    async fn welcome(&mut self) {
+    async fn accept_login(&mut self) {
         let mut wishes = 0;
         while wishes < 3 {
             let coming = timeout(WAIT_LIMIT, next(&mut self.line))
@@ -178,14 +178,14 @@ async fn a_broker_that_refuses_logins_or_speaks_another_protocol_changes_nothing
             "256 MB to come",
             vec![0x30, 0xff, 0xff, 0xff, 0x7f, 0, 1, b'a'],
         ),
-        ("a message before the welcome", order(b"stop")),
-        ("half a welcome", vec![0x20, 2, 0]),
-        ("a welcome too long", packet(0x20, &[0; 100])),
+        ("a message before the accept_login", order(b"stop")),
+        ("half a accept_login", vec![0x20, 2, 0]),
+        ("a accept_login too long", packet(0x20, &[0; 100])),
         ("zeros", vec![0; 4096]),
         ("ones", vec![0xff; 4096]),
     ];
     for (what, said) in cases {
-        let mut visit = Visit::begin().await;
+        let mut visit = HostileBroker::begin().await;
         visit.say(&said).await;
         if what != "silent" {
             let _ = timeout(Duration::from_millis(500), next(&mut visit.line)).await;
@@ -264,7 +264,7 @@ async fn malformed_messages_are_ignored_or_end_the_connection_and_never_stop_the
         ("thanks for nothing", packet(0x40, &[0x77, 0x77])),
         ("a promise of nothing", packet(0x50, &[0x77, 0x77])),
         ("a wish refused", packet(0x90, &[0, 9, 0x80])),
-        ("a second welcome", packet(0x20, &[0, 0])),
+        ("a second accept_login", packet(0x20, &[0, 0])),
         (
             "what only clients say",
             packet(0x10, b"\0\x04MQTT\x04\0\0\0\0\0"),
@@ -272,8 +272,8 @@ async fn malformed_messages_are_ignored_or_end_the_connection_and_never_stop_the
         ("no such packet", packet(0xf0, b"")),
     ];
     for (what, said) in cases {
-        let mut visit = Visit::begin().await;
-        visit.welcome().await;
+        let mut visit = HostileBroker::begin().await;
+        visit.accept_login().await;
         visit.say(&said).await;
         let held = visit.listens().await;
         if !held {
@@ -311,8 +311,8 @@ async fn a_flood_of_messages_does_not_fill_the_log_or_affect_driving() {
         ),
         ("answers to no ping", pings),
     ] {
-        let mut visit = Visit::begin().await;
-        visit.welcome().await;
+        let mut visit = HostileBroker::begin().await;
+        visit.accept_login().await;
         let many = one.repeat(1000);
         let (mut reader, mut writer) = visit.line.split();
         let mut rest = vec![0; 1 << 16];
