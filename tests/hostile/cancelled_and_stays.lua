@@ -1,4 +1,4 @@
--- Cancelled tasks that catch their cancellation and go on, waiting or not.
+-- Cancelled tasks that catch the cancellation and continue, waiting or not.
 -- expect: cpu done
 local function stays()
 	while true do

@@ -1,4 +1,4 @@
--- Resumes, closes and wraps the coroutines that the scheduler runs.
+-- Resumes, closes and wraps the scheduler's coroutines.
 -- expect: error
 -- expect where times do not count: done
 local main = coroutine.running()

@@ -1,4 +1,4 @@
--- Recursion without end.
+-- Endless recursion.
 -- expect: error
 local function deeper()
 	return 1 + deeper()

@@ -1,4 +1,4 @@
--- A table fifty thousand levels deep, shown to whatever takes a table.
+-- A table fifty thousand levels deep, passed to every function that takes a table.
 -- expect: error
 local deep = {}
 for _ = 1, 50000 do

@@ -1,4 +1,4 @@
--- `__eq` in C, called by a search in C, which is that `__eq`: ten to the power of twenty steps.
+-- A search in C calls `__eq`, which is a library function that searches too: 10^20 steps.
 -- expect: cpu
 local meta = { __eq = table.find }
 local function tree()

@@ -1,4 +1,4 @@
--- Errors thrown and caught and thrown again, through calls of the runtime that call back.
+-- Errors raised, caught and raised again, through runtime functions with callbacks.
 -- expect: error cpu memory
 local function deeper(n)
 	local ok, text = pcall(task.all, function()

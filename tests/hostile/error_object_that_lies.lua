@@ -1,4 +1,4 @@
--- Error objects with a __tostring that raises, gives no string, or gives megabytes.
+-- Error objects whose __tostring raises, returns something else than a string, or returns megabytes.
 -- expect: error memory
 local function object(fn)
 	return setmetatable({}, { __tostring = fn, __metatable = "locked" })

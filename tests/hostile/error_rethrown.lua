@@ -1,4 +1,4 @@
--- One error rethrown a hundred thousand times, each time with its place before it.
+-- One error raised again a hundred thousand times; each time its position is prepended.
 -- expect: error cpu memory
 local _, text = pcall(robot.move, "x")
 for _ = 1, 100000 do

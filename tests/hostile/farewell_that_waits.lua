@@ -1,4 +1,4 @@
--- A farewell that waits for ever, in tasks that cannot be cancelled.
+-- An on_stop that waits forever, in tasks that cannot be cancelled.
 -- expect: done
 for _ = 1, 10 do
 	task.spawn(function()

@@ -1,4 +1,4 @@
--- Reaches for everything that a script never gets.
+-- Tries to access everything that scripts must not have.
 -- expect: done
 local names = {
 	"io", "os", "debug", "package", "loadstring", "load", "loadfile", "dofile", "getfenv", "setfenv",

@@ -1,4 +1,4 @@
--- A walk in C over tables of tables that is itself the callback: two to the power of forty steps.
+-- An iteration in C over tables of tables whose callback is the same function: 2^40 steps.
 -- expect: cpu
 local tree = {}
 for _ = 1, 40 do

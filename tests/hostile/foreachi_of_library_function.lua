@@ -1,4 +1,4 @@
--- A walk in C with a callback in C that is slow.
+-- An iteration in C with a slow callback in C.
 -- expect: cpu
 local list = table.create(100000, "x")
 local function walk()

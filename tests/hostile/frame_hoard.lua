@@ -1,4 +1,4 @@
--- Keeps every frame there is.
+-- Keeps every frame.
 -- expect: done memory error
 local keep = {}
 robot.stream("video", true)

@@ -1,4 +1,4 @@
--- Looks at frames with arguments that make each look as dear as it can be, and saves where it may not.
+-- Analyses frames with the most expensive arguments, and saves to forbidden paths.
 -- expect: cpu error done memory
 local frame = robot.wait_frame(5)
 for _, name in { "/etc/passwd", "../other.jpg", "a/b.jpg", ".", "", ("x"):rep(300), "nul\0.jpg", "\27[2J.jpg" } do

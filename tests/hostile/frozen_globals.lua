@@ -1,4 +1,4 @@
--- Changes the libraries that all code stands on; each attempt must fail.
+-- Tries to change the libraries that all code uses; each attempt must fail.
 -- expect: done
 local tables = { string, table, math, coroutine, bit32, buffer, utf8, vector, robot, task, script, log }
 for _, library in tables do

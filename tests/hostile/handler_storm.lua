@@ -1,4 +1,4 @@
--- Every place for a handler is taken, and each handler makes the events it listens to.
+-- Registers the maximum of handlers, each of which causes the events that it handles.
 -- expect: error
 for _ = 1, 60 do
 	robot.on("sound_finished", function()

@@ -1,4 +1,4 @@
--- A hundred thousand strings of one hash value: each costs a walk past all before it, in C.
+-- A hundred thousand strings with the same hash: each lookup passes all earlier ones, in C.
 -- expect: cpu memory
 local last = (
 	"aq2M @r2M #s2M @Q3M aR3M #T3M =u3M ^v3M |{3M #14M a34M @44M ^W4M =X4M |Z4M =75M "

@@ -1,4 +1,4 @@
--- Over its budget, it tries to drive in its last pcall, and in the handler of its last xpcall.
+-- After exceeding its budget, tries to drive in its last pcall, and in the handler of its last xpcall.
 -- expect: cpu
 local function drive()
 	while true do

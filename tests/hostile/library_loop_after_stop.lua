@@ -1,4 +1,4 @@
--- Drives no more, and then sorts in C for ever.
+-- Stops driving, and then sorts in C forever.
 -- expect: cpu
 robot.stop()
 task.wait(0.1)

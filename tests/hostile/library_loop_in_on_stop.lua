@@ -1,4 +1,4 @@
--- A farewell that is one library call with callbacks in C.
+-- An on_stop that is one library call with callbacks in C.
 -- expect: done
 script.on_stop(function()
 	local list = table.create(200000, 1)

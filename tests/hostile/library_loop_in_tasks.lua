@@ -1,4 +1,4 @@
--- A hundred tasks at a time, each in the library.
+-- A hundred tasks at a time, each inside a library function.
 -- expect: cpu
 local list = table.create(20000, 1)
 for _ = 1, 100 do

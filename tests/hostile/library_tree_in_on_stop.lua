@@ -1,4 +1,4 @@
--- A farewell that walks a tree in C for ever.
+-- An on_stop that walks a tree in C forever.
 -- expect: done
 script.on_stop(function()
 	local tree = {}

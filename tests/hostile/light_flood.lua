@@ -1,4 +1,4 @@
--- Lights as fast as they go, in many tasks that each wait a little.
+-- Switches lights as fast as possible, in many tasks that each wait a little.
 -- expect: done
 for _ = 1, 20 do
 	task.spawn(function()

@@ -1,4 +1,4 @@
--- Log lines as fast as they go, with pauses that keep the script alive.
+-- Writes log lines as fast as possible, with pauses that keep the script alive.
 -- expect: done
 local long = ("x"):rep(2000)
 local begun = task.now()

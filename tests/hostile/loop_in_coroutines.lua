@@ -1,4 +1,4 @@
--- Endless loops in coroutines, made anew as they die.
+-- Endless loops in coroutines, created again when they die.
 -- expect: cpu
 while true do
 	local co = coroutine.wrap(function()

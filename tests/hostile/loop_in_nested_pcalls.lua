@@ -1,4 +1,4 @@
--- pcalls in pcalls, so that an end that is raised only now and then is always caught.
+-- Nested pcalls, which catch every end that is raised only once in a while.
 -- expect: cpu
 local function again()
 	pcall(again)

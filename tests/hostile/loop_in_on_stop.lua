@@ -1,4 +1,4 @@
--- A farewell that never returns; the script itself is done.
+-- An on_stop that never returns; the script itself has ended.
 -- expect: done
 script.on_stop(function()
 	while true do

@@ -1,4 +1,4 @@
--- A pattern that backtracks for ever.
+-- A pattern that backtracks forever.
 -- expect: cpu
 while true do
 	pcall(string.find, ("a"):rep(1e5), ("a*"):rep(50) .. "b")

@@ -1,4 +1,4 @@
--- An endless loop that catches its own end and drives on.
+-- An endless loop that catches the error that ends it, and drives on.
 -- expect: cpu
 while true do
 	pcall(function()

@@ -1,4 +1,4 @@
--- Busy for most of its budget, again and again: never over it, and still no burden to others.
+-- Uses most of its budget again and again without exceeding it; this must not burden others.
 -- expect: done
 local begun = task.now()
 while task.now() - begun < 0.2 do

@@ -1,4 +1,4 @@
--- Coroutines that wait for ever.
+-- Coroutines that wait forever.
 -- expect: memory error
 local keep = {}
 while true do

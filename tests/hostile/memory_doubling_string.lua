@@ -1,4 +1,4 @@
--- A string that doubles.
+-- A string that is doubled again and again.
 -- expect: memory
 local text = "x"
 while true do

@@ -1,4 +1,4 @@
--- Keeps the error texts of refused calls, each with a long argument: memory outside the VM.
+-- Keeps the error texts of refused calls with long arguments: memory outside the VM.
 -- expect: cpu memory
 local keep, long = {}, ("x"):rep(100000)
 while true do

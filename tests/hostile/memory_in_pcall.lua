@@ -1,4 +1,4 @@
--- Takes all memory, catches the refusal, and takes again.
+-- Allocates all memory, catches the error, and allocates again.
 -- expect: cpu memory
 local keep = {}
 while true do

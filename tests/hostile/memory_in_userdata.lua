@@ -1,4 +1,4 @@
--- Task objects that are kept, by the hundred thousand.
+-- Keeps hundreds of thousands of task objects.
 -- expect: memory cpu error
 local keep = {}
 while true do

@@ -1,3 +1,3 @@
--- A thousand megabytes in one call.
+-- Allocates a thousand megabytes in one call.
 -- expect: memory
 return ("x"):rep(1e9)

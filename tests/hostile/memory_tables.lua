@@ -1,4 +1,4 @@
--- Tables without end.
+-- Creates tables endlessly.
 -- expect: memory
 local keep = {}
 while true do

@@ -1,4 +1,4 @@
--- Looks for metatables of the runtime's own objects, and for what they hide.
+-- Looks for the metatables of the runtime's objects, and for their contents.
 -- expect: done
 local one = task.spawn(task.wait, 1)
 local other = robot.on("docked", function() end)

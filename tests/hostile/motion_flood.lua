@@ -1,4 +1,4 @@
--- Setpoints as fast as they go, from many tasks at once.
+-- Sends setpoints as fast as possible, from many tasks at once.
 -- expect: cpu done
 for task_number = 1, 20 do
 	task.spawn(function()

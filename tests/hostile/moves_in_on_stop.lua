@@ -1,4 +1,4 @@
--- Drives in its farewell, by every call there is.
+-- Drives in on_stop, with every call that moves.
 -- expect: done
 script.on_stop(function()
 	local calls = {

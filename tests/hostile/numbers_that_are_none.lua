@@ -1,4 +1,4 @@
--- NaN, infinities and the largest numbers wherever a number is taken.
+-- NaN, infinities and the largest numbers as arguments of every function that takes a number.
 -- expect: done
 for _, n in { 0 / 0, 1 / 0, -1 / 0, 2 ^ 53, -2 ^ 63, 1e308, 5e-324, -0 } do
 	for _, call in {

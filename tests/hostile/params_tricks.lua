@@ -1,4 +1,4 @@
--- Declares nonsense, endlessly long, with metatables, and twice.
+-- Declares parameters that are invalid, endlessly long, have metatables, or exist already.
 -- expect: error
 local evil = { __index = error, __len = error, __iter = error, __tostring = error }
 local long = {}

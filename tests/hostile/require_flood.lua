@@ -1,4 +1,4 @@
--- Asks for more modules than there can be.
+-- Requires more modules than are permitted.
 -- expect: done
 for number = 1, 5000 do
 	pcall(require, "./nothing" .. number)

@@ -1,4 +1,4 @@
--- A module that needs itself.
+-- A module that requires itself.
 -- expect: error
 pcall(require, "./require_itself")
 require("./require_itself")

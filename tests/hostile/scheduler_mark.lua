@@ -1,4 +1,4 @@
--- Catches the value by which runtime and scheduler talk, and gives it back at the wrong places.
+-- Captures the marker that runtime and scheduler exchange, and returns it in the wrong places.
 -- expect: error
 local caught = {}
 local co = coroutine.create(function()

@@ -1,4 +1,4 @@
--- A comparator in C, and in it a long search in C: no line of a script runs in between.
+-- A comparator in C that makes a long search in C: no script code runs in between.
 -- expect: cpu
 local list = table.create(200000, 1)
 while true do

@@ -1,4 +1,4 @@
--- table.sort of long strings that differ at their very end, compared in C.
+-- table.sort of long strings that differ only at their end, compared in C.
 -- expect: cpu memory
 local list, start = {}, ("a"):rep(1000)
 for at = 1, 3000 do

@@ -1,4 +1,4 @@
--- Sounds and speech as fast as they go.
+-- Sends sounds and speech as fast as possible.
 -- expect: done
 robot.stream("audio_out", true)
 local second = buffer.create(32000)

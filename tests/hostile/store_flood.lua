@@ -1,4 +1,4 @@
--- Fills its store again and again, with huge and with many values, faster than a disk writes.
+-- Fills its store again and again, with huge and with many values, faster than a disk can write.
 -- expect: done
 local refused = 0
 for round = 1, 40 do

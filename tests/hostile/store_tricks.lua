@@ -1,4 +1,4 @@
--- Hands its store what cannot be kept: itself, functions, NaN, too deep, too many, with metatables.
+-- Stores invalid values: the store itself, functions, NaN, too deep, too many, with metatables.
 -- expect: done
 local itself = {}
 itself.itself = itself

@@ -1,4 +1,4 @@
--- Streams on and off as fast as it goes.
+-- Switches streams on and off as fast as possible.
 -- expect: done
 local begun = task.now()
 while task.now() - begun < 0.2 do

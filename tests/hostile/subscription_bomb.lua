@@ -1,4 +1,4 @@
--- Subscriptions made and ended without a pause.
+-- Makes and ends subscriptions without a pause.
 -- expect: cpu
 while true do
 	local one = robot.on("frame", function() end)

@@ -1,4 +1,4 @@
--- table.move over thousands of millions of places, in C.
+-- table.move over billions of indices, in C.
 -- expect: done
 pcall(table.move, {}, 1, 2e9, -2e9, {})
 pcall(table.move, {}, 1, 2 ^ 31 - 2, 2)

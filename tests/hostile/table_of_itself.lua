@@ -1,4 +1,4 @@
--- A table that holds itself over and over: a converter that follows it never ends.
+-- A table that contains itself many times: a converter that follows it never ends.
 -- expect: done
 local t = {}
 t.t, t[1], t[t] = t, t, t

@@ -1,4 +1,4 @@
--- A task that makes the next one and ends: each slice is short, none waits.
+-- A task that starts the next one and ends: each slice is short, and none waits.
 -- expect: done
 local made = 0
 local function next_one()

@@ -1,4 +1,4 @@
--- Timers without end, each of which makes timers.
+-- Endless timers, each of which creates timers.
 -- expect: error cpu memory
 local function tick()
 	while true do

@@ -1,4 +1,4 @@
-//! Each ready-made behaviour does what its first comment says, in the simulator.
+//! Tests that each ready-made behaviour does what its first comment says, in the simulator.
 
 use std::path::Path;
 
@@ -60,7 +60,7 @@ async fn dock_now_brings_the_robot_to_its_station() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn dock_now_says_so_when_it_could_not() {
+async fn dock_now_reports_when_it_cannot_dock() {
     let search_limit = std::time::Duration::from_millis(200);
     let firmware = Firmware {
         search_limit,
@@ -125,9 +125,9 @@ async fn patrol_drives_photographs_docks_charges_and_goes_again() {
     assert!(pictures > 0);
 }
 
-/// The quick ones; `scripts/score-behaviours` plays all of them with 20 seeds.
+/// Plays the scenarios that are quick; `scripts/score-behaviours` plays all of them with 20 seeds.
 #[test]
-fn ready_behaviours_keep_what_their_scenarios_say() {
+fn ready_behaviours_pass_their_scenarios() {
     let home = Path::new(env!("CARGO_MANIFEST_DIR")).join("behaviours");
     let pictures = tempfile::tempdir().unwrap();
     let played = std::process::Command::new(env!("CARGO_BIN_EXE_spykee"))

@@ -1,4 +1,4 @@
-//! What an agent says of what happens.
+//! The events that an agent publishes on its bus.
 
 use std::time::Duration;
 
@@ -23,7 +23,7 @@ fn behaviour(name: &str, source: &str) -> Behaviour {
     }
 }
 
-/// What was said so far.
+/// All events that have arrived so far.
 fn all(listener: &mut Listener) -> Vec<Occurrence> {
     std::iter::from_fn(|| match listener.try_next()? {
         Heard::Happening(one) => Some(one.what.clone()),
@@ -52,11 +52,11 @@ fn play(source: &str, work: impl AsyncFnOnce(&Lab) + Send) -> Vec<Occurrence> {
 
 fn at(said: &[Occurrence], is: impl Fn(&Occurrence) -> bool) -> usize {
     let found = said.iter().position(is);
-    found.unwrap_or_else(|| panic!("not said: {said:#?}"))
+    found.unwrap_or_else(|| panic!("no such event: {said:#?}"))
 }
 
 #[test]
-fn a_runs_story_is_told_in_order_with_endings_and_places() {
+fn the_events_of_a_run_arrive_in_order_with_endings_and_places() {
     let source = "journal.add('moved', {energy = 2})\nnotify.send('hello')\nerror('no')";
     let said = play(source, async |_| {});
     let up = at(
@@ -90,7 +90,7 @@ fn a_runs_story_is_told_in_order_with_endings_and_places() {
 }
 
 #[test]
-fn a_low_battery_and_the_way_home_are_told() {
+fn a_low_battery_and_the_way_home_are_reported() {
     let said = play("while true do task.wait(1) end", async |lab| {
         tokio::time::sleep(Duration::from_secs(5)).await;
         lab.sim().set_battery(10.0);

@@ -1,4 +1,5 @@
-//! `spykee calibrate`: the simulator's true values, the config, and when it refuses.
+//! `spykee calibrate`: measures the simulator's true values, writes the config, and refuses when it
+//! must.
 
 use std::f64::consts::{PI, TAU};
 use std::io::{Read, Write};
@@ -16,7 +17,7 @@ fn number(text: &str, key: &str) -> f64 {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_simulators_true_values_come_out_within_3_percent_and_go_into_the_config() {
+async fn calibration_finds_the_true_values_within_3_percent_and_writes_them_to_the_config() {
     let rig = Rig::quiet().await;
     rig.file("world.yaml", QUIET_WORLD);
     let mut runs: Vec<(String, Run)> = (1..=3)
@@ -62,7 +63,7 @@ async fn the_simulators_true_values_come_out_within_3_percent_and_go_into_the_co
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn on_its_station_or_with_a_low_battery_nothing_is_measured() {
+async fn nothing_is_measured_on_the_station_or_with_a_low_battery() {
     let start = "start: { at: [4, 4], heading_degrees: 90 }";
     for (world, code, why) in [
         (QUIET_WORLD.replace(start, ""), 2, "on its station"),
@@ -80,7 +81,7 @@ async fn on_its_station_or_with_a_low_battery_nothing_is_measured() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_is_no_robot_at_that_address_is_named_as_such() {
+async fn a_peer_that_is_not_a_robot_is_reported_as_such() {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
     std::thread::spawn(move || {
@@ -102,14 +103,15 @@ async fn what_is_no_robot_at_that_address_is_named_as_such() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn without_a_person_nothing_moves() {
+async fn nothing_moves_without_a_person_at_the_terminal() {
     let rig = Rig::quiet().await;
     let mut run = rig.spykee(&["calibrate", "--robot", &rig.address]);
     assert_eq!(run.code().await, Some(2), "{}", run.text());
     assert!(rig.sim.state().commanded.left == 0 && !rig.sim.state().moving());
 }
 
-/// What a tape measure and a protractor say of the next move: metres and radians.
+/// The true length and angle of the next move, in metres and radians, as a person would measure
+/// them.
 async fn measured(rig: &Rig) -> (f64, f64) {
     let mut last = rig.sim.wait_state(|state| state.moving()).await;
     let (mut way, mut angle) = (0.0, 0.0);
@@ -123,7 +125,7 @@ async fn measured(rig: &Rig) -> (f64, f64) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_person_at_a_terminal_is_led_through_and_asked_before_the_config_is_written() {
+async fn a_person_is_guided_and_asked_before_the_config_is_written() {
     let rig = Rig::quiet().await;
     rig.file("spykee.yaml", "data: mine # stays\n");
     let mut terminal = Terminal::start(&["calibrate", "--robot", &rig.address], &rig);

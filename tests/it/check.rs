@@ -1,4 +1,4 @@
-//! `spykee check`, `spykee api`, and the check before a run, as people call them.
+//! `spykee check`, `spykee api`, and the check before a run, from the command line.
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -18,7 +18,7 @@ fn text(bytes: &[u8]) -> String {
 }
 
 #[test]
-fn a_finding_has_place_words_line_and_caret() {
+fn a_finding_shows_place_message_line_and_caret() {
     let output = spykee(&["check", "tests/broken/too_much_power.lua"]);
     assert_eq!(output.status.code(), Some(4));
     let expected = "tests/broken/too_much_power.lua:3:12: error: robot.move: left must be between -100 and 100, got 140\n\
@@ -47,7 +47,7 @@ fn ready_made_behaviours_and_the_scripts_of_the_readme_are_clean() {
 }
 
 #[test]
-fn findings_come_as_json_too_and_files_that_cannot_be_read_end_in_2() {
+fn findings_are_printed_as_json_too_and_unreadable_files_end_with_2() {
     let output = spykee(&["check", "--json", "tests/broken/typo_in_a_call.lua"]);
     assert_eq!(output.status.code(), Some(4));
     let findings: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -61,7 +61,7 @@ fn findings_come_as_json_too_and_files_that_cannot_be_read_end_in_2() {
     assert_eq!(output.status.code(), Some(4));
 }
 
-/// A file of a folder with this text.
+/// Writes a file into a folder and returns its path.
 fn written(folder: &Path, name: &str, text: &str) -> String {
     let path = folder.join(name);
     std::fs::write(&path, text).unwrap();
@@ -83,7 +83,7 @@ fn the_colours_of_the_config_are_known() {
 }
 
 #[test]
-fn params_of_the_config_are_held_against_what_the_script_declares() {
+fn params_of_the_config_are_checked_against_the_declarations_of_the_script() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str, text: &str| written(folder.path(), name, text);
     let script = file(
@@ -110,7 +110,7 @@ fn params_of_the_config_are_held_against_what_the_script_declares() {
 }
 
 #[test]
-fn required_modules_are_checked_too_each_once_and_under_their_own_names() {
+fn required_modules_are_checked_once_each_under_their_own_names() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("lib")).unwrap();
     let file = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
@@ -138,7 +138,7 @@ fn required_modules_are_checked_too_each_once_and_under_their_own_names() {
 }
 
 #[test]
-fn a_module_that_is_there_and_cannot_be_loaded_is_told_where_it_is_required() {
+fn a_module_that_cannot_be_loaded_is_reported_where_it_is_required() {
     let folder = tempfile::tempdir().unwrap();
     let main = folder.path().join("main.lua");
     std::fs::write(&main, "print(require('./link'))\n").unwrap();
@@ -170,7 +170,7 @@ async fn an_error_in_a_module_shows_that_modules_line() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_run_refuses_what_cannot_work_before_the_robot_hears_of_it() {
+async fn a_run_refuses_a_faulty_script_before_it_connects_to_the_robot() {
     let rig = Rig::quiet().await;
     let script = rig.file(
         "broken.lua",
@@ -214,7 +214,7 @@ async fn a_failed_run_shows_the_line_with_a_caret() {
 }
 
 #[test]
-fn the_api_is_shown_whole_and_by_name() {
+fn the_api_is_shown_in_full_and_by_name() {
     let whole = text(&spykee(&["api"]).stdout);
     for words in [
         "robot.move(left, right [, seconds])",

@@ -1,35 +1,35 @@
-//! Finds circles inside the rooms of `src`: modules of one folder that import each other, directly or
-//! through others, each taken together with all that is below it. In the rooms of [`STRICT`] a module
-//! and its submodules must not import each other either.
+//! Finds circular imports inside the folders ("rooms") of `src`: modules of one folder that import
+//! each other, directly or through others, where each module counts together with its submodules.
+//! In the rooms of [`STRICT`] a module and its submodules must not import each other either.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Circles that are not undone yet. The list may only shrink: a member that is in no circle any more
-/// must be taken out.
+/// Circles that still exist. The list may only shrink: remove a member as soon as it is in no
+/// circle.
 const KNOWN: &[&[&str]] = &[];
 
-/// Rooms in which no file imports what imports it, not even a parent its child.
+/// Rooms in which even a parent and its child must not import each other.
 const STRICT: &[&str] = &["lab", "sim", "vision", "wire"];
 
 /// A module's path within the crate, such as `["sim", "world"]`; the crate itself is empty.
 type ModulePath = Vec<String>;
 
-/// Which module imports which, and one path that says so.
+/// Each module with the modules that it imports, and for each import one path that makes it.
 type Graph = BTreeMap<String, BTreeMap<String, String>>;
 
-/// What one file says.
+/// The contents of one file, as far as imports are concerned.
 struct Module {
     /// Paths in `use` declarations, the name that each brings, and whether it is public.
     uses: Vec<(Vec<String>, String, bool)>,
-    /// Names that are defined here.
+    /// Names that the file defines.
     names: BTreeSet<String>,
-    /// All code but the `use` declarations.
+    /// All code except the `use` declarations.
     body: String,
 }
 
 impl Module {
-    /// Of a file's text, tests left out.
+    /// Parses a file's text; skips tests.
     fn read(text: &str) -> Module {
         let code = without_tests(&without_comments(text));
         let (mut uses, mut body) = (Vec::new(), String::new());
@@ -53,7 +53,8 @@ impl Module {
     }
 }
 
-/// The text before the next `use` declaration, whether that is public, and what follows the keyword.
+/// Returns the text before the next `use` declaration, whether that is public, and the text after
+/// the keyword.
 fn next_use(text: &str) -> Option<(&str, bool, &str)> {
     let mut at = 0;
     for line in text.split_inclusive('\n') {
@@ -74,7 +75,7 @@ fn next_use(text: &str) -> Option<(&str, bool, &str)> {
     None
 }
 
-/// All paths of a `use` tree with the names that they bring.
+/// Expands a `use` tree into all its paths with the names that they bring.
 fn expand(
     prefix: &[String],
     tree: &str,
@@ -160,7 +161,7 @@ fn test_modules(text: &str) -> impl Iterator<Item = String> {
     declared.collect::<Vec<_>>().into_iter()
 }
 
-/// All modules of the crate but its tests.
+/// All modules of the crate except its tests.
 struct Crate(BTreeMap<ModulePath, Module>);
 
 impl Crate {
@@ -175,7 +176,7 @@ impl Crate {
         Crate(modules.collect())
     }
 
-    /// Which module a path leads to, as seen from module `from`; re-exports are followed.
+    /// Resolves a path to a module, as seen from module `from`; follows re-exports.
     fn resolve(&self, from: &[String], path: &[String], depth: u32) -> Option<ModulePath> {
         let mut current = from.to_vec();
         let mut rest = path;
@@ -210,7 +211,7 @@ impl Crate {
         Some(current)
     }
 
-    /// Whether a path begins in this crate: by a keyword, or by a child of `from`.
+    /// Whether a path begins in this crate: with a keyword, or with a child of `from`.
     fn is_own(&self, from: &[String], path: &[String]) -> bool {
         path.first().is_some_and(|first| {
             let child = [from, std::slice::from_ref(first)].concat();
@@ -218,13 +219,14 @@ impl Crate {
         })
     }
 
-    /// Every import, with the path that makes it.
+    /// All imports, each with the path that makes it.
     fn imports(&self) -> Vec<(ModulePath, ModulePath, String)> {
         let mut found = Vec::new();
         for (from, module) in &self.0 {
             let words: BTreeSet<&str> = words(&module.body).collect();
             let used = module.uses.iter().filter(|(_, alias, public)| {
-                // A re-export alone is no import: the module need not know what it passes on.
+                // A re-export alone does not count as an import: the module may not use what it
+                // re-exports.
                 !public || words.contains(alias.as_str())
             });
             let declared = used.map(|(path, ..)| path.clone());
@@ -245,7 +247,7 @@ fn words(body: &str) -> impl Iterator<Item = &str> {
     body.split(|c: char| !c.is_alphanumeric() && c != '_')
 }
 
-/// Every `a::b::c` of a text.
+/// All paths of the form `a::b::c` in a text.
 fn paths(body: &str) -> Vec<Vec<String>> {
     let in_path = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
     let runs = body.split(|c| !in_path(c));
@@ -257,7 +259,7 @@ fn paths(body: &str) -> Vec<Vec<String>> {
     runs.map(parts).collect()
 }
 
-/// Imports between the children of each folder, each child with all that is below it.
+/// The imports between the children of each folder; each child counts together with its submodules.
 fn between_siblings(imports: &[(ModulePath, ModulePath, String)]) -> Graph {
     let mut graph = Graph::new();
     for (from, to, path) in imports {
@@ -272,7 +274,7 @@ fn between_siblings(imports: &[(ModulePath, ModulePath, String)]) -> Graph {
     graph
 }
 
-/// Imports between single files of the strict rooms.
+/// The imports between single files of the strict rooms.
 fn between_files(imports: &[(ModulePath, ModulePath, String)]) -> Graph {
     let mut graph = Graph::new();
     for (from, to, path) in imports {
@@ -285,7 +287,7 @@ fn between_files(imports: &[(ModulePath, ModulePath, String)]) -> Graph {
     graph
 }
 
-/// The shortest way from a module back to itself.
+/// The shortest path from a module back to itself.
 fn circle(graph: &Graph, start: &str) -> Option<Vec<String>> {
     let mut ways = vec![vec![start.to_owned()]];
     let mut seen = BTreeSet::new();
@@ -308,7 +310,7 @@ fn circle(graph: &Graph, start: &str) -> Option<Vec<String>> {
     None
 }
 
-/// A circle in words: who imports whom by which path.
+/// Describes a circle: which module imports which, by which path.
 fn describe(graph: &Graph, circle: &[String]) -> String {
     let steps = circle.windows(2).map(|pair| {
         let why = &graph[&pair[0]][&pair[1]];
@@ -340,12 +342,12 @@ fn files(folder: &Path, module: &[String]) -> Vec<(ModulePath, String)> {
 }
 
 #[test]
-fn the_modules_of_a_room_import_each_other_in_no_circle() {
+fn the_modules_of_a_room_have_no_circular_imports() {
     let modules = Crate::read(&files(&source(), &[]));
     let imports = modules.imports();
     assert!(imports.len() > 500, "only {} imports", imports.len());
     let (mut wrong, mut circular) = (BTreeMap::new(), BTreeSet::new());
-    // Each circle once, though each of its members leads to it.
+    // Report each circle once, although each of its members leads to it.
     let mut report = |circle: &[String], text: String| {
         let members: BTreeSet<String> = circle.iter().cloned().collect();
         wrong.entry(members).or_insert(text);
@@ -374,7 +376,7 @@ fn the_modules_of_a_room_import_each_other_in_no_circle() {
 }
 
 #[test]
-fn circles_are_seen_through_groups_re_exports_and_tests() {
+fn circles_are_found_through_groups_and_re_exports_and_not_in_tests() {
     let found = |files: &[(&str, &str)]| {
         let file = |(path, text): &(&str, &str)| {
             let path = path.split("::").filter(|part| !part.is_empty());
@@ -401,7 +403,7 @@ fn circles_are_seen_through_groups_re_exports_and_tests() {
         "struct C;\n#[cfg(test)]\nmod tests { use super::super::a::A; }\n",
     );
     assert_eq!(found(&[room, a, b, in_test]), None);
-    // What is below a module counts as the module itself.
+    // Submodules count as part of their module.
     let below = ("room::c::deep", "use crate::room::a::A;\n");
     assert_eq!(
         found(&[room, a, b, c, below]),

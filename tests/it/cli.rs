@@ -1,4 +1,4 @@
-//! The command as people and scripts call it: exit codes, streams, words.
+//! The command from the view of people and scripts: exit codes, output streams, messages.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
@@ -8,7 +8,7 @@ use std::time::Duration;
 use spykee::link;
 use spykee::wire::{Command as Said, Login};
 
-/// The command with nothing of this machine's environment that changes its doings.
+/// The command, without variables of this machine's environment that change its behaviour.
 fn spykee(args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_spykee"));
     for variable in ["RUST_LOG", "NO_COLOR", "SPYKEE_PASSWORD", "RUST_BACKTRACE"] {
@@ -26,7 +26,7 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).unwrap()
 }
 
-/// A `spykee sim` on a free port; ends with the test.
+/// A `spykee sim` on a free port; killed at the end of the test.
 struct Sim {
     child: Child,
     address: String,
@@ -60,7 +60,8 @@ impl Sim {
         rustix::process::kill_process(pid, signal).unwrap();
     }
 
-    /// Its exit code; waits for ever if it never ends, which the test's own limit shows.
+    /// Waits for its end and returns its exit code; without a limit, which the test's own limit
+    /// provides.
     fn code(&mut self) -> Option<i32> {
         self.child.wait().unwrap().code()
     }
@@ -96,7 +97,7 @@ fn help_names_every_subcommand_and_succeeds() {
 }
 
 #[test]
-fn help_can_be_asked_for_by_a_command() {
+fn a_command_also_prints_its_help() {
     let output = run(&["help", "run"]);
     assert_eq!(output.status.code(), Some(0));
     assert_eq!(
@@ -107,7 +108,7 @@ fn help_can_be_asked_for_by_a_command() {
 }
 
 #[test]
-fn only_what_goes_through_a_service_takes_its_address() {
+fn only_commands_that_work_through_a_service_accept_its_address() {
     for command in ["calibrate", "robot log", "robot config", "robot wifi"] {
         let words = command.split(' ').chain(["--url", "http://127.0.0.1:1"]);
         let output = run(&words.collect::<Vec<&str>>());
@@ -123,7 +124,7 @@ fn only_what_goes_through_a_service_takes_its_address() {
 }
 
 #[test]
-fn a_wrong_command_line_is_code_2_on_stderr() {
+fn an_invalid_command_line_ends_with_2_on_stderr() {
     for args in [
         &["nonsense"][..],
         &[],
@@ -144,8 +145,8 @@ fn a_wrong_command_line_is_code_2_on_stderr() {
 }
 
 #[test]
-fn nobody_found_says_what_to_do_and_is_code_3() {
-    // A port that is bound and silent.
+fn discover_without_a_result_gives_advice_and_ends_with_3() {
+    // A port that is bound and does not answer.
     let silent = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let address = silent.local_addr().unwrap().to_string();
     let output = run(&["discover", "--timeout", "0.2", "--ask", &address]);
@@ -164,7 +165,7 @@ fn nobody_found_says_what_to_do_and_is_code_3() {
 }
 
 #[test]
-fn discover_finds_a_simulator_and_who_is_connected() {
+fn discover_finds_a_simulator_and_its_connected_user() {
     let sim = Sim::start(&["--user", "anna"], |_| ());
     let session = sim.log_in("anna", "admin").unwrap();
     let output = run(&["discover", "--timeout", "0.5", "--ask", &sim.address]);
@@ -191,7 +192,7 @@ fn discover_finds_a_simulator_and_who_is_connected() {
 }
 
 #[test]
-fn a_reader_that_has_seen_enough_is_no_failure() {
+fn a_reader_that_closes_the_pipe_is_not_a_failure() {
     let sim = Sim::start(&[], |_| ());
     let mut command = spykee(&["discover", "--timeout", "0.3", "--ask", &sim.address]);
     let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
@@ -200,7 +201,7 @@ fn a_reader_that_has_seen_enough_is_no_failure() {
 }
 
 #[test]
-fn the_simulator_ends_on_a_signal_as_interrupted() {
+fn the_simulator_ends_on_a_signal_with_130() {
     for signal in [rustix::process::Signal::INT, rustix::process::Signal::TERM] {
         let mut sim = Sim::start(&[], |_| ());
         sim.signal(signal);
@@ -215,7 +216,7 @@ fn the_simulator_ends_on_a_signal_as_interrupted() {
 }
 
 #[test]
-fn a_taken_port_is_named_with_a_way_out() {
+fn a_port_in_use_is_named_with_advice() {
     let sim = Sim::start(&[], |_| ());
     let output = run(&["sim", "--listen", &sim.address]);
     assert_eq!(output.status.code(), Some(2));
@@ -227,7 +228,7 @@ fn a_taken_port_is_named_with_a_way_out() {
 }
 
 #[test]
-fn a_world_that_cannot_be_used_is_named_with_line_and_column() {
+fn an_invalid_world_is_named_with_line_and_column() {
     let folder = tempfile::tempdir().unwrap();
     let missing = folder.path().join("none.yaml");
     let broken = folder.path().join("broken.yaml");
@@ -249,7 +250,7 @@ fn password_file(folder: &Path, content: &str, mode: u32) -> String {
 }
 
 #[test]
-fn the_password_comes_from_a_file_or_the_environment_and_never_shows() {
+fn the_password_comes_from_a_file_or_the_environment_and_is_never_shown() {
     let folder = tempfile::tempdir().unwrap();
     let file = password_file(folder.path(), "s3cret\r\nnot this\n", 0o600);
     let environment = |command: &mut Command| {
@@ -279,13 +280,13 @@ fn the_password_comes_from_a_file_or_the_environment_and_never_shows() {
 }
 
 #[test]
-fn there_is_no_flag_for_the_password_itself() {
+fn no_flag_takes_the_password_itself() {
     let output = run(&["sim", "--password", "x"]);
     assert_eq!(output.status.code(), Some(2));
 }
 
 #[test]
-fn a_password_file_that_others_can_read_is_warned_of() {
+fn a_password_file_that_others_can_read_causes_a_warning() {
     let folder = tempfile::tempdir().unwrap();
     let file = password_file(folder.path(), "s3cret\n", 0o644);
     let mut sim = Sim::start(&["--password-file", &file], |_| ());
@@ -297,7 +298,7 @@ fn a_password_file_that_others_can_read_is_warned_of() {
 }
 
 #[test]
-fn a_password_that_cannot_be_used_is_refused_without_being_shown() {
+fn an_unusable_password_is_refused_without_being_shown() {
     let folder = tempfile::tempdir().unwrap();
     let long = "x".repeat(300);
     for content in ["", "\ns3cret", "p\u{20ac}ss", &long] {
@@ -314,7 +315,7 @@ fn a_password_that_cannot_be_used_is_refused_without_being_shown() {
 }
 
 #[test]
-fn json_logs_are_one_object_a_line_errors_included() {
+fn json_logs_have_one_object_per_line_also_for_errors() {
     let output = run(&["sim", "none.yaml", "--log-format", "json"]);
     assert_eq!(output.status.code(), Some(2));
     let mut levels = Vec::new();
@@ -329,7 +330,7 @@ fn json_logs_are_one_object_a_line_errors_included() {
 }
 
 #[test]
-fn an_unreadable_rust_log_is_named_and_overlooked() {
+fn an_invalid_rust_log_is_reported_and_ignored() {
     let mut sim = Sim::start(&[], |command| {
         command.env("RUST_LOG", "spykee=loud");
     });
@@ -340,12 +341,13 @@ fn an_unreadable_rust_log_is_named_and_overlooked() {
     assert!(log.contains("RUST_LOG is ignored"), "{log}");
 }
 
-/// What a pipe holds before its writer blocks.
+/// The capacity of a pipe: beyond it, writing blocks.
 const PIPE_LEN: usize = 60_000;
 
-/// Nobody reads stderr: the pipe fills, the logs are lost, the simulator lives and ends in time.
+/// With a stderr that is never read, the pipe fills and log lines are lost, but the simulator keeps
+/// running and ends in time.
 #[test]
-fn a_stderr_that_nobody_reads_stalls_nothing() {
+fn a_stderr_that_is_never_read_does_not_block_the_simulator() {
     let mut sim = Sim::start(&[], |command| {
         command.env("RUST_LOG", "trace");
     });
@@ -376,7 +378,7 @@ fn a_stderr_that_nobody_reads_stalls_nothing() {
     );
 }
 
-/// A folder with a script and this config.
+/// A folder with this script and this config.
 fn place(script: &str, config: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("lights.lua"), script).unwrap();
@@ -401,7 +403,7 @@ fn lights_and_sounds_of_a_simulated_robot_are_in_its_log_and_the_seed_is_not() {
     for fast in [&[][..], &["--fast"]] {
         let said = logs_of(&folder, fast);
         for words in ["left light on", "plays laugh", "left light off"] {
-            // The status line has them too.
+            // The status line shows them too.
             let told = |line: &&str| line.contains("INFO") && line.contains(words);
             assert_eq!(said.lines().filter(told).count(), 1, "{words}: {said}");
         }
@@ -412,7 +414,7 @@ fn lights_and_sounds_of_a_simulated_robot_are_in_its_log_and_the_seed_is_not() {
 }
 
 #[test]
-fn the_time_of_a_log_line_is_that_of_the_config() {
+fn the_time_format_of_log_lines_comes_from_the_config() {
     for (time, begins) in [
         ("run", &["+"][..]),
         ("utc", &["20", "Z "]),
@@ -437,7 +439,7 @@ fn the_time_of_a_log_line_is_that_of_the_config() {
 }
 
 #[test]
-fn a_world_prints_its_yaml_to_be_changed() {
+fn the_yaml_of_a_world_is_printed_for_changes() {
     for (args, first) in [
         (&["hall"][..], "# Two rooms"),
         (&[], "# The built-in world"),
@@ -453,7 +455,7 @@ fn a_world_prints_its_yaml_to_be_changed() {
 }
 
 #[test]
-fn a_start_inside_of_furniture_is_no_start() {
+fn a_start_inside_furniture_is_refused() {
     let world = "name: inside\nroom: { width: 4, depth: 4 }\nstation: { at: [0, 2], heading_degrees: 0 }\n\
                  furniture:\n  - { at: [2, 2], length: 2, width: 2, height: 0.5, colour: red }\n\
                  start: { at: [2, 2], heading_degrees: 0 }\n";
@@ -471,7 +473,7 @@ fn shells_complete_worlds_lessons_and_names_of_the_api() {
         for names in ["living_room", "line_loop", "patrol-and-dock", "robot.move"] {
             assert!(script.contains(names), "{shell}: {names}");
         }
-        // Names of behaviours are asked for when they are needed.
+        // Names of behaviours are queried at completion time.
         assert!(script.contains("spykee behaviour list --names"), "{shell}");
         assert!(!script.contains("__spykee_behaviours"), "{shell}");
     }

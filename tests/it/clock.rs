@@ -1,4 +1,4 @@
-//! Scripts are told the time of day: the computer's, or the simulation's.
+//! The time of day for scripts: the computer's, or the simulation's.
 
 use crate::rig::{QUIET_WORLD, Rig};
 
@@ -17,7 +17,7 @@ end
 ";
 
 #[tokio::test(flavor = "multi_thread")]
-async fn in_virtual_time_the_clock_goes_through_its_change() {
+async fn in_virtual_time_the_clock_follows_the_change_to_summer_time() {
     let rig = Rig::quiet().await;
     rig.file("tells.lua", TELLS);
     rig.file("world.yaml", QUIET_WORLD);
@@ -33,13 +33,13 @@ async fn in_virtual_time_the_clock_goes_through_its_change() {
     ] {
         assert!(text.contains(line), "{line}: {text}");
     }
-    // Without a date it is the same on every computer.
+    // Without a date, the virtual clock is the same on every computer.
     let (_, text) = tool(&rig, &args).await;
     assert!(text.contains("it is 2026-01-01 10:00:0"), "{text}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn in_a_process_of_its_own_a_script_has_the_date_of_the_simulation() {
+async fn a_script_in_its_own_process_has_the_date_of_the_simulation() {
     let rig = Rig::quiet().await;
     rig.file(
         "tells.lua",
@@ -98,7 +98,7 @@ end)",
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn days_of_service_pass_in_virtual_time_across_a_change_of_the_clock() {
+async fn days_of_service_pass_in_virtual_time_across_a_clock_change() {
     let rig = Rig::quiet().await;
     rig.file(
         "patrol.lua",

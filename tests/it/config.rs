@@ -1,11 +1,11 @@
-//! `spykee config`, and which settings a run takes.
+//! `spykee config`, and which settings a run uses.
 
 use spykee::wire::{Command, Stream};
 
 use crate::rig::Rig;
 
 #[tokio::test]
-async fn a_config_in_the_current_folder_is_taken_and_named_in_the_log() {
+async fn a_config_in_the_current_folder_is_used_and_named_in_the_log() {
     let rig = Rig::quiet().await;
     rig.file("say.lua", "print('from the config')");
     rig.file(
@@ -22,7 +22,7 @@ async fn a_config_in_the_current_folder_is_taken_and_named_in_the_log() {
 }
 
 #[tokio::test]
-async fn show_says_where_each_value_comes_from_and_no_secret() {
+async fn show_prints_the_origin_of_each_value_and_no_secret() {
     let rig = Rig::quiet().await;
     rig.file("password.txt", "hunter2\n");
     rig.file(
@@ -55,7 +55,7 @@ async fn show_says_where_each_value_comes_from_and_no_secret() {
 }
 
 #[tokio::test]
-async fn an_unknown_key_is_told_with_the_nearest_one_and_its_place() {
+async fn an_unknown_key_is_reported_with_the_nearest_one_and_its_place() {
     let rig = Rig::quiet().await;
     rig.file("spykee.yaml", "watchdog:\n  lwo: 25\n");
     let mut run = rig.spykee(&["config", "check"]);
@@ -98,7 +98,7 @@ fn switched(stream: Stream, on: bool) -> impl Fn(&Command) -> bool {
 }
 
 #[tokio::test]
-async fn a_microphone_that_must_stay_off_is_never_switched_on_and_a_script_is_told_so() {
+async fn a_microphone_that_is_off_in_the_config_is_never_switched_on_and_the_script_is_warned() {
     let rig = Rig::quiet().await;
     rig.file("spykee.yaml", "streams: { audio_in: off, video: on }\n");
     rig.file("deaf.lua", "robot.on('noise', print)");
@@ -113,7 +113,7 @@ async fn a_microphone_that_must_stay_off_is_never_switched_on_and_a_script_is_to
 }
 
 #[tokio::test]
-async fn a_camera_that_must_stay_off_takes_no_snapshot() {
+async fn a_camera_that_is_off_in_the_config_takes_no_snapshot() {
     let rig = Rig::quiet().await;
     rig.file("spykee.yaml", "streams: { video: off }\n");
     let asked = ["robot", "snapshot", "-o", "a.jpg", "--robot", &rig.address];
@@ -125,7 +125,7 @@ async fn a_camera_that_must_stay_off_takes_no_snapshot() {
 }
 
 #[tokio::test]
-async fn streams_have_origins_and_refuse_other_words() {
+async fn streams_have_origins_and_refuse_unknown_values() {
     let rig = Rig::quiet().await;
     rig.file("spykee.yaml", "streams:\n  audio_in: off\n");
     let mut run = rig.spykee(&["config", "show", "--origin"]);
@@ -148,7 +148,7 @@ async fn streams_have_origins_and_refuse_other_words() {
 }
 
 #[tokio::test]
-async fn every_command_that_takes_a_config_logs_as_it_says() {
+async fn every_command_takes_its_log_settings_from_the_config() {
     let rig = Rig::quiet().await;
     rig.file("log.yaml", "logging: { format: json }\n");
     let nobody = ["--robot", "127.0.0.1:9"];
@@ -170,7 +170,7 @@ async fn every_command_that_takes_a_config_logs_as_it_says() {
 }
 
 #[tokio::test]
-async fn a_config_is_named_before_or_behind_any_command_and_one_that_is_missing_is_an_error() {
+async fn a_config_can_be_named_before_or_after_any_command_and_must_exist() {
     let rig = Rig::quiet().await;
     rig.file("other.yaml", "user: ann\nlogging: { format: json }\n");
     for words in [
@@ -191,7 +191,7 @@ async fn a_config_is_named_before_or_behind_any_command_and_one_that_is_missing_
 }
 
 #[tokio::test]
-async fn the_guard_watches_on_without_a_microphone_and_listens_on_without_a_camera() {
+async fn the_guard_works_without_a_microphone_and_without_a_camera() {
     let guard = concat!(env!("CARGO_MANIFEST_DIR"), "/behaviours/guard.lua");
     for (stream, event, seen) in [("audio_in", "noise", true), ("video", "frame", false)] {
         let rig = Rig::quiet().await;

@@ -1,4 +1,4 @@
-//! A run that is on is asked by other programs, through its private socket.
+//! Requests of other programs to an active run, through its private socket.
 
 use std::io::Write as _;
 use std::os::unix::net::UnixStream;
@@ -13,14 +13,14 @@ use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, moves};
 const DRIVE: &str = "while true do robot.move(30, 30, 0.5) end";
 const IDLE: &str = "task.wait(600)";
 
-/// A run whose socket is there, of a robot that is connected.
+/// Starts a run and waits until it is connected to the robot; its socket exists then.
 async fn running(rig: &Rig, script: &str) -> Run {
     let run = rig.run(script);
     run.says("connected").await;
     run
 }
 
-/// Exit code and words of a tool that is run in the folder of the run.
+/// Runs a tool in the folder of the run; returns its exit code and output.
 async fn tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
     let mut run = rig.spykee(args);
     let code = run.code().await;
@@ -32,7 +32,7 @@ fn json(text: &str) -> serde_json::Value {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_run_tells_how_things_stand_and_its_robot_hears_what_it_is_asked_for() {
+async fn a_run_reports_its_state_and_carries_out_requests() {
     let rig = Rig::quiet().await;
     let run = running(&rig, IDLE).await;
     let user = rig.sim.state().user;
@@ -53,7 +53,7 @@ async fn a_run_tells_how_things_stand_and_its_robot_hears_what_it_is_asked_for()
     let (code, text) = tool(&rig, &["status"]).await;
     assert_eq!(code, Some(0));
     assert!(text.contains("90 %") && text.contains("script"), "{text}");
-    // The robot is not told a volume that it has.
+    // A volume that the robot already has is not sent again.
     for (robot, (volume, told)) in [
         (&["--robot", &*rig.address][..], ("30", 30)),
         (&[], ("40", 40)),
@@ -111,7 +111,7 @@ async fn a_run_tells_how_things_stand_and_its_robot_hears_what_it_is_asked_for()
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_sound_file_is_spoken_by_a_run_and_without_one() {
+async fn a_sound_file_is_played_through_a_run_and_without_one() {
     let rig = Rig::quiet().await;
     let mut wav =
         b"RIFF\0\0\0\0WAVEfmt \x10\0\0\0\x01\0\x01\0\x80\x3e\0\0\0\0\0\0\0\0\x10\0".to_vec();
@@ -171,7 +171,7 @@ async fn stop_stops_what_a_run_drives_and_ends_the_run() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn stop_beats_the_watchdogs_own_search_and_says_that_the_battery_is_low() {
+async fn stop_overrides_the_watchdogs_search_and_reports_the_low_battery() {
     let rig = Rig::quiet().await;
     rig.sim.hide_station(true);
     let mut run = running(&rig, DRIVE).await;
@@ -191,11 +191,13 @@ async fn stop_beats_the_watchdogs_own_search_and_says_that_the_battery_is_low() 
     let resting = rig
         .sim
         .wait_state(|state| !state.searching && !state.moving());
-    timeout(WAIT_LIMIT, resting).await.expect("it rests");
+    timeout(WAIT_LIMIT, resting)
+        .await
+        .expect("the tracks do not rest");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_person_docks_above_every_behaviour_and_who_hangs_up_has_changed_his_mind() {
+async fn docking_by_a_person_has_the_highest_priority_and_ends_with_the_request() {
     let rig = Rig::quiet().await;
     let run = running(&rig, DRIVE).await;
     rig.heard_motion(0).await;
@@ -216,7 +218,7 @@ async fn a_person_docks_above_every_behaviour_and_who_hangs_up_has_changed_his_m
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_run_with_a_low_robot_refuses_what_its_watchdog_does() {
+async fn a_run_with_a_low_robot_refuses_to_undock() {
     let world = QUIET_WORLD
         .replace("start: { at: [4, 4], heading_degrees: 90 }", "")
         .replace("level: 90", "level: 12");
@@ -229,7 +231,7 @@ async fn a_run_with_a_low_robot_refuses_what_its_watchdog_does() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_run_that_is_killed_leaves_a_socket_that_nobody_minds() {
+async fn the_socket_of_a_killed_run_disturbs_nothing() {
     let rig = Rig::quiet().await;
     let mut run = running(&rig, IDLE).await;
     run.signal(Signal::KILL);
@@ -250,7 +252,7 @@ async fn a_run_that_is_killed_leaves_a_socket_that_nobody_minds() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn clients_that_say_nothing_or_nonsense_keep_neither_the_robot_nor_others_waiting() {
+async fn silent_or_invalid_clients_block_neither_the_robot_nor_other_clients() {
     let rig = Rig::quiet().await;
     let run = running(&rig, "robot.move(30, 30) task.wait(600)").await;
     rig.heard_motion(0).await;
@@ -265,7 +267,7 @@ async fn clients_that_say_nothing_or_nonsense_keep_neither_the_robot_nor_others_
     ] {
         let _ = connect().write_all(nonsense);
     }
-    // They are hung up on after a while, so that others get their turn.
+    // They are disconnected after a while, so that others are served.
     let told = async {
         loop {
             let (code, text) = tool(&rig, &["status", "--json"]).await;
@@ -274,7 +276,9 @@ async fn clients_that_say_nothing_or_nonsense_keep_neither_the_robot_nor_others_
             }
         }
     };
-    timeout(WAIT_LIMIT, told).await.expect("others are served");
+    timeout(WAIT_LIMIT, told)
+        .await
+        .expect("other clients are not served");
     drop(silent);
     let heard = rig.sim.heard_since(from);
     let at: Vec<_> = heard
@@ -289,7 +293,7 @@ async fn clients_that_say_nothing_or_nonsense_keep_neither_the_robot_nor_others_
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_simulated_run_can_be_asked_too_and_two_runs_must_be_told_apart() {
+async fn a_simulated_run_accepts_requests_and_two_runs_must_be_told_apart() {
     let home = Rig::quiet().await;
     home.file("script.lua", IDLE);
     home.file("world.yaml", QUIET_WORLD);

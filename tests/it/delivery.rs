@@ -1,5 +1,5 @@
-//! What is written last arrives: the real binary and a simulated robot in network namespaces of their
-//! own, and between them one that forwards, or drops what goes to the robot.
+//! The last commands of a run are delivered: the real binary and a simulated robot in separate
+//! network namespaces, and between them a relay that forwards packets, or drops those to the robot.
 
 use std::fs::File;
 use std::io::Write as _;
@@ -40,17 +40,17 @@ ip netns exec $N-relay sh -c 'echo 1 > /proc/sys/net/ipv4/ip_forward'
 ip netns exec $N-relay tc qdisc add dev r1 root pfifo limit 0
 ip netns exec $N-relay tc qdisc del dev r1 root";
 const TEAR_DOWN: &str = "for ns in robot relay agent; do ip netns del $N-$ns; done";
-/// A queue in which nothing has room.
+/// A queue without any room.
 const DROP: &str = "ip netns exec $N-relay tc qdisc add dev r1 root pfifo limit 0";
 const FORWARD: &str = "ip netns exec $N-relay tc qdisc del dev r1 root";
 
-/// The three namespaces; gone with this.
+/// The three namespaces; deleted on drop.
 struct Net {
     name: String,
 }
 
 impl Net {
-    /// `None`, and a word about it, where a test may not make namespaces.
+    /// `None`, with a message, if the test may not create namespaces.
     fn new() -> Option<Net> {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let count = COUNT.fetch_add(1, Ordering::Relaxed);
@@ -75,7 +75,7 @@ impl Net {
         shell.output().unwrap()
     }
 
-    /// A robot in its namespace, served by a thread of its own.
+    /// A robot in its namespace, served by a separate thread.
     fn robot(&self) -> Handle {
         let namespace = File::open(format!("/run/netns/{}-robot", self.name)).unwrap();
         let (told, handle) = std::sync::mpsc::channel();
@@ -96,9 +96,10 @@ impl Net {
         handle.recv().unwrap()
     }
 
-    /// Who answers in the robot's place, on a thread of its own: lets one user in, says so, waits until
-    /// it may tell the battery's level, and then says nothing any more.
-    fn doorkeeper(&self) -> (mpsc::Receiver<()>, mpsc::Sender<()>) {
+    /// A server in the robot's place, on a separate thread: accepts one user, reports that on a
+    /// channel, waits for permission to send the battery level, sends it, and then sends nothing
+    /// more.
+    fn silent_robot(&self) -> (mpsc::Receiver<()>, mpsc::Sender<()>) {
         let namespace = File::open(format!("/run/netns/{}-robot", self.name)).unwrap();
         let (let_in, entered) = mpsc::channel();
         let (may, told) = mpsc::channel();
@@ -127,12 +128,12 @@ impl Net {
         (entered, may)
     }
 
-    /// `spykee run` in the agent's namespace.
+    /// Starts `spykee run` in the agent's namespace.
     fn run(&self, script: &Path) -> Agent {
         self.spykee(&["run", script.to_str().unwrap(), "--seed", "7"])
     }
 
-    /// `spykee` in the agent's namespace, for the robot.
+    /// Starts `spykee` in the agent's namespace, for the robot.
     fn spykee(&self, arguments: &[&str]) -> Agent {
         let binary = std::env::var("SPYKEE_BINARY");
         let binary = binary.unwrap_or_else(|_| env!("CARGO_BIN_EXE_spykee").to_owned());
@@ -151,7 +152,7 @@ impl Drop for Net {
     }
 }
 
-/// A run; killed with the test.
+/// A running binary; killed on drop.
 struct Agent(Child);
 
 impl Agent {
@@ -164,14 +165,14 @@ impl Agent {
         self.0.try_wait().unwrap().and_then(|status| status.code())
     }
 
-    /// Waits for its end; what it said.
+    /// Waits for its end and returns its output.
     async fn ended(&mut self) -> String {
         let ended = async {
             while self.0.try_wait().unwrap().is_none() {
                 sleep(Duration::from_millis(5)).await;
             }
         };
-        timeout(WAIT_LIMIT, ended).await.expect("it ends");
+        timeout(WAIT_LIMIT, ended).await.expect("it does not end");
         let mut said = String::new();
         let mut stderr = self.0.stderr.take().unwrap();
         std::io::Read::read_to_string(&mut stderr, &mut said).unwrap();
@@ -186,7 +187,7 @@ impl Drop for Agent {
     }
 }
 
-/// A robot, a script that drives it and looks, and the net between them.
+/// A robot, a script that drives it and uses the camera, and the network between them.
 struct Stage {
     net: Net,
     sim: Handle,
@@ -194,7 +195,7 @@ struct Stage {
 }
 
 const LOOKS: &str = "robot.stream('video', true) robot.move(40, -40) task.wait(600)";
-/// Speech for a minute queues up beside the rest.
+/// Queues speech for a minute beside the commands.
 const TALKS: &str = "robot.stream('video', true) robot.stream('audio_out', true)
 robot.move(40, -40)
 local tone = buffer.create(32000)
@@ -207,23 +208,24 @@ impl Stage {
         Some(Stage { net, sim, folder })
     }
 
-    /// A run that drives and sees; from which command on it does.
+    /// Starts a run and waits until it drives and receives frames; also returns the index of its
+    /// first motion.
     async fn driving(&self, script: &str) -> (Agent, usize) {
         let path = self.folder.path().join("script.lua");
         std::fs::write(&path, script).unwrap();
         let free = self.sim.wait_state(|state| state.user.is_none());
         timeout(WAIT_LIMIT, free)
             .await
-            .expect("nobody is connected");
+            .expect("the last user is still connected");
         let (from, frames) = (self.sim.heard_count(), self.sim.state().frames);
         let agent = self.net.run(&path);
         let moving = timeout(WAIT_LIMIT, self.sim.wait_heard(from, moves)).await;
         let seen = self.sim.wait_state(|state| state.frames > frames + 10);
-        timeout(WAIT_LIMIT, seen).await.expect("frames");
-        (agent, moving.expect("drives"))
+        timeout(WAIT_LIMIT, seen).await.expect("no frames");
+        (agent, moving.expect("it does not drive"))
     }
 
-    /// Ends a run while nothing reaches the robot for a while; what it said.
+    /// Interrupts a run while nothing reaches the robot for this long; returns its output.
     async fn interrupt(&self, agent: &mut Agent, outage: Duration) -> String {
         assert!(self.net.shell(DROP).status.success());
         agent.interrupt();
@@ -232,7 +234,7 @@ impl Stage {
         agent.ended().await
     }
 
-    /// Whether the robot has heard a command, or hears it before the connection is gone.
+    /// Whether the robot receives a command before the connection ends.
     async fn hears(&self, from: usize, wanted: Command) -> bool {
         let heard = || {
             let heard = self.sim.heard_since(from).into_iter();
@@ -243,7 +245,7 @@ impl Stage {
         heard()
     }
 
-    /// Whether a stop arrives at the end of a run with this outage, and what the run said.
+    /// Whether a stop arrives at the end of a run with this outage, and the output of the run.
     async fn stop_arrives(&self, script: &str, outage: Duration) -> (bool, String) {
         let (mut agent, moving) = self.driving(script).await;
         let said = self.interrupt(&mut agent, outage).await;
@@ -276,12 +278,12 @@ async fn a_low_robot_is_still_sent_home_at_the_end() {
     let dock = |command: &Command| *command == Command::Engine(Engage::Dock);
     let first = timeout(WAIT_LIMIT, stage.sim.wait_heard(moving, dock)).await;
     stage.interrupt(&mut agent, OUTAGES[1]).await;
-    let again = first.expect("goes home") + 1;
+    let again = first.expect("no BASE_FIND") + 1;
     assert!(stage.hears(again, Command::Engine(Engage::Dock)).await);
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_stop_that_does_not_arrive_is_said_to_be_lost_in_time() {
+async fn a_stop_that_does_not_arrive_is_reported_as_lost_in_time() {
     let Some(stage) = Stage::new() else { return };
     let (mut agent, _) = stage.driving(LOOKS).await;
     assert!(stage.net.shell(DROP).status.success());
@@ -300,9 +302,9 @@ async fn a_stop_that_does_not_arrive_is_said_to_be_lost_in_time() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn robot_stop_says_that_its_stop_has_not_arrived() {
+async fn robot_stop_reports_that_its_stop_has_not_arrived() {
     let Some(net) = Net::new() else { return };
-    let (entered, may_tell) = net.doorkeeper();
+    let (entered, may_tell) = net.silent_robot();
     let mut stop = net.spykee(&["robot", "stop", "--timeout", "1"]);
     entered.recv_timeout(WAIT_LIMIT).unwrap();
     assert!(net.shell(DROP).status.success());

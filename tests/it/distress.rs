@@ -1,4 +1,4 @@
-//! A nearly empty battery is kept for the way home. In virtual time.
+//! The last of the battery is reserved for the way home. In virtual time.
 
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ use crate::rig::moves;
 
 const SECOND: Duration = Duration::from_secs(1);
 
-/// Uses all that the robot has.
+/// A script that uses all devices of the robot.
 const USES_ALL: &str = "
 for _, stream in { 'video', 'audio_in', 'audio_out' } do robot.stream(stream, true) end
 while true do
@@ -43,7 +43,7 @@ async fn becomes(lab: &Lab, what: &str, wanted: impl Fn(&State) -> bool) -> Stat
     state.unwrap_or_else(|_| panic!("never {what}: {:?}", lab.sim().state()))
 }
 
-/// Busy, then nearly empty and without a way home.
+/// Starts a busy run, then makes the battery nearly empty and the station unreachable.
 async fn nearly_empty(lab: &Lab) -> lab::Running {
     let run = lab.start(vec![behaviour("uses all", USES_ALL, 0, 1)], None);
     becomes(lab, "all on", |state| {
@@ -55,7 +55,7 @@ async fn nearly_empty(lab: &Lab) -> lab::Running {
     run
 }
 
-/// What is neither motion nor the watchdog's alarm.
+/// Whether a command is neither a motion nor part of the watchdog's alarm.
 fn is_luxury(command: &Command) -> bool {
     match command {
         Command::Led { led, .. } => *led != Led::Flash,
@@ -66,7 +66,7 @@ fn is_luxury(command: &Command) -> bool {
 }
 
 #[test]
-fn a_nearly_empty_battery_feeds_no_camera_no_light_and_no_talk() {
+fn a_nearly_empty_battery_switches_off_camera_lights_and_speech() {
     lab::run(quiet_world(), options(Rescue::Off), async |lab: &Lab| {
         let _run = nearly_empty(lab).await;
         let off = |state: &State| {
@@ -84,7 +84,7 @@ fn a_nearly_empty_battery_feeds_no_camera_no_light_and_no_talk() {
 }
 
 #[test]
-fn of_a_nearly_empty_battery_the_rescue_behaviour_has_the_camera_and_nothing_else() {
+fn with_a_nearly_empty_battery_only_the_rescue_behaviour_has_the_camera() {
     lab::run(
         quiet_world(),
         options(Rescue::Builtin),
@@ -114,7 +114,7 @@ fn of_a_nearly_empty_battery_the_rescue_behaviour_has_the_camera_and_nothing_els
 }
 
 #[test]
-fn what_was_switched_off_is_on_again_when_the_battery_is_good() {
+fn streams_and_lights_return_when_the_battery_is_good() {
     lab::run(quiet_world(), options(Rescue::Off), async |lab: &Lab| {
         let _run = nearly_empty(lab).await;
         becomes(lab, "blind", |state| !state.streams.video).await;

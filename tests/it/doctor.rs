@@ -1,4 +1,4 @@
-//! `spykee doctor`: works with and without a robot, and its exit code tells.
+//! `spykee doctor`: works with and without a robot, and reports problems by its exit code.
 
 use crate::rig::{Rig, Run};
 
@@ -21,7 +21,7 @@ fn verdict(text: &str, check: &str) -> String {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_robot_that_answers_and_streams_is_well() {
+async fn a_robot_that_answers_and_streams_passes() {
     let rig = Rig::quiet().await;
     let (code, text) = doctor(&rig, &["--robot", &rig.address, "--json"]).await;
     assert_eq!(code, Some(0), "{text}");
@@ -32,7 +32,7 @@ async fn a_robot_that_answers_and_streams_is_well() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn without_a_robot_the_rest_is_checked_and_one_that_is_not_there_is_exit_code_3() {
+async fn without_a_robot_the_rest_is_checked_and_an_unreachable_one_is_exit_code_3() {
     let rig = Rig::quiet().await;
     let (code, text) = doctor(&rig, &[]).await;
     assert_eq!(

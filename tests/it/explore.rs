@@ -1,15 +1,15 @@
-//! The watchdog, explored breadth first to a bound; `scripts/explore` goes deeper.
+//! Explores the watchdog's states breadth first up to a limit; `scripts/explore` goes deeper.
 
 use spykee::safety::{Limits, Rescue};
 
 #[path = "../explore/mod.rs"]
 mod explorer;
 
-/// Enough to see every pair of events in every order, and most threes.
+/// Enough to see every pair of events in every order, and most triples.
 const MOST_STATES: usize = 20_000;
 
 #[test]
-fn whatever_happens_in_whatever_order_a_low_robot_is_sent_home() {
+fn a_low_robot_is_sent_home_after_any_sequence_of_events() {
     let bare = Limits {
         rescue: Rescue::Off,
         recovery_legs: 0,

@@ -1,4 +1,4 @@
-//! `spykee blobs` and `spykee learn` as people and scripts call them, on pictures of the simulator.
+//! `spykee blobs` and `spykee learn` from the command line, on pictures from the simulator.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command as Process, Output, Stdio};
@@ -10,7 +10,8 @@ use spykee::sim::{Firmware, Pose, Robot, World};
 use spykee::vision::{BlobOptions, Camera, Colour, Eyes, Roi};
 use spykee::wire::{Command, Report, Stream};
 
-/// Before the robot a red ball to the left and a blue post to the right; behind it a green ball.
+/// The robot has a red ball in front to the left, a blue post in front to the right, and a green
+/// ball behind it.
 const ROOM: &str = "
 name: test
 room: { width: 6, depth: 6 }
@@ -21,7 +22,7 @@ start: { at: [2.9, 3], heading_degrees: 0 }
 ";
 const START: (f64, f64) = (2.9, 3.0);
 const BACK: f64 = std::f64::consts::PI;
-/// Inside the red ball, as the robot sees it from its start.
+/// A region inside the red ball, as the robot sees it from its start.
 const IN_BALL: &str = "75,135,30,25";
 const IN_BALL_ROI: Roi = Roi {
     x: 75,
@@ -29,12 +30,12 @@ const IN_BALL_ROI: Roi = Roi {
     w: 30,
     h: 25,
 };
-/// A camera that sees wide and sharp.
+/// A camera with a wide, sharp view.
 const WIDE: &str = "camera: { hfov_degrees: 60, quality: 75, subsampling: '4:2:2' }\n";
-/// Bare wall above the ball.
+/// A region of bare wall above the ball.
 const ON_WALL: &str = "150,20,40,40";
 
-/// What the camera shows at the start, turned by `heading`, in a room with that much light.
+/// The camera's picture at the start, turned by `heading`, in a room with this brightness.
 fn shot(heading: f64, light: f64) -> Vec<u8> {
     let world = format!("{ROOM}light: {light}\n{WIDE}");
     let world = World::from_yaml(&world, "test world").unwrap();
@@ -51,7 +52,7 @@ fn shot(heading: f64, light: f64) -> Vec<u8> {
     robot.take_reports().into_iter().find_map(frame).unwrap()
 }
 
-/// A folder with `ahead.jpg` and `back.jpg`; the command runs in it.
+/// A folder with `ahead.jpg` and `back.jpg`, in which the command runs.
 struct Desk(tempfile::TempDir);
 
 impl Desk {
@@ -70,7 +71,7 @@ impl Desk {
         std::fs::write(self.path(name), bytes).unwrap();
     }
 
-    /// Splits at spaces; the exit code, stdout, stderr.
+    /// Runs `spykee` with a command line split at spaces; returns exit code, stdout and stderr.
     fn spykee(&self, line: &str) -> (Option<i32>, String, String) {
         let mut process = Process::new(env!("CARGO_BIN_EXE_spykee"));
         for variable in ["RUST_LOG", "NO_COLOR", "RUST_BACKTRACE"] {
@@ -86,14 +87,14 @@ impl Desk {
         (status.code(), text(stdout), text(stderr))
     }
 
-    /// What a command that succeeds writes.
+    /// The output of a command that succeeds.
     fn done(&self, line: &str) -> String {
         let (code, out, error) = self.spykee(line);
         assert_eq!((code, error.as_str()), (Some(0), ""), "{line}");
         out
     }
 
-    /// What a command that is refused says; it writes nothing else.
+    /// The error message of a command that is refused; it must write nothing else.
     fn refused(&self, line: &str) -> String {
         let (code, out, error) = self.spykee(line);
         assert_eq!((code, out.as_str()), (Some(2), ""), "{line}: {error}");
@@ -132,7 +133,7 @@ fn the_table_has_a_row_for_each_blob_and_for_each_picture_without() {
 }
 
 #[test]
-fn json_has_every_field_that_scripts_have_and_the_same_values() {
+fn json_has_the_same_fields_and_values_as_scripts() {
     let desk = Desk::new();
     let found = desk.json("blobs ahead.jpg back.jpg --colour red,green --json");
     assert_eq!(found[0]["file"], "ahead.jpg");
@@ -150,7 +151,7 @@ fn json_has_every_field_that_scripts_have_and_the_same_values() {
         let seen = eyes.find_blobs(key as u64, &jpeg, &colours, &BlobOptions::default());
         let mut expected = serde_json::json!(seen.unwrap());
         expected[0]["colour"] = (*name).into();
-        // Numbers lose their last bit when they are read.
+        // The last bit of a number may change when it is parsed.
         let expected: Value = serde_json::from_str(&expected.to_string()).unwrap();
         assert_eq!(found[key]["blobs"], expected);
     }
@@ -162,7 +163,7 @@ fn json_has_every_field_that_scripts_have_and_the_same_values() {
 }
 
 #[test]
-fn what_is_too_small_or_outside_of_the_part_is_left_out() {
+fn blobs_that_are_too_small_or_outside_the_region_are_omitted() {
     let desk = Desk::new();
     let count = |options: &str| {
         let found = desk.json(&format!(
@@ -184,7 +185,7 @@ fn what_is_too_small_or_outside_of_the_part_is_left_out() {
 #[test]
 fn merged_blobs_are_named_after_all_their_colours() {
     let desk = Desk::new();
-    // The ball in two colours: its shaded lower half is darker.
+    // The ball counts as two colours: its shaded lower half is darker.
     let config = "colours: { lit: { h: [330, 20], s: [40, 100], v: [65, 100] }, \
                              dark: { h: [330, 20], s: [40, 100], v: [15, 65] } }";
     desk.put("spykee.yaml", config.as_bytes());
@@ -200,7 +201,7 @@ fn merged_blobs_are_named_after_all_their_colours() {
 }
 
 #[test]
-fn no_more_than_asked_for_are_shown_and_the_person_hears_of_it() {
+fn no_more_blobs_than_requested_are_shown_and_a_note_says_so() {
     let desk = Desk::new();
     let (code, table, note) = desk.spykee("blobs ahead.jpg --colour red,blue --max-blobs 1");
     assert_eq!((code, table.lines().count()), (Some(0), 2), "{table}");
@@ -211,14 +212,14 @@ fn no_more_than_asked_for_are_shown_and_the_person_hears_of_it() {
 }
 
 #[test]
-fn the_config_gives_colours_and_the_field_of_view() {
+fn the_config_provides_colours_and_the_field_of_view() {
     let desk = Desk::new();
     desk.put(
         "spykee.yaml",
         b"camera: { hfov: 2.0 }\ncolours: { ball: { h: [340, 15], s: [50, 100] } }\n",
     );
     let wide = desk.json("blobs ahead.jpg --colour ball --config spykee.yaml --json");
-    // A spykee.yaml in the folder counts without being named.
+    // A spykee.yaml in the folder is used without being named.
     let found = desk.json("blobs ahead.jpg --colour ball --json");
     assert_eq!(wide, found);
     desk.put("spykee.yaml", b"");
@@ -229,7 +230,7 @@ fn the_config_gives_colours_and_the_field_of_view() {
 }
 
 #[test]
-fn an_unknown_colour_is_refused_with_the_nearest_and_all_that_there_are() {
+fn an_unknown_colour_is_refused_with_the_nearest_and_all_known_ones() {
     let desk = Desk::new();
     desk.put("spykee.yaml", b"colours: { sock: { h: [270, 310] } }\n");
     let error = desk.refused("blobs ahead.jpg --colour gren");
@@ -246,7 +247,7 @@ fn an_unknown_colour_is_refused_with_the_nearest_and_all_that_there_are() {
 }
 
 #[test]
-fn a_bad_picture_is_named_with_its_reason_and_the_others_go_on() {
+fn an_unreadable_picture_is_named_with_its_reason_and_the_others_are_processed() {
     let desk = Desk::new();
     let whole = std::fs::read(desk.path("ahead.jpg")).unwrap();
     desk.put("half.jpg", &whole[..whole.len() / 2]);
@@ -294,7 +295,7 @@ fn png(path: &Path) -> image::RgbImage {
 }
 
 #[test]
-fn a_marked_copy_shows_box_and_text_large_and_leaves_the_rest() {
+fn a_marked_copy_shows_box_and_text_enlarged_and_the_rest_unchanged() {
     let desk = Desk::new();
     let found = desk.json("blobs ahead.jpg --colour red --json --annotate out.png");
     let blob = |field: &str| found[0]["blobs"][0][field].as_u64().unwrap() as u32;
@@ -327,7 +328,7 @@ fn a_marked_copy_shows_box_and_text_large_and_leaves_the_rest() {
 }
 
 #[test]
-fn what_was_not_looked_at_is_dark_in_the_marked_copy() {
+fn the_ignored_part_is_dark_in_the_marked_copy() {
     let desk = Desk::new();
     let line = "blobs ahead.jpg --colour red --roi 0,0,160,240 --annotate";
     desk.done(&format!("{line} part.png"));
@@ -337,7 +338,7 @@ fn what_was_not_looked_at_is_dark_in_the_marked_copy() {
 }
 
 #[test]
-fn several_pictures_go_into_a_folder_and_one_file_for_all_is_refused() {
+fn several_marked_copies_go_into_a_folder_and_a_single_output_file_is_refused() {
     let desk = Desk::new();
     std::fs::create_dir(desk.path("other")).unwrap();
     desk.put("other/ahead.jpg", &shot(0.0, 0.5));
@@ -362,7 +363,7 @@ fn several_pictures_go_into_a_folder_and_one_file_for_all_is_refused() {
 }
 
 #[test]
-fn a_learned_colour_pasted_into_a_config_finds_the_thing() {
+fn a_learned_colour_pasted_into_a_config_finds_the_object() {
     let desk = Desk::new();
     let yaml = desk.done(&format!("learn ahead.jpg --roi {IN_BALL} --name ball"));
     let config = Config::parse(&yaml, "learned").unwrap();
@@ -383,7 +384,7 @@ fn a_learned_colour_pasted_into_a_config_finds_the_thing() {
 }
 
 #[test]
-fn learning_tells_what_the_colour_finds_inside_and_outside_of_the_part() {
+fn learn_reports_what_the_colour_finds_inside_and_outside_the_region() {
     let desk = Desk::new();
     desk.put("dim.jpg", &shot(0.0, 0.45));
     let learned = desk.json(&format!(
@@ -424,14 +425,14 @@ fn learning_tells_what_the_colour_finds_inside_and_outside_of_the_part() {
 }
 
 #[test]
-fn grey_and_mixed_parts_are_refused_with_what_to_do() {
+fn grey_and_mixed_regions_are_refused_with_advice() {
     let desk = Desk::new();
     let grey = desk.refused(&format!("learn ahead.jpg --roi {ON_WALL}"));
     assert!(
         grey.contains("too grey") && grey.contains("  help: "),
         "{grey}"
     );
-    // The red ball ahead and the green one behind, in the same part.
+    // The red ball ahead and the green one behind are in the same region.
     desk.put("left.jpg", &shot(BACK + 0.24, 0.9));
     let mixed = "learn ahead.jpg left.jpg --roi 75,135,30,25";
     let error = desk.refused(mixed);
@@ -448,7 +449,7 @@ fn grey_and_mixed_parts_are_refused_with_what_to_do() {
 }
 
 #[test]
-fn a_colour_that_some_picture_does_not_show_is_called_poor() {
+fn a_colour_that_some_picture_does_not_contain_is_rated_poor() {
     let desk = Desk::new();
     let yaml = desk.done(&format!("learn ahead.jpg back.jpg --roi {IN_BALL}"));
     let verdict = yaml.lines().find(|line| line.contains("Quality")).unwrap();
@@ -456,7 +457,7 @@ fn a_colour_that_some_picture_does_not_show_is_called_poor() {
 }
 
 #[test]
-fn learning_goes_on_without_the_pictures_that_cannot_be_used() {
+fn learning_continues_without_unusable_pictures() {
     let desk = Desk::new();
     desk.put("text.jpg", b"no picture");
     let (code, yaml, error) = desk.spykee(&format!("learn text.jpg ahead.jpg --roi {IN_BALL}"));
@@ -474,7 +475,7 @@ fn learning_goes_on_without_the_pictures_that_cannot_be_used() {
 }
 
 #[test]
-fn what_is_missing_or_wrong_on_the_command_line_is_code_2() {
+fn missing_or_wrong_arguments_end_with_2() {
     let desk = Desk::new();
     for line in [
         "blobs --colour red",

@@ -1,4 +1,5 @@
-//! Runs in virtual time: the same run for the same seed, safety as with a robot, many at once.
+//! Runs in virtual time: the same seed gives the same run, safety rules hold as with a real robot,
+//! and many runs work in parallel.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -64,7 +65,8 @@ fn options(seed: u64) -> (lab::Options, impl FnOnce() -> Vec<Event>) {
     (options, move || events.lock().unwrap().clone())
 }
 
-/// The event log of half a virtual minute with two behaviours that want to drive and see.
+/// The event log of half a virtual minute with two behaviours that compete for the tracks and use
+/// the camera.
 fn log(seed: u64) -> Vec<String> {
     let (options, events) = options(seed);
     let limit = Some(Duration::from_secs(30));
@@ -84,7 +86,7 @@ fn log(seed: u64) -> Vec<String> {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_run_also_beside_another_and_another_seed_another() {
+fn the_same_seed_gives_the_same_run_even_beside_another_and_another_seed_differs() {
     let (first, second, other) = std::thread::scope(|scope| {
         let first = scope.spawn(|| log(5));
         let other = scope.spawn(|| log(6));
@@ -98,8 +100,9 @@ fn the_same_seed_gives_the_same_run_also_beside_another_and_another_seed_another
     assert_ne!(first, other);
 }
 
-/// Debug and release builds are held against the same file. After a change that is meant to change
-/// runs, write it anew with `SPYKEE_WRITE_EVENTS=1 cargo test every_build_writes`, and look at the difference.
+/// Compares debug and release builds with the same file. After a change that is meant to change
+/// runs, write the file again with `SPYKEE_WRITE_EVENTS=1 cargo test every_build_writes`, and
+/// review the difference.
 #[test]
 fn every_build_writes_the_same_events_for_the_same_seed() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/run-7.jsonl");
@@ -140,7 +143,7 @@ fn a_stuck_script_is_ended_with_reason_cpu_and_the_tracks_stop() {
 }
 
 #[test]
-fn a_low_battery_goes_home_in_virtual_time() {
+fn a_robot_with_a_low_battery_goes_home_in_virtual_time() {
     let (options, _) = options(2);
     let began = Instant::now();
     let (home, now) = lab::run(quiet_world(), options, async |lab: &Lab| {
@@ -161,7 +164,7 @@ fn a_low_battery_goes_home_in_virtual_time() {
 }
 
 #[test]
-fn one_robot_serves_one_run_after_the_other() {
+fn one_robot_serves_several_runs_in_turn() {
     let (options, _) = options(3);
     lab::run(quiet_world(), options, async |lab: &Lab| {
         for expected in [0.5, 1.0] {
@@ -194,7 +197,7 @@ async fn recorded(rig: &Rig, script: &Path, name: &str) -> String {
 #[tokio::test]
 async fn the_command_writes_the_same_events_for_the_same_seed() {
     let rig = Rig::quiet().await;
-    // Also what has no text but an address.
+    // This line contains only an address, which differs from run to run.
     let script = rig.file("wanders.lua", &format!("print({{}}, print)\n{WANDERS}"));
     let first = recorded(&rig, &script, "first.jsonl").await;
     assert!(first.lines().count() > 100, "{first}");
@@ -223,7 +226,7 @@ async fn an_interruption_ends_a_fast_run_promptly() {
 }
 
 #[tokio::test]
-async fn a_real_robots_time_cannot_be_hurried() {
+async fn fast_is_refused_with_a_real_robot() {
     let rig = Rig::quiet().await;
     let script = rig.file("idle.lua", "task.wait(1)");
     let args = [

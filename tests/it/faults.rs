@@ -1,5 +1,6 @@
-//! Broken networks and robots: named scenarios, each with a promise, driven by the real binary
-//! against a simulated robot with faults. The README shows their table; a test run fills it.
+//! Broken networks and robots: named scenarios, each with a promise, played by the real binary with
+//! a simulated robot that has faults. The README shows their table; a test run prints it with the
+//! results.
 
 mod file;
 mod network;
@@ -16,7 +17,7 @@ use tokio::task::JoinSet;
 use self::stage::Stage;
 use self::table::{SCENARIOS, Scenario};
 
-/// Scenarios that run side by side; each is three processes that mostly wait.
+/// Scenarios that run in parallel; each is three processes that mostly wait.
 const AT_ONCE: usize = 6;
 
 #[tokio::test(flavor = "multi_thread")]
@@ -27,7 +28,7 @@ async fn every_promise_on_broken_networks_is_kept() {
         let permits = Arc::clone(&permits);
         running.spawn(async move {
             let _permit = permits.acquire_owned().await.unwrap();
-            // A task of its own: a promise that is broken panics.
+            // A separate task, because a broken promise panics.
             (index, tokio::spawn(play(scenario)).await)
         });
     }
@@ -42,14 +43,14 @@ async fn every_promise_on_broken_networks_is_kept() {
     assert!(names.is_empty(), "broken: {}", names.join(", "));
 }
 
-/// One scenario by name, for whoever mends something:
+/// Plays one scenario by name, for debugging:
 /// `FAULT='reset in mid-frame' cargo test one_scenario -- --ignored --nocapture`.
 #[tokio::test(flavor = "multi_thread")]
 #[ignore = "plays the one scenario that FAULT names"]
 async fn one_scenario() {
-    let name = std::env::var("FAULT").expect("FAULT names a scenario");
+    let name = std::env::var("FAULT").expect("FAULT must name a scenario");
     let found = SCENARIOS.iter().find(|scenario| scenario.name == name);
-    play(found.expect("a scenario of this name")).await;
+    play(found.expect("no scenario of this name")).await;
 }
 
 #[test]
@@ -58,7 +59,7 @@ fn the_readme_shows_every_scenario_and_its_promise() {
     let section = readme
         .split("\n## ")
         .find(|text| text.starts_with("Broken networks\n"));
-    let section = section.expect("a section `Broken networks`");
+    let section = section.expect("no section `Broken networks`");
     let rows: Vec<&str> = section
         .lines()
         .filter(|line| line.starts_with("| "))
@@ -67,7 +68,7 @@ fn the_readme_shows_every_scenario_and_its_promise() {
     let first = rows
         .iter()
         .position(|row| **row == expected[0])
-        .expect("the first scenario");
+        .expect("the first scenario is missing");
     assert_eq!(&rows[first..], &expected);
 }
 
@@ -79,13 +80,13 @@ fn the_faults_of_the_readme_are_read() {
         .find(|text| text.starts_with("faults:"));
     let yaml = yaml
         .and_then(|text| text.split("```").next())
-        .expect("a list of faults");
+        .expect("no list of faults");
     let faults = spykee::sim::Fault::list_from_yaml(yaml, "README.md").unwrap();
     assert!(faults.len() > 3);
 }
 
 #[test]
-fn scenarios_are_at_least_25_and_have_names_of_their_own() {
+fn at_least_25_scenarios_have_different_names() {
     let mut names: Vec<&str> = SCENARIOS.iter().map(|scenario| scenario.name).collect();
     names.sort_unstable();
     names.dedup();
@@ -104,7 +105,7 @@ fn row(scenario: &Scenario) -> String {
     format!("| {} | {} |", scenario.name, scenario.promise)
 }
 
-/// Not by `print!`: the table is shown even when all is well.
+/// Does not use `print!`, so that the table is shown even if all tests pass.
 fn print_table(kept: &[bool]) {
     let mut table =
         String::from("\n| broken network or robot | promise | kept |\n| --- | --- | --- |\n");

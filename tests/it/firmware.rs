@@ -1,5 +1,5 @@
-//! Nobody knows all of the robot's firmware: what it might answer instead, in `tests/firmware/`, changes
-//! none of the promises.
+//! Not all of the robot's firmware is known. The promises hold with each alternative of
+//! `tests/firmware/`.
 
 use std::path::{Path, PathBuf};
 use std::process::Command as Process;
@@ -15,7 +15,7 @@ fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/firmware")
 }
 
-/// The other answers.
+/// The files of the alternative firmwares.
 fn matrix() -> Vec<PathBuf> {
     let files = std::fs::read_dir(folder()).unwrap();
     let paths = files.map(|entry| entry.unwrap().path());
@@ -34,7 +34,7 @@ fn firmware(name: &str) -> Firmware {
 }
 
 #[test]
-fn safety_promises_hold_with_every_answer() {
+fn safety_promises_hold_with_every_firmware() {
     let scenarios = folder().join("safety_test.lua");
     let data = tempfile::tempdir().unwrap();
     let mut failed = Vec::new();
@@ -57,7 +57,7 @@ fn safety_promises_hold_with_every_answer() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_move_during_a_search_ends_it_or_does_nothing_or_moves_the_robot_meanwhile() {
+async fn a_move_during_a_search_ends_it_or_has_no_effect_or_moves_the_robot() {
     for (name, searches, turns) in [
         ("activate_undocks.yaml", false, true),
         ("ignores_moves.yaml", true, false),
@@ -100,7 +100,7 @@ async fn a_move_during_a_search_ends_it_or_does_nothing_or_moves_the_robot_meanw
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_move_right_after_charge_stop_ends_the_undocking_or_does_not() {
+async fn a_move_right_after_charge_stop_may_end_the_undocking() {
     for (name, leaves) in [
         ("activate_undocks.yaml", false),
         ("ignores_moves.yaml", true),
@@ -114,7 +114,7 @@ async fn a_move_right_after_charge_stop_ends_the_undocking_or_does_not() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn engine_1_towards_the_robot_undocks_it_or_does_nothing() {
+async fn engine_1_to_the_robot_undocks_it_or_has_no_effect() {
     for (name, leaves) in [("activate_undocks.yaml", true), ("obeys_moves.yaml", false)] {
         let handle = detached(playpen(), firmware(name));
         let mut client = connect(&handle).log_in().await;
@@ -125,7 +125,7 @@ async fn engine_1_towards_the_robot_undocks_it_or_does_nothing() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn late_power_tells_what_was() {
+async fn late_power_reports_an_earlier_level() {
     let handle = detached(playpen(), firmware("late_power.yaml"));
     let mut client = connect(&handle);
     client.send(LOGIN).await;
@@ -146,7 +146,7 @@ async fn late_power_tells_what_was() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_firmware_that_cannot_be_used_is_told_with_its_place() {
+async fn an_unusable_firmware_is_reported_with_its_place() {
     let rig = Rig::quiet().await;
     rig.file("f.yaml", "power_late: 1\nsearch_limt: 3\n");
     rig.file("good.yaml", "move_while_searching: ignored\n");

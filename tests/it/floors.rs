@@ -1,14 +1,14 @@
-//! Holds every path into the crate against the floors table in `src/lib.rs`: a module imports only
-//! what stands below it.
+//! Checks every path into the crate against the table of floors in `src/lib.rs`: a module may
+//! import only from floors below its own.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Where a module stands.
+/// The floor of a module.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Floor {
     Number(u32),
-    /// Beside the house: imports floor 0 only.
+    /// `side`: imports floor 0 only.
     Side,
 }
 
@@ -30,8 +30,8 @@ fn floors(lib: &str) -> BTreeMap<String, Floor> {
     lib.lines().filter_map(row).collect()
 }
 
-/// Every crate-level module that a source text names by `crate::`, groups such as
-/// `crate::{wire, robot::Event}` included; comments left out.
+/// All crate-level modules that a source text names with `crate::`, including groups such as
+/// `crate::{wire, robot::Event}`; comments are ignored.
 fn imports(text: &str) -> BTreeSet<String> {
     let code = without_comment_lines(text);
     let mut found = BTreeSet::new();
@@ -77,8 +77,8 @@ fn heads_of_group(group: &str) -> Vec<String> {
     heads
 }
 
-/// A path in a string or behind code is taken for an import: that fails loudly, where cleverness
-/// might overlook one.
+/// A path in a string or in a comment behind code counts as an import: that fails visibly, while a
+/// smarter parser might miss an import.
 fn without_comment_lines(text: &str) -> String {
     let is_code = |line: &&str| !line.trim_start().starts_with("//");
     text.lines()
@@ -100,7 +100,8 @@ fn rust_files(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// `src/link/mod.rs` and `src/link.rs` belong to `link`; `lib.rs` and `main.rs` to none.
+/// `src/link/mod.rs` and `src/link.rs` belong to `link`; `lib.rs` and `main.rs` belong to no
+/// module.
 fn module_of(file: &Path) -> Option<String> {
     let inside = file.strip_prefix(source()).unwrap();
     let first = Path::new(inside.components().next().unwrap().as_os_str());
@@ -108,7 +109,7 @@ fn module_of(file: &Path) -> Option<String> {
     (!matches!(name.as_str(), "lib" | "main")).then_some(name)
 }
 
-/// What is wrong with one import, if anything is.
+/// Describes what is wrong with an import, if anything.
 fn verdict(floors: &BTreeMap<String, Floor>, from: &str, to: &str) -> Result<(), String> {
     let floor = |module: &str| {
         let known = floors.get(module).copied();
@@ -125,7 +126,7 @@ fn verdict(floors: &BTreeMap<String, Floor>, from: &str, to: &str) -> Result<(),
         .ok_or_else(|| format!("`{from}` must not import `{to}`"))
 }
 
-/// Only wiring and commands may start a simulator: the three floors at the top.
+/// Only wiring and commands may start a simulator: the three top floors.
 fn is_top(floors: &BTreeMap<String, Floor>, module: &str) -> bool {
     let number = |floor: &Floor| match floor {
         Floor::Number(number) => Some(*number),
@@ -138,7 +139,8 @@ fn is_top(floors: &BTreeMap<String, Floor>, module: &str) -> bool {
         .is_some_and(|floor| floor + 2 >= top)
 }
 
-/// Modules that reach themselves through others. The floors forbid it; this holds the floors.
+/// Modules that import themselves through others. The floors forbid it; this checks the table
+/// itself.
 fn circles(graph: &BTreeMap<String, BTreeSet<String>>) -> Vec<String> {
     let reaches_itself = |start: &String| {
         let mut seen = BTreeSet::new();
@@ -161,7 +163,7 @@ fn circles(graph: &BTreeMap<String, BTreeSet<String>>) -> Vec<String> {
 }
 
 #[test]
-fn every_module_imports_only_what_stands_below_it() {
+fn every_module_imports_only_from_lower_floors() {
     let floors = floors(&std::fs::read_to_string(source().join("lib.rs")).unwrap());
     assert!(
         floors.len() >= 10,
@@ -178,7 +180,7 @@ fn every_module_imports_only_what_stands_below_it() {
             .entry(from.clone())
             .or_default()
             .extend(imported.iter().cloned());
-        // Also a module that imports nothing must have its row.
+        // Modules without imports must have a row too.
         for to in imported.iter().chain([&from]) {
             if let Err(why) = verdict(&floors, &from, to) {
                 wrong.push(format!("{}: {why}", file.display()));
@@ -198,7 +200,7 @@ fn every_module_imports_only_what_stands_below_it() {
 }
 
 #[test]
-fn this_test_sees_what_it_must_see() {
+fn the_parser_finds_all_kinds_of_imports() {
     let text = "use crate::wire::Power;\nuse crate::{link, robot::{Event, Intent}, sim};\n\
                 /// [`crate::comment`]\nlet x = crate::pilot::run(crate::agent::x);\n\
                 $crate::safety; mycrate::other;";

@@ -1,4 +1,5 @@
-//! Frames as behaviours meet them: broken ones between good ones, and copies for a person to see.
+//! Frames as behaviours receive them: damaged ones between good ones, and annotated copies for
+//! people.
 
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
@@ -21,7 +22,7 @@ async fn before_a_ball() -> Rig {
     Rig::new(&world, Firmware::default()).await
 }
 
-/// Frames that are no pictures: cut short, without a part of their data, no JPEG, and empty.
+/// Damaged frames: cut short, with a part of the data missing, not a JPEG, and empty.
 fn broken() -> [Bytes; 4] {
     let torn = [&GOOD[..GOOD.len() - 300], &GOOD[GOOD.len() - 50..]].concat();
     let cut = Bytes::from_static(&GOOD[..1200]);
@@ -33,8 +34,9 @@ fn broken() -> [Bytes; 4] {
     ]
 }
 
-/// Sends broken frames among the good ones, for ever. Out of step with the simulator's 20 ms: in
-/// step, every good frame could be followed by a broken one in the same write, and the newest wins.
+/// Sends damaged frames between the good ones, forever. The period differs from the simulator's 20
+/// ms: otherwise every good frame could be followed by a damaged one in the same write, and the
+/// newest frame wins.
 async fn break_frames(sim: Handle) {
     let mut pause = tokio::time::interval(Duration::from_millis(37));
     for jpeg in broken().iter().cycle() {
@@ -44,7 +46,7 @@ async fn break_frames(sim: Handle) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_behaviour_goes_on_between_broken_frames_and_is_told_once_in_a_while() {
+async fn a_behaviour_continues_between_damaged_frames_and_the_log_reports_them_rarely() {
     let rig = before_a_ball().await;
     let mut run = rig.run(
         "local seen = 0
@@ -65,7 +67,7 @@ async fn a_behaviour_goes_on_between_broken_frames_and_is_told_once_in_a_while()
         .lines()
         .filter(|line| line.contains("damaged frame"))
         .collect();
-    // The first, one for every ten seconds, and the rest at the end.
+    // One line for the first, one for every ten seconds, and one for the rest at the end.
     assert!((2..=12).contains(&told.len()), "{text}");
     assert!(told.iter().all(|line| line.contains("WARN")), "{text}");
     assert!(told.last().unwrap().contains("damaged frames so far"));
@@ -73,7 +75,7 @@ async fn a_behaviour_goes_on_between_broken_frames_and_is_told_once_in_a_while()
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_broken_frame_behind_a_good_one_in_the_same_write_takes_nothing_away() {
+async fn a_damaged_frame_behind_a_good_one_in_the_same_write_does_not_replace_it() {
     let rig = before_a_ball().await;
     // The simulator's own frames are wider.
     let script = "local seen = 0
@@ -90,8 +92,8 @@ async fn a_broken_frame_behind_a_good_one_in_the_same_write_takes_nothing_away()
         for (number, jpeg) in broken.cycle().enumerate() {
             pause.tick().await;
             rig.sim.inject(Report::Video(Bytes::from_static(GOOD)));
-            // Only the newest frame waits in the simulator: on a busy machine it never gets to
-            // write the first of two that come at the same moment.
+            // Only the newest frame waits in the simulator. On a busy machine it may never write
+            // the first of two frames that arrive at the same moment.
             if number % 2 == 1 {
                 tokio::time::sleep(Duration::from_millis(5)).await;
             }
@@ -108,7 +110,7 @@ async fn a_broken_frame_behind_a_good_one_in_the_same_write_takes_nothing_away()
     assert!(text.contains("damaged frame"), "{text}");
 }
 
-/// Red, as far as a JPEG keeps the green of a box around it.
+/// Pixels that are red, as far as JPEG preserves the colour of a box next to green.
 fn box_pixels(path: &Path) -> usize {
     let picture = image::open(path).unwrap().to_rgb8();
     assert_eq!(picture.dimensions(), (320, 240));
@@ -172,7 +174,7 @@ async fn annotate_shows_a_person_what_a_behaviour_saw() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn without_annotate_nothing_is_kept() {
+async fn without_annotate_no_frame_is_kept() {
     let rig = before_a_ball().await;
     let mut run = rig.run("robot.wait_frame(9):find_blobs('red') print('seen')");
     assert_eq!(run.code().await, Some(0), "{}", run.text());
@@ -181,7 +183,7 @@ async fn without_annotate_nothing_is_kept() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_folder_that_cannot_be_used_is_refused_before_the_robot_moves() {
+async fn an_unusable_folder_is_refused_before_the_robot_moves() {
     let rig = before_a_ball().await;
     let script = rig.file("script.lua", "robot.move(50, 50)");
     rig.file("file", "");
@@ -201,9 +203,9 @@ async fn a_folder_that_cannot_be_used_is_refused_before_the_robot_moves() {
     assert_eq!(rig.commands(0), []);
 }
 
-/// The host decodes what has come of a frame: what a script sees is the same as of whole ones.
+/// The host decodes frames as they arrive: scripts must see the same as in whole frames.
 #[tokio::test(flavor = "multi_thread")]
-async fn a_script_sees_the_same_in_frames_that_come_in_pieces() {
+async fn a_script_sees_the_same_in_frames_that_arrive_in_pieces() {
     let world = format!(
         "{QUIET_WORLD}\nballs:\n  - {{ at: [4, 4.9], colour: red }}\ncamera: {{ noise: 0 }}\n"
     );

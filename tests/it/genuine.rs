@@ -1,5 +1,5 @@
-//! The simulated robot answers, times and cuts its messages as genuine ones do: facts that clients which
-//! speak to real robots rely on.
+//! The simulated robot answers, times and splits its messages as genuine ones do: clients that
+//! speak to real robots rely on these facts.
 
 use std::io;
 use std::pin::Pin;
@@ -14,7 +14,7 @@ use tokio::time::timeout;
 
 use super::sim::*;
 
-/// A pipe that keeps the robot's writes apart.
+/// A pipe that keeps the robot's writes separate.
 struct Noted {
     pipe: DuplexStream,
     writes: Arc<Mutex<Vec<Vec<u8>>>>,
@@ -53,7 +53,7 @@ impl AsyncWrite for Noted {
 }
 
 #[tokio::test(start_paused = true)]
-async fn each_message_is_a_write_of_its_own() {
+async fn each_message_is_a_separate_write() {
     let handle = detached(playpen(), spykee::sim::Firmware::default());
     let (stream, pipe) = tokio::io::duplex(64 * 1024);
     let writes = Arc::<Mutex<Vec<Vec<u8>>>>::default();
@@ -114,7 +114,7 @@ async fn one_address_answers_broadcasts_to_its_network_too() {
             return;
         }
     }
-    panic!("not answered");
+    panic!("no answer to the broadcast");
 }
 
 /// The segments of a JPEG up to its pixels: marker and content.
@@ -131,7 +131,7 @@ fn segments(jpeg: &[u8]) -> Vec<(u8, &[u8])> {
     found
 }
 
-/// Annex K of the JPEG standard, in the order of a file: what quality 50 means.
+/// The tables of Annex K of the JPEG standard, in file order: quality 50.
 const LUMA_50: [u8; 12] = [16, 11, 12, 14, 12, 10, 16, 14, 13, 14, 18, 17];
 
 #[tokio::test(start_paused = true)]
@@ -167,7 +167,7 @@ async fn frames_are_compressed_as_genuine_ones_are() {
 }
 
 #[test]
-fn bearings_are_right_within_a_degree_all_over_the_picture() {
+fn bearings_are_within_a_degree_all_over_the_picture() {
     let camera = spykee::vision::Camera::default();
     let mut eyes = spykee::vision::Eyes::new(camera);
     let red = spykee::vision::Colour::named("red").unwrap();
@@ -203,7 +203,7 @@ fn bearings_are_right_within_a_degree_all_over_the_picture() {
             let options = spykee::vision::BlobOptions::default();
             let key = (step * 2) as u64 + u64::from(away > 1.0);
             let blobs = eyes.find_blobs(key, &jpeg, &[red], &options).unwrap();
-            // At the border only a part of it is seen.
+            // At the border only a part of it is visible.
             if let Some(ball) = blobs.first().filter(|ball| !ball.edge) {
                 let off = ball.bearing.to_degrees() - degrees;
                 assert!(

@@ -1,5 +1,6 @@
-//! Whatever becomes of the agent, the robot stops: killed, stopped, hung, told to end in any way.
-//! The simulated robot drives on when its user goes away, the worst that a firmware can do.
+//! However the agent ends or hangs (killed, stopped, hung, interrupted by any signal), the robot
+//! stops. The simulated robot keeps driving when its user disconnects, the worst case of the
+//! firmware.
 
 use std::time::Duration;
 
@@ -9,12 +10,12 @@ use tokio::time::{Instant, timeout};
 
 use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, becomes, state_of};
 
-/// Twice what the guardian promises, for a busy machine.
+/// Twice the time that the guardian promises, for a busy machine.
 const LIMIT: Duration = Duration::from_secs(2);
 
 const DRIVE: &str = "robot.move(40, 40) task.wait(600)";
 
-/// A robot that drives, and whose guardian has had the time to begin.
+/// A robot that drives, and whose guardian has had time to start.
 async fn driving() -> (Rig, Run) {
     let rig = Rig::quiet().await;
     let run = rig.run(DRIVE);
@@ -23,15 +24,17 @@ async fn driving() -> (Rig, Run) {
     (rig, run)
 }
 
-/// Waits until the tracks rest: how long that took.
+/// Waits until the tracks rest; returns how long that took.
 async fn rests(rig: &Rig) -> Duration {
     let began = Instant::now();
     let resting = rig.sim.wait_state(|state| !state.moving());
-    timeout(WAIT_LIMIT, resting).await.expect("the tracks rest");
+    timeout(WAIT_LIMIT, resting)
+        .await
+        .expect("the tracks do not rest");
     began.elapsed()
 }
 
-/// Wakes a stopped agent: its first word is a stop, and it drives a low robot home as before.
+/// Wakes a stopped agent: its first command is a stop, and it sends a low robot home as before.
 async fn goes_on_with_a_stop(rig: &Rig, run: &Run) {
     let slept = rig.sim.heard_count();
     run.signal(Signal::CONT);
@@ -42,7 +45,7 @@ async fn goes_on_with_a_stop(rig: &Rig, run: &Run) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_agent_that_is_killed_leaves_a_robot_that_stands_still() {
+async fn the_robot_stops_when_the_agent_is_killed() {
     let (rig, run) = driving().await;
     run.signal(Signal::KILL);
     let took = rests(&rig).await;
@@ -50,7 +53,7 @@ async fn an_agent_that_is_killed_leaves_a_robot_that_stands_still() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_agent_and_its_whole_process_group_that_are_killed_leave_a_robot_that_stands_still() {
+async fn the_robot_stops_when_the_agents_process_group_is_killed() {
     use std::os::unix::process::CommandExt as _;
     let rig = Rig::quiet().await;
     let script = rig.file("script.lua", DRIVE);
@@ -71,7 +74,7 @@ async fn an_agent_and_its_whole_process_group_that_are_killed_leave_a_robot_that
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_stopped_agent_leaves_a_robot_that_stands_still_and_goes_on_when_it_wakes() {
+async fn the_robot_stops_when_the_agent_is_stopped_and_the_agent_can_resume() {
     let (rig, run) = driving().await;
     run.signal(Signal::STOP);
     let took = rests(&rig).await;
@@ -80,9 +83,9 @@ async fn a_stopped_agent_leaves_a_robot_that_stands_still_and_goes_on_when_it_wa
     goes_on_with_a_stop(&rig, &run).await;
 }
 
-/// The driving core does not return from a wait, as if it hung in a driver.
+/// The driving thread does not return from a wait, as if it hung in a driver.
 #[tokio::test(flavor = "multi_thread")]
-async fn a_core_that_hangs_leaves_a_robot_that_stands_still() {
+async fn the_robot_stops_when_the_driving_thread_hangs() {
     let (rig, run) = driving().await;
     let core = thread_called(run.pid(), "core");
     let Some(mut tracer) = crate::slow_system::trace(
@@ -99,7 +102,7 @@ async fn a_core_that_hangs_leaves_a_robot_that_stands_still() {
     let took = rests(&rig).await;
     let _ = tracer.kill();
     let _ = tracer.wait();
-    // The tracer needs its time to begin.
+    // Includes the time until the tracer has started.
     assert!(took < 2 * LIMIT, "{took:?}");
 }
 
@@ -114,8 +117,10 @@ async fn a_killed_agent_does_not_end_the_search_of_a_low_robot() {
     timeout(WAIT_LIMIT, searching).await.unwrap();
     run.signal(Signal::KILL);
     let home = rig.sim.wait_state(|state| state.charging);
-    timeout(2 * WAIT_LIMIT, home).await.expect("it comes home");
-    // Killed between two of its own steps, the agent may have left the same words once more.
+    timeout(2 * WAIT_LIMIT, home)
+        .await
+        .expect("the robot does not come home");
+    // An agent that is killed between two of its steps may have left the same last words once more.
     let find = Command::Engine(Engage::Dock);
     let later = rig.commands(dock + 1);
     let alone = |pair: &[Command]| pair[0] == Command::STOP && pair[1] != find;
@@ -184,7 +189,7 @@ async fn ctrl_z_stops_the_tracks_before_it_stops_the_program() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_guardian_outlives_signals_that_are_not_meant_for_it() {
+async fn the_guardian_ignores_signals_to_the_agents_group() {
     let (rig, run) = driving().await;
     let guardian = run.guardian().unwrap();
     for signal in [
@@ -212,11 +217,11 @@ async fn the_guardian_ends_with_a_run_that_ends_in_order() {
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     };
-    timeout(WAIT_LIMIT, gone).await.expect("it has ended");
+    timeout(WAIT_LIMIT, gone).await.expect("it has not ended");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn hosts_are_killed_before_the_agent_when_memory_is_short() {
+async fn with_little_memory_hosts_are_killed_before_the_agent() {
     let (_rig, run) = driving().await;
     for host in run.hosts() {
         let path = format!("/proc/{}/oom_score_adj", host.as_raw_nonzero());
@@ -224,7 +229,7 @@ async fn hosts_are_killed_before_the_agent_when_memory_is_short() {
     }
 }
 
-/// Waits until another guardian than this one watches over the robot.
+/// Waits until a guardian other than this one has started.
 async fn replaced(run: &Run, old: Pid) {
     run.says("another guardian process watches").await;
     assert_ne!(run.guardian(), Some(old));
@@ -232,7 +237,7 @@ async fn replaced(run: &Run, old: Pid) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn in_the_place_of_a_guardian_that_is_killed_there_is_another_one() {
+async fn a_guardian_that_is_killed_is_replaced() {
     let (rig, run) = driving().await;
     for _ in 0..2 {
         let before = run.text().matches("another guardian").count();
@@ -243,7 +248,7 @@ async fn in_the_place_of_a_guardian_that_is_killed_there_is_another_one() {
                 tokio::time::sleep(Duration::from_millis(10)).await;
             }
         };
-        timeout(WAIT_LIMIT, again).await.expect("another guardian");
+        timeout(WAIT_LIMIT, again).await.expect("no new guardian");
         replaced(&run, old).await;
     }
     run.signal(Signal::KILL);
@@ -252,7 +257,7 @@ async fn in_the_place_of_a_guardian_that_is_killed_there_is_another_one() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_guardian_that_does_not_answer_is_replaced_and_the_robot_hears_nothing_of_it() {
+async fn a_guardian_that_does_not_answer_is_replaced_without_a_command_to_the_robot() {
     let (rig, run) = driving().await;
     let (old, from) = (run.guardian().unwrap(), rig.sim.heard_count());
     kill_process(old, Signal::STOP).unwrap();
@@ -267,7 +272,7 @@ async fn a_guardian_that_does_not_answer_is_replaced_and_the_robot_hears_nothing
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_guardian_holds_nothing_open_that_the_run_was_given() {
+async fn the_guardian_inherits_no_descriptors_of_the_run() {
     let rig = Rig::quiet().await;
     let script = rig.file("script.lua", DRIVE);
     let kept = rig.file("kept", "");
@@ -295,7 +300,7 @@ async fn the_guardian_holds_nothing_open_that_the_run_was_given() {
     assert!(took < LIMIT, "{took:?}");
 }
 
-/// Lines typed into `spykee repl` by a pipe that stays open.
+/// Lines typed into `spykee repl` through a pipe that stays open.
 fn prompt(rig: &Rig, lines: &str) -> (Run, std::process::ChildStdin) {
     let (run, mut pipe) = rig.spykee_with_pipe(&["repl", "--robot", &rig.address]);
     std::io::Write::write_all(&mut pipe, lines.as_bytes()).unwrap();
@@ -303,7 +308,7 @@ fn prompt(rig: &Rig, lines: &str) -> (Run, std::process::ChildStdin) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_prompt_that_is_killed_leaves_a_robot_that_stands_still() {
+async fn the_robot_stops_when_a_prompt_is_killed() {
     let rig = Rig::quiet().await;
     let (run, _pipe) = prompt(&rig, "robot.move(40, 40)\n");
     rig.heard_motion(0).await;
@@ -340,7 +345,7 @@ async fn ctrl_z_stops_the_robot_of_a_prompt_and_every_ending_signal_ends_it_in_o
     }
 }
 
-/// A robot that searches its station by order of `spykee robot dock`.
+/// A robot that searches its station, started by `spykee robot dock`.
 async fn docking() -> (Rig, Run) {
     let rig = Rig::quiet().await;
     rig.sim.hide_station(true);
@@ -354,7 +359,7 @@ async fn docking() -> (Rig, Run) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_docking_by_hand_that_is_killed_stopped_or_ended_by_any_signal_stops_the_robot() {
+async fn the_robot_stops_when_a_docking_tool_is_killed_stopped_or_ended_by_any_signal() {
     for signal in [Signal::KILL, Signal::STOP] {
         let (rig, run) = docking().await;
         run.signal(signal);
@@ -377,7 +382,7 @@ async fn a_docking_by_hand_that_is_killed_stopped_or_ended_by_any_signal_stops_t
     }
 }
 
-/// The last that the tracks of a low robot were told is to search, and they do.
+/// The last command about the tracks of a low robot is a search, and it is under way.
 pub fn ends_with_a_search(rig: &Rig, from: usize) {
     let tracks = |command: &Command| matches!(command, Command::Move { .. } | Command::Engine(_));
     let last = rig.commands(from).into_iter().rfind(tracks);
@@ -402,7 +407,7 @@ async fn a_prompt_stays_until_a_low_robot_is_home() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_docking_by_hand_of_a_low_robot_brings_it_home_or_ctrl_c_leaves_it_searching() {
+async fn a_docking_tool_brings_a_low_robot_home_or_ctrl_c_leaves_it_searching() {
     let world = QUIET_WORLD.replace("level: 90", "level: 15");
     let rig = Rig::new(&world, Default::default()).await;
     let mut run = rig.spykee(&["robot", "dock", "--robot", &rig.address]);
@@ -419,7 +424,7 @@ async fn a_docking_by_hand_of_a_low_robot_brings_it_home_or_ctrl_c_leaves_it_sea
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_tool_that_only_asks_does_not_end_the_search_of_a_low_robot() {
+async fn a_tool_that_only_reads_does_not_end_the_search_of_a_low_robot() {
     let world = QUIET_WORLD.replace("level: 90", "level: 15");
     for tool in [&["battery"][..], &["led", "flash", "on"], &["config"]] {
         let rig = Rig::new(&world, Default::default()).await;
@@ -449,7 +454,7 @@ pub fn thread_called(process: Pid, name: &str) -> Pid {
     let named = |path: &std::path::PathBuf| {
         std::fs::read_to_string(path.join("comm")).is_ok_and(|comm| comm.trim() == name)
     };
-    let path = tasks.find(named).expect("a thread of that name");
+    let path = tasks.find(named).expect("no thread of that name");
     let number = path.file_name().unwrap().to_str().unwrap();
     Pid::from_raw(number.parse().unwrap()).unwrap()
 }

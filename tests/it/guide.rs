@@ -1,14 +1,14 @@
-//! The guide for people who write behaviours: every script on it does what its text says.
+//! The guide for people who write behaviours: every script in it does what the text says.
 
 mod service;
 
 use crate::rig::Rig;
 
 const GUIDE: &str = include_str!("../../behaviours/README.md");
-/// What the scripts of the guide must do.
+/// The scenarios that check the scripts of the guide.
 const SCENARIOS: &str = include_str!("../guide/guide_test.lua");
 
-/// The scripts of the guide, without the reference: behaviours, and scenarios.
+/// The scripts of the guide, without the reference: behaviours and scenarios.
 fn scripts() -> (Vec<&'static str>, Vec<&'static str>) {
     let (guide, _) = GUIDE.split_once("<!-- reference").unwrap();
     let blocks = guide.split("```lua\n").skip(1);
@@ -17,7 +17,7 @@ fn scripts() -> (Vec<&'static str>, Vec<&'static str>) {
         .partition(|script| !script.starts_with("scenario("))
 }
 
-/// The scripts of the guide by number, and what they must do.
+/// The scripts of the guide by number, and the scenarios that check them.
 fn files() -> Vec<(String, &'static str)> {
     let (scripts, _) = scripts();
     let numbered = scripts.into_iter().zip(1..);
@@ -55,7 +55,7 @@ fn every_script_of_the_guide_does_what_its_text_says() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_check_has_nothing_against_the_guide() {
+async fn the_check_finds_nothing_in_the_guide() {
     let rig = Rig::quiet().await;
     for (file, text) in files() {
         rig.file(&file, text);
@@ -68,7 +68,7 @@ async fn the_check_has_nothing_against_the_guide() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_patrol_of_the_guide_keeps_the_promises_of_its_scenarios() {
+async fn the_patrol_of_the_guide_passes_its_scenarios() {
     let rig = Rig::quiet().await;
     let (behaviours, scenarios) = scripts();
     let [scenario] = scenarios[..] else {

@@ -1,11 +1,11 @@
-//! Attacks on the agent, one script each, in `tests/hostile/`. Every script there runs, one after
-//! the other, beside a well-behaved one and in one agent; a new file is picked up by itself.
+//! Attacks on the agent, one script each, in `tests/hostile/`. All scripts of a kind run one after
+//! the other in one agent, beside a well-behaved behaviour; new files are picked up automatically.
 //!
-//! A script's first comment says what it attacks, and `-- expect:` which endings are right, by their
-//! reasons; `-- expect: refused: WORDS` is a file that must not even be loaded; `-- expect where times do not
-//! count: REASON` is one more ending that is right on an emulated machine. Before its first
-//! line the harness lets it wait for its turn, drive, and set the volume: the mark from which all
-//! times count.
+//! The first comment of a script names the attack. `-- expect:` lists the permitted endings by
+//! their reasons; `-- expect: refused: WORDS` marks a file that must not even be loaded;
+//! `-- expect where times do not count: REASON` is a further permitted ending on an emulated
+//! machine. Before the first line of the script, the harness makes it wait for its turn, drive, and
+//! set the volume. This is the mark from which all times are measured.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -18,29 +18,30 @@ use tokio::time::{Instant, sleep, timeout};
 
 use crate::rig::{Rig, Run, WAIT_LIMIT, moves};
 
-/// From the mark, which is set before an attack begins, to the stop of the tracks. Hosts come after
-/// everything else on a busy machine.
+/// From the mark, which is set before an attack begins, to the stop of the tracks. On a busy
+/// machine, hosts are scheduled after everything else.
 const STOPPED_WITHIN: Duration = Duration::from_secs(1);
-/// From a behaviour's end to that of its process.
+/// From the end of a behaviour to the end of its process.
 const GONE_WITHIN: Duration = Duration::from_secs(1);
-/// The longest silence of the behaviour beside, whose beat is 50 ms; this machine may be busy.
+/// The longest permitted silence of the well-behaved behaviour, whose beat is 50 ms; this machine
+/// may be busy.
 const LONGEST_GAP: Duration = Duration::from_secs(1);
-/// The beat of the behaviour beside.
+/// The beat of the well-behaved behaviour.
 const BEAT: Duration = Duration::from_millis(50);
-/// How many of its beats it keeps, percent.
+/// The share of its beats that it must keep, percent.
 const BEATS_KEPT: u128 = 95;
-/// What the agent's memory may grow by, over all attacks of a kind.
+/// The permitted growth of the agent's memory, over all attacks of a kind.
 const GROWTH_KIB: i64 = 4 * 1024;
-/// The engine's code that begins the first attack; nobody knows it.
+/// The ENGINE code that starts the first attack; the protocol does not use it.
 const FIRST_TURN: u8 = 100;
 
-/// Whether times are judged: not on an emulated machine (`scripts/check-arm`), where all takes many times as
-/// long.
+/// Whether times are checked: not on an emulated machine (`scripts/check-arm`), where everything
+/// takes many times as long.
 fn times_count() -> bool {
     std::env::var_os("SPYKEE_TIMES").is_none_or(|times| times != "emulated")
 }
 
-/// The longest that something may take: as usual, or minutes where times do not count.
+/// The time limit: the usual one, or minutes where times are not checked.
 fn at_most(usual: Duration) -> Duration {
     match times_count() {
         true => usual,
@@ -48,7 +49,7 @@ fn at_most(usual: Duration) -> Duration {
     }
 }
 
-/// Beats until the robot says that a sound has ended.
+/// Beats until the robot reports that a sound has ended.
 const WITNESS: &str = "
     local on = false
     local beat = task.every(0.05, function()
@@ -58,15 +59,15 @@ const WITNESS: &str = "
     robot.wait_for('sound_finished')
     beat:cancel()";
 
-/// On an emulated machine a well-behaved script needs longer than a script may.
+/// On an emulated machine a well-behaved script needs more time than the usual limit permits.
 const SLOW: &str = "limits: { callback_budget_ms: 1000 }";
 
-/// One file.
+/// One script of the folder.
 struct Attack {
     name: String,
     source: Vec<u8>,
     expected: String,
-    /// What may end it besides where times do not count.
+    /// A further permitted ending where times are not checked.
     expected_when_slow: String,
 }
 
@@ -76,7 +77,7 @@ impl Attack {
         let text = String::from_utf8_lossy(&source);
         let after = |prefix| text.lines().find_map(|line| line.strip_prefix(prefix));
         let expected = after("-- expect: ");
-        let expected = expected.unwrap_or_else(|| panic!("{} expects nothing", path.display()));
+        let expected = expected.unwrap_or_else(|| panic!("{} has no `-- expect:`", path.display()));
         let expected = expected.trim().to_owned();
         let expected_when_slow = after("-- expect where times do not count: ");
         let expected_when_slow = expected_when_slow.unwrap_or_default().trim().to_owned();
@@ -89,18 +90,18 @@ impl Attack {
         }
     }
 
-    /// Whether the first of its right endings is this.
+    /// Whether the first permitted ending is this one.
     fn is(&self, ending: &str) -> bool {
         self.expected.split([' ', ':']).next() == Some(ending)
     }
 
-    /// Where all takes many times as long, the limit of time is reached before any other.
+    /// On a slow machine, the time limit may end a script before any other limit does.
     fn may_end(&self, reason: &str) -> bool {
         let slow = !times_count() && (reason == "cpu" || reason == self.expected_when_slow);
         slow || self.expected.split(' ').any(|expected| expected == reason)
     }
 
-    /// The script that waits for its turn.
+    /// The script, preceded by code that waits for its turn.
     fn armed(&self, turn: u8) -> String {
         let code = FIRST_TURN + turn;
         let source = std::str::from_utf8(&self.source).unwrap();
@@ -111,7 +112,7 @@ impl Attack {
     }
 }
 
-/// Every script of the folder, by name.
+/// Every script of the folder, sorted by name.
 fn scripts() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hostile");
     let files = std::fs::read_dir(folder).unwrap();
@@ -122,25 +123,25 @@ fn scripts() -> Vec<PathBuf> {
     files
 }
 
-/// The attacks whose first right ending is this, by name.
+/// The attacks whose first permitted ending is this one, sorted by name.
 fn attacks(ending: &str) -> Vec<Attack> {
     let files = scripts();
     let attacks = files.iter().map(|path| Attack::read(path));
     attacks.filter(|attack| attack.is(ending)).collect()
 }
 
-/// One agent under attack.
-struct Siege {
+/// One agent, and the attacks that it must withstand.
+struct Round {
     rig: Rig,
     run: Run,
-    /// What did not go as promised.
+    /// Promises that were broken.
     broken: Vec<String>,
-    /// With which the attacks ended.
+    /// Reasons with which the attacks ended.
     reasons: BTreeSet<String>,
 }
 
-impl Siege {
-    async fn lay(attacks: &[Attack]) -> Siege {
+impl Round {
+    async fn start(attacks: &[Attack]) -> Round {
         let rig = Rig::quiet().await;
         let mut files = vec![rig.file("witness.lua", WITNESS)];
         for (turn, attack) in (0..).zip(attacks) {
@@ -154,7 +155,7 @@ impl Siege {
             "json",
             "--seed",
             "7",
-            // What gets past the check is to fall in the sandbox.
+            // Scripts that pass the check must still be stopped by the sandbox.
             "--no-check",
         ];
         let slow: &[&str] = match times_count() {
@@ -165,7 +166,7 @@ impl Siege {
             }
         };
         let run = rig.spykee(&[&["run"], &files[..], &options, slow].concat());
-        Siege {
+        Round {
             rig,
             run,
             broken: Vec::new(),
@@ -207,7 +208,8 @@ impl Siege {
         self.reasons.insert(reason);
         let gone = gone(host).await;
         self.promise(gone, || format!("{name}: its host lives on"));
-        // A slow host is stopped for its silence before it attacks, and then drives on.
+        // A host may be so slow that its motion is stopped for silence before it attacks; it then
+        // drives on.
         let commands = self.rig.commands(stop);
         let drives_on = match times_count() {
             true => commands.iter().any(moves),
@@ -219,7 +221,7 @@ impl Siege {
         self.promise(!drives_on, || format!("{name}: drove on after the stop"));
     }
 
-    /// Reason and words with which a behaviour has ended.
+    /// The reason and message with which a behaviour ended.
     async fn ending(&self, name: &str) -> (String, String) {
         let begun = Instant::now();
         loop {
@@ -238,7 +240,7 @@ impl Siege {
         }
     }
 
-    /// Beats of the behaviour beside, since `from`: how many, and the longest silence.
+    /// The number of beats of the well-behaved behaviour since `from`, and its longest silence.
     fn beats(&self, from: usize) -> (usize, Duration) {
         let is_beat = |command: &Command| {
             matches!(
@@ -259,8 +261,8 @@ impl Siege {
         (beats.len(), gaps.max().unwrap_or(Duration::MAX))
     }
 
-    /// The behaviour beside comes to its end, and with it the run.
-    async fn lift(mut self) {
+    /// Ends the well-behaved behaviour, and with it the run.
+    async fn finish(mut self) {
         let failed = ["cpu", "memory", "error"]
             .iter()
             .any(|bad| self.reasons.contains(*bad));
@@ -283,40 +285,40 @@ impl Siege {
 }
 
 /// All attacks of one kind on one agent, one after the other.
-async fn withstand(ending: &str) {
+async fn run_attacks(ending: &str) {
     let attacks = attacks(ending);
-    let mut siege = Siege::lay(&attacks).await;
+    let mut round = Round::start(&attacks).await;
     let is_beat = |command: &Command| matches!(command, Command::Led { .. });
-    let first_beat = siege.rig.sim.wait_heard(0, is_beat);
+    let first_beat = round.rig.sim.wait_heard(0, is_beat);
     let from = timeout(at_most(WAIT_LIMIT), first_beat).await;
-    let from = from.unwrap_or_else(|_| panic!("no behaviour starts:\n{}", siege.run.text()));
-    let memory = resident_kib(&siege.run);
+    let from = from.unwrap_or_else(|_| panic!("no behaviour starts:\n{}", round.run.text()));
+    let memory = resident_kib(&round.run);
     let begun = Instant::now();
     for (turn, attack) in (0..).zip(&attacks) {
-        siege.attack(attack, turn).await;
+        round.attack(attack, turn).await;
     }
-    let growth = resident_kib(&siege.run) - memory;
+    let growth = resident_kib(&round.run) - memory;
     let took = begun.elapsed();
-    let (beats, gap) = siege.beats(from);
+    let (beats, gap) = round.beats(from);
     eprintln!(
         "{} attacks in {took:?}: {beats} beats, longest gap {gap:?}, grown by {growth} KiB",
         attacks.len()
     );
-    siege.promise(gap <= at_most(LONGEST_GAP), || {
+    round.promise(gap <= at_most(LONGEST_GAP), || {
         format!("the behaviour beside fell silent for {gap:?}")
     });
     let due = took.as_millis() / BEAT.as_millis();
     let kept = beats as u128 * 100 >= due * BEATS_KEPT;
-    siege.promise(kept || !times_count(), || {
+    round.promise(kept || !times_count(), || {
         format!("the behaviour beside kept {beats} of {due} beats")
     });
-    siege.promise(growth <= GROWTH_KIB, || {
+    round.promise(growth <= GROWTH_KIB, || {
         format!("the agent grew by {growth} KiB")
     });
-    siege.lift().await;
+    round.finish().await;
 }
 
-/// The process of a behaviour, by the folder that it may use.
+/// The process of a behaviour, found by the folder that it may use.
 fn host_of(run: &Run, name: &str) -> Pid {
     let is_its = |pid: &Pid| {
         let line = std::fs::read(format!("/proc/{}/cmdline", pid.as_raw_nonzero()));
@@ -349,27 +351,27 @@ fn resident_kib(run: &Run) -> i64 {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn scripts_that_never_wait_lose_the_robot_and_disturb_nobody() {
-    withstand("cpu").await;
+async fn scripts_that_never_wait_lose_the_robot_and_disturb_nothing_else() {
+    run_attacks("cpu").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn scripts_that_want_all_memory_lose_the_robot_and_disturb_nobody() {
-    withstand("memory").await;
+async fn scripts_that_allocate_all_memory_lose_the_robot_and_disturb_nothing_else() {
+    run_attacks("memory").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn scripts_that_break_lose_the_robot_and_disturb_nobody() {
-    withstand("error").await;
+async fn scripts_that_fail_lose_the_robot_and_disturb_nothing_else() {
+    run_attacks("error").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn scripts_that_flood_and_pry_get_nothing_and_disturb_nobody() {
-    withstand("done").await;
+async fn scripts_that_flood_and_pry_get_nothing_and_disturb_nothing_else() {
+    run_attacks("done").await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn files_that_are_no_scripts_are_refused_before_the_robot_is_called() {
+async fn files_that_are_not_scripts_are_refused_before_the_agent_connects() {
     let attacks = attacks("refused");
     assert!(!attacks.is_empty());
     for attack in attacks {

@@ -1,6 +1,6 @@
-//! Files, names and texts that are made to do harm, given to the real program: each is told in words, soon,
-//! and nothing of it reaches a terminal, another folder or another robot. The table of all that was tried
-//! is in `tests/hostile/README.md`.
+//! Malicious files, names and texts, given to the real program: each is refused or bounded with a
+//! message, quickly, and nothing of it reaches a terminal, another folder or another robot.
+//! `tests/hostile/README.md` lists all attacks.
 
 use std::net::TcpListener;
 use std::os::unix::fs::{PermissionsExt as _, symlink};
@@ -23,7 +23,7 @@ fn spykee(folder: &Path, args: &[&str]) -> Process {
     process
 }
 
-/// Exit code and all that it says; one that hangs fails the test.
+/// Waits for the end; returns exit code and output. A process that hangs fails the test.
 async fn end(mut process: Process) -> (Option<i32>, String) {
     process.stdout(Stdio::piped()).stderr(Stdio::piped());
     let process = tokio::process::Command::from(process)
@@ -48,7 +48,7 @@ fn pipe(path: &Path) {
 const SECRET: &str = "correct-horse-battery";
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_config_that_was_found_sends_no_private_file_to_its_robot() {
+async fn a_config_found_in_the_current_folder_sends_no_private_file_to_its_robot() {
     let root = tempfile::tempdir().unwrap();
     let (private, here) = (root.path().join("private"), root.path().join("unpacked"));
     std::fs::create_dir(&here).unwrap();
@@ -77,7 +77,7 @@ async fn a_config_that_was_found_sends_no_private_file_to_its_robot() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_environments_password_wins_over_the_configs() {
+async fn the_password_of_the_environment_has_precedence_over_the_config() {
     let world = World::from_yaml(QUIET_WORLD, "test world").unwrap();
     let login = Login::new("admin", SECRET);
     let options = Options {
@@ -108,7 +108,7 @@ async fn the_environments_password_wins_over_the_configs() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn names_that_lead_elsewhere_or_do_not_show_are_refused() {
+async fn names_with_path_separators_or_invisible_characters_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["...lua", "a\u{1b}[2Jb.lua", "a\nb.lua", "a\u{202e}b.lua"] {
         std::fs::write(folder.path().join(name), "store.set('a', 1)").unwrap();
@@ -129,7 +129,7 @@ async fn names_that_lead_elsewhere_or_do_not_show_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_link_in_the_place_of_a_data_folder_is_refused_before_the_robot_is_called() {
+async fn a_link_in_the_place_of_a_data_folder_is_refused_before_the_agent_connects() {
     let rig = Rig::quiet().await;
     let (elsewhere, data) = (
         rig.folder().join("elsewhere"),
@@ -150,7 +150,7 @@ async fn a_link_in_the_place_of_a_data_folder_is_refused_before_the_robot_is_cal
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn pipes_devices_and_folders_in_the_place_of_files_are_told_at_once() {
+async fn pipes_devices_and_folders_in_the_place_of_files_are_reported_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     for name in ["pipe.lua", "pipe_test.lua", "pipe.yaml", "pipe.jpg"] {
@@ -192,7 +192,7 @@ async fn pipes_devices_and_folders_in_the_place_of_files_are_told_at_once() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn yaml_that_nests_without_end_is_refused_soon() {
+async fn deeply_nested_yaml_is_refused_quickly() {
     let folder = tempfile::tempdir().unwrap();
     for (name, unit) in [
         ("braces", "{a: "),
@@ -217,7 +217,7 @@ async fn yaml_that_nests_without_end_is_refused_soon() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_scenario_reads_no_file_aloud() {
+async fn a_scenario_does_not_print_the_contents_of_other_files() {
     let folder = tempfile::tempdir().unwrap();
     symlink("/etc/passwd", folder.path().join("secret.lua")).unwrap();
     symlink("/etc/passwd", folder.path().join("secret.yaml")).unwrap();
@@ -238,7 +238,7 @@ async fn a_scenario_reads_no_file_aloud() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn no_text_of_a_file_moves_the_terminal_or_breaks_a_report() {
+async fn no_text_of_a_file_controls_the_terminal_or_breaks_a_report() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     let dirty = "\\27[2J\\u{9b}31m\\u{202e}<&\\u{ffff}";
@@ -271,7 +271,7 @@ async fn no_text_of_a_file_moves_the_terminal_or_breaks_a_report() {
     let mut reader = quick_xml::Reader::from_str(&report);
     let mut failures = 0;
     loop {
-        match reader.read_event().expect("well-formed") {
+        match reader.read_event().expect("not well-formed") {
             quick_xml::events::Event::Eof => break,
             quick_xml::events::Event::Start(element) => {
                 failures += usize::from(element.name().as_ref() == b"failure");
@@ -285,7 +285,7 @@ async fn no_text_of_a_file_moves_the_terminal_or_breaks_a_report() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_script_cannot_write_log_lines_of_another() {
+async fn a_script_cannot_forge_log_lines() {
     let rig = Rig::quiet().await;
     let mut run = rig.run("log.warn('hi behaviour=\"other\" line=1\\nWARN forged')");
     assert_eq!(run.code().await, Some(0), "{}", run.text());
@@ -305,7 +305,7 @@ async fn a_script_cannot_write_log_lines_of_another() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_robot_that_says_the_same_without_end_does_not_fill_the_log() {
+async fn a_robot_that_repeats_a_message_endlessly_does_not_fill_the_log() {
     let rig = Rig::quiet().await;
     let mut run = rig.run("robot.wait_for('sound_finished')");
     rig.heard(0, |command| *command == Command::STOP).await;
@@ -314,7 +314,8 @@ async fn a_robot_that_says_the_same_without_end_does_not_fill_the_log() {
         rig.sim
             .inject(Report::Engine(EngineReport::Unknown(200 + code as u8 % 3)));
     }
-    // What a script hears is bounded: the flood may have taken the place of the first of these.
+    // The event queue of a script is bounded, so the flood may have displaced the first of these
+    // reports.
     while run.lives() {
         rig.sim.inject(Report::SoundFinished);
         tokio::time::sleep(std::time::Duration::from_millis(50)).await;
@@ -328,7 +329,7 @@ async fn a_robot_that_says_the_same_without_end_does_not_fill_the_log() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_hundred_thousand_typos_are_counted_and_the_first_are_told() {
+async fn a_hundred_thousand_typos_are_counted_and_the_first_are_listed() {
     let folder = tempfile::tempdir().unwrap();
     for file in 0..5 {
         let text: String = (0..20_000).map(|line| format!("x{line}()\n")).collect();

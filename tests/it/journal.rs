@@ -1,5 +1,5 @@
-//! The journal of real runs: what it has after kills, slow disks and wrong folders, and what `spykee
-//! history` tells of it.
+//! The journal of real runs: its contents after kills, with slow disks and wrong folders, and the
+//! output of `spykee history`.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -21,7 +21,7 @@ fn file(rig: &Rig) -> PathBuf {
     rig.folder().join("data/.journal/journal.db")
 }
 
-/// One that is there.
+/// Opens the journal, which must exist.
 fn open(rig: &Rig) -> rusqlite::Result<Connection> {
     Connection::open_with_flags(file(rig), OpenFlags::SQLITE_OPEN_READ_WRITE)
 }
@@ -31,7 +31,7 @@ fn number(connection: &Connection, query: &str) -> i64 {
     number.unwrap_or_default().unwrap_or(0)
 }
 
-/// Waits until the journal answers a query with a number other than 0.
+/// Repeats a query until its result is not 0.
 async fn written(rig: &Rig, query: &str) -> i64 {
     let until = Instant::now() + WAIT_LIMIT;
     while Instant::now() < until {
@@ -43,7 +43,7 @@ async fn written(rig: &Rig, query: &str) -> i64 {
         }
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
-    panic!("not written: {query}");
+    panic!("the journal has no result for {query}");
 }
 
 async fn history(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
@@ -55,14 +55,14 @@ async fn history(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn killed_at_any_moment_the_journal_is_whole_and_lacks_at_most_the_last_second() {
-    // scripts/kill-journal has a hundred of them.
+    // `scripts/kill-journal` kills a hundred runs.
     let kills: u64 = std::env::var("SPYKEE_JOURNAL_KILLS").map_or(12, |text| text.parse().unwrap());
     let rig = Rig::quiet().await;
     let ticks = "local n = 0 while true do n += 1 journal.add('tick', {n = n}) print('tick ' .. n) task.wait(0.02) end";
     for kill in 0..kills {
         let mut run = start(&rig, ticks);
         run.says("tick 5").await;
-        // Spread over more than a second, in no order.
+        // Spread over more than a second, in irregular order.
         let pause = (kill * 7919) % 1300;
         tokio::time::sleep(Duration::from_millis(pause)).await;
         run.signal(Signal::KILL);
@@ -72,7 +72,7 @@ async fn killed_at_any_moment_the_journal_is_whole_and_lacks_at_most_the_last_se
             .lines()
             .filter(|line| line.contains("tick "))
             .count() as i64;
-        // Killed before its first write there is nothing of it, or no file at all.
+        // A run that is killed before its first write leaves no entries, or no file at all.
         let kept = open(&rig).map_or(0, |connection| {
             let check: String = connection
                 .query_row("PRAGMA integrity_check", [], |row| row.get(0))
@@ -99,7 +99,7 @@ async fn killed_at_any_moment_the_journal_is_whole_and_lacks_at_most_the_last_se
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn while_the_disk_takes_nothing_the_robot_is_driven_and_later_nothing_is_missing() {
+async fn a_stalled_disk_does_not_affect_driving_and_no_entry_is_lost() {
     let rig = Rig::quiet().await;
     let lights = "journal.add('before')
         for n = 1, 200 do journal.add('tick', {n = n}) robot.led('left', n % 2 == 1) task.wait(0.05) end";
@@ -127,7 +127,7 @@ async fn while_the_disk_takes_nothing_the_robot_is_driven_and_later_nothing_is_m
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_journal_that_cannot_be_written_is_said_and_is_written_when_it_can_be() {
+async fn an_unwritable_journal_is_reported_and_written_as_soon_as_possible() {
     let rig = Rig::quiet().await;
     std::fs::create_dir(rig.folder().join("data")).unwrap();
     let wall = rig.file("data/.journal", "in the way");
@@ -149,7 +149,7 @@ async fn a_journal_that_cannot_be_written_is_said_and_is_written_when_it_can_be(
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn history_tells_of_runs_entries_pictures_and_the_battery() {
+async fn history_shows_runs_entries_pictures_and_the_battery() {
     let rig = Rig::quiet().await;
     let script = "journal.add('moved', {energy = 3.5})
         print(robot.wait_frame(20):save('seen'))
@@ -194,7 +194,7 @@ async fn history_tells_of_runs_entries_pictures_and_the_battery() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn history_tells_of_docks_and_alarms_with_their_reasons() {
+async fn history_shows_docks_and_alarms_with_their_reasons() {
     let firmware = spykee::sim::Firmware {
         search_limit: Duration::from_millis(300),
         ..Default::default()
@@ -233,7 +233,7 @@ async fn history_tells_of_docks_and_alarms_with_their_reasons() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn without_a_journal_history_says_how_to_keep_one() {
+async fn without_a_journal_history_explains_how_to_keep_one() {
     let rig = Rig::quiet().await;
     rig.file("spykee.yaml", "data: data\n");
     let (code, text) = history(&rig, &[]).await;

@@ -1,4 +1,4 @@
-//! Field of view and distortion: measured from pictures of a chessboard by the real program.
+//! Field of view and distortion, measured from pictures of a chessboard by the real program.
 
 use image::{GrayImage, Luma};
 use spykee::sim::{Firmware, Pose, Robot, World};
@@ -6,7 +6,7 @@ use spykee::wire::{Command, Report, Stream};
 
 use crate::rig::Rig;
 
-/// A camera with a lens that bends the picture, written down apart from the program's own.
+/// A camera whose lens distorts the picture; implemented independently of the program.
 struct Lens {
     focal: f64,
     k1: f64,
@@ -14,7 +14,7 @@ struct Lens {
 }
 
 impl Lens {
-    /// What is seen at a pixel, to the right and down for each length ahead.
+    /// The direction of the ray through a pixel, to the right and down per unit ahead.
     fn slopes(&self, x: f64, y: f64) -> (f64, f64) {
         let (u, v) = ((x - 159.5) / self.focal, (y - 119.5) / self.focal);
         let bent = u.hypot(v);
@@ -28,7 +28,8 @@ impl Lens {
     }
 }
 
-/// A board of 10x7 fields of 3 cm with a white border: its middle, and how it is tilted.
+/// A board of 10x7 fields of 3 cm with a white border: the position of its centre, and its
+/// rotation.
 #[derive(Clone, Copy)]
 struct Board {
     middle: [f64; 3],
@@ -38,7 +39,7 @@ struct Board {
 }
 
 impl Board {
-    /// Its own right, down and forth in the camera's.
+    /// The board's axes (right, down, forward) in the camera's coordinates.
     fn axes(&self) -> [[f64; 3]; 3] {
         let turn = |v: [f64; 3]| {
             let (s, c) = self.about_z.sin_cos();
@@ -55,7 +56,7 @@ impl Board {
         ]
     }
 
-    /// How bright it is where a ray meets it.
+    /// The brightness of the board where a ray meets it.
     fn brightness(&self, (right, down): (f64, f64)) -> f64 {
         let [x, y, z] = self.axes();
         let ray = [right, down, 1.0];
@@ -76,7 +77,7 @@ impl Board {
     }
 }
 
-/// A picture as the robot's camera takes it: soft, with grain, compressed.
+/// A picture as the robot's camera takes it: slightly blurred, noisy, compressed.
 fn picture(lens: &Lens, board: Board, seed: u32) -> Vec<u8> {
     let mut noise = seed;
     let image = GrayImage::from_fn(320, 240, |x, y| {
@@ -120,7 +121,7 @@ fn boards() -> Vec<Board> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn pictures_of_a_chessboard_tell_field_of_view_and_distortion() {
+async fn field_of_view_and_distortion_are_measured_from_pictures_of_a_chessboard() {
     let rig = Rig::quiet().await;
     for (focal, k1, k2) in [(381.0, -0.25, 0.08), (300.0, 0.1, 0.0)] {
         let lens = Lens { focal, k1, k2 };
@@ -169,7 +170,7 @@ async fn pictures_of_a_chessboard_tell_field_of_view_and_distortion() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn pictures_that_tell_nothing_are_refused_with_what_to_do() {
+async fn useless_pictures_are_refused_with_advice() {
     let rig = Rig::quiet().await;
     let lens = Lens {
         focal: 381.0,
@@ -198,7 +199,7 @@ async fn pictures_that_tell_nothing_are_refused_with_what_to_do() {
     }
 }
 
-/// A picture of the station by the simulated camera, so far from its lens.
+/// A picture of the station by the simulated camera, from this distance.
 fn of_the_station(distance: f64) -> Vec<u8> {
     let yaml = "room: { width: 6, depth: 4 }\nstation: { at: [0, 2], heading_degrees: 0 }\nstart: { at: [3, 2], heading_degrees: 180 }\n";
     let world = World::from_yaml(yaml, "test").unwrap();
@@ -208,7 +209,7 @@ fn of_the_station(distance: f64) -> Vec<u8> {
         stream: Stream::Video,
         on: true,
     });
-    // The station's front is 0.1 m before the wall, the lens 0.1 m before the robot's middle.
+    // The station's front is 0.1 m before the wall, the lens 0.1 m before the robot's centre.
     robot.place(Pose::new(0.2 + distance, 2.0, std::f64::consts::PI));
     let mut frame = Vec::new();
     for _ in 0..30 {
@@ -223,7 +224,7 @@ fn of_the_station(distance: f64) -> Vec<u8> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn pictures_of_the_station_from_known_distances_tell_the_field_of_view() {
+async fn the_field_of_view_is_measured_from_pictures_of_the_station_at_known_distances() {
     let rig = Rig::quiet().await;
     let names = ["a.jpg", "b.jpg", "c.jpg"];
     for (name, distance) in names.iter().zip([1.0, 1.5, 2.0]) {

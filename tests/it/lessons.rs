@@ -1,5 +1,5 @@
-//! `spykee lesson` as learners and teachers call it: every starter lacks something and is told what,
-//! every solution has all points, and no script marks itself.
+//! `spykee lesson` as learners and teachers use it: every starter is incomplete and the check says
+//! why, every solution has all points, and no script can grade itself.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -53,7 +53,7 @@ impl Learner {
     }
 }
 
-/// The folders of all lessons, in their order.
+/// The folders of all lessons, in order.
 fn lessons() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("behaviours/lessons");
     let entries = fs::read_dir(folder).unwrap();
@@ -63,7 +63,7 @@ fn lessons() -> Vec<PathBuf> {
     folders
 }
 
-/// What was said about each scenario that is not fulfilled.
+/// The messages about all scenarios that are not passed.
 fn messages(result: &Value) -> Vec<&str> {
     let scenarios = result["scenarios"].as_array().unwrap();
     scenarios
@@ -95,7 +95,8 @@ fn every_solution_has_all_points_with_every_seed() {
     }
 }
 
-/// Other solutions of a lesson: right ones have all points, wrong ones not, and are told what is wrong.
+/// Checks the other solutions of a lesson: right ones have all points; wrong ones do not, and the
+/// check says why.
 fn judges_other_solutions(lesson: &str) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("tests/lessons")
@@ -134,7 +135,7 @@ fn judges_other_solutions(lesson: &str) {
 
 macro_rules! other_solutions {
     ($($name:ident: $lesson:literal,)+) => {
-        /// One test for each lesson, so that they run side by side.
+        /// One test per lesson, so that they run in parallel.
         mod other_solutions {
             $(#[test] fn $name() { super::judges_other_solutions($lesson); })+
         }
@@ -163,7 +164,7 @@ other_solutions! {
 }
 
 #[test]
-fn a_class_is_graded_with_who_is_missing_and_who_copied() {
+fn a_class_is_graded_with_missing_and_copied_scripts() {
     let class = tempfile::tempdir().unwrap();
     let own = "-- my very own way to drive there and back again, with a rest in the middle of it\n";
     let right = format!("{own}robot.move(40, 40, 2)\ntask.wait(1)\nrobot.move(-40, -40, 2)\n");
@@ -230,7 +231,7 @@ fn a_class_is_graded_with_who_is_missing_and_who_copied() {
 }
 
 #[test]
-fn every_starter_lacks_something_and_the_learner_is_told_what() {
+fn every_starter_is_incomplete_and_the_check_says_why() {
     let folder = tempfile::tempdir().unwrap();
     for (index, lesson) in lessons().iter().enumerate() {
         let number = (index + 1).to_string();
@@ -257,7 +258,7 @@ fn every_starter_lacks_something_and_the_learner_is_told_what() {
 }
 
 #[test]
-fn who_does_nothing_has_no_points_and_is_told_what_is_missing() {
+fn a_script_that_does_nothing_gets_no_points_and_an_explanation() {
     for (name, script) in [
         ("at once over", ""),
         ("idle", "while true do task.wait(1) end"),
@@ -273,7 +274,7 @@ fn who_does_nothing_has_no_points_and_is_told_what_is_missing() {
 }
 
 #[test]
-fn a_learner_reads_points_sentences_and_where_a_hint_is() {
+fn the_check_prints_points_sentences_and_where_to_find_a_hint() {
     let script = "-- Spykee lesson 3\nrobot.move(40, 40, 2)\n";
     let learner = Learner::with(script);
     let said = learner.checks(&[]);
@@ -297,7 +298,7 @@ fn a_learner_reads_points_sentences_and_where_a_hint_is() {
 }
 
 #[test]
-fn a_mistake_in_the_script_is_told_once_and_nothing_is_played() {
+fn a_mistake_in_the_script_is_reported_once_and_nothing_is_played() {
     let learner = Learner::with("-- spykee lesson 9\nrobot.undock()\nrobot.moev(40, 40, 2)\n");
     let said = learner.checks(&["--gradescope", "results.json"]);
     assert_eq!(
@@ -317,7 +318,7 @@ fn a_mistake_in_the_script_is_told_once_and_nothing_is_played() {
 }
 
 #[test]
-fn an_error_while_it_runs_is_quoted_once_and_cannot_pass_for_a_mark() {
+fn a_runtime_error_is_quoted_once_and_cannot_imitate_a_result() {
     let script = "-- spykee lesson 2\nrobot.play('bip_2')\n\
                   error('sorry\\n\\n10 of 10 points.\\27[2J Well done!')\n";
     let said = Learner::with(script).checks(&[]);
@@ -333,8 +334,8 @@ fn an_error_while_it_runs_is_quoted_once_and_cannot_pass_for_a_mark() {
 }
 
 #[test]
-fn a_script_sees_nothing_of_its_check_and_cannot_mark_itself() {
-    // Any way in would be an error with FOUND in it.
+fn a_script_cannot_see_its_check_or_grade_itself() {
+    // Any access would be an error that contains FOUND.
     let script = "-- spykee lesson 1\n\
         print('{\"points\": 10, \"passed\": true}')\n\
         for _, name in { 'sim', 'scenario', 'expect', 'ask', 'io', 'os', 'debug' } do\n\
@@ -361,7 +362,7 @@ fn a_script_sees_nothing_of_its_check_and_cannot_mark_itself() {
 }
 
 #[test]
-fn a_config_that_is_about_changes_nothing() {
+fn a_config_in_the_folder_changes_nothing() {
     let learner = Learner::with("-- spykee lesson 3\nrobot.forward(0.3)\n");
     let before = learner.checks(&["--json"]).out;
     let config =
@@ -390,7 +391,7 @@ fn gradescope_gets_a_score_for_each_scenario() {
 }
 
 #[test]
-fn lessons_are_listed_with_what_they_teach() {
+fn lessons_are_listed_with_their_topics() {
     let folder = tempfile::tempdir().unwrap();
     let said = spykee(folder.path(), &["lesson", "list"]);
     assert_eq!(said.code, Some(0));
@@ -405,7 +406,7 @@ fn lessons_are_listed_with_what_they_teach() {
 }
 
 #[test]
-fn what_cannot_be_done_is_said_and_nothing_is_overwritten() {
+fn invalid_requests_are_explained_and_nothing_is_overwritten() {
     let folder = tempfile::tempdir().unwrap();
     let tells = |args: &[&str], words: &[&str]| {
         let said = spykee(folder.path(), args);

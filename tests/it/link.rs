@@ -1,4 +1,5 @@
-//! The link against peers that speak raw bytes: what `PROTOCOL.md` says, not what our encoder says.
+//! The link against peers that speak raw bytes: the bytes of `PROTOCOL.md`, not those of our
+//! encoder.
 
 mod discovery;
 mod simulator;
@@ -41,7 +42,7 @@ fn nowhere() -> SocketAddr {
     SocketAddr::from(([0, 0, 0, 0], 0))
 }
 
-/// Logs in over an in-memory pipe to a robot that answers `answers` and stays.
+/// Logs in over an in-memory pipe to a robot that sends `answers` and stays connected.
 async fn open_to(answers: &[u8], options: &Options) -> (Result<Session, LinkError>, DuplexStream) {
     let (ours, mut robot) = duplex(1 << 20);
     robot.write_all(answers).await.unwrap();
@@ -50,19 +51,17 @@ async fn open_to(answers: &[u8], options: &Options) -> (Result<Session, LinkErro
     (session, robot)
 }
 
-/// As [`open_to`], for robots that accept; what they heard is the login and a stop.
+/// Like [`open_to`], for robots that accept; checks that they received the login and a stop.
 async fn opened(answers: &[u8]) -> (Session, DuplexStream) {
     let (session, mut robot) = open_to(answers, &Options::default()).await;
     expect(&mut robot, &[LOGIN, STOP].concat()).await;
     (session.unwrap(), robot)
 }
 
-/// What never comes fails the test instead of hanging it.
+/// A future that never completes fails the test instead of hanging it.
 async fn within_limit<T>(wanted: impl Future<Output = T>) -> T {
     let limit = Duration::from_secs(60);
-    tokio::time::timeout(limit, wanted)
-        .await
-        .expect("waited in vain")
+    tokio::time::timeout(limit, wanted).await.expect("timeout")
 }
 
 async fn expect(robot: &mut (impl AsyncReadExt + Unpin), bytes: &[u8]) {
@@ -77,7 +76,7 @@ async fn listen() -> (TcpListener, Target) {
     (listener, target)
 }
 
-/// A robot on loopback that hears the login, answers, and returns the socket.
+/// A robot on loopback that reads the login, answers, and returns the socket.
 async fn answer(listener: TcpListener, answers: &'static [u8]) -> TcpStream {
     let (mut robot, _) = listener.accept().await.unwrap();
     expect(&mut robot, LOGIN).await;
@@ -86,7 +85,7 @@ async fn answer(listener: TcpListener, answers: &'static [u8]) -> TcpStream {
 }
 
 #[tokio::test]
-async fn nothing_is_said_before_power_and_the_first_command_is_a_stop() {
+async fn nothing_is_sent_before_power_and_the_first_command_is_a_stop() {
     let (listener, target) = listen().await;
     let connecting =
         tokio::spawn(
@@ -117,7 +116,7 @@ async fn nothing_is_said_before_power_and_the_first_command_is_a_stop() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_level_beyond_a_hundred_is_no_power_and_the_login_waits_on_for_a_good_one() {
+async fn a_level_above_a_hundred_is_ignored_and_the_login_waits_for_a_valid_one() {
     for garbage in [101u8, 127, 128, 155] {
         let power = [&[0x50, 0x4B, 3, 0, 1, garbage][..], POWER_80].concat();
         let (session, _robot) = open_to(&[ACCEPTED, &power].concat(), &Options::default()).await;
@@ -128,7 +127,7 @@ async fn a_level_beyond_a_hundred_is_no_power_and_the_login_waits_on_for_a_good_
 }
 
 #[tokio::test]
-async fn answers_may_come_byte_by_byte() {
+async fn answers_may_arrive_byte_by_byte() {
     let (ours, mut robot) = duplex(1);
     let (reader, writer) = tokio::io::split(ours);
     let peer = tokio::spawn(async move {
@@ -149,13 +148,13 @@ async fn answers_may_come_byte_by_byte() {
 }
 
 #[tokio::test]
-async fn power_may_come_before_the_answer_to_the_login() {
+async fn power_may_arrive_before_the_answer_to_the_login() {
     let (session, _robot) = opened(&[POWER_80, ACCEPTED].concat()).await;
     assert_eq!(session.power.percent, 80);
 }
 
 #[tokio::test]
-async fn reports_between_login_and_power_are_kept_in_order_without_pictures() {
+async fn reports_between_login_and_power_are_kept_in_order_except_frames() {
     let video = b"PK\x02\x00\x02\xFF\xD8";
     let answers = [DOCKED, ACCEPTED, video, BASE_NOT_FOUND, POWER_80, DOCKED].concat();
     let (mut session, _robot) = opened(&answers).await;
@@ -166,14 +165,14 @@ async fn reports_between_login_and_power_are_kept_in_order_without_pictures() {
 }
 
 #[tokio::test]
-async fn early_reports_are_bounded() {
+async fn reports_kept_during_the_login_are_bounded() {
     let answers = [&DOCKED.repeat(5000)[..], ACCEPTED, POWER_80].concat();
     let (session, _robot) = opened(&answers).await;
     assert_eq!(session.early.len(), link::MAX_EARLY_REPORTS);
 }
 
 #[tokio::test]
-async fn a_wrong_password_is_named_final_and_never_shown() {
+async fn a_wrong_password_is_reported_as_final_and_never_shown() {
     let (listener, target) = listen().await;
     let robot = tokio::spawn(async move {
         let (mut robot, _) = listener.accept().await.unwrap();
@@ -194,7 +193,7 @@ async fn a_wrong_password_is_named_final_and_never_shown() {
 }
 
 #[tokio::test]
-async fn a_robot_in_use_is_asked_by_whom() {
+async fn discovery_names_the_user_of_a_robot_in_use() {
     let (listener, target) = listen().await;
     let discovery = UdpSocket::bind(listener.local_addr().unwrap())
         .await
@@ -221,7 +220,7 @@ async fn a_robot_in_use_is_asked_by_whom() {
 }
 
 #[tokio::test]
-async fn a_robot_in_use_that_does_not_tell_by_whom_is_still_in_use() {
+async fn a_robot_in_use_may_not_name_its_user() {
     let (listener, target) = listen().await;
     tokio::spawn(answer(listener, IN_USE));
     let error = link::connect(&target, &admin(), stop(), &Options::default())
@@ -231,13 +230,13 @@ async fn a_robot_in_use_that_does_not_tell_by_whom_is_still_in_use() {
 }
 
 #[tokio::test]
-async fn an_unlisted_refusal_keeps_its_number() {
+async fn an_unknown_refusal_keeps_its_number() {
     let (session, _robot) = open_to(b"PK\x0B\x00\x02\x00\x09", &Options::default()).await;
     assert!(matches!(session.unwrap_err(), LinkError::Refused(9)));
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_robot_that_never_answers_the_login_is_given_up() {
+async fn a_login_without_an_answer_times_out() {
     let (session, mut robot) = open_to(POWER_80, &Options::default()).await;
     let error = session.unwrap_err();
     assert!(matches!(error, LinkError::TimedOut { .. }), "{error}");
@@ -247,7 +246,7 @@ async fn a_robot_that_never_answers_the_login_is_given_up() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_login_without_power_is_given_up_with_the_last_words() {
+async fn a_login_without_power_times_out_with_the_last_words() {
     let (session, mut robot) = open_to(ACCEPTED, &Options::default()).await;
     let error = session.unwrap_err();
     assert!(matches!(error, LinkError::NoPower { .. }), "{error}");
@@ -261,7 +260,7 @@ async fn a_login_without_power_is_given_up_with_the_last_words() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn chatter_does_not_prolong_the_wait_for_the_login() {
+async fn other_messages_do_not_prolong_the_login_timeout() {
     let (ours, mut robot) = duplex(1 << 16);
     let (reader, writer) = tokio::io::split(ours);
     tokio::spawn(async move {
@@ -277,13 +276,13 @@ async fn chatter_does_not_prolong_the_wait_for_the_login() {
 }
 
 #[tokio::test]
-async fn what_is_no_spykee_ends_the_login_at_once() {
+async fn a_peer_that_is_not_a_spykee_ends_the_login_at_once() {
     let (session, _robot) = open_to(b"HTTP/1.1 400 Bad Request\r\n", &Options::default()).await;
     assert!(matches!(session.unwrap_err(), LinkError::Framing(_)));
 }
 
 #[tokio::test]
-async fn garbage_instead_of_a_header_ends_the_session_for_good() {
+async fn garbage_instead_of_a_header_ends_the_session_permanently() {
     let answers = [ACCEPTED, POWER_80, DOCKED, b"PX\x10\x00\x01\x02"].concat();
     let (mut session, mut robot) = opened(&answers).await;
     session.reader.next().await.unwrap();
@@ -299,7 +298,7 @@ async fn garbage_instead_of_a_header_ends_the_session_for_good() {
 }
 
 #[tokio::test]
-async fn a_robot_that_goes_within_a_message_has_closed() {
+async fn an_end_of_stream_within_a_message_counts_as_closed() {
     let answers = [ACCEPTED, POWER_80, &DOCKED[..4]].concat();
     let (mut session, robot) = opened(&answers).await;
     drop(robot);
@@ -314,7 +313,7 @@ async fn a_robot_that_goes_within_a_message_has_closed() {
 }
 
 #[tokio::test]
-async fn a_robot_that_resets_the_connection_has_closed() {
+async fn a_connection_reset_counts_as_closed() {
     let (listener, target) = listen().await;
     let robot = tokio::spawn(answer(listener, b""));
     let connecting =
@@ -333,7 +332,7 @@ async fn a_robot_that_resets_the_connection_has_closed() {
 }
 
 #[tokio::test]
-async fn nobody_listening_is_named_with_the_address() {
+async fn a_refused_connection_is_reported_with_the_address() {
     let (listener, target) = listen().await;
     drop(listener);
     let error = link::connect(&target, &admin(), stop(), &Options::default())
@@ -344,7 +343,7 @@ async fn nobody_listening_is_named_with_the_address() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_dropped_wait_for_a_report_loses_nothing() {
+async fn a_cancelled_wait_for_a_report_loses_nothing() {
     let (mut session, mut robot) = opened(&[ACCEPTED, POWER_80].concat()).await;
     for piece in DOCKED.chunks(1) {
         let wait = tokio::time::timeout(Duration::from_millis(1), session.reader.next()).await;
@@ -356,7 +355,7 @@ async fn a_dropped_wait_for_a_report_loses_nothing() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_flood_of_reports_leaves_timers_their_turn() {
+async fn a_flood_of_reports_does_not_starve_timers() {
     let answers = [ACCEPTED, POWER_80].concat();
     let (mut session, mut robot) = opened(&answers).await;
     let flood = tokio::spawn(async move {
@@ -386,7 +385,7 @@ async fn a_flood_of_reports_leaves_timers_their_turn() {
     flood.abort();
 }
 
-/// Bytes that begin like a robot's and go astray, or are astray from the start.
+/// Bytes that begin like a robot's and then become invalid, or are invalid from the start.
 fn astray(rng: &mut StdRng) -> Vec<u8> {
     let length = rng.random_range(0..60);
     let mut bytes: Vec<u8> = match rng.random_range(0..4) {

@@ -1,4 +1,4 @@
-//! The page and the API of a run, as a browser meets them, and what the robot hears.
+//! The page and the API of a run from the browser's side, and the commands that the robot receives.
 
 pub mod browser;
 
@@ -19,7 +19,7 @@ const IDLE: &str = "task.wait(600)";
 const DRIVE: &str = "while true do robot.move(30, 30, 0.5) end";
 const LOOK: &str = "robot.on('frame', function(f) f:find_blobs('red') end)";
 
-/// A run with a page, and where that is.
+/// Starts a run with a page; returns it with the page's address.
 pub async fn live(rig: &Rig, script: &str, more: &[&str]) -> (Run, String) {
     let path = rig.file("script.lua", script);
     let path = path.to_str().unwrap().to_owned();
@@ -46,7 +46,8 @@ async fn post(address: &str, path: &str, headers: &str, body: Value) -> (u16, St
     ask(address, &format!("POST {path}"), headers, &body.to_string()).await
 }
 
-/// Takes the wheel and drives until the robot has heard it; where in its journal that is.
+/// Takes the wheel and drives until the robot moves; returns the index of that motion in the
+/// journal.
 async fn drive_by_hand(rig: &Rig, page: &mut Page) -> usize {
     let from = rig.sim.heard_count();
     page.say("{\"type\":\"wheel\",\"take\":true}").await;
@@ -57,7 +58,7 @@ async fn drive_by_hand(rig: &Rig, page: &mut Page) -> usize {
     rig.heard_motion(from).await
 }
 
-/// From here on nothing moves the robot, for as long as a setpoint would live several times over.
+/// Checks that nothing moves the robot from here on, for several times the lifetime of a setpoint.
 async fn stays_still(rig: &Rig, from: usize) {
     sleep(Duration::from_millis(1200)).await;
     let moved = rig.commands(from).into_iter().find(moves);
@@ -65,7 +66,7 @@ async fn stays_still(rig: &Rig, from: usize) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn other_sites_and_other_names_for_our_address_are_turned_away() {
+async fn requests_from_other_sites_or_for_other_host_names_are_rejected() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, IDLE, &[]).await;
     let (status, body) = get(&at, "/api/status").await;
@@ -93,7 +94,7 @@ async fn other_sites_and_other_names_for_our_address_are_turned_away() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn off_loopback_nothing_is_served_without_a_password() {
+async fn without_a_password_nothing_is_served_beyond_loopback() {
     let rig = Rig::quiet().await;
     rig.file("script.lua", IDLE);
     let args = [
@@ -109,7 +110,7 @@ async fn off_loopback_nothing_is_served_without_a_password() {
     assert!(!rig.commands(0).iter().any(moves));
 }
 
-/// A token of this role.
+/// Creates a token with this role.
 async fn token(rig: &Rig, name: &str, role: &str) -> String {
     let mut made = rig.spykee(&["token", "new", name, "--role", role]);
     assert_eq!(made.code().await, Some(0), "{}", made.text());
@@ -121,7 +122,7 @@ async fn token(rig: &Rig, name: &str, role: &str) -> String {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn with_a_password_or_a_token_each_may_do_what_his_role_allows() {
+async fn each_password_and_token_has_the_rights_of_its_role() {
     let rig = Rig::quiet().await;
     let secret = rig.file("driver.password", "correct horse\n");
     std::fs::set_permissions(&secret, std::fs::Permissions::from_mode(0o600)).unwrap();
@@ -152,7 +153,7 @@ async fn with_a_password_or_a_token_each_may_do_what_his_role_allows() {
         on: true,
     };
     rig.heard(from, |command| *command == on).await;
-    // Whoever may look may stop.
+    // Everyone who may look may stop.
     let from = rig.sim.heard_count();
     assert_eq!(post(&at, "/api/stop", &viewer, json!({})).await.0, 200);
     rig.heard_stop(from).await;
@@ -161,7 +162,7 @@ async fn with_a_password_or_a_token_each_may_do_what_his_role_allows() {
     page.say("{\"type\":\"wheel\",\"take\":true}").await;
     page.until("notice", |notice| notice["key"] == "viewer_only")
         .await;
-    // A session by password, until it is logged out.
+    // A password session lasts until the logout.
     let (status, body) = post(
         &at,
         "/api/login",
@@ -185,7 +186,7 @@ async fn with_a_password_or_a_token_each_may_do_what_his_role_allows() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_page_that_is_gone_drives_no_more() {
+async fn a_closed_page_stops_driving() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, IDLE, &[]).await;
     let mut page = open(&at).await;
@@ -196,7 +197,7 @@ async fn a_page_that_is_gone_drives_no_more() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_setpoint_that_is_not_renewed_dies_and_the_next_one_drives_again() {
+async fn a_setpoint_that_is_not_renewed_expires_and_the_next_one_drives_again() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, IDLE, &[]).await;
     let mut page = open(&at).await;
@@ -213,7 +214,7 @@ async fn a_setpoint_that_is_not_renewed_dies_and_the_next_one_drives_again() {
     let again = rig.heard_motion(stopped).await;
     page.say("{\"type\":\"wheel\",\"take\":false}").await;
     rig.heard_stop(again).await;
-    // Whoever has not the wheel moves nothing.
+    // Without the wheel, a page moves nothing.
     let from = rig.sim.heard_count();
     page.say("{\"type\":\"drive\",\"left\":40,\"right\":40}")
         .await;
@@ -221,7 +222,7 @@ async fn a_setpoint_that_is_not_renewed_dies_and_the_next_one_drives_again() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn numbers_that_are_none_move_nothing() {
+async fn invalid_numbers_move_nothing() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, IDLE, &[]).await;
     let mut page = open(&at).await;
@@ -254,7 +255,7 @@ async fn the_robot_stops_when_the_program_that_serves_the_page_hangs_or_is_kille
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn one_drives_and_the_others_see_who() {
+async fn one_page_drives_and_the_others_see_who() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, IDLE, &[]).await;
     let (mut anna, mut ben) = (open(&at).await, open(&at).await);
@@ -273,7 +274,7 @@ async fn one_drives_and_the_others_see_who() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn stop_holds_whatever_drives_until_somebody_lets_go() {
+async fn stop_blocks_all_motion_until_it_is_released() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, DRIVE, &[]).await;
     let mut page = open(&at).await;
@@ -286,7 +287,7 @@ async fn stop_holds_whatever_drives_until_somebody_lets_go() {
     page.say("{\"type\":\"wheel\",\"take\":true}").await;
     page.until("notice", |notice| notice["key"] == "wheel_halted")
         .await;
-    // It holds without any page, too.
+    // It also holds while no page is open.
     drop(page);
     let from = rig.sim.heard_count();
     stays_still(&rig, from).await;
@@ -295,7 +296,7 @@ async fn stop_holds_whatever_drives_until_somebody_lets_go() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn stop_beats_the_watchdog_that_sends_a_low_robot_home_also_at_the_end() {
+async fn stop_overrides_the_watchdog_that_sends_a_low_robot_home_even_at_the_end() {
     let rig = Rig::quiet().await;
     rig.sim.hide_station(true);
     let (mut run, at) = live(&rig, IDLE, &[]).await;
@@ -314,7 +315,9 @@ async fn stop_beats_the_watchdog_that_sends_a_low_robot_home_also_at_the_end() {
     let resting = rig
         .sim
         .wait_state(|state| !state.searching && !state.moving());
-    timeout(WAIT_LIMIT, resting).await.expect("it rests");
+    timeout(WAIT_LIMIT, resting)
+        .await
+        .expect("the tracks do not rest");
     assert_eq!(post(&at, "/api/let-go", "", json!({})).await.0, 200);
     let home = rig.heard_dock(stopped).await;
     assert_eq!(post(&at, "/api/stop", "", json!({})).await.0, 200);
@@ -335,7 +338,7 @@ async fn behaviours_are_ended_and_started_and_their_scripts_are_shown() {
     let answer = page.until("answer", |answer| answer["id"] == 7).await;
     assert_eq!(answer["ok"], true, "{answer}");
     page.until("behaviours", state("idle")).await;
-    // A page that opens now is told the same, whichever message comes first.
+    // A page that opens now receives the same state, in whatever order the messages arrive.
     for _ in 0..10 {
         let mut page = open(&at).await;
         page.until("behaviours", state("idle")).await;
@@ -392,7 +395,7 @@ async fn a_live_parameter_changes_within_its_bounds_while_the_script_drives() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_run_without_journal_and_timetable_says_so_and_no_path_leads_out_of_its_pictures() {
+async fn without_journal_and_timetable_the_run_says_so_and_no_path_leaves_the_picture_folder() {
     let rig = Rig::quiet().await;
     rig.file("secret.jpg", "not for everybody");
     let (_run, at) = live(&rig, IDLE, &[]).await;
@@ -441,13 +444,13 @@ async fn frames_findings_and_log_reach_the_page() {
             }
         }
     };
-    timeout(WAIT_LIMIT, seen).await.expect("frames");
+    timeout(WAIT_LIMIT, seen).await.expect("no frames");
     page.until("found", |found| found["behaviour"] == "script")
         .await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn viewers_are_bounded_and_one_who_never_reads_is_hung_up_on() {
+async fn the_number_of_viewers_is_limited_and_one_that_never_reads_is_disconnected() {
     let rig = Rig::quiet().await;
     rig.file("spykee.yaml", "live: { viewers: 2 }\n");
     let drive = "robot.move(30, 30) task.wait(600)";
@@ -470,13 +473,13 @@ async fn viewers_are_bounded_and_one_who_never_reads_is_hung_up_on() {
                 }
                 Heard::Text(state) if state["viewers"] == 1 => return,
                 Heard::Text(_) => {}
-                Heard::Closed => panic!("the good one is closed"),
+                Heard::Closed => panic!("the good connection is closed"),
             }
         }
     };
     timeout(WAIT_LIMIT, alone)
         .await
-        .expect("the slow one is hung up on");
+        .expect("the slow viewer is not disconnected");
     assert!(frames > 20, "{frames}");
     assert!(!rig.commands(from).contains(&Command::STOP));
     assert!(Page::open(&at, "").await.is_ok());
@@ -484,7 +487,7 @@ async fn viewers_are_bounded_and_one_who_never_reads_is_hung_up_on() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn nonsense_ends_its_own_connection_and_nothing_else() {
+async fn invalid_messages_end_only_their_own_connection() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, "robot.move(30, 30) task.wait(600)", &[]).await;
     rig.heard_motion(0).await;
@@ -521,7 +524,7 @@ async fn nonsense_ends_its_own_connection_and_nothing_else() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn figures_and_the_description_of_the_api_are_there() {
+async fn metrics_and_the_description_of_the_api_are_served() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, IDLE, &[]).await;
     let (status, figures) = get(&at, "/metrics").await;
@@ -541,7 +544,7 @@ async fn figures_and_the_description_of_the_api_are_there() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(8))]
     #[test]
-    fn no_bytes_on_the_websocket_hurt_the_run(
+    fn no_bytes_on_the_websocket_harm_the_run(
         frames in prop::collection::vec((any::<u8>(), prop::collection::vec(any::<u8>(), 0..300)), 1..20)
     ) {
         let runtime = tokio::runtime::Runtime::new().unwrap();

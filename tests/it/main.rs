@@ -1,4 +1,4 @@
-//! Integration tests, one binary.
+//! All integration tests, in one binary.
 #![allow(clippy::unwrap_used, clippy::expect_used, unreachable_pub)]
 
 mod behaviours;

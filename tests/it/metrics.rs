@@ -1,5 +1,5 @@
-//! Figures for Prometheus: by a strict reading of the text format, and by Prometheus's own tool where that is
-//! installed.
+//! The metrics for Prometheus, checked by a strict parser of the text format, and by `promtool`
+//! where it is installed.
 
 mod exposition;
 
@@ -12,7 +12,8 @@ use self::exposition::{Family, read};
 use crate::live::{get, live};
 use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT};
 
-/// The figures of a robot that has been driven by its camera, sent home, and taken by the watchdog.
+/// The metrics of a robot that was driven by its camera, sent home by a person, and then by the
+/// watchdog.
 async fn figures() -> (Rig, Run, String) {
     let world = QUIET_WORLD.replace("start: { at: [4, 4], heading_degrees: 90 }\n", "");
     let rig = Rig::new(&world, spykee::sim::Firmware::default()).await;
@@ -26,7 +27,7 @@ async fn figures() -> (Rig, Run, String) {
             assert_eq!(status, 200, "{text}");
             let has = |what: &str| text.contains(what);
             if !has("spykee_frame_to_move_seconds_count 0\n") {
-                // It is driven by its camera.
+                // The script answers a frame with a motion.
                 rig.sim.set_battery(10.0);
             }
             if has("spykee_safety_acts_total{") && has("spykee_docks_total{") && has("ends_total{")
@@ -38,12 +39,12 @@ async fn figures() -> (Rig, Run, String) {
     };
     let text = timeout(WAIT_LIMIT, all)
         .await
-        .expect("all figures are there");
+        .expect("some metrics are missing");
     (rig, run, text)
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_figures_are_what_prometheus_reads() {
+async fn the_metrics_are_valid_openmetrics() {
     let (_rig, _run, text) = figures().await;
     let families = read(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
     let family = |name: &str| {
@@ -92,8 +93,8 @@ async fn the_figures_are_what_prometheus_reads() {
     );
 }
 
-/// In Prometheus's older format, which `promtool` reads: there a counter's name ends with `_total` in the
-/// lines about it, too.
+/// Converts to Prometheus's older format, which `promtool` reads: there, the `HELP` and `TYPE`
+/// lines of a counter also have its name with `_total`.
 fn in_the_older_format(figures: &str) -> String {
     let counters: Vec<&str> = figures
         .lines()
@@ -117,7 +118,7 @@ fn in_the_older_format(figures: &str) -> String {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn promtool_has_nothing_to_say_against_the_figures() {
+async fn promtool_accepts_the_metrics() {
     let started = Command::new("promtool")
         .args(["check", "metrics"])
         .stdin(Stdio::piped())
@@ -125,7 +126,7 @@ async fn promtool_has_nothing_to_say_against_the_figures() {
         .stderr(Stdio::piped())
         .spawn();
     let Ok(mut promtool) = started else {
-        // Debian has it with all of Prometheus only: 96 MB and a service.
+        // Debian packages it only with all of Prometheus: 96 MB and a service.
         eprintln!("skipped: promtool is not installed (Debian's package prometheus)");
         return;
     };

@@ -1,4 +1,4 @@
-//! Two days of a service in virtual time, with troubles; `scripts/month` has thirty.
+//! Two days of a service in virtual time, with faults; `scripts/month` plays thirty.
 
 use crate::rig::in_a_process_of_its_own;
 
@@ -6,13 +6,13 @@ use crate::rig::in_a_process_of_its_own;
 mod days;
 
 #[test]
-fn two_days_alone_with_troubles_are_in_the_history_as_they_were() {
-    in_a_process_of_its_own("month::two_days_alone_with_troubles");
+fn the_history_of_two_days_with_faults_matches_the_simulators_record() {
+    in_a_process_of_its_own("month::two_days_with_faults");
 }
 
 #[test]
 #[ignore = "the test above runs it"]
-fn two_days_alone_with_troubles() {
+fn two_days_with_faults() {
     let folder = tempfile::tempdir().unwrap();
     let more = std::env::var("SPYKEE_MONTH_DAYS");
     let days = more.map_or(2, |days| days.parse().unwrap());

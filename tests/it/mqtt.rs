@@ -1,5 +1,5 @@
-//! Agents at a real broker: mosquitto, where it is installed. Without it these tests are skipped and
-//! say so.
+//! Agents at a real broker: mosquitto, if it is installed. Without it these tests are skipped with
+//! a message.
 
 mod access;
 mod broker;
@@ -16,7 +16,7 @@ use spykee::sim::{Options, World};
 use spykee::wire::{Command, Sound};
 
 pub use self::broker::Broker;
-use self::broker::Ear;
+use self::broker::Subscriber;
 use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT};
 
 async fn robot(uid: &str) -> Rig {
@@ -43,13 +43,13 @@ fn start(rig: &Rig, broker: &Broker, script: &str) -> Run {
 const A: &str = "SPYKEE0001";
 
 #[tokio::test(flavor = "multi_thread")]
-async fn home_assistant_hears_the_state_and_sends_the_robot_home() {
+async fn home_assistant_receives_the_state_and_sends_the_robot_home() {
     let Some(broker) = Broker::start() else {
         return;
     };
-    let (rig, ear) = (robot(A).await, Ear::at(&broker).await);
+    let (rig, ear) = (robot(A).await, Subscriber::at(&broker).await);
     let mut run = start(&rig, &broker, IDLE);
-    ear.hears_word(0, "spykee/SPYKEE0001/connection", "ONLINE")
+    ear.waits_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
         .await;
     let config = ear
         .hears(0, "homeassistant/device/SPYKEE0001/config", |_| true)
@@ -58,7 +58,7 @@ async fn home_assistant_hears_the_state_and_sends_the_robot_home() {
     let options = &config["components"]["behaviour"]["options"];
     assert_eq!(*options, serde_json::json!(["patrol", "other"]));
     let running = |state: &Value| state["running"].as_array().unwrap().len() == 2;
-    let state = ear.hears_state(0, A, running).await;
+    let state = ear.waits_for_state(0, A, running).await;
     assert_eq!(state["problem"], false, "{state}");
     assert_eq!(state["battery"], 90, "{state}");
     let from = ear.len();
@@ -75,24 +75,24 @@ async fn home_assistant_hears_the_state_and_sends_the_robot_home() {
     ear.say("spykee/SPYKEE0001/command", "return_to_base", false)
         .await;
     rig.heard_dock(0).await;
-    ear.hears_state(from, A, |state| state["state"] == "returning")
+    ear.waits_for_state(from, A, |state| state["state"] == "returning")
         .await;
     let from = ear.len();
     run.signal(Signal::TERM);
     run.code().await;
-    ear.hears_word(from, "spykee/SPYKEE0001/connection", "OFFLINE")
+    ear.waits_for_text(from, "spykee/SPYKEE0001/connection", "OFFLINE")
         .await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_order_that_the_broker_kept_does_nothing_and_none_runs_twice_when_it_restarts() {
+async fn retained_orders_are_ignored_and_no_order_runs_twice_when_the_broker_restarts() {
     let Some(mut broker) = Broker::start() else {
         return;
     };
-    let (rig, ear) = (robot(A).await, Ear::at(&broker).await);
+    let (rig, ear) = (robot(A).await, Subscriber::at(&broker).await);
     ear.say("spykee/SPYKEE0001/command", "return_to_base", true)
         .await;
-    ear.hears_word(0, "spykee/SPYKEE0001/command", "return_to_base")
+    ear.waits_for_text(0, "spykee/SPYKEE0001/command", "return_to_base")
         .await;
     let run = start(&rig, &broker, IDLE);
     run.says("an order that the broker has kept is ignored")
@@ -100,13 +100,13 @@ async fn an_order_that_the_broker_kept_does_nothing_and_none_runs_twice_when_it_
     ear.say("spykee/SPYKEE0001/command", "locate", false).await;
     let laser = |one: &Command| *one == Command::Play(Sound::Laser);
     rig.heard(0, laser).await;
-    ear.hears_word(0, "spykee/SPYKEE0001/connection", "ONLINE")
+    ear.waits_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
         .await;
     let from = ear.len();
     broker.restart();
-    // What it is told anew on the new line.
+    // The state that is published again after the reconnect.
     ear.hears(from, "spykee/SPYKEE0001/state", |_| true).await;
-    // An agent that hears this has heard all before it.
+    // When the agent receives this order, it has processed all messages before it.
     let ordered = async {
         loop {
             ear.say("spykee/SPYKEE0001/command", "stop", false).await;
@@ -124,7 +124,7 @@ async fn an_order_that_the_broker_kept_does_nothing_and_none_runs_twice_when_it_
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_broker_that_is_not_there_keeps_nobody_from_driving() {
+async fn an_unreachable_broker_does_not_affect_driving() {
     let rig = robot(A).await;
     rig.file("patrol.lua", "robot.move(40, 40) task.wait(0.5)");
     let config = "behaviours: [{ file: patrol.lua }]\nmqtt: { host: 127.0.0.1, port: 1 }\n";
@@ -139,7 +139,7 @@ async fn a_broker_that_is_not_there_keeps_nobody_from_driving() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_config_that_nobody_named_hands_the_robot_to_no_broker() {
+async fn a_config_found_in_the_current_folder_connects_the_robot_to_no_broker() {
     let rig = robot(A).await;
     rig.file("spykee.yaml", "mqtt: { host: 127.0.0.1 }\n");
     rig.file("a.lua", "print('hi')");

@@ -1,4 +1,4 @@
-//! `spykee new`: what it makes works at once.
+//! `spykee new`: the project that it makes works at once.
 
 use crate::rig::{Rig, moves};
 
@@ -49,7 +49,7 @@ async fn every_template_runs_and_passes_the_check() {
     }
 }
 
-/// What a template must live through; `FILE` and `HOURS` are filled in.
+/// The scenario that each template must pass; `FILE` and `HOURS` are filled in.
 const LONG: &str = r#"
 scenario("lives through many charges", { limit = 90000, fps = 2 }, function(sim)
 	sim:run("FILE")
@@ -69,9 +69,9 @@ scenario("lives through many charges", { limit = 90000, fps = 2 }, function(sim)
 end)
 "#;
 
-/// In the living room a battery lasts for two minutes: a day has 400 charges.
+/// In the living room a battery lasts for two minutes, so a day has 400 charges.
 #[test]
-fn templates_live_through_a_day_with_many_charges() {
+fn templates_run_for_a_day_with_many_charges() {
     for (template, hours) in [("patrol", 24), ("follow", 1)] {
         let folder = tempfile::tempdir().unwrap();
         let spykee = |args: &[&str]| {

@@ -1,4 +1,4 @@
-//! Notifications of real runs, to real HTTP servers that answer, refuse, hang or are not there.
+//! Notifications of real runs to real HTTP servers that answer, refuse, hang or do not exist.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::TcpListener;
@@ -11,7 +11,7 @@ use spykee::wire::{Command, Led};
 
 use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT};
 
-/// A request as it came.
+/// A request as it arrived.
 #[derive(Debug, Clone)]
 struct Asked {
     head: String,
@@ -24,8 +24,8 @@ impl Asked {
     }
 }
 
-/// A server that answers each request with the next status, and with the last one from then on; 0: it
-/// does not answer.
+/// A server that answers each request with the next status, and then repeats the last one; 0 means
+/// no answer.
 pub struct Webhook {
     pub address: String,
     asked: Arc<Mutex<Vec<Asked>>>,
@@ -71,7 +71,7 @@ impl Webhook {
         self.asked.lock().unwrap().clone()
     }
 
-    /// Waits for so many requests.
+    /// Waits for this many requests.
     async fn wait(&self, count: usize) -> Vec<Asked> {
         let until = Instant::now() + WAIT_LIMIT;
         while self.asked().len() < count {
@@ -126,7 +126,7 @@ fn waiting(rig: &Rig, target: &str) -> usize {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_scripts_send_and_what_fails_reaches_a_webhook_and_no_log_has_its_secret() {
+async fn messages_of_scripts_and_failures_reach_a_webhook_and_no_log_contains_its_secret() {
     let (rig, hook) = (Rig::quiet().await, Webhook::start(&[200]));
     secret(&rig, "s3cr3t\n");
     let notify = format!(
@@ -160,7 +160,7 @@ async fn what_scripts_send_and_what_fails_reaches_a_webhook_and_no_log_has_its_s
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_webhook_that_fails_gets_the_message_after_a_pause() {
+async fn a_webhook_that_fails_receives_the_message_after_a_pause() {
     let (rig, hook) = (Rig::quiet().await, Webhook::start(&[500, 200]));
     let notify = format!(
         "notify: {{ targets: {{ phone: {{ url: 'http://{}/' }} }} }}",
@@ -177,7 +177,7 @@ async fn a_webhook_that_fails_gets_the_message_after_a_pause() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_message_outlives_the_run_while_its_webhook_is_gone() {
+async fn a_message_for_an_unreachable_webhook_survives_the_end_of_the_run() {
     let rig = Rig::quiet().await;
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
@@ -195,7 +195,7 @@ async fn a_message_outlives_the_run_while_its_webhook_is_gone() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_webhook_that_hangs_holds_up_neither_the_robot_nor_other_targets_nor_the_end() {
+async fn a_webhook_that_hangs_delays_neither_the_robot_nor_other_targets_nor_the_end() {
     let (rig, hook) = (Rig::quiet().await, Webhook::start(&[0]));
     let told = rig.folder().join("told");
     let notify = format!(
@@ -220,7 +220,7 @@ async fn a_webhook_that_hangs_holds_up_neither_the_robot_nor_other_targets_nor_t
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn people_hear_of_a_start_that_was_missed_and_of_a_robot_that_is_gone_and_back() {
+async fn people_are_notified_of_a_missed_start_and_of_a_robot_that_is_gone_and_back() {
     let options = spykee::sim::Options {
         faults: Some(Vec::new()),
         ..spykee::sim::Options::default()
@@ -247,7 +247,7 @@ async fn people_hear_of_a_start_that_was_missed_and_of_a_robot_that_is_gone_and_
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     };
-    // It was to start in the minutes before.
+    // Its start was due in the minutes before.
     hears("busy did not start: the service did not run then").await;
     let gone = "faults: [{ fault: reboot, for: 5, state: kept }]";
     let faults = spykee::sim::Fault::list_from_yaml(gone, "gone").unwrap();
@@ -259,7 +259,7 @@ async fn people_hear_of_a_start_that_was_missed_and_of_a_robot_that_is_gone_and_
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_flood_is_cut_for_each_target() {
+async fn a_flood_of_messages_is_limited_for_each_target() {
     let (rig, hook) = (Rig::quiet().await, Webhook::start(&[200]));
     let notify = format!(
         "notify: {{ per_hour: 3, targets: {{ phone: {{ url: 'http://{}/', on: [script] }} }} }}",
@@ -274,7 +274,7 @@ async fn a_flood_is_cut_for_each_target() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_test_tells_what_came_of_it_and_a_found_config_starts_no_program() {
+async fn notify_test_reports_its_result_and_a_found_config_starts_no_program() {
     let (rig, hook) = (Rig::quiet().await, Webhook::start(&[200, 404]));
     rig.file(
         "spykee.yaml",

@@ -1,4 +1,4 @@
-//! What a service of weeks meets outside of itself: a full disk, a clock that somebody sets back, a robot
+//! Outages around a service that runs for weeks: a full disk, a clock that is set back, a robot
 //! that is gone for a night.
 
 use std::path::{Path, PathBuf};
@@ -25,14 +25,14 @@ async fn waits_for(mut what: impl FnMut() -> bool) {
     };
     tokio::time::timeout(WAIT_LIMIT, looks)
         .await
-        .expect("it comes");
+        .expect("waited too long");
 }
 
-/// A disk of its own that is taken away with the test.
+/// A separate file system, unmounted with the test.
 struct Disk(PathBuf);
 
 impl Disk {
-    /// `None`: this system lets nobody make one.
+    /// `None` if this system does not permit a mount.
     fn mount(at: &Path, mebibytes: u64) -> Option<Disk> {
         std::fs::create_dir(at).unwrap();
         let size = format!("size={mebibytes}m");
@@ -62,7 +62,7 @@ fn kinds(rig: &Rig, kind: &str) -> i64 {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_full_disk_holds_up_nothing_that_drives_and_the_journal_goes_on_when_there_is_room() {
+async fn a_full_disk_does_not_affect_driving_and_the_journal_resumes_when_there_is_room() {
     let rig = Rig::quiet().await;
     let Some(disk) = Disk::mount(&rig.folder().join("disk"), 40) else {
         return println!("no disk can be mounted here: a full one was not tried");
@@ -92,7 +92,8 @@ async fn a_full_disk_holds_up_nothing_that_drives_and_the_journal_goes_on_when_t
     assert_eq!(run.code().await, Some(0), "{}", run.text());
 }
 
-/// Sets the computer's clock ahead for one program: by as many seconds as a file says, at any time.
+/// Shifts the clock for one program, by the number of seconds in a file, which may change at any
+/// time.
 const SHIFT: &str = r#"
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -117,7 +118,7 @@ int clock_gettime(clockid_t clock, struct timespec *now) {
 }
 "#;
 
-/// `None`: no C compiler is here.
+/// `None` if no C compiler is installed.
 fn shifted_clock(rig: &Rig) -> Option<(PathBuf, PathBuf)> {
     let source = rig.file("shift.c", SHIFT);
     let (library, seconds) = (rig.folder().join("shift.so"), rig.folder().join("seconds"));
@@ -131,7 +132,7 @@ fn shifted_clock(rig: &Rig) -> Option<(PathBuf, PathBuf)> {
     made.then_some((library, seconds))
 }
 
-/// What the clock is ahead, in seconds. In place: the program has the file mapped.
+/// Sets the shift in seconds. Writes in place, because the program has the file mapped.
 fn set_clock(seconds: &Path, shift: i64) {
     use std::io::Write as _;
     let file = std::fs::File::options().write(true).open(seconds);
@@ -139,7 +140,7 @@ fn set_clock(seconds: &Path, shift: i64) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn until_the_clock_is_set_the_timetable_waits() {
+async fn the_timetable_waits_until_the_clock_is_set() {
     let rig = Rig::quiet().await;
     let Some((library, seconds)) = shifted_clock(&rig) else {
         return println!("no C compiler is here: a clock that is not set was not tried");
@@ -151,7 +152,7 @@ async fn until_the_clock_is_set_the_timetable_waits() {
         ("LD_PRELOAD", library.to_str().unwrap()),
         ("CLOCK_SHIFT", seconds.to_str().unwrap()),
     ];
-    // As a computer without a battery for its clock begins.
+    // Like a computer whose clock has no battery, right after its start.
     set_clock(&seconds, -1_700_000_000);
     let args = ["serve", "--config", "spykee.yaml", "--robot", &rig.address];
     let mut run = rig.spykee_with(&args, &environment);
@@ -166,7 +167,7 @@ async fn until_the_clock_is_set_the_timetable_waits() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_clock_that_is_set_back_by_a_day_is_said_and_the_timetable_goes_on_from_there() {
+async fn a_clock_set_back_by_a_day_is_reported_and_the_timetable_follows_it() {
     let rig = Rig::quiet().await;
     let Some((library, seconds)) = shifted_clock(&rig) else {
         return println!("no C compiler is here: a clock that is set was not tried");
@@ -192,7 +193,7 @@ async fn a_clock_that_is_set_back_by_a_day_is_said_and_the_timetable_goes_on_fro
     let minutes = std::time::Duration::from_secs(150);
     tokio::time::timeout(minutes, again)
         .await
-        .expect("it starts again within a minute");
+        .expect("it does not start again within a minute");
     waits_for(|| run.text().matches("the script has finished").count() > 1).await;
     run.signal(Signal::TERM);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
@@ -221,7 +222,7 @@ async fn a_clock_that_is_set_back_by_a_day_is_said_and_the_timetable_goes_on_fro
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_robot_that_is_gone_is_dialled_until_it_is_back_and_the_history_has_the_gap() {
+async fn the_service_tries_until_an_unreachable_robot_is_back_and_the_history_shows_the_gap() {
     let options = spykee::sim::Options {
         faults: Some(Vec::new()),
         ..spykee::sim::Options::default()
@@ -235,7 +236,7 @@ async fn a_robot_that_is_gone_is_dialled_until_it_is_back_and_the_history_has_th
     );
     let mut run = rig.spykee(&["serve", "--config", "spykee.yaml", "--robot", &rig.address]);
     rig.heard_motion(0).await;
-    // `scripts/month` has nights of twelve hours, in virtual time.
+    // `scripts/month` plays outages of twelve hours, in virtual time.
     let gone = "faults: [{ fault: reboot, for: 8, state: lost }]";
     let faults = spykee::sim::Fault::list_from_yaml(gone, "gone").unwrap();
     faults.into_iter().for_each(|fault| rig.sim.begin(fault));

@@ -1,4 +1,4 @@
-//! The pilot against the simulated robot, without scripts: requests in, commands out.
+//! The pilot with the simulated robot, without scripts: requests in, commands out.
 
 use std::time::Duration;
 
@@ -16,8 +16,8 @@ use crate::rig::{Rig, WAIT_LIMIT, moves};
 
 const WHO: BehaviourId = BehaviourId(0);
 
-/// A pilot at work and one behaviour aboard that is played by the test.
-struct Cockpit {
+/// A running pilot, and one behaviour that the test plays.
+struct TestPilot {
     requests: mpsc::Sender<Request>,
     inbox: EventReceiver,
     ending: Ending,
@@ -35,9 +35,9 @@ fn dial(rig: &Rig) -> Dial {
     })
 }
 
-impl Cockpit {
-    /// With something else in the pilot's own task, which may panic.
-    async fn with(rig: &Rig, beside: impl Future<Output = ()> + Send + 'static) -> Cockpit {
+impl TestPilot {
+    /// Runs another future in the pilot's task, which may panic.
+    async fn with(rig: &Rig, beside: impl Future<Output = ()> + Send + 'static) -> TestPilot {
         let settings = Settings {
             limits: Limits::default(),
             simulated: true,
@@ -62,7 +62,7 @@ impl Cockpit {
             events: to_behaviour,
         };
         requests.send(join).await.unwrap();
-        Cockpit {
+        TestPilot {
             requests,
             inbox,
             ending,
@@ -70,8 +70,8 @@ impl Cockpit {
         }
     }
 
-    async fn start(rig: &Rig) -> Cockpit {
-        Cockpit::with(rig, async {}).await
+    async fn start(rig: &Rig) -> TestPilot {
+        TestPilot::with(rig, async {}).await
     }
 
     async fn ask(&self, intent: Intent) {
@@ -81,7 +81,7 @@ impl Cockpit {
             .unwrap();
     }
 
-    /// Wants a stream on.
+    /// Requests that a stream be on.
     async fn want(&self, stream: Stream) {
         self.ask(Intent::Stream { stream, on: true }).await;
     }
@@ -96,7 +96,7 @@ impl Cockpit {
         .await;
     }
 
-    /// Waits until it is told something.
+    /// Waits for a matching event.
     async fn told(&mut self, wanted: impl Fn(&Event) -> bool) -> Event {
         let told = async {
             loop {
@@ -107,7 +107,7 @@ impl Cockpit {
                 }
             }
         };
-        timeout(WAIT_LIMIT, told).await.expect("told")
+        timeout(WAIT_LIMIT, told).await.expect("no such event")
     }
 
     async fn connected(&mut self) {
@@ -119,11 +119,11 @@ impl Cockpit {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_pilot_that_is_dropped_stops_the_tracks() {
     let rig = Rig::quiet().await;
-    let mut cockpit = Cockpit::start(&rig).await;
-    cockpit.connected().await;
-    cockpit.drive(50.0, Some(WAIT_LIMIT)).await;
+    let mut test_pilot = TestPilot::start(&rig).await;
+    test_pilot.connected().await;
+    test_pilot.drive(50.0, Some(WAIT_LIMIT)).await;
     let moving = rig.heard_motion(0).await;
-    cockpit.flight.abort();
+    test_pilot.flight.abort();
     rig.heard_stop(moving).await;
 }
 
@@ -133,29 +133,31 @@ async fn a_panic_in_the_pilots_task_stops_the_tracks() {
     let sim = rig.sim.clone();
     let bomb = async move {
         sim.wait_heard(0, moves).await;
-        panic!("to be seen in the test's output");
+        panic!("an expected panic of this test");
     };
-    let mut cockpit = Cockpit::with(&rig, bomb).await;
-    cockpit.connected().await;
-    cockpit.drive(50.0, Some(WAIT_LIMIT)).await;
+    let mut test_pilot = TestPilot::with(&rig, bomb).await;
+    test_pilot.connected().await;
+    test_pilot.drive(50.0, Some(WAIT_LIMIT)).await;
     let moving = rig.heard_motion(0).await;
     rig.heard_stop(moving).await;
-    assert!(cockpit.flight.await.unwrap_err().is_panic());
+    assert!(test_pilot.flight.await.unwrap_err().is_panic());
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_behaviour_that_shows_no_life_is_stopped_and_ended() {
+async fn a_behaviour_without_a_sign_of_life_is_stopped_and_ended() {
     let rig = Rig::quiet().await;
-    let mut cockpit = Cockpit::start(&rig).await;
-    cockpit.connected().await;
-    cockpit.drive(50.0, None).await;
+    let mut test_pilot = TestPilot::start(&rig).await;
+    test_pilot.connected().await;
+    test_pilot.drive(50.0, None).await;
     let moving = rig.heard_motion(0).await;
     let held = rig.heard_stop(moving).await;
-    let killed = async { while !matches!(cockpit.inbox.next().await, PilotMessage::Kill(_)) {} };
-    timeout(WAIT_LIMIT, killed).await.expect("killed");
+    let killed = async { while !matches!(test_pilot.inbox.next().await, PilotMessage::Kill(_)) {} };
+    timeout(WAIT_LIMIT, killed)
+        .await
+        .expect("the host was not killed");
     let index = rig.heard_stop(held + 1).await + 1;
-    cockpit.drive(50.0, None).await;
-    cockpit
+    test_pilot.drive(50.0, None).await;
+    test_pilot
         .ask(Intent::Led {
             led: Led::Left,
             on: true,
@@ -166,22 +168,24 @@ async fn a_behaviour_that_shows_no_life_is_stopped_and_ended() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn commands_go_out_on_change_only() {
+async fn commands_are_sent_on_change_only() {
     let rig = Rig::quiet().await;
-    let mut cockpit = Cockpit::start(&rig).await;
-    cockpit.connected().await;
+    let mut test_pilot = TestPilot::start(&rig).await;
+    test_pilot.connected().await;
     let from = rig.heard_stop(0).await + 1;
     for _ in 0..3 {
-        cockpit
+        test_pilot
             .ask(Intent::Led {
                 led: Led::Left,
                 on: true,
             })
             .await;
-        cockpit.ask(Intent::Volume(Percent::new(30).unwrap())).await;
-        cockpit.want(Stream::AudioIn).await;
+        test_pilot
+            .ask(Intent::Volume(Percent::new(30).unwrap()))
+            .await;
+        test_pilot.want(Stream::AudioIn).await;
     }
-    cockpit
+    test_pilot
         .ask(Intent::Led {
             led: Led::Left,
             on: false,
@@ -215,15 +219,15 @@ async fn commands_go_out_on_change_only() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn at_the_end_the_stop_is_written_and_streams_are_switched_off() {
+async fn at_the_end_a_stop_is_written_and_streams_are_switched_off() {
     let rig = Rig::quiet().await;
-    let mut cockpit = Cockpit::start(&rig).await;
-    cockpit.connected().await;
-    cockpit.want(Stream::Video).await;
-    cockpit.drive(50.0, Some(WAIT_LIMIT)).await;
+    let mut test_pilot = TestPilot::start(&rig).await;
+    test_pilot.connected().await;
+    test_pilot.want(Stream::Video).await;
+    test_pilot.drive(50.0, Some(WAIT_LIMIT)).await;
     let moving = rig.heard_motion(0).await;
-    cockpit.ending.parting.cancel();
-    let end = cockpit
+    test_pilot.ending.parting.cancel();
+    let end = test_pilot
         .told(|event| matches!(event, Event::MotionEnded { .. }))
         .await;
     assert_eq!(
@@ -233,8 +237,8 @@ async fn at_the_end_the_stop_is_written_and_streams_are_switched_off() {
             end: MotionEnd::Cancelled
         }
     );
-    cockpit.ending.closing.cancel();
-    timeout(WAIT_LIMIT, &mut cockpit.flight)
+    test_pilot.ending.closing.cancel();
+    timeout(WAIT_LIMIT, &mut test_pilot.flight)
         .await
         .unwrap()
         .unwrap();
@@ -252,9 +256,9 @@ async fn at_the_end_the_stop_is_written_and_streams_are_switched_off() {
 #[tokio::test(flavor = "multi_thread")]
 async fn streams_are_switched_on_again_after_a_reconnect() {
     let rig = Rig::quiet().await;
-    let mut cockpit = Cockpit::start(&rig).await;
-    cockpit.connected().await;
-    cockpit.want(Stream::Video).await;
+    let mut test_pilot = TestPilot::start(&rig).await;
+    test_pilot.connected().await;
+    test_pilot.want(Stream::Video).await;
     let on = |command: &Command| {
         *command
             == Command::Stream {
@@ -264,9 +268,9 @@ async fn streams_are_switched_on_again_after_a_reconnect() {
     };
     let first = rig.heard(0, on).await;
     rig.sim.cut();
-    cockpit
+    test_pilot
         .told(|event| matches!(event, Event::Disconnected { .. }))
         .await;
-    cockpit.connected().await;
+    test_pilot.connected().await;
     rig.heard(first + 1, on).await;
 }

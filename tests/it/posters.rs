@@ -1,5 +1,5 @@
-//! Sheets of paper that are made to be hard to look at: the work is bounded, and no script dies of it.
-//! The same painter feeds the fuzz target of this name.
+//! Sheets of paper that are expensive to search for QR codes: the work is bounded, and no script
+//! fails because of it. The fuzz target `posters` uses the same painter.
 
 use image::RgbImage;
 use proptest::prelude::*;
@@ -44,13 +44,13 @@ fn look(bytes: &[u8]) -> QrWork {
     work
 }
 
-/// A corner of a code at a tenth of the picture's width and height from the left and the top.
+/// A corner of a code, at multiples of a tenth of the picture's width and height.
 fn corner(column: u8, row: u8) -> [u8; 6] {
     [0, 4 + column * 24, 4 + row * 32, 2, 0, 10]
 }
 
 #[test]
-fn a_sheet_of_seventy_corners_is_looked_at_in_part() {
+fn only_a_part_of_a_sheet_of_seventy_corners_is_searched() {
     let corners = (0..7).flat_map(|row| (0..10).map(move |column| corner(column, row)));
     let bytes: Vec<u8> = std::iter::once(0).chain(corners.flatten()).collect();
     let began = std::time::Instant::now();
@@ -60,7 +60,7 @@ fn a_sheet_of_seventy_corners_is_looked_at_in_part() {
 }
 
 #[test]
-fn the_worst_sheets_are_looked_at_within_bounds() {
+fn the_worst_sheets_are_searched_within_bounds() {
     for (name, stroke) in [
         ("lattice of small corners", [1, 0, 0, 1, 10, 10]),
         ("lattice of corners", [1, 0, 0, 2, 9, 10]),
@@ -85,7 +85,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn whatever_is_painted_the_work_is_bounded(bytes in proptest::collection::vec(any::<u8>(), 1..400)) {
+    fn the_work_is_bounded_for_any_picture(bytes in proptest::collection::vec(any::<u8>(), 1..400)) {
         look(&bytes);
     }
 }

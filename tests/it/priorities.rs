@@ -1,16 +1,16 @@
-//! Who drives when several want to, as the robot hears it: the tracks go from hand to hand without
-//! a gap or a jump.
+//! Which behaviour drives when several want to, from the robot's view: the tracks change from one
+//! to another without a gap or a jump.
 
 use rustix::process::{Pid, Signal};
 use spykee::wire::{Command, Engage, EngineReport, Led, Report};
 
 use crate::rig::{Rig, Run, moves};
 
-/// What every script here begins with: it goes on when the test says so.
+/// The beginning of every script here: `turn` waits for the test's signal.
 const TURN: &str =
     "local function turn(code) repeat until robot.wait_for('engine').code == code end\n";
 
-/// Behaviours at work: name, priority and script of each.
+/// Running behaviours, each with name, priority and script.
 struct Crew {
     rig: Rig,
     run: Run,
@@ -28,14 +28,14 @@ impl Crew {
         Crew { rig, run }
     }
 
-    /// It is somebody's turn.
+    /// Signals the scripts that wait for this code.
     fn turn(&self, code: u8) {
         self.rig
             .sim
             .inject(Report::Engine(EngineReport::Unknown(code)));
     }
 
-    /// Waits until the tracks are told this from a place in the journal on; the next place.
+    /// Waits until the tracks receive this power, from index `from` on; returns the next index.
     async fn hears(&self, from: usize, power: i8) -> usize {
         let (left, right) = (power, power);
         let wanted = Command::Move { left, right };
@@ -50,7 +50,7 @@ impl Crew {
         self.rig.heard(0, |command| *command == on).await;
     }
 
-    /// All that the tracks were told from the first motion on, repetitions left out.
+    /// All powers that the tracks received from the first motion on, without repetitions.
     fn tracks(&self) -> Vec<i8> {
         let left = |command: &Command| match command {
             Command::Move { left, right } => {
@@ -81,7 +81,7 @@ impl Crew {
 
 const PATROL: (&str, i16, &str) = ("patrol", 0, "robot.move(40, 40) turn(0)");
 
-/// Drives at its turn and lets go at the next.
+/// A script that drives after its first signal and releases the tracks after the second.
 fn avoid(on: u8, off: u8, percent: i8) -> String {
     format!(
         "turn({on})\n\
@@ -91,7 +91,7 @@ fn avoid(on: u8, off: u8, percent: i8) -> String {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_tracks_go_to_the_higher_and_back_to_the_newest_setpoint_of_the_lower() {
+async fn the_tracks_go_to_the_higher_priority_and_back_to_the_newest_setpoint_of_the_lower() {
     let patrol = "robot.move(40, 40) turn(101)\n\
                   robot.move(60, 60) robot.led('left', true) turn(0)";
     let crew = Crew::of(&[("patrol", 0, patrol), ("avoid", 10, &avoid(100, 102, -50))]).await;
@@ -106,7 +106,7 @@ async fn the_tracks_go_to_the_higher_and_back_to_the_newest_setpoint_of_the_lowe
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_timed_move_is_preempted_by_a_timed_move_and_both_hear_how_it_ended() {
+async fn a_timed_move_is_preempted_by_a_timed_move_and_both_get_their_result() {
     let patrol = "print('patrol', robot.move(40, 40, 600)) robot.move(60, 60) turn(0)";
     let avoid = "turn(100) print('avoid', robot.move(-50, -50, 0.5)) turn(0)";
     let crew = Crew::of(&[("patrol", 0, patrol), ("avoid", 10, avoid)]).await;
@@ -120,7 +120,7 @@ async fn a_timed_move_is_preempted_by_a_timed_move_and_both_hear_how_it_ended() 
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn however_the_higher_ends_while_it_drives_the_lower_goes_on_without_a_stop() {
+async fn however_the_higher_behaviour_ends_the_lower_resumes_without_a_stop() {
     for end in [
         "return",
         "error('boom')",
@@ -143,7 +143,7 @@ async fn however_the_higher_ends_while_it_drives_the_lower_goes_on_without_a_sto
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_frozen_higher_stands_still_before_the_lower_goes_on() {
+async fn a_frozen_higher_behaviour_is_stopped_before_the_lower_resumes() {
     let crew = Crew::of(&[PATROL, ("avoid", 10, &avoid(100, 101, -50))]).await;
     let at = crew.hears(0, 36).await;
     crew.turn(100);
@@ -154,7 +154,7 @@ async fn a_frozen_higher_stands_still_before_the_lower_goes_on() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_behaviour_that_holds_the_tracks_still_is_not_taken_for_dead() {
+async fn a_behaviour_that_holds_the_tracks_still_does_not_count_as_dead() {
     let rig = Rig::quiet().await;
     let mut run = rig.run("robot.move(0, 0) task.wait(1) print('alive')");
     assert_eq!(run.code().await, Some(0), "{}", run.text());
@@ -162,7 +162,7 @@ async fn a_behaviour_that_holds_the_tracks_still_is_not_taken_for_dead() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_frozen_lower_that_stands_by_does_not_disturb_the_higher() {
+async fn a_frozen_lower_behaviour_without_the_tracks_does_not_disturb_the_higher() {
     let crew = Crew::of(&[PATROL, ("avoid", 10, &avoid(100, 101, -50))]).await;
     let at = crew.hears(0, 36).await;
     crew.turn(100);
@@ -175,7 +175,7 @@ async fn a_frozen_lower_that_stands_by_does_not_disturb_the_higher() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn of_three_levels_the_highest_drives_and_a_middle_one_that_let_go_is_skipped() {
+async fn of_three_levels_the_highest_drives_and_a_middle_one_that_released_the_tracks_is_skipped() {
     let crew = Crew::of(&[
         PATROL,
         ("middle", 5, &avoid(100, 102, 60)),
@@ -194,12 +194,12 @@ async fn of_three_levels_the_highest_drives_and_a_middle_one_that_let_go_is_skip
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn among_equals_the_first_keeps_the_tracks_until_it_lets_go() {
+async fn among_equals_the_first_keeps_the_tracks_until_it_releases_them() {
     let other = "turn(100) robot.move(70, 70) robot.led('left', true) turn(0)";
     let crew = Crew::of(&[("first", 3, &avoid(99, 101, 40)), ("other", 3, other)]).await;
     crew.run.says("connected").await;
     let first = async {
-        // The scripts may not listen yet.
+        // The scripts may not be listening yet.
         while !crew.rig.commands(0).iter().any(moves) {
             crew.turn(99);
             tokio::time::sleep(std::time::Duration::from_millis(50)).await;
@@ -215,7 +215,7 @@ async fn among_equals_the_first_keeps_the_tracks_until_it_lets_go() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn no_hand_over_moves_a_robot_that_the_watchdog_sends_home() {
+async fn no_change_of_priority_moves_a_robot_that_the_watchdog_sends_home() {
     let stubborn = "robot.move(40, 40) turn(101)\n\
                     print('patrol', robot.move(40, 40, 1)) robot.move(40, 40) turn(0)";
     let avoid = "turn(100)\n\

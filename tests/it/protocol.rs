@@ -1,5 +1,4 @@
-//! What the code says about the protocol can be looked up: every citation of `PROTOCOL.md` names one
-//! of its sections.
+//! Checks that every citation of `PROTOCOL.md` in the code names one of its sections.
 
 use std::path::{Path, PathBuf};
 
@@ -21,7 +20,7 @@ fn rust_files(folder: &Path) -> Vec<PathBuf> {
         .collect()
 }
 
-/// A text without its line breaks and comment marks, so that a citation may go on in the next line.
+/// A text without line breaks and comment marks, so that a citation may span two lines.
 fn joined(text: &str) -> String {
     let lines = text.lines().map(|line| {
         let line = line.trim_start();
@@ -30,7 +29,7 @@ fn joined(text: &str) -> String {
     lines.flat_map(|line| [line, " "]).collect()
 }
 
-/// The sections that a text cites: `*A section*` or `MESSAGE`.
+/// The sections that a text cites, as `*A section*` or `MESSAGE`.
 fn citations(text: &str) -> Vec<String> {
     let text = joined(text);
     let cited = text
@@ -70,7 +69,7 @@ fn every_citation_of_the_protocol_names_a_section() {
 }
 
 #[test]
-fn citations_are_seen_across_lines() {
+fn citations_are_found_across_lines() {
     let text =
         "//! Text (`PROTOCOL.md`,\n//! *Order after\n    /// login*) and `PROTOCOL.md`, LED.";
     assert_eq!(citations(text), ["Order after login", "LED"]);

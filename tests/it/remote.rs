@@ -1,5 +1,5 @@
-//! The command line's tools against a service on another computer, by its JSON API: the same words and
-//! the same exit codes as by the private socket.
+//! The command line's tools with a service on another computer, through its JSON API: the output
+//! and exit codes are the same as through the private socket.
 
 use rustix::process::Signal;
 use serde_json::Value;
@@ -11,7 +11,7 @@ const CONFIG: &str = "link: { longest_pause: 0.3 }\ntime_zone: UTC\nservice: { u
     live: { listen: '127.0.0.1:0' }\nbehaviours:\n- { file: asked.lua, start: asked }\n\
     - { file: broken.lua, start: asked }\nschedule:\n- { run: asked, at: '0 4 29 2 *' }\n";
 
-/// A service of this robot, and where it is.
+/// Starts a service of this robot; returns it with its address.
 async fn serve(rig: &Rig) -> (Run, String) {
     rig.file("asked.lua", "robot.play('bomb') task.wait(600)");
     rig.file("broken.lua", "error('no')");
@@ -41,10 +41,10 @@ async fn tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn tools_work_on_a_service_elsewhere_with_the_same_words_and_codes() {
+async fn tools_work_on_a_remote_service_with_the_same_output_and_codes() {
     let (rig, elsewhere) = (Rig::quiet().await, Rig::quiet().await);
     let (mut run, url) = serve(&rig).await;
-    // What both ways say, but for how they call the run.
+    // The outputs may differ only in how they name the run.
     let pairs: [&[&str]; 4] = [
         &["robot", "volume", "37"],
         &["robot", "play", "laser"],
@@ -95,7 +95,7 @@ async fn tools_work_on_a_service_elsewhere_with_the_same_words_and_codes() {
         table.contains("NEXT START") && table.contains("-02-29 04:00"),
         "{table}"
     );
-    // A picture goes over too.
+    // A picture is transferred too.
     let shot = [
         "robot",
         "snapshot",
@@ -117,7 +117,7 @@ async fn tools_work_on_a_service_elsewhere_with_the_same_words_and_codes() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_behaviour_that_was_started_for_a_time_ends_when_it_is_over() {
+async fn a_behaviour_that_was_started_for_a_time_ends_after_it() {
     let (rig, elsewhere) = (Rig::quiet().await, Rig::quiet().await);
     let (mut run, url) = serve(&rig).await;
     for (place, more) in [(&rig, &[][..]), (&elsewhere, &["--url", &url][..])] {
@@ -142,7 +142,7 @@ async fn a_behaviour_that_was_started_for_a_time_ends_when_it_is_over() {
         };
         tokio::time::timeout(WAIT_LIMIT, over)
             .await
-            .expect("it ends");
+            .expect("it does not end");
     }
     assert_eq!(
         run.text().matches("its time is over").count(),
@@ -157,7 +157,7 @@ async fn a_behaviour_that_was_started_for_a_time_ends_when_it_is_over() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn without_its_token_nobody_asks_and_what_needs_the_robot_alone_is_refused() {
+async fn without_a_token_requests_are_refused_and_so_are_tools_that_need_the_robot_to_themselves() {
     let (rig, elsewhere) = (Rig::quiet().await, Rig::quiet().await);
     rig.file("spykee.yaml", CONFIG);
     let (code, made) = tool(&rig, &["token", "new", "sofa", "--role", "driver"]).await;
@@ -187,11 +187,11 @@ async fn without_its_token_nobody_asks_and_what_needs_the_robot_alone_is_refused
     assert_eq!(code, Some(0), "{text}");
     rig.heard(0, |command| *command == Command::Volume(38))
         .await;
-    // STOP holds, and the service goes on.
+    // STOP stays in force, and the service continues.
     let (code, text) = tool(&elsewhere, &[&["robot", "stop"], &right[..]].concat()).await;
     assert_eq!((code, text.contains("let-go")), (Some(0), true), "{text}");
     assert!(run.lives());
-    // The config can name it.
+    // The config can name the service, too.
     elsewhere.file(
         "spykee.yaml",
         &format!("remote: {{ url: '{url}', token_file: token }}\n"),
@@ -214,7 +214,7 @@ async fn without_its_token_nobody_asks_and_what_needs_the_robot_alone_is_refused
     run.code().await;
 }
 
-/// The body of an answer.
+/// The body of the reply to a request.
 fn fetch(url: &str, path: &str) -> String {
     use std::io::{Read as _, Write as _};
     let host = url.trim_start_matches("http://");
@@ -230,7 +230,7 @@ fn fetch(url: &str, path: &str) -> String {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_time_from_a_frame_to_the_move_that_a_behaviour_makes_of_it_is_in_the_figures() {
+async fn the_metrics_contain_the_time_from_a_frame_to_the_move_that_answers_it() {
     let rig = Rig::quiet().await;
     let follows = "local power = 20
         robot.on('frame', function() power = 50 - power robot.move(power, power) end) task.wait(600)";
@@ -258,7 +258,7 @@ async fn the_time_from_a_frame_to_the_move_that_a_behaviour_makes_of_it_is_in_th
     };
     let text = tokio::time::timeout(WAIT_LIMIT, some)
         .await
-        .expect("it reacts");
+        .expect("it does not react");
     assert!(
         text.contains("spykee_frame_to_move_seconds_bucket{le=\"+Inf\"}"),
         "{text}"

@@ -1,4 +1,4 @@
-//! `spykee repl`, with lines from a pipe: what a person would type, against a simulated robot.
+//! `spykee repl` with lines from a pipe, as a person would type them, with a simulated robot.
 
 use std::process::Stdio;
 
@@ -10,7 +10,7 @@ use tokio::time::timeout;
 use crate::rig::{Rig, WAIT_LIMIT};
 use spykee::wire::Command;
 
-/// A session whose prompt is a pipe.
+/// A session that reads its lines from a pipe.
 struct Session {
     child: Child,
     prompt: ChildStdin,
@@ -38,7 +38,7 @@ impl Session {
         self.prompt.flush().await.unwrap();
     }
 
-    /// After the last line: exit code, stdout, stderr.
+    /// Closes the input and waits for the end: exit code, stdout, stderr.
     async fn ends(self) -> (Option<i32>, String, String) {
         drop(self.prompt);
         let output = timeout(WAIT_LIMIT, self.child.wait_with_output()).await;
@@ -60,7 +60,7 @@ async fn typed(lines: &str) -> (Option<i32>, String, String) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn expressions_show_their_values_and_statements_are_kept() {
+async fn expressions_print_their_values_and_statements_take_effect() {
     let lines = "1 + 1\n\
                  x = { 1, 2, a = { 3 }, s = 'q\\n' }\n\
                  x\n\
@@ -81,7 +81,7 @@ async fn expressions_show_their_values_and_statements_are_kept() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_config_that_was_found_is_named_and_counts() {
+async fn the_config_that_was_found_is_named_and_used() {
     let rig = Rig::quiet().await;
     rig.file("spykee.yaml", "streams: { video: off }\n");
     let mut session = Session::start(&rig);
@@ -93,7 +93,7 @@ async fn the_config_that_was_found_is_named_and_counts() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn mistakes_are_told_in_words_and_the_session_goes_on() {
+async fn mistakes_are_explained_and_the_session_continues() {
     let lines = "robot.moev(1, 1)\nrobot.move(140, 0)\n1 +\n\nfor\n\n'still here'\n";
     let (code, out, err) = typed(lines).await;
     assert_eq!(code, Some(1), "{out}{err}");
@@ -109,7 +109,7 @@ async fn mistakes_are_told_in_words_and_the_session_goes_on() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_never_waits_ends_the_session_and_a_new_one_begins() {
+async fn a_line_that_never_waits_ends_the_session_and_a_new_one_begins() {
     let (code, out, err) = typed("x = 1\nwhile true do end\nx\n2 + 3\n").await;
     assert_eq!(code, Some(1), "{out}{err}");
     for words in ["cpu", "a new session begins", "unknown name 'x'", "5"] {
@@ -146,7 +146,7 @@ async fn waiting_calls_wait_tasks_run_on_and_a_setpoint_holds_between_lines() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_signal_ends_with_a_stop_even_while_a_line_waits() {
+async fn a_signal_ends_the_session_with_a_stop_even_while_a_line_waits() {
     let rig = Rig::quiet().await;
     let mut session = Session::start(&rig);
     session.types("robot.move(30, 30) task.wait(100)\n").await;
@@ -163,7 +163,7 @@ async fn a_signal_ends_with_a_stop_even_while_a_line_waits() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_line_without_end_is_told_and_not_kept() {
+async fn an_endless_line_is_reported_and_discarded() {
     let rig = Rig::quiet().await;
     let mut session = Session::start(&rig);
     let part = "x".repeat(1 << 20);

@@ -1,4 +1,4 @@
-//! A few robots far from home with a low battery; `scripts/rescue` plays as many as one likes.
+//! A few robots far from home with a low battery; `scripts/rescue` plays any number of them.
 
 #[path = "../rescue/mod.rs"]
 #[allow(dead_code)]
@@ -10,19 +10,19 @@ use low::place::Start;
 use low::{Name, Place, Row, Strategy, heading, play_all};
 use spykee::sim::{Point, Pose};
 
-/// Few enough for an everyday test.
+/// Few enough for a test that runs often.
 const STARTS: usize = 6;
-/// So few tell little of the share: this says that the rescue works at all.
+/// So few starts do not measure the success rate: this only checks that the rescue works at all.
 const HOME: usize = 3;
 
 #[test]
-fn low_robots_in_the_next_room_come_home_without_help_of_their_behaviour() {
+fn low_robots_in_the_next_room_come_home_without_help_from_their_behaviour() {
     let place = Place::named(Name::LivingRoom);
     let starts = place.starts(STARTS, 1);
     expect_home(&place, &starts, HOME);
 }
 
-/// Between two walls and a post, from where the floor looks free beside the post.
+/// Between two walls and a post; from there the floor beside the post looks free.
 #[test]
 fn a_low_robot_in_the_corner_behind_a_post_comes_home() {
     let place = Place::named(Name::TightSpots);

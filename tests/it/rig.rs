@@ -1,5 +1,5 @@
-//! A simulated robot inside the test, and the real binary that drives it: tests wait for what the
-//! robot heard.
+//! A simulated robot inside the test, and the real binary that drives it. Tests wait for the
+//! commands that the robot receives.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -12,10 +12,10 @@ use spykee::sim::{Firmware, Handle, Options, Server, World};
 use spykee::wire::{Command, Engage};
 use tokio::time::timeout;
 
-/// The limit of every wait for what must happen: far more than that takes on a slow machine.
+/// The limit of every wait for an expected event, generous even for a slow machine.
 pub const WAIT_LIMIT: Duration = Duration::from_secs(60);
 
-/// A robot in a plain room with a full battery that hardly drains.
+/// A robot in a plain room with an almost full battery that hardly drains.
 pub const QUIET_WORLD: &str = "
 name: test
 room: { width: 8, depth: 8 }
@@ -24,7 +24,7 @@ start: { at: [4, 4], heading_degrees: 90 }
 battery: { level: 90, idle_drain_per_minute: 0.01, driving_drain_per_minute: 0.01 }
 ";
 
-/// A simulated robot that serves for as long as the test runs.
+/// A simulated robot that serves until the end of the test.
 pub struct Rig {
     pub sim: Handle,
     pub address: String,
@@ -69,7 +69,7 @@ impl Rig {
         }
     }
 
-    /// A file in the test's folder.
+    /// Writes a file into the test's folder.
     pub fn file(&self, name: &str, text: &str) -> PathBuf {
         let path = self.folder.path().join(name);
         std::fs::write(&path, text).unwrap();
@@ -80,7 +80,7 @@ impl Rig {
         self.folder.path()
     }
 
-    /// `spykee run` of one script against this robot.
+    /// Starts `spykee run` with one script on this robot.
     pub fn run(&self, script: &str) -> Run {
         let path = self.file("script.lua", script);
         self.spykee(&[
@@ -93,33 +93,34 @@ impl Rig {
         ])
     }
 
-    /// `spykee run` of what this config names against this robot.
+    /// Starts `spykee run` with the behaviours of this config on this robot.
     pub fn run_config(&self, config: &str) -> Run {
         self.file("spykee.yaml", config);
         self.spykee(&["run", "--config", "spykee.yaml", "--robot", &self.address])
     }
 
-    /// The binary with any arguments; works in the test's folder.
+    /// Starts the binary with any arguments, in the test's folder.
     pub fn spykee(&self, args: &[&str]) -> Run {
         Run::start(args, self.folder.path(), Stdio::null(), &[])
     }
 
-    /// The same, with variables in its environment.
+    /// The same, with environment variables.
     pub fn spykee_with(&self, args: &[&str], environment: &[(&str, &str)]) -> Run {
         Run::start(args, self.folder.path(), Stdio::null(), environment)
     }
 
-    /// The same, with a pipe to type into.
+    /// The same, with a pipe as its standard input.
     pub fn spykee_with_pipe(&self, args: &[&str]) -> (Run, ChildStdin) {
         let mut run = Run::start(args, self.folder.path(), Stdio::piped(), &[]);
         let pipe = run.child.stdin.take().unwrap();
         (run, pipe)
     }
 
-    /// Waits until the robot has heard a command, from a place in its journal on.
+    /// Waits until the robot has received a command, from an index of its journal on; returns its
+    /// index.
     pub async fn heard(&self, from: usize, wanted: impl Fn(&Command) -> bool) -> usize {
         let heard = timeout(WAIT_LIMIT, self.sim.wait_heard(from, wanted)).await;
-        heard.unwrap_or_else(|_| panic!("not heard; instead {:?}", self.commands(from)))
+        heard.unwrap_or_else(|_| panic!("not received; instead {:?}", self.commands(from)))
     }
 
     pub async fn heard_stop(&self, from: usize) -> usize {
@@ -143,14 +144,14 @@ impl Rig {
             .collect()
     }
 
-    /// When a command was heard, and with which write.
+    /// The time at which a command was received, and the number of its write.
     pub fn at(&self, index: usize) -> (Duration, u64) {
         let heard = self.sim.heard_since(index).into_iter().next().unwrap();
         (heard.at, heard.write)
     }
 }
 
-/// The process numbers of a process's children.
+/// The process ids of a process's children.
 pub fn children_of(pid: rustix::process::Pid) -> Vec<rustix::process::Pid> {
     let pid = pid.as_raw_nonzero();
     let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).unwrap();
@@ -163,7 +164,7 @@ pub fn children_of(pid: rustix::process::Pid) -> Vec<rustix::process::Pid> {
     numbers.filter_map(rustix::process::Pid::from_raw).collect()
 }
 
-/// The process numbers of the hosts of an agent's behaviours.
+/// The process ids of the hosts of an agent's behaviours.
 pub fn hosts_of(agent: rustix::process::Pid) -> Vec<rustix::process::Pid> {
     let mut children = children_of(agent);
     children.retain(|pid| is_called(*pid, "__host"));
@@ -180,7 +181,7 @@ fn is_called(pid: rustix::process::Pid, argument: &str) -> bool {
         .is_some_and(|first| first == argument.as_bytes())
 }
 
-/// As `ps` shows it; `?`: it is gone.
+/// The state that `ps` shows; `?` if the process is gone.
 pub fn state_of(pid: rustix::process::Pid) -> char {
     let path = format!("/proc/{}/stat", pid.as_raw_nonzero());
     let stat = std::fs::read_to_string(path).unwrap_or_default();
@@ -199,7 +200,7 @@ pub async fn becomes(pid: rustix::process::Pid, state: char) {
     waited.unwrap_or_else(|_| panic!("{pid:?} is {}, not {state}", state_of(pid)));
 }
 
-/// The process number of the guardian of an agent.
+/// The process id of an agent's guardian.
 pub fn guardian_of(agent: rustix::process::Pid) -> Option<rustix::process::Pid> {
     let children = children_of(agent);
     children
@@ -207,12 +208,12 @@ pub fn guardian_of(agent: rustix::process::Pid) -> Option<rustix::process::Pid> 
         .find(|pid| is_called(*pid, "__guardian"))
 }
 
-/// A MOVE that moves.
+/// A MOVE that is not a stop.
 pub fn moves(command: &Command) -> bool {
     matches!(command, Command::Move { left, right } if (*left, *right) != (0, 0))
 }
 
-/// A running binary and what it wrote so far. Killed with the test.
+/// A running binary and its output so far. Killed on drop.
 pub struct Run {
     child: Child,
     lines: Arc<Mutex<Vec<String>>>,
@@ -242,7 +243,7 @@ impl Run {
         }
     }
 
-    /// All that was written to stdout and stderr so far.
+    /// Everything that was written to stdout and stderr so far.
     pub fn text(&self) -> String {
         self.lines.lock().unwrap().join("\n")
     }
@@ -255,7 +256,7 @@ impl Run {
             }
         };
         let waited = timeout(WAIT_LIMIT, said).await;
-        waited.unwrap_or_else(|_| panic!("`{text}` was not said; instead:\n{}", self.text()));
+        waited.unwrap_or_else(|_| panic!("`{text}` was not printed:\n{}", self.text()));
     }
 
     pub fn signal(&self, signal: rustix::process::Signal) {
@@ -266,22 +267,22 @@ impl Run {
         rustix::process::Pid::from_child(&self.child)
     }
 
-    /// The process numbers of its behaviours' hosts.
+    /// The process ids of the hosts of its behaviours.
     pub fn hosts(&self) -> Vec<rustix::process::Pid> {
         hosts_of(self.pid())
     }
 
-    /// The process number of its guardian.
+    /// The process id of its guardian.
     pub fn guardian(&self) -> Option<rustix::process::Pid> {
         guardian_of(self.pid())
     }
 
-    /// Whether it still runs.
+    /// Whether it is still running.
     pub fn lives(&mut self) -> bool {
         self.child.try_wait().unwrap().is_none()
     }
 
-    /// Waits for its end: the exit code.
+    /// Waits for its end and returns the exit code.
     pub async fn code(&mut self) -> Option<i32> {
         self.status().await.code()
     }
@@ -323,7 +324,7 @@ fn collect(
     })
 }
 
-/// Runs an ignored test alone, so that the threads and the memory of other tests do not count.
+/// Runs an ignored test alone in a process, so that threads and memory of other tests do not count.
 pub fn in_a_process_of_its_own(test: &str) {
     let alone = std::process::Command::new(std::env::current_exe().unwrap())
         .args(["--exact", test, "--ignored"])

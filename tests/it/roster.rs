@@ -1,4 +1,4 @@
-//! Behaviours of a run that is on are started, stopped and restarted by name.
+//! Behaviours of an active run are started, stopped and restarted by name.
 
 use rustix::process::Signal;
 use spykee::wire::Command;
@@ -14,7 +14,7 @@ async fn tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
     (code, run.text())
 }
 
-/// A run with one behaviour that keeps it on and one that drives.
+/// A run with one behaviour that keeps the run active and one that drives.
 async fn running(rig: &Rig) -> Run {
     rig.file("idle.lua", IDLES);
     rig.file("drive.lua", DRIVES);
@@ -32,7 +32,7 @@ fn states(text: &str) -> Vec<(String, String)> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_behaviour_stops_and_starts_by_name_while_another_goes_on() {
+async fn a_behaviour_stops_and_starts_by_name_while_another_continues() {
     let rig = Rig::quiet().await;
     let mut run = running(&rig).await;
     let moving = rig.heard_motion(0).await;
@@ -61,7 +61,7 @@ async fn a_behaviour_stops_and_starts_by_name_while_another_goes_on() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_restarted_behaviour_is_its_file_as_that_is_now() {
+async fn a_restarted_behaviour_is_loaded_from_its_current_file() {
     let rig = Rig::quiet().await;
     let run = running(&rig).await;
     rig.heard_motion(0).await;
@@ -72,7 +72,7 @@ async fn a_restarted_behaviour_is_its_file_as_that_is_now() {
         .heard(0, |command| *command == Command::Volume(41))
         .await;
     assert!(!rig.commands(volume).iter().any(moves));
-    // One with a mistake is refused, and nothing runs in its place.
+    // A script with a mistake is refused, and no behaviour runs in its place.
     rig.file("drive.lua", "robot.mvoe(30, 30)");
     let (code, text) = tool(&rig, &["behaviour", "restart", "drive"]).await;
     assert_eq!(
@@ -84,7 +84,7 @@ async fn a_restarted_behaviour_is_its_file_as_that_is_now() {
     assert_eq!(states(&text)[1].1, "idle", "{text}");
 }
 
-/// What bash offers for `spykee behaviour start` and a word that has been begun.
+/// The words that bash offers after `spykee behaviour start` and the beginning of a word.
 fn completed(folder: &std::path::Path, begun: &str) -> String {
     let program = std::path::Path::new(env!("CARGO_BIN_EXE_spykee"));
     let path = std::env::var("PATH").unwrap_or_default();
@@ -98,7 +98,7 @@ fn completed(folder: &std::path::Path, begun: &str) -> String {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_shell_completes_the_behaviours_of_the_run_and_executes_none() {
+async fn a_shell_completes_the_behaviours_of_the_run_without_executing_them() {
     let rig = Rig::quiet().await;
     assert!(!completed(rig.folder(), "d").contains("drive"));
     let hostile = "$(touch hacked).lua";
@@ -126,7 +126,7 @@ async fn a_shell_completes_the_behaviours_of_the_run_and_executes_none() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_cannot_be_done_is_said_in_words() {
+async fn invalid_requests_are_explained() {
     let rig = Rig::quiet().await;
     let _run = running(&rig).await;
     for (args, words) in [

@@ -1,4 +1,4 @@
-//! `spykee run` as a person meets it: what it says, and how it ends.
+//! `spykee run` from a person's view: its messages, and how it ends.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use tokio::time::Instant;
 use crate::rig::Rig;
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_script_that_ends_by_itself_ends_the_run_with_0() {
+async fn a_script_that_ends_normally_ends_the_run_with_0() {
     let rig = Rig::quiet().await;
     let mut run = rig.run("print('hello', robot.battery().percent > 80)");
     assert_eq!(run.code().await, Some(0), "{}", run.text());
@@ -16,7 +16,7 @@ async fn a_script_that_ends_by_itself_ends_the_run_with_0() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_error_names_file_line_and_what_to_do() {
+async fn an_error_names_file_line_and_remedy() {
     for (script, words) in [
         (
             "local x = 1\nrobot.moev(1, 2)\n",
@@ -51,7 +51,7 @@ async fn an_error_names_file_line_and_what_to_do() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_script_that_cannot_be_loaded_never_connects() {
+async fn a_run_with_a_script_that_cannot_be_loaded_never_connects() {
     let rig = Rig::quiet().await;
     let mut run = rig.run("x = = 1");
     assert_eq!(run.code().await, Some(4), "{}", run.text());
@@ -59,7 +59,7 @@ async fn a_script_that_cannot_be_loaded_never_connects() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_time_limit_ends_the_run_with_0_and_on_stop_has_its_say() {
+async fn a_time_limit_ends_the_run_with_0_after_on_stop() {
     let rig = Rig::quiet().await;
     let script = rig.file(
         "script.lua",
@@ -110,7 +110,7 @@ async fn the_same_seed_gives_the_same_random_numbers() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn without_a_robot_both_ways_are_named() {
+async fn without_a_robot_both_options_are_named() {
     let rig = Rig::quiet().await;
     let script = rig.file("script.lua", "print('never')");
     let mut run = rig.spykee(&["run", script.to_str().unwrap()]);
@@ -236,7 +236,7 @@ async fn logs_as_json_are_one_object_a_line() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_flood_of_lines_is_folded() {
+async fn a_flood_of_log_lines_is_summarised() {
     let rig = Rig::quiet().await;
     let begun = Instant::now();
     let mut run = rig.run("for i = 1, 5000 do print('line', i) end task.wait(1.2)");

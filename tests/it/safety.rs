@@ -1,4 +1,4 @@
-//! The safety promises, as the robot sees them: the real binary drives a simulated robot.
+//! The safety promises from the robot's view: the real binary drives a simulated robot.
 
 use std::time::Duration;
 
@@ -9,12 +9,12 @@ use tokio::time::{Instant, timeout};
 
 use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT, moves};
 
-/// Drives and then never waits again; prints when the block begins.
+/// Drives and then never waits again; switches a light on just before the loop.
 const STUCK: &str = "robot.move(50, 50)\ntask.wait(0.3)\nrobot.led('left', true)\ntask.wait(0)\nwhile true do end\n";
-/// The same, stuck in a library function where no safepoint is.
+/// The same, inside a library function that has no safepoint.
 const STUCK_IN_C: &str = "robot.move(50, 50)\ntask.wait(0.3)\nrobot.led('left', true)\ntask.wait(0)\ntable.move({}, 1, 2e9, -2e9, {})\nwhile true do end\n";
 
-/// The sign that the block begins.
+/// The command that shows that the loop begins.
 fn block_begins(command: &Command) -> bool {
     *command
         == Command::Led {
@@ -56,7 +56,7 @@ async fn a_low_battery_stops_and_sends_home_in_one_write_while_a_script_is_stuck
         let injected = Instant::now();
         rig.sim.inject(power(10));
         let dock = rig.heard_dock(block).await;
-        // A bound for a busy machine; on an idle one it is below 50 ms.
+        // A limit for a busy machine; on an idle one it takes less than 50 ms.
         assert!(
             injected.elapsed() < Duration::from_millis(500),
             "{:?}",
@@ -92,7 +92,7 @@ async fn while_low_no_script_moves_the_robot() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn one_garbage_level_neither_frees_a_low_robot_nor_ends_its_search() {
+async fn one_garbage_level_neither_releases_a_low_robot_nor_ends_its_search() {
     let rig = Rig::quiet().await;
     let run = rig.run(
         "robot.on('engine', function(e) print('engine', e.code, robot.move(40, 40, 0.3)) end)\n\
@@ -141,12 +141,11 @@ async fn the_watchdog_brings_a_low_robot_home_and_it_charges() {
     let charging = rig.sim.wait_state(|state| state.docked && state.charging);
     timeout(WAIT_LIMIT * 2, charging)
         .await
-        .expect("docked and charging");
+        .expect("not docked and charging");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_robot_that_cannot_get_home_and_that_nobody_may_drive_stays_still_alarms_and_searches_on()
-{
+async fn a_low_robot_that_cannot_get_home_stands_still_sounds_the_alarm_and_searches_again() {
     let search_limit = Duration::from_millis(200);
     let rig = Rig::new(
         QUIET_WORLD,
@@ -192,7 +191,7 @@ async fn a_robot_that_cannot_get_home_and_that_nobody_may_drive_stays_still_alar
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn no_script_silences_the_alarm() {
+async fn scripts_cannot_silence_the_alarm() {
     let search_limit = Duration::from_millis(200);
     let firmware = Firmware {
         search_limit,
@@ -233,7 +232,7 @@ async fn no_script_silences_the_alarm() {
     };
     assert!(!heard.iter().any(silences), "{heard:?}");
     let speaks = |command: &&Command| matches!(command, Command::Audio(_));
-    // One message may have been half out.
+    // One message may have been partly written.
     assert!(heard.iter().filter(speaks).count() <= 1, "{heard:?}");
     let dark = Command::Led {
         led: Led::Flash,
@@ -299,7 +298,7 @@ async fn an_interrupt_ends_a_stuck_script_in_time() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_host_that_is_killed_moves_nothing_any_more() {
+async fn a_killed_host_no_longer_moves_the_robot() {
     let rig = Rig::quiet().await;
     let mut run = rig.run("robot.move(50, 50) task.wait(600)");
     let moving = rig.heard_motion(0).await;
@@ -313,7 +312,7 @@ async fn a_host_that_is_killed_moves_nothing_any_more() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_host_that_is_frozen_is_stopped_and_ended() {
+async fn a_frozen_host_is_stopped_and_ended() {
     let rig = Rig::quiet().await;
     let mut run = rig.run("robot.move(50, 50) task.wait(600)");
     let moving = rig.heard_motion(0).await;
@@ -340,11 +339,13 @@ async fn hosts_do_not_outlive_their_agent() {
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     };
-    timeout(WAIT_LIMIT, gone).await.expect("the host is gone");
+    timeout(WAIT_LIMIT, gone)
+        .await
+        .expect("the host is still there");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn after_a_lost_link_the_robot_first_hears_a_stop() {
+async fn after_a_lost_link_the_first_command_is_a_stop() {
     let rig = Rig::quiet().await;
     let run = rig.run(
         "while true do\n\
@@ -364,7 +365,9 @@ async fn after_a_lost_link_the_robot_first_hears_a_stop() {
             }
         }
     };
-    timeout(WAIT_LIMIT, again).await.expect("drives again");
+    timeout(WAIT_LIMIT, again)
+        .await
+        .expect("it does not drive again");
     let heard = rig.sim.heard_since(moving);
     let anew: Vec<&Command> = heard
         .iter()
@@ -376,7 +379,7 @@ async fn after_a_lost_link_the_robot_first_hears_a_stop() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_stream_that_falls_silent_while_moving_stops_the_robot() {
+async fn a_stream_that_falls_silent_during_a_motion_stops_the_robot() {
     let rig = Rig::quiet().await;
     let run = rig.run("robot.stream('video', true) robot.move(40, 40) task.wait(600)");
     rig.heard_motion(0).await;
@@ -415,7 +418,7 @@ async fn on_its_station_the_robot_does_not_move() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_higher_priority_drives_and_the_lower_hears_preempted() {
+async fn a_higher_priority_drives_and_the_lower_receives_preempted() {
     let rig = Rig::quiet().await;
     rig.file(
         "patrol.lua",
@@ -456,12 +459,14 @@ async fn an_unknown_engine_byte_reaches_the_script_as_a_number() {
             tokio::time::sleep(Duration::from_millis(100)).await;
         }
     };
-    timeout(WAIT_LIMIT, told).await.expect("told");
+    timeout(WAIT_LIMIT, told)
+        .await
+        .expect("the script receives no event");
     assert_eq!(run.code().await, Some(0));
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_run_whose_script_ends_while_low_stays_until_the_robot_is_home_and_is_code_5() {
+async fn a_run_stays_until_a_low_robot_is_home_and_ends_with_5() {
     let rig = Rig::quiet().await;
     let mut run = rig.run("robot.move(20, 20, 600) task.wait(0.5)");
     rig.heard_motion(0).await;
@@ -478,7 +483,7 @@ async fn a_run_whose_script_ends_while_low_stays_until_the_robot_is_home_and_is_
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_run_that_waits_for_a_low_robot_outlives_a_dropped_link_and_an_interrupt_leaves() {
+async fn a_run_that_waits_for_a_low_robot_survives_a_dropped_link_and_ends_on_an_interrupt() {
     let rig = Rig::quiet().await;
     rig.sim.hide_station(true);
     let mut run = rig.run("robot.move(20, 20, 600) task.wait(0.5)");

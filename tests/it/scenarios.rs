@@ -1,4 +1,4 @@
-//! `spykee test`: scenarios hold or fail as they should, the same every time.
+//! `spykee test`: scenarios pass or fail as they should, with the same result every time.
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -36,7 +36,7 @@ fn json(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", text(output)))
 }
 
-/// The message with which the only scenario of this file fails.
+/// The message with which the only scenario of this source fails.
 fn complaint(source: &str) -> String {
     let behaviour = "robot.move(20, 20)\ntask.wait(1000)\n";
     let folder = folder(&[("a_test.lua", source), ("a.lua", behaviour)]);
@@ -70,7 +70,7 @@ end)
 ";
 
 #[test]
-fn what_holds_passes_and_what_does_not_is_told_with_place_time_and_picture() {
+fn a_failure_is_reported_with_place_time_and_picture() {
     let source = "scenario('it moves', { battery = 80 }, function(sim)\n\
                   \tsim:run()\n\tsim:wait(2)\n\
                   \texpect(sim:distance() > 0.1)\n\
@@ -107,7 +107,7 @@ fn what_holds_passes_and_what_does_not_is_told_with_place_time_and_picture() {
 }
 
 #[test]
-fn the_same_seed_plays_the_same_however_many_are_played_at_a_time() {
+fn the_same_seed_gives_the_same_result_with_any_number_of_jobs() {
     let folder = folder(&[("wander.lua", WANDERS), ("wander_test.lua", LOOKS_ON)]);
     let play = |jobs| {
         let output = spykee(folder.path(), &["test", "--json", "--jobs", jobs]);
@@ -125,7 +125,7 @@ fn the_same_seed_plays_the_same_however_many_are_played_at_a_time() {
 }
 
 #[test]
-fn every_question_and_every_change_reaches_the_simulated_robot() {
+fn every_query_and_every_change_reaches_the_simulated_robot() {
     let source = r#"
 scenario("all of it", { world = "playpen", battery = 70, limit = 600, seeds = 1 }, function(sim)
     expect(sim:seed() == 1 and sim:time() == 0)
@@ -226,7 +226,7 @@ robot.stop()
 }
 
 #[test]
-fn wrong_files_are_refused_with_file_line_and_what_to_do() {
+fn invalid_files_are_refused_with_file_line_and_advice() {
     for (source, words) in [
         ("", "a_test.lua: there is no scenario in it"),
         ("scenario(", "a_test.lua:1"),
@@ -267,7 +267,7 @@ fn wrong_files_are_refused_with_file_line_and_what_to_do() {
 }
 
 #[test]
-fn wrong_calls_and_scripts_that_misbehave_fail_their_scenario_in_words() {
+fn invalid_calls_and_misbehaving_scripts_fail_their_scenario_with_a_message() {
     for (body, words) in [
         (
             "sim:palce({})",
@@ -307,7 +307,7 @@ fn wrong_calls_and_scripts_that_misbehave_fail_their_scenario_in_words() {
 }
 
 #[test]
-fn a_behaviour_that_fails_fails_its_scenario_unless_that_is_expected() {
+fn a_behaviour_that_fails_makes_its_scenario_fail_unless_that_is_expected() {
     let source = "scenario('x', {}, function(sim) sim:run() sim:wait(5) end)\n\
                   scenario('y', { may_fail = true }, function(sim)\n\
                       sim:run() sim:wait(5) expect(sim:ended() == 'error')\n\
@@ -328,7 +328,7 @@ fn a_behaviour_that_fails_fails_its_scenario_unless_that_is_expected() {
 }
 
 #[test]
-fn a_behaviour_sees_nothing_of_its_scenario() {
+fn a_behaviour_cannot_see_its_scenario() {
     let source = "scenario('x', {}, function(sim)\n\
                       secret = 7\n\
                       sim:run()\n\
@@ -373,7 +373,7 @@ fn the_junit_report_is_xml_with_a_case_for_each_run() {
 }
 
 #[test]
-fn what_cannot_be_played_at_all_ends_in_2() {
+fn what_cannot_be_played_ends_with_2() {
     let folder = folder(&[("a_test.lua", "scenario('x', {}, print)")]);
     for args in [
         &["test", "nowhere"][..],
@@ -395,7 +395,7 @@ fn what_cannot_be_played_at_all_ends_in_2() {
 }
 
 #[tokio::test]
-async fn an_interruption_ends_all_that_is_played() {
+async fn an_interruption_ends_everything_that_is_played() {
     let rig = Rig::quiet().await;
     let source = "scenario('for ever', { limit = 2592000 }, function(sim)\n\
                       while true do sim:wait(0.1) end\n\
@@ -422,7 +422,7 @@ fn a_new_project_passes_its_own_scenarios() {
 }
 
 #[test]
-fn the_behaviour_beside_a_file_is_found_from_everywhere() {
+fn the_behaviour_beside_a_file_is_found_from_any_folder() {
     let test = "scenario('x', {}, function(sim) sim:run() expect(sim:wait_until(function()\n\
                 return sim:ended() end, 5), 'late') end)";
     let folder = folder(&[("a.lua", "task.wait(1)"), ("a_test.lua", test)]);
@@ -457,7 +457,7 @@ fn rust_tests_play_scenarios_too() {
 }
 
 #[test]
-fn an_expectation_that_is_caught_fails_its_scenario_all_the_same() {
+fn an_expectation_that_is_caught_still_fails_its_scenario() {
     for source in [
         "scenario('x', function(sim) pcall(expect, false, 'caught') end)",
         "scenario('x', function(sim) pcall(function() expect(nil, 'caught') end) sim:wait(2) end)",
@@ -470,7 +470,7 @@ fn an_expectation_that_is_caught_fails_its_scenario_all_the_same() {
 }
 
 #[test]
-fn a_scenario_and_what_it_runs_read_nothing_of_other_folders() {
+fn a_scenario_and_its_scripts_cannot_read_other_folders() {
     if !spykee::walls::Walls::offered().files {
         eprintln!("this kernel has no landlock: nothing keeps them from it");
         return;
@@ -500,7 +500,7 @@ fn a_scenario_and_what_it_runs_read_nothing_of_other_folders() {
 }
 
 #[test]
-fn a_scenario_below_the_working_folder_may_run_what_is_above_it() {
+fn a_scenario_below_the_working_folder_may_run_a_script_above_itself() {
     let folder = folder(&[("a.lua", "robot.drive(0.2, 0) task.wait(100)")]);
     std::fs::create_dir(folder.path().join("tests")).unwrap();
     let source = "scenario('x', { battery = 80 }, function(sim) sim:run('../a.lua') sim:wait(1)
@@ -511,7 +511,7 @@ fn a_scenario_below_the_working_folder_may_run_what_is_above_it() {
 }
 
 #[test]
-fn a_run_that_takes_too_long_in_real_time_is_ended_and_the_others_are_played() {
+fn a_run_that_exceeds_the_real_time_limit_is_ended_and_the_others_are_played() {
     let source = "scenario('for ever', { limit = 2000000, battery = 90 }, function(sim)
                       sim:run('wander.lua') sim:wait(1900000)
                   end)
@@ -535,7 +535,7 @@ fn a_run_that_takes_too_long_in_real_time_is_ended_and_the_others_are_played() {
     );
 }
 
-/// The processes in which scenarios are played.
+/// The processes that play scenarios.
 async fn trials(run: &crate::rig::Run) -> Vec<rustix::process::Pid> {
     let begun = std::time::Instant::now();
     loop {
@@ -557,12 +557,12 @@ const ENDLESS: &str = "scenario('endless', { limit = 2000000, battery = 90 }, fu
     end)";
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_run_whose_process_is_gone_has_failed_and_one_that_hangs_is_interrupted_at_once() {
+async fn a_run_whose_process_dies_has_failed_and_one_that_hangs_can_be_interrupted() {
     let rig = Rig::quiet().await;
     rig.file("wander.lua", WANDERS);
     rig.file("endless_test.lua", ENDLESS);
     let mut run = rig.spykee(&["test"]);
-    // The first process has only read the file.
+    // The first process only reads the file.
     run_until_played(&run).await;
     let trial = trials(&run).await[0];
     rustix::process::kill_process(trial, Signal::KILL).unwrap();
@@ -579,7 +579,7 @@ async fn a_run_whose_process_is_gone_has_failed_and_one_that_hangs_is_interrupte
     assert_eq!(run.code().await, Some(130), "{}", run.text());
 }
 
-/// Waits until a scenario is played, no longer read: its process may compute for longer.
+/// Waits until a scenario is played, no longer only read: its process may then compute for longer.
 async fn run_until_played(run: &crate::rig::Run) {
     let begun = std::time::Instant::now();
     loop {
@@ -594,7 +594,7 @@ async fn run_until_played(run: &crate::rig::Run) {
 }
 
 #[test]
-fn scripts_that_stay_in_the_library_end_in_a_scenario_too() {
+fn scripts_that_stay_in_library_functions_are_ended_in_a_scenario_too() {
     let hostile = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hostile");
     let names = [
         "sort_by_library_function",

@@ -1,5 +1,5 @@
-//! Who may speak, and who may read: the password is nowhere, files are the user's alone, and no
-//! script writes to the terminal what it likes.
+//! Secrets and privacy: the password appears nowhere, files belong to the user alone, and no script
+//! controls the terminal.
 
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
@@ -12,7 +12,7 @@ use tokio::time::timeout;
 
 use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT, children_of};
 
-/// Nothing else that the program says can hold it by chance.
+/// A text that no other output contains by chance.
 const PASSWORD: &str = "correct-horse-battery";
 
 fn spykee(args: &[&str]) -> Process {
@@ -24,7 +24,7 @@ fn spykee(args: &[&str]) -> Process {
     process
 }
 
-/// All that it says on both streams until its end.
+/// Everything that it writes to both streams until its end.
 fn said(mut process: Process) -> String {
     let output = process.output().unwrap();
     let out = [output.stdout, output.stderr].concat();
@@ -66,7 +66,7 @@ async fn the_password_is_in_no_output_at_the_finest_level() {
     let runs: [Vec<&str>; 7] = [
         [&right[..], &["text"]].concat(),
         [&right[..], &["json"]].concat(),
-        // Refused: the robot has another password.
+        // Refused, because the robot has another password.
         vec!["run", &script, "--robot", &rig.address],
         vec!["run", &script, "--sim"],
         vec!["run", "--help"],
@@ -88,7 +88,7 @@ async fn the_password_is_in_no_output_at_the_finest_level() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_password_is_in_no_process_list_and_no_host_has_it() {
+async fn the_password_is_in_no_process_list_and_not_in_any_host() {
     let rig = Rig::quiet().await;
     let (guarded, sim) = guarded_robot().await;
     let script = rig.file("script.lua", "robot.led('flash', true) task.wait(60)");
@@ -103,7 +103,7 @@ async fn the_password_is_in_no_process_list_and_no_host_has_it() {
         String::from_utf8_lossy(&std::fs::read(path).unwrap()).into_owned()
     };
     assert_silent("the agent's command line", &read(pid, "cmdline"));
-    // The robot let it in, so it has the password all the same.
+    // The robot accepted the login, so the agent does have the password.
     assert_silent("the agent's environment", &read(pid, "environ"));
     let children = children_of(pid);
     assert_eq!(children.len(), 2, "a host and the guardian");
@@ -121,7 +121,7 @@ async fn the_password_is_in_no_process_list_and_no_host_has_it() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_is_saved_is_for_its_user_only() {
+async fn saved_files_are_accessible_to_their_user_only() {
     let rig = Rig::quiet().await;
     let mut run = rig.run("print('saved', robot.wait_frame(30):save('one.jpg'))");
     assert_eq!(run.code().await, Some(0), "{}", run.text());
@@ -136,7 +136,7 @@ async fn what_is_saved_is_for_its_user_only() {
     }
 }
 
-/// Every file and folder below, with its permissions.
+/// Every file and folder below this path, with its permissions.
 fn modes(path: &Path) -> Vec<(String, u32)> {
     let metadata = std::fs::metadata(path).unwrap();
     let mut found = vec![(
@@ -151,7 +151,7 @@ fn modes(path: &Path) -> Vec<(String, u32)> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn no_script_steers_the_terminal() {
+async fn scripts_cannot_control_the_terminal() {
     let rig = Rig::quiet().await;
     let evil = r#"local evil = "\27[2Jone\27]0;two\7\155\49m\r\n\8\127\u{9b}3m\u{202e}three"
         print(evil) log.warn(evil, {[evil] = evil}) pcall(print, setmetatable({}, {__tostring =

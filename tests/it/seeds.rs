@@ -1,4 +1,5 @@
-//! Seeds of the fuzz targets that hold typed messages: they are what the messages are today.
+//! Seeds of the fuzz targets that contain typed messages: they must match the current message
+//! format.
 
 use std::path::Path;
 use std::time::Duration;
@@ -10,11 +11,11 @@ use spykee::script::Output;
 use spykee::wire::{Command, EngineReport, Power};
 use tokio::time::Instant;
 
-/// What happens between two messages, as `tests/fuzz/targets/messages.rs` reads it from a byte.
+/// An event between two messages, as `tests/fuzz/targets/messages.rs` decodes it from a byte.
 enum Happens {
     NotFound,
     Percent(u8),
-    /// So many milliseconds pass: a power of two.
+    /// This many milliseconds pass: a power of two.
     Passes(u32),
 }
 
@@ -42,8 +43,8 @@ impl Happens {
     }
 }
 
-/// A script that wants to drive, on a robot whose battery becomes low, whose searches fail, and which
-/// the watchdog moves between them.
+/// A script that wants to drive, on a robot whose battery becomes low and whose searches fail; the
+/// watchdog moves it between them.
 fn leg_of_a_low_robot() -> Vec<(FromHost, Happens)> {
     use Happens::{NotFound, Passes, Percent};
     let happens = [
@@ -68,7 +69,7 @@ fn leg_of_a_low_robot() -> Vec<(FromHost, Happens)> {
 }
 
 #[test]
-fn the_seed_of_a_low_robots_leg_is_in_todays_messages() {
+fn the_seed_of_a_low_robots_leg_is_in_the_current_message_format() {
     let seed =
         Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fuzz/seeds/messages/leg-of-a-low-robot");
     let mut bytes = Vec::new();
@@ -84,7 +85,7 @@ fn the_seed_of_a_low_robots_leg_is_in_todays_messages() {
 }
 
 #[test]
-fn the_seed_of_a_low_robots_leg_has_the_watchdog_drive_one() {
+fn in_the_seed_of_a_low_robots_leg_the_watchdog_drives_one() {
     let mut now = Instant::now();
     let mut dog = Watchdog::new(Limits::default(), now);
     let (percent, charging) = (80, false);

@@ -1,4 +1,4 @@
-//! `spykee serve`: a robot that is looked after for good.
+//! `spykee serve`: runs a robot permanently.
 
 mod manager;
 
@@ -13,7 +13,7 @@ use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT};
 
 const DRIVES: &str = "while true do robot.move(30, 30, 0.5) end";
 
-/// What all configs here begin with; tests may be root's.
+/// The beginning of all configs here; tests may run as root.
 const BASE: &str = "link: { longest_pause: 0.3 }\ntime_zone: UTC\n";
 
 fn config(rig: &Rig, service: &str, rest: &str) {
@@ -36,14 +36,14 @@ async fn ends_well(run: &mut Run) {
     assert_eq!(run.code().await, Some(0), "{}", run.text());
 }
 
-/// On its station, full.
+/// A robot on its station with a full battery.
 async fn at_home() -> Rig {
     let world = QUIET_WORLD.replace("start: { at: [4, 4], heading_degrees: 90 }\n", "");
     Rig::new(&world, Firmware::default()).await
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_runs_always_runs_and_the_end_of_all_behaviours_is_not_its_own() {
+async fn behaviours_that_are_always_on_run_and_the_service_outlives_all_behaviours() {
     let rig = Rig::quiet().await;
     rig.file("drive.lua", DRIVES);
     rig.file("asked.lua", "robot.volume(43)");
@@ -58,7 +58,7 @@ async fn what_runs_always_runs_and_the_end_of_all_behaviours_is_not_its_own() {
     assert_eq!(code, Some(0), "{text}");
     rig.heard_stop(moving).await;
     assert!(!rig.commands(0).contains(&Command::Volume(43)));
-    // It goes on without any, and starts what it is asked for.
+    // It continues without behaviours, and starts those that a person requests.
     let (code, text) = tool(&rig, &["behaviour", "start", "asked"]).await;
     assert_eq!(code, Some(0), "{text}");
     rig.heard(0, |command| *command == Command::Volume(43))
@@ -68,7 +68,7 @@ async fn what_runs_always_runs_and_the_end_of_all_behaviours_is_not_its_own() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn it_waits_for_a_robot_that_is_not_there_yet() {
+async fn the_service_waits_for_a_robot_that_is_not_there_yet() {
     let home = Rig::quiet().await;
     let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();
@@ -91,7 +91,7 @@ async fn it_waits_for_a_robot_that_is_not_there_yet() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_robot_that_somebody_else_uses_is_waited_for_and_he_is_named() {
+async fn a_robot_in_use_is_waited_for_and_its_user_is_named() {
     let rig = Rig::quiet().await;
     rig.file("drive.lua", DRIVES);
     config(&rig, "", "behaviours:\n- file: drive.lua\n");
@@ -105,7 +105,7 @@ async fn a_robot_that_somebody_else_uses_is_waited_for_and_he_is_named() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_timetable_starts_what_was_missed_by_little_and_a_power_cut_does_not_end_it() {
+async fn recently_missed_starts_are_made_up_for_and_a_power_cut_does_not_end_a_run() {
     let rig = Rig::quiet().await;
     rig.file("drive.lua", DRIVES);
     let rest =
@@ -120,7 +120,9 @@ async fn the_timetable_starts_what_was_missed_by_little_and_a_power_cut_does_not
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     };
-    timeout(WAIT_LIMIT, kept).await.expect("it is kept");
+    timeout(WAIT_LIMIT, kept)
+        .await
+        .expect("the record was not written");
     run.signal(Signal::KILL);
     run.status().await;
     let free = rig.sim.wait_state(|state| state.user.is_none());
@@ -134,7 +136,7 @@ async fn the_timetable_starts_what_was_missed_by_little_and_a_power_cut_does_not
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_simulated_date_shows_what_happens_when_the_clock_changes() {
+async fn a_simulated_date_shows_the_effect_of_a_clock_change() {
     let home = Rig::quiet().await;
     home.file("drive.lua", "log.info('here I am') task.wait(600)");
     home.file("world.yaml", QUIET_WORLD);
@@ -155,7 +157,7 @@ async fn a_simulated_date_shows_what_happens_when_the_clock_changes() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_reload_touches_only_what_has_changed_and_a_bad_config_nothing() {
+async fn a_reload_affects_only_changes_and_a_bad_config_changes_nothing() {
     let rig = Rig::quiet().await;
     rig.file("stays.lua", "robot.volume(41) task.wait(600)");
     rig.file("changes.lua", "robot.volume(42) task.wait(600)");
@@ -191,7 +193,7 @@ async fn a_reload_touches_only_what_has_changed_and_a_bad_config_nothing() {
         run.hosts().iter().any(|pid| hosts.contains(pid)),
         "the one that stays"
     );
-    // What the config has no more is ended.
+    // A behaviour that the config no longer contains is ended.
     config(&rig, "", "behaviours:\n- file: stays.lua\n");
     run.signal(Signal::HUP);
     let alone = async {
@@ -199,7 +201,9 @@ async fn a_reload_touches_only_what_has_changed_and_a_bad_config_nothing() {
             tokio::time::sleep(Duration::from_millis(10)).await;
         }
     };
-    timeout(WAIT_LIMIT, alone).await.expect("one is left");
+    timeout(WAIT_LIMIT, alone)
+        .await
+        .expect("not exactly one is left");
     ends_well(&mut run).await;
 }
 
@@ -214,19 +218,21 @@ async fn an_idle_robot_is_sent_home() {
     );
     let mut run = serve(&rig);
     let dock = rig.heard_dock(0).await;
-    // A start calls it off.
+    // A start cancels that.
     let (code, text) = tool(&rig, &["behaviour", "start", "asked"]).await;
     assert_eq!(code, Some(0), "{text}");
     let moving = rig.heard_motion(dock).await;
     assert_eq!(tool(&rig, &["behaviour", "stop", "asked"]).await.0, Some(0));
     rig.heard_dock(moving).await;
     let home = rig.sim.wait_state(|state| state.docked);
-    timeout(WAIT_LIMIT, home).await.expect("it comes home");
+    timeout(WAIT_LIMIT, home)
+        .await
+        .expect("the robot does not come home");
     ends_well(&mut run).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_idle_robot_on_its_station_is_let_go_of_and_dialled_when_somebody_wants_it() {
+async fn an_idle_robot_on_its_station_is_disconnected_and_connected_again_on_request() {
     let rig = at_home().await;
     rig.file("asked.lua", "robot.volume(44) task.wait(600)");
     config(
@@ -239,7 +245,7 @@ async fn an_idle_robot_on_its_station_is_let_go_of_and_dialled_when_somebody_wan
     let free = || rig.sim.wait_state(|state| state.user.is_none());
     timeout(WAIT_LIMIT, free())
         .await
-        .expect("somebody else can log in");
+        .expect("another user cannot log in");
     let (code, text) = tool(&rig, &["status"]).await;
     assert_eq!(
         (code, text.contains("free for others")),
@@ -250,7 +256,9 @@ async fn an_idle_robot_on_its_station_is_let_go_of_and_dialled_when_somebody_wan
     assert_eq!(code, Some(0), "{text} {}", run.text());
     rig.heard(0, |command| *command == Command::Volume(37))
         .await;
-    timeout(WAIT_LIMIT, free()).await.expect("let go of again");
+    timeout(WAIT_LIMIT, free())
+        .await
+        .expect("the service does not disconnect again");
     let (code, text) = tool(&rig, &["behaviour", "start", "asked"]).await;
     assert_eq!(code, Some(0), "{text} {}", run.text());
     rig.heard(0, |command| *command == Command::Volume(44))
@@ -260,7 +268,7 @@ async fn an_idle_robot_on_its_station_is_let_go_of_and_dialled_when_somebody_wan
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn in_quiet_hours_scripts_make_no_sound_and_a_person_may() {
+async fn in_quiet_hours_scripts_make_no_sound_but_a_person_may() {
     let rig = Rig::quiet().await;
     let noise =
         "robot.play('laser') robot.led('flash', true) robot.led('left', true) task.wait(600)";
@@ -291,7 +299,7 @@ async fn in_quiet_hours_scripts_make_no_sound_and_a_person_may() {
     ends_well(&mut run).await;
 }
 
-/// A config whose quiet hours are now, with this in it.
+/// A config in whose quiet hours the present time lies, with these additions.
 fn quiet_now(rig: &Rig, rest: &str) {
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     let hour = now.unwrap().as_secs() / 3600 % 24;
@@ -303,7 +311,7 @@ fn quiet_now(rig: &Rig, rest: &str) {
     );
 }
 
-/// Whether a robot with a low battery, which finds no station, is heard in quiet hours.
+/// Whether the alarm of a robot with a low battery, which finds no station, sounds in quiet hours.
 async fn the_alarm_is_heard(settings: &str) -> bool {
     let firmware = Firmware {
         search_limit: Duration::from_millis(300),
@@ -318,7 +326,7 @@ async fn the_alarm_is_heard(settings: &str) -> bool {
     run.says("connected").await;
     rig.sim.set_battery(15.0);
     run.says("action=alarm").await;
-    // The next search comes after it.
+    // The next search follows it.
     rig.heard_dock(rig.sim.heard_count()).await;
     run.signal(Signal::TERM);
     run.code().await;
@@ -326,7 +334,7 @@ async fn the_alarm_is_heard(settings: &str) -> bool {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn in_quiet_hours_the_alarm_is_heard_only_if_the_config_says_so() {
+async fn in_quiet_hours_the_alarm_sounds_only_if_the_config_says_so() {
     let (quiet, loud) = tokio::join!(
         the_alarm_is_heard(""),
         the_alarm_is_heard("quiet_alarm: false\n")
@@ -335,7 +343,7 @@ async fn in_quiet_hours_the_alarm_is_heard_only_if_the_config_says_so() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_service_does_not_go_on_as_root_unless_its_config_says_so() {
+async fn a_service_does_not_run_as_root_unless_its_config_says_so() {
     if !rustix::process::geteuid().is_root() {
         return;
     }
@@ -380,7 +388,7 @@ async fn a_service_does_not_go_on_as_root_unless_its_config_says_so() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_will_happen_is_said_and_why_not() {
+async fn schedule_lists_what_will_happen_and_what_will_not_and_why() {
     let rig = Rig::quiet().await;
     let rest = "quiet: 22:00-07:00\nbehaviours:\n- file: patrol.lua\nschedule:\n\
                 - { run: patrol, at: '0 9,23 * * *', for: 2h }\n\
@@ -409,7 +417,7 @@ async fn what_will_happen_is_said_and_why_not() {
     let json = [&["schedule", "--next", "1", "--json"], &from[..]].concat();
     let (_, text) = tool(&rig, &json).await;
     assert!(text.contains("\"2026-05-04T09:00:00+00:00\""), "{text}");
-    // A service with such a timetable does not begin.
+    // A service with such a timetable does not start.
     rig.file("patrol.lua", DRIVES);
     let mut run = serve(&rig);
     assert_eq!(run.code().await, Some(2), "{}", run.text());

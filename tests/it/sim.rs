@@ -1,5 +1,5 @@
-//! The simulated robot from the outside: literal bytes of `PROTOCOL.md` against the real server,
-//! over TCP where sockets matter and over a pipe with a paused clock where time does.
+//! The simulated robot from the outside: literal bytes of `PROTOCOL.md` to the real server, over
+//! TCP where sockets matter, and over a pipe with a paused clock where time matters.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::time::Duration;
@@ -12,7 +12,7 @@ use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt, DuplexStream
 use tokio::net::{TcpStream, UdpSocket};
 use tokio::time::{sleep, timeout};
 
-/// Longer than anything here takes; a promise that is not kept by then is broken.
+/// More than anything here takes; a promise that is not kept by then is broken.
 pub(super) const LIMIT: Duration = Duration::from_secs(300);
 
 pub(super) const LOGIN: &[u8] = b"PK\x0A\x00\x0C\x05admin\x05admin";
@@ -44,7 +44,7 @@ const ACCEPTED_DOCKED: &[u8] = &[
     0x30, 0x2E, 0x32, 0x32, 0x00, 0x01, 0x02,
 ];
 
-/// A client that knows only bytes.
+/// A client that only handles bytes.
 pub(super) struct Client<S> {
     pub(super) stream: S,
 }
@@ -54,7 +54,7 @@ impl<S: AsyncRead + AsyncWrite + Unpin> Client<S> {
         self.stream.write_all(bytes).await.unwrap();
     }
 
-    /// The next message, header and all; `None` at the end of the connection.
+    /// The next message, including its header; `None` at the end of the connection.
     pub(super) async fn next(&mut self) -> Option<Vec<u8>> {
         let mut message = vec![0; 5];
         match timeout(LIMIT, self.stream.read_exact(&mut message))
@@ -71,7 +71,7 @@ impl<S: AsyncRead + AsyncWrite + Unpin> Client<S> {
         Some(message)
     }
 
-    /// Reads until this very message comes; false if the connection ends first.
+    /// Reads until exactly this message arrives; false if the connection ends first.
     pub(super) async fn waits_for(&mut self, wanted: &[u8]) -> bool {
         while let Some(message) = self.next().await {
             if message == wanted {
@@ -103,15 +103,15 @@ impl<S: AsyncRead + AsyncWrite + Unpin> Client<S> {
     /// Everything until the connection ends.
     async fn rest(mut self) -> Vec<u8> {
         let mut bytes = Vec::new();
-        // A reset is an end as well.
+        // A reset also ends the connection.
         let _ = timeout(LIMIT, self.stream.read_to_end(&mut bytes))
             .await
-            .expect("no end");
+            .expect("the connection does not end");
         bytes
     }
 }
 
-/// A pen with the robot on its station at 90 %, with a battery of hours.
+/// A pen with the robot on its station at 90 %, and a battery that lasts for hours.
 pub(super) fn playpen() -> World {
     let yaml = include_str!("../../behaviours/worlds/playpen.yaml");
     World::from_yaml(yaml, "playpen.yaml").unwrap()
@@ -196,7 +196,7 @@ async fn a_wrong_password_is_refused_and_the_connection_closed() {
 }
 
 #[tokio::test]
-async fn a_second_user_is_refused_until_the_first_has_gone() {
+async fn a_second_user_is_refused_until_the_first_disconnects() {
     let sim = Tcp::serve(playpen()).await;
     let mut first = sim.connect().await.log_in().await;
     let mut second = sim.connect().await;
@@ -228,7 +228,7 @@ async fn discovery_names_the_robot_and_its_user() {
         reply.truncate(length);
         reply
     };
-    // What is no request is not answered: the next reply is the one to the request.
+    // Other datagrams are not answered: the next reply belongs to the request.
     socket.send(b"DSCV\x02\x05uid=x").await.unwrap();
     assert_eq!(ask().await, b"DSCV\x02\x0Euid=SPYKEE0001");
     let _client = sim.connect().await.log_in().await;
@@ -279,7 +279,7 @@ async fn move_between_the_reply_and_the_first_power_disconnects() {
 }
 
 #[tokio::test]
-async fn commands_in_pieces_and_in_bunches_are_all_heard() {
+async fn commands_split_or_joined_in_any_way_are_all_received() {
     let sim = Tcp::serve(free_playpen()).await;
     let mut client = sim.connect().await.log_in().await;
     let from = sim.handle.heard_count();
@@ -305,7 +305,7 @@ async fn commands_in_pieces_and_in_bunches_are_all_heard() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn odd_moves_of_clients_in_the_wild_drive() {
+async fn unusual_moves_of_real_clients_drive() {
     let (handle, mut client) = robot(free_playpen()).await;
     client
         .send(&[0x50, 0x4B, 0x05, 0x00, 0x03, 0x7F, 0x7F, 0x00])
@@ -328,7 +328,7 @@ async fn odd_moves_of_clients_in_the_wild_drive() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn walls_stop_it() {
+async fn walls_stop_the_robot() {
     let (handle, mut client) = robot(free_playpen()).await;
     client.send(FORWARD_50).await;
     let state = timeout(LIMIT, handle.wait_state(|state| state.blocked))
@@ -342,7 +342,7 @@ async fn walls_stop_it() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn undocks_backwards_and_says_so() {
+async fn the_robot_undocks_backwards_and_reports_it() {
     let (handle, mut client) = robot(playpen()).await;
     let docked_at = handle.state().pose;
     client.send(UNDOCK).await;
@@ -357,7 +357,7 @@ async fn undocks_backwards_and_says_so() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn docks_from_the_middle_of_the_room_and_charges() {
+async fn the_robot_docks_from_the_middle_of_the_room_and_charges() {
     let (handle, mut client) = robot(World::default_world()).await;
     client.send(&[STAND, DOCK].concat()).await;
     assert!(client.waits_for(ON_STATION).await);
@@ -416,7 +416,7 @@ async fn a_broken_charger_docks_without_charging() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn power_comes_on_change_and_again_and_again() {
+async fn power_is_sent_on_change_and_periodically() {
     let (handle, mut client) = robot(playpen()).await;
     for _ in 0..5 {
         assert_eq!(client.next_of_kind(3).await[5], 0xA6);
@@ -435,7 +435,7 @@ async fn power_comes_on_change_and_again_and_again() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn only_the_music_says_that_it_has_ended() {
+async fn only_music_reports_its_end() {
     let (handle, mut client) = robot(playpen()).await;
     client.send(LASER).await;
     timeout(LIMIT, handle.wait_state(|state| state.sound.is_some()))
@@ -459,7 +459,7 @@ async fn only_the_music_says_that_it_has_ended() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn streams_come_when_they_are_on() {
+async fn streams_are_sent_while_they_are_on() {
     let (handle, mut client) = robot(playpen()).await;
     assert_eq!(
         client.next().await.unwrap()[2],
@@ -494,7 +494,7 @@ async fn streams_come_when_they_are_on() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_client_that_does_not_read_gets_the_newest_frame_later() {
+async fn a_client_that_pauses_reading_gets_the_newest_frame_later() {
     let (handle, mut client) = robot(free_playpen()).await;
     client.send(&[VIDEO_ON, AUDIO_ON].concat()).await;
     sleep(Duration::from_secs(20)).await;
@@ -503,7 +503,7 @@ async fn a_client_that_does_not_read_gets_the_newest_frame_later() {
         state.frames > 250 && state.dropped > state.frames / 2,
         "{state:?}"
     );
-    // 64 KiB are in the pipe, one batch is being written, one waits.
+    // 64 KiB are in the pipe, one batch is being written, one is queued.
     let mut held = 0;
     while let Ok(Some(message)) = timeout(Duration::from_millis(1), client.next()).await {
         held += message.len();
@@ -513,7 +513,7 @@ async fn a_client_that_does_not_read_gets_the_newest_frame_later() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_client_that_asks_and_never_reads_is_cut_off() {
+async fn a_client_that_sends_requests_and_never_reads_is_disconnected() {
     let (handle, mut client) = robot(playpen()).await;
     let question = [0x50, 0x4B, 0x11, 0x00, 0x00].repeat(1000);
     for _ in 0..1000 {
@@ -528,7 +528,7 @@ async fn a_client_that_asks_and_never_reads_is_cut_off() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn questions_are_answered_and_settings_accepted() {
+async fn requests_are_answered_and_settings_accepted() {
     let (_, mut client) = robot(playpen()).await;
     client.send(b"PK\x0D\x00\x00").await;
     let config = [client.next_of_kind(13).await, client.next_of_kind(13).await];
@@ -550,7 +550,7 @@ async fn questions_are_answered_and_settings_accepted() {
     client.send(b"PK\x06\x00\x05\x06\x03abc").await; // FILE
     client.send(b"PK\x12\x00\x01\x50").await; // MOTOR_SPEED
     client.send(b"PK\x0C\x00\x00").await; // MUTE
-    client.send(b"PK\x63\x00\x02xy").await; // nobody knows
+    client.send(b"PK\x63\x00\x02xy").await; // unknown type
     client.send(b"PK\x11\x00\x00").await;
     let log = client.next_of_kind(17).await;
     let log = String::from_utf8_lossy(&log[5..]);
@@ -566,7 +566,7 @@ async fn questions_are_answered_and_settings_accepted() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn drives_on_without_its_user_unless_the_firmware_stops_it() {
+async fn the_robot_drives_on_without_its_user_unless_the_firmware_stops_it() {
     for stops_on_disconnect in [false, true] {
         let handle = detached(
             free_playpen(),
@@ -590,7 +590,7 @@ async fn drives_on_without_its_user_unless_the_firmware_stops_it() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_firmware_that_wants_repeats_stops_without_them() {
+async fn a_firmware_that_needs_repeats_stops_without_them() {
     let limit = Some(Duration::from_millis(500));
     let firmware = Firmware {
         stops_without_repeat: limit,
@@ -608,7 +608,7 @@ async fn a_firmware_that_wants_repeats_stops_without_them() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_handle_makes_trouble() {
+async fn a_handle_changes_the_simulation() {
     let (handle, mut client) = robot(playpen()).await;
     handle.inject(Report::Engine(EngineReport::Unknown(42)));
     assert!(client.waits_for(&[0x50, 0x4B, 0x10, 0x00, 0x01, 42]).await);
@@ -649,7 +649,7 @@ async fn a_handle_makes_trouble() {
 }
 
 #[tokio::test]
-async fn garbage_closes_its_connection() {
+async fn garbage_closes_the_connection() {
     let sim = Tcp::serve(playpen()).await;
     let mut stranger = sim.connect().await;
     stranger.send(b"GET / HTTP/1.1\r\n\r\n").await;
@@ -662,7 +662,7 @@ async fn garbage_closes_its_connection() {
         .unwrap();
 }
 
-/// Bytes as hostile peers send them: noise, or whole headers with noise behind.
+/// Bytes as hostile peers send them: noise, or complete headers followed by noise.
 fn random_bytes(random: &mut StdRng) -> Vec<u8> {
     let mut bytes = vec![0; random.random_range(0..200)];
     random.fill_bytes(&mut bytes);
@@ -716,7 +716,7 @@ async fn the_same_seed_gives_the_same_bytes() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn whoever_does_not_log_in_makes_room_for_others() {
+async fn clients_that_do_not_log_in_are_displaced_by_others() {
     let handle = detached(playpen(), Firmware::default());
     let idle: Vec<_> = (0..8).map(|_| connect(&handle)).collect();
     let ninth = connect(&handle);

@@ -1,4 +1,4 @@
-//! What the robot hears, and when, while scripts send as much as they can. In virtual time.
+//! When the robot receives commands while scripts send as much as they can. In virtual time.
 
 use std::time::Duration;
 
@@ -12,8 +12,8 @@ use crate::fast::{behaviour, quiet_world};
 
 const SECOND: Duration = Duration::from_secs(1);
 
-/// Talks while it drives, a second in each call, with a pause between two calls: 1 s is the speed of
-/// speech, less is as much as it is let.
+/// Speaks while it drives, one second in each call, with a pause between two calls: 1 s is real
+/// time; with less, it sends as much as it is allowed to.
 fn talks(pause: f64) -> String {
     format!(
         "robot.stream('audio_out', true)
@@ -26,15 +26,15 @@ fn talks(pause: f64) -> String {
     )
 }
 
-/// The fastest change of mind.
-const DITHERS: &str = "
+/// Changes its mind as fast as possible.
+const CHANGES_ITS_MIND: &str = "
 while true do
     task.race(function() robot.dock() end, function() task.wait(0) end)
 end
 ";
 
-/// A robot whose network may be spoilt.
-fn troubled() -> lab::Options {
+/// A robot whose network may have faults.
+fn with_faults() -> lab::Options {
     let sim = sim::Options {
         faults: Some(vec![]),
         ..sim::Options::default()
@@ -46,7 +46,7 @@ fn troubled() -> lab::Options {
     }
 }
 
-/// A robot that takes so many bytes a second.
+/// A robot that accepts this many bytes per second.
 fn slow(rate: u32) -> Fault {
     Fault {
         towards: Towards::Robot,
@@ -61,9 +61,10 @@ fn low() -> Report {
     })
 }
 
-/// What was heard from the last moment on in which the battery became low, after `talk`.
+/// All commands received, after scripts have spoken for `talk`, and the time at which the battery
+/// then became low.
 fn heard_of(scripts: &[String], rate: Option<u32>, talk: Duration) -> (Vec<Heard>, Duration) {
-    lab::run(quiet_world(), troubled(), async |lab: &Lab| {
+    lab::run(quiet_world(), with_faults(), async |lab: &Lab| {
         if let Some(rate) = rate {
             lab.sim().begin(slow(rate));
         }
@@ -82,17 +83,17 @@ fn heard_of(scripts: &[String], rate: Option<u32>, talk: Duration) -> (Vec<Heard
     .unwrap()
 }
 
-/// How late a command was heard, in seconds.
+/// The delay of a command, in seconds.
 fn lateness((heard, since): &(Vec<Heard>, Duration), command: &Command) -> f64 {
     let found = heard
         .iter()
         .find(|heard| heard.at >= *since && heard.command == *command);
-    let found = found.unwrap_or_else(|| panic!("{command:?} was not heard within a second"));
+    let found = found.unwrap_or_else(|| panic!("{command:?} was not received within a second"));
     (found.at - *since).as_secs_f64()
 }
 
 #[test]
-fn a_robot_that_reads_as_fast_as_speech_hears_stop_and_search_in_time_however_long_the_talk() {
+fn a_robot_that_reads_at_the_rate_of_speech_receives_stop_and_search_in_time() {
     let (talks, shouts) = (talks(1.0), talks(0.05));
     for (scripts, seconds) in [
         (vec![talks], 30),
@@ -107,8 +108,8 @@ fn a_robot_that_reads_as_fast_as_speech_hears_stop_and_search_in_time_however_lo
     }
 }
 
-/// Plays what it has heard once a fifth of a second of it is there, and counts how often it ran dry
-/// while more was to come.
+/// Plays what it has received as soon as a fifth of a second is there, and counts how often the
+/// buffer ran empty while more was to come.
 fn gaps(heard: &[Heard]) -> usize {
     const FIRST: f64 = 0.2;
     let (mut gaps, mut buffered, mut playing, mut at) = (0, 0.0, false, 0.0);
@@ -131,7 +132,7 @@ fn gaps(heard: &[Heard]) -> usize {
 }
 
 #[test]
-fn talk_plays_without_a_gap() {
+fn speech_plays_without_a_gap() {
     for rate in [None, Some(64_000)] {
         let (heard, _) = heard_of(&[talks(1.0)], rate, SECOND * 30);
         let spoken: usize = heard
@@ -147,9 +148,9 @@ fn talk_plays_without_a_gap() {
 }
 
 #[test]
-fn a_script_that_asks_for_dockings_without_end_floods_nobody() {
-    let heard = lab::run(quiet_world(), troubled(), async |lab: &Lab| {
-        let run = lab.start(vec![behaviour("dithers", DITHERS, 0, 1)], None);
+fn a_script_that_requests_dockings_endlessly_does_not_flood_the_link() {
+    let heard = lab::run(quiet_world(), with_faults(), async |lab: &Lab| {
+        let run = lab.start(vec![behaviour("dithers", CHANGES_ITS_MIND, 0, 1)], None);
         sleep(SECOND * 10).await;
         drop(run);
         lab.sim().heard()
@@ -165,8 +166,8 @@ fn a_script_that_asks_for_dockings_without_end_floods_nobody() {
 }
 
 #[test]
-fn a_robot_that_acknowledges_and_says_nothing_any_more_is_dialled_anew() {
-    lab::run(quiet_world(), troubled(), async |lab: &Lab| {
+fn a_robot_that_acknowledges_but_sends_nothing_is_reconnected() {
+    lab::run(quiet_world(), with_faults(), async |lab: &Lab| {
         let run = lab.start(vec![behaviour("idles", "task.wait(10000)", 0, 1)], None);
         sleep(SECOND * 60).await;
         let mut status = run.status();

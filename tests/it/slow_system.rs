@@ -1,5 +1,6 @@
-//! The system is slow: making a folder or a process takes five seconds. The robot must not notice.
-//! `strace` delays the calls; where it is missing or may not trace, that is said and nothing is tested.
+//! A slow system: making a folder or a process takes five seconds. The robot must not notice.
+//! `strace` delays the calls; where it is missing or may not trace, the test is skipped with a
+//! message.
 
 use std::process::{Child, Command as Process, Stdio};
 use std::time::Duration;
@@ -8,10 +9,10 @@ use rustix::process::Pid;
 
 use crate::rig::{Rig, moves};
 
-/// What slows the system down: every call that makes a folder, a process or a thread.
+/// The delayed calls: all that make a folder, a process or a thread.
 const SLOW: &str = "inject=mkdir,mkdirat,clone,clone3,fork,vfork:delay_enter=5000000";
 
-/// Drives for ever, and a restless one beside it that fails twice a second and is started again.
+/// One script that drives forever, and beside it one that fails twice a second and is restarted.
 const DRIVER: &str = "while true do robot.move(30, 30) task.wait(0.1) end";
 const RESTLESS: &str = "task.wait(0.5) error('again')";
 
@@ -61,7 +62,7 @@ async fn slow_folders_and_processes_delay_neither_motion_nor_the_way_home() {
     assert!(rig.at(dock).0 - low < Duration::from_secs(2));
 }
 
-/// Attaches `strace` to a process or thread and waits until it traces; `None`, and a word of it, where
+/// Attaches `strace` to a process or thread and waits until it traces; `None`, with a message, if
 /// that is not possible.
 pub fn trace(pid: Pid, arguments: &[&str]) -> Option<Child> {
     use std::io::{BufRead, BufReader};
@@ -81,7 +82,7 @@ pub fn trace(pid: Pid, arguments: &[&str]) -> Option<Child> {
         let _ = tracer.wait();
         return None;
     }
-    // It must not wait for a reader.
+    // The tracer must not block on a full pipe.
     std::thread::spawn(move || lines.for_each(drop));
     Some(tracer)
 }

@@ -1,4 +1,4 @@
-//! Hours alone with everything going wrong; `scripts/soak` runs as many as one likes.
+//! Hours of unattended running with all kinds of faults; `scripts/soak` plays any number of hours.
 
 use std::path::Path;
 use std::time::Duration;
@@ -18,13 +18,13 @@ use crate::rig::in_a_process_of_its_own;
 mod weeks;
 
 #[test]
-fn an_hour_alone_with_faults_keeps_every_promise() {
-    in_a_process_of_its_own("soak::an_hour_alone_with_faults");
+fn hours_with_faults_keep_every_promise() {
+    in_a_process_of_its_own("soak::hours_with_faults");
 }
 
 #[test]
 #[ignore = "the test above runs it"]
-fn an_hour_alone_with_faults() {
+fn hours_with_faults() {
     let other = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/firmware/all_other.yaml");
     let other = Firmware::load(&other).unwrap();
     let firmwares = std::iter::repeat_n(Firmware::default(), 3).chain([other]);
@@ -43,11 +43,12 @@ fn an_hour_alone_with_faults() {
     );
 }
 
-/// Where the soak's world hides the station's beacon, and a heading: beside it, on both sides.
+/// Places beside the station from which the soak's world hides its beacon, on both sides, each with
+/// a heading.
 const BLIND: [(f64, f64, f64); 2] = [(0.35, 4.0, -1.15), (0.4, 0.9, 0.5)];
 
-/// Low, with a behaviour that does nothing: whether it charges within ten minutes, and how often the
-/// watchdog did this.
+/// Starts there with a low battery and an idle behaviour; returns whether the robot charges within
+/// ten minutes, and how often the watchdog did `does`.
 fn comes_home_from((x, y, heading): (f64, f64, f64), limits: &Limits, does: &str) -> (bool, usize) {
     let world = World::from_yaml(include_str!("../soak/world.yaml"), "soak").unwrap();
     let (told, events) = std::sync::mpsc::sync_channel(10_000);
@@ -81,7 +82,7 @@ fn comes_home_from((x, y, heading): (f64, f64, f64), limits: &Limits, does: &str
 }
 
 #[test]
-fn a_low_robot_beside_its_station_that_cannot_find_it_from_there_comes_home_all_the_same() {
+fn a_low_robot_beside_its_station_comes_home_although_it_cannot_find_it_from_there() {
     let blind = Limits {
         rescue: Rescue::Off,
         ..Limits::default()

@@ -1,4 +1,4 @@
-//! Parameters, the store, modules and the built-in library as a person meets them: the real program
+//! Parameters, the store, modules and the built-in library from a person's view: the real program
 //! and a simulated robot.
 
 use std::os::unix::fs::{PermissionsExt as _, symlink};
@@ -53,7 +53,7 @@ async fn a_bad_parameter_is_refused_before_the_robot_moves() {
         ),
     ] {
         let rig = Rig::quiet().await;
-        // By the check before the run where it can know, and without it by the script itself.
+        // Refused by the check before the run if it can know, and otherwise by the script itself.
         let checked = if script == DECLARES { 4 } else { 1 };
         for (options, code) in [(&["--no-check"][..], 1), (&[], checked)] {
             let mut run = run_with(&rig, script, &[&["--param", param], options].concat());
@@ -65,7 +65,7 @@ async fn a_bad_parameter_is_refused_before_the_robot_moves() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn one_of_several_behaviours_is_named() {
+async fn a_parameter_can_name_one_of_several_behaviours() {
     let rig = Rig::quiet().await;
     let (one, two) = (
         rig.file("one.lua", DECLARES),
@@ -104,7 +104,7 @@ async fn the_store_survives_the_end_and_is_private() {
     assert_eq!(mode & 0o777, 0o600);
 }
 
-/// The number in the file.
+/// The number that is stored in the file.
 fn kept(rig: &Rig) -> f64 {
     let file = std::fs::read(store_file(rig)).unwrap();
     let values: serde_json::Value = serde_json::from_slice(&file).unwrap();
@@ -145,7 +145,7 @@ async fn the_store_survives_kill_9_of_the_host_and_of_the_agent() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_torn_store_is_kept_aside_and_said() {
+async fn a_truncated_store_is_renamed_and_reported() {
     let rig = Rig::quiet().await;
     let file = store_file(&rig);
     std::fs::create_dir_all(file.parent().unwrap()).unwrap();
@@ -161,7 +161,7 @@ async fn a_torn_store_is_kept_aside_and_said() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn modules_come_from_the_folder_and_from_nowhere_else() {
+async fn modules_come_from_the_scripts_folder_only() {
     let rig = Rig::quiet().await;
     let folder = rig.folder().join("behaviours");
     std::fs::create_dir_all(folder.join("lib")).unwrap();
@@ -222,7 +222,7 @@ async fn the_first_program_of_a_beginner_drives() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_first_program_of_a_beginner_leaves_the_station_for_good() {
+async fn the_first_program_of_a_beginner_leaves_the_station() {
     let rig = Rig::quiet().await;
     rig.file("first.lua", "require('@spykee/easy').forward(2)");
     rig.file(
@@ -239,7 +239,7 @@ async fn the_first_program_of_a_beginner_leaves_the_station_for_good() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_state_machine_leaves_its_state_in_order_when_it_is_interrupted() {
+async fn a_state_machine_exits_its_state_in_order_when_it_is_interrupted() {
     let rig = Rig::quiet().await;
     let script = "local fsm = require('@spykee/fsm')
         fsm.new{ initial = 'wait', states = {

@@ -1,7 +1,6 @@
-//! Strangers at the doors that a run has beside the robot's: its page, its broker, its webhooks, its
-//! journal, and names that others chose. Whatever they do, the robot drives on, the run ends when it is
-//! told to, and nothing of theirs is believed. The table of all that was tried is in
-//! `tests/hostile/README.md`.
+//! Attacks through the other interfaces of a run: its page, its broker, its webhooks, its journal,
+//! and names that others chose. In each case the robot drives on, the run ends when it is asked to,
+//! and untrusted input is not trusted. `tests/hostile/README.md` lists all attacks.
 
 mod broker;
 mod journal;
@@ -13,10 +12,10 @@ use spykee::wire::Command;
 
 use crate::rig::{Rig, Run};
 
-/// Drives until it is ended.
+/// A script that drives until it is ended.
 const DRIVES: &str = "robot.move(30, 30) task.wait(600)";
 
-/// Nothing has stopped the robot since `from`, and the run is told to end and does.
+/// Checks that nothing has stopped the robot since `from`; then interrupts the run, which must end.
 async fn drove_on(rig: &Rig, run: &mut Run, from: usize, what: &str) {
     let heard = rig.commands(from);
     assert!(

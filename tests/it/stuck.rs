@@ -1,4 +1,4 @@
-//! A robot that is held notices it by its pictures, and knows where it is.
+//! A robot that is held notices it from its camera's frames, and knows where it is.
 
 use std::f64::consts::TAU;
 use std::time::Duration;
@@ -9,7 +9,7 @@ use tokio::time::timeout;
 
 use crate::fast::behaviour;
 
-/// Runs a script from this pose until it ends; what it logged, and where the robot is then.
+/// Runs a script from this pose until it ends; returns its log and the robot's final pose.
 fn play(world: &str, pose: Pose, source: &str, seed: u64) -> (Vec<String>, Pose) {
     let (recorder, events) = Recorder::keeping();
     let options = lab::Options {
@@ -52,7 +52,7 @@ print(ok, code)
 ";
 
 #[test]
-fn a_robot_before_a_wall_is_blocked_and_one_with_room_is_not() {
+fn a_robot_at_a_wall_is_blocked_and_one_with_room_is_not() {
     for seed in 1..=3 {
         let (told, end) = play("yard", at(1.5, 1.5, 0.0), AHEAD, seed);
         assert_eq!(told, ["false blocked"], "seed {seed}: {end:?}");
@@ -62,7 +62,7 @@ fn a_robot_before_a_wall_is_blocked_and_one_with_room_is_not() {
     }
 }
 
-/// One motion, and what it answered after so many seconds.
+/// A script that makes one motion and prints its duration in seconds and its result code.
 fn moves(motion: &str) -> String {
     format!(
         "robot.stream('video', true)\nrobot.wait_frame(5)\ntask.wait(1)\nlocal from = clock.now()\n\
@@ -76,8 +76,8 @@ fn seconds_and_code(told: &[String]) -> (f64, &str) {
 }
 
 #[test]
-fn a_robot_that_pushes_from_the_start_is_told_so_soon() {
-    // Aslant against a wall with pale stripes; backwards; in a corner.
+fn a_robot_that_pushes_from_the_start_is_reported_as_blocked_soon() {
+    // At an angle against a wall with faint stripes; backwards; in a corner.
     let held = [
         ("hall", at(4.75, 0.16, -139.0), "robot.forward(2, 0.26)"),
         ("yard", at(0.16, 0.7, 0.0), "robot.forward(-1, 0.2)"),
@@ -98,7 +98,7 @@ fn a_robot_that_pushes_from_the_start_is_told_so_soon() {
 }
 
 #[test]
-fn close_before_a_plain_wall_the_way_tells() {
+fn close_to_a_uniform_wall_the_distance_driven_tells() {
     let far = at(2.0, 1.63, 0.0);
     let (told, end) = play(PLAIN, far, &moves("robot.forward(3, 0.2)"), 1);
     let (seconds, code) = seconds_and_code(&told);
@@ -109,8 +109,8 @@ fn close_before_a_plain_wall_the_way_tells() {
 }
 
 #[test]
-fn close_before_a_wall_its_last_stripe_tells() {
-    // From where no foot of the wall is seen any more.
+fn close_to_a_wall_its_last_stripe_tells() {
+    // From there, the foot of the wall is no longer visible.
     let close = at(3.4, 1.5, 0.0);
     let (told, end) = play("yard", close, &moves("robot.forward(2, 0.25)"), 1);
     let (seconds, code) = seconds_and_code(&told);
@@ -119,7 +119,8 @@ fn close_before_a_wall_its_last_stripe_tells() {
     assert!(pushed < 0.17, "{pushed} m for nothing: {told:?}");
 }
 
-/// It is held backwards, turns on the spot by so many degrees, and drives on.
+/// A script that is held while it drives backwards, turns on the spot by this many degrees, and
+/// drives on.
 fn turns_and_drives_on(degrees: u32) -> String {
     format!(
         "robot.stream('video', true)\nrobot.wait_frame(5)\ntask.wait(1)\n\
@@ -130,7 +131,7 @@ fn turns_and_drives_on(degrees: u32) -> String {
 }
 
 #[test]
-fn a_robot_that_turns_where_it_was_held_and_pushes_on_is_told_so_soon() {
+fn a_robot_that_turns_where_it_was_held_and_pushes_on_is_reported_as_blocked_soon() {
     let told_and_end = |degrees| play(PLAIN, at(0.25, 1.2, 0.0), &turns_and_drives_on(degrees), 1);
     for degrees in [180, 150, 220] {
         let (told, end) = told_and_end(degrees);
@@ -150,14 +151,14 @@ fn a_robot_that_turns_where_it_was_held_and_pushes_on_is_told_so_soon() {
     }
 }
 
-/// A room with nothing in it but low walls.
+/// An empty room with low walls.
 const PLAIN: &str = "
 room: { width: 4, depth: 3, height: 0.6, walls: '#c9d3d6' }
 station: { at: [0, 2.7], heading_degrees: 0 }
 ";
 
 #[test]
-fn without_the_camera_nothing_is_said() {
+fn without_the_camera_nothing_is_reported() {
     let blind = "print(robot.forward(3, 0.25))";
     assert_eq!(play("yard", at(1.5, 1.5, 0.0), blind, 1).0, ["true done"]);
 }
@@ -172,7 +173,7 @@ local pose = robot.pose()
 print(math.deg(pose.heading), pose.x, pose.y, pose.error, math.deg(pose.heading_error))
 ";
 
-/// A living room whose floor makes the tracks slip, with pictures that are so late.
+/// A living room on whose floor the tracks slip, with this latency of the camera.
 fn slippery(latency: f64) -> String {
     let yaml = World::ready_yaml("living_room").unwrap();
     let late = yaml.replace("camera:\n", &format!("camera:\n  latency: {latency}\n"));
@@ -180,17 +181,17 @@ fn slippery(latency: f64) -> String {
     format!("{late}\ntracks: {{ unequal: 0.0, slip: 0.25 }}\n")
 }
 
-/// `robot.pose()` at the end of a script that prints it.
+/// The estimate of `robot.pose()` that a script prints at its end.
 struct Estimate {
     heading_error: f64,
     error: f64,
-    /// Degrees and metres from the truth.
+    /// The difference from the truth, in degrees and metres.
     heading_off: f64,
     off: f64,
 }
 
 impl Estimate {
-    /// From the script's line, and where the robot began and is at the end.
+    /// From the line that the script printed, and the true poses at the start and at the end.
     fn new(told: &[String], start: Pose, end: Pose) -> Estimate {
         let numbers: Vec<f64> = told[0]
             .split(' ')
@@ -212,7 +213,7 @@ impl Estimate {
     }
 }
 
-/// Turns where tracks slip: the pose is right within its error.
+/// Makes turns on a floor where tracks slip: the pose must be right within its stated error.
 fn pose_is_right(latency: f64) {
     for seed in 1..=5 {
         let start = at(1.8, 2.4, 10.0);
@@ -232,12 +233,12 @@ fn pose_is_right(latency: f64) {
 }
 
 #[test]
-fn the_pose_is_right_within_its_error_also_where_tracks_slip() {
+fn the_pose_is_right_within_its_error_even_when_tracks_slip() {
     pose_is_right(0.0);
 }
 
 #[test]
-fn the_pose_is_right_within_its_error_also_where_pictures_are_late() {
+fn the_pose_is_right_within_its_error_even_when_pictures_are_late() {
     pose_is_right(0.2);
 }
 
@@ -252,7 +253,7 @@ print(math.deg(pose.heading), pose.x, pose.y, pose.error, math.deg(pose.heading_
 ";
 
 #[test]
-fn the_pose_holds_for_a_minute_of_curves() {
+fn the_pose_is_right_after_a_minute_of_curves() {
     for seed in 1..=2 {
         let start = at(1.5, 1.5, 0.0);
         let (told, end) = play("yard", start, A_MINUTE, seed);

@@ -1,4 +1,4 @@
-//! Behaviours that fail are started again or given up; saved ones are loaded anew.
+//! Behaviours that fail are restarted or given up; scripts that are saved are reloaded.
 
 use std::io::{BufRead, Write};
 use std::path::Path;
@@ -18,7 +18,7 @@ use tokio::time::{Instant, sleep, timeout};
 
 use crate::rig::{Rig, Run, WAIT_LIMIT, hosts_of};
 
-/// Beats until the robot says that a sound has ended.
+/// Beats until the robot reports that a sound has ended.
 const WITNESS: &str = "
     local on = false
     local beat = task.every(0.05, function() on = not on robot.led('right', on) end)
@@ -42,7 +42,7 @@ async fn hears(rig: &Rig, from: usize, power: i8) -> usize {
     rig.heard(from, |command| *command == wanted).await + 1
 }
 
-/// Waits until a text was written so often.
+/// Waits until a text has been printed this many times.
 async fn says(run: &Run, text: &str, times: usize) {
     let said = async {
         while run.text().matches(text).count() < times {
@@ -50,11 +50,11 @@ async fn says(run: &Run, text: &str, times: usize) {
         }
     };
     let waited = timeout(WAIT_LIMIT, said).await;
-    waited.unwrap_or_else(|_| panic!("`{text}` was not said {times} times:\n{}", run.text()));
+    waited.unwrap_or_else(|_| panic!("`{text}` was not printed {times} times:\n{}", run.text()));
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_behaviour_that_fails_again_and_again_is_given_up_with_an_alarm_and_disturbs_nobody() {
+async fn a_behaviour_that_fails_repeatedly_is_given_up_with_an_alarm_and_disturbs_no_other() {
     let rig = Rig::quiet().await;
     rig.file(
         "crash.lua",
@@ -100,7 +100,7 @@ async fn a_behaviour_that_fails_again_and_again_is_given_up_with_an_alarm_and_di
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_alarm_of_the_last_behaviour_is_heard_before_the_run_ends() {
+async fn the_alarm_for_the_last_behaviour_sounds_before_the_run_ends() {
     let rig = Rig::quiet().await;
     let script = "robot.move(50, 50) task.wait(0.1) error('boom')";
     rig.file("script.lua", script);
@@ -115,7 +115,7 @@ async fn the_alarm_of_the_last_behaviour_is_heard_before_the_run_ends() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_killed_host_is_started_again_and_a_run_that_then_ends_well_is_0() {
+async fn a_killed_host_is_restarted_and_a_run_that_then_ends_normally_is_0() {
     let rig = Rig::quiet().await;
     let script = rig.file(
         "script.lua",
@@ -147,15 +147,16 @@ async fn a_killed_host_is_started_again_and_a_run_that_then_ends_well_is_0() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_saved_script_is_loaded_anew_and_a_broken_one_does_not_drive() {
+async fn a_saved_script_is_reloaded_and_a_faulty_one_does_not_drive() {
     let rig = Rig::quiet().await;
-    // A machine that stalls must not look like a script that failed: that stands still until the script is saved again.
+    // A stall of the machine must not look like a failed script, which would stand still until it
+    // is saved again.
     rig.file(
         "spykee.yaml",
         "watchdog: { host_silence: 2, host_grace: 5 }\n",
     );
     let save = |text: &str| {
-        // As editors do: beside it, then over it.
+        // As editors do: write a new file, then rename it.
         let other = rig.file("script.lua~", text);
         std::fs::rename(other, rig.folder().join("script.lua")).unwrap();
     };
@@ -191,7 +192,7 @@ async fn a_saved_script_is_loaded_anew_and_a_broken_one_does_not_drive() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn under_watch_a_script_may_be_broken_at_first() {
+async fn with_watch_a_script_may_have_errors_at_first() {
     let rig = Rig::quiet().await;
     let script = rig.file("script.lua", "x = = 1");
     let run = rig.spykee(&["run", "script.lua", "--watch", "--robot", &rig.address]);
@@ -203,7 +204,7 @@ async fn under_watch_a_script_may_be_broken_at_first() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn under_watch_a_saved_module_loads_its_script_anew() {
+async fn with_watch_saving_a_module_reloads_its_script() {
     let rig = Rig::quiet().await;
     let power = rig.file("power.lua", "return 50");
     rig.file(
@@ -212,7 +213,7 @@ async fn under_watch_a_saved_module_loads_its_script_anew() {
     );
     let run = rig.spykee(&["run", "script.lua", "--watch", "--robot", &rig.address]);
     hears(&rig, 0, 45).await;
-    // The watcher must have seen the module once before it can see that it was saved.
+    // The watcher must have read the module once before it can notice a change.
     let saving = async {
         for save in 1.. {
             std::fs::write(&power, format!("return 60 -- {save}")).unwrap();
@@ -227,7 +228,7 @@ async fn under_watch_a_saved_module_loads_its_script_anew() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_ctrl_c_in_a_terminal_goes_to_the_agent_alone() {
+async fn ctrl_c_in_a_terminal_reaches_only_the_agent() {
     let rig = Rig::quiet().await;
     let run = rig.run("robot.move(50, 50) task.wait(600)");
     hears(&rig, 0, 45).await;
@@ -237,7 +238,7 @@ async fn a_ctrl_c_in_a_terminal_goes_to_the_agent_alone() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_policy_that_does_not_exist_is_refused() {
+async fn an_unknown_policy_is_refused() {
     let rig = Rig::quiet().await;
     let mut run = rig.spykee(&["run", "script.lua", "--restart", "always"]);
     assert_eq!(run.code().await, Some(2), "{}", run.text());
@@ -246,10 +247,11 @@ async fn a_policy_that_does_not_exist_is_refused() {
     }
 }
 
-/// Where the test below tells its agent the robot's address.
+/// The environment variable with the robot's address, for the agent of the test below.
 const ROBOT: &str = "SPYKEE_TEST_ROBOT";
 
-/// The agent of the test below, in a process of its own: every line of its input is a new text.
+/// The agent of the test below, in a separate process: every line of its input is a new version of
+/// the script.
 #[test]
 #[ignore = "a part of five_hundred_reloads_leave_no_trace"]
 fn agent_that_is_told_to_reload() {
@@ -311,7 +313,7 @@ fn agent_that_is_told_to_reload() {
     });
 }
 
-/// That agent. Killed with the test.
+/// That agent. Killed on drop.
 struct Reloader {
     process: Child,
 }
@@ -323,7 +325,7 @@ impl Drop for Reloader {
     }
 }
 
-/// What a process has at the moment.
+/// The resources of a process.
 #[derive(Debug, Clone, Copy)]
 struct Footprint {
     resident_kib: u64,
@@ -344,7 +346,7 @@ impl Reloader {
         }
     }
 
-    /// Has it reload a script that sets a volume, and waits until it does.
+    /// Makes it reload with a script that sets a volume, and waits for that volume.
     async fn reload(&mut self, rig: &Rig, volume: u8) {
         let from = rig.sim.heard_count();
         let input = self.process.stdin.as_mut().unwrap();
@@ -353,7 +355,7 @@ impl Reloader {
             .await;
     }
 
-    /// Once it has buried the host before.
+    /// Waits until the previous host is gone, then measures.
     async fn footprint(&self) -> Footprint {
         let pid = Pid::from_child(&self.process);
         let begun = Instant::now();

@@ -16,7 +16,7 @@ use tokio::time::timeout;
 
 use crate::rig::{Rig, WAIT_LIMIT, becomes};
 
-/// How long the reader of the screen waits before it looks whether the terminal is to be closed.
+/// The interval at which the reader of the screen checks whether the terminal is to be closed.
 const LOOK: Timespec = Timespec {
     tv_sec: 0,
     tv_nsec: 50_000_000,
@@ -33,7 +33,7 @@ pub struct Terminal {
 }
 
 impl Terminal {
-    /// The program leads the session of this terminal, as one that a terminal's window runs.
+    /// Starts the program as leader of the terminal's session, as in a terminal window.
     pub fn start(args: &[&str], rig: &Rig) -> Terminal {
         let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
         let keyboard = openpt(flags).unwrap();
@@ -81,7 +81,7 @@ impl Terminal {
         }
     }
 
-    /// Waits until this is shown, behind what was waited for before.
+    /// Waits until this text appears after the text of the last wait.
     pub async fn shows(&mut self, words: &str) {
         let shown = async {
             loop {
@@ -93,7 +93,7 @@ impl Terminal {
             }
         };
         let end = timeout(WAIT_LIMIT, shown).await;
-        self.read += end.unwrap_or_else(|_| panic!("no `{words}`: {}", self.text()));
+        self.read += end.unwrap_or_else(|_| panic!("`{words}` does not appear: {}", self.text()));
     }
 
     pub fn types(&mut self, line: &str) {
@@ -102,11 +102,11 @@ impl Terminal {
     }
 
     pub fn presses(&mut self, keys: &str) {
-        let mut keyboard = self.keyboard.as_ref().expect("an open terminal");
+        let mut keyboard = self.keyboard.as_ref().expect("the terminal is closed");
         keyboard.write_all(keys.as_bytes()).unwrap();
     }
 
-    /// Whether the terminal shows what is typed, and gathers it to lines, by itself.
+    /// Whether the terminal echoes input and collects it into lines, its normal mode.
     fn is_plain(&self) -> bool {
         let modes = tcgetattr(self.keyboard.as_ref().unwrap())
             .unwrap()
@@ -114,7 +114,7 @@ impl Terminal {
         modes.contains(LocalModes::ECHO | LocalModes::ICANON)
     }
 
-    /// As when its window is closed, or the connection to it is lost.
+    /// Closes the terminal, as when its window is closed or the connection is lost.
     fn close(&mut self) {
         self.closing.store(true, Ordering::Relaxed);
         self.reader.take().unwrap().join().unwrap();
@@ -149,18 +149,20 @@ impl Drop for Terminal {
     }
 }
 
-/// What is closed in the middle of driving stops the robot.
+/// Closes the terminal while the robot drives: the robot must stop.
 async fn closed(rig: &Rig, mut terminal: Terminal) {
     let moving = rig.heard_motion(0).await;
     terminal.close();
     rig.heard_stop(moving).await;
     assert_eq!(terminal.code().await, Some(130), "{}", terminal.text());
     let resting = rig.sim.wait_state(|state| !state.moving());
-    timeout(WAIT_LIMIT, resting).await.expect("the tracks rest");
+    timeout(WAIT_LIMIT, resting)
+        .await
+        .expect("the tracks do not rest");
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_terminal_that_is_closed_stops_the_robot_of_a_run() {
+async fn closing_the_terminal_stops_the_robot_of_a_run() {
     let rig = Rig::quiet().await;
     rig.file("script.lua", "robot.move(40, 40) task.wait(600)");
     let run = ["run", "script.lua", "--robot", &rig.address];
@@ -169,7 +171,7 @@ async fn a_terminal_that_is_closed_stops_the_robot_of_a_run() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_terminal_that_is_closed_stops_the_robot_of_a_prompt() {
+async fn closing_the_terminal_stops_the_robot_of_a_prompt() {
     let rig = Rig::quiet().await;
     let mut terminal = Terminal::start(&["repl", "--robot", &rig.address], &rig);
     terminal.shows("spykee> ").await;
@@ -178,7 +180,7 @@ async fn a_terminal_that_is_closed_stops_the_robot_of_a_prompt() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_terminal_that_is_closed_stops_the_robot_of_a_calibration() {
+async fn closing_the_terminal_stops_the_robot_of_a_calibration() {
     let rig = Rig::quiet().await;
     let mut terminal = Terminal::start(&["calibrate", "--robot", &rig.address], &rig);
     terminal.shows("Enter starts it").await;
@@ -187,7 +189,7 @@ async fn a_terminal_that_is_closed_stops_the_robot_of_a_calibration() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn ctrl_z_at_a_prompt_stops_the_tracks_and_gives_the_terminal_back_until_it_goes_on() {
+async fn ctrl_z_at_a_prompt_stops_the_tracks_and_restores_the_terminal_until_it_resumes() {
     let rig = Rig::quiet().await;
     let mut terminal = Terminal::start(&["repl", "--robot", &rig.address], &rig);
     terminal.shows("spykee> ").await;
@@ -198,7 +200,9 @@ async fn ctrl_z_at_a_prompt_stops_the_tracks_and_gives_the_terminal_back_until_i
     rig.heard_stop(moving).await;
     becomes(terminal.pid(), 'T').await;
     let resting = rig.sim.wait_state(|state| !state.moving());
-    timeout(WAIT_LIMIT, resting).await.expect("the tracks rest");
+    timeout(WAIT_LIMIT, resting)
+        .await
+        .expect("the tracks do not rest");
     assert!(terminal.is_plain());
     let slept = rig.sim.heard_count();
     kill_process(terminal.pid(), Signal::CONT).unwrap();

@@ -1,4 +1,4 @@
-//! `spykee robot` and `spykee completions`, the real program against the simulated robot.
+//! `spykee robot` and `spykee completions`: the real program with the simulated robot.
 
 use std::io::Write;
 use std::process::{Command as Process, Stdio};
@@ -15,7 +15,7 @@ async fn tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn robot_tools_say_what_they_were_asked_to_say() {
+async fn robot_tools_send_the_requested_commands() {
     let rig = Rig::quiet().await;
     let (code, text) = tool(&rig, &["info", "--json"]).await;
     let info: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -46,7 +46,7 @@ async fn robot_tools_say_what_they_were_asked_to_say() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn stop_ends_motion_that_another_program_left_behind() {
+async fn stop_ends_a_motion_that_another_program_left_behind() {
     let rig = Rig::quiet().await;
     let mut run = rig.run("robot.move(50, 50)\ntask.wait(60)");
     rig.heard_motion(0).await;
@@ -66,7 +66,7 @@ async fn stop_ends_motion_that_another_program_left_behind() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn undock_and_dock_are_the_pilots_and_ctrl_c_ends_the_search_with_a_stop() {
+async fn undock_and_dock_use_the_pilot_and_ctrl_c_ends_the_search_with_a_stop() {
     let world = QUIET_WORLD.replace("start: { at: [4, 4], heading_degrees: 90 }", "");
     let rig = Rig::new(&world, Firmware::default()).await;
     let (code, text) = tool(&rig, &["undock"]).await;
@@ -91,7 +91,7 @@ async fn undock_and_dock_are_the_pilots_and_ctrl_c_ends_the_search_with_a_stop()
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_low_battery_does_not_leave_the_station() {
+async fn a_robot_with_a_low_battery_does_not_leave_the_station() {
     let world = QUIET_WORLD
         .replace("start: { at: [4, 4], heading_degrees: 90 }", "")
         .replace("level: 90", "level: 12");
@@ -102,7 +102,7 @@ async fn a_low_battery_does_not_leave_the_station() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn settings_change_only_when_the_robot_is_named_and_secrets_never_show() {
+async fn settings_change_only_if_the_robot_is_named_and_secrets_are_never_shown() {
     let rig = Rig::quiet().await;
     let (_, text) = tool(&rig, &["config"]).await;
     assert!(text.contains("wifi-key") && text.contains("***"), "{text}");
@@ -131,7 +131,7 @@ async fn settings_change_only_when_the_robot_is_named_and_secrets_never_show() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_snapshot_is_a_whole_picture_or_exit_code_3() {
+async fn a_snapshot_is_a_complete_picture_or_ends_with_3() {
     let rig = Rig::quiet().await;
     let (code, text) = tool(&rig, &["snapshot", "-o", "a.jpg"]).await;
     assert_eq!((code, text.contains("320x240")), (Some(0), true), "{text}");
@@ -158,7 +158,7 @@ async fn a_snapshot_is_a_whole_picture_or_exit_code_3() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_upload_arrives_whole_and_what_is_no_mp3_is_refused() {
+async fn an_upload_arrives_complete_and_other_files_than_mp3_are_refused() {
     let rig = Rig::quiet().await;
     let mut frame = vec![0_u8; 417];
     frame[..4].copy_from_slice(&[0xFF, 0xFB, 0x90, 0x00]);
@@ -201,7 +201,7 @@ async fn an_upload_arrives_whole_and_what_is_no_mp3_is_refused() {
 }
 
 #[test]
-fn completions_exist_for_every_shell_bash_can_read_them_and_the_host_is_no_command() {
+fn completions_exist_for_every_shell_and_do_not_show_the_host_command() {
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
         let out = Process::new(env!("CARGO_BIN_EXE_spykee"))
             .args(["completions", shell])

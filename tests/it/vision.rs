@@ -1,4 +1,4 @@
-//! Eyes from outside: real JPEG bytes in, blobs out, and nothing breaks on bytes that lie.
+//! Vision from the outside: real JPEG bytes in, blobs out; malformed bytes do no harm.
 #![allow(clippy::unwrap_used)]
 
 use image::codecs::jpeg::JpegEncoder;
@@ -64,7 +64,7 @@ fn finds_the_balls_of_a_jpeg() {
 }
 
 #[test]
-fn a_frame_is_decoded_once_however_much_is_asked_of_it() {
+fn a_frame_is_decoded_once_however_often_it_is_used() {
     let bytes = jpeg(&room());
     let red = [Colour::named("red").unwrap()];
     let mut eyes = Eyes::new(Camera::default());
@@ -83,7 +83,7 @@ fn a_frame_is_decoded_once_however_much_is_asked_of_it() {
 }
 
 #[test]
-fn a_camera_may_leave_the_standard_tables_out() {
+fn frames_without_the_standard_tables_are_decoded() {
     let bytes = jpeg(&room());
     let bare = without_tables(&bytes);
     assert!(bare.len() + 400 < bytes.len());
@@ -104,7 +104,8 @@ fn grey_pictures_are_decoded_too() {
     assert!(r == g && g == b && r.abs_diff(93) < 6);
 }
 
-/// One scene of 99x75 pixels (no multiple of any block), written in every way that cameras and programs have.
+/// One scene of 99x75 pixels (not a multiple of any block size), encoded in every way that cameras
+/// and programs use.
 fn kinds() -> [(&'static str, &'static [u8]); 8] {
     [
         ("4:4:4", include_bytes!("../fixtures/ball-444.jpg")),
@@ -188,7 +189,7 @@ fn half_a_frame_is_refused() {
 }
 
 #[test]
-fn pixels_and_brightness_are_those_of_the_picture() {
+fn pixels_and_brightness_match_the_picture() {
     let mut decoder = Decoder::default();
     let image = decoder.decode(&jpeg(&room())).unwrap();
     let [r, g, b] = image.pixel(90, 130).unwrap();
@@ -240,7 +241,7 @@ fn marks_are_drawn_on_a_copy() {
 }
 
 #[test]
-fn most_damage_to_the_data_is_noticed() {
+fn most_damaged_data_is_noticed() {
     let bytes = jpeg(&room());
     let scan = bytes
         .windows(2)
@@ -251,7 +252,7 @@ fn most_damage_to_the_data_is_noticed() {
     let (mut noticed, mut tried) = (0, 0);
     for place in places {
         let mut damaged = bytes.clone();
-        // A lost piece, as on a bad link.
+        // A missing piece, as on a bad link.
         damaged.drain(place..place + 25);
         noticed += u32::from(Decoder::default().decode(&damaged).is_err());
         tried += 1;
@@ -259,7 +260,7 @@ fn most_damage_to_the_data_is_noticed() {
     assert!(noticed * 10 > tried * 8, "noticed {noticed} of {tried}");
 }
 
-/// The room as it is some frames later.
+/// The room some frames later.
 fn later(frame: i32) -> Vec<u8> {
     let mut picture = room();
     draw_filled_circle_mut(&mut picture, (40 + 12 * frame, 190), 12, Rgb([40, 170, 60]));
@@ -309,7 +310,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(600))]
 
     #[test]
-    fn no_bytes_break_the_decoder(bytes in proptest::collection::vec(any::<u8>(), 0..600), headed in any::<bool>()) {
+    fn no_bytes_crash_the_decoder(bytes in proptest::collection::vec(any::<u8>(), 0..600), headed in any::<bool>()) {
         let bytes = if headed { [&[0xFF, 0xD8], &bytes[..], &[0xFF, 0xD9]].concat() } else { bytes };
         let mut decoder = Decoder::default();
         prop_assert_eq!(decoder.decode(&bytes).map(|image| image.size()).is_ok(), false);
@@ -338,7 +339,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
 
     #[test]
-    fn damaged_codes_are_read_or_not(
+    fn damaged_codes_do_no_harm(
         dots in proptest::collection::vec((0u32..320, 0u32..240, 1i32..12, any::<u8>()), 0..60),
     ) {
         let mut decoder = Decoder::default();

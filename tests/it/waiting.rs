@@ -1,4 +1,4 @@
-//! `run --wait`: a robot that is not there yet.
+//! `run --wait`: waits for a robot that is not there yet.
 
 use std::net::{SocketAddr, TcpListener};
 
@@ -9,13 +9,13 @@ use crate::rig::{QUIET_WORLD, Rig, Run};
 
 const DRIVE: &str = "robot.move(40, 40) task.wait(600)";
 
-/// Where nobody answers.
+/// An address at which no server listens.
 fn free_address() -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     listener.local_addr().unwrap()
 }
 
-/// A run on a robot at this address, from the folder of another one.
+/// A run with a robot at this address, in the folder of `home`.
 fn run(home: &Rig, address: SocketAddr, flags: &[&str]) -> Run {
     home.file("spykee.yaml", "link: { longest_pause: 0.3 }\n");
     home.file("script.lua", DRIVE);
@@ -24,7 +24,7 @@ fn run(home: &Rig, address: SocketAddr, flags: &[&str]) -> Run {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_run_that_waits_begins_when_the_robot_answers() {
+async fn a_run_that_waits_starts_when_the_robot_answers() {
     let (home, address) = (Rig::quiet().await, free_address());
     let mut run = run(&home, address, &["--wait"]);
     run.says("dialling until it answers").await;
@@ -41,7 +41,7 @@ async fn a_run_that_waits_begins_when_the_robot_answers() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn ctrl_c_ends_the_waiting() {
+async fn ctrl_c_ends_the_wait() {
     let (home, address) = (Rig::quiet().await, free_address());
     let mut run = run(&home, address, &["--wait"]);
     run.says("dialling until it answers").await;
@@ -52,7 +52,7 @@ async fn ctrl_c_ends_the_waiting() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_robot_that_is_not_there_ends_a_run_that_does_not_wait_and_the_help_names_the_flag() {
+async fn without_wait_an_unreachable_robot_ends_the_run_and_the_help_names_the_flag() {
     let (home, address) = (Rig::quiet().await, free_address());
     let mut run = run(&home, address, &[]);
     assert_eq!(run.code().await, Some(3), "{}", run.text());
@@ -60,7 +60,7 @@ async fn a_robot_that_is_not_there_ends_a_run_that_does_not_wait_and_the_help_na
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_password_that_is_refused_is_not_tried_again() {
+async fn a_refused_password_is_not_tried_again() {
     let home = Rig::quiet().await;
     let address = home.address.parse().unwrap();
     let mut run = run(&home, address, &["--wait", "--user", "nobody"]);

@@ -1,5 +1,5 @@
-//! The kernel's walls round a live host: system calls are injected into it, as one who has broken out of
-//! the VM would make them, and each must be refused.
+//! The confinement of a live host by the kernel: the test injects system calls into it, as code
+//! that has escaped from the VM would make them, and each must be refused.
 
 use std::path::Path;
 use std::process::{Command as Process, Stdio};
@@ -10,7 +10,7 @@ use tokio::time::timeout;
 
 use crate::rig::{Rig, WAIT_LIMIT, children_of};
 
-/// Lights up once it runs, and waits.
+/// Switches a light on when it runs, and waits.
 const WAITS: &str = "robot.led('left', true) task.wait(1000)";
 
 async fn waiting() -> (Rig, crate::rig::Run) {
@@ -32,7 +32,7 @@ fn line<'a>(text: &'a str, key: &str) -> &'a str {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_host_has_no_rights_few_resources_and_comes_after_its_agent() {
+async fn a_host_has_no_privileges_few_resources_and_a_lower_priority_than_its_agent() {
     let (_rig, run) = waiting().await;
     let [host] = run.hosts()[..] else {
         panic!("not one host")
@@ -44,7 +44,7 @@ async fn a_host_has_no_rights_few_resources_and_comes_after_its_agent() {
     assert_eq!(line(&status, "NoNewPrivs:"), "1");
     assert_eq!(line(&status, "Seccomp:"), "2");
     assert_eq!(proc(host, "oom_score_adj").trim(), "500");
-    // What follows the name in brackets begins with the third field; niceness is the nineteenth.
+    // The fields after the name in brackets begin with the third; niceness is the nineteenth.
     let stat = proc(host, "stat");
     let nice = stat.rsplit_once(')').unwrap().1.split_whitespace().nth(16);
     let agents = proc(run.pid(), "stat");
@@ -82,7 +82,7 @@ async fn a_host_has_no_rights_few_resources_and_comes_after_its_agent() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn no_descriptor_that_the_agent_was_given_reaches_its_children() {
+async fn no_descriptor_inherited_by_the_agent_reaches_its_children() {
     let rig = Rig::quiet().await;
     let script = rig.file("script.lua", WAITS);
     let command = format!(
@@ -116,7 +116,7 @@ async fn no_descriptor_that_the_agent_was_given_reaches_its_children() {
     assert_eq!(leaks(pid), Some(3), "nothing was given");
     let children = children_of(pid);
     assert_eq!(children.len(), 2, "a host and the guardian");
-    // Nobody but root can look into a host.
+    // Only root can inspect a host.
     let looked: Vec<usize> = children.into_iter().filter_map(leaks).collect();
     assert!(
         !looked.is_empty() && looked.iter().all(|leaks| *leaks == 0),
@@ -127,7 +127,7 @@ async fn no_descriptor_that_the_agent_was_given_reaches_its_children() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_host_without_motion_that_shows_no_life_is_ended_too() {
+async fn a_host_without_motion_that_sends_no_sign_of_life_is_ended_too() {
     let rig = Rig::quiet().await;
     let script = rig.file("script.lua", WAITS);
     let config = rig.file("calm.yaml", "watchdog: { host_idle_silence: 2 }\n");
@@ -141,7 +141,7 @@ async fn a_host_without_motion_that_shows_no_life_is_ended_too() {
     ]);
     rig.heard(0, |command| matches!(command, Command::Led { .. }))
         .await;
-    // Alive for longer than the limit, and quiet: that is no reason.
+    // A host that sends signs of life, but nothing else, is not ended.
     tokio::time::sleep(Duration::from_secs(4)).await;
     assert!(run.lives(), "{}", run.text());
     let [host] = run.hosts()[..] else {
@@ -167,14 +167,15 @@ mod injected {
 
     use super::*;
 
-    /// What differs between processors: the registers of a call, and the calls that only one of them has.
+    /// The differences between processors: the registers of a call, and the calls that only one of
+    /// them has.
     #[cfg(target_arch = "x86_64")]
     mod processor {
         use super::*;
 
         pub type Registers = sys::user_regs_struct;
         const X32: i64 = 0x4000_0000;
-        /// `syscall`, as bytes in memory are read.
+        /// `syscall`, as the bytes appear in a word of memory.
         const SYSCALL: i64 = 0x050f;
 
         pub fn read(pid: Pid) -> Registers {
@@ -185,7 +186,7 @@ mod injected {
             ptrace::setregs(pid, registers).unwrap();
         }
 
-        /// Where the instruction is by which it waits in the kernel.
+        /// The address of the instruction by which it waits in the kernel.
         pub fn gate(pid: Pid, registers: &Registers) -> u64 {
             let at = registers.rip - 2;
             let found = ptrace::read(pid, at as *mut c_void).unwrap();
@@ -198,7 +199,7 @@ mod injected {
             Registers {
                 rip: gate,
                 rax: call.cast_unsigned(),
-                // No call of its own is to be begun again.
+                // Prevents the kernel from restarting an interrupted call.
                 orig_rax: u64::MAX,
                 rdi,
                 rsi,
@@ -247,8 +248,8 @@ mod injected {
             ptrace::setregset::<NT_PRSTATUS>(pid, registers).unwrap();
         }
 
-        /// Where the instruction is by which it waits in the kernel: before the next one, or the next one if
-        /// the kernel is to begin the call again.
+        /// The address of the instruction by which it waits in the kernel: the one before the
+        /// program counter, or at it if the kernel will restart the call.
         pub fn gate(pid: Pid, registers: &Registers) -> u64 {
             let is_call = |at: &u64| {
                 let found = ptrace::read(pid, *at as *mut c_void).unwrap();
@@ -274,8 +275,8 @@ mod injected {
     }
     use processor::{OWN, Registers, answer, calling, gate, read, write};
 
-    /// What is refused, with its arguments. Pointers are none: the answer must come before they are
-    /// looked at.
+    /// The calls that must be refused, with their arguments. Pointers are invalid: the refusal must
+    /// come before the kernel reads them.
     fn refused(host: u64, agent: u64, code: u64) -> Vec<(&'static str, i64, [u64; 6])> {
         let plain = [
             ("socket", sys::SYS_socket),
@@ -463,7 +464,7 @@ mod injected {
         all
     }
 
-    /// A process that is stopped within a system call.
+    /// A process that is stopped inside a system call.
     struct Stopped {
         pid: Pid,
         registers: Registers,
@@ -471,7 +472,7 @@ mod injected {
     }
 
     impl Stopped {
-        /// `None` if this user may not.
+        /// `None` if this user has no permission.
         fn attach(pid: Pid) -> Option<Stopped> {
             if let Err(error) = ptrace::attach(pid) {
                 eprintln!("calls cannot be injected by this user: {error}");
@@ -509,7 +510,8 @@ mod injected {
 
     fn inject(host: i32, agent: i32) -> Option<usize> {
         let stopped = Stopped::attach(Pid::from_raw(host))?;
-        // What is allowed works: so the others are refused, and not only broken.
+        // Permitted calls work, so the others fail because they are refused, not because the
+        // injection is broken.
         assert_eq!(stopped.call(sys::SYS_getpid, [0; 6]), i64::from(host));
         let anonymous = u64::from((sys::MAP_PRIVATE | sys::MAP_ANONYMOUS).unsigned_abs());
         let memory = stopped.call(sys::SYS_mmap, [0, 4096, 3, anonymous, u64::MAX, 0]);
@@ -544,11 +546,11 @@ mod injected {
             host.as_raw_nonzero().get(),
             run.pid().as_raw_nonzero().get(),
         );
-        // Only the thread that attached may go on.
+        // Only the thread that attached may trace.
         let injected = tokio::task::spawn_blocking(move || inject(host, agent));
         let count = injected.await.unwrap();
         eprintln!("{count:?} calls refused");
-        // It lives on as if nothing had been.
+        // The host continues unharmed.
         let from = rig.sim.heard_count();
         run.signal(rustix::process::Signal::TERM);
         assert_eq!(run.code().await, Some(130), "{}", run.text());

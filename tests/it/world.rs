@@ -1,4 +1,4 @@
-//! `spykee world` and `run --trace` as people call them, and what the built-in worlds promise.
+//! `spykee world` and `run --trace` from the command line, and the promises of the built-in worlds.
 
 use std::path::Path;
 use std::process::{Command as Process, Output, Stdio};
@@ -33,7 +33,7 @@ fn robot(world: &str, seed: u64) -> Robot {
     robot
 }
 
-/// Steps until so many seconds have passed; the newest frame.
+/// Simulates this many seconds; returns the newest frame.
 fn frame_after(robot: &mut Robot, seconds: f64) -> Vec<u8> {
     let mut frame = Vec::new();
     for _ in 0..(seconds * 50.0) as u32 {
@@ -48,7 +48,7 @@ fn frame_after(robot: &mut Robot, seconds: f64) -> Vec<u8> {
 }
 
 #[test]
-fn every_ready_world_is_drawn_to_a_picture() {
+fn every_built_in_world_is_drawn_to_a_picture() {
     let folder = tempfile::tempdir().unwrap();
     for name in World::ready_names() {
         let file = format!("{name}.png");
@@ -58,7 +58,7 @@ fn every_ready_world_is_drawn_to_a_picture() {
         let map = image::open(folder.path().join(&file)).unwrap().to_rgb8();
         let room = World::ready(name).unwrap().room;
         let ratio = |width: f64, height: f64| width / height;
-        // To scale, but for title, numbers and margins.
+        // To scale, except for title, numbers and margins.
         let (drawn, real) = (
             ratio(f64::from(map.width() - 112), f64::from(map.height() - 148)),
             ratio(room.width, room.depth),
@@ -68,14 +68,14 @@ fn every_ready_world_is_drawn_to_a_picture() {
 }
 
 #[test]
-fn below_the_map_the_beacons_colour_is_explained() {
+fn the_legend_below_the_map_explains_the_colour_of_the_beacon() {
     let folder = tempfile::tempdir().unwrap();
     let (code, _, error) = spykee(folder.path(), &["world", "show", "hall"]);
     assert_eq!(code, Some(0), "{error}");
     let map = image::open(folder.path().join("map.png"))
         .unwrap()
         .to_rgb8();
-    // Pale red, as the area before the station, in the 84 rows below the room.
+    // Pale red, as the area in front of the station, in the 84 rows below the room.
     let swatch: Vec<(u32, u32)> = map
         .enumerate_pixels()
         .filter(|(_, y, pixel)| {
@@ -123,7 +123,7 @@ fn worlds_are_listed_and_checked() {
 }
 
 #[test]
-fn a_run_is_drawn_with_its_way() {
+fn a_run_is_drawn_with_its_path() {
     let folder = tempfile::tempdir().unwrap();
     let script = "robot.play(\"bomb\")\nrobot.move(50, 40, 3)\n";
     std::fs::write(folder.path().join("drive.lua"), script).unwrap();
@@ -179,7 +179,7 @@ fn the_same_seed_and_commands_give_the_same_run_and_another_seed_another() {
 }
 
 #[test]
-fn the_line_is_followed_by_the_eye() {
+fn the_camera_sees_the_line_well_enough_to_follow_it() {
     let mut robot = robot("line_loop", 1);
     let frame = frame_after(&mut robot, 0.2);
     let mut eyes = Eyes::new(Camera::default());
@@ -189,7 +189,7 @@ fn the_line_is_followed_by_the_eye() {
 }
 
 #[test]
-fn signs_are_read() {
+fn qr_signs_are_readable() {
     let mut decoder = Decoder::default();
     let mut read = |x: f64| {
         let mut robot = robot("gallery", 1);
@@ -204,14 +204,14 @@ fn signs_are_read() {
         };
         frames.filter(says_hello).count()
     };
-    // From 0.7 to 1 m before the lens: not in every frame, but in most.
+    // Between 0.7 and 1 m in front of the lens: not in every frame, but in most.
     let counts = [6.2, 6.1, 6.0, 5.9].map(&mut read);
     assert!(counts.iter().all(|count| *count > 0), "{counts:?}");
     assert!(counts.iter().sum::<usize>() >= 16, "{counts:?} of 6 each");
 }
 
 #[test]
-fn the_lamp_goes_out_at_night_and_the_camera_gets_used_to_it() {
+fn the_lamp_goes_out_at_night_and_the_camera_adapts() {
     let mut robot = robot("night", 1);
     let mut decoder = Decoder::default();
     let mut bright = |robot: &mut Robot, seconds| {
@@ -226,7 +226,7 @@ fn the_lamp_goes_out_at_night_and_the_camera_gets_used_to_it() {
 }
 
 #[test]
-fn a_ball_rolls_when_it_is_pushed_and_a_walker_is_run_into_by_name() {
+fn a_pushed_ball_rolls_and_a_collision_with_a_walker_names_it() {
     let mut robot = robot("hall", 1);
     robot.place(Pose::new(7.0, 4.9, 0.0));
     let ball = |robot: &Robot| robot.trace().balls()[0];
@@ -238,7 +238,7 @@ fn a_ball_rolls_when_it_is_pushed_and_a_walker_is_run_into_by_name() {
     });
     frame_after(&mut robot, 3.0);
     assert!(ball(&robot).x > before.x + 0.2, "{:?}", ball(&robot));
-    // Ada rests for four seconds where she starts.
+    // Ada rests for four seconds at her start.
     let mut robot = self::robot("hall", 1);
     robot.place(Pose::new(4.5, 1.6, -std::f64::consts::FRAC_PI_2));
     robot.obey(&Command::Move {

@@ -1,4 +1,4 @@
-//! `spykee sim --faults FILE.yaml`, as a person types it.
+//! `spykee sim --faults FILE.yaml` from the command line.
 
 use std::net::SocketAddr;
 
@@ -8,7 +8,7 @@ use tokio::time::{sleep, timeout};
 
 use crate::rig::{Rig, Run, WAIT_LIMIT};
 
-/// A simulator of its own with faults, and where it listens.
+/// A separate simulator with faults, and its address.
 async fn simulator(rig: &Rig, faults: &str) -> (Run, Target) {
     let file = rig.file("faults.yaml", faults);
     let args = [
@@ -52,7 +52,7 @@ async fn a_simulator_with_a_file_of_faults_breaks_connections() {
                 }
             }
         };
-        let error = timeout(WAIT_LIMIT, end).await.expect("dropped");
+        let error = timeout(WAIT_LIMIT, end).await.expect("not dropped");
         assert!(matches!(error, LinkError::Closed), "{error}");
     }
 }
@@ -67,13 +67,17 @@ async fn a_robot_that_reboots_cannot_be_reached_and_comes_back_at_the_same_addre
             sleep(std::time::Duration::from_millis(20)).await;
         }
     };
-    timeout(WAIT_LIMIT, gone).await.expect("gone");
+    timeout(WAIT_LIMIT, gone)
+        .await
+        .expect("the robot is still reachable");
     let back = async {
         while log_in(&target).await.is_err() {
             sleep(std::time::Duration::from_millis(20)).await;
         }
     };
-    timeout(WAIT_LIMIT, back).await.expect("back");
+    timeout(WAIT_LIMIT, back)
+        .await
+        .expect("the robot does not come back");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -1,4 +1,4 @@
-//! Scenarios of the network: bytes that come late, wrong or not at all.
+//! Scenarios of the network: bytes that arrive late, damaged or not at all.
 
 use rustix::process::Signal;
 use spykee::wire::Command;
@@ -8,14 +8,14 @@ use super::stage::Stage;
 use crate::rig::moves;
 
 pub async fn drives_on(stage: Stage) {
-    stage.trouble();
+    stage.begin_faults();
     stage.says_more("moved true done", 5).await;
     assert_eq!(stage.said("hears disconnected"), 0, "{}", stage.run.text());
     stage.ends_well();
 }
 
 pub async fn drives_and_sees_on(stage: Stage) {
-    stage.trouble();
+    stage.begin_faults();
     stage.says_more("frame", 6).await;
     assert_eq!(stage.said("blind 1"), 0, "{}", stage.run.text());
     drives_on(stage).await;
@@ -23,34 +23,34 @@ pub async fn drives_and_sees_on(stage: Stage) {
 
 pub async fn comes_back(stage: Stage) {
     let before = stage.newest_client();
-    stage.trouble();
+    stage.begin_faults();
     stage.comes_back(before).await;
     stage.drives_on().await;
     stage.ends_well();
 }
 
 pub async fn comes_back_each_time(stage: Stage) {
-    stage.trouble();
+    stage.begin_faults();
     for _ in 0..3 {
         stage.comes_back(stage.newest_client()).await;
     }
-    stage.relief();
+    stage.end_faults();
     stage.drives_on().await;
     stage.ends_well();
 }
 
 pub async fn comes_back_and_sees(stage: Stage) {
     let before = stage.newest_client();
-    stage.trouble();
+    stage.begin_faults();
     stage.comes_back(before).await;
     stage.says_more("frame", 3).await;
     stage.ends_well();
 }
 
-/// The last that the robot hears over the old connection is a stop.
+/// The last command that the robot receives over the old connection is a stop.
 pub async fn stops_first(stage: Stage) {
     let before = stage.newest_client();
-    let from = stage.trouble();
+    let from = stage.begin_faults();
     stage.comes_back(before).await;
     let heard = stage.rig.sim.heard_since(from);
     let old = heard.iter().filter(|heard| heard.client == before);
@@ -61,11 +61,11 @@ pub async fn stops_first(stage: Stage) {
     stage.ends_well();
 }
 
-/// Nothing that was said while the connection was dead arrives later.
+/// Commands of the time when the connection was dead do not arrive later.
 pub async fn queues_nothing(stage: Stage) {
     let before = stage.newest_client();
-    // What is on its way in this moment may still arrive.
-    stage.trouble();
+    // Bytes that are in transit at this moment may still arrive.
+    stage.begin_faults();
     stage.run.says("hears disconnected").await;
     let dead = stage.rig.sim.heard_count();
     stage.comes_back(before).await;
@@ -82,12 +82,12 @@ pub async fn queues_nothing(stage: Stage) {
 }
 
 pub async fn ends_in_time(mut stage: Stage) {
-    stage.trouble();
+    stage.begin_faults();
     stage.says_more("moved", 1).await;
     stage.run.signal(Signal::INT);
     let interrupted = Instant::now();
     assert_eq!(stage.run.code().await, Some(130), "{}", stage.run.text());
-    // A second more than promised, for a busy machine.
+    // One second more than promised, for a busy machine.
     assert!(
         interrupted.elapsed() < Duration::from_secs(3),
         "{:?}",
@@ -97,7 +97,7 @@ pub async fn ends_in_time(mut stage: Stage) {
 }
 
 pub async fn sees_huge_pictures(stage: Stage) {
-    stage.trouble();
+    stage.begin_faults();
     stage.says_more("frame 65535 seen", 4).await;
     assert_eq!(stage.said("blind 1"), 0, "{}", stage.run.text());
     assert_eq!(stage.said("hears disconnected"), 0, "{}", stage.run.text());
@@ -106,10 +106,10 @@ pub async fn sees_huge_pictures(stage: Stage) {
 }
 
 pub async fn overlooks_bad_pictures(stage: Stage) {
-    stage.trouble();
+    stage.begin_faults();
     stage.says_more("frame", 6).await;
     stage.drives_on().await;
-    stage.relief();
+    stage.end_faults();
     let seen = stage.said(" seen ");
     stage.says_more(" seen ", seen.min(6)).await;
     assert_eq!(stage.said("hears disconnected"), 0, "{}", stage.run.text());

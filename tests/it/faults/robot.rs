@@ -1,4 +1,5 @@
-//! Scenarios of the robot: gone, refusing, in other hands, low, or away from its station.
+//! Scenarios of the robot: unreachable, refusing logins, used by others, low, or away from its
+//! station.
 
 use spykee::sim::State;
 use spykee::wire::{Command, Sound};
@@ -11,7 +12,7 @@ const LOW: f64 = 14.0;
 
 pub async fn starts_afresh(stage: Stage) {
     let before = stage.newest_client();
-    stage.trouble();
+    stage.begin_faults();
     let gone = |state: &State| state.user.is_none();
     let state = stage.until("gone", gone).await;
     assert!(
@@ -20,13 +21,13 @@ pub async fn starts_afresh(stage: Stage) {
     );
     stage.comes_back(before).await;
     stage.says_more("frame", 3).await;
-    stage.made_up_for_nothing();
+    stage.dropped_old_requests();
     stage.ends_well();
 }
 
 pub async fn stops_one_that_drove_on(stage: Stage) {
     let before = stage.newest_client();
-    stage.trouble();
+    stage.begin_faults();
     stage.run.says("hears disconnected").await;
     let state = stage.until("gone", |state| state.user.is_none()).await;
     assert!(state.commanded.left != 0, "{state:?}");
@@ -35,43 +36,43 @@ pub async fn stops_one_that_drove_on(stage: Stage) {
     assert!(stage.rig.sim.heard_since(stop)[0].client > before);
     assert!(!stage.rig.commands(gone)[..stop - gone].iter().any(moves));
     stage.comes_back(before).await;
-    stage.made_up_for_nothing();
+    stage.dropped_old_requests();
     stage.ends_well();
 }
 
 pub async fn is_let_in_again(stage: Stage) {
     let before = stage.newest_client();
-    stage.trouble();
+    stage.begin_faults();
     stage.run.says("still not connected").await;
     stage.says_more("moved false disconnected", 2).await;
     stage.comes_back(before).await;
     stage.drives_on().await;
-    stage.made_up_for_nothing();
+    stage.dropped_old_requests();
     stage.ends_well();
 }
 
 pub async fn waits_for_the_other(stage: Stage) {
     let before = stage.newest_client();
-    stage.trouble();
+    stage.begin_faults();
     stage.run.says("in use").await;
     let user = stage.rig.sim.state().user;
     assert_eq!(user.as_deref(), Some("second-user"));
     stage.run.says("in use by `second-user`").await;
     stage.comes_back(before).await;
     stage.drives_on().await;
-    stage.made_up_for_nothing();
+    stage.dropped_old_requests();
     stage.ends_well();
 }
 
 pub async fn silence_counts_as_low(stage: Stage) {
-    let from = stage.trouble();
+    let from = stage.begin_faults();
     stage.goes_home(from).await;
     stage.run.says("no battery level for").await;
     stage.ends_well();
 }
 
 pub async fn waits_for_a_level(stage: Stage) {
-    let from = stage.trouble();
+    let from = stage.begin_faults();
     stage.run.says("sent no battery level within").await;
     let heard = stage.rig.sim.heard_since(from);
     let old = heard.first().map_or(0, |heard| heard.client);
@@ -86,7 +87,7 @@ pub async fn waits_for_a_level(stage: Stage) {
 }
 
 pub async fn goes_home_in_one_write(stage: Stage) {
-    let from = stage.trouble();
+    let from = stage.begin_faults();
     let stop = stage.goes_home(from).await;
     assert_eq!(
         stage.rig.at(stop).1,
@@ -100,7 +101,7 @@ pub async fn goes_home_in_one_write(stage: Stage) {
 }
 
 pub async fn gets_home_through_garbage(stage: Stage) {
-    let from = stage.trouble();
+    let from = stage.begin_faults();
     stage.rig.sim.set_battery(LOW);
     let stop = stage.goes_home(from).await;
     stage
@@ -111,7 +112,7 @@ pub async fn gets_home_through_garbage(stage: Stage) {
 }
 
 pub async fn goes_home_though(stage: Stage) {
-    let from = stage.trouble();
+    let from = stage.begin_faults();
     stage.drives_on().await;
     stage.rig.sim.set_battery(LOW);
     let stop = stage.goes_home(from).await;
@@ -124,7 +125,7 @@ pub async fn goes_home_though(stage: Stage) {
 }
 
 pub async fn goes_home_after_the_reconnect(stage: Stage) {
-    stage.trouble();
+    stage.begin_faults();
     stage.run.says("hears disconnected").await;
     let gone = stage.rig.sim.heard_count();
     stage.rig.sim.set_battery(LOW);
@@ -132,12 +133,12 @@ pub async fn goes_home_after_the_reconnect(stage: Stage) {
     stage.run.says("hears battery_low 14").await;
     stage.says_more("moved false safety", 1).await;
     stage.no_motion_since(gone);
-    stage.made_up_for_nothing();
+    stage.dropped_old_requests();
     stage.ends_well();
 }
 
 pub async fn alarms_and_searches_on(stage: Stage) {
-    let from = stage.trouble();
+    let from = stage.begin_faults();
     stage.rig.sim.set_battery(LOW);
     let stop = stage.goes_home(from).await;
     hears_the_alarm_twice(&stage, stop).await;
@@ -164,7 +165,7 @@ fn setpoint(command: &Command) -> Option<(i8, i8)> {
 }
 
 pub async fn stays_on_the_dead_station(stage: Stage) {
-    let from = stage.trouble();
+    let from = stage.begin_faults();
     stage.rig.sim.set_battery(LOW);
     let stop = stage.goes_home(from).await;
     hears_the_alarm_twice(&stage, stop).await;
@@ -175,14 +176,14 @@ pub async fn stays_on_the_dead_station(stage: Stage) {
 }
 
 pub async fn goes_home_again(stage: Stage) {
-    let from = stage.trouble();
+    let from = stage.begin_faults();
     stage.rig.sim.set_battery(LOW);
     let first = stage.goes_home(from).await;
     stage
         .until("home", |state| state.docked && state.charging)
         .await;
     stage.until("lost", |state| !state.docked).await;
-    stage.relief();
+    stage.end_faults();
     let again = stage.goes_home(first + 2).await;
     stage
         .until("home again", |state| state.docked && state.charging)

@@ -1,5 +1,5 @@
-//! What every scenario needs: a robot that can be troubled, the binary with a small driving script,
-//! and the facts to wait for.
+//! The set-up of all scenarios: a robot with faults, the binary with a small driving script, and
+//! functions that wait for events.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use tokio::time::{sleep, timeout};
 use super::table::{Scenario, Script};
 use crate::rig::{Rig, Run, WAIT_LIMIT, moves};
 
-/// The station is near: most of the robot's ways home take seconds.
+/// The station is near, so most ways home take seconds.
 const WORLD: &str = "
 name: test
 room: { width: 8, depth: 8 }
@@ -19,13 +19,13 @@ start: { at: [1.4, 4], heading_degrees: 180 }
 battery: { level: 90, idle_drain_per_minute: 0.01, driving_drain_per_minute: 0.01 }
 ";
 
-/// Short times, so that the tests are short; the rules are the same.
+/// Short times, to keep the tests short; the rules are the same.
 const CONFIG: &str = "
 link: { connect_timeout: 2, login_timeout: 1, first_pause: 0.05, longest_pause: 0.3, dead_after: 1 }
 watchdog: { stream_silence: 1, power_silence: 2, dock_pause: 0.2, dock_retries: 1, charge_timeout: 1, alarm_every: 1, recovery_legs: 2, rescue: off, recovery_pause: 0.2 }
 ";
 
-/// Tells what it hears, and asks for a sound when nobody can play it.
+/// Prints the events that it receives, and requests a sound while no robot is connected.
 const LISTEN: &str = r#"
 robot.on("connected", function() print("hears connected") end)
 robot.on("disconnected", function()
@@ -35,7 +35,7 @@ end)
 robot.on("battery_low", function(battery) print("hears battery_low", battery.percent) end)
 "#;
 
-/// Drives in circles for ever, a short way and a short pause again and again.
+/// Drives in circles forever, in short moves with short pauses.
 const DRIVE: &str = r#"
 while true do
 	print("moved", robot.move(20, 40, 0.3))
@@ -43,7 +43,7 @@ while true do
 end
 "#;
 
-/// Drives in circles for ever without a pause.
+/// Drives in circles forever without a pause.
 const CRUISE: &str = r#"
 while true do
 	robot.move(20, 40)
@@ -52,7 +52,7 @@ while true do
 end
 "#;
 
-/// Looks at what the robot sees, beside all else.
+/// Also analyses the camera's frames.
 const WATCH: &str = r#"
 local seen, blind = 0, 0
 robot.on("frame", function(frame)
@@ -63,7 +63,7 @@ robot.on("frame", function(frame)
 end)
 "#;
 
-/// A scenario under way.
+/// A scenario that is being played.
 pub struct Stage {
     pub rig: Rig,
     pub run: Run,
@@ -71,7 +71,8 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// The robot drives in circles, watched or not; nothing is wrong yet.
+    /// Starts the scenario: the robot drives in circles, with or without the camera, and no fault
+    /// is active yet.
     pub async fn set(scenario: &Scenario) -> Stage {
         let list = format!("faults: [{}]", scenario.fault);
         let faults = Fault::list_from_yaml(&list, scenario.name).unwrap();
@@ -104,8 +105,8 @@ impl Stage {
         Stage { rig, run, faults }
     }
 
-    /// Now it goes wrong. Where in the journal of what the robot heard.
-    pub fn trouble(&self) -> usize {
+    /// Starts the faults; returns the index of the next command in the robot's journal.
+    pub fn begin_faults(&self) -> usize {
         let index = self.rig.sim.heard_count();
         self.faults
             .iter()
@@ -113,17 +114,17 @@ impl Stage {
         index
     }
 
-    /// All is well again.
-    pub fn relief(&self) {
+    /// Ends all faults.
+    pub fn end_faults(&self) {
         self.rig.sim.clear_faults();
     }
 
-    /// How often something was said so far.
+    /// How often a text has been printed so far.
     pub fn said(&self, text: &str) -> usize {
         self.run.text().matches(text).count()
     }
 
-    /// Waits until something was said that often from now on.
+    /// Waits until a text has been printed `count` more times.
     pub async fn says_more(&self, text: &str, count: usize) {
         let enough = self.said(text) + count;
         let said = async {
@@ -132,21 +133,22 @@ impl Stage {
             }
         };
         let waited = timeout(WAIT_LIMIT, said).await;
-        waited.unwrap_or_else(|_| panic!("`{text}` not said; instead:\n{}", self.run.text()));
+        waited.unwrap_or_else(|_| panic!("`{text}` was not printed:\n{}", self.run.text()));
     }
 
-    /// The script drives on: whole drives end well.
+    /// Waits until the script completes two more moves.
     pub async fn drives_on(&self) {
         self.says_more("moved true done", 2).await;
     }
 
-    /// The connection of the newest command.
+    /// The connection from which the newest command came.
     pub fn newest_client(&self) -> u64 {
         let heard = self.rig.sim.heard();
         heard.last().map_or(0, |heard| heard.client)
     }
 
-    /// Waits until another connection than `before` has the robot moving; it heard a stop first.
+    /// Waits until a connection newer than `before` moves the robot; every session must begin with
+    /// a stop.
     pub async fn comes_back(&self, before: u64) {
         let back = async {
             loop {
@@ -157,7 +159,7 @@ impl Stage {
             }
         };
         let waited = timeout(WAIT_LIMIT, back).await;
-        waited.unwrap_or_else(|_| panic!("it does not come back:\n{}", self.run.text()));
+        waited.unwrap_or_else(|_| panic!("the agent does not reconnect:\n{}", self.run.text()));
         self.sessions_begin_with_a_stop();
         assert!(self.said("hears disconnected") > 0, "{}", self.run.text());
     }
@@ -174,7 +176,7 @@ impl Stage {
         reached.unwrap_or_else(|_| failed())
     }
 
-    /// Stop and BASE_FIND side by side, in this order; where the stop stands.
+    /// Waits for a stop followed directly by BASE_FIND; returns the index of the stop.
     pub async fn goes_home(&self, from: usize) -> usize {
         let dock = self.rig.heard_dock(from).await;
         assert_eq!(self.rig.commands(dock - 1)[0], Command::STOP);
@@ -186,13 +188,13 @@ impl Stage {
         assert!(!heard.iter().any(moves), "{heard:?}");
     }
 
-    /// After a while without a link: what was asked for meanwhile is not made up for.
-    pub fn made_up_for_nothing(&self) {
+    /// After a while without a link: requests made meanwhile were not carried out later.
+    pub fn dropped_old_requests(&self) {
         let heard = self.rig.commands(0);
         assert!(!heard.contains(&Command::Play(Sound::Bomb)), "{heard:?}");
     }
 
-    /// The first command of every session is a stop, and it comes before anything else.
+    /// The first command after each login is a stop.
     pub fn sessions_begin_with_a_stop(&self) {
         let heard = self.rig.sim.heard();
         let newest = heard.last().map_or(0, |heard| heard.client);
@@ -212,7 +214,8 @@ impl Stage {
         }
     }
 
-    /// Whatever went wrong: the agent lives, nothing broke down, every session began with a stop.
+    /// After any fault: the agent still runs without an internal error, and every session began
+    /// with a stop.
     pub fn ends_well(mut self) {
         assert!(self.run.lives(), "{}", self.run.text());
         assert_eq!(self.said("internal error"), 0, "{}", self.run.text());

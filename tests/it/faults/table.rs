@@ -1,4 +1,4 @@
-//! The scenarios: name, fault, promise, and what must become true.
+//! The scenarios: name, fault, promise, and the check.
 
 use std::future::Future;
 use std::pin::Pin;
@@ -6,21 +6,21 @@ use std::pin::Pin;
 use super::stage::Stage;
 use super::{network, robot};
 
-/// What the behaviour does meanwhile.
+/// What the behaviour does during the fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Script {
-    /// Drives short ways.
+    /// Drives short moves.
     Drives,
-    /// Drives short ways and looks at pictures.
+    /// Drives short moves and analyses pictures.
     Watches,
-    /// Never rests, and looks at pictures.
+    /// Drives without a pause and analyses pictures.
     Cruises,
 }
 
-/// One way in which networks and robots break, and what the agent promises then.
+/// One way in which networks or robots break, and the agent's promise in that case.
 pub struct Scenario {
     pub name: &'static str,
-    /// As `spykee sim --faults` reads it.
+    /// In the format of `spykee sim --faults`.
     pub fault: &'static str,
     pub promise: &'static str,
     pub script: Script,
@@ -41,39 +41,39 @@ macro_rules! scenarios {
 
 pub const SCENARIOS: &[Scenario] = scenarios! {
     "late bytes", "{fault: delay, seconds: 0.15, jitter: 0.1}",
-        "messages arrive late and in order; the script drives on", network::drives_on, Drives;
+        "messages arrive late but in order; the script drives on", network::drives_on, Drives;
     "bytes in pieces", "{fault: split}",
         "every message is reassembled, pictures too", network::drives_and_sees_on, Watches;
     "slow pictures", "{fault: drip, bytes: 40000, towards: client}",
         "the script sees fewer pictures and drives on", network::drives_and_sees_on, Watches;
-    "a trickle", "{fault: drip, bytes: 400, towards: client, for: 4}",
-        "a robot that can hardly be heard is stopped at once, then reconnect", network::stops_first, Cruises;
+    "a very slow link", "{fault: drip, bytes: 400, towards: client, for: 4}",
+        "when hardly any bytes arrive from the robot, the tracks are stopped; then reconnect", network::stops_first, Cruises;
     "everything late and in pieces", "{fault: split}, {fault: delay, seconds: 0.05, jitter: 0.1}, {fault: drop, after: 0.5}",
-        "a reconnect works over a bad line too; the first command is a stop", network::comes_back, Drives;
+        "a reconnect works over a bad link too; the first command is a stop", network::comes_back, Drives;
     "dropped connection", "{fault: drop}",
-        "the script hears `disconnected`; after the reconnect the first command is a stop", network::comes_back, Drives;
+        "the script receives `disconnected`; after the reconnect the first command is a stop", network::comes_back, Drives;
     "dropped again and again", "{fault: drop, every: 0.8}",
         "every new session begins with a stop, and the script continues", network::comes_back_each_time, Drives;
     "reset in mid-frame", "{fault: reset}",
         "half a picture does no harm; reconnect, a stop first, pictures again", network::comes_back_and_sees, Watches;
     "half-open both ways", "{fault: half_open, for: 2}",
         "when a driving robot falls silent: reconnect; nothing queues behind the dead socket", network::queues_nothing, Cruises;
-    "half-open between short ways", "{fault: half_open, for: 2}",
-        "short moves over a dead link end in a reconnect too", network::queues_nothing, Watches;
-    "deaf to the robot", "{fault: half_open, towards: client, for: 2}",
-        "the tracks are stopped over the old connection before it is given up", network::stops_first, Cruises;
-    "unheard by the robot", "{fault: half_open, towards: robot, for: 1}, {fault: reset, after: 0.3}",
-        "what the robot missed is not repeated; it hears a stop", network::queues_nothing, Drives;
+    "half-open between short moves", "{fault: half_open, for: 2}",
+        "short moves over a dead link cause a reconnect too", network::queues_nothing, Watches;
+    "half-open from the robot", "{fault: half_open, towards: client, for: 2}",
+        "the tracks are stopped over the old connection before it is closed", network::stops_first, Cruises;
+    "half-open to the robot", "{fault: half_open, towards: robot, for: 1}, {fault: reset, after: 0.3}",
+        "commands that the robot missed are not repeated; it receives a stop", network::queues_nothing, Drives;
     "interrupted on a dead link", "{fault: half_open}",
         "Ctrl-C still ends the program within 2 s", network::ends_in_time, Drives;
     "garbage from the robot", "{fault: garbage, bytes: 300}",
         "a stream that lost synchronisation is closed; reconnect, a stop first", network::comes_back, Drives;
     "garbage to the robot", "{fault: garbage, bytes: 300, towards: robot}",
-        "the robot hangs up; reconnect, a stop first", network::comes_back, Drives;
+        "the robot closes the connection; reconnect, a stop first", network::comes_back, Drives;
     "a header that claims too little", "{fault: length_lie, bytes: 0}",
         "the stream has lost synchronisation and is closed; reconnect, a stop first", network::comes_back, Drives;
     "a header that claims 64 KiB", "{fault: length_lie, bytes: 65535}",
-        "no further message arrives, which counts as silence: a stop, then reconnect", network::stops_first, Cruises;
+        "no further message is complete, which counts as silence: a stop, then reconnect", network::stops_first, Cruises;
     "pictures of 64 KiB", "{fault: huge_frames}",
         "scripts see them like all others", network::sees_huge_pictures, Watches;
     "pictures cut off", "{fault: truncated_frames, for: 2}",
@@ -83,13 +83,13 @@ pub const SCENARIOS: &[Scenario] = scenarios! {
     "a reboot", "{fault: reboot, state: lost, for: 1}",
         "new login, a stop first, and the streams are on again", robot::starts_afresh, Watches;
     "Wi-Fi gone for a while", "{fault: reboot, state: kept, for: 1}",
-        "a robot that kept driving meanwhile first hears a stop", robot::stops_one_that_drove_on, Cruises;
+        "a robot that kept driving meanwhile first receives a stop", robot::stops_one_that_drove_on, Cruises;
     "refused: in use", "{fault: refuse_login, reason: busy, for: 1.5}, {fault: drop}",
         "retries until the login succeeds; requests made meanwhile are dropped", robot::is_let_in_again, Drives;
     "refused: wrong password", "{fault: refuse_login, reason: password, for: 1.5}, {fault: drop}",
         "a robot that has accepted the password before is retried; the script continues", robot::is_let_in_again, Drives;
     "a second user takes over", "{fault: take_over, for: 1.5}",
-        "the script hears `disconnected`; the agent returns when the other user has gone", robot::waits_for_the_other, Drives;
+        "the script receives `disconnected`; the agent returns when the other user has gone", robot::waits_for_the_other, Drives;
     "no battery level", "{fault: no_power}",
         "silence counts as low: stop and BASE_FIND", robot::silence_counts_as_low, Drives;
     "no battery level after the login", "{fault: no_power, for: 2.5}, {fault: drop}",
@@ -98,9 +98,9 @@ pub const SCENARIOS: &[Scenario] = scenarios! {
         "one low level is enough: stop and BASE_FIND in one write; no motion until it is good again", robot::goes_home_in_one_write, Drives;
     "battery levels of random bytes", "{fault: power_garbage, chance: 0.4}",
         "one low level is enough; the garbage that follows does not release the robot, and it still gets home", robot::gets_home_through_garbage, Drives;
-    "low on a bad line", "{fault: split}, {fault: delay, seconds: 0.2, jitter: 0.1}",
+    "low on a bad link", "{fault: split}, {fault: delay, seconds: 0.2, jitter: 0.1}",
         "a low battery still sends the robot home", robot::goes_home_though, Drives;
-    "low while the line is down", "{fault: reboot, state: kept, for: 1}",
+    "low while the link is down", "{fault: reboot, state: kept, for: 1}",
         "after the reconnect: a stop, BASE_FIND, and no motion", robot::goes_home_after_the_reconnect, Drives;
     "the station is never found", "{fault: base_not_found}",
         "a short, slow leg before each further search, again and again; later also the alarm", robot::alarms_and_searches_on, Drives;

@@ -1,5 +1,5 @@
-//! The guide's steps about the service, as a new owner goes through them: each command in its order, with the
-//! scripts and the config of the page.
+//! The guide's steps about the service, followed as a new owner would: each command in order, with
+//! the scripts and the config of the page.
 
 use std::net::TcpListener;
 use std::os::unix::fs::PermissionsExt as _;
@@ -13,7 +13,7 @@ use crate::mqtt::Broker;
 use crate::notify::Webhook;
 use crate::rig::{Rig, Run, WAIT_LIMIT};
 
-/// What the answers to some commands have in them.
+/// Texts that the output of some commands must contain.
 const SAYS: &[(&str, &str)] = &[
     (
         "spykee serve --sim --fast",
@@ -38,7 +38,7 @@ const SAYS: &[(&str, &str)] = &[
     ("spykee fleet stop", ": done"),
 ];
 
-/// A step of the guide, from its number and title on to the next heading of its kind.
+/// A step of the guide, from its number and title to the next heading of the same level.
 fn step(number: u32) -> &'static str {
     let step = GUIDE
         .split("\n## ")
@@ -54,7 +54,7 @@ fn blocks(text: &'static str, language: &str) -> Vec<&'static str> {
         .collect()
 }
 
-/// The lines of a text that stand there as commands.
+/// The indented lines of a text, which are commands.
 fn commands(text: &'static str) -> Vec<&'static str> {
     let prose = text.split("```").step_by(2);
     prose
@@ -63,7 +63,7 @@ fn commands(text: &'static str) -> Vec<&'static str> {
         .collect()
 }
 
-/// As a shell takes it apart; what goes into a file comes out here.
+/// Splits a command as a shell would, without its redirection into a file.
 fn words(command: &str) -> Vec<String> {
     let command = command.split(" > ").next().unwrap();
     let quoted = command.split('"').enumerate();
@@ -74,7 +74,8 @@ fn words(command: &str) -> Vec<String> {
     words.collect()
 }
 
-/// A house with the scripts of the guide, somebody who is told, and a broker if there is one.
+/// A home with the scripts of the guide, a webhook that is notified, and a broker if mosquitto is
+/// installed.
 struct Owner {
     rig: Rig,
     port: u16,
@@ -85,7 +86,7 @@ struct Owner {
 }
 
 impl Owner {
-    async fn moves_in() -> Owner {
+    async fn new() -> Owner {
         let rig = Rig::quiet().await;
         let (behaviours, _) = scripts();
         for (name, begins) in [
@@ -118,8 +119,9 @@ impl Owner {
         self.rig.file("spykee.yaml", &config.concat());
     }
 
-    /// All that the page says about the config of this computer; the hosts are of this house.
-    fn finishes_the_config(&self) {
+    /// Writes the config with all settings from the page for this computer; hosts are replaced by
+    /// local ones.
+    fn completes_the_config(&self) {
         let said = blocks(step(20), "yaml");
         let [first, page, remote, broker] = said[..] else {
             panic!("{said:?}");
@@ -151,7 +153,7 @@ impl Owner {
         let said = match words[..] {
             ["spykee", "fleet", ..] if self.broker.is_none() => return,
             ["spykee", "serve", ref rest @ ..] if !rest.contains(&"--fast") => {
-                self.finishes_the_config();
+                self.completes_the_config();
                 let run = self.rig.spykee(&words[1..]);
                 run.says("the page is at").await;
                 run.says("starts by the timetable").await;
@@ -185,7 +187,7 @@ impl Owner {
                 let said = &self.installed;
                 return assert!(said.contains(command), "{command}: {said}");
             }
-            _ => panic!("nobody knows how to try `{command}`"),
+            _ => panic!("this test cannot run `{command}`"),
         };
         for (_, wanted) in SAYS
             .iter()
@@ -200,7 +202,7 @@ impl Owner {
         }
     }
 
-    /// Whether that is said; what takes its time to begin is asked for again.
+    /// Whether the output contains this; commands that list a state are repeated until it appears.
     async fn tells(&self, words: &[&str], said: &str, wanted: &str) -> bool {
         let asks = matches!(words[1..], ["status" | "history", ..] | [_, "list", ..]);
         let until = Instant::now() + WAIT_LIMIT;
@@ -221,8 +223,8 @@ impl Owner {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_new_owner_goes_through_the_steps_about_the_service() {
-    let mut owner = Owner::moves_in().await;
+async fn a_new_owner_follows_the_steps_about_the_service() {
+    let mut owner = Owner::new().await;
     let typed = commands(step(20));
     for (begins, _) in SAYS {
         assert!(typed.iter().any(|one| one.starts_with(begins)), "{begins}");
@@ -234,7 +236,7 @@ async fn a_new_owner_goes_through_the_steps_about_the_service() {
     let mut service = owner.service.take().unwrap();
     service.signal(Signal::TERM);
     assert_eq!(service.code().await, Some(0), "{}", service.text());
-    // A run of today, with the journal of which step 19 tells.
+    // A run with today's date and a journal, which step 19 mentions.
     let config = std::fs::read_to_string(owner.rig.folder().join("spykee.yaml")).unwrap();
     let today = "data: today\njournal: { record: on }\n".to_owned();
     owner.writes(&[config, today]);

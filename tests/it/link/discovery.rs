@@ -1,9 +1,9 @@
-//! Who is there: robots on loopback that answer as `PROTOCOL.md` says, and some that do not.
+//! Discovery: robots on loopback that answer as `PROTOCOL.md` says, and peers that do not.
 
 use super::*;
 use spykee::link::discover;
 
-/// Answers every datagram with each of `replies`, for ever.
+/// Answers every datagram with each of `replies`, forever.
 async fn answering(replies: &'static [&'static [u8]]) -> SocketAddr {
     let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
     let addr = socket.local_addr().unwrap();
@@ -20,7 +20,7 @@ async fn answering(replies: &'static [&'static [u8]]) -> SocketAddr {
 }
 
 #[tokio::test]
-async fn robots_are_listed_once_and_garbage_is_overlooked() {
+async fn robots_are_listed_once_and_garbage_is_ignored() {
     let free = answering(&[
         b"DSCV\x01",
         b"",
@@ -31,7 +31,7 @@ async fn robots_are_listed_once_and_garbage_is_overlooked() {
     let busy = answering(&[b"DSCV\x02\x23uid=SPYKEE0002,connected-user=berta"]);
     let (free, busy) = (free.await, busy.await);
     let nobody = SocketAddr::from(([127, 0, 0, 1], 9));
-    // Long enough for three questions.
+    // Long enough for three requests.
     let found = discover::ask(&[nobody, free, busy], Duration::from_secs(1))
         .await
         .unwrap();
@@ -43,7 +43,7 @@ async fn robots_are_listed_once_and_garbage_is_overlooked() {
 }
 
 #[tokio::test]
-async fn a_lost_question_is_repeated() {
+async fn a_lost_request_is_repeated() {
     let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
     let addr = socket.local_addr().unwrap();
     tokio::spawn(async move {
@@ -62,13 +62,13 @@ async fn a_lost_question_is_repeated() {
 }
 
 #[tokio::test]
-async fn nobody_is_an_empty_list_after_the_time() {
+async fn without_a_robot_the_list_is_empty_after_the_timeout() {
     let found = discover::ask(&[], Duration::from_millis(50)).await.unwrap();
     assert_eq!(found, []);
 }
 
 #[tokio::test]
-async fn ipv6_robots_are_asked_too() {
+async fn robots_at_ipv6_addresses_receive_requests_too() {
     let Ok(socket) = UdpSocket::bind("[::1]:0").await else {
         return;
     };
@@ -88,7 +88,7 @@ async fn ipv6_robots_are_asked_too() {
 }
 
 #[test]
-fn the_robots_own_network_and_a_simulator_here_are_always_asked() {
+fn the_robots_own_network_and_local_simulators_always_receive_requests() {
     let targets: Vec<String> = discover::broadcast_targets()
         .iter()
         .map(ToString::to_string)

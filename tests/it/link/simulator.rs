@@ -1,4 +1,4 @@
-//! The same promises against the simulator, over loopback TCP.
+//! The promises of the link with the simulator, over loopback TCP.
 
 use super::*;
 use spykee::sim::{Firmware, Handle, Server, World};
@@ -39,12 +39,12 @@ impl Sim {
         link::connect(&self.target, login, stop(), &options).await
     }
 
-    /// Waits until the robot has heard a command since the one with index `from`; its index.
+    /// Waits until the robot has received a command, from index `from` on; returns its index.
     async fn hears(&self, from: usize, wanted: Command) -> usize {
         within_limit(self.handle.wait_heard(from, |command| *command == wanted)).await
     }
 
-    /// What the robot heard from one connection, the first being 0.
+    /// The commands that the robot received over one connection; the first is 0.
     fn heard(&self, client: u64) -> Vec<Command> {
         let heard = self.handle.heard().into_iter();
         heard
@@ -86,7 +86,7 @@ async fn a_wrong_password_is_final() {
 }
 
 #[tokio::test]
-async fn the_second_user_hears_who_the_first_is_and_comes_in_once_that_one_has_gone() {
+async fn the_second_user_learns_who_the_first_is_and_can_log_in_after_that_one_left() {
     let sim = sim(Firmware::default()).await;
     let first = sim.connect(&admin()).await.unwrap();
     let error = sim.connect(&admin()).await.unwrap_err();
@@ -101,7 +101,7 @@ async fn the_second_user_hears_who_the_first_is_and_comes_in_once_that_one_has_g
 }
 
 #[tokio::test]
-async fn a_robot_whose_power_never_comes_is_not_driven() {
+async fn a_robot_that_never_sends_power_is_not_driven() {
     let firmware = Firmware {
         power_after_login: Duration::from_secs(3600),
         power_period: Duration::from_secs(3600),
@@ -129,7 +129,7 @@ async fn a_dropped_session_stops_a_robot_that_would_drive_on() {
 }
 
 #[tokio::test]
-async fn a_robot_that_reads_no_more_is_a_dead_link_in_time() {
+async fn a_robot_that_stops_reading_is_a_dead_link_in_time() {
     let sim = sim(Firmware::default()).await;
     let mut session = sim.connect(&admin()).await.unwrap();
     sim.handle.mute(true);

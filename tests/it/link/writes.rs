@@ -1,4 +1,4 @@
-//! What leaves, in which pieces, and what a write that is cut or blocked leaves behind.
+//! The bytes and segments that are written, and the state after a write that is partial or blocks.
 
 use super::*;
 use std::pin::Pin;
@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use std::task::{Context, Poll};
 use tokio::io::AsyncWrite;
 
-/// A transport that takes `room` bytes, in pieces, and then nothing more for ever.
+/// A transport that accepts `room` bytes, in pieces, and then blocks forever.
 struct Narrow {
     taken: Arc<Mutex<Vec<Vec<u8>>>>,
     room: Arc<AtomicUsize>,
@@ -37,7 +37,7 @@ impl AsyncWrite for Narrow {
     }
 }
 
-/// A session whose writes are seen one by one, over a transport with room for `room` more bytes.
+/// A session that records its writes, over a transport with room for `room` more bytes.
 struct Watched {
     session: Session,
     taken: Arc<Mutex<Vec<Vec<u8>>>>,
@@ -88,7 +88,7 @@ async fn several_commands_leave_in_one_write() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_write_that_blocks_for_ever_ends_as_a_dead_link() {
+async fn a_write_that_blocks_forever_ends_as_a_dead_link() {
     let mut watched = Watched::with_room(3).await;
     let began = tokio::time::Instant::now();
     let error = watched.session.writer.write(&[GO]).await.unwrap_err();
@@ -100,7 +100,7 @@ async fn a_write_that_blocks_for_ever_ends_as_a_dead_link() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn writes_to_a_dead_link_do_not_pile_up() {
+async fn writes_to_a_dead_link_do_not_accumulate() {
     let mut watched = Watched::with_room(0).await;
     let samples = Command::Audio(vec![0; 60_000].into());
     for _ in 0..50 {
@@ -114,7 +114,7 @@ async fn writes_to_a_dead_link_do_not_pile_up() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_stop_after_a_cut_write_finishes_the_message_and_forgets_the_motion_behind_it() {
+async fn a_stop_after_a_partial_write_completes_the_message_and_discards_queued_motions() {
     for cut in 0..=14 {
         let mut watched = Watched::with_room(cut).await;
         let write = watched.session.writer.write(&[GO, GO, GO]);
@@ -131,7 +131,7 @@ async fn a_stop_after_a_cut_write_finishes_the_message_and_forgets_the_motion_be
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_write_after_a_cut_write_continues_where_it_was_cut() {
+async fn a_write_after_a_partial_write_continues_where_it_ended() {
     let mut watched = Watched::with_room(9).await;
     let write = watched.session.writer.write(&[GO, GO]);
     assert!(
@@ -153,7 +153,7 @@ async fn a_write_after_a_cut_write_continues_where_it_was_cut() {
 }
 
 #[tokio::test]
-async fn a_dropped_writer_stops_the_tracks_and_a_closed_one_says_nothing() {
+async fn a_dropped_writer_stops_the_tracks_and_a_closed_one_sends_nothing() {
     let mut watched = Watched::with_room(1000).await;
     watched.session.writer.write(&[GO]).await.unwrap();
     let taken = watched.taken.clone();
@@ -183,7 +183,7 @@ fn a_writer_dropped_after_its_runtime_has_ended_still_stops_the_tracks() {
     drop(runtime);
     let panicked = std::thread::spawn(move || {
         let _session = session;
-        panic!("a panic somewhere (this test wants it)");
+        panic!("an expected panic of this test");
     });
     assert!(panicked.join().is_err());
     robot.set_nonblocking(false).unwrap();

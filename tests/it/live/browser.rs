@@ -1,4 +1,4 @@
-//! What a browser does, byte by byte: requests and a WebSocket. Not from the server's own library.
+//! A minimal browser: requests and a WebSocket, byte by byte, without the server's own library.
 
 use std::collections::HashMap;
 
@@ -9,7 +9,7 @@ use tokio::time::timeout;
 
 use crate::rig::{Run, WAIT_LIMIT};
 
-/// Where a run's page is.
+/// The address of a run's page.
 pub async fn address(run: &Run) -> String {
     const SAID: &str = "the page is at http://";
     run.says(SAID).await;
@@ -18,7 +18,7 @@ pub async fn address(run: &Run) -> String {
     rest.split('/').next().unwrap().to_owned()
 }
 
-/// Status and body of a request, with `Host` unless other headers say one.
+/// Status and body of a request; adds `Host` unless `headers` contains one.
 pub async fn ask(address: &str, line: &str, headers: &str, body: &str) -> (u16, String) {
     let host = match headers.to_ascii_lowercase().contains("host:") {
         true => String::new(),
@@ -39,14 +39,14 @@ pub async fn ask(address: &str, line: &str, headers: &str, body: &str) -> (u16, 
     (status, body.to_owned())
 }
 
-/// All that is answered to some bytes.
+/// Sends some bytes and returns the complete answer.
 pub async fn send(address: &str, bytes: &[u8]) -> Vec<u8> {
     let mut stream = TcpStream::connect(address).await.unwrap();
     let _ = stream.write_all(bytes).await;
     let mut answer = Vec::new();
     let _ = timeout(WAIT_LIMIT, stream.read_to_end(&mut answer))
         .await
-        .expect("it answers");
+        .expect("no answer");
     answer
 }
 
@@ -58,11 +58,11 @@ pub async fn get(address: &str, path: &str) -> (u16, String) {
 pub struct Page {
     stream: TcpStream,
     buffer: Vec<u8>,
-    /// The newest of each kind of message that was heard while waiting for another kind.
+    /// The newest message of each kind that arrived while the test waited for another kind.
     aside: HashMap<String, Value>,
 }
 
-/// What a page hears.
+/// An event of the page's connection.
 #[derive(Debug)]
 pub enum Heard {
     Text(Value),
@@ -72,7 +72,7 @@ pub enum Heard {
 }
 
 impl Page {
-    /// Opens it; the status if it is refused.
+    /// Opens a page; returns the status if it is refused.
     pub async fn open(address: &str, headers: &str) -> Result<Page, u16> {
         let mut stream = TcpStream::connect(address).await.unwrap();
         let request = format!(
@@ -100,13 +100,13 @@ impl Page {
         let mut bytes = [0; 64 * 1024];
         let read = timeout(WAIT_LIMIT, self.stream.read(&mut bytes))
             .await
-            .expect("it talks");
+            .expect("no message");
         let read = read.unwrap_or(0);
         self.buffer.extend_from_slice(&bytes[..read]);
         read > 0
     }
 
-    /// Says something; the mask is zeros, which is allowed.
+    /// Sends a message; the mask is zero, which is allowed.
     pub async fn say(&mut self, message: &str) {
         self.frame(0x81, message.as_bytes()).await;
     }
@@ -129,12 +129,12 @@ impl Page {
         self.raw(&frame).await;
     }
 
-    /// Bytes as they are.
+    /// Sends bytes unchanged.
     pub async fn raw(&mut self, bytes: &[u8]) {
         let _ = self.stream.write_all(bytes).await;
     }
 
-    /// The next message; answers pings meanwhile.
+    /// Waits for the next message; answers pings meanwhile.
     pub async fn hear(&mut self) -> Heard {
         loop {
             if let Some((kind, payload)) = self.take() {
@@ -153,7 +153,7 @@ impl Page {
         }
     }
 
-    /// One frame of the protocol, if it is whole.
+    /// Takes one WebSocket frame from the buffer, if it is complete.
     fn take(&mut self) -> Option<(u8, Vec<u8>)> {
         let (head, rest) = self.buffer.split_at_checked(2)?;
         let (length, skip) = match head[1] {
@@ -173,8 +173,8 @@ impl Page {
         Some((kind, payload))
     }
 
-    /// Waits for a message of this kind that is as wanted. One that came while another kind was waited
-    /// for counts if it is the newest of its kind: the page is told only what is new.
+    /// Waits for a message of this kind that matches. A message that arrived during a wait for
+    /// another kind counts if it is the newest of its kind, because the server sends only changes.
     pub async fn until(&mut self, kind: &str, wanted: impl Fn(&Value) -> bool) -> Value {
         if let Some(value) = self.aside.remove(kind)
             && wanted(&value)
@@ -196,12 +196,14 @@ impl Page {
         };
         timeout(WAIT_LIMIT, found)
             .await
-            .unwrap_or_else(|_| panic!("no {kind} as wanted"))
+            .unwrap_or_else(|_| panic!("no matching {kind}"))
     }
 
-    /// Waits until the other side hangs up.
+    /// Waits until the server closes the connection.
     pub async fn closed(&mut self) {
         let closed = async { while !matches!(self.hear().await, Heard::Closed) {} };
-        timeout(WAIT_LIMIT, closed).await.expect("it is closed");
+        timeout(WAIT_LIMIT, closed)
+            .await
+            .expect("the connection is not closed");
     }
 }

@@ -1,9 +1,9 @@
-//! A strict reader of OpenMetrics text 1.0, as far as our figures use it: it refuses whatever Prometheus would
-//! refuse or misread. <https://prometheus.io/docs/specs/om/open_metrics_spec/>
+//! A strict parser of OpenMetrics text 1.0, as far as our metrics use it: it refuses whatever
+//! Prometheus would refuse or misread. <https://prometheus.io/docs/specs/om/open_metrics_spec/>
 
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Figures of one name.
+/// The samples of one metric family.
 #[derive(Debug, Default)]
 pub struct Family {
     pub kind: String,
@@ -12,16 +12,16 @@ pub struct Family {
     pub samples: Vec<Sample>,
 }
 
-/// One line.
+/// One sample line.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
-    /// What follows the family's name: `_total`, `_bucket`, nothing.
+    /// The suffix after the family's name: `_total`, `_bucket` or empty.
     pub suffix: String,
     pub labels: Vec<(String, String)>,
     pub value: f64,
 }
 
-/// All families by name, or what is wrong and where.
+/// Parses all families by name, or returns the error and its place.
 pub fn read(text: &str) -> Result<BTreeMap<String, Family>, String> {
     let body = text.strip_suffix("# EOF\n").ok_or("no `# EOF` ends it")?;
     let mut families: BTreeMap<String, Family> = BTreeMap::new();
@@ -121,7 +121,7 @@ fn sample(line: &str, family: &str) -> Result<Sample, String> {
     })
 }
 
-/// What follows the labels.
+/// Parses the labels; returns the rest of the line.
 fn read_labels<'a>(
     mut rest: &'a str,
     labels: &mut Vec<(String, String)>,
@@ -187,7 +187,7 @@ impl Family {
         }
     }
 
-    /// Cumulative, in their order, up to `+Inf`, which is the count.
+    /// Checks that buckets are cumulative and in order up to `+Inf`, which equals the count.
     fn check_buckets(&self) -> Result<(), String> {
         let of = |suffix: &'static str| self.samples.iter().filter(move |one| one.suffix == suffix);
         let bound = |one: &Sample| match &one.labels[..] {
@@ -214,7 +214,7 @@ impl Family {
 }
 
 #[test]
-fn what_prometheus_would_misread_is_refused() {
+fn metrics_that_prometheus_would_misread_are_refused() {
     let good = "# HELP a_seconds Of it.\n# TYPE a_seconds histogram\n# UNIT a_seconds seconds\n\
                 a_seconds_bucket{le=\"0.1\"} 1\na_seconds_bucket{le=\"+Inf\"} 2\na_seconds_sum 0.4\n\
                 a_seconds_count 2\n# HELP b What.\n# TYPE b counter\nb_total{c=\"x\\\"y\"} 1\n# EOF\n";

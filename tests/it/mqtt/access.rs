@@ -1,15 +1,15 @@
-//! Who may ask for which robot is the broker's business: the access list of the README.
+//! The broker decides who may command which robot, with the access list of the README.
 
 use std::os::unix::fs::PermissionsExt as _;
 
 use spykee::wire::{Command, Engage, Sound};
 
-use super::broker::{Broker, Ear};
+use super::broker::{Broker, Subscriber};
 use super::{A, IDLE, robot};
 use crate::rig::{Rig, Run};
 
-/// The list of the README for `rover1`, an agent, and `anna`, who may ask for its robot; the same for a second
-/// robot, with `rover2` and `bruno`.
+/// The README's list for `rover1`, an agent, and `anna`, who may command its robot, and the same
+/// for a second robot, with `rover2` and `bruno`.
 fn access() -> String {
     let readme = include_str!("../../../README.md");
     let list = readme
@@ -32,7 +32,7 @@ const USERS: &[(&str, &str)] = &[
     ("bruno", "b"),
 ];
 
-/// The config of somebody at this broker.
+/// The config of a user of this broker.
 fn config(rig: &Rig, broker: &Broker, name: &str, user: usize) -> String {
     let (user, password) = USERS[user];
     let secret = rig.file(&format!("{name}.password"), password);
@@ -50,7 +50,7 @@ fn agent(rig: &Rig, broker: &Broker, user: usize) -> Run {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn who_may_ask_for_one_robot_can_neither_drive_nor_see_nor_be_another() {
+async fn a_user_of_one_robot_can_neither_drive_nor_see_nor_impersonate_another() {
     let lines = "password_file @/users\nacl_file @/access\n";
     let Some(mut broker) = Broker::start_with(lines, USERS) else {
         return;
@@ -59,15 +59,15 @@ async fn who_may_ask_for_one_robot_can_neither_drive_nor_see_nor_be_another() {
     broker.restart();
     let (first, second) = (robot(A).await, robot("SPYKEE0002").await);
     let (anna, bruno) = (
-        Ear::of(&broker, Some(USERS[2])).await,
-        Ear::of(&broker, Some(USERS[3])).await,
+        Subscriber::of(&broker, Some(USERS[2])).await,
+        Subscriber::of(&broker, Some(USERS[3])).await,
     );
     let _first = agent(&first, &broker, 0);
     let _second = agent(&second, &broker, 1);
-    anna.hears_word(0, "spykee/SPYKEE0001/connection", "ONLINE")
+    anna.waits_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
         .await;
     bruno
-        .hears_word(0, "spykee/SPYKEE0002/connection", "ONLINE")
+        .waits_for_text(0, "spykee/SPYKEE0002/connection", "ONLINE")
         .await;
     for order in ["return_to_base", "stop"] {
         bruno.say("spykee/SPYKEE0001/command", order, false).await;
@@ -77,12 +77,14 @@ async fn who_may_ask_for_one_robot_can_neither_drive_nor_see_nor_be_another() {
         .await;
     let laser = |one: &Command| *one == Command::Play(Sound::Laser);
     second.heard(0, laser).await;
-    // The broker had bruno's orders before this one.
+    // The broker received bruno's orders before this one.
     anna.say("spykee/SPYKEE0001/command", "locate", false).await;
     first.heard(0, laser).await;
     let dock = |one: &&Command| **one == Command::Engine(Engage::Dock);
     assert_eq!(first.commands(0).iter().find(dock), None);
-    assert!(!bruno.heard_of("spykee/SPYKEE0001") && !anna.heard_of("spykee/SPYKEE0002"));
+    assert!(
+        !bruno.has_heard_from("spykee/SPYKEE0001") && !anna.has_heard_from("spykee/SPYKEE0002")
+    );
     first.file("fleet.yaml", &config(&first, &broker, "bruno", 3));
     let fleet = ["fleet", "stop", A, "--config", "fleet.yaml"];
     let mut stop = first.spykee(&fleet);

@@ -1,4 +1,4 @@
-//! A broker of the test's own, and somebody who listens there.
+//! A private broker, and a client that records its messages.
 
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use crate::rig::WAIT_LIMIT;
 
-/// A broker of the test's own.
+/// A private mosquitto; ends with the test.
 pub struct Broker {
     child: Child,
     pub port: u16,
@@ -26,7 +26,7 @@ impl Drop for Broker {
     }
 }
 
-/// Where Debian puts it, which not every search path has.
+/// The path of mosquitto. Debian installs it in /usr/sbin, which not every search path contains.
 fn mosquitto() -> Option<PathBuf> {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let folders = std::env::split_paths(&path).chain([PathBuf::from("/usr/sbin")]);
@@ -40,12 +40,13 @@ fn mosquitto() -> Option<PathBuf> {
 }
 
 impl Broker {
-    /// Everybody may do everything there.
+    /// Starts a broker at which every client has all rights.
     pub fn start() -> Option<Broker> {
         Broker::start_with("allow_anonymous true\n", &[])
     }
 
-    /// With these lines in its config, in which `@` is its folder, and these users and passwords.
+    /// Starts a broker with these lines in its config, where `@` stands for its folder, and with
+    /// these users and passwords.
     pub fn start_with(lines: &str, users: &[(&str, &str)]) -> Option<Broker> {
         let executable = mosquitto()?;
         let folder = tempfile::tempdir().unwrap();
@@ -61,7 +62,7 @@ impl Broker {
         let free = TcpListener::bind("127.0.0.1:0").unwrap();
         let port = free.local_addr().unwrap().port();
         drop(free);
-        // Started by root it would become another user, who cannot write here.
+        // If root starts it, it would switch to another user, who cannot write here.
         let config = format!(
             "listener {port} 127.0.0.1\npersistence true\n\
              persistence_location {place}/\nuser root\n{}",
@@ -83,7 +84,7 @@ impl Broker {
         process.spawn().unwrap()
     }
 
-    /// It ends as a broker ends that is restarted, and begins with what it has kept.
+    /// Stops it in order and starts it again with its saved messages.
     pub fn restart(&mut self) {
         self.stop();
         self.begin();
@@ -95,17 +96,17 @@ impl Broker {
         self.child.wait().unwrap();
     }
 
-    /// It begins anew, at the same address.
+    /// Starts it again at the same address.
     pub fn begin(&mut self) {
         self.child = Broker::spawn(&mosquitto().unwrap(), self.folder.path());
     }
 
-    /// What it has kept is lost.
+    /// Deletes its saved messages.
     pub fn forget(&self) {
         std::fs::remove_file(self.folder.path().join("mosquitto.db")).unwrap();
     }
 
-    /// A file in its folder.
+    /// Writes a file into its folder.
     pub fn file(&self, name: &str, text: &str) {
         std::fs::write(self.folder.path().join(name), text).unwrap();
     }
@@ -119,30 +120,30 @@ impl Broker {
     }
 }
 
-/// A topic and what was published there.
+/// A topic and the payload published there.
 type Published = (String, Vec<u8>);
 
-/// Somebody who hears all that is said at the broker.
-pub struct Ear {
+/// A client that records all messages at the broker.
+pub struct Subscriber {
     client: AsyncClient,
     heard: Arc<Mutex<Vec<Published>>>,
     task: tokio::task::JoinHandle<()>,
 }
 
-impl Drop for Ear {
+impl Drop for Subscriber {
     fn drop(&mut self) {
         self.task.abort();
     }
 }
 
-impl Ear {
-    pub async fn at(broker: &Broker) -> Ear {
-        Ear::of(broker, None).await
+impl Subscriber {
+    pub async fn at(broker: &Broker) -> Subscriber {
+        Subscriber::of(broker, None).await
     }
 
-    /// As this user, with this password.
-    pub async fn of(broker: &Broker, user: Option<(&str, &str)>) -> Ear {
-        let id = format!("ear-{}", rand::random::<u32>());
+    /// Connects as this user, with this password.
+    pub async fn of(broker: &Broker, user: Option<(&str, &str)>) -> Subscriber {
+        let id = format!("subscriber-{}", rand::random::<u32>());
         let mut options = MqttOptions::new(id, "127.0.0.1", broker.port);
         options.set_max_packet_size(1 << 20, 1 << 20);
         if let Some((user, password)) = user {
@@ -167,7 +168,7 @@ impl Ear {
                 }
             }
         });
-        Ear {
+        Subscriber {
             client,
             heard,
             task,
@@ -181,16 +182,16 @@ impl Ear {
         said.await.unwrap();
     }
 
-    /// Waits until it hears again, after the broker was away.
-    pub async fn hears_again(&self) {
+    /// Waits until the client receives messages again, after the broker was away.
+    pub async fn waits_until_connected(&self) {
         let until = std::time::Instant::now() + WAIT_LIMIT;
         let from = self.len();
         while !self.heard.lock().unwrap()[from..]
             .iter()
-            .any(|(topic, _)| topic == "ear/again")
+            .any(|(topic, _)| topic == "subscriber/again")
         {
             assert!(std::time::Instant::now() < until, "the broker is not back");
-            self.say("ear/again", "", false).await;
+            self.say("subscriber/again", "", false).await;
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
     }
@@ -199,7 +200,7 @@ impl Ear {
         self.heard.lock().unwrap().len()
     }
 
-    /// Waits for a message from a place on, and gives it.
+    /// Waits for a matching message, from an index on, and returns its payload.
     pub async fn hears(&self, from: usize, topic: &str, wanted: impl Fn(&[u8]) -> bool) -> Vec<u8> {
         let until = std::time::Instant::now() + WAIT_LIMIT;
         loop {
@@ -222,25 +223,25 @@ impl Ear {
         }
     }
 
-    /// The place of the first such message among all that it has heard.
-    pub fn place_of(&self, topic: &str, word: &str) -> Option<usize> {
+    /// The index of the first such message among all recorded ones.
+    pub fn index_of(&self, topic: &str, word: &str) -> Option<usize> {
         let heard = self.heard.lock().unwrap();
         let mut heard = heard.iter();
         heard.position(|(of, payload)| of == topic && payload == word.as_bytes())
     }
 
-    /// Whether anything came from below a topic.
-    pub fn heard_of(&self, below: &str) -> bool {
+    /// Whether a message arrived at a topic below this one.
+    pub fn has_heard_from(&self, below: &str) -> bool {
         let heard = self.heard.lock().unwrap();
         heard.iter().any(|(topic, _)| topic.starts_with(below))
     }
 
-    pub async fn hears_word(&self, from: usize, topic: &str, word: &str) {
+    pub async fn waits_for_text(&self, from: usize, topic: &str, word: &str) {
         self.hears(from, topic, |payload| payload == word.as_bytes())
             .await;
     }
 
-    pub async fn hears_state(
+    pub async fn waits_for_state(
         &self,
         from: usize,
         robot: &str,

@@ -1,21 +1,22 @@
-//! A broker with a certificate: only one that somebody vouches for hears anything.
+//! A broker with a certificate: the agent sends nothing unless a trusted authority has signed it.
 
 use std::net::TcpListener;
 use std::path::Path;
 use std::process::Command as Process;
 
-use super::broker::{Broker, Ear};
+use super::broker::{Broker, Subscriber};
 use super::{IDLE, robot};
 use crate::rig::Rig;
 
-/// Whether `openssl` does that in this folder.
+/// Runs `openssl` in this folder; returns whether it succeeded.
 fn openssl(folder: &Path, arguments: &str) -> bool {
     let mut process = Process::new("openssl");
     process.args(arguments.split(' ')).current_dir(folder);
     process.output().is_ok_and(|output| output.status.success())
 }
 
-/// Two who vouch, and what the first of them vouches for; `false`: there is no openssl.
+/// Creates two authorities and a broker certificate signed by the first; `false` if there is no
+/// openssl.
 fn certify(folder: &Path) -> bool {
     let key = "-newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes";
     let vouch = |name: &str| {
@@ -40,7 +41,7 @@ fn certify(folder: &Path) -> bool {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn over_tls_a_broker_is_believed_only_if_its_certificate_is_vouched_for() {
+async fn over_tls_a_broker_is_trusted_only_with_a_certificate_of_the_authority() {
     let free = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = free.local_addr().unwrap().port();
     drop(free);
@@ -65,13 +66,13 @@ async fn over_tls_a_broker_is_believed_only_if_its_certificate_is_vouched_for() 
             ca.display()
         ))
     };
-    let ear = Ear::at(&broker).await;
+    let ear = Subscriber::at(&broker).await;
     let (_believes, doubts) = (start(&first, "ca.pem"), start(&second, "stranger.pem"));
     doubts.says("no encrypted connection").await;
-    // Its topics begin as the config says.
-    ear.hears_word(0, "house/SPYKEE0001/connection", "ONLINE")
+    // The topics begin with the prefix of the config.
+    ear.waits_for_text(0, "house/SPYKEE0001/connection", "ONLINE")
         .await;
     ear.hears(0, "ha/device/SPYKEE0001/config", |_| true).await;
-    assert!(!ear.heard_of("house/SPYKEE0002"));
-    assert!(!ear.heard_of("spykee/") && !ear.heard_of("homeassistant/"));
+    assert!(!ear.has_heard_from("house/SPYKEE0002"));
+    assert!(!ear.has_heard_from("spykee/") && !ear.has_heard_from("homeassistant/"));
 }

@@ -1,25 +1,26 @@
-//! Several agents at one broker: `SPYKEE_FLEET=30` makes the largest one larger (`scripts/fleet`).
+//! Several agents at one broker; `SPYKEE_FLEET=30` sets the number for the largest test
+//! (`scripts/fleet`).
 
 use std::time::{Duration, Instant};
 
 use rustix::process::Signal;
 use serde_json::Value;
 
-use super::broker::{Broker, Ear};
+use super::broker::{Broker, Subscriber};
 use super::{A, IDLE, robot, start};
 use crate::rig::{Rig, Run};
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_killed_agent_is_told_by_its_broker() {
+async fn the_broker_reports_a_killed_agent() {
     let Some(broker) = Broker::start() else {
         return;
     };
-    let (rig, ear) = (robot(A).await, Ear::at(&broker).await);
+    let (rig, ear) = (robot(A).await, Subscriber::at(&broker).await);
     let run = start(&rig, &broker, IDLE);
-    ear.hears_word(0, "spykee/SPYKEE0001/connection", "ONLINE")
+    ear.waits_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
         .await;
     run.signal(Signal::KILL);
-    ear.hears_word(0, "spykee/SPYKEE0001/connection", "CONNECTIONBROKEN")
+    ear.waits_for_text(0, "spykee/SPYKEE0001/connection", "CONNECTIONBROKEN")
         .await;
     rig.file("fleet.yaml", &broker.config());
     let mut list = rig.spykee(&["fleet", "list", "--config", "fleet.yaml"]);
@@ -29,11 +30,11 @@ async fn a_killed_agent_is_told_by_its_broker() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_fleet_runs_and_stops_together_and_every_robot_hears_it() {
+async fn a_fleet_starts_and_stops_together_and_every_robot_follows() {
     let Some(broker) = Broker::start() else {
         return;
     };
-    let ear = Ear::at(&broker).await;
+    let ear = Subscriber::at(&broker).await;
     let names = ["SPYKEE0001", "SPYKEE0002", "SPYKEE0003"];
     let mut rigs = Vec::new();
     for name in names {
@@ -42,11 +43,11 @@ async fn a_fleet_runs_and_stops_together_and_every_robot_hears_it() {
     let drive = "robot.move(40, 40) while true do task.wait(1) end";
     let mut runs: Vec<Run> = rigs.iter().map(|rig| start(rig, &broker, drive)).collect();
     for (name, rig) in names.iter().zip(&rigs) {
-        ear.hears_word(0, &format!("spykee/{name}/connection"), "ONLINE")
+        ear.waits_for_text(0, &format!("spykee/{name}/connection"), "ONLINE")
             .await;
         rig.heard_motion(0).await;
         let two = |state: &Value| state["running"].as_array().unwrap().len() == 2;
-        ear.hears_state(0, name, two).await;
+        ear.waits_for_state(0, name, two).await;
     }
     rigs[0].file("fleet.yaml", &broker.config());
     let fleet = |args: &[&str]| {
@@ -66,24 +67,24 @@ async fn a_fleet_runs_and_stops_together_and_every_robot_hears_it() {
     for (rig, place) in rigs.iter().zip(places) {
         rig.heard_stop(place).await;
     }
-    // Nothing is left to run.
+    // No behaviour is left that could run.
     for run in &mut runs {
         assert_eq!(run.code().await, Some(0), "{}", run.text());
     }
 }
 
-/// A broker gives one up that says nothing for 1.5 times this, in seconds.
+/// The keep-alive in seconds; a broker disconnects a client that is silent for 1.5 times this.
 const KEEP_ALIVE: u64 = 4;
-/// A mosquitto looks every six seconds only, and machines are slow.
+/// Mosquitto checks only every six seconds, and machines are slow.
 const SLACK: Duration = Duration::from_secs(20);
 
 #[tokio::test(flavor = "multi_thread")]
-async fn of_many_agents_those_that_die_or_hang_are_told_and_all_others_stop() {
+async fn among_many_agents_dead_and_hung_ones_are_reported_and_all_others_stop() {
     let Some(broker) = Broker::start() else {
         return;
     };
     let count = std::env::var("SPYKEE_FLEET").map_or(4, |text| text.parse().unwrap());
-    let ear = Ear::at(&broker).await;
+    let ear = Subscriber::at(&broker).await;
     let names: Vec<String> = (1..=count)
         .map(|number| format!("SPYKEE{number:04}"))
         .collect();
@@ -101,13 +102,13 @@ async fn of_many_agents_those_that_die_or_hang_are_told_and_all_others_stop() {
     }
     for (name, rig) in names.iter().zip(&rigs) {
         rig.heard_motion(0).await;
-        ear.hears_word(0, &format!("spykee/{name}/connection"), "ONLINE")
+        ear.waits_for_text(0, &format!("spykee/{name}/connection"), "ONLINE")
             .await;
     }
     let places: Vec<usize> = rigs.iter().map(|rig| rig.commands(0).len()).collect();
     let gone = async |name: &str, since: Instant| {
         let topic = format!("spykee/{name}/connection");
-        ear.hears_word(0, &topic, "CONNECTIONBROKEN").await;
+        ear.waits_for_text(0, &topic, "CONNECTIONBROKEN").await;
         since.elapsed()
     };
     let since = Instant::now();
@@ -116,10 +117,11 @@ async fn of_many_agents_those_that_die_or_hang_are_told_and_all_others_stop() {
     let killed = gone(&names[1], since).await;
     let hung = gone(&names[0], since).await;
     eprintln!("{count} agents; told after {killed:?} (killed) and {hung:?} (hung)");
-    // Who hangs is given up after 1.5 keep-alives, so whoever was told before him was told within that time.
+    // A hung agent is disconnected after 1.5 keep-alives; everything reported before it was
+    // reported within that time.
     let place = |name: &str| {
         let topic = format!("spykee/{name}/connection");
-        ear.place_of(&topic, "CONNECTIONBROKEN").unwrap()
+        ear.index_of(&topic, "CONNECTIONBROKEN").unwrap()
     };
     assert!(place(&names[1]) < place(&names[0]), "the killed one first");
     let patience = Duration::from_secs(KEEP_ALIVE) * 3 / 2;
@@ -136,7 +138,7 @@ async fn of_many_agents_those_that_die_or_hang_are_told_and_all_others_stop() {
     let said = |what| text.matches(what).count();
     let broken = ": not asked, it is CONNECTIONBROKEN";
     assert_eq!((said(": done"), said(broken)), (count - 2, 2), "{text}");
-    // Those that nobody could ask were stopped by their guardians.
+    // Agents that could not receive the order: their guardians have stopped the robots.
     for (rig, place) in rigs.iter().zip(places) {
         rig.heard_stop(place).await;
     }

@@ -1,4 +1,5 @@
-//! A broker that is gone for long, and back. Its time is compressed: the longest pause is short.
+//! A broker that is unavailable for long and then returns. The longest pause is short, to save
+//! time.
 
 use std::io::Read as _;
 use std::net::TcpListener;
@@ -6,23 +7,24 @@ use std::time::{Duration, Instant};
 
 use spykee::wire::{Command, Led, Sound};
 
-use super::broker::{Broker, Ear};
+use super::broker::{Broker, Subscriber};
 use super::{A, robot};
 use crate::rig::WAIT_LIMIT;
 
-/// Upper end of the pauses, in seconds.
+/// The limit of the pauses, in seconds.
 const LONGEST_PAUSE: u64 = 2;
-/// So many tries while the broker is gone.
-const KNOCKS: usize = 6;
+/// The number of connection attempts to wait for while the broker is gone.
+const ATTEMPTS: usize = 6;
 
-/// How long the broker is gone besides: an hour with `SPYKEE_BROKER_GONE=3600`.
+/// How long the broker stays away after that: an hour with `SPYKEE_BROKER_GONE=3600`.
 fn gone_for() -> Duration {
     let seconds = std::env::var("SPYKEE_BROKER_GONE");
     Duration::from_secs(seconds.map_or(0, |text| text.parse().unwrap()))
 }
 
-/// Stands where the broker was, and hangs up on everybody: when the agent came.
-fn knocks(port: u16) -> Vec<Instant> {
+/// Listens in the broker's place and closes all connections; returns the times of the agent's
+/// attempts.
+fn connection_attempts(port: u16) -> Vec<Instant> {
     let door = TcpListener::bind(("127.0.0.1", port)).unwrap();
     let mut came = Vec::new();
     for stream in door.incoming() {
@@ -32,7 +34,7 @@ fn knocks(port: u16) -> Vec<Instant> {
         let length = stream.read(&mut said).unwrap_or(0);
         let is_agent = String::from_utf8_lossy(&said[..length]).contains("spykee-SPYKEE0001");
         came.extend(is_agent.then(Instant::now));
-        if came.len() == KNOCKS {
+        if came.len() == ATTEMPTS {
             break;
         }
     }
@@ -40,11 +42,11 @@ fn knocks(port: u16) -> Vec<Instant> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn after_a_long_outage_all_is_told_anew_and_no_old_order_runs() {
+async fn after_a_long_outage_all_states_are_published_again_and_no_old_order_runs() {
     let Some(mut broker) = Broker::start() else {
         return;
     };
-    let (rig, ear) = (robot(A).await, Ear::at(&broker).await);
+    let (rig, ear) = (robot(A).await, Subscriber::at(&broker).await);
     let blinks = "local on = true
         while true do robot.led('left', on) on = not on task.wait(0.2) end";
     rig.file("patrol.lua", blinks);
@@ -53,7 +55,7 @@ async fn after_a_long_outage_all_is_told_anew_and_no_old_order_runs() {
          mqtt: {{ host: 127.0.0.1, port: {}, longest_pause: {LONGEST_PAUSE} }}\n",
         broker.port
     ));
-    ear.hears_word(0, "spykee/SPYKEE0001/connection", "ONLINE")
+    ear.waits_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
         .await;
     let laser = |one: &Command| *one == Command::Play(Sound::Laser);
     ear.say("spykee/SPYKEE0001/command", "locate", false).await;
@@ -61,20 +63,20 @@ async fn after_a_long_outage_all_is_told_anew_and_no_old_order_runs() {
     broker.stop();
     broker.forget();
     let port = broker.port;
-    let came = tokio::task::spawn_blocking(move || knocks(port));
+    let came = tokio::task::spawn_blocking(move || connection_attempts(port));
     let came = tokio::time::timeout(WAIT_LIMIT * 2, came)
         .await
         .unwrap()
         .unwrap();
-    // Pauses are drawn from the upper half of steps that grow up to the longest.
-    let last = came[KNOCKS - 1] - came[KNOCKS - 4];
+    // Each pause is random, within the upper half of a step; the steps grow up to the limit.
+    let last = came[ATTEMPTS - 1] - came[ATTEMPTS - 4];
     let least = Duration::from_secs(LONGEST_PAUSE) * 3 / 2;
     assert!(
         last + Duration::from_millis(100) > least,
         "{last:?}: they do not grow"
     );
     tokio::time::sleep(gone_for()).await;
-    // The robot did not notice.
+    // The robot keeps working: its light still blinks.
     let gone = rig.sim.heard_count();
     for on in [true, false, true] {
         let light = move |one: &Command| *one == Command::Led { led: Led::Left, on };
@@ -82,11 +84,11 @@ async fn after_a_long_outage_all_is_told_anew_and_no_old_order_runs() {
     }
     let from = ear.len();
     broker.begin();
-    ear.hears_word(from, "spykee/SPYKEE0001/connection", "ONLINE")
+    ear.waits_for_text(from, "spykee/SPYKEE0001/connection", "ONLINE")
         .await;
     ear.hears(from, "homeassistant/device/SPYKEE0001/config", |_| true)
         .await;
-    ear.hears_state(from, A, |state| state["problem"] == false)
+    ear.waits_for_state(from, A, |state| state["problem"] == false)
         .await;
     assert!(!rig.commands(gone).iter().any(laser), "the old order");
     let back = rig.sim.heard_count();

@@ -1,16 +1,16 @@
-//! Notifications that are published at a topic.
+//! Notifications that are published to a topic.
 
 use rustix::process::Signal;
 use serde_json::Value;
 
-use super::broker::{Broker, Ear};
+use super::broker::{Broker, Subscriber};
 use super::{A, robot};
 use crate::rig::Rig;
 
 const SENDS: &str = "local path = robot.wait_frame(20):save('seen')
     notify.send('look at this', { picture = path })";
 
-/// Two targets: words as JSON, and pictures.
+/// A config with two targets: text as JSON, and pictures.
 fn config(rig: &Rig, broker: &Broker) {
     rig.file(
         "spykee.yaml",
@@ -30,11 +30,11 @@ fn waiting(rig: &Rig) -> usize {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_scripts_send_is_published_with_its_picture_and_outlives_a_broker_that_is_gone() {
+async fn notifications_are_published_with_their_pictures_and_survive_a_broker_outage() {
     let Some(mut broker) = Broker::start() else {
         return;
     };
-    let (rig, ear) = (robot(A).await, Ear::at(&broker).await);
+    let (rig, ear) = (robot(A).await, Subscriber::at(&broker).await);
     rig.file("one.lua", SENDS);
     config(&rig, &broker);
     let run = || rig.spykee(&["run", "--config", "spykee.yaml", "--robot", &rig.address]);
@@ -60,7 +60,7 @@ async fn what_scripts_send_is_published_with_its_picture_and_outlives_a_broker_t
     assert_eq!(waiting(&rig), 1);
     let from = ear.len();
     broker.begin();
-    ear.hears_again().await;
+    ear.waits_until_connected().await;
     rig.file("one.lua", "task.wait(600)");
     let mut third = run();
     ear.hears(from, "house/says", |_| true).await;

@@ -1,4 +1,4 @@
-//! What the system's manager hears of a service, and what it lets it do: systemd, or a socket in its place.
+//! The interface to the service manager: real systemd, or a socket in its place.
 
 use std::os::unix::net::UnixDatagram;
 use std::time::Duration;
@@ -11,7 +11,7 @@ use crate::rig::{Rig, WAIT_LIMIT};
 use crate::slow_system::trace;
 
 #[tokio::test(flavor = "multi_thread")]
-async fn the_systems_manager_hears_that_it_is_ready_and_alive() {
+async fn the_service_manager_is_notified_of_ready_and_alive() {
     let rig = Rig::quiet().await;
     rig.file("drive.lua", DRIVES);
     config(&rig, "", "behaviours:\n- file: drive.lua\n");
@@ -40,9 +40,9 @@ async fn the_systems_manager_hears_that_it_is_ready_and_alive() {
     ends_well(&mut run).await;
 }
 
-/// The thread that drives does not return from a wait, all others go on.
+/// The driving thread does not return from a wait, while all others continue.
 #[tokio::test(flavor = "multi_thread")]
-async fn the_systems_manager_hears_nothing_of_a_service_whose_driving_thread_hangs() {
+async fn the_service_manager_gets_no_heartbeat_if_the_driving_thread_hangs() {
     let rig = Rig::quiet().await;
     rig.file("drive.lua", DRIVES);
     config(&rig, "", "behaviours:\n- file: drive.lua\n");
@@ -68,7 +68,7 @@ async fn the_systems_manager_hears_nothing_of_a_service_whose_driving_thread_han
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     };
-    timeout(WAIT_LIMIT, beats).await.expect("it is alive");
+    timeout(WAIT_LIMIT, beats).await.expect("no heartbeat");
     let core = thread_called(run.pid(), "core");
     let hang = "inject=epoll_wait:delay_exit=8000000";
     let Some(mut tracer) = trace(core, &["-e", "trace=epoll_wait", "-e", hang]) else {
@@ -77,7 +77,7 @@ async fn the_systems_manager_hears_nothing_of_a_service_whose_driving_thread_han
     // The guardian has noticed it.
     rig.heard_stop(rig.sim.heard_count()).await;
     alive();
-    // Ten times as long as from one beat to the next.
+    // Ten times the interval of the heartbeat.
     tokio::time::sleep(Duration::from_secs(1)).await;
     let beats = alive();
     let _ = tracer.kill();
@@ -126,7 +126,7 @@ async fn the_unit_has_few_rights() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_password_comes_from_the_managers_credentials() {
+async fn a_password_may_come_from_the_service_managers_credentials() {
     let rig = Rig::quiet().await;
     config(&rig, "", "");
     rig.file("password", "wrong\n");

@@ -1,4 +1,5 @@
-//! Brokers that are none, or mean ill. Written byte by byte, not with the client's own library.
+//! Brokers that are malicious or speak another protocol. Written byte by byte, without the client's
+//! library.
 
 use std::time::Duration;
 
@@ -12,11 +13,11 @@ use crate::rig::{Rig, Run, WAIT_LIMIT};
 
 const COMMAND: &str = "spykee/SPYKEE0001/command";
 const CHOICE: &str = "spykee/SPYKEE0001/behaviour/set";
-/// What a flood may add to the log, in lines and bytes.
+/// The limits of a flood in the log, in lines and bytes.
 const MOST_LINES: usize = 1000;
 const MOST_BYTES: usize = 128 * 1024;
 
-/// A length as MQTT writes it.
+/// A length in MQTT's encoding.
 fn length(mut length: usize) -> Vec<u8> {
     let mut bytes = Vec::new();
     loop {
@@ -33,7 +34,7 @@ fn packet(head: u8, body: &[u8]) -> Vec<u8> {
     [&[head], &length(body.len())[..], body].concat()
 }
 
-/// A message of quality 0.
+/// A message with QoS 0.
 fn message(topic: &[u8], payload: &[u8]) -> Vec<u8> {
     let size = u16::try_from(topic.len()).unwrap().to_be_bytes();
     packet(0x30, &[&size, topic, payload].concat())
@@ -43,8 +44,8 @@ fn order(payload: &[u8]) -> Vec<u8> {
     message(COMMAND.as_bytes(), payload)
 }
 
-/// An agent that drives, and a broker that has let it in and heard what it wants to hear.
-struct Visit {
+/// An agent that drives, and a broker that has accepted its login and its subscriptions.
+struct HostileBroker {
     rig: Rig,
     run: Run,
     listener: TcpListener,
@@ -52,7 +53,7 @@ struct Visit {
     from: usize,
 }
 
-/// The whole of the next packet; `None`: it is gone.
+/// Reads the next packet; `None` if the connection has ended.
 async fn next(line: &mut TcpStream) -> Option<(u8, Vec<u8>)> {
     let head = line.read_u8().await.ok()?;
     let (mut size, mut shift) = (0, 0);
@@ -71,11 +72,11 @@ async fn next(line: &mut TcpStream) -> Option<(u8, Vec<u8>)> {
 
 async fn accept(listener: &TcpListener) -> TcpStream {
     let accepted = timeout(WAIT_LIMIT, listener.accept()).await;
-    accepted.expect("the agent comes").unwrap().0
+    accepted.expect("the agent does not connect").unwrap().0
 }
 
-impl Visit {
-    async fn begin() -> Visit {
+impl HostileBroker {
+    async fn begin() -> HostileBroker {
         let rig = Rig::quiet().await;
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let port = listener.local_addr().unwrap().port();
@@ -86,7 +87,7 @@ impl Visit {
         rig.heard_motion(0).await;
         let line = accept(&listener).await;
         let from = rig.sim.heard_count();
-        Visit {
+        HostileBroker {
             rig,
             run,
             listener,
@@ -95,14 +96,14 @@ impl Visit {
         }
     }
 
-    /// Lets it in, and hears its three wishes.
-    async fn welcome(&mut self) {
+    /// Accepts the login and three subscriptions.
+    async fn accept_login(&mut self) {
         let mut wishes = 0;
         while wishes < 3 {
             let coming = timeout(WAIT_LIMIT, next(&mut self.line))
                 .await
-                .expect("it talks");
-            let (head, body) = coming.expect("it stays");
+                .expect("the agent sends nothing");
+            let (head, body) = coming.expect("the agent has disconnected");
             match head >> 4 {
                 1 => self.say(&[0x20, 2, 0, 0]).await,
                 8 => {
@@ -118,7 +119,7 @@ impl Visit {
         let _ = self.line.write_all(bytes).await;
     }
 
-    /// The agent takes what it is sent as long as the line holds; true: it does as an honest order says.
+    /// Sends a valid order until the agent obeys (true) or closes the connection (false).
     async fn listens(&mut self) -> bool {
         let laser = |command: &Command| *command == Command::Play(Sound::Laser);
         let mut rest = vec![0; 1 << 16];
@@ -136,10 +137,13 @@ impl Visit {
                 return true;
             }
         }
-        panic!("it neither obeys nor hangs up:\n{}", self.run.text());
+        panic!(
+            "the agent neither obeys nor disconnects:\n{}",
+            self.run.text()
+        );
     }
 
-    /// The robot was left alone, the log is short, and the agent ends when it is told to.
+    /// Checks that the robot drove on and that the log is short; then ends the agent.
     async fn end(mut self, what: &str) {
         let (bytes, lines) = (self.run.text().len(), self.run.text().lines().count());
         assert!(
@@ -151,7 +155,7 @@ impl Visit {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_broker_that_lets_nobody_in_or_speaks_something_else_changes_nothing() {
+async fn a_broker_that_refuses_logins_or_speaks_another_protocol_changes_nothing() {
     let refused = |code: u8| packet(0x20, &[0, code]);
     let cases: Vec<(&str, Vec<u8>)> = vec![
         ("silent", Vec::new()),
@@ -174,14 +178,14 @@ async fn a_broker_that_lets_nobody_in_or_speaks_something_else_changes_nothing()
             "256 MB to come",
             vec![0x30, 0xff, 0xff, 0xff, 0x7f, 0, 1, b'a'],
         ),
-        ("a message before the welcome", order(b"stop")),
-        ("half a welcome", vec![0x20, 2, 0]),
-        ("a welcome too long", packet(0x20, &[0; 100])),
+        ("a message before the accept_login", order(b"stop")),
+        ("half a accept_login", vec![0x20, 2, 0]),
+        ("a accept_login too long", packet(0x20, &[0; 100])),
         ("zeros", vec![0; 4096]),
         ("ones", vec![0xff; 4096]),
     ];
     for (what, said) in cases {
-        let mut visit = Visit::begin().await;
+        let mut visit = HostileBroker::begin().await;
         visit.say(&said).await;
         if what != "silent" {
             let _ = timeout(Duration::from_millis(500), next(&mut visit.line)).await;
@@ -191,7 +195,7 @@ async fn a_broker_that_lets_nobody_in_or_speaks_something_else_changes_nothing()
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn messages_that_are_mad_are_left_or_end_the_line_and_stop_no_robot() {
+async fn malformed_messages_are_ignored_or_end_the_connection_and_never_stop_the_robot() {
     let deep = format!("{{\"order\": {}", "[".repeat(900));
     let long = vec![b'a'; 60_000];
     let huge = vec![b'a'; 10 << 20];
@@ -260,7 +264,7 @@ async fn messages_that_are_mad_are_left_or_end_the_line_and_stop_no_robot() {
         ("thanks for nothing", packet(0x40, &[0x77, 0x77])),
         ("a promise of nothing", packet(0x50, &[0x77, 0x77])),
         ("a wish refused", packet(0x90, &[0, 9, 0x80])),
-        ("a second welcome", packet(0x20, &[0, 0])),
+        ("a second accept_login", packet(0x20, &[0, 0])),
         (
             "what only clients say",
             packet(0x10, b"\0\x04MQTT\x04\0\0\0\0\0"),
@@ -268,12 +272,12 @@ async fn messages_that_are_mad_are_left_or_end_the_line_and_stop_no_robot() {
         ("no such packet", packet(0xf0, b"")),
     ];
     for (what, said) in cases {
-        let mut visit = Visit::begin().await;
-        visit.welcome().await;
+        let mut visit = HostileBroker::begin().await;
+        visit.accept_login().await;
         visit.say(&said).await;
         let held = visit.listens().await;
         if !held {
-            // It comes again.
+            // The agent connects again.
             drop(std::mem::replace(
                 &mut visit.line,
                 accept(&visit.listener).await,
@@ -289,7 +293,7 @@ async fn messages_that_are_mad_are_left_or_end_the_line_and_stop_no_robot() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_flood_of_messages_fills_no_log_and_keeps_no_robot_from_driving() {
+async fn a_flood_of_messages_does_not_fill_the_log_or_affect_driving() {
     let choice = message(CHOICE.as_bytes(), &[b'a'; 200]);
     let birth = message(b"homeassistant/status", b"online");
     let mut kept = order(b"stop");
@@ -307,8 +311,8 @@ async fn a_flood_of_messages_fills_no_log_and_keeps_no_robot_from_driving() {
         ),
         ("answers to no ping", pings),
     ] {
-        let mut visit = Visit::begin().await;
-        visit.welcome().await;
+        let mut visit = HostileBroker::begin().await;
+        visit.accept_login().await;
         let many = one.repeat(1000);
         let (mut reader, mut writer) = visit.line.split();
         let mut rest = vec![0; 1 << 16];
@@ -325,14 +329,14 @@ async fn a_flood_of_messages_fills_no_log_and_keeps_no_robot_from_driving() {
         };
         timeout(WAIT_LIMIT, flooded)
             .await
-            .unwrap_or_else(|_| panic!("{what}: it takes nothing"));
+            .unwrap_or_else(|_| panic!("{what}: the agent reads nothing"));
         visit.listens().await;
         visit.end(what).await;
     }
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_fleet_is_listed_in_time_however_much_a_broker_has_to_say() {
+async fn a_fleet_is_listed_in_time_even_if_the_broker_never_stops_sending() {
     let rig = Rig::quiet().await;
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let port = listener.local_addr().unwrap().port();

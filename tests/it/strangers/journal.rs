@@ -1,4 +1,4 @@
-//! Journals that came along with somebody's folder, or that somebody has put something else in place of.
+//! Journals from untrusted sources, and other things in the journal's place.
 
 use std::os::unix::fs::symlink;
 use std::path::Path;
@@ -12,21 +12,21 @@ use crate::rig::Rig;
 const CONFIG: &str = "data: data\njournal: { record: on }\nbehaviours: [{ file: script.lua }]\n";
 const SECRET: &str = "not for others";
 
-/// Puts something where the journal's file is to be, which is an honest journal. Beside the data there is
-/// a private file.
+/// Replaces or changes the journal's file, which is valid before. Beside the data folder there is a
+/// private file.
 type Deed = fn(&Path, &Path);
 
 fn sql(path: &Path, text: &str) {
     Connection::open(path).unwrap().execute_batch(text).unwrap();
 }
 
-/// In its place.
+/// Removes the journal's file and returns its path.
 fn instead(path: &Path) -> &Path {
     std::fs::remove_file(path).unwrap();
     path
 }
 
-/// Rows without end.
+/// A query with an infinite number of rows.
 const ENDLESS: &str = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)";
 
 const DEEDS: &[(&str, Deed)] = &[
@@ -138,7 +138,7 @@ const DEEDS: &[(&str, Deed)] = &[
 ];
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_journal_that_is_something_else_is_said_or_set_aside_and_nobody_waits_for_it() {
+async fn an_invalid_journal_is_reported_or_renamed_and_blocks_nothing() {
     let rig = Rig::quiet().await;
     rig.file("script.lua", "journal.add('before')");
     let mut run = rig.run_config(CONFIG);
@@ -152,7 +152,7 @@ async fn a_journal_that_is_something_else_is_said_or_set_aside_and_nobody_waits_
         let path = folder.join("journal.db");
         std::fs::write(&path, &honest).unwrap();
         deed(&path, &private);
-        // The first to read it is one who asks what has happened.
+        // `spykee history` is the first to read it.
         rig.file("spykee.yaml", CONFIG);
         for topic in [
             &["all"][..],
@@ -165,7 +165,7 @@ async fn a_journal_that_is_something_else_is_said_or_set_aside_and_nobody_waits_
             history
                 .code()
                 .await
-                .unwrap_or_else(|| panic!("{what}: it was killed"));
+                .unwrap_or_else(|| panic!("{what}: `spykee history` was killed"));
             let text = history.text();
             assert!(
                 !text.contains(SECRET) && !text.contains('\u{1b}') && !text.contains('\u{202e}'),

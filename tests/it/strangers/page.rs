@@ -1,4 +1,4 @@
-//! Clients of the page that are slow, greedy, many or mad.
+//! Clients of the page that are slow, greedy, many or send garbage.
 
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ use super::{DRIVES, drove_on};
 use crate::live::browser::{self, Page, address, ask, get};
 use crate::rig::{Rig, Run, WAIT_LIMIT};
 
-/// A robot that drives, and where its page is.
+/// Starts a run that drives; returns it with the address of its page.
 async fn driving(rig: &Rig) -> (Run, String) {
     rig.file("script.lua", DRIVES);
     let run = rig.spykee(&[
@@ -27,7 +27,7 @@ async fn driving(rig: &Rig) -> (Run, String) {
     (run, at)
 }
 
-/// The status of an answer; 0: hung up on without one.
+/// The status of an answer; 0 if the connection was closed without one.
 fn status(answer: &[u8]) -> u16 {
     let text = String::from_utf8_lossy(answer);
     text.split(' ')
@@ -36,7 +36,7 @@ fn status(answer: &[u8]) -> u16 {
         .unwrap_or(0)
 }
 
-/// Connections that have sent this and send nothing more.
+/// Connections that have sent this and then send nothing more.
 async fn stuck(at: &str, count: usize, said: &str) -> Vec<TcpStream> {
     let mut all = Vec::new();
     for _ in 0..count {
@@ -48,11 +48,11 @@ async fn stuck(at: &str, count: usize, said: &str) -> Vec<TcpStream> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn requests_that_never_end_keep_nobody_out() {
+async fn requests_that_never_end_do_not_block_other_clients() {
     let rig = Rig::quiet().await;
     let (mut run, at) = driving(&rig).await;
     let from = rig.sim.heard_count();
-    // More than are served at a time.
+    // More than the server handles at the same time.
     const MANY: usize = 100;
     let login =
         format!("POST /api/login HTTP/1.1\r\nHost: {at}\r\nContent-Type: application/json\r\n");
@@ -72,7 +72,7 @@ async fn requests_that_never_end_keep_nobody_out() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_body_that_comes_byte_by_byte_is_given_up() {
+async fn a_body_that_arrives_byte_by_byte_times_out() {
     let rig = Rig::quiet().await;
     let (mut run, at) = driving(&rig).await;
     let from = rig.sim.heard_count();
@@ -97,7 +97,7 @@ async fn a_body_that_comes_byte_by_byte_is_given_up() {
     };
     let answer = timeout(WAIT_LIMIT, given_up)
         .await
-        .expect("it is waited for without end");
+        .expect("the server waits for it forever");
     assert!(
         [0, 400, 408].contains(&status(&answer)),
         "{}",
@@ -107,7 +107,7 @@ async fn a_body_that_comes_byte_by_byte_is_given_up() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn bodies_that_are_endless_too_long_or_mad_are_refused() {
+async fn endless_long_or_malformed_bodies_are_refused() {
     let rig = Rig::quiet().await;
     let (mut run, at) = driving(&rig).await;
     let from = rig.sim.heard_count();
@@ -181,7 +181,7 @@ async fn bodies_that_are_endless_too_long_or_mad_are_refused() {
     let refused = async { tokio::join!(pour, reader.read_to_end(&mut answer)) };
     timeout(WAIT_LIMIT, refused)
         .await
-        .expect("an endless body is taken without end")
+        .expect("the server reads an endless body forever")
         .1
         .ok();
     assert!(
@@ -193,7 +193,7 @@ async fn bodies_that_are_endless_too_long_or_mad_are_refused() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn heads_that_are_none_or_lead_elsewhere_get_no_file_and_no_robot() {
+async fn malformed_requests_and_foreign_paths_reach_neither_a_file_nor_the_robot() {
     let rig = Rig::quiet().await;
     let (mut run, at) = driving(&rig).await;
     let from = rig.sim.heard_count();
@@ -270,7 +270,7 @@ async fn heads_that_are_none_or_lead_elsewhere_get_no_file_and_no_robot() {
         let both = async { tokio::join!(writer.write_all(&head), reader.read_to_end(&mut answer)) };
         let _ = timeout(WAIT_LIMIT, both)
             .await
-            .expect("it is answered or hung up on");
+            .expect("neither an answer nor an end of the connection");
         assert!(!String::from_utf8_lossy(&answer).contains("root:"));
     }
     assert_eq!(get(&at, "/healthz").await.0, 200);
@@ -278,13 +278,13 @@ async fn heads_that_are_none_or_lead_elsewhere_get_no_file_and_no_robot() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn messages_that_never_end_or_break_the_rules_end_their_own_connection() {
+async fn endless_or_invalid_messages_end_only_their_own_connection() {
     let rig = Rig::quiet().await;
     let (mut run, at) = driving(&rig).await;
     let from = rig.sim.heard_count();
     let mut good = Page::open(&at, "").await.unwrap();
     let piece = vec![b'x'; 1000];
-    // Text that goes on and on, a piece at a time.
+    // A text message that never ends, one fragment at a time.
     let mut endless = Page::open(&at, "").await.unwrap();
     endless.frame(0x01, &piece).await;
     for _ in 0..40 {
@@ -313,7 +313,7 @@ async fn messages_that_never_end_or_break_the_rules_end_their_own_connection() {
         &[
             0x81, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0, 0, 0, 0,
         ],
-        // Without a mask, as no browser sends it.
+        // Without a mask, which no browser does.
         b"\x81\x0f{\"type\":\"stop\"}",
     ] {
         let mut bad = Page::open(&at, "").await.unwrap();
@@ -341,7 +341,7 @@ async fn messages_that_never_end_or_break_the_rules_end_their_own_connection() {
         odd.until("notice", |notice| notice["key"] == "nonsense")
             .await;
     }
-    // Nobody has the wheel, so nobody drives by hand.
+    // No page has the wheel, so none can drive.
     odd.say("{\"type\":\"drive\",\"left\":-90,\"right\":-90}")
         .await;
     good.until("state", |state| state["tracks"][0] == 30).await;
@@ -353,7 +353,7 @@ async fn messages_that_never_end_or_break_the_rules_end_their_own_connection() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_thousand_connections_keep_no_open_page_from_stopping_the_robot() {
+async fn with_a_thousand_connections_an_open_page_can_still_stop_the_robot() {
     let most = getrlimit(Resource::Nofile);
     let raised = Rlimit {
         current: most.maximum,
@@ -366,7 +366,7 @@ async fn a_thousand_connections_keep_no_open_page_from_stopping_the_robot() {
     let mut page = Page::open(&at, "").await.unwrap();
     let door = at.clone();
     let crowd = tokio::spawn(async move { stuck(&door, 1000, "GET / HTTP/1.1\r\n").await });
-    // Shows life meanwhile, as pages do.
+    // Sends signs of life meanwhile, as pages do.
     while !crowd.is_finished() {
         page.hear().await;
     }

@@ -1,4 +1,4 @@
-//! Servers of webhooks that hang, never end, or send us elsewhere.
+//! Servers of webhooks that hang, never end, or redirect elsewhere.
 
 use std::io::{Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
@@ -10,14 +10,14 @@ use crate::rig::Rig;
 
 const TOKEN: &str = "s3cr3t-t0ken";
 
-/// What a server does with a connection, when it has read something.
+/// The reaction of a server to a connection, after it has read something.
 type Deed = fn(&mut TcpStream, &str);
 
 fn say(stream: &mut TcpStream, text: &str) {
     let _ = stream.write_all(text.as_bytes());
 }
 
-/// Until the other side hangs up.
+/// Sends until the client closes the connection.
 fn pour(stream: &mut TcpStream, first: &str, more: &[u8]) {
     say(stream, first);
     while stream.write_all(more).is_ok() {}
@@ -37,7 +37,7 @@ fn redirect(stream: &mut TcpStream, status: u16, to: &str) {
     );
 }
 
-/// What servers do, and whether people are told all the same.
+/// The reactions of servers.
 const DEEDS: &[(&str, Deed)] = &[
     ("hangs up at once", |_, _| {}),
     ("says nothing", |stream, _| hang(stream)),
@@ -104,7 +104,7 @@ const DEEDS: &[(&str, Deed)] = &[
     }),
 ];
 
-/// A server of this kind; its address.
+/// Starts a server with this reaction; returns its address.
 fn serve(deed: Deed) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("http://{}/hook", listener.local_addr().unwrap());
@@ -128,7 +128,7 @@ fn config(rig: &Rig, targets: &str, rest: &str) -> String {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_server_that_hangs_never_ends_or_sends_us_elsewhere_is_given_up_in_time() {
+async fn a_server_that_hangs_never_ends_or_redirects_times_out() {
     let rig = Rig::quiet().await;
     for (what, deed) in DEEDS {
         let address = serve(*deed);
@@ -149,7 +149,7 @@ async fn a_server_that_hangs_never_ends_or_sends_us_elsewhere_is_given_up_in_tim
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn however_many_servers_mean_ill_the_robot_drives_on_and_the_run_ends() {
+async fn any_number_of_malicious_servers_neither_stops_the_robot_nor_delays_the_end() {
     let rig = Rig::quiet().await;
     let hooks = DEEDS.iter().take(8).enumerate();
     let hooks: Vec<String> = hooks
@@ -164,7 +164,7 @@ async fn however_many_servers_mean_ill_the_robot_drives_on_and_the_run_ends() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_form_has_the_fields_of_the_config_and_not_one_more() {
+async fn a_form_has_exactly_the_fields_of_the_config() {
     let rig = Rig::quiet().await;
     let (asked, heard) = std::sync::mpsc::channel();
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -184,7 +184,7 @@ async fn a_form_has_the_fields_of_the_config_and_not_one_more() {
     });
     let field =
         "\r\n--BOUNDARY\r\nContent-Disposition: form-data; name=\"urls\"\r\n\r\nmailto://evil\r\n";
-    // What separates the parts can be read in the source of the program.
+    // The source of the program reveals the base of the boundary.
     let field = field.replace("BOUNDARY", "spykee-5f1d8a7c40b2496e9d3e-form");
     let mut picture = std::fs::read("tests/fixtures/ball-420.jpg").unwrap();
     picture.extend_from_slice(field.as_bytes());
