@@ -1,5 +1,5 @@
-//! The manual pages, made from the definition of the command line: a page for each subcommand. Part
-//! of
+//! Generates the manual pages, one per subcommand, from the definition of the command line. Called
+//! by
 //! `scripts/package`: `cargo bench --profile dev --bench man -- FOLDER`.
 #![allow(missing_docs)]
 
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use clap_mangen::Man;
 
-/// What `--help` says nowhere.
+/// Sections of the main page that `--help` does not have.
 const REST: &str = r#".SH "EXIT STATUS"
 .TP
 0
@@ -37,20 +37,20 @@ SPYKEE_PASSWORD
 The robot's password.
 .TP
 SPYKEE_CONFIG
-The config, if \-\-config names none.
+The config file, unless \-\-config names one.
 .TP
 SPYKEE_...
-A single setting: SPYKEE_WATCHDOG_LOW for low in watchdog.
+A single setting, such as SPYKEE_WATCHDOG_LOW for the key low in watchdog.
 .TP
 RUST_LOG
-What is logged.
+Filter for the log, such as debug.
 .TP
 NO_COLOR
-No colours.
+Disables colours.
 .SH FILES
 .TP
 spykee.yaml
-The config of the current folder, if no other is named.
+The config in the current folder, used if no other is named.
 .TP
 /etc/spykee/spykee.yaml
 The config of the service (Debian package).
@@ -63,10 +63,10 @@ Built-in behaviours, worlds and lessons, and README.md, the guide to writing scr
 "#;
 
 fn main() -> io::Result<()> {
-    // `cargo bench` adds an argument of its own.
+    // `cargo bench` adds the argument `--bench`.
     let named = std::env::args_os().skip(1).find(|word| word != "--bench");
     let Some(folder) = named.map(PathBuf::from) else {
-        return Err(io::Error::other("say into which folder"));
+        return Err(io::Error::other("expected the output folder as argument"));
     };
     std::fs::create_dir_all(&folder)?;
     let mut command = spykee::cli::command().disable_help_subcommand(true);
@@ -74,7 +74,7 @@ fn main() -> io::Result<()> {
     write(&command, &folder, true)
 }
 
-/// One page, and those of what is below it.
+/// Writes the page of a command and the pages of its subcommands.
 fn write(command: &clap::Command, folder: &Path, is_first: bool) -> io::Result<()> {
     let man = Man::new(command.clone()).source(concat!("spykee ", env!("CARGO_PKG_VERSION")));
     let mut page = Vec::new();

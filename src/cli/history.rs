@@ -48,7 +48,7 @@ pub(super) struct HistoryArgs {
     #[arg(long, value_name = "NUMBER")]
     newest: Option<u32>,
 
-    /// Print a JSON list
+    /// Print a JSON array
     #[arg(long, conflicts_with_all = ["csv", "plot"])]
     json: bool,
 

@@ -27,7 +27,7 @@ const HEAD: [(&str, Side); 8] = [
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee status --json")]
 pub(super) struct StatusArgs {
-    /// Print a JSON list
+    /// Print a JSON array
     #[arg(long)]
     json: bool,
     #[command(flatten)]

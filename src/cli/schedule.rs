@@ -32,7 +32,7 @@ pub(super) struct ScheduleArgs {
     #[arg(long, value_name = "DATE")]
     from: Option<Date>,
 
-    /// Print a JSON list
+    /// Print a JSON array
     #[arg(long)]
     json: bool,
 

@@ -138,7 +138,7 @@ async fn a_person_at_a_terminal_is_led_through_and_asked_before_the_config_is_wr
         terminal.shows("in centimetres?").await;
         if again {
             terminal.types("far");
-            terminal.shows("A number, such as").await;
+            terminal.shows("Type a number, such as").await;
             terminal.types(&format!("{:.1}", way * 100.0).replace('.', ","));
         } else {
             terminal.types("r");

@@ -87,6 +87,6 @@ async fn who_may_ask_for_one_robot_can_neither_drive_nor_see_nor_be_another() {
     let fleet = ["fleet", "stop", A, "--config", "fleet.yaml"];
     let mut stop = first.spykee(&fleet);
     assert_eq!(stop.code().await, Some(2), "{}", stop.text());
-    let unknown = "no robot SPYKEE0001 has been at this broker";
+    let unknown = "no robot SPYKEE0001 at this broker";
     assert!(stop.text().contains(unknown), "{}", stop.text());
 }
