@@ -51,8 +51,8 @@ pub(super) struct Fast {
     pub(super) journal: Option<Keeping>,
 }
 
-/// A journal in virtual time and its folder. It is kept only with an explicit `journal: { record:
-/// on }`: by default, fast runs are not mixed with the history of real runs.
+/// A journal in virtual time and its folder. It is kept only if the config explicitly has
+/// `journal: { record: on }`: by default, fast runs are not mixed with the history of real runs.
 pub(super) struct Keeping {
     data: PathBuf,
     options: journal::Options,

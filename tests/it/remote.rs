@@ -113,7 +113,7 @@ async fn tools_work_on_a_service_elsewhere_with_the_same_words_and_codes() {
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let (code, text) = tool(&elsewhere, &["status", "--url", &url]).await;
     assert_eq!(code, Some(3), "{text}");
-    assert!(text.contains("does it serve there"), "{text}");
+    assert!(text.contains("is the service running there"), "{text}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -75,6 +75,6 @@ async fn what_scripts_send_is_published_with_its_picture_and_outlives_a_broker_t
     .await;
     let mut found = rig.spykee(&["notify", "test", "words"]);
     assert_eq!(found.code().await, Some(2), "{}", found.text());
-    let why = "goes to a broker";
+    let why = "uses a broker";
     assert!(found.text().contains(why), "{}", found.text());
 }
