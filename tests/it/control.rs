@@ -139,7 +139,7 @@ async fn a_sound_file_is_spoken_by_a_run_and_without_one() {
     rig.file("no.wav", "RIFF");
     let (code, text) = tool(&rig, &["robot", "say", "no.wav"]).await;
     assert_eq!(
-        (code, text.contains("no WAV file")),
+        (code, text.contains("not a WAV file")),
         (Some(2), true),
         "{text}"
     );
