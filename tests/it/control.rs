@@ -94,7 +94,7 @@ async fn a_run_tells_how_things_stand_and_its_robot_hears_what_it_is_asked_for()
     assert_eq!(code, Some(0), "{text}");
     let (code, text) = tool(&rig, &["robot", "log", "--robot", &rig.address]).await;
     assert_eq!(
-        (code, text.contains("a run has the robot")),
+        (code, text.contains("a run uses the robot")),
         (Some(3), true),
         "{text}"
     );

@@ -206,7 +206,7 @@ async fn without_its_token_nobody_asks_and_what_needs_the_robot_alone_is_refused
     let log = ["robot", "log", "--config", "spykee.yaml"];
     let (code, text) = tool(&elsewhere, &log).await;
     assert_eq!(
-        (code, text.contains("needs it alone")),
+        (code, text.contains("needs it to itself")),
         (Some(3), true),
         "{text}"
     );

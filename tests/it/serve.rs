@@ -171,7 +171,7 @@ async fn a_reload_touches_only_what_has_changed_and_a_bad_config_nothing() {
         "behaviours: [{ file: stays.lua, nmae: x }]\n",
     );
     run.signal(Signal::HUP);
-    run.says("the new settings are refused").await;
+    run.says("the new settings are invalid").await;
     run.says("nmae").await;
     rig.file("changes.lua", "robot.volume(45) task.wait(600)");
     rig.file("new.lua", "robot.volume(46) task.wait(600)");
@@ -399,7 +399,7 @@ async fn what_will_happen_is_said_and_why_not() {
         "{text}"
     );
     assert!(
-        lines[3].contains("12:00") && lines[3].contains("no behaviour"),
+        lines[3].contains("12:00") && lines[3].contains("no such behaviour"),
         "{text}"
     );
     assert!(
