@@ -97,7 +97,7 @@ fn check(file: &Path) -> Result<Exit, Failure> {
             Failure::new(Exit::Check, what).help("paths are relative to the config's folder")
         );
     }
-    print(&format!("{}: all right\n", file.display()))?;
+    print(&format!("{}: valid\n", file.display()))?;
     Ok(Exit::Done)
 }
 
