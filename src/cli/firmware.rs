@@ -8,8 +8,8 @@ use crate::sim::Firmware;
 /// The firmware of a simulated robot.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(super) struct FirmwareArgs {
-    /// With --sim: YAML file with the simulated robot's behaviour where the real firmware is
-    /// unknown; the README lists the keys
+    /// YAML file with the simulated robot's behaviour where the real firmware is unknown; the README
+    /// lists the keys
     #[arg(long, value_name = "FILE.yaml")]
     firmware: Option<PathBuf>,
 }
