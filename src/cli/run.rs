@@ -153,7 +153,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         blueprints,
         watches,
     } = cast(&args, &config, seed)?;
-    // With --watch the supervisor checks each version: a mistake must not end the run.
+    // With --watch the agent checks each version: a mistake must not end the run.
     if !args.no_check && !args.watch {
         check::before_run(&behaviours, console)?;
     }
